@@ -21,9 +21,9 @@ _FROM: Final = re.compile(r"^from ([\w.]+) import", re.MULTILINE)
 def compiled(function: Function) -> Function:
     """Compile a function, and keep the result on disk where that can be written.
 
-    Numba takes up what it kept until the function's own file changes. What the function takes from
-    other files, called functions, constants and types, is compiled into it, so these files are
-    part of the name under which it is kept.
+    What the function takes from other files, called functions, constants and types, is compiled
+    into it, so these files are part of the name under which it is kept; so is its own, for Numba
+    reads what it kept, with types that may be gone, before it looks whether that is still valid.
     """
     name = function.__qualname__
     function.__qualname__ = f"{name}{_stamp(Path(function.__code__.co_filename))}"
@@ -36,13 +36,10 @@ def compiled(function: Function) -> Function:
 
 
 def _stamp(own: Path) -> str:
-    """Return a hash of the files that a file imports from, and these from, if any."""
-    others = sorted(_reached(own) - {own})
-    if not others:
-        return ""
+    """Return a hash of a file and of those that it imports from, and these from."""
     stamp = hashlib.sha256()
-    for file in others:
-        stamp.update(file.read_bytes())
+    for file in sorted(_reached(own)):
+        stamp.update(file.read_bytes() if file.is_file() else b"")
     return f"-{stamp.hexdigest()[:12]}"
 
 

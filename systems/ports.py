@@ -1,10 +1,31 @@
-"""Whether a system that takes another one's place has the ports that are connected."""
+"""What comes in at a block's ports, and whether a user's own block has those that are wanted."""
 
+import math
 from collections.abc import Mapping
 
-from pydrake.systems.framework import PortDataType, System
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import Context, InputPort, PortDataType, System
 
 from chamfer.models.validation import ParameterError
+
+Array = NDArray[np.float64]
+
+
+def finite(name: str, value: Array) -> Array:
+    """Return a vector if all of it is finite.
+
+    Raises:
+        ParameterError: If it is not; it stops what would hang or crash an integrator.
+    """
+    if not all(map(math.isfinite, value.tolist())):
+        raise ParameterError(name, value.tolist(), "finite numbers")
+    return value
+
+
+def finite_input(port: InputPort, context: Context) -> Array:
+    """Return what comes in at a vector port, checked as :func:`finite` does."""
+    return finite(port.get_name(), port.Eval(context))
 
 
 def require_ports(

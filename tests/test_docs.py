@@ -10,11 +10,12 @@ from typing import Any, get_args
 
 import pytest
 
-from chamfer.diagrams.skills.connector_insertion import (
-    BncConnectorScenario,
-    DConnectorScenario,
-    PegScenario,
-    Rj45ConnectorScenario,
+from chamfer.diagrams.skills.connector_scenario import (
+    BNC_CONNECTOR,
+    D_CONNECTOR,
+    RJ45_CONNECTOR,
+    ROUND_PEG,
+    resolve,
 )
 from chamfer.systems.strategies.peg_in_hole import PegInHoleSkillParams, Search
 
@@ -48,13 +49,16 @@ def test_the_loop_is_short_and_ends_in_the_dead_zone() -> None:
 @pytest.mark.parametrize(
     ("connector", "scenarios"),
     [
-        ("D connector", [DConnectorScenario()]),
-        ("BNC connector", [BncConnectorScenario()]),
+        ("D connector", [D_CONNECTOR]),
+        ("BNC connector", [BNC_CONNECTOR]),
         (
             "Peg in a hole",
-            [PegScenario(skill=PegInHoleSkillParams(search=one)) for one in get_args(Search)],
+            [
+                replace(ROUND_PEG, skill=PegInHoleSkillParams(search=one))
+                for one in get_args(Search)
+            ],
         ),
-        ("RJ45 connector", [Rj45ConnectorScenario()]),
+        ("RJ45 connector", [RJ45_CONNECTOR]),
     ],
 )
 def test_the_strategies_page_names_every_state_once(
@@ -73,7 +77,9 @@ def test_the_strategies_page_names_every_state_once(
         state.name
         for one in scenarios
         for senses in (True, False)  # without, the plug is weighed
-        for state in replace(one, gripper=replace(one.gripper, senses=senses)).make_skill().states
+        for state in resolve(replace(one, gripper=replace(one.gripper, senses=senses)))
+        .make_skill()
+        .states
     }
     assert sorted(named) == sorted(states)
 

@@ -18,33 +18,34 @@ from chamfer.analysis.surface.normal_trials import Contender, contender, cost, s
 from chamfer.diagrams.cell.alignment import make_alignment_diagram
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
 from chamfer.diagrams.cell.cell_cameras import CameraSettings
-from chamfer.diagrams.contact.adept_scenarios import (
-    AdeptNuggetHoldScenario,
-    AdeptNuggetMotionScenario,
-    AdeptRollerHoldScenario,
-    AdeptRollerMotionScenario,
+from chamfer.diagrams.contact.contact_scenarios import (
+    ADEPT_NUGGET_HOLD,
+    ADEPT_NUGGET_MOTION,
+    ADEPT_ROLLER_HOLD,
+    ADEPT_ROLLER_MOTION,
+    PLANAR_SLIDE,
+    PUMA_ROLLER_MOTION,
 )
 from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram
-from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.hybrid_loop_stability import resolve
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
-from chamfer.diagrams.contact.planar_scenarios import PlanarSlideScenario
-from chamfer.diagrams.contact.puma_scenarios import PumaRollerMotionScenario
-from chamfer.diagrams.skills.connector_insertion import (
-    BncConnectorScenario,
-    DConnectorScenario,
-    make_connector_diagram,
-)
+from chamfer.diagrams.skills.connector_loop import make_connector_diagram
+from chamfer.diagrams.skills.connector_scenario import BncConnectorScenario, DConnectorScenario
+from chamfer.diagrams.skills.connector_scenario import resolve as resolve_connector
 from chamfer.diagrams.surface.surface_estimation import EstimationScenario, resolve_estimation
 from chamfer.diagrams.surface.surface_scenario import ObserverSettings
-from chamfer.diagrams.surface.surface_tracking import make_tracking_diagram, resolve_tracking
-from chamfer.diagrams.surface.tracking_scenario import TrackingScenario
+from chamfer.diagrams.surface.surface_tracking import (
+    TrackingScenario,
+    make_tracking_diagram,
+    resolve_tracking,
+)
 from chamfer.systems.cameras.vtk_camera import missing_graphics
 from chamfer.systems.estimation.normal_filter import (
     ConstrainedFilter,
     ConstrainedFilterParams,
     SensingParams,
 )
-from chamfer.systems.estimation.surface_observer import KINDS, Kind
+from chamfer.systems.estimation.surface_observer import KINDS, ObserverKind
 
 Rounds = dict[str, list[float]]  # a value per round, by name
 
@@ -131,7 +132,7 @@ def loops() -> Mapping[str, TimedLoop]:
         make = partial(make_hybrid_diagram, resolved)
         return TimedLoop(make, resolved.duration, resolved.plant.period)
 
-    def tracking(kind: Kind) -> TimedLoop:
+    def tracking(kind: ObserverKind) -> TimedLoop:
         scenario = TrackingScenario(observer=ObserverSettings(kind=kind))
         make = partial(make_tracking_diagram, resolve_tracking(scenario))
         return TimedLoop(make, scenario.duration, scenario.controller.period)
@@ -142,16 +143,16 @@ def loops() -> Mapping[str, TimedLoop]:
         return TimedLoop(make, scenario.duration, scenario.cameras.frames.period)
 
     def connector(scenario: DConnectorScenario | BncConnectorScenario, time: float) -> TimedLoop:
-        make = partial(make_connector_diagram, scenario)
+        make = partial(make_connector_diagram, resolve_connector(scenario))
         return TimedLoop(make, time, scenario.accommodation.period)
 
     return {
-        "planar-slide": hybrid(PlanarSlideScenario()),
-        "puma-roller-motion": hybrid(PumaRollerMotionScenario()),
-        "adept-roller-hold": hybrid(AdeptRollerHoldScenario()),
-        "adept-roller-motion": hybrid(AdeptRollerMotionScenario()),
-        "adept-nugget-hold": hybrid(AdeptNuggetHoldScenario()),
-        "adept-nugget-motion": hybrid(AdeptNuggetMotionScenario()),
+        "planar-slide": hybrid(PLANAR_SLIDE),
+        "puma-roller-motion": hybrid(PUMA_ROLLER_MOTION),
+        "adept-roller-hold": hybrid(ADEPT_ROLLER_HOLD),
+        "adept-roller-motion": hybrid(ADEPT_ROLLER_MOTION),
+        "adept-nugget-hold": hybrid(ADEPT_NUGGET_HOLD),
+        "adept-nugget-motion": hybrid(ADEPT_NUGGET_MOTION),
         "unknown-surface-control": tracking("thesis"),
         "unknown-surface-control, adaptive": tracking("adaptive"),
         "alignment": alignment(renderer="software"),

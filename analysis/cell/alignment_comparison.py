@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import ClassVar, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -66,8 +66,6 @@ class ComparisonScenario(AlignmentTrialsScenario):
     small_rotational: tuple[float, ...] = (4e-4, 6e-4, 8e-4, 1e-3)
     # rad, candidates for the state machine
     closed_loop: tuple[float, ...] = (0.05, 0.1, 0.15, 0.2, 0.3)  # s, candidates for the PID
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"tuning_runs": "tuning_trials"}
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,7 +1,7 @@
 """Many alignments from different starts, with different errors of the controllers' models."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from itertools import product
@@ -35,11 +35,6 @@ from chamfer.models.validation import ParameterError, require_not_negative
 Array = NDArray[np.float64]
 
 _MOST: Final = 10_000  # trials
-# The support was a part of the parts.
-SUPPORT_OF_PARTS: Final = {
-    **{f"parts.{one.name}": f"support.{one.name}" for one in fields(Support)},
-    "parts.rotational_stiffness": "support.angular_stiffness",
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,8 +46,6 @@ class Spread:
     payload: float = 0.5  # relative, of each arm's payload error; assumed
     link_mass: float = 0.02  # relative, of each arm's links; assumed
     joint_friction: float = 0.5  # relative, of each arm's; assumed
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"friction": "joint_friction"}
 
     def __post_init__(self) -> None:
         require_not_negative(self, "lateral", "rotational", "link_mass")
@@ -97,8 +90,6 @@ class AlignmentTrialsScenario(AlignmentScenario):
     initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # the middle of the starts
     spread: Spread = field(default_factory=Spread)
     trials: int = 20  # ten in the paper
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"runs": "trials"}
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -150,8 +141,6 @@ class RepeatabilityScenario(AlignmentTrialsScenario):
 
     support: OpenSupport = field(default_factory=OpenSupport)
     # for the margins; what is left open: of the arms, where two points may begin to wedge
-
-    RENAMED: ClassVar[Mapping[str, str]] = SUPPORT_OF_PARTS
     UNUSED_OF_PARTS: ClassVar[tuple[str, ...]] = ("bore_depth",)
 
     def held(self) -> Support:

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,7 +11,6 @@ from numpy.typing import NDArray
 from chamfer.analysis.campaign.trial_metrics import prefixed
 from chamfer.analysis.cell.alignment_runs import detected_metric
 from chamfer.analysis.cell.alignment_trials import (
-    SUPPORT_OF_PARTS,
     RepeatabilityScenario,
     align_all,
     margins,
@@ -96,8 +94,6 @@ class WedgingScenario:
     # whose trials' ends are drawn in, with these parts; null: none
     depth: float = 0.06  # m, of the bore; assumed
     points: int = 401  # of every curve
-
-    RENAMED: ClassVar[Mapping[str, str]] = SUPPORT_OF_PARTS
 
     def __post_init__(self) -> None:
         require_stiff(self.parts, self.support)

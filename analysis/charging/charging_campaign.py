@@ -5,28 +5,27 @@ Shares for conclusions want ``trials=50``.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_metrics import rate, trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
-from chamfer.analysis.charging.campaign_figures import plot_campaign
-from chamfer.analysis.charging.charging_metrics import LIMITS
-from chamfer.analysis.charging.charging_runs import run_charging
+from chamfer.analysis.charging.charging_runs import LIMITS, run_charging
 from chamfer.analysis.charging.crucible_charging import measure, worst
+from chamfer.analysis.drawing.figure_style import LIMIT, dress, new_figure
 from chamfer.analysis.published.hybrid_force_position_charging import CHARGING
 from chamfer.analysis.report.checks import Published
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
-from chamfer.diagrams.charging.base_compensation import BaseCompensationParams
-from chamfer.diagrams.charging.charging_resolve import resolve
-from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
-from chamfer.models.arms.gripper import GripperParams
+from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario, resolve_charging
+from chamfer.diagrams.charging.wrist_control import BaseCompensationParams
+from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.charging.packing import PlanItem
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.validation import ParameterError, require_between, require_not_negative, within
@@ -71,7 +70,7 @@ class RemedyMeans:
     """What remedies put in."""
 
     compensation: BaseCompensationParams = BaseCompensationParams()
-    soft_gripper: GripperParams = GripperParams(stiffness=300.0, damping=5.0)
+    soft_gripper: GripperCompliance = GripperCompliance(stiffness=300.0, damping=5.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,6 +115,7 @@ REMEDIES: Final[dict[str, tuple[Remedy, ...]]] = {
     "soft_gripper": (_soften,),
     "all": (_decouple, _compensate, _soften),
 }
+CHARGING_CAMPAIGN: Final = ChargingCampaignScenario()
 # What of a drawn cycle is told in its row.
 DRAWN: Final = ("mass", "bias", "lean", "tilt", "wall_friction", "quill_friction", "size_error")
 SLIDES: Final = ("wall.slide_force_min", "wall.slide_force")  # N, drawn over the friction
@@ -136,7 +136,7 @@ def limits_of(cycle: CrucibleChargingScenario) -> tuple[Published, ...]:
     return tuple(one for one in CHARGING if one.metric.partition(".")[0] not in absent)
 
 
-class Task(NamedTuple):
+class RemedyTrial(NamedTuple):
     """A drawn cycle with a remedy."""
 
     remedy: str
@@ -195,7 +195,9 @@ def run_campaign(scenario: ChargingCampaignScenario, seed: int, progress: Progre
     """Run every drawn cycle with every remedy."""
     # In the order of the draws, and none told how many there are: more go on where few ended.
     tasks = [
-        Task(remedy, trial) for trial in range(scenario.trials) for remedy in scenario.remedies
+        RemedyTrial(remedy, trial)
+        for trial in range(scenario.trials)
+        for remedy in scenario.remedies
     ]
     function = partial(_run_task, scenario.cycle, scenario.spread, scenario.means, seed)
     finished = run_each(function, tasks, progress)
@@ -230,10 +232,10 @@ def _run_task(
     spread: SpreadParams,
     means: RemedyMeans,
     seed: int,
-    task: Task,
+    task: RemedyTrial,
 ) -> Row:
     cycle = drawn(planned, spread, trial_seed(seed, task.trial))
-    cycle = resolve(with_remedy(cycle, task.remedy, means))
+    cycle = resolve_charging(with_remedy(cycle, task.remedy, means))
     run = run_charging(cycle, trial_seed(seed, task.trial))
     found = worst(measure(cycle, run))
     scanned = [one.scanned_size or one.size for one in cycle.plan]
@@ -254,7 +256,9 @@ def _run_task(
     }
 
 
-def _metrics(scenario: ChargingCampaignScenario, finished: Trials[Task]) -> dict[str, Metric]:
+def _metrics(
+    scenario: ChargingCampaignScenario, finished: Trials[RemedyTrial]
+) -> dict[str, Metric]:
     """Return the share of cycles within each limit.
 
     A mode that is not reached is not within its limits, and neither is a run that failed.
@@ -287,17 +291,89 @@ def _metrics(scenario: ChargingCampaignScenario, finished: Trials[Task]) -> dict
     return metrics
 
 
-def resolve_charging_campaign(scenario: ChargingCampaignScenario) -> ChargingCampaignScenario:
+def resolve_campaign(scenario: ChargingCampaignScenario) -> ChargingCampaignScenario:
     """Return the scenario with what it leaves open filled in, and checked."""
     with within("cycle"):
         for remedy in scenario.remedies:
-            resolve(with_remedy(scenario.cycle, remedy, scenario.means))
+            resolve_charging(with_remedy(scenario.cycle, remedy, scenario.means))
     return scenario
 
 
+_LABELS: Final = {
+    "none": ("as it is", "#555555"),
+    "decoupling": ("sensor decoupled", "#1b4f9c"),
+    "compensation": ("friction compensated by a base sensor", "#2e8b57"),
+    "soft_gripper": ("softer gripper", "#e07b00"),
+    "all": ("all three", "#7a0060"),
+}
+_SHARES: Final = ("cycle.finished", "cycle.all_limits")
+_MOST: Final = 2.0  # N, while sliding; section 1.1.2
+_APART: Final = 0.2  # N of the quill's friction, between remedies of the same cycle
+
+
 def figures(scenario: ChargingCampaignScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    limits = tuple(one.metric for one in limits_of(scenario.cycle))
-    return {
-        "charging-campaign": plot_campaign(scenario.remedies, limits, scenario.trials, outcome)
-    }
+    """Draw the share of cycles within each limit, and the force on the wall, a colour a remedy.
+
+    The force only where cycles come to slide.
+    """
+    names = (*_SHARES, *(one.metric for one in limits_of(scenario.cycle)))
+    slides = bool(np.isfinite(outcome.traces["wall.slide_force"]).any())
+    figure = new_figure(14.0 if slides else 10.0, 0.34 * len(names) + 1.4)
+    columns = figure.subplots(1, 2 if slides else 1, squeeze=False)[0]
+    _shares(columns[0], scenario.remedies, names, scenario.trials, outcome)
+    if slides:
+        _slides(columns[1], scenario.remedies, outcome)
+    handles, labels = columns[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize=8, frameon=False)
+    return {"charging-campaign": figure}
+
+
+def _shares(
+    axes: Axes, remedies: Sequence[str], names: Sequence[str], trials: int, outcome: Outcome
+) -> None:
+    rows = np.arange(len(names))
+    offsets = np.linspace(-0.3, 0.3, len(remedies)) if len(remedies) > 1 else [0.0]
+    for remedy, offset in zip(remedies, offsets, strict=True):
+        label, color = _LABELS[remedy]
+        found = [
+            [outcome.metrics[f"{remedy}.{name}{end}"].value for end in ("", ".low", ".high")]
+            for name in names
+        ]
+        share, low, high = np.array(found, dtype=np.float64).T
+        axes.hlines(rows + offset, low, high, color=color, linewidth=1.6, alpha=0.6)
+        axes.plot(share, rows + offset, "o", color=color, markersize=4, label=label)
+    dress(
+        axes,
+        title=f"Share of drawn cycles (n = {trials}) within each limit, with 95 % intervals",
+        x="share / %",
+        y="",
+    )
+    axes.set_yticks(rows, names)
+    axes.set_xlim(-2, 102)
+    axes.axhline(len(_SHARES) - 0.5, color="#bbbbbb", linewidth=0.8)
+    axes.invert_yaxis()
+
+
+def _slides(axes: Axes, remedies: Sequence[str], outcome: Outcome) -> None:
+    """Draw the range of each cycle's force on the wall over the quill's drawn dry friction."""
+    traces = outcome.traces
+    lost = traces["wall.losses"] > 0
+    axes.axhline(_MOST, **LIMIT)
+    offsets = _APART * (np.arange(len(remedies)) - (len(remedies) - 1) / 2)
+    for index, offset in enumerate(offsets):
+        _, color = _LABELS[remedies[index]]
+        mine = (traces["remedy"] == index) & np.isfinite(traces["wall.slide_force"])
+        friction = traces["quill_friction"] + offset
+        least, most = traces["wall.slide_force_min"], traces["wall.slide_force"]
+        axes.vlines(friction[mine], least[mine], most[mine], color=color, linewidth=1.8)
+        axes.plot(friction[mine], most[mine], "_", color=color, markersize=6)
+        axes.plot(friction[mine], least[mine], "_", color=color, markersize=6)
+        gone = friction[mine & lost]
+        axes.plot(gone, np.zeros(len(gone)), "x", color=color, markersize=7)
+    dress(
+        axes,
+        title="Force on the wall while a nugget slides; less than 2 N asked; x: contact lost",
+        x="dry friction of the quill as drawn / N",
+        y="least to most / N",
+    )
+    axes.set_ylim(bottom=-0.1)

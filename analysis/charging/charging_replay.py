@@ -9,9 +9,9 @@ from pydrake.geometry import Meshcat
 
 from chamfer.analysis.report.replay import record, set_stage
 from chamfer.analysis.scenario.experiment import Outcome, Table
-from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.diagrams.charging.charging_scenario import ResolvedCrucibleChargingScenario
 from chamfer.diagrams.charging.charging_view import POSE, make_charging_view, waiting_pose
-from chamfer.models.charging.packing import Place, places
+from chamfer.models.charging.packing import ItemPlace, places
 from chamfer.models.charging.station import Station
 from chamfer.systems.contact.arm_dynamics import GRAVITY
 
@@ -29,12 +29,12 @@ _NEAR: Final = 0.01  # m, from its place, where a nugget lies on what the plan s
 
 
 def replay_charging(
-    scenario: CrucibleChargingScenario, outcome: Outcome, meshcat: Meshcat
+    scenario: ResolvedCrucibleChargingScenario, outcome: Outcome, meshcat: Meshcat
 ) -> None:
     """Show a cycle as an animation.
 
     Args:
-        scenario: Of the run, resolved.
+        scenario: Of the run.
         outcome: Its traces have the columns ``time``, s, ``item``, ``held``, ``roll``, ``pitch``,
             ``yaw``, rad, ``nugget_x``, ``nugget_y`` and ``nugget_z``, the true grip point, m, and
             ``<joint>.position``, rad and m.
@@ -54,7 +54,7 @@ def replay_charging(
     record(meshcat, view.diagram, view.plant, time, positions)
 
 
-def nugget_poses(scenario: CrucibleChargingScenario, traces: Table) -> Array:
+def nugget_poses(scenario: ResolvedCrucibleChargingScenario, traces: Table) -> Array:
     """Return where each nugget is, shape (rows, items, POSE).
 
     It waits at the feeder, moves up while the arm is away, goes with the gripper while it is
@@ -94,7 +94,7 @@ def _served(time: Array, item: Array, held: Array, items: int) -> Array:
     return np.maximum(moved, item)
 
 
-def _below(station: Station, goal: Place, place: Array) -> float:
+def _below(station: Station, goal: ItemPlace, place: Array) -> float:
     """Return the height, m, of what is below a place in the world, m, shape (2,)."""
     if math.dist(place, goal.position) < _NEAR:
         return goal.layer

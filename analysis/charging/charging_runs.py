@@ -1,17 +1,26 @@
-"""Runs of the loop that charges a crucible."""
+"""Runs of the loop that charges a crucible, and what section 1.1.2 asks of them, item by item."""
 
+import itertools
+from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from chamfer.analysis.campaign.trial_metrics import Quantity
+from chamfer.analysis.contact.contact_metrics import longest
 from chamfer.analysis.linear.simulate import Run, simulate
-from chamfer.analysis.scenario.experiment import Progress
+from chamfer.analysis.scenario.experiment import Progress, Table
 from chamfer.diagrams.charging.charging_loop import make_charging_diagram
-from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
-from chamfer.diagrams.charging.charging_scenes import make_scenes
-from chamfer.models.validation import known
-from chamfer.systems.charging.charging_machine import ChargingMachine
+from chamfer.diagrams.charging.charging_scenario import (
+    ResolvedCrucibleChargingScenario,
+    make_scenes,
+)
+from chamfer.models.arms.adept_wrist import ADEPT_WRIST, gripper_points
+from chamfer.models.charging.packing import Nugget, places
+from chamfer.models.charging.station import Station
+from chamfer.models.surfaces.damage import SCRATCH_FORCE, impact_speed_limit
+from chamfer.systems.charging.charging_chart import ChargingMachine
 from chamfer.systems.contact.arm_motion import CONTACT_SIGNALS
 
 Array = NDArray[np.float64]
@@ -29,9 +38,9 @@ class ChargingRun(NamedTuple):
 
 
 def run_charging(
-    scenario: CrucibleChargingScenario, seed: int, progress: Progress | None = None
+    scenario: ResolvedCrucibleChargingScenario, seed: int, progress: Progress | None = None
 ) -> ChargingRun:
-    """Simulate a resolved scenario until the plan is laid or the cycle has stopped.
+    """Simulate until the plan is laid or the cycle has stopped.
 
     The traces are those of :func:`traces_of`.
     """
@@ -45,7 +54,7 @@ def run_charging(
 
     run = simulate(
         diagram,
-        duration=known("duration", scenario.duration),
+        duration=scenario.duration,
         step=scenario.controller.period,
         seed=seed,
         progress=progress,
@@ -69,7 +78,7 @@ def run_charging(
     )
 
 
-def traces_of(scenario: CrucibleChargingScenario, run: Run) -> dict[str, Array]:
+def traces_of(scenario: ResolvedCrucibleChargingScenario, run: Run) -> dict[str, Array]:
     """Return what a run of the loop with a resolved scenario put out as columns.
 
     One row a period: ``time`` s; ``state``, index in the chart, ``mode`` of the hybrid
@@ -104,7 +113,9 @@ def traces_of(scenario: CrucibleChargingScenario, run: Run) -> dict[str, Array]:
     return traces
 
 
-def _contacts(scenario: CrucibleChargingScenario, outputs: dict[str, Array]) -> dict[str, Array]:
+def _contacts(
+    scenario: ResolvedCrucibleChargingScenario, outputs: dict[str, Array]
+) -> dict[str, Array]:
     """Return what happens at feeder, wall and layer."""
     item = outputs["item"].astype(int)
     carries = outputs["scene"].astype(int) % 2 == 1
@@ -127,7 +138,9 @@ def _contacts(scenario: CrucibleChargingScenario, outputs: dict[str, Array]) -> 
     return found
 
 
-def _grip_point(scenario: CrucibleChargingScenario, outputs: dict[str, Array], q: Array) -> Array:
+def _grip_point(
+    scenario: ResolvedCrucibleChargingScenario, outputs: dict[str, Array], q: Array
+) -> Array:
     """Return the middle of the item's top, or between the fingers, m, shape (k, 3).
 
     That is the first contact point less its offset, which hangs on the gripper as the item does.
@@ -137,3 +150,200 @@ def _grip_point(scenario: CrucibleChargingScenario, outputs: dict[str, Array], q
     turned = [dynamics.orientation(one) @ offset for one, offset in zip(q, offsets, strict=True)]
     grip: Array = outputs["tip"][:, :3] - np.array(turned)
     return grip
+
+
+Mask = NDArray[np.bool_]
+Worst = Callable[[Sequence[float]], float]
+
+SCAN_SPEED: Final = 0.03  # m/s, section 1.1.2
+SLIDING: Final = ("wall.press", "wall.slide", "wall.land", "wall.lost")  # states on the wall
+# By name, what is the worst of several items.
+LIMITS: Final[dict[str, tuple[Quantity, Worst]]] = {
+    "acquire.descent_speed": (Quantity("m/s"), max),
+    "acquire.grip_force": (Quantity("N"), max),
+    "acquire.lift_speed": (Quantity("m/s"), max),
+    "scan.speed_error": (Quantity("m/s"), max),
+    "scan.position_error": (Quantity("m"), max),
+    "slew.time": (Quantity("s"), max),
+    "slew.position_error": (Quantity("m"), max),
+    "slew.clearance": (Quantity("m"), min),
+    "wall.approach_speed": (Quantity("m/s"), max),
+    "wall.slide_force": (Quantity("N"), max),
+    "wall.slide_force_min": (Quantity("N"), min),
+    "wall.losses": (Quantity(""), max),  # of true contact
+    "wall.losses_seen": (Quantity(""), max),  # that the chart took for one, rightly or not
+    "wall.peak_force": (Quantity("N"), max),
+    "wall.scratch_time": (Quantity("s"), max),
+    "wall.impact_speed": (Quantity("m/s"), max),
+    "wall.impact_share": (Quantity("%"), max),
+    "wall.layer_shift": (Quantity("m"), max),
+    "wall.position_error": (Quantity("m"), max),
+    "wall.gripper_clearance": (Quantity("m"), min),
+    "crown.layer_shift": (Quantity("m"), max),
+    "crown.peak_force": (Quantity("N"), max),
+    "crown.scratch_time": (Quantity("s"), max),
+    "crown.impact_speed": (Quantity("m/s"), max),
+    "crown.impact_share": (Quantity("%"), max),
+    "crown.position_error": (Quantity("m"), max),
+    "crown.gripper_clearance": (Quantity("m"), min),
+    "bulk.position_error": (Quantity("m"), max),
+}
+
+
+class Item(NamedTuple):
+    """An item of the plan, as it is, and where it was to go."""
+
+    kind: str
+    nugget: Nugget
+    goal: tuple[float, float, float]  # m, of the middle of its top at rest
+    azimuth: float  # rad
+
+
+def items_of(scenario: ResolvedCrucibleChargingScenario) -> tuple[Item, ...]:
+    """Return a resolved scenario's items as they are."""
+    goals = places(scenario.plan, scenario.station.true, believed=False)
+    return tuple(
+        Item(
+            planned.kind,
+            nugget,
+            (*goal.position, goal.layer + nugget.height),
+            goal.azimuth,
+        )
+        for planned, nugget, goal in zip(scenario.plan, scenario.nuggets, goals, strict=True)
+    )
+
+
+def item_limits(
+    traces: Table, names: Sequence[str], item: Item, index: int, station: Station
+) -> dict[str, float]:
+    """Measure one item's cycle; what its run did not come to is missing.
+
+    Args:
+        traces: As :func:`chamfer.analysis.charging.charging_runs.run_charging` gives them.
+        names: Of the chart's states, by the index in ``traces``.
+        item: As it is.
+        index: Of it in the plan.
+        station: As it is.
+    """
+    mine = traces["item"] == index
+    current = np.where(mine, np.array(names)[traces["state"].astype(int)], "")
+    time = traces["time"]
+    nugget = in_space(traces, "nugget")
+    velocity = np.gradient(nugget, time, axis=0)
+    off = np.linalg.norm(nugget - in_space(traces, "desired"), axis=1)
+    found: dict[str, float] = {}
+
+    def during(*states: str) -> Mask:
+        return np.isin(current, states)
+
+    def most(name: str, values: Array, mask: Mask) -> None:
+        if mask.any():
+            found[name] = float(values[mask].max())
+
+    gripping = during("acquire.descend", "acquire.touch", "acquire.grip")
+    most("acquire.descent_speed", -velocity[:, 2], during("acquire.descend"))
+    most("acquire.grip_force", traces["feeder_peak_force"], gripping)
+    most("acquire.lift_speed", velocity[:, 2], during("acquire.lift"))
+    passing = during("scan.pass") & (
+        np.abs(nugget[:, 1] - station.scanner[1]) < station.scan_length / 2
+    )
+    most("scan.position_error", off, passing)
+    most("scan.speed_error", np.abs(np.linalg.norm(velocity, axis=1) - SCAN_SPEED), passing)
+    slewing = during("slew.over")
+    if slewing.any():
+        found["slew.time"] = float(np.ptp(time[slewing]))
+        outline = nugget_points(item.nugget, nugget[slewing], traces["yaw"][slewing])
+        found["slew.clearance"] = clearance(outline, station)
+    most("slew.position_error", off, slewing)
+    laying = np.char.startswith(current.astype(str), f"{item.kind}.") | during("release.open")
+    set_down = during(f"{item.kind}.set_down", "bulk.pour")
+    if item.kind == "wall":
+        found |= _wall(traces, during, velocity, item)
+    if item.kind in ("wall", "crown"):
+        most(f"{item.kind}.layer_shift", traces["layer_shift"], laying)
+        peaks = np.maximum(traces["wall_peak_force"], traces["layer_peak_force"])
+        most(f"{item.kind}.peak_force", peaks, laying)
+        # The peak of each period, whichever way it pushes: on the rim that is upwards.
+        found[f"{item.kind}.scratch_time"] = longest(time, (peaks > SCRATCH_FORCE) & laying)
+        impacts = np.maximum(traces["wall_impact_speed"], traces["layer_impact_speed"])
+        most(f"{item.kind}.impact_speed", impacts, laying)
+        if laying.any():
+            leaving = laying | during("retreat.up")
+            endpoint = [traces[name][leaving] for name in ADEPT_WRIST.coordinates]
+            gripper = gripper_points(np.stack(endpoint, axis=1))
+            found[f"{item.kind}.gripper_clearance"] = clearance(gripper, station)
+            share = found[f"{item.kind}.impact_speed"] / impact_speed_limit(item.nugget.mass)
+            found[f"{item.kind}.impact_share"] = 100 * share
+    if set_down.any():
+        last = np.flatnonzero(set_down)[-1]
+        # The bulk filler pours from where it is told to, the others are laid on what is below.
+        height = traces["desired_z"][last] if item.kind == "bulk" else item.goal[2]
+        goal = np.array([*item.goal[:2], height])
+        found[f"{item.kind}.position_error"] = float(np.linalg.norm(nugget[last] - goal))
+    return found
+
+
+def nugget_points(nugget: Nugget, grip: Array, yaw: Array) -> Array:
+    """Return points all over a nugget in the world, m, shape (k, 26, 3).
+
+    Args:
+        nugget: Which.
+        grip: Of the middle of its top, m, shape (k, 3).
+        yaw: rad, shape (k,).
+    """
+    directions = np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=3)))
+    directions = np.delete(directions, 13, axis=0)  # the centre
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    points = directions * nugget.semi_axes + nugget.centre
+    c, s = np.cos(yaw)[:, np.newaxis], np.sin(yaw)[:, np.newaxis]
+    x = grip[:, :1] + c * points[:, 0] - s * points[:, 1]
+    y = grip[:, 1:2] + s * points[:, 0] + c * points[:, 1]
+    return np.stack([x, y, grip[:, 2:] + points[:, 2]], axis=2)
+
+
+def clearance(points: Array, station: Station) -> float:
+    """Return the least way from points to the crucible's wall, m; negative in the material.
+
+    Args:
+        points: m, shape (..., 3).
+        station: With the crucible.
+    """
+    x, y = station.crucible_centre
+    radius = np.hypot(points[..., 0] - x, points[..., 1] - y)
+    over = points[..., 2] - station.rim_height
+    inner = station.crucible_radius
+    beside = np.maximum(inner - radius, radius - inner - station.crucible_thickness)
+    apart = np.hypot(np.maximum(over, 0.0), np.maximum(beside, 0.0))
+    return float(np.where(apart > 0, apart, np.maximum(over, beside)).min())
+
+
+def _wall(
+    traces: Table, during: Callable[..., Mask], velocity: Array, item: Item
+) -> dict[str, float]:
+    """Measure what the wall alone asks for."""
+    found: dict[str, float] = {}
+    outwards = velocity[:, 0] * np.cos(item.azimuth) + velocity[:, 1] * np.sin(item.azimuth)
+    near = during("wall.approach", "wall.seek")
+    if near.any():
+        found["wall.approach_speed"] = float(outwards[near].max())
+    sliding = during(*SLIDING)
+    if sliding.any():
+        found["wall.slide_force"] = float(traces["wall_peak_force"][sliding].max())
+        found["wall.slide_force_min"] = float(traces["wall_force"][sliding].min())
+    # Between press and set-down, where it moves along the wall.
+    along = during("wall.slide", "wall.land", "wall.lost")
+    if along.any():
+        apart = along & ~(traces["wall_force"] > 0)
+        found["wall.losses"] = _begins(apart)
+        found["wall.losses_seen"] = _begins(during("wall.lost"))
+    return found
+
+
+def _begins(mask: Mask) -> float:
+    """Return how often something begins."""
+    return float(np.sum(np.diff(mask.astype(int)) == 1))
+
+
+def in_space(traces: Table, name: str) -> Array:
+    """Return a place, such as ``nugget`` or ``desired``, at each row, m, shape (k, 3)."""
+    return np.stack([traces[f"{name}_{axis}"] for axis in "xyz"], axis=1)

@@ -6,11 +6,15 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from chamfer.analysis.charging.charging_figures import plot_charging
-from chamfer.analysis.charging.charging_metrics import LIMITS, item_limits, items_of
-from chamfer.analysis.charging.charging_path import plot_path
-from chamfer.analysis.charging.charging_runs import ChargingRun, run_charging
-from chamfer.analysis.contact.loop_metrics import stability_metrics
+from chamfer.analysis.charging.charging_figures import plot_charging, plot_path
+from chamfer.analysis.charging.charging_runs import (
+    LIMITS,
+    ChargingRun,
+    item_limits,
+    items_of,
+    run_charging,
+)
+from chamfer.analysis.contact.contact_metrics import stability_metrics
 from chamfer.analysis.scenario.experiment import (
     Metric,
     Outcome,
@@ -18,17 +22,21 @@ from chamfer.analysis.scenario.experiment import (
     Table,
     column,
 )
-from chamfer.diagrams.charging.charging_cycle import chart_of
-from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
-from chamfer.diagrams.charging.contact_loops import charging_stability
+from chamfer.diagrams.charging.charging_scenario import (
+    ResolvedCrucibleChargingScenario,
+    charging_stability,
+    chart_of,
+)
 from chamfer.systems.statechart.chart import Chart
 
 NEAR: Final = 0.01  # m, of the designated location; section 1.1.2 has it for bulk filling
 _PLACES: Final = tuple(f"{kind}.position_error" for kind in ("wall", "crown", "bulk"))
 
 
-def measure(scenario: CrucibleChargingScenario, run: ChargingRun) -> tuple[dict[str, float], ...]:
-    """Return what was measured of each item of a resolved scenario's plan."""
+def measure(
+    scenario: ResolvedCrucibleChargingScenario, run: ChargingRun
+) -> tuple[dict[str, float], ...]:
+    """Return what was measured of each item of the plan."""
     names = chart_of(scenario).state_names
     return tuple(
         item_limits(run.traces, names, item, index, scenario.station.true)
@@ -58,7 +66,7 @@ def placed(items: tuple[Mapping[str, float], ...]) -> int:
 
 
 def run_crucible_charging(
-    scenario: CrucibleChargingScenario, seed: int, progress: Progress
+    scenario: ResolvedCrucibleChargingScenario, seed: int, progress: Progress
 ) -> Outcome:
     """Run the experiment."""
     run = run_charging(scenario, seed, progress)
@@ -81,7 +89,9 @@ def run_crucible_charging(
     )
 
 
-def _table(scenario: CrucibleChargingScenario, items: tuple[Mapping[str, float], ...]) -> Table:
+def _table(
+    scenario: ResolvedCrucibleChargingScenario, items: tuple[Mapping[str, float], ...]
+) -> Table:
     """Return one row an item: its kind, mass, azimuth and what was measured; NaN where nothing."""
     table: dict[str, Any] = {
         "item": column(range(len(items))),
@@ -94,12 +104,12 @@ def _table(scenario: CrucibleChargingScenario, items: tuple[Mapping[str, float],
     return table
 
 
-def make_charts(scenario: CrucibleChargingScenario) -> tuple[Chart[Any, Any], ...]:
+def make_charts(scenario: ResolvedCrucibleChargingScenario) -> tuple[Chart[Any, Any], ...]:
     """Return the state charts."""
     return (chart_of(scenario),)
 
 
-def figures(scenario: CrucibleChargingScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: ResolvedCrucibleChargingScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
     chart = chart_of(scenario)
     figures = plot_charging(scenario, outcome, chart.state_names)

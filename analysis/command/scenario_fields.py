@@ -83,8 +83,12 @@ def describe(scenario: object, leaf: Leaf) -> Field:
 
 def default_texts(scenario: T, resolve: Callable[[T], T]) -> dict[str, str]:
     """Return each leaf's default as ``--set`` takes it, and in brackets what a run makes of it."""
+    # A group that is open in the scenario may be filled in, and no leaf any more.
     resolved = {leaf.path: leaf.value for leaf in leaves(resolve(scenario))}
-    return {leaf.path: _default_text(leaf, resolved[leaf.path]) for leaf in leaves(scenario)}
+    return {
+        leaf.path: _default_text(leaf, resolved.get(leaf.path, leaf.value))
+        for leaf in leaves(scenario)
+    }
 
 
 def _default_text(leaf: Leaf, resolved: object) -> str:

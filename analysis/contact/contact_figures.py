@@ -1,13 +1,13 @@
 """Force and position over time, as the thesis draws them, with published values and limits."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 
-from chamfer.analysis.contact.loop_figures import note_stability
 from chamfer.analysis.drawing import figure_style
 from chamfer.analysis.drawing.figure_style import (
     BAND,
@@ -24,8 +24,20 @@ from chamfer.analysis.drawing.figure_style import (
 from chamfer.analysis.published.hybrid_force_position import PUBLISHED
 from chamfer.analysis.report.checks import Published
 from chamfer.analysis.scenario.experiment import Outcome, Table
-from chamfer.diagrams.contact.hybrid_resolve import resolve
-from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
+from chamfer.diagrams.contact.contact_scenarios import (
+    ADEPT_NUGGET_HOLD,
+    ADEPT_NUGGET_MOTION,
+    ADEPT_ROLLER_HOLD,
+    ADEPT_ROLLER_MOTION,
+    PLANAR_HOLD,
+    PLANAR_SLIDE,
+    PLANAR_SLIDE_LATE,
+    PUMA_NUGGET_HOLD,
+    PUMA_NUGGET_MOTION,
+    PUMA_ROLLER_HOLD,
+    PUMA_ROLLER_MOTION,
+)
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario, fill
 from chamfer.models.surfaces.damage import SAFE_SPEED, SCRATCH_FORCE, impact_speed_limit
 
 _BESIDE = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
@@ -33,13 +45,16 @@ _LEAST_HEIGHT = 0.02  # mm, of the position's axis
 _ABOVE = 1.3  # of the largest force drawn, the axis' end
 
 
-def plot_contact(experiment: str, scenario: HybridScenario, outcome: Outcome) -> Figure:
+def plot_contact(
+    experiment: str, default: HybridScenario, scenario: HybridScenario, outcome: Outcome
+) -> dict[str, Figure]:
     """Draw a run: force, position along the motion, distance from the surface.
 
-    Published values are those of the default scenario, and drawn with it only.
+    Published values are drawn with ``default``, the experiment's scenario as written, alone; the
+    figure's file is called as the ``experiment``.
     """
     published = [value for value in PUBLISHED if value.experiment == experiment]
-    if scenario != resolve(type(scenario)()):  # type: ignore[call-arg]
+    if scenario != fill(default):
         published = []
     figure = new_figure(11.0, 7.5)
     force, position, approach = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 2))
@@ -52,7 +67,20 @@ def plot_contact(experiment: str, scenario: HybridScenario, outcome: Outcome) ->
         position.set_ylim(-_LEAST_HEIGHT / 2, _LEAST_HEIGHT / 2)
     approach.set_xlim(0, scenario.duration)
     note_stability(figure, outcome)
-    return figure
+    return {experiment: figure}
+
+
+planar_hold = partial(plot_contact, "planar-hold", PLANAR_HOLD)
+planar_slide = partial(plot_contact, "planar-slide", PLANAR_SLIDE)
+planar_slide_late = partial(plot_contact, "planar-slide-late", PLANAR_SLIDE_LATE)
+puma_roller_hold = partial(plot_contact, "puma-roller-hold", PUMA_ROLLER_HOLD)
+puma_roller_motion = partial(plot_contact, "puma-roller-motion", PUMA_ROLLER_MOTION)
+puma_nugget_hold = partial(plot_contact, "puma-nugget-hold", PUMA_NUGGET_HOLD)
+puma_nugget_motion = partial(plot_contact, "puma-nugget-motion", PUMA_NUGGET_MOTION)
+adept_roller_hold = partial(plot_contact, "adept-roller-hold", ADEPT_ROLLER_HOLD)
+adept_roller_motion = partial(plot_contact, "adept-roller-motion", ADEPT_ROLLER_MOTION)
+adept_nugget_hold = partial(plot_contact, "adept-nugget-hold", ADEPT_NUGGET_HOLD)
+adept_nugget_motion = partial(plot_contact, "adept-nugget-motion", ADEPT_NUGGET_MOTION)
 
 
 def _force(
@@ -170,3 +198,29 @@ def _shade_losses(axes: Axes, traces: Table) -> None:
             label="contact lost",
             **CONTACT_LOST,
         )
+
+
+def note_stability(figure: Figure, outcome: Outcome) -> None:
+    """Write growth and margins, the metrics of ``loop``."""
+    found = {
+        name.removeprefix("loop."): metric
+        for name, metric in outcome.metrics.items()
+        if name.startswith("loop.")
+    }
+    if not found:
+        return
+    grows = max(found[name].value or 0.0 for name in found if name.startswith("growth"))
+    gain, delay = found["gain_margin"].value, found["delay_margin"].value
+    parts = (
+        f"unstable, grows at {grows:.3g} 1/s" if grows else "stable",
+        "no gain margin" if gain is None else f"gain margin {gain:.3g}",
+        "no delay margin" if delay is None else f"delay margin {1e3 * delay:.3g} ms",
+    )
+    where = found["delay_margin"].note.removeprefix("of the torque; ")
+    figure.supxlabel(
+        f"linear loop: {', '.join(parts)} ({where})",
+        x=0.01,
+        ha="left",
+        fontsize=8,
+        color="#b00020" if grows else "#333333",
+    )

@@ -1,4 +1,4 @@
-"""What an engineer reads off a run in contact: forces, errors, impacts and damage."""
+"""What an engineer reads off a run in contact, and how stable its loop is."""
 
 from typing import Final
 
@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.trial_metrics import Quantity
-from chamfer.analysis.scenario.experiment import Table
+from chamfer.analysis.scenario.experiment import Metric, Table
+from chamfer.diagrams.contact.hybrid_loop_stability import Stability
 from chamfer.models.surfaces.damage import SAFE_SPEED, SCRATCH_FORCE
+from chamfer.systems.force.sampled_loop import NEUTRAL
 
 Array = NDArray[np.float64]
 
@@ -107,3 +109,40 @@ def longest(time: Array, holds: NDArray[np.bool_]) -> float:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8)))
     begins, ends = edges[::2], np.minimum(edges[1::2], len(time) - 1)
     return float(np.max(time[ends] - time[begins], initial=0.0))
+
+
+def stability_metrics(found: Stability) -> dict[str, Metric]:
+    """Return growth and margins of the linear loop, the worst of its modes."""
+    metrics = (
+        {} if found.growth is None else {"loop.growth": _growth_metric(found.growth, "out of")}
+    )
+    return metrics | {
+        "loop.growth_contact": _growth_metric(found.growth_contact, "in"),
+        "loop.gain_margin": Metric(
+            value=found.gain_margin,
+            unit="",
+            note=f"on the torque; {found.least_gain}" if found.least_gain else "none up to 1000",
+        ),
+        "loop.delay_margin": Metric(
+            value=found.delay_margin,
+            unit="s",
+            note=f"of the torque; {found.least_delay}"
+            if found.least_delay
+            else "none up to 10 periods",
+        ),
+    }
+
+
+def _growth_metric(growth: float, where: str) -> Metric:
+    stable = growth <= NEUTRAL
+    note = "" if stable else f"unstable {where} contact, run by controller.allow_unstable"
+    return Metric(value=0.0 if stable else growth, unit="1/s", note=note)
+
+
+def mean_over_seeds(values: np.ndarray, unit: str, undefined: str) -> Metric:
+    """Return a measured value's mean and range, or why it is undefined if one is not finite."""
+    if not np.all(np.isfinite(values)):
+        return Metric(value=None, unit=unit, note=undefined)
+    spread = f"{values.min():.4g} to {values.max():.4g}"
+    note = f"mean of {len(values)} seeds, {spread}"
+    return Metric(value=float(values.mean()), unit=unit, note=note)

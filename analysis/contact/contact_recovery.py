@@ -11,32 +11,41 @@ from matplotlib.figure import Figure
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_metrics import over_trials
 from chamfer.analysis.campaign.trial_rows import Row, table_of, with_table
-from chamfer.analysis.contact.contact_metrics import QUANTITIES
-from chamfer.analysis.contact.contact_recovery_figures import plot_recovery
+from chamfer.analysis.contact.contact_figures import note_stability
+from chamfer.analysis.contact.contact_metrics import QUANTITIES, stability_metrics
 from chamfer.analysis.contact.contact_runs import Traces, measure, run_contact
-from chamfer.analysis.contact.loop_metrics import stability_metrics
+from chamfer.analysis.drawing.figure_style import (
+    DESIRED,
+    FORCE,
+    LIMIT,
+    POSITION,
+    dress,
+    legend,
+    new_figure,
+)
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
+from chamfer.diagrams.contact.contact_scenarios import PlanarLoop
 from chamfer.diagrams.contact.hybrid_loop_stability import stability
-from chamfer.diagrams.contact.planar_scenarios import RecoveryScenario
+from chamfer.models.surfaces.damage import SAFE_SPEED
 
 _GAINS = (1.0, 2.0, 3.0, 4.0, 5.0)  # 1/s, force integrals compared
 _BOUNCES = 6  # impacts in which they should grow
 _BOUNCING = 12.0  # s, longest run without the loss mode
 
 
-class Task(NamedTuple):
+class RecoveryRun(NamedTuple):
     """One of the runs that are compared."""
 
     name: str
-    scenario: RecoveryScenario
+    scenario: PlanarLoop
 
 
-def run_recovery(scenario: RecoveryScenario, seed: int, progress: Progress) -> Outcome:
+def run_recovery(scenario: PlanarLoop, seed: int, progress: Progress) -> Outcome:
     """Run the blow with and without the loss mode, and the bounces over the force integral."""
     tasks = [
-        Task("with_loss_mode", scenario),
-        Task("without_loss_mode", _without(scenario)),
-        *(Task(f"bounces_at_{gain:g}", _first_contact(scenario, gain)) for gain in _GAINS),
+        RecoveryRun("with_loss_mode", scenario),
+        RecoveryRun("without_loss_mode", _without(scenario)),
+        *(RecoveryRun(f"bounces_at_{gain:g}", _first_contact(scenario, gain)) for gain in _GAINS),
     ]
     finished = run_each(partial(_run_task, seed), tasks, progress)
     runs = finished.split([task.name for task in tasks], lambda task: task.name)
@@ -74,7 +83,7 @@ def run_recovery(scenario: RecoveryScenario, seed: int, progress: Progress) -> O
     )
 
 
-def _run_task(seed: int, task: Task) -> Row:
+def _run_task(seed: int, task: RecoveryRun) -> Row:
     return with_table({}, run_contact(task.scenario, seed))
 
 
@@ -84,11 +93,11 @@ def bounces(traces: Traces) -> list[float]:
     return [float(speed) for speed in impacts[impacts > 0][:_BOUNCES]]
 
 
-def _without(scenario: RecoveryScenario) -> RecoveryScenario:
+def _without(scenario: PlanarLoop) -> PlanarLoop:
     return replace(scenario, controller=replace(scenario.controller, loss_mode=False))
 
 
-def _first_contact(scenario: RecoveryScenario, gain: float) -> RecoveryScenario:
+def _first_contact(scenario: PlanarLoop, gain: float) -> PlanarLoop:
     """Return the approach alone, without the loss mode."""
     return replace(
         scenario,
@@ -116,7 +125,7 @@ def _threshold(growth: list[float]) -> Metric:
     return Metric(value=None, unit="1/s", note=f"not among {_GAINS}")
 
 
-def _after_blow(scenario: RecoveryScenario, traces: Traces, name: str, unit: str) -> Metric:
+def _after_blow(scenario: PlanarLoop, traces: Traces, name: str, unit: str) -> Metric:
     blow = scenario.task.kick_time
     if blow is None or blow >= scenario.duration:
         return Metric(value=None, unit=unit, note="no blow in the run")
@@ -129,6 +138,55 @@ def _after_blow(scenario: RecoveryScenario, traces: Traces, name: str, unit: str
     return Metric(value=float(traces[name][after].max()), unit=unit)
 
 
-def figures(scenario: RecoveryScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    return {"contact-recovery": plot_recovery(scenario, outcome)}
+_WITHOUT = {"color": "#b00020", "linestyle": "--", "linewidth": 1.2}
+
+
+def figures(scenario: PlanarLoop, outcome: Outcome) -> Mapping[str, Figure]:
+    """Draw force and distance after the blow, with and without the loss mode, and the bounces."""
+    figure = new_figure(11.0, 7.5)
+    panels = figure.subplot_mosaic([["force", "bounces"], ["distance", "bounces"]])
+    blow = scenario.task.kick_time or 0.0
+    for table, label, style in (
+        (outcome.tables["without_loss_mode"], "force integral goes on", _WITHOUT),
+        (outcome.traces, "loss mode", FORCE),
+    ):
+        shown = (table["time"] > blow - 0.1) & (table["time"] < blow + 2.0)
+        time = table["time"][shown] - blow
+        panels["force"].plot(time, table["force"][shown], label=label, **style)
+        panels["distance"].plot(time, 1e3 * table["gap"][shown], label=label, **style)
+    panels["force"].axhline(scenario.task.force, label="desired", **DESIRED)
+    panels["distance"].axhline(0.0, **DESIRED)
+    dress(panels["force"], title="(a) Force after a blow", x="", y="force / N")
+    dress(
+        panels["distance"],
+        title="(b) Distance from the surface",
+        x="time after the blow / s",
+        y="distance / mm",
+    )
+    legend(panels["force"], loc="upper right")
+    axes, table = panels["bounces"], outcome.tables["bounces"]
+    gains = np.unique(table["force_integral"])
+    for i, gain in enumerate(gains):
+        of = table["force_integral"] == gain
+        shade = 0.25 + 0.75 * i / max(1, len(gains) - 1)
+        axes.semilogy(
+            table["bounce"][of] + 1,
+            table["speed"][of],
+            marker="o",
+            ms=4,
+            label=f"{gain:g} 1/s",
+            color=POSITION["color"],
+            alpha=shade,
+        )
+    axes.axhline(SAFE_SPEED, label=f"safe for glass, {SAFE_SPEED:g} m/s", **LIMIT)
+    dress(
+        axes,
+        title="(c) Without the loss mode, by force integral",
+        x="impact",
+        y="speed of the impact / (m/s)",
+    )
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter("{x:g}")
+    legend(axes, loc="best")
+    note_stability(figure, outcome)
+    return {"contact-recovery": figure}

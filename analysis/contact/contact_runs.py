@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_metrics import over_trials, trial_seed
 from chamfer.analysis.campaign.trial_rows import Row, table_of, with_table
-from chamfer.analysis.contact.contact_metrics import QUANTITIES, contact_metrics
-from chamfer.analysis.contact.loop_metrics import stability_metrics
+from chamfer.analysis.contact.contact_metrics import QUANTITIES, contact_metrics, stability_metrics
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.scenario.experiment import Outcome, Progress
 from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram

@@ -1,10 +1,10 @@
 """Sections 3.2.4 and 3.3: what the remedies that the thesis proposes would buy."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
-from typing import ClassVar, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,17 +12,17 @@ from matplotlib.figure import Figure
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_metrics import prefixed, trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.contact.contact_metrics import mean_over_seeds, stability_metrics
 from chamfer.analysis.contact.contact_runs import measure, run_contact
-from chamfer.analysis.contact.friction_remedies_figures import plot_remedies
-from chamfer.analysis.contact.loop_metrics import stability_metrics
+from chamfer.analysis.drawing.figure_style import FORCE, POSITION, dress, legend, new_figure
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
-from chamfer.diagrams.contact.adept_scenarios import (
+from chamfer.diagrams.contact.contact_scenarios import (
+    ADEPT_NUGGET_MOTION,
+    ADEPT_ROLLER_MOTION,
     AdeptLoop,
-    AdeptNuggetMotion,
-    AdeptRollerMotion,
 )
-from chamfer.diagrams.contact.hybrid_loop_stability import stability
-from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.hybrid_loop_stability import resolve, stability
+from chamfer.diagrams.contact.hybrid_scenario import fill
 from chamfer.models.validation import ParameterError, within
 from chamfer.systems.force.friction_compensation import FrictionCompensationParams
 
@@ -34,10 +34,10 @@ _RUBBER: Final = 10.0  # by which a rubber cover lowers the contact's stiffness 
 class RemediesScenario:
     """The two motion tests of the Adept."""
 
-    RENAMED: ClassVar[Mapping[str, str]] = {"bandwidth": "friction_compensation.bandwidth"}
-
-    roller: AdeptRollerMotion = field(default_factory=lambda: AdeptRollerMotion(duration=12.0))
-    nugget: AdeptNuggetMotion = field(default_factory=lambda: AdeptNuggetMotion(duration=17.0))
+    roller: AdeptLoop = AdeptLoop(
+        surface=ADEPT_ROLLER_MOTION.surface, task=ADEPT_ROLLER_MOTION.task, duration=12.0
+    )
+    nugget: AdeptLoop = AdeptLoop(task=ADEPT_NUGGET_MOTION.task, duration=17.0)
     # of the remedies that compensate
     friction_compensation: FrictionCompensationParams = FrictionCompensationParams(bandwidth=20.0)
     trials: int = 2  # seeds over which the metrics of each remedy are averaged
@@ -47,6 +47,7 @@ class RemediesScenario:
             raise ParameterError("trials", self.trials, f"1 to {_MOST_TRIALS}")
 
 
+FRICTION_REMEDIES: Final = RemediesScenario()
 Change = Callable[[AdeptLoop, RemediesScenario], AdeptLoop]
 
 
@@ -62,15 +63,7 @@ def _full_dynamics(test: AdeptLoop, _: RemediesScenario) -> AdeptLoop:
     return replace(test, controller=replace(test.controller, full_dynamics=True))
 
 
-def _halve_friction(test: AdeptLoop, _: RemediesScenario) -> AdeptLoop:
-    return _with_friction(test, 0.5)
-
-
-def _no_friction(test: AdeptLoop, _: RemediesScenario) -> AdeptLoop:
-    return _with_friction(test, 0.0)
-
-
-def _with_friction(test: AdeptLoop, part: float) -> AdeptLoop:
+def _with_friction(part: float, test: AdeptLoop, _: RemediesScenario) -> AdeptLoop:
     friction = test.arm.joint_friction
     coulomb = tuple(part * value for value in friction.coulomb)
     return replace(test, arm=replace(test.arm, joint_friction=replace(friction, coulomb=coulomb)))
@@ -95,18 +88,18 @@ REMEDIES: Final[dict[str, tuple[Change, ...]]] = {
     "rubber_cover": (_rubber,),
     "decoupling": (_decouple,),
     "full_dynamics": (_full_dynamics,),
-    "half_friction": (_halve_friction,),
+    "half_friction": (partial(_with_friction, 0.5),),
     "compensation": (_compensate,),
     "compensation_decoupling": (_compensate, _decouple),
     "all": (_compensate, _decouple, _full_dynamics),
-    "no_friction": (_no_friction,),
-    "no_friction_decoupling": (_no_friction, _decouple),
+    "no_friction": (partial(_with_friction, 0.0),),
+    "no_friction_decoupling": (partial(_with_friction, 0.0), _decouple),
 }
 _MEASURED: Final = ("measured", "true", "position", "impact_share", "scratch_time")
 TESTS: Final = ("roller", "nugget")
 
 
-class Task(NamedTuple):
+class RemedyTrial(NamedTuple):
     """One of the seeds of a test with a remedy."""
 
     test: str
@@ -117,7 +110,7 @@ class Task(NamedTuple):
 def run_remedies(scenario: RemediesScenario, seed: int, progress: Progress) -> Outcome:
     """Run both tests with each remedy and each seed."""
     tasks = [
-        Task(test, remedy, trial)
+        RemedyTrial(test, remedy, trial)
         for test in TESTS
         for remedy in REMEDIES
         for trial in range(scenario.trials)
@@ -137,8 +130,8 @@ def run_remedies(scenario: RemediesScenario, seed: int, progress: Progress) -> O
     return Outcome(metrics=metrics, traces=traces, simulated_seconds=seconds)
 
 
-def _run_task(scenario: RemediesScenario, seed: int, task: Task) -> Row:
-    remedied = _remedied(_test(scenario, task.test), REMEDIES[task.remedy], scenario)
+def _run_task(scenario: RemediesScenario, seed: int, task: RemedyTrial) -> Row:
+    remedied = fill(_remedied(_test(scenario, task.test), REMEDIES[task.remedy], scenario))
     traces = run_contact(remedied, trial_seed(seed, task.trial))
     measured = measure(remedied, traces)
     return {
@@ -168,14 +161,8 @@ def _metrics(traces: Mapping[str, np.ndarray]) -> dict[str, Metric]:
         for j, remedy in enumerate(REMEDIES):
             of = (traces["test"] == i) & (traces["remedy"] == j)
             for name, metric, unit in kinds:
-                values = traces[name][of]
-                known = bool(np.all(np.isfinite(values)))
-                metrics[f"{test}.{remedy}.{metric}"] = Metric(
-                    value=float(values.mean()) if known else None,
-                    unit=unit,
-                    note=f"mean of {len(values)} seeds, {values.min():.4g} to {values.max():.4g}"
-                    if known
-                    else "no contact",
+                metrics[f"{test}.{remedy}.{metric}"] = mean_over_seeds(
+                    traces[name][of], unit, "no contact"
                 )
         base = metrics[f"{test}.none.force.true_deviation"].value
         cured = metrics[f"{test}.no_friction_decoupling.force.true_deviation"].value
@@ -209,6 +196,50 @@ def resolve_friction_remedies(scenario: RemediesScenario) -> RemediesScenario:
     return replace(scenario, roller=resolve(scenario.roller), nugget=resolve(scenario.nugget))
 
 
-def figures(scenario: RemediesScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    return {"friction-remedies": plot_remedies(TESTS, tuple(REMEDIES), outcome)}
+_LABELS: Final = {
+    "none": "as it is",
+    "rubber_cover": "rubber cover",
+    "decoupling": "sensor decoupled",
+    "full_dynamics": "full dynamics",
+    "half_friction": "half the friction",
+    "compensation": "friction compensated",
+    "compensation_decoupling": "compensated, decoupled",
+    "all": "all three",
+    "no_friction": "no friction",
+    "no_friction_decoupling": "no friction, decoupled",
+}
+
+
+def figures(_: RemediesScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Draw force deviation and position error for each test and remedy, a dot a seed."""
+    figure = new_figure(11.0, 7.0)
+    panels = figure.subplots(2, 2, sharey=True, width_ratios=(3, 2))
+    traces = outcome.traces
+    rows = np.arange(len(REMEDIES))
+    for i, test in enumerate(TESTS):
+        of = traces["test"] == i
+        remedy = traces["remedy"][of]
+        force, position = panels[i]
+        for name, label, offset, color in (
+            ("measured", "measured, with sensor noise and cross-talk", -0.2, FORCE["color"]),
+            ("true", "true", 0.2, POSITION["color"]),
+        ):
+            values = traces[name][of]
+            mean = [float(values[remedy == j].mean()) for j in rows]
+            force.barh(rows + offset, mean, height=0.36, color=color, alpha=0.55, label=label)
+            force.plot(values, remedy + offset, ".", color=color, ms=4)
+        values = 1e3 * traces["position"][of]
+        mean = [float(values[remedy == j].mean()) for j in rows]
+        position.barh(rows, mean, height=0.5, color="#9a9a9a", alpha=0.6)
+        position.plot(values, remedy, ".", color="#555555", ms=4)
+        dress(
+            force,
+            title=f"{test}: largest deviation of the force",
+            x="force / N",
+            y="",
+        )
+        dress(position, title=f"{test}: largest position error", x="error / mm", y="")
+        force.set_yticks(rows, [_LABELS[name] for name in REMEDIES])
+    panels[0, 0].invert_yaxis()  # all share it
+    legend(panels[0, 0], loc="lower right")
+    return {"friction-remedies": figure}

@@ -1,25 +1,155 @@
 """Where in the workspace the hybrid laws are kinematically unstable, and what the loop bears."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import ClassVar, Final
+from typing import Final, TypeVar
 
 import numpy as np
+from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, Diagram
 
-from chamfer.analysis.contact.hybrid_margins import margin_metrics, margin_tables, poles
-from chamfer.analysis.contact.hybrid_stability_figures import plot_margins, plot_stability
-from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
-from chamfer.diagrams.contact.hybrid_loop_stability import growth_rate
-from chamfer.diagrams.contact.planar_scenarios import LATE, PlanarLoop
+from chamfer.analysis.drawing.figure_style import DESIRED, LIMIT, NOTE, dress, legend, new_figure
+from chamfer.analysis.linear.to_control import to_control
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column
+from chamfer.diagrams.contact.contact_scenarios import LATE_GAINS, PlanarLoop
+from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram
+from chamfer.diagrams.contact.hybrid_loop_stability import (
+    linear_loop,
+    linear_loops,
+    stability,
+)
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario, fill
 from chamfer.models.arms.arm import Elbow
+from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.surface import locate
 from chamfer.models.validation import ParameterError, within
-from chamfer.systems.force.hybrid_controller import HybridGains, Law
-from chamfer.systems.force.hybrid_stability import free_growth_rate, stiffness_eigenvalues
+from chamfer.systems.force.contact_detection import CONTACT
+from chamfer.systems.force.hybrid_controller import (
+    HybridGains,
+    Law,
+    free_growth_rate,
+    stiffness_eigenvalues,
+)
 from chamfer.systems.force.sampled_loop import NEUTRAL
 from chamfer.systems.force.selection import position_selection
+
+HybridScenarioT = TypeVar("HybridScenarioT", bound=HybridScenario)
+
+
+def smooth(scenario: HybridScenarioT) -> HybridScenarioT:
+    """Return a scenario that holds its place, without dry friction, noise and coarseness."""
+    friction = scenario.arm.joint_friction
+    still = replace(friction, coulomb=(0.0,) * len(friction.coulomb))
+    return replace(
+        scenario,
+        arm=replace(scenario.arm, joint_friction=still),
+        surface=replace(scenario.surface, friction=SurfaceFriction(coefficient=0.0)),
+        sensor=replace(scenario.sensor, noise=0.0, drift=0.0, resolution=0.0),
+        encoders=replace(scenario.encoders, counts=0.0),
+        controller=replace(scenario.controller, computation_jitter=0.0),
+    )
+
+
+def settled(diagram: Diagram, time: float) -> Context:
+    """Return the diagram's context after a time, s."""
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(time)
+    context: Context = simulator.get_context()
+    return context
+
+
+MODES: Final = {"the approach's end": "approach", "lost contact": "lost", "contact": "contact"}
+_DELAYS: Final = np.linspace(0.0, 2.0, 41)  # periods
+_FORCE_INTEGRALS: Final = np.linspace(0.0, 25.0, 26)  # 1/s
+_SETTLED: Final = 2.0  # s after the time of the contact
+
+
+def margin_metrics(name: str, loop: PlanarLoop) -> dict[str, Metric]:
+    """Return growth in contact and margins of a loop, stable or not, and growth a sample late."""
+    found = stability(loop)
+    late = replace(loop.controller, computation_delay=loop.controller.period)
+    worst = max(one.growth_rate() for one in linear_loops(replace(loop, controller=late)))
+    return {
+        f"{name}.growth_contact": Metric(value=_clipped(found.growth_contact), unit="1/s"),
+        f"{name}.growth_one_sample_late": Metric(value=_clipped(worst), unit="1/s"),
+        f"{name}.gain_margin": Metric(
+            value=found.gain_margin, unit="", note=found.least_gain or "none up to 1000"
+        ),
+        f"{name}.delay_margin": Metric(
+            value=found.delay_margin, unit="s", note=found.least_delay or "none up to 10 periods"
+        ),
+    }
+
+
+def margin_tables(sets: Mapping[str, PlanarLoop]) -> dict[str, Table]:
+    """Return growth by delay and by force integral.
+
+    ``delays``: ``gains`` and ``mode``, numbers in ``sets`` and :data:`MODES`; ``delay`` s;
+    ``growth`` 1/s. ``force_integrals``: ``gains``, ``force_integral`` 1/s and ``growth``, in
+    contact.
+    """
+    delays: dict[str, list[float]] = {"gains": [], "mode": [], "delay": [], "growth": []}
+    integrals: dict[str, list[float]] = {"gains": [], "force_integral": [], "growth": []}
+    for i, loop in enumerate(sets.values()):
+        control = loop.controller
+        modes = [one for one in linear_loops(loop) if one.name in MODES]
+        for j, one in enumerate(modes):
+            for delay in (_DELAYS * control.period).tolist():
+                grows = one._replace(delay=delay).growth_rate()
+                for name, value in zip(delays, (i, j, delay, _clipped(grows)), strict=True):
+                    delays[name].append(value)
+        for gain in _FORCE_INTEGRALS.tolist():
+            changed = replace(loop, controller=replace(control, force_integral=gain))
+            grows = linear_loop(changed, "contact", CONTACT, loop.touching).growth_rate()
+            for name, value in zip(integrals, (i, gain, _clipped(grows)), strict=True):
+                integrals[name].append(value)
+    return {
+        "delays": {name: column(values) for name, values in delays.items()},
+        "force_integrals": {name: column(values) for name, values in integrals.items()},
+    }
+
+
+def _clipped(growth: float) -> float:
+    """Return 0 for what is a neutral pole in floating point."""
+    return growth if growth > NEUTRAL else 0.0
+
+
+def poles(loop: PlanarLoop) -> tuple[Table, Metric]:
+    """Return poles in contact, of the linear loop and of its diagram, and how far they are apart.
+
+    The table has ``model``, 1 for those of the linear loop and 0 for those of the diagram,
+    ``real`` and ``imaginary``.
+    """
+    note = "of the linear loop's from the diagram's, without dry friction"
+    still = smooth(loop)
+    if max(one.growth_rate() for one in linear_loops(still)) > NEUTRAL:
+        return _no_poles("unstable")
+    diagram, period = make_hybrid_diagram(still), still.controller.period
+    context = settled(diagram, still.distance / still.task.speed + _SETTLED)
+    if diagram.GetOutputPort("mode").Eval(context)[0] != CONTACT:
+        return _no_poles("no contact")
+    found = to_control(diagram, at=context, period=period, whole=True).poles()
+    q = diagram.GetOutputPort("encoders").Eval(context)[: still.ARM.num_joints]
+    model = linear_loop(still, "contact", CONTACT, still.ARM.endpoint(q))
+    expected = np.linalg.eigvals(model.period_map())
+    apart = max(float(np.abs(found - pole).min()) for pole in expected)
+    both = np.concatenate([expected, found])
+    table = {
+        "model": np.repeat([1.0, 0.0], [len(expected), len(found)]),
+        "real": both.real,
+        "imaginary": both.imag,
+    }
+    return table, Metric(value=apart, unit="", note=note)
+
+
+def _no_poles(note: str) -> tuple[Table, Metric]:
+    none = {name: np.zeros(0) for name in ("model", "real", "imaginary")}
+    return none, Metric(value=None, unit="", note=note)
+
 
 CASES: Final[tuple[tuple[Elbow, Law], ...]] = (
     ("negative", "inverse"),
@@ -46,15 +176,8 @@ class HybridStabilityScenario:
     The laws are compared with the same gains.
     """
 
-    RENAMED: ClassVar[Mapping[str, str]] = {
-        "loop.controller": "controller",
-        "loop.arm.viscous": "viscous",
-        "loop.task.start": "start",
-        "loop.task.direction": "direction",
-    }
-
     controller: HybridGains = HybridGains(**_gains(_PLANAR.controller))  # type: ignore[arg-type]
-    late: HybridGains = HybridGains(**_gains(LATE))  # type: ignore[arg-type]
+    late: HybridGains = HybridGains(**_gains(LATE_GAINS))  # type: ignore[arg-type]
     # that are to bear a torque one sample late
     viscous: tuple[float, ...] = _PLANAR.arm.joint_friction.viscous  # N m s/rad, joint friction
     start: tuple[float, ...] = _PLANAR.task.start  # m, of the approach
@@ -75,15 +198,19 @@ class HybridStabilityScenario:
         return {"chapter 2": self.loop(elbow, law), "late": self.loop(elbow, law, self.late)}
 
     def loop(self, elbow: Elbow, law: Law, controller: HybridGains | None = None) -> PlanarLoop:
-        """Return the planar arm's loop with one of its elbows, a law and gains, or its own."""
+        """Return the planar loop with an elbow, a law and gains, or its own; all filled in."""
         friction = replace(_PLANAR.arm.joint_friction, viscous=self.viscous)
         gains = _gains(controller or self.controller)
-        return replace(
+        loop = replace(
             _PLANAR,
             arm=replace(_PLANAR.arm, elbow=elbow, joint_friction=friction),
             controller=replace(_PLANAR.controller, law=law, **gains),  # type: ignore[arg-type]
             task=replace(_PLANAR.task, start=self.start, direction=self.direction),
         )
+        return fill(loop)
+
+
+HYBRID_STABILITY: Final = HybridStabilityScenario()
 
 
 def run_stability(scenario: HybridStabilityScenario, seed: int, progress: Progress) -> Outcome:
@@ -192,7 +319,7 @@ def resolve_hybrid_stability(scenario: HybridStabilityScenario) -> HybridStabili
         scenario.late.for_joints(_PLANAR.ARM.num_joints)
     try:
         for case in CASES:
-            growth_rate(scenario.loop(*case))  # checks that start and contact are reached
+            linear_loops(scenario.loop(*case))  # checks that start and contact are reached
     except ParameterError as error:
         name = error.name.removeprefix("task.")
         raise ParameterError(name, error.value, error.allowed) from error
@@ -205,3 +332,103 @@ def figures(scenario: HybridStabilityScenario, outcome: Outcome) -> Mapping[str,
         "hybrid-stability": plot_stability(scenario.loop(*CASES[0]), CASES, outcome),
         "hybrid-stability-margins": plot_margins(scenario.gain_sets, outcome),
     }
+
+
+_STABLE = "#dfe7f2"
+_SETS = ("#1b4f9c", "#e07b00")
+
+
+def plot_stability(loop: PlanarLoop, cases: Sequence[tuple[str, str]], outcome: Outcome) -> Figure:
+    """Draw a map for each elbow and law: blue where stable, shaded by growth where not."""
+    traces = outcome.traces
+    size = round(np.sqrt(len(traces["x"]) / len(cases)))
+    figure = new_figure(11.0, 9.5)
+    figure.set_layout_engine("compressed")  # for panels of equal scale
+    panels = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
+    growth = traces["growth"]
+    unstable = growth[np.isfinite(growth) & (growth > NEUTRAL)]
+    norm = LogNorm(max(1.0, float(unstable.min(initial=1.0))), float(unstable.max(initial=100.0)))
+    drawn = None
+    for i, (axes, (elbow, law)) in enumerate(zip(panels, cases, strict=True)):
+        of = traces["case"] == i
+        x, y = traces["x"][of].reshape(size, size), traces["y"][of].reshape(size, size)
+        rate = growth[of].reshape(size, size)
+        reached = np.where(np.isfinite(rate), 1.0, np.nan)
+        axes.pcolormesh(x, y, reached, cmap=_only(_STABLE), shading="nearest", rasterized=True)
+        shown = np.where(rate > NEUTRAL, rate, np.nan)
+        drawn = axes.pcolormesh(
+            x, y, shown, cmap="inferno_r", norm=norm, shading="nearest", rasterized=True
+        )
+        axes.add_patch(Circle((1.0, -0.75), 0.75, fill=False, **DESIRED))
+        axes.plot(*loop.touching, "o", mfc="white", mec="black", ms=7)
+        share = outcome.metrics[f"{elbow}.{law}.unstable_share"].value
+        title = f"{law}, {elbow} elbow: {share:.3g} % unstable"
+        dress(axes, title=title, x="x / m" if i > 1 else "", y="" if i % 2 else "y / m")
+        axes.set_aspect("equal")
+    if drawn is not None:
+        bar = figure.colorbar(drawn, ax=panels.tolist(), shrink=0.6)
+        bar.set_label("growth out of contact / (1/s); blue: stable", fontsize=9)
+    return figure
+
+
+def plot_margins(sets: Mapping[str, PlanarLoop], outcome: Outcome) -> Figure:
+    """Draw growth by the torque's delay and by the force integral, and poles in contact."""
+    figure = new_figure(12.0, 4.6)
+    delay, integral, plane = figure.subplots(1, 3)
+    table = outcome.tables["delays"]
+    for i, (name, loop) in enumerate(sets.items()):
+        control = loop.controller
+        gains = f"Kp {control.stiffness:g}, Ki {control.integral:g}, Kd {control.damping:g}"
+        for j, mode in enumerate(MODES.values()):
+            of = (table["gains"] == i) & (table["mode"] == j)
+            style = {"color": _SETS[i], "linestyle": ("-", "--", ":")[j], "linewidth": 1.6}
+            delay.plot(
+                1e3 * table["delay"][of], table["growth"][of], label=f"{name}, {mode}", **style
+            )
+        of = outcome.tables["force_integrals"]["gains"] == i
+        integral.plot(
+            outcome.tables["force_integrals"]["force_integral"][of],
+            outcome.tables["force_integrals"]["growth"][of],
+            label=f"{name}: {gains}",
+            color=_SETS[i],
+        )
+        integral.axvline(control.force_integral, color=_SETS[i], linestyle=":", linewidth=1.0)
+    period = next(iter(sets.values())).controller.period
+    delay.axvline(1e3 * period, **LIMIT)
+    delay.annotate(
+        "one sample", (1.02e3 * period, 0.93), xycoords=("data", "axes fraction"), **NOTE
+    )
+    dress(delay, title="(a) Torque that comes late", x="delay / ms", y="growth / (1/s)")
+    delay.set_ylim(top=1.7 * max(1.0, float(table["growth"].max())))  # room for the legend
+    legend(delay, loc="upper left")
+    dress(
+        integral,
+        title="(b) Force integral in contact, dotted: as it is",
+        x="force integral / (1/s)",
+        y="growth / (1/s)",
+    )
+    legend(integral, loc="upper left")
+    drawn = outcome.tables["poles"]
+    for model, label, marker, size in (
+        (0, "differences of the diagram", "o", 8),
+        (1, "model", "x", 6),
+    ):
+        of = drawn["model"] == model
+        plane.plot(
+            drawn["real"][of],
+            drawn["imaginary"][of],
+            marker,
+            ms=size,
+            mfc="none",
+            color=_SETS[model],
+            label=label,
+        )
+    plane.add_patch(Circle((0.0, 0.0), 1.0, fill=False, **DESIRED))
+    plane.set_aspect("equal")
+    dress(plane, title="(c) Poles in contact, chapter 2", x="real part", y="imaginary part")
+    legend(plane, loc="center", bbox_to_anchor=(0.45, 0.25))
+    return figure
+
+
+def _only(colour: str) -> ListedColormap:
+    return ListedColormap([colour])

@@ -4,28 +4,32 @@ What is asked of detection, no false contact in 100 runs of 15 s at three times 
 ``approaches=100``, some six CPU minutes; 8 ``trials`` take ten.
 """
 
-import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import StrMethodFormatter
 
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_metrics import trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.contact.contact_metrics import mean_over_seeds
 from chamfer.analysis.contact.contact_runs import Traces, measure, run_contact
-from chamfer.analysis.contact.sensing_sensitivity_figures import plot_sensitivity
+from chamfer.analysis.drawing.figure_style import FORCE, LIMIT, NOTE, POSITION, dress, new_figure
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
-from chamfer.diagrams.contact.adept_scenarios import AdeptLoop, AdeptNuggetMotion
-from chamfer.diagrams.contact.hybrid_filled import filled
-from chamfer.diagrams.contact.hybrid_resolve import resolve
-from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
-from chamfer.diagrams.contact.linear_loop import linear_loops
-from chamfer.diagrams.contact.planar_scenarios import PlanarLoop, PlanarSlideScenario
-from chamfer.diagrams.contact.puma_scenarios import PumaLoop
+from chamfer.diagrams.contact.contact_scenarios import (
+    ADEPT_NUGGET_MOTION,
+    PLANAR_SLIDE,
+    AdeptLoop,
+    PlanarLoop,
+    PumaLoop,
+)
+from chamfer.diagrams.contact.hybrid_loop_stability import linear_loops, resolve
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario, fill
 from chamfer.diagrams.contact.sensing import EXACT
 from chamfer.models.validation import ParameterError, known, within
 from chamfer.systems.force.contact_detection import APPROACH
@@ -35,12 +39,14 @@ from chamfer.systems.sensing.force_sensor import ForceSensorParams
 _MOST_TRIALS: Final = 1000
 _PLANAR: Final = PlanarLoop(
     sensing="realistic",
-    task=replace(PlanarSlideScenario().task, start=(1.0, -1.3)),
+    task=replace(PLANAR_SLIDE.task, start=(1.0, -1.3)),
     duration=10.3,
     measure_after=4.0,
 )
 _PUMA: Final = PumaLoop(sensing="realistic", duration=9.0, measure_after=5.0)
-_ADEPT: Final = AdeptNuggetMotion(sensing="realistic", duration=7.5, measure_after=2.0)
+_ADEPT: Final = AdeptLoop(
+    sensing="realistic", task=ADEPT_NUGGET_MOTION.task, duration=7.5, measure_after=2.0
+)
 _APPROACH: Final = AdeptLoop(
     sensor=ForceSensorParams(noise=1.5),  # N, three times what section 3.2.3 gives
     task=replace(AdeptLoop().task, start=(0.35, -0.3, 0.3, 0.0), distance=0.15),
@@ -52,10 +58,10 @@ _APPROACH: Final = AdeptLoop(
 class SensitivityScenario:
     """The loops with their sensors and computers as they are, and an approach in noise."""
 
-    planar: PlanarLoop = field(default_factory=lambda: _PLANAR)  # slides, Fig. 2-6
-    puma: PumaLoop = field(default_factory=lambda: _PUMA)  # presses its roller, Fig. 3-5
-    adept: AdeptNuggetMotion = field(default_factory=lambda: _ADEPT)  # slides, Fig. 3-14
-    approach: AdeptLoop = field(default_factory=lambda: _APPROACH)  # in free motion, and contact
+    planar: PlanarLoop = _PLANAR  # slides, Fig. 2-6
+    puma: PumaLoop = _PUMA  # presses its roller, Fig. 3-5
+    adept: AdeptLoop = _ADEPT  # slides, Fig. 3-14
+    approach: AdeptLoop = _APPROACH  # in free motion, and contact
     trials: int = 1  # seeds over which each loop and imperfection is averaged
     approaches: int = 2  # seeds in which contact may be found where there is none
 
@@ -65,6 +71,7 @@ class SensitivityScenario:
                 raise ParameterError(name, getattr(self, name), f"1 to {_MOST_TRIALS}")
 
 
+SENSING_SENSITIVITY: Final = SensitivityScenario()
 LOOPS: Final = ("planar", "puma", "adept")
 # By imperfection, what of a realistic loop it leaves as it is.
 _KEPT: Final[dict[str, tuple[str, ...]]] = {
@@ -83,7 +90,7 @@ IMPERFECTIONS: Final = (*_KEPT, "sample_late", "all", "all_sample_late")
 _MEASURED: Final = {"force": "N", "position": "m", "losses": "", "diverged": "", "growth": "1/s"}
 
 
-class Task(NamedTuple):
+class SensingTrial(NamedTuple):
     """One of the seeds of a loop with an imperfection."""
 
     loop: str
@@ -92,12 +99,9 @@ class Task(NamedTuple):
 
 
 def imperfect(loop: HybridScenario, imperfection: str) -> HybridScenario:
-    """Return a loop with one of its imperfections alone, or all of them.
+    """Return a resolved loop with one of :data:`IMPERFECTIONS` alone, or all of them.
 
-    Args:
-        loop: Resolved, with all of them.
-        imperfection: One of :data:`IMPERFECTIONS`; ``sample_late`` is a torque that comes a whole
-            period late, without jitter.
+    ``sample_late`` is a torque that comes a whole period late, without jitter.
     """
     kept = _ALL if imperfection.startswith("all") else _KEPT.get(imperfection, ())
     nothing: dict[str, Any] = {
@@ -127,18 +131,18 @@ def imperfect(loop: HybridScenario, imperfection: str) -> HybridScenario:
     if imperfection == "no_tare":  # which detection is told of
         changed["detection"] = replace(loop.detection, detect=None, release=None, samples=None)
     changed["controller"] = replace(changed["controller"], allow_unstable=True)
-    return filled(replace(loop, **changed))
+    return fill(replace(loop, **changed))
 
 
 def run_sensitivity(scenario: SensitivityScenario, seed: int, progress: Progress) -> Outcome:
     """Run every loop with every imperfection and every seed, and the approaches."""
     tasks = [
-        Task(loop, imperfection, trial)
+        SensingTrial(loop, imperfection, trial)
         for loop in LOOPS
         for imperfection in IMPERFECTIONS
         for trial in range(scenario.trials)
     ]
-    tasks += [Task("approach", "noise", trial) for trial in range(scenario.approaches)]
+    tasks += [SensingTrial("approach", "noise", trial) for trial in range(scenario.approaches)]
     finished = run_each(partial(_run_task, scenario, seed), tasks, progress)
     loops = finished.select(lambda task: task.loop != "approach")
     approaches = finished.select(lambda task: task.loop == "approach")
@@ -157,16 +161,14 @@ def run_sensitivity(scenario: SensitivityScenario, seed: int, progress: Progress
     )
 
 
-def _run_task(scenario: SensitivityScenario, seed: int, task: Task) -> Row:
+def _run_task(scenario: SensitivityScenario, seed: int, task: SensingTrial) -> Row:
     if task.loop == "approach":
         return _approach(scenario.approach, trial_seed(seed, task.trial))
     loop = imperfect(getattr(scenario, task.loop), task.imperfection)
     growth = max(one.growth_rate() for one in linear_loops(loop))
     growth = growth if growth > NEUTRAL else 0.0
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # unstable ones are meant
-            traces = run_contact(loop, trial_seed(seed, task.trial))
+        traces = run_contact(loop, trial_seed(seed, task.trial))
     except ParameterError:  # all was well with the same loop at the start
         return {
             "force": None,
@@ -228,14 +230,10 @@ def _metrics(traces: Mapping[str, np.ndarray]) -> dict[str, Metric]:
             of = (traces["loop"] == i) & (traces["imperfection"] == j)
             here = f"{loop}.{imperfection}"
             for name, metric in names.items():
-                values = traces[name][of]
-                good = bool(np.all(np.isfinite(values)))
-                metrics[f"{here}.{metric}"] = Metric(
-                    value=float(values.mean()) if good else None,
-                    unit=_MEASURED[name],
-                    note=f"mean of {len(values)} seeds, {values.min():.4g} to {values.max():.4g}"
-                    if good
-                    else "the run diverges, or there is no contact",
+                metrics[f"{here}.{metric}"] = mean_over_seeds(
+                    traces[name][of],
+                    _MEASURED[name],
+                    "the run diverges, or there is no contact",
                 )
     return metrics
 
@@ -259,13 +257,96 @@ def resolve_sensing_sensitivity(scenario: SensitivityScenario) -> SensitivitySce
     found: dict[str, Any] = {}
     for name in (*LOOPS, "approach"):
         with within(name):
-            fill = resolve if name == "approach" else filled
-            found[name] = fill(getattr(scenario, name))
+            given = getattr(scenario, name)
+            found[name] = resolve(given) if name == "approach" else fill(given)
             found[name].make_surface()
     return replace(scenario, **found)
 
 
+_LABELS: Final = {
+    "none": "none: ideal",
+    "noise": "noise",
+    "cross_talk": "cross-talk",
+    "drift": "bias and drift, tared",
+    "no_tare": "bias and drift, no tare",
+    "filter": "filter and delay of the sensor",
+    "quanta": "resolution and range, counts",
+    "velocity": "differenced velocity",
+    "computation": "computation delay",
+    "sample_late": "torque a period late",
+    "all": "all but a period late",
+    "all_sample_late": "all, and a period late",
+}
+_SAID: Final = ("diverged", "growth", "losses")
+_LOOP_LABELS: Final = {
+    "planar": "planar arm, slides",
+    "puma": "Puma, presses",
+    "adept": "Adept, slides",
+}
+
+
 def figures(scenario: SensitivityScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
+    """Draw force deviation and position error for each loop and imperfection, a dot a seed."""
     desired = {name: getattr(scenario, name).task.force for name in LOOPS}
-    return {"sensing-sensitivity": plot_sensitivity(desired, IMPERFECTIONS, outcome)}
+    figure = new_figure(12.0, 8.0)
+    panels = figure.subplots(2, len(desired), sharey=True, sharex="row")
+    traces = outcome.traces
+    force, position = panels
+    for i, (loop, newtons) in enumerate(desired.items()):
+        of = traces["loop"] == i
+        which = traces["imperfection"][of]
+        _bars(force[i], 100 * traces["force"][of] / newtons, which, FORCE["color"])
+        _bars(position[i], 1e3 * traces["position"][of], which, POSITION["color"])
+        force[i].axvline(100, **LIMIT)
+        dress(
+            force[i],
+            title=f"{_LOOP_LABELS[loop]}, {newtons:g} N",
+            x="largest deviation of the force / % of what is desired",
+            y="",
+        )
+        dress(position[i], title="", x="largest position error / mm", y="")
+        _say(force[i], {name: traces[name][of] for name in _SAID}, which)
+    values = 100 * traces["force"] / np.array(list(desired.values()))[traces["loop"].astype(int)]
+    known = values[np.isfinite(values) & (values > 0)]
+    force[0].set_xscale("log")
+    if len(known):
+        force[0].set_xlim(known.min() / 2, max(100.0, known.max()) * 8)  # with room to say more
+    force[0].xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    for panel in (force[0], position[0]):
+        panel.set_yticks(range(len(IMPERFECTIONS)), [_LABELS[name] for name in IMPERFECTIONS])
+    force[0].set_ylim(len(IMPERFECTIONS) - 0.4, -0.6)  # all share it
+    figure.suptitle(
+        "What each imperfection of sensors and computer costs, alone and together", fontsize=11
+    )
+    return {"sensing-sensitivity": figure}
+
+
+def _bars(axes: Axes, values: np.ndarray, which: np.ndarray, color: str) -> None:
+    """Draw the means as bars, every seed, and the ideal loop's mean as a line."""
+    known = np.isfinite(values)
+    for row in np.unique(which[known]):
+        here = values[known & (which == row)]
+        axes.barh(row, float(here.mean()), color=color, alpha=0.55)
+        axes.plot(here, np.full(len(here), row), ".", color=color, ms=4)
+    ideal = values[known & (which == 0)]
+    if len(ideal):
+        axes.axvline(float(ideal.mean()), color="#555555", linewidth=0.8, linestyle=":")
+
+
+def _say(axes: Axes, measured: Mapping[str, np.ndarray], which: np.ndarray) -> None:
+    """Write which loops are unstable and diverge, and where contact is lost unlike the ideal."""
+    ideal = measured["losses"][which == 0]
+    for row in np.unique(which):
+        diverged, growth, lost = (measured[name][which == row] for name in _SAID)
+        said = []
+        if np.any(diverged > 0):
+            said = ["diverges"]
+        elif np.all(np.isfinite(lost)) and lost.mean() != ideal.mean():
+            said = [f"losses: {lost.mean():.3g}"]
+        if growth.max() > 0:
+            said.insert(0, "unstable")
+        place = axes.get_yaxis_transform()
+        if said:
+            text = ", ".join(said)
+            box = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
+            axes.text(0.99, row, text, transform=place, ha="right", va="center", bbox=box, **NOTE)

@@ -7,15 +7,23 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from chamfer.analysis.campaign.trial_metrics import prefixed
+from chamfer.analysis.contact.contact_figures import note_stability
 from chamfer.analysis.contact.contact_runs import run_trials
-from chamfer.analysis.contact.wrist_contention_figures import plot_contention
+from chamfer.analysis.drawing.figure_style import (
+    DESIRED,
+    FORCE,
+    POSITION,
+    dress,
+    legend,
+    new_figure,
+)
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
-from chamfer.diagrams.contact.adept_scenarios import WristContentionScenario
+from chamfer.diagrams.contact.contact_scenarios import AdeptScenario
 
 _WRIST = 3  # joint index
 
 
-def run_contention(scenario: WristContentionScenario, seed: int, progress: Progress) -> Outcome:
+def run_contention(scenario: AdeptScenario, seed: int, progress: Progress) -> Outcome:
     """Run the scenario as it is, and with the wrist's integrator off while in contact."""
     on = run_trials(scenario, seed, lambda done, doing="": progress(done / 2, doing))
     held = replace(scenario, controller=replace(scenario.controller, held_integrators=(_WRIST,)))
@@ -39,7 +47,7 @@ def _ratio(over: Metric, under: Metric) -> Metric:
     return Metric(value=over.value / under.value, unit="", note="integrator on over off")
 
 
-def _wrist_error(scenario: WristContentionScenario, outcome: Outcome) -> Metric:
+def _wrist_error(scenario: AdeptScenario, outcome: Outcome) -> Metric:
     """Return the wrist's largest angular error while deviations count."""
     traces = outcome.traces
     after = traces["time"] >= scenario.measure_after
@@ -49,6 +57,23 @@ def _wrist_error(scenario: WristContentionScenario, outcome: Outcome) -> Metric:
     return Metric(value=float(error.max()), unit="rad", note="of the first seed")
 
 
-def figures(scenario: WristContentionScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    return {"wrist-contention": plot_contention(scenario, outcome)}
+def figures(scenario: AdeptScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Draw force and wrist error of both runs."""
+    figure = new_figure(11.0, 6.5)
+    force, angle = figure.subplots(2, 1, sharex=True)
+    for table, label, style in (
+        (outcome.traces, "integrator on", POSITION),
+        (outcome.tables["wrist_integrator_off"], "integrator off in contact", FORCE),
+    ):
+        force.plot(table["time"], table["force"], label=label, **style)
+        error = np.degrees(table["desired_phi"] - table["phi"])
+        angle.plot(table["time"], error, label=label, **style)
+    force.axhline(scenario.task.force, label="desired", **DESIRED)
+    angle.axhline(0.0, **DESIRED)
+    force.set_ylim(bottom=0)
+    angle.set_xlim(0, scenario.duration)
+    dress(force, title="(a) Contact force", x="", y="force / N")
+    dress(angle, title="(b) Wrist", x="time / s", y="desired minus actual / degrees")
+    legend(force, loc="lower right")
+    note_stability(figure, outcome)
+    return {"wrist-contention": figure}

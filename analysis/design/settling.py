@@ -22,7 +22,7 @@ from chamfer.diagrams.cell.six_axis_settings import KINDS, Kind
 from chamfer.diagrams.cell.start_apart import true_pose, wrong_pose
 from chamfer.diagrams.cell.work_cell import ArmName, ArmSettings, WorkCellScenario
 from chamfer.models.validation import known
-from chamfer.systems.force.tool_friction import tool_friction
+from chamfer.systems.force.arm_model import tool_friction
 from chamfer.systems.pose import pose_vector
 from chamfer.systems.servo.compensated_error import (
     CompensatedErrors,

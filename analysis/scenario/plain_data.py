@@ -65,60 +65,34 @@ def structured(converter: Converter, plain: Any, cls: type[Structured]) -> Struc
     try:
         return converter.structure(plain, cls)
     except (ClassValidationError, _ElementError, _RefusedError) as error:
-        raise UserError(next(_messages(error, "", ()))) from error
+        raise UserError(next(_messages(error, ""))) from error
 
 
-def _messages(
-    error: BaseException, path: str, outer: Sequence[tuple[str, type[Any]]]
-) -> Iterator[str]:
-    """Yield a line for each mistake in what cattrs raised, with the path in front.
-
-    ``outer`` has the dataclasses around the mistake, each with its path.
-    """
+def _messages(error: BaseException, path: str) -> Iterator[str]:
+    """Yield a line for each mistake in what cattrs raised, with the path in front."""
     if isinstance(error, ClassValidationError):
-        outer = [*outer, (path, error.cl)]
         inside, outside = error.group_exceptions()
         for inner, note in inside:
-            yield from _messages(inner, joined(path, note.name), outer)
+            yield from _messages(inner, joined(path, note.name))
         for inner in outside:
-            yield from _messages(inner, path, outer)
+            yield from _messages(inner, path)
     elif isinstance(error, _ElementError):
         assert error.__cause__ is not None
-        yield from _messages(error.__cause__, f"{path}{error.place}", outer)
+        yield from _messages(error.__cause__, f"{path}{error.place}")
     elif isinstance(error, ForbiddenExtraKeysError):
         valid = ", ".join(sorted(field.name for field in fields(error.cl)))
         for name in sorted(map(str, error.extra_fields)):
-            old = joined(path, name)
-            told = _renamed(old, outer) or _renamed_below(old, outer)
-            yield told or f"{old}: no such field, valid fields: {valid}"
+            yield f"{joined(path, name)}: no such field, valid fields: {valid}"
     elif isinstance(error, ParameterError):
         yield joined(path, str(error))
     elif isinstance(error, KeyError) and error.args == (path.rpartition(".")[2],):
         yield f"{path} has to be given, it has no default"
     elif isinstance(error, _RefusedError):
-        yield _renamed(path, outer) or f"{path} {error}"
+        yield f"{path} {error}"
     elif isinstance(error, ValueError):
         yield f"{path}: {error}" if path else str(error)
     else:
         raise error
-
-
-def _renamed(old: str, outer: Sequence[tuple[str, type[Any]]]) -> str | None:
-    """Return what a path is now, if a dataclass around it says so."""
-    return next((told for name, told in _answers(outer) if name == old), None)
-
-
-def _renamed_below(old: str, outer: Sequence[tuple[str, type[Any]]]) -> str | None:
-    """Return what the fields of a group that is gone are now."""
-    return ", ".join(told for name, told in _answers(outer) if name.startswith(f"{old}.")) or None
-
-
-def _answers(outer: Sequence[tuple[str, type[Any]]]) -> Iterator[tuple[str, str]]:
-    """Yield old paths with what is said of them, from the innermost dataclass outwards."""
-    for path, cls in reversed(outer):
-        for ancestor in cls.__mro__:
-            for name, new in vars(ancestor).get("RENAMED", {}).items():
-                yield joined(path, name), f"{joined(path, name)} is now {joined(path, new)}"
 
 
 def joined(path: str, name: str) -> str:

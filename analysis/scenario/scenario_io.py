@@ -4,10 +4,6 @@ A scenario is a frozen keyword-only dataclass, nested as deep as it likes, of nu
 booleans, Literals, tuples of these and ``X | None``. Every mistake ends in a
 :class:`~chamfer.analysis.scenario.errors.UserError` with the full dotted path of the field.
 
-A dataclass may say what became of its fields: ``RENAMED: ClassVar[Mapping[str, str]]`` from old
-paths to new ones, both relative to that dataclass and inherited, such as ``{"runs": "trials"}`` or
-``{"controller": "controller.kind"}``. Who uses the old path is told the new one.
-
 A scenario may say that a group which is left open is as another one:
 ``LIKE: ClassVar[Mapping[str, str]]``, such as ``{"believed_part": "part"}``. Where only some
 fields of it are given, the others are those of that other group, and not defaults.

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
-from typing import ClassVar, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -73,11 +73,6 @@ class AccuracyScenario:
     gap: float = WorkCellScenario.gap  # m, nominal, from the peg's tip to the hole's mouth
     wide: PoseSpread = WIDE  # as at the start of an alignment
     near: PoseSpread = NEAR  # as at its end
-
-    RENAMED: ClassVar[Mapping[str, str]] = {
-        name: f"cameras.{name}"
-        for name in ("renderer", "distance", "pixel_size", "roll", "noise", "blur")
-    }
 
     def __post_init__(self) -> None:
         require_not_negative(self, "gap")

@@ -11,10 +11,10 @@ from chamfer.systems.primitives.force_primitives import Level, Obstructed
 from chamfer.systems.primitives.position_primitives import Centre, Held
 from chamfer.systems.primitives.primitive import Primitive
 from chamfer.systems.primitives.skill import Outcome, Retry, Skill, SkillState
-from chamfer.systems.primitives.skill_check import targets
+from chamfer.systems.primitives.skill_machine import targets
 from chamfer.systems.primitives.trajectory_primitives import MoveDx
 
-Change = Callable[[Skill], Skill]
+SkillChange = Callable[[Skill], Skill]
 _ROTARY: Final = "rotary search"
 
 
@@ -29,7 +29,7 @@ def without_tare(skill: Skill) -> Skill:
 
 
 def without_correlation(skill: Skill) -> Skill:
-    """Return a skill that can't tell whether a dither is hindered.
+    """Return a skill that can't tell whether a dither is obstructed.
 
     Where nothing else ended the dithers, their end counts as if it had been.
     """
@@ -97,7 +97,7 @@ def without_rotary_search(skill: Skill) -> Skill:
     return _reachable(replace(skill, states=kept))
 
 
-CHANGES: Final[Mapping[str, Change]] = {
+CHANGES: Final[Mapping[str, SkillChange]] = {
     "whole": whole,
     "without_tare": without_tare,
     "without_correlation": without_correlation,

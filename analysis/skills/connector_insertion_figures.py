@@ -37,15 +37,7 @@ def plot_insertion(
     mated: float,
     mating_force: float,
 ) -> Figure:
-    """Draw V_cmd and V_ref axis by axis as the paper does, forces, torques and the depth.
-
-    Args:
-        traces: Of :func:`chamfer.analysis.skills.connector_runs.run_insertion`.
-        path: Of the same run, by :func:`chamfer.analysis.skills.connector_runs.path_table`.
-        states: Names of the chart's states, in order.
-        mated: Depth of a plug that is in, m.
-        mating_force: N.
-    """
+    """Draw V_cmd and V_ref axis by axis as the paper does, forces, torques and the depth."""
     figure = new_figure(12.0, 14.0)
     heights = [1.15, *(0.8,) * 6, 1.15, 0.9, 1.15]
     panels: list[Axes] = list(figure.subplots(len(heights), 1, sharex=True, height_ratios=heights))

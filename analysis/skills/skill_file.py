@@ -22,9 +22,8 @@ from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.plain_data import make_converter, structured
 from chamfer.analysis.scenario.scenario_yaml import block, read_mapping
 from chamfer.systems.primitives.primitive import Primitive
-from chamfer.systems.primitives.primitives import PRIMITIVES
-from chamfer.systems.primitives.skill import Skill
-from chamfer.systems.primitives.skill_chart import make_skill_chart
+from chamfer.systems.primitives.skill import PRIMITIVES, Skill
+from chamfer.systems.primitives.skill_machine import make_skill_chart
 from chamfer.systems.statechart.chart import ChartError
 
 Primitives = Mapping[str, type[Primitive]]

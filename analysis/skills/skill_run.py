@@ -1,4 +1,4 @@
-"""Run any skill: against the world of a scenario, until it has ended."""
+"""Run any skill in a scenario, until it has ended."""
 
 import time
 from collections.abc import Sequence
@@ -7,12 +7,12 @@ from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import Context, Diagram
+from pydrake.systems.framework import Context, Diagram, LeafSystem
 
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.scenario.experiment import Progress, Table, column
-from chamfer.diagrams.skills.connector_insertion import PartScenario, make_connector_diagram
-from chamfer.diagrams.skills.connector_loop import LOADS
+from chamfer.diagrams.skills.connector_loop import LOADS, make_connector_diagram
+from chamfer.diagrams.skills.connector_scenario import ResolvedConnectorScenario
 from chamfer.models.arms.wrist import tip_pose
 from chamfer.systems.primitives.skill import DONE, FAILED, RETRACT, Skill
 from chamfer.systems.primitives.skill_machine import SkillMachine
@@ -27,7 +27,7 @@ _SIX: Final = ("V_cmd", "V_ref", "wrench", "carriage", "plug", "true_wrench")
 _ENDS: Final[dict[str, Ended]] = {DONE: "done", FAILED: "failed"}
 
 
-class Step(NamedTuple):
+class SkillStep(NamedTuple):
     """A transition that a skill took."""
 
     time: float  # s
@@ -51,7 +51,7 @@ class SkillResult:
     outcome: Ended  # what the skill says of itself; running: the scenario's duration was over
     state: str  # in which it ended
     reason: str  # why it failed, "<state>: <outcome>"; empty if it did not
-    path: tuple[Step, ...]  # the transitions that it took
+    path: tuple[SkillStep, ...]  # the transitions that it took
     traces: Traces
     peaks: Array  # largest true load about and along each axis, N m above N, of all plant steps
     wall_seconds: float
@@ -59,23 +59,26 @@ class SkillResult:
 
 def run_skill(
     skill: Skill,
-    scenario: PartScenario,
+    scenario: ResolvedConnectorScenario,
     *,
     seed: int = 0,
     progress: Progress | None = None,
+    controller: LeafSystem | None = None,
 ) -> SkillResult:
     """Simulate a skill until it has ended, or the scenario's duration is over.
 
     Args:
-        skill: What to run, in place of the scenario's own.
-        scenario: Robot, sensors and connector; resolved.
+        skill: What to run.
+        scenario: Robot, sensors and part.
         seed: Of the sensors' noise.
         progress: Told how far the run is.
+        controller: In the place of accommodation, see
+            :func:`chamfer.diagrams.skills.connector_loop.make_connector_diagram`.
 
     Raises:
         ChartError: If the skill can't be run.
     """
-    diagram = make_connector_diagram(scenario, skill)
+    diagram = make_connector_diagram(scenario, skill, controller=controller)
     machine = skill_machine(diagram)
     ends = {state.name for state in machine.chart.states if state.outcome is not None}
 
@@ -114,12 +117,12 @@ def run_skill(
     )
 
 
-def _step(taken: TransitionRecord, reason: str) -> Step:
+def _step(taken: TransitionRecord, reason: str) -> SkillStep:
     """Return a step; a state that fails has its outcome in the reason alone."""
     outcome = taken.label.partition(",")[0].removesuffix(" again")
     if taken.target == RETRACT:
         outcome = reason.partition(": ")[2]
-    return Step(taken.time, taken.source, taken.target, outcome, taken.label)
+    return SkillStep(taken.time, taken.source, taken.target, outcome, taken.label)
 
 
 def skill_machine(diagram: Diagram) -> SkillMachine:
@@ -145,7 +148,7 @@ def true_motion(displacement: Array, grasp: Array) -> Traces:
     return dict(zip(("depth", "lateral_x", "lateral_y", "tilt", "turn"), rows.T, strict=True))
 
 
-def path_table(path: Sequence[Step]) -> Table:
+def path_table(path: Sequence[SkillStep]) -> Table:
     """Return the columns of the transitions taken, each with when its source was entered, s."""
     times = [one.time for one in path]
     names = {

@@ -1,48 +1,61 @@
-"""Trials of the vision primitives: random starts, wrong calibration, and where they end."""
+"""Section 3.1: vision primitives settle with wrongly calibrated cameras, trial by trial."""
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
-from typing import Final
+from functools import lru_cache, partial
+from typing import Final, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from pydrake.common import RandomGenerator
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram
 
+from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.campaign.trial_metrics import rate, trial_seed
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.scenario.experiment import (
+    Metric,
+    Outcome,
+    Progress,
+    Table,
+    column,
+)
+from chamfer.analysis.skills.vision_trials_figures import plot_vision_primitives
 from chamfer.diagrams.skills.vision_servo import (
+    NAMES,
     PARTS,
     STATIC,
-    Belief,
-    Name,
+    CameraBelief,
+    VisionPrimitive,
     VisionServoScenario,
     VisionServoSetup,
     make_vision_servo_diagram,
     view_of,
 )
 from chamfer.models.arms.wrist import tip_pose
-from chamfer.models.validation import ParameterError
+from chamfer.models.validation import ParameterError, require_between, require_positive
 from chamfer.systems.pose import pose_vector
-from chamfer.systems.primitives.primitive import Event
-from chamfer.systems.primitives.primitive_runner import TICK
+from chamfer.systems.primitives.primitive import EVENTS, TICK, Event
 from chamfer.systems.primitives.vision_primitives import (
     FixedPointRotation,
+    VisGrasp,
     VisRotation,
     VisTranslation,
 )
-from chamfer.systems.primitives.visual_grasp import VisGrasp
 from chamfer.systems.primitives.visual_servoing import half_turn, slowest_root
 from chamfer.systems.vision.cross_section import cross_section
 from chamfer.systems.vision.part_detection import detect
 
 Array = NDArray[np.float64]
 
-_RIGHT: Final = Belief()
+_RIGHT: Final = CameraBelief()
 
 
 @dataclass(frozen=True, kw_only=True)
-class Trial:
+class VisionTrial:
     """What became of one primitive."""
 
     event: Event | None  # None: time was up, or the primitive refused what it was to believe
@@ -54,16 +67,16 @@ class Trial:
     slowest_root: float  # of the theory; below 1 the loop settles
 
 
-def calibration(angle: float, focal_factor: float, random: np.random.Generator) -> Belief:
+def calibration(angle: float, focal_factor: float, random: np.random.Generator) -> CameraBelief:
     """Return a belief with a given size of the orientation's error, rad, about a random axis."""
     axis = random.normal(size=3)
     x, y, z = (angle * axis / np.linalg.norm(axis)).tolist()
-    return Belief(focal_factor=focal_factor, turn=(x, y, z))
+    return CameraBelief(focal_factor=focal_factor, turn=(x, y, z))
 
 
 def draw(
     loop: VisionServoSetup,
-    name: Name,
+    name: VisionPrimitive,
     *,
     focal_error: float,
     orientation_error: float,
@@ -72,13 +85,8 @@ def draw(
 ) -> VisionServoScenario:
     """Return a trial of a primitive: a random start, every camera wrong.
 
-    Args:
-        loop: What does not change.
-        name: The primitive.
-        focal_error: Relative, of every focal length; trials go through the signs.
-        orientation_error: rad, of every camera, about a random axis.
-        trial: Its number.
-        random: Where start, target and axes come from.
+    Its number goes through the signs of the focal lengths' relative error; orientations are wrong
+    about random axes, rad.
     """
     signs = [1 if trial >> k & 1 else -1 for k in range(3)]
     beliefs = [
@@ -110,12 +118,7 @@ def draw(
 
 
 def true_errors(scenario: VisionServoScenario, displacement: Array) -> tuple[float, float]:
-    """Return how far from its goal a primitive truly is, m and rad; NaN: it has no such goal.
-
-    Args:
-        scenario: The trial.
-        displacement: Of the carriage, rad above m, shape (6,).
-    """
+    """Return how far from its goal a primitive truly is, m and rad; NaN: it has no such goal."""
     X_WE = tip_pose(displacement)
     X_WT = X_WE @ scenario.held_at
     target = tip_pose(np.array(scenario.target))
@@ -139,10 +142,6 @@ def seen_error(scenario: VisionServoScenario, displacement: Array) -> float | No
 
     Of the translation it is the part that is believed to be reducible. None: the primitive has no
     error in pixels, or sees nothing.
-
-    Args:
-        scenario: The trial.
-        displacement: Of the carriage, rad above m, shape (6,).
     """
     primitive = scenario.parameters
     if isinstance(primitive, VisGrasp):
@@ -197,14 +196,8 @@ def _diagram(scenario: VisionServoScenario) -> Diagram:
     return make_vision_servo_diagram(scenario)
 
 
-def run_trial(scenario: VisionServoScenario, *, seed: int, most: float) -> Trial:
-    """Run a primitive until it has an event, or its time is up.
-
-    Args:
-        scenario: The trial.
-        seed: Of the images' noise.
-        most: s, time that it has.
-    """
+def run_trial(scenario: VisionServoScenario, *, seed: int, most: float) -> VisionTrial:
+    """Run a primitive until it has an event, or its time, s, is up; the seed is the images'."""
     start = np.array(scenario.start)
     try:
         primitive = scenario.parameters
@@ -212,7 +205,7 @@ def run_trial(scenario: VisionServoScenario, *, seed: int, most: float) -> Trial
             slowest_root(one, delay=scenario.frames.latency) for one in shares(scenario).tolist()
         )
     except ParameterError:
-        return Trial(
+        return VisionTrial(
             event=None,
             time=0.0,
             times=np.zeros(1),
@@ -261,7 +254,7 @@ def run_trial(scenario: VisionServoScenario, *, seed: int, most: float) -> Trial
         event = runner.event(runner.GetMyContextFromRoot(context))
         if event is not None:
             break
-    return Trial(
+    return VisionTrial(
         event=event,
         time=times[-1],
         times=np.array(times),
@@ -270,3 +263,264 @@ def run_trial(scenario: VisionServoScenario, *, seed: int, most: float) -> Trial
         seen=seen_error(scenario, displacements[-1]) if event == "done" else None,
         slowest_root=root,
     )
+
+
+_MOST: Final = 10_000  # trials
+_STREAMS: Final = {name: k for k, name in enumerate((*NAMES, "map"))}
+
+
+@dataclass(frozen=True, kw_only=True)
+class VisionPrimitivesScenario:
+    """Random starts with wrong cameras, and a map of how wrong they may be; all is assumed.
+
+    Starts, targets and what is believed of the cameras are drawn.
+    """
+
+    loop: VisionServoSetup = VisionServoSetup()  # of every trial
+    trials: int = 25  # of each primitive
+    focal_error: float = 0.2  # of the believed focal lengths, relative, either sign
+    orientation_error: float = math.radians(10)  # rad, of each camera, about a random axis
+    duration: float = 3.5  # s, that a primitive has
+    map_focal: tuple[float, ...] = (0.15, 0.25, 0.4, 1.0, 2.0)
+    # believed to true focal lengths of both cameras, of the cells of the translation's map
+    map_angle: tuple[float, ...] = tuple(math.radians(one) for one in (0, 20, 40, 60, 90))
+    # rad, orientation errors of these cells
+    map_trials: int = 1  # of each cell
+    map_gap: float = 0.025  # m, goal above the socket: room to overshoot without covering it
+
+    def __post_init__(self) -> None:
+        require_positive(self, "duration", "map_gap")
+        require_between(self, 1, _MOST, "trials", "map_trials")
+        require_between(self, 0, math.pi, "orientation_error")
+        if not 0 <= self.focal_error < 1:
+            raise ParameterError("focal_error", self.focal_error, "a number >= 0 and < 1")
+        for name, low, needed in (("map_focal", 0.01, 1.0), ("map_angle", 0.0, 0.0)):
+            values = getattr(self, name)
+            if not all(low <= one <= 100 for one in values) or needed not in values:
+                allowed = f"numbers from {low:g} to 100, {needed:g} among them"
+                raise ParameterError(name, values, allowed)
+            if list(values) != sorted(set(values)):
+                raise ParameterError(name, values, "rising numbers")
+
+
+VISION_PRIMITIVES: Final = VisionPrimitivesScenario()
+
+
+class VisionTask(NamedTuple):
+    """One trial; those of the map have a focal factor and an orientation error of their own."""
+
+    name: VisionPrimitive
+    trial: int
+    cell: tuple[float, float] | None = None
+
+
+def tasks(scenario: VisionPrimitivesScenario) -> list[VisionTask]:
+    """Return all trials: those of each primitive, then those of the map."""
+    each = [VisionTask(name, trial) for name in NAMES for trial in range(scenario.trials)]
+    cells = [(focal, angle) for focal in scenario.map_focal for angle in scenario.map_angle]
+    return each + [
+        VisionTask("translation", trial, cell)
+        for cell in cells
+        for trial in range(scenario.map_trials)
+    ]
+
+
+def trial_of(
+    scenario: VisionPrimitivesScenario, seed: int, task: VisionTask
+) -> VisionServoScenario:
+    """Return the scenario of a trial."""
+    place = [_STREAMS[task.name]]
+    if task.cell is not None:
+        focal, angle = task.cell
+        place = [_STREAMS["map"], scenario.map_focal.index(focal), scenario.map_angle.index(angle)]
+    random = np.random.default_rng([seed, *place, task.trial])
+    one = draw(
+        scenario.loop,
+        task.name,
+        focal_error=scenario.focal_error,
+        orientation_error=scenario.orientation_error,
+        trial=task.trial,
+        random=random,
+    )
+    if task.cell is None:
+        return one
+    focal, angle = task.cell
+    xz, yz = (calibration(angle, focal, random) for _ in range(2))
+    return replace(one, gap=scenario.map_gap, xz=xz, yz=yz)
+
+
+def _run_task(scenario: VisionPrimitivesScenario, seed: int, task: VisionTask) -> Row:
+    one = trial_of(scenario, seed, task)
+    return vars(run_trial(one, seed=trial_seed(seed, task.trial), most=scenario.duration))
+
+
+def _trials(finished: Trials[VisionTask]) -> list[VisionTrial]:
+    return [VisionTrial(**row) for row in finished.rows]
+
+
+def run(scenario: VisionPrimitivesScenario, seed: int, progress: Progress) -> Outcome:
+    """Run every trial of every primitive, and the map."""
+    finished = run_each(partial(_run_task, scenario, seed), tasks(scenario), progress)
+    each = finished.select(lambda task: task.cell is None)
+    of_map = finished.select(lambda task: task.cell is not None)
+    metrics: dict[str, Metric] = {}
+    for name, own in each.split(NAMES, lambda task: task.name).items():
+        metrics |= {f"{name}.{key}": one for key, one in trial_metrics(_trials(own)).items()}
+        if name == "fixed_point":
+            metrics |= _held(scenario, seed, own)
+    cells = _cells(of_map)
+    metrics |= map_metrics(cells)
+    return Outcome(
+        metrics=metrics,
+        traces=_rows(each),
+        simulated_seconds=float(sum(finished.column("time"))),
+        tables={"courses": _courses(each), "map": cells},
+    )
+
+
+def trial_metrics(trials: Sequence[VisionTrial]) -> dict[str, Metric]:
+    """Return how many trials of a primitive settled, how fast and where."""
+    settled = [trial for trial in trials if trial.event == "done"]
+    n = len(trials)
+    note = f"{len(settled)} of {n}"
+    metrics = rate("converged", len(settled), n, note) | {
+        "theory.largest_root": Metric(
+            value=max(trial.slowest_root for trial in trials),
+            unit="",
+            note="of all trials; below 1 they settle",
+        ),
+    }
+    ends: dict[str, tuple[str, list[float | None]]] = {
+        "settling_time": ("s", [trial.time for trial in settled]),
+        "error_px": ("px", [trial.seen for trial in settled]),
+        "error_m": ("m", [float(trial.errors[-1, 0]) for trial in settled]),
+        "error_rad": ("rad", [float(trial.errors[-1, 1]) for trial in settled]),
+    }
+    for name, (unit, values) in ends.items():
+        known = [one for one in values if one is not None and math.isfinite(one)]
+        if not known and settled:
+            continue  # the primitive has no such error
+        for pooled, function in (("mean", np.mean), ("max", np.max)):
+            value = float(function(known)) if known else None
+            lacks = "" if known else "no trial settled"
+            metrics[f"{name}.{pooled}"] = Metric(value=value, unit=unit, note=lacks)
+    return metrics
+
+
+def _held(
+    scenario: VisionPrimitivesScenario, seed: int, finished: Trials[VisionTask]
+) -> dict[str, Metric]:
+    """Return how far the fixed point went on the way, and how far the turn alone takes it."""
+    away = max(float(trial.errors[:, 0].max()) for trial in _trials(finished))
+    lever = math.hypot(scenario.loop.lever[0], scenario.loop.lever[2])
+    alone = max(
+        2 * lever * math.sin(abs(trial_of(scenario, seed, task).angle) / 2)
+        for task in finished.tasks
+    )
+    return {
+        "fixed_point.excursion.max": Metric(value=away, unit="m", note="on the way"),
+        "fixed_point.unheld.max": Metric(
+            value=alone, unit="m", note="what the turn alone would make"
+        ),
+    }
+
+
+def _rows(finished: Trials[VisionTask]) -> Table:
+    trials = _trials(finished)
+    return {
+        "primitive": column([NAMES.index(task.name) for task in finished.tasks]),
+        "trial": column([task.trial for task in finished.tasks]),
+        "event": column([_code(trial) for trial in trials]),
+        "time": column([trial.time for trial in trials]),
+        "error_px": column([math.nan if one.seen is None else one.seen for one in trials]),
+        "error_m": column([trial.errors[-1, 0] for trial in trials]),
+        "error_rad": column([trial.errors[-1, 1] for trial in trials]),
+        "theory_root": column([trial.slowest_root for trial in trials]),
+    }
+
+
+def _code(trial: VisionTrial) -> float:
+    return 0.0 if trial.event is None else 1.0 + EVENTS.index(trial.event)
+
+
+def _courses(finished: Trials[VisionTask]) -> Table:
+    courses: dict[str, list[Array]] = {}
+    for task, trial in zip(finished.tasks, _trials(finished), strict=True):
+        count = len(trial.times)
+        rows = {
+            "primitive": np.full(count, float(NAMES.index(task.name))),
+            "trial": np.full(count, float(task.trial)),
+            "time": trial.times,
+            "error_m": trial.errors[:, 0],
+            "error_rad": trial.errors[:, 1],
+        }
+        for name, values in rows.items():
+            courses.setdefault(name, []).append(values)
+    return {name: np.concatenate(values) for name, values in courses.items()}
+
+
+def _cells(finished: Trials[VisionTask]) -> Table:
+    cells = [task.cell for task in finished.tasks if task.cell is not None]
+    trials = _trials(finished)
+    return {
+        "focal_factor": column([focal for focal, _ in cells]),
+        "angle": column([angle for _, angle in cells]),
+        "converged": column([float(trial.event == "done") for trial in trials]),
+        "theory_root": column([trial.slowest_root for trial in trials]),
+    }
+
+
+def map_metrics(cells: Table) -> dict[str, Metric]:
+    """Return how wrong the cameras may be, along both axes of the map, and if theory agrees."""
+    found = {"": cells["converged"] > 0, "theory.": cells["theory_root"] < 1}
+    metrics = {
+        "map.agreement": Metric(
+            value=100 * float(np.mean(found[""] == found["theory."])),
+            unit="%",
+            note=f"of {len(cells['converged'])} trials settle if the theory says so",
+        )
+    }
+    for prefix, good in found.items():
+        straight = cells["angle"] == 0
+        exact = cells["focal_factor"] == 1
+        low, _ = _around(cells["focal_factor"][straight], good[straight], 1.0)
+        _, angle = _around(cells["angle"][exact], good[exact], 0.0)
+        metrics[f"{prefix}margin.focal_factor"] = Metric(
+            value=low, unit="", note="least one that settles, orientation right"
+        )
+        metrics[f"{prefix}margin.orientation"] = Metric(
+            value=angle, unit="rad", note="largest one that settles, focal length right"
+        )
+    return metrics
+
+
+def _around(places: Array, good: NDArray[np.bool_], start: float) -> tuple[float | None, ...]:
+    """Return the ends of the range about a start in which all is good; None: it is not there."""
+    each = sorted(set(places.tolist()))
+    if start not in each:
+        return None, None
+    fine = [bool(good[places == place].all()) for place in each]
+    first = last = each.index(start)
+    if not fine[first]:
+        return None, None
+    while first > 0 and fine[first - 1]:
+        first -= 1
+    while last + 1 < len(each) and fine[last + 1]:
+        last += 1
+    return each[first], each[last]
+
+
+def figures(scenario: VisionPrimitivesScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
+    figure = plot_vision_primitives(
+        outcome,
+        names=NAMES,
+        wrong=f"focal lengths wrong by {100 * scenario.focal_error:.3g} %, "
+        f"orientations by {math.degrees(scenario.orientation_error):.3g} degrees",
+    )
+    return {"vision-primitives": figure}
+
+
+def make_diagram(scenario: VisionPrimitivesScenario) -> Diagram:
+    """Return the wiring, for the block diagram."""
+    return make_vision_servo_diagram(trial_of(scenario, 0, VisionTask("translation", 0)))

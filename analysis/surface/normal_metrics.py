@@ -12,7 +12,7 @@ from chamfer.analysis.scenario.experiment import Table
 
 Array = NDArray[np.float64]
 
-BAND: Final = 3.0  # standard deviations, calibrated on Figs. 5-3 to 5-6
+DEVIATIONS: Final = 3.0  # standard deviations, calibrated on Figs. 5-3 to 5-6
 TELLS: Final = 90.0  # deg, a wider band holds every normal that a contact may have
 TOLERANCE: Final = 0.1  # of the desired force, section 5.3.4
 _SETTLED: Final = 0.05  # of the desired force

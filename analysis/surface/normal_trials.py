@@ -4,24 +4,32 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from chamfer.analysis.campaign.campaign import Trials
+from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.linear.simulate import simulate
-from chamfer.analysis.surface.normal_metrics import BAND, angle_between, errors, normalised_square
+from chamfer.analysis.scenario.experiment import Table, column
+from chamfer.analysis.surface.normal_metrics import (
+    DEVIATIONS,
+    angle_between,
+    errors,
+    normalised_square,
+)
 from chamfer.diagrams.surface.surface_estimation import (
     EstimationScenario,
+    ResolvedEstimationScenario,
     make_estimation_diagram,
     resolve_estimation,
 )
-from chamfer.diagrams.surface.surface_scenario import ObserverSettings
+from chamfer.diagrams.surface.surface_scenario import ObserverSettings, ResolvedObserverSettings
 from chamfer.models.surfaces.surface import normal
-from chamfer.systems.estimation.instantaneous_normal import Sample
-from chamfer.systems.estimation.normal_filter import NormalFilter, tangential_deviation
+from chamfer.systems.estimation.normal_filter import NormalFilter, Sample, tangential_deviation
 from chamfer.systems.estimation.surface_observer import make_filter
-from chamfer.systems.sensing.force_rate import ForceRateParams
-from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.systems.sensing.force_rate import ForceRateParams, ForceRateSensorParams
 
 Array = NDArray[np.float64]
 
@@ -37,8 +45,8 @@ class Slide:
     normal: Array  # (n, d), the true one
 
 
-def slide(scenario: EstimationScenario) -> Slide:
-    """Simulate a resolved scenario's contact without noise."""
+def slide(scenario: ResolvedEstimationScenario) -> Slide:
+    """Simulate the contact without noise."""
     silent = ForceRateSensorParams(force_noise=0.0, force_rate_noise=0.0)
     quiet = replace(scenario, sensor=silent, force_delay=0.0, force_rate=None)
     run = simulate(
@@ -70,13 +78,18 @@ class Contender:
     first: int = 0  # the sample that it begins with
 
 
+def observer_of(scenario: EstimationScenario, given: ObserverSettings) -> ResolvedObserverSettings:
+    """Return an observer with what it is told in a scenario."""
+    return resolve_estimation(replace(scenario, observer=given)).observer
+
+
 def contender(scenario: EstimationScenario, given: ObserverSettings, on: Slide) -> Contender:
     """Return the filter that a scenario's observer runs, for a slide."""
     predicted = None
     if given.prediction is not None:
         seen = given.prediction.make()
         predicted = np.array([normal(seen, p[: scenario.dimension]) for p in on.nominal])
-    observer = resolve_estimation(replace(scenario, observer=given)).observer
+    observer = observer_of(scenario, given)
     # Hovering and pressing are of use to those that know of it.
     calibrated = observer.model_error.tare or observer.model_error.press
     first = 0 if calibrated else round(scenario.lead.begins / observer.period)
@@ -84,7 +97,7 @@ def contender(scenario: EstimationScenario, given: ObserverSettings, on: Slide) 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fault:
+class SensorFault:
     """What happens to a sensor's force and rate before an observer gets them."""
 
     late: int = 0  # samples that force and rate come late
@@ -92,7 +105,7 @@ class Fault:
 
 
 def sensed(
-    on: Slide, sensor: ForceRateSensorParams, random: np.random.Generator, fault: Fault
+    on: Slide, sensor: ForceRateSensorParams, random: np.random.Generator, fault: SensorFault
 ) -> tuple[Array, Array]:
     """Return force, N, and its rate, N/s, shape (n, d), as a sensor shows them."""
     u, u_dot = sensor.force_noise / math.sqrt(3), sensor.force_rate_noise / math.sqrt(3)
@@ -113,18 +126,21 @@ def sensed(
 def run_trial(
     on: Slide,
     contenders: Sequence[Contender],
+    measured: Mapping[str, str],
     *,
     up: Array,
     sensor: ForceRateSensorParams,
     random: np.random.Generator,
     window: tuple[float, float],
-    fault: Fault = Fault(),
-) -> list[Mapping[str, float | None]]:
+    fault: SensorFault = SensorFault(),
+) -> Row:
     """Give each contender the same noisy slide and return its errors in a window of time.
 
     Args:
         on: The slide.
         contenders: The observers.
+        measured: By column of the row, shape (observers,), which error of
+            :func:`chamfer.analysis.surface.normal_metrics.errors` it has.
         up: First estimate of the normal, shape (d,).
         sensor: What adds noise and bias.
         random: Where the noise comes from.
@@ -132,7 +148,23 @@ def run_trial(
         fault: What else is wrong with the sensor.
     """
     force, rate = sensed(on, sensor, random, fault)
-    return [_errors(on, one, force, rate, up, window) for one in contenders]
+    found = [_errors(on, one, force, rate, up, window) for one in contenders]
+    return {
+        name: np.array([one[of] for one in found], dtype=np.float64)
+        for name, of in measured.items()
+    }
+
+
+def table_of_observers(finished: Trials[Any], count: int, **of_trial: Sequence[int]) -> Table:
+    """Return a row a trial and observer: what is of the trial, the observer, what was measured."""
+    return {
+        **{name: column(np.repeat(values, count)) for name, values in of_trial.items()},
+        "observer": column(np.tile(np.arange(count), len(finished))),
+        **{
+            name: column(np.concatenate([row[name] for row in finished.rows]))
+            for name in finished.rows[0]
+        },
+    }
 
 
 def _errors(
@@ -157,7 +189,7 @@ def _errors(
     traces = {
         "time": on.time,
         "error": angle_between(normals, on.normal),
-        "band": BAND * np.degrees(bands),
+        "band": DEVIATIONS * np.degrees(bands),
         "nees": normalised_square(normals, on.normal, covariances),
     }
     return errors(traces, window, largest=window)

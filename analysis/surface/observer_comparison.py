@@ -4,40 +4,43 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from typing import ClassVar, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_rows import Row
-from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
+from chamfer.analysis.drawing.figure_style import PUBLISHED, dress, legend, new_figure
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
 from chamfer.analysis.surface.normal_trials import (
     Contender,
     Slide,
     contender,
     cost,
+    observer_of,
     run_trial,
     slide,
+    table_of_observers,
 )
-from chamfer.analysis.surface.observer_comparison_figures import plot_comparison
 from chamfer.diagrams.surface.surface_estimation import (
     EstimationScenario,
     LeadSettings,
+    ResolvedEstimationScenario,
     resolve_estimation,
 )
 from chamfer.diagrams.surface.surface_scenario import ObserverSettings, SurfaceSettings
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.validation import ParameterError, require_positive
-from chamfer.systems.estimation.surface_observer import KINDS, Kind, make_filter
-from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.systems.estimation.surface_observer import KINDS, ObserverKind, make_filter
+from chamfer.systems.sensing.force_rate import ForceRateSensorParams
 
 _WINDOW: Final = (2.0, 15.0)  # s
 _MOST_TRIALS: Final = 10_000
 _TIMED: Final = 3000  # updates
 
 
-class Case(NamedTuple):
+class SlideCase(NamedTuple):
     """A surface with its friction."""
 
     surface: SurfaceSettings
@@ -50,57 +53,79 @@ class Case(NamedTuple):
         """Whether friction is the same everywhere."""
         return not (self.friction.ripple or self.friction.jump)
 
+    def estimation(
+        self,
+        sensor: ForceRateSensorParams,
+        until: float,
+        *,
+        hover: float = 0.0,
+        press: float = 0.0,
+    ) -> ResolvedEstimationScenario:
+        """Return the slide's scenario, up to so long after the motion along x begins, s."""
+        lead = replace(self.lead, hover=hover, press=press)
+        return resolve_estimation(
+            EstimationScenario(
+                surface=self.surface,
+                friction=self.friction,
+                lead=lead,
+                sensor=sensor,
+                duration=lead.begins + until,
+            )
+        )
+
 
 _PARABOLA: Final = SurfaceSettings(shape="parabola", coefficients=(0.05,))
-CASES: Final[Mapping[str, Case]] = {
-    "constant": Case(_PARABOLA, SurfaceFriction(coefficient=1.0), True),
-    "ripple": Case(_PARABOLA, SurfaceFriction(coefficient=1.0, ripple=0.2), True),
-    "low_ripple": Case(_PARABOLA, SurfaceFriction(coefficient=0.5, ripple=0.15), True),
-    "step_down": Case(_PARABOLA, SurfaceFriction(coefficient=1.0, jump=-0.4, jump_at=1.2), True),
-    "sharper": Case(
+CASES: Final[Mapping[str, SlideCase]] = {
+    "constant": SlideCase(_PARABOLA, SurfaceFriction(coefficient=1.0), True),
+    "ripple": SlideCase(_PARABOLA, SurfaceFriction(coefficient=1.0, ripple=0.2), True),
+    "low_ripple": SlideCase(_PARABOLA, SurfaceFriction(coefficient=0.5, ripple=0.15), True),
+    "step_down": SlideCase(
+        _PARABOLA, SurfaceFriction(coefficient=1.0, jump=-0.4, jump_at=1.2), True
+    ),
+    "sharper": SlideCase(
         SurfaceSettings(shape="parabola", coefficients=(0.15,)),
         SurfaceFriction(coefficient=0.3),
         True,
     ),
-    "bowl": Case(
+    "bowl": SlideCase(
         SurfaceSettings(shape="circle", radius=4.0, inside=True),
         SurfaceFriction(coefficient=0.5),
         False,
     ),
-    "falling": Case(
+    "falling": SlideCase(
         SurfaceSettings(shape="parabola", coefficients=(-0.005,)),
         SurfaceFriction(coefficient=0.4),
         False,
     ),
-    "step_up": Case(
+    "step_up": SlideCase(
         SurfaceSettings(shape="parabola", coefficients=(0.1,)),
         SurfaceFriction(coefficient=0.4, jump=0.5, jump_at=1.0),
         False,
     ),
-    "wave_ripple": Case(
+    "wave_ripple": SlideCase(
         SurfaceSettings(shape="wave", amplitudes=(0.03,), wavelengths=(2.0,)),
         SurfaceFriction(coefficient=0.7, ripple=0.3, wavelength=0.6),
         False,
     ),
-    "space_paraboloid": Case(
+    "space_paraboloid": SlideCase(
         SurfaceSettings(shape="paraboloid", coefficients=(0.05, 0.15)),
         SurfaceFriction(coefficient=0.6),
         False,
         LeadSettings(sideways=0.3),
     ),
-    "space_wavy": Case(
+    "space_wavy": SlideCase(
         SurfaceSettings(shape="wavy_sheet", amplitudes=(0.03, 0.02), wavelengths=(2.0, 1.5)),
         SurfaceFriction(coefficient=0.4, ripple=0.1),
         True,
         LeadSettings(sideways=0.3),
     ),
-    "space_sheet": Case(
+    "space_sheet": SlideCase(
         SurfaceSettings(shape="wavy_sheet", amplitudes=(0.02, 0.03), wavelengths=(1.6, 2.5)),
         SurfaceFriction(coefficient=0.6, ripple=0.15, wavelength=0.7),
         False,
         LeadSettings(sideways=-0.4),
     ),
-    "space_bowl": Case(
+    "space_bowl": SlideCase(
         SurfaceSettings(shape="sphere", radius=4.0, inside=True),
         SurfaceFriction(coefficient=0.3),
         False,
@@ -110,13 +135,8 @@ CASES: Final[Mapping[str, Case]] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class ComparisonScenario:
+class ObserverComparisonScenario:
     """What all observers are told, and how many seeds each case gets."""
-
-    RENAMED: ClassVar[Mapping[str, str]] = {
-        "noise.force": "sensor.force_noise",
-        "noise.force_rate": "sensor.force_rate_noise",
-    }
 
     trials: int = 200  # seeds that each case gets
     smallest_radius: float = 0.75  # m, rho_min: the surface bends no sharper; section 5.2.2
@@ -132,6 +152,7 @@ class ComparisonScenario:
             raise ParameterError("vision_error", self.vision_error, "at least 0 and below 1")
 
 
+OBSERVER_COMPARISON: Final = ObserverComparisonScenario()
 OBSERVERS: Final = (
     "thesis",
     "gated",
@@ -142,13 +163,15 @@ OBSERVERS: Final = (
     "adaptive",
     "adaptive_vision",
 )
-_WITH_CAMERA: Final[Mapping[str, Kind]] = {
+_WITH_CAMERA: Final[Mapping[str, ObserverKind]] = {
     "vision": "prior_weights",
     "adaptive_vision": "adaptive",
 }
 
 
-def _settings(scenario: ComparisonScenario, case: Case, name: str) -> ObserverSettings:
+def _settings(
+    scenario: ObserverComparisonScenario, case: SlideCase, name: str
+) -> ObserverSettings:
     if name in _WITH_CAMERA:
         return ObserverSettings(
             kind=_WITH_CAMERA[name],
@@ -170,30 +193,20 @@ def flattened(surface: SurfaceSettings, part: float) -> SurfaceSettings:
     )
 
 
-def _estimation(scenario: ComparisonScenario, case: Case) -> EstimationScenario:
-    return resolve_estimation(
-        EstimationScenario(
-            surface=case.surface,
-            friction=case.friction,
-            lead=case.lead,
-            sensor=scenario.sensor,
-            duration=_WINDOW[1],
-        )
-    )
-
-
 @cache
-def _prepared(scenario: ComparisonScenario, name: str) -> tuple[Slide, tuple[Contender, ...]]:
+def _prepared(
+    scenario: ObserverComparisonScenario, name: str
+) -> tuple[Slide, tuple[Contender, ...]]:
     """Return a case's slide and the observers; a process makes them once."""
     case = CASES[name]
-    estimation = _estimation(scenario, case)
+    estimation = case.estimation(scenario.sensor, _WINDOW[1])
     on = slide(estimation)
     return on, tuple(
         contender(estimation, _settings(scenario, case, observer), on) for observer in OBSERVERS
     )
 
 
-class Task(NamedTuple):
+class SlideTrial(NamedTuple):
     """One of the seeds in one of the cases."""
 
     case: str
@@ -208,42 +221,35 @@ _MEASURED: Final = {
 }
 
 
-def _observe(scenario: ComparisonScenario, seed: int, task: Task) -> Row:
+def _observe(scenario: ObserverComparisonScenario, seed: int, task: SlideTrial) -> Row:
     """Return what each observer made of a noisy slide, an array of shape (observers,) each."""
     on, contenders = _prepared(scenario, task.case)
-    found = run_trial(
+    return run_trial(
         on,
         contenders,
-        up=_estimation(scenario, CASES[task.case]).up,
+        _MEASURED,
+        up=CASES[task.case].estimation(scenario.sensor, _WINDOW[1]).up,
         sensor=scenario.sensor,
         random=np.random.default_rng([seed, tuple(CASES).index(task.case), task.trial]),
         window=_WINDOW,
     )
-    return {
-        name: np.array([one[measured] for one in found], dtype=np.float64)
-        for name, measured in _MEASURED.items()
-    }
 
 
-def run_comparison(scenario: ComparisonScenario, seed: int, progress: Progress) -> Outcome:
+def run_comparison(scenario: ObserverComparisonScenario, seed: int, progress: Progress) -> Outcome:
     """Run all observers on all cases, each seed's noise the same for all."""
-    tasks = [Task(case, trial) for case in CASES for trial in range(scenario.trials)]
+    tasks = [SlideTrial(case, trial) for case in CASES for trial in range(scenario.trials)]
     finished = run_each(partial(_observe, scenario, seed), tasks, progress)
     finished.split(CASES, lambda task: task.case)  # none may be without
-    cases = [tuple(CASES).index(task.case) for task in finished.tasks]
-    traces = {
-        "case": column(np.repeat(cases, len(OBSERVERS))),
-        "observer": column(np.tile(np.arange(len(OBSERVERS)), len(finished))),
-        "trial": column(np.repeat([task.trial for task in finished.tasks], len(OBSERVERS))),
-        **{
-            name: column(np.concatenate([row[name] for row in finished.rows]))
-            for name in _MEASURED
-        },
-    }
+    traces = table_of_observers(
+        finished,
+        len(OBSERVERS),
+        case=[tuple(CASES).index(task.case) for task in finished.tasks],
+        trial=[task.trial for task in finished.tasks],
+    )
     metrics = _metrics(traces)
     first = next(iter(CASES))
     on, contenders = _prepared(scenario, first)
-    up = _estimation(scenario, CASES[first]).up
+    up = CASES[first].estimation(scenario.sensor, _WINDOW[1]).up
     for observer, one in zip(OBSERVERS, contenders, strict=True):
         metrics[f"{observer}.cost"] = Metric(
             value=1e6 * cost(one, on, up=up, updates=_TIMED),
@@ -298,22 +304,69 @@ def _metrics(traces: Mapping[str, np.ndarray]) -> dict[str, Metric]:
     return metrics
 
 
-def resolve_observer_comparison(scenario: ComparisonScenario) -> ComparisonScenario:
+def resolve_comparison(scenario: ObserverComparisonScenario) -> ObserverComparisonScenario:
     """Return the scenario with what it leaves open filled in, and checked."""
     for case in CASES.values():
-        estimation = _estimation(scenario, case)
+        estimation = case.estimation(scenario.sensor, _WINDOW[1])
         for observer in OBSERVERS:
-            given = _settings(scenario, case, observer)
-            make_filter(resolve_estimation(replace(estimation, observer=given)).observer)
+            make_filter(observer_of(estimation, _settings(scenario, case, observer)))
     return scenario
 
 
-def figures(scenario: ComparisonScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    return {
-        "observer-comparison": plot_comparison(
-            outcome,
-            cases={name: not case.tuned for name, case in CASES.items()},
-            observers=OBSERVERS,
-        )
-    }
+_TARGET: Final = 99.0  # %
+_LOOK: Final = {
+    "thesis": ("thesis", "#555555", "s"),
+    "gated": ("gated", "#9a9a9a", "v"),
+    "prior_weights": ("weights from the prior", "#b58900", "<"),
+    "vision": ("the same, with a camera's prediction", "#7a0060", "P"),
+    "curvature": ("curvature state", "#6fa0e8", ">"),
+    "friction": ("friction-angle state", "#b00020", "X"),
+    "adaptive": ("adaptive", "#e07b00", "o"),
+    "adaptive_vision": ("adaptive, with the prediction", "#7a4100", "D"),
+}
+
+
+def figures(scenario: ObserverComparisonScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Draw rms and coverage of each observer in each case, with the spread over the seeds."""
+    figure = new_figure(12.0, 7.5)
+    errors, coverage = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
+    rows = np.arange(len(CASES))
+    offsets = np.linspace(-0.33, 0.33, len(OBSERVERS))
+    for j, observer in enumerate(OBSERVERS):
+        label, color, marker = _LOOK[observer]
+        rms, low, high, covered = [], [], [], []
+        for i, case in enumerate(CASES):
+            of = (outcome.traces["case"] == i) & (outcome.traces["observer"] == j)
+            values = outcome.traces["rms"][of]
+            rms.append(outcome.metrics[f"{case}.{observer}.rms"].value)
+            low.append(float(np.percentile(values, 5)))
+            high.append(float(np.percentile(values, 95)))
+            covered.append(outcome.metrics[f"{case}.{observer}.coverage"].value)
+        errors.hlines(rows + offsets[j], low, high, color=color, linewidth=2.2, alpha=0.45)
+        for axes, values in ((errors, rms), (coverage, covered)):
+            axes.plot(
+                values, rows + offsets[j], marker, color=color, ms=5, label=label, clip_on=False
+            )
+    for axes in (errors, coverage):
+        for row in rows[1:]:
+            axes.axhline(row - 0.5, color="#dddddd", linewidth=0.8)
+    coverage.axvline(_TARGET, label=f"asked for, {_TARGET:g} %", **PUBLISHED)
+    dress(
+        errors,
+        title="Error of the normal: rms over all seeds, and 5 to 95 % of them",
+        x="rms error / °",
+        y="",
+    )
+    dress(coverage, title="Share of errors within 3 standard deviations", x="coverage / %", y="")
+    for axes in (errors, coverage):
+        axes.grid(False, axis="y")
+    errors.set_xlim(left=0)
+    coverage.set_xlim(0, 101)
+    names = [
+        f"{name.replace('_', ' ')}\n({'tuned on' if case.tuned else 'reported'})"
+        for name, case in CASES.items()
+    ]
+    errors.set_yticks(rows, names)
+    errors.invert_yaxis()  # both share it
+    legend(coverage, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return {"observer-comparison": figure}

@@ -17,21 +17,22 @@ from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_rows import Row
-from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
+from chamfer.analysis.drawing.figure_style import PUBLISHED, dress, legend, new_figure
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
 from chamfer.analysis.surface.normal_trials import (
     Contender,
-    Fault,
+    SensorFault,
     Slide,
     contender,
     run_trial,
     slide,
+    table_of_observers,
 )
-from chamfer.analysis.surface.observer_comparison import CASES, Case
-from chamfer.analysis.surface.observer_model_error_figures import plot_model_error
+from chamfer.analysis.surface.observer_comparison import CASES, SlideCase
 from chamfer.diagrams.surface.surface_estimation import (
     EstimationScenario,
     LeadSettings,
-    resolve_estimation,
+    ResolvedEstimationScenario,
 )
 from chamfer.diagrams.surface.surface_scenario import ObserverSettings, SurfaceSettings
 from chamfer.models.surfaces.friction import SurfaceFriction
@@ -42,8 +43,7 @@ from chamfer.models.validation import (
     require_same,
 )
 from chamfer.systems.estimation.model_error import ModelErrorParams
-from chamfer.systems.sensing.force_rate import ForceRateParams
-from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.systems.sensing.force_rate import ForceRateParams, ForceRateSensorParams
 
 Array = NDArray[np.float64]
 
@@ -52,15 +52,15 @@ _HOVER: Final = 1.0  # s
 _PRESS: Final = 3.0  # s
 _MOST_TRIALS: Final = 1000
 
-SURFACES: Final[Mapping[str, Case]] = {
+SURFACES: Final[Mapping[str, SlideCase]] = {
     **CASES,
-    "space_ball": Case(
+    "space_ball": SlideCase(
         SurfaceSettings(shape="sphere", radius=1.0, inside=False),
         SurfaceFriction(coefficient=0.4),
         True,
         LeadSettings(depth=0.2, speed=0.1, sideways=0.1),
     ),
-    "space_saddle": Case(
+    "space_saddle": SlideCase(
         SurfaceSettings(shape="paraboloid", coefficients=(0.2, -0.2)),
         SurfaceFriction(coefficient=0.4),
         False,
@@ -104,6 +104,7 @@ class ModelErrorScenario:
                 raise ParameterError(f"model_error.{name}", given, f"at most {most:g} s")
 
 
+MODEL_ERROR: Final = ModelErrorScenario()
 # thesis, and the adaptive observer as it is told nothing of errors, and as it is.
 OBSERVERS: Final = ("thesis", "trusting", "adaptive")
 
@@ -144,23 +145,14 @@ def drawn(scenario: ModelErrorScenario, dimension: int, random: np.random.Genera
     )
 
 
-def _estimation(scenario: ModelErrorScenario, case: Case) -> EstimationScenario:
-    lead = replace(case.lead, hover=_HOVER, press=_PRESS)
-    return resolve_estimation(
-        EstimationScenario(
-            surface=case.surface,
-            friction=case.friction,
-            lead=lead,
-            sensor=scenario.sensor,
-            duration=lead.begins + _WINDOW[1],
-        )
-    )
+def _estimation(scenario: ModelErrorScenario, name: str) -> ResolvedEstimationScenario:
+    return SURFACES[name].estimation(scenario.sensor, _WINDOW[1], hover=_HOVER, press=_PRESS)
 
 
 @cache
-def _prepared(scenario: ModelErrorScenario, name: str) -> tuple[EstimationScenario, Slide]:
+def _prepared(scenario: ModelErrorScenario, name: str) -> tuple[ResolvedEstimationScenario, Slide]:
     """Return a surface's slide; a process makes it once."""
-    estimation = _estimation(scenario, SURFACES[name])
+    estimation = _estimation(scenario, name)
     return estimation, slide(estimation)
 
 
@@ -185,7 +177,7 @@ def _contenders(
     return [contender(estimation, one, on) for one in (thesis, trusting, adaptive)]
 
 
-class Task(NamedTuple):
+class ModelErrorTrial(NamedTuple):
     """One of the runs on a surface: right, drawn, or at a corner."""
 
     surface: str
@@ -196,7 +188,7 @@ class Task(NamedTuple):
 _MEASURED: Final = {"rms": "error.rms", "coverage": "coverage", "nees": "nees"}
 
 
-def _observe(scenario: ModelErrorScenario, seed: int, task: Task) -> Row:
+def _observe(scenario: ModelErrorScenario, seed: int, task: ModelErrorTrial) -> Row:
     """Return what each observer made of a slide, an array of shape (observers,) each."""
     estimation, on = _prepared(scenario, task.surface)
     d = estimation.dimension
@@ -207,46 +199,39 @@ def _observe(scenario: ModelErrorScenario, seed: int, task: Task) -> Row:
     elif task.kind > 1:
         wrong = corners(scenario, d)[task.kind - 2]
     begins = estimation.lead.begins
-    found = run_trial(
+    return run_trial(
         on,
         _contenders(scenario, estimation, on, wrong),
+        _MEASURED,
         up=estimation.up,
         sensor=replace(scenario.sensor, bias=wrong.bias),
         random=random,
         window=(begins + _WINDOW[0], begins + _WINDOW[1]),
-        fault=Fault(
+        fault=SensorFault(
             late=wrong.late,
             rate=scenario.rate if wrong.differenced else None,
         ),
     )
-    return {
-        name: np.array([one[measured] for one in found], dtype=np.float64)
-        for name, measured in _MEASURED.items()
-    }
 
 
 def run_model_error(scenario: ModelErrorScenario, seed: int, progress: Progress) -> Outcome:
     """Run all observers on all surfaces, told right, wrong by chance, and at every corner."""
     tasks = [
-        Task(surface, kind, trial)
+        ModelErrorTrial(surface, kind, trial)
         for surface in scenario.surfaces
         for kind in range(2 + len(corners(scenario, SURFACES[surface].surface.dimension)))
         for trial in range(scenario.trials)
     ]
     finished = run_each(partial(_observe, scenario, seed), tasks, progress)
     finished.split(scenario.surfaces, lambda task: task.surface)  # none may be without
-    count, names = len(OBSERVERS), scenario.surfaces
-    surfaces = [names.index(task.surface) for task in finished.tasks]
-    traces = {
-        "surface": column(np.repeat(surfaces, count)),
-        "kind": column(np.repeat([task.kind for task in finished.tasks], count)),
-        "observer": column(np.tile(np.arange(count), len(finished))),
-        "trial": column(np.repeat([task.trial for task in finished.tasks], count)),
-        **{
-            name: column(np.concatenate([row[name] for row in finished.rows]))
-            for name in _MEASURED
-        },
-    }
+    names = scenario.surfaces
+    traces = table_of_observers(
+        finished,
+        len(OBSERVERS),
+        surface=[names.index(task.surface) for task in finished.tasks],
+        kind=[task.kind for task in finished.tasks],
+        trial=[task.trial for task in finished.tasks],
+    )
     return Outcome(
         metrics=_metrics(traces, names),
         traces=traces,
@@ -254,7 +239,12 @@ def run_model_error(scenario: ModelErrorScenario, seed: int, progress: Progress)
     )
 
 
-_KINDS: Final = ("right", "drawn", "corner")
+# Where what it is told is right, wrong by chance, and at the worst corner.
+_KINDS: Final = {
+    "right": ("told right", "|", "full"),
+    "drawn": ("wrong by chance", "o", "full"),
+    "corner": ("worst corner", "D", "none"),
+}
 
 
 def _metrics(traces: Mapping[str, Array], surfaces: tuple[str, ...]) -> dict[str, Metric]:
@@ -316,17 +306,67 @@ def _worst(
     return found
 
 
-def resolve_observer_model_error(scenario: ModelErrorScenario) -> ModelErrorScenario:
+def resolve_model_error(scenario: ModelErrorScenario) -> ModelErrorScenario:
     """Return the scenario with what it leaves open filled in, and checked."""
     for surface in scenario.surfaces:
-        _estimation(scenario, SURFACES[surface])
+        _estimation(scenario, surface)
     return scenario
 
 
+_COVERAGE: Final = 99.0  # %
+_SQUARES: Final = (0.5, 1.5)
+_LOOK: Final = {
+    "thesis": ("thesis", "#555555"),
+    "trusting": ("adaptive, trusting what it is told", "#6fa0e8"),
+    "adaptive": ("adaptive, knowing of errors", "#e07b00"),
+}
+
+
 def figures(scenario: ModelErrorScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    return {
-        "observer-model-error": plot_model_error(
-            outcome, surfaces=scenario.surfaces, observers=OBSERVERS
-        )
-    }
+    """Draw rms, coverage and normalised error squared of each observer on each surface."""
+    figure = new_figure(14.0, 8.0)
+    panels = figure.subplots(1, 3, sharey=True, width_ratios=(3, 2, 3))
+    rows = np.arange(len(scenario.surfaces))
+    offsets = np.linspace(-0.26, 0.26, len(OBSERVERS))
+    for axes, quantity in zip(panels, ("rms", "coverage", "nees"), strict=True):
+        for observer, offset in zip(OBSERVERS, offsets, strict=True):
+            label, color = _LOOK[observer]
+            for kind, (name, marker, fill) in _KINDS.items():
+                values = [
+                    outcome.metrics[f"{one}.{observer}.{kind}.{quantity}"].value
+                    for one in scenario.surfaces
+                ]
+                axes.plot(
+                    np.array(values, dtype=np.float64),
+                    rows + offset,
+                    linestyle="",
+                    marker=marker,
+                    fillstyle=fill,
+                    color=color,
+                    markersize=7 if marker == "|" else 5,
+                    label=f"{label}: {name}",
+                )
+        for row in rows[1:]:
+            axes.axhline(row - 0.5, color="#dddddd", linewidth=0.8)
+    errors, coverage, squares = panels
+    for axes in (errors, squares):
+        axes.set_xscale("log")
+    coverage.axvline(_COVERAGE, label=f"asked for, {_COVERAGE:g} %", **PUBLISHED)
+    low, high = _SQUARES
+    label = f"asked for, {low:g} to {high:g}"
+    squares.axvspan(low, high, color="#cccccc", alpha=0.5, linewidth=0, label=label)
+    dress(errors, title="Error of the normal", x="rms error / °", y="")
+    dress(coverage, title="Within 3 deviations", x="coverage / %", y="")
+    dress(
+        squares,
+        title="Normalised error squared",
+        x="error squared over variance / 1",
+        y="",
+    )
+    coverage.set_xlim(0, 102)
+    for axes in panels:
+        axes.grid(False, axis="y")
+    errors.set_yticks(rows, [one.replace("_", " ") for one in scenario.surfaces])
+    errors.invert_yaxis()  # all share it
+    legend(squares, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return {"observer-model-error": figure}

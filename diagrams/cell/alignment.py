@@ -20,8 +20,7 @@ from chamfer.diagrams.cell.resolved_arms import resolve_arms
 from chamfer.diagrams.cell.start_apart import offset_pose, require_start_apart
 from chamfer.diagrams.cell.work_cell import ARMS, ArmName, WorkCell, add_work_cell
 from chamfer.models.validation import known
-from chamfer.systems.force.compensated_pose import CompensatedPose
-from chamfer.systems.force.stoppable_motion import StoppableMotion
+from chamfer.systems.force.desired_pose import CompensatedPose, StoppableMotion
 from chamfer.systems.pose import pose_vector
 from chamfer.systems.servo.compensator import CompensatorParams, TrajectoryCompensator
 from chamfer.systems.servo.divergence_watch import DivergenceParams, DivergenceWatch, Watched

@@ -1,7 +1,6 @@
 """What the alignment by sight is: the arms, the cameras, and what is made of what they see."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Final, Literal, get_args
 
@@ -53,8 +52,6 @@ class AlignmentScenario(WorkCellScenario):
     motion_time: float = 2.0  # s, from there to the goal
     begin: float = 1.5  # s, of the compensation; until then impedance control alone
     compensation_time: float = 2.5  # s, how long the compensation lasts; section 5
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"controller": "controller.kind"}
     UNUSED_OF_PARTS: ClassVar[tuple[str, ...]] = OF_CONTACT
 
     def __post_init__(self) -> None:

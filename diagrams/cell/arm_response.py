@@ -22,7 +22,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from chamfer.diagrams.cell.work_cell import ArmName, WorkCellScenario, add_holders, add_work_cell
 from chamfer.models.plants.linear_response import free_response
 from chamfer.models.validation import ParameterError
-from chamfer.systems.force.compensated_pose import compensate
+from chamfer.systems.force.desired_pose import compensate
 from chamfer.systems.force.impedance_controller import ImpedanceController
 from chamfer.systems.pose import pose_vector
 from chamfer.systems.vision.image_plane_error import AXES

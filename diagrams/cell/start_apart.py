@@ -8,7 +8,7 @@ from pydrake.math import RigidTransform
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
 from chamfer.diagrams.cell.work_cell import ArmName, WorkCellScenario
 from chamfer.models.peg.part_overlap import require_apart
-from chamfer.systems.force.compensated_pose import compensate
+from chamfer.systems.force.desired_pose import compensate
 from chamfer.systems.pose import pose_from_vector, pose_vector
 
 _WAY: Final = np.linspace(1.0, 0.0, 21)  # of the start's offset, where the peg is looked at

@@ -14,9 +14,9 @@ world's own, or, downwards, x down and z ahead of the peg's arm.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
-from typing import ClassVar, Final, Literal, NamedTuple, get_args
+from typing import Final, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +36,8 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
-from chamfer.models.arms.arm_choice import chosen_arm
 from chamfer.models.arms.serial_arm import SerialArm
+from chamfer.models.arms.urdf_arm import chosen_arm
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import (
     ParameterError,
@@ -97,8 +97,6 @@ class ArmSettings:
     # N m, Coulomb, of each joint, unknown to the controller; 0: none; None: the model's
     rotor_inertia: tuple[float, ...] | None = None
     # kg m^2, of each motor as seen at its joint; None: the model's
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"friction": "joint_friction"}
 
     def __post_init__(self) -> None:
         require_not_negative(self, "payload_error")

@@ -1,31 +1,43 @@
 """The loop that charges a crucible: the chart over the hybrid controller, and the world."""
 
+import math
 from typing import Final
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import Adder, MatrixGain
 
-from chamfer.diagrams.charging.base_compensation import add_base_compensation
-from chamfer.diagrams.charging.charging_cycle import beliefs_of
-from chamfer.diagrams.charging.charging_resolve import resolve
-from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
-from chamfer.diagrams.charging.charging_scenes import make_scenes
-from chamfer.diagrams.charging.charging_world import add_line, add_world
-from chamfer.diagrams.contact.arm_sensing import (
+from chamfer.diagrams.charging.charging_scenario import (
+    ResolvedCrucibleChargingScenario,
+    beliefs_of,
+    make_scenes,
+)
+from chamfer.diagrams.charging.wrist_control import add_base_compensation
+from chamfer.diagrams.contact.sensing import (
     add_delay,
     add_encoders,
     add_force_in_world,
     add_force_sensor,
 )
-from chamfer.systems.charging.charging_machine import ChargingMachine
+from chamfer.systems.charging.charging_chart import ChargingMachine
+from chamfer.systems.charging.crucible_world import (
+    CutOff,
+    FaultTrigger,
+    FaultTriggerParams,
+    Grasp,
+    LayerMotion,
+    LayerMotionParams,
+)
 from chamfer.systems.contact.arm_in_contact import ArmInContact
-from chamfer.systems.force.acceleration_feedforward import AccelerationFeedforward
-from chamfer.systems.force.hybrid_controller import HybridController
-from chamfer.systems.sensing.endpoint_motion import EndpointMotion
-from chamfer.systems.sensing.homing import Homing
-from chamfer.systems.sensing.moving_average import MovingAverage
-from chamfer.systems.sensing.tare import Tare
+from chamfer.systems.force.hybrid_controller import (
+    AccelerationFeedforward,
+    HybridController,
+    require_hybrid_ports,
+)
+from chamfer.systems.ports import require_ports
+from chamfer.systems.sensing.encoders import EndpointMotion, Homing
+from chamfer.systems.sensing.force_rate import MovingAverage
+from chamfer.systems.sensing.force_sensor import Tare
 from chamfer.systems.trajectory.path_follower import PathFollower, PathFollowerParams
 
 SIGNALS: Final = (
@@ -49,16 +61,24 @@ SIGNALS: Final = (
 )
 
 
-def make_charging_diagram(scenario: CrucibleChargingScenario) -> Diagram:
+def make_charging_diagram(
+    scenario: ResolvedCrucibleChargingScenario, *, controller: LeafSystem | None = None
+) -> Diagram:
     """Build the loop; it exports :data:`SIGNALS`.
 
     The cycle knows the world by what it believes of the station and the nuggets, by the encoders,
     the wrist's force sensor and the gripper's part sensor.
 
+    Args:
+        scenario: What the blocks are like.
+        controller: A user's own, in place of the
+            :class:`chamfer.systems.force.hybrid_controller.HybridController`; with its ports, as
+            :func:`chamfer.systems.force.hybrid_controller.require_hybrid_ports` lists them, and
+            the input ``desired_velocity`` (7), m/s and rad/s.
+
     Raises:
-        ParameterError: As :func:`chamfer.diagrams.charging.charging_resolve.resolve`.
+        ParameterError: If the controller's ports are others.
     """
-    scenario = resolve(scenario)
     arm, control, plant = scenario.ARM, scenario.controller, scenario.plant
     builder = DiagramBuilder()
     add, connect = builder.AddNamedSystem, builder.Connect
@@ -85,9 +105,12 @@ def make_charging_diagram(scenario: CrucibleChargingScenario) -> Diagram:
     readings = scenario.charging.detection.readings
     mean = add("mean force", MovingAverage(samples=readings, period=control.period, size=3))
     wrench = add("force in coordinates", MatrixGain(np.eye(arm.num_coordinates, 3)))
-    controller = add(
-        "hybrid control", HybridController(arm, control, dynamics=scenario.dynamics())
-    )
+    if controller is None:
+        controller = HybridController(arm, control, dynamics=scenario.dynamics())
+    require_hybrid_ports(controller, arm)
+    velocity = {"desired_velocity": arm.num_coordinates}
+    require_ports("controller", controller, inputs=velocity, outputs={})
+    add("hybrid control", controller)
     reading = add_force_sensor(
         builder,
         scenario.sensor,
@@ -162,3 +185,118 @@ def make_charging_diagram(scenario: CrucibleChargingScenario) -> Diagram:
     diagram = builder.Build()
     diagram.set_name("Charging a crucible")
     return diagram
+
+
+LAYER: Final = 1  # index of the contact point that meets the layer below
+_TIMED: Final = ("part_dropped", "sensor_dead", "contact_lost", "halt")  # begin in a state
+
+
+def add_world(
+    builder: DiagramBuilder,
+    scenario: ResolvedCrucibleChargingScenario,
+    arm: ArmInContact,
+    machine: ChargingMachine,
+) -> OutputPort | None:
+    """Add gripper, layer and faults about the arm; return the port that cuts the sensor's line.
+
+    Args:
+        builder: Of the loop.
+        scenario: What the world is like.
+        arm: With the scenario's scenes.
+        machine: The chart that commands the gripper.
+    """
+    fault, connect = scenario.fault, builder.Connect
+    missing = fault.item if fault.kind == "part_missing" else None
+    contact = arm.GetOutputPort("contact")
+    grasp = builder.AddNamedSystem(
+        "grasp",
+        Grasp(
+            scenario.grasp,
+            tuple(index != missing for index in range(len(scenario.plan))),
+            contacts=contact.size(),
+        ),
+    )
+    connect(contact, grasp.GetInputPort("contact"))
+    for name in ("grip", "item"):
+        connect(machine.GetOutputPort(name), grasp.GetInputPort(name))
+    connect(grasp.GetOutputPort("scene"), arm.GetInputPort("scene"))
+    connect(grasp.GetOutputPort("held"), machine.GetInputPort("held"))
+    for name in ("scene", "held"):
+        builder.ExportOutput(grasp.GetOutputPort(name), name)
+    _add_layer(builder, scenario, arm, machine)
+    if fault.kind not in _TIMED:
+        return None
+    active = _add_trigger(builder, scenario, machine)
+    if fault.kind == "part_dropped":
+        connect(active, grasp.GetInputPort("drop"))
+    elif fault.kind == "halt":
+        connect(active, machine.GetInputPort("halt"))
+    elif fault.kind == "contact_lost":
+        azimuth = scenario.plan[fault.item].azimuth
+        away = -fault.force * np.array([math.cos(azimuth), math.sin(azimuth), 0.0])
+        blow = builder.AddNamedSystem("blow", MatrixGain(away[:, np.newaxis]))
+        connect(active, blow.get_input_port())
+        connect(blow.get_output_port(), arm.GetInputPort("disturbance"))
+    return active if fault.kind == "sensor_dead" else None
+
+
+def add_line(
+    builder: DiagramBuilder, reading: OutputPort, machine: ChargingMachine, cut: OutputPort | None
+) -> OutputPort:
+    """Put a line that can be cut behind a sensor, if any; return what the computer reads."""
+    if cut is None:
+        return reading
+    line = builder.AddNamedSystem("sensor's line", CutOff(reading.size()))
+    builder.Connect(reading, line.GetInputPort("signal"))
+    builder.Connect(cut, line.GetInputPort("cut"))
+    builder.Connect(line.GetOutputPort("alive"), machine.GetInputPort("alive"))
+    return line.GetOutputPort("reading")
+
+
+def _add_layer(
+    builder: DiagramBuilder,
+    scenario: ResolvedCrucibleChargingScenario,
+    arm: ArmInContact,
+    machine: ChargingMachine,
+) -> None:
+    given = scenario.layer
+    forces = arm.GetOutputPort("contact_force")
+    pick = np.zeros((3, forces.size()))
+    pick[:, 3 * LAYER : 3 * LAYER + 3] = np.eye(3)
+    force = builder.AddNamedSystem("force on the layer", MatrixGain(pick))
+    layer = builder.AddNamedSystem(
+        "layer below",
+        LayerMotion(
+            LayerMotionParams(
+                stiffness=given.stiffness,
+                mass=given.mass,
+                friction=given.slip_friction,
+                period=scenario.plant.period,
+            )
+        ),
+    )
+    builder.Connect(forces, force.get_input_port())
+    builder.Connect(force.get_output_port(), layer.GetInputPort("force"))
+    builder.Connect(machine.GetOutputPort("item"), layer.GetInputPort("item"))
+    builder.ExportOutput(layer.GetOutputPort("shift"), "layer_shift")
+
+
+def _add_trigger(
+    builder: DiagramBuilder, scenario: ResolvedCrucibleChargingScenario, machine: ChargingMachine
+) -> OutputPort:
+    fault, states = scenario.fault, machine.chart.state_names
+    trigger = builder.AddNamedSystem(
+        "fault",
+        FaultTrigger(
+            FaultTriggerParams(
+                state=states.index(fault.state),
+                item=fault.item,
+                delay=fault.delay,
+                duration=fault.lasting,
+                period=scenario.controller.period,
+            )
+        ),
+    )
+    for name in ("state", "item"):
+        builder.Connect(machine.GetOutputPort(name), trigger.GetInputPort(name))
+    return trigger.GetOutputPort("active")

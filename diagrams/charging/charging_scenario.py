@@ -3,23 +3,51 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Final, Literal
+from typing import ClassVar, Final, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.diagrams.charging.base_compensation import BaseCompensationParams
-from chamfer.diagrams.charging.wrist_control import CONTROLLER, FRICTION, GRIPPER, SENSING
-from chamfer.diagrams.contact.hybrid_scenario import ControllerSettings, FreeArmSettings
-from chamfer.diagrams.contact.sampling import require_periods, require_steps, updates_of
-from chamfer.diagrams.contact.sensing import Sensing, SensingValues
+from chamfer.diagrams.charging.wrist_control import (
+    CONTROLLER,
+    FRICTION,
+    GRIPPER,
+    SENSING,
+    BaseCompensationParams,
+)
+from chamfer.diagrams.contact.hybrid_loop_stability import (
+    LinearLoop,
+    Stability,
+    linear_loops,
+    require_stable,
+    stability_of,
+)
+from chamfer.diagrams.contact.hybrid_scenario import (
+    ContactArmSettings,
+    FreeArmSettings,
+    HybridScenario,
+    SlidingTask,
+    fill,
+    require_periods,
+    require_steps,
+    updates_of,
+)
+from chamfer.diagrams.contact.sensing import (
+    ControllerSettings,
+    Sensing,
+    SensingValues,
+    computer_of,
+    encoders_of,
+    push_errors,
+    sensor_of,
+)
 from chamfer.models.arms.adept_wrist import ADEPT_WRIST
 from chamfer.models.arms.arm import Arm
-from chamfer.models.arms.gripper import GripperParams
-from chamfer.models.charging.nugget import Nugget
-from chamfer.models.charging.packing import PlanItem
-from chamfer.models.charging.station import Layout, Station
+from chamfer.models.arms.gripper import GripperCompliance
+from chamfer.models.charging.packing import ItemPlace, Nugget, PlanItem, places
+from chamfer.models.charging.station import Point, Station, StationLayout
 from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import (
     ParameterError,
     require_finite,
@@ -28,18 +56,32 @@ from chamfer.models.validation import (
     require_positive,
     within,
 )
-from chamfer.systems.charging.charging_chart import DONE, MODE_OF, STOPPED
-from chamfer.systems.charging.charging_params import ChargingParams
-from chamfer.systems.charging.grasp import GraspParams
+from chamfer.systems.charging.charging_chart import (
+    DONE,
+    MODE_OF,
+    STOPPED,
+    ChargingChart,
+    make_charging_chart,
+)
+from chamfer.systems.charging.charging_params import (
+    ChargingBeliefs,
+    ChargingParams,
+    ResolvedChargingParams,
+)
+from chamfer.systems.charging.crucible_world import GraspParams
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.contact.arm_in_contact import ArmInContactParams
-from chamfer.systems.contact.scenes import ContactParams
-from chamfer.systems.sensing.encoders import EncoderParams
+from chamfer.systems.contact.arm_in_contact import (
+    ArmInContactParams,
+    ContactParams,
+    ContactPoint,
+    Load,
+    Scene,
+)
+from chamfer.systems.sensing.encoders import EncoderParams, HomingParams
 from chamfer.systems.sensing.force_sensor import ForceSensorParams
-from chamfer.systems.sensing.homing import HomingParams
 
 Array = NDArray[np.float64]
-Fault = Literal[
+FaultKind = Literal[
     "none",
     "part_missing",
     "part_dropped",
@@ -50,16 +92,13 @@ Fault = Literal[
     "sensor_dead",
 ]
 
-_FAULTS: Final[tuple[Fault, ...]] = (
-    "none",
-    "part_missing",
-    "part_dropped",
-    "wall_missing",
-    "layer_missing",
-    "contact_lost",
-    "halt",
-    "sensor_dead",
-)
+_FAR: Final = 10.0  # m, radius of a crucible whose wall is missing
+_ABYSS: Final = 0.1  # m, by which a layer that is missing lies lower
+_PAST: Final = 1.2  # of the way to the index marks, that homing goes
+_BEFORE: Final = 0.01  # m, from where the approach is looked at
+_SWING: Final = 0.01  # m, by which the nugget slides up and down where the loop is looked at
+_DOWN: Final = (0.0, 0.0, -1.0)
+_STILL: Final = (0.0, 0.0, 0.0, 0.0)  # the other coordinates
 _MOST_ITEMS: Final = 200
 _RUNNING: Final = tuple(name for name in MODE_OF if name not in (DONE, STOPPED))
 _LAYING: Final = ("wall", "crown", "bulk")  # modes that items of their kind alone come to
@@ -72,11 +111,11 @@ class StationSettings:
     """The cell, and what the cycle takes it to be."""
 
     true: Station = Station()
-    believed: Layout = Layout()
+    believed: StationLayout = StationLayout()
 
 
 @dataclass(frozen=True, kw_only=True)
-class WallSettings(ContactParams):
+class CrucibleWallSettings(ContactParams):
     """The crucible's wall: material, and how it stands."""
 
     stiffness: float = 3e4  # N/m, of the wall; assumed, as the Adept's
@@ -115,7 +154,7 @@ class LayerSettings(ContactParams):
 class FaultParams:
     """What goes wrong, once."""
 
-    kind: Fault = "none"
+    kind: FaultKind = "none"
     # part_missing: the feeder has none; part_dropped: the gripper loses it; wall_missing,
     # layer_missing: it is not there; contact_lost: a blow takes the nugget off; halt: the
     # operator's key; sensor_dead: the force sensor reads a constant from then on
@@ -128,7 +167,7 @@ class FaultParams:
     # after 20 N for 1 s the nugget comes back so hard that the cycle stops
 
     def __post_init__(self) -> None:
-        require_one_of(self, "kind", _FAULTS)
+        require_one_of(self, "kind", get_args(FaultKind))
         require_one_of(self, "state", _RUNNING)
         require_not_negative(self, "delay")
         require_positive(self, "force")
@@ -178,8 +217,8 @@ class CrucibleChargingScenario:
     )  # nuggets and loads of the bulk filler, in the order of laying
     station: StationSettings = StationSettings()
     arm: FreeArmSettings = FreeArmSettings(joint_friction=FRICTION)
-    gripper: GripperParams | None = GRIPPER  # of the fingers; None: rigid
-    wall: WallSettings = WallSettings()
+    gripper: GripperCompliance | None = GRIPPER  # of the fingers; None: rigid
+    wall: CrucibleWallSettings = CrucibleWallSettings()
     layer: LayerSettings = LayerSettings()
     feeder: ContactParams = ContactParams(
         stiffness=1500.0, damping=60.0, friction=SurfaceFriction(coefficient=0.3)
@@ -261,3 +300,229 @@ class CrucibleChargingScenario:
             held=updates.held,
             window=updates.window,
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedCrucibleChargingScenario(CrucibleChargingScenario):
+    """The same, with nothing left open."""
+
+    charging: ResolvedChargingParams
+    duration: float
+
+
+CRUCIBLE_CHARGING: Final = CrucibleChargingScenario()
+
+
+def make_scenes(scenario: ResolvedCrucibleChargingScenario) -> tuple[Scene, ...]:
+    """Return two scenes an item: the gripper empty, then with the item in it.
+
+    Empty, the fingers meet what stands in the feeder, or its ground where nothing does. With an
+    item in the gripper it meets the wall with its side and the layer below with its bottom; what
+    it stood on in the feeder no longer holds it. What lies in the crucible is what the plan has
+    laid there before, where the plan wanted it, with the sizes that it has.
+
+    Raises:
+        ParameterError: If an item does not fit into the crucible.
+    """
+    station, fault = scenario.station.true, scenario.fault
+    goals = places(scenario.plan, station, believed=False)
+    standing = station.wall(lean=scenario.wall.lean)
+    scenes = []
+    for index, (nugget, goal) in enumerate(zip(scenario.nuggets, goals, strict=True)):
+        hit = index == fault.item
+        top = 0.0 if hit and fault.kind == "part_missing" else nugget.height
+        grip = ContactPoint((0.0, 0.0, 0.0), station.tray(top), scenario.feeder)
+        scenes.append(Scene((grip,)))
+        wall = _far(station).wall() if hit and fault.kind == "wall_missing" else standing
+        depth = _ABYSS if hit and fault.kind == "layer_missing" else 0.0
+        layer = station.layer(goal.position, goal.layer - depth, tilt=scenario.layer.tilt)
+        points = (
+            ContactPoint(nugget.wall_point, wall, scenario.wall),
+            ContactPoint(nugget.layer_point, layer, scenario.layer),
+        )
+        load = Load(nugget.mass, nugget.centre, nugget.inertia)
+        scenes.append(Scene(points, load))
+    return tuple(scenes)
+
+
+def _far(station: Station) -> Station:
+    """Return the station with a crucible whose wall is out of reach."""
+    return replace(station, crucible_radius=_FAR)
+
+
+def beliefs_of(scenario: ResolvedCrucibleChargingScenario) -> ChargingBeliefs:
+    """Return what the cycle knows of the cell."""
+    arm, station = scenario.ARM, scenario.station.believed
+    error, distance = scenario.homing.for_joints(arm.num_joints)
+    shown = arm.joint_positions(scenario.start, scenario.arm.elbow) + error
+    nuggets = tuple(
+        replace(item.believed_nugget, mass=held.mass)
+        for item, held in zip(scenario.plan, scenario.nuggets, strict=True)
+    )
+    return ChargingBeliefs(
+        station=station,
+        plan=scenario.plan,
+        nuggets=nuggets,
+        places=places(scenario.plan, station, believed=True),
+        start=tuple(arm.endpoint(shown).tolist()),
+        home=tuple(arm.endpoint(shown + _PAST * distance).tolist()),
+    )
+
+
+def chart_of(scenario: ResolvedCrucibleChargingScenario) -> ChargingChart:
+    """Return the cycle's chart."""
+    return make_charging_chart(scenario.charging, beliefs_of(scenario))
+
+
+@dataclass(frozen=True, kw_only=True)
+class NuggetLoop(HybridScenario):
+    """The Adept with its wrist, pressing a nugget on a surface."""
+
+    ARM: ClassVar[Arm] = ADEPT_WRIST
+    SENSING: ClassVar[Mapping[Sensing, SensingValues]] = SENSING
+
+    touched: Surface
+    task: SlidingTask
+
+    @property
+    def distance(self) -> float:
+        """Distance from the start to where the nugget should touch, m."""
+        return _BEFORE
+
+    def make_surface(self) -> Surface:
+        """Return what the nugget touches."""
+        return self.touched
+
+
+def contact_loops(scenario: ResolvedCrucibleChargingScenario) -> tuple[NuggetLoop, ...]:
+    """Return the loops in which the plan's nuggets are pressed on something.
+
+    A wall nugget slides along the wall at its place; a crown nugget is pressed on what lies below.
+    Both as the world is.
+    """
+    station, charging = scenario.station.true, scenario.charging
+    wall = station.wall(lean=scenario.wall.lean)
+    goals = places(scenario.plan, station, believed=False)
+    loops = []
+    for item, nugget, goal in zip(scenario.plan, scenario.nuggets, goals, strict=True):
+        ahead = (math.cos(goal.azimuth), math.sin(goal.azimuth), 0.0)
+        if item.kind == "wall":
+            meets = _Meeting(nugget.wall_point, wall, scenario.wall, charging.wall_force)
+            loops.append(fill(_loop(scenario, nugget, goal, meets, ahead, _DOWN)))
+        elif item.kind == "crown":
+            layer = station.layer(goal.position, goal.layer, tilt=scenario.layer.tilt)
+            meets = _Meeting(nugget.layer_point, layer, scenario.layer, charging.layer_force)
+            loops.append(fill(_loop(scenario, nugget, goal, meets, _DOWN, ahead)))
+    return tuple(loops)
+
+
+def charging_stability(scenario: ResolvedCrucibleChargingScenario) -> Stability | None:
+    """Return growth and margins, the worst of all nuggets; None if none is pressed on anything.
+
+    Raises:
+        ParameterError: If a place is out of reach.
+    """
+    linear: list[LinearLoop] = []
+    for loop in contact_loops(scenario):
+        linear += linear_loops(loop)
+    return stability_of(tuple(linear)) if linear else None
+
+
+class _Meeting(NamedTuple):
+    """Where and on what a nugget is pressed."""
+
+    point: tuple[float, float, float]  # m, of the nugget, in the endpoint's frame
+    surface: Surface
+    material: ContactParams
+    force: float  # N
+
+
+def _loop(
+    scenario: CrucibleChargingScenario,
+    nugget: Nugget,
+    goal: ItemPlace,
+    meets: _Meeting,
+    ahead: Point,
+    along: Point,
+) -> NuggetLoop:
+    """Return the loop of a nugget at its place, pushed ahead and moved along."""
+    height = goal.layer + nugget.height
+    start = np.array([*goal.position, height, goal.azimuth, 0.0, 0.0, scenario.charging.lean])
+    start[:3] -= _BEFORE * np.array(ahead)
+    return NuggetLoop(
+        arm=ContactArmSettings(
+            joint_friction=scenario.arm.joint_friction,
+            elbow=scenario.arm.elbow,
+            contact_offset=meets.point,
+        ),
+        gripper=scenario.gripper,
+        touched=meets.surface,
+        surface=meets.material,
+        task=SlidingTask(
+            start=tuple(start.tolist()),
+            direction=(*ahead, *_STILL),
+            along=(*along, *_STILL),
+            speed=scenario.charging.seek_speed,
+            force=meets.force,
+            amplitude=_SWING,
+        ),
+        controller=scenario.controller,
+        sensing=scenario.sensing,
+        sensor=scenario.sensor,
+        encoders=scenario.encoders,
+        friction_compensation=scenario.friction_compensation,
+        step=scenario.step,
+    )
+
+
+_TIME_EACH = 60.0  # s, that an item may take
+
+
+def resolve_charging(scenario: CrucibleChargingScenario) -> ResolvedCrucibleChargingScenario:
+    """Return the scenario with what it leaves open filled in, and checked.
+
+    Sensors and computer are what ``sensing`` says. The controller knows gravity at the start, as
+    a constant, and the arm's whole model.
+
+    Raises:
+        ParameterError: If blocks refuse their parameters, an item does not fit into the crucible,
+            the arm can't reach a place, or a nugget's contact would be unstable and
+            ``controller.allow_unstable`` is not set.
+    """
+    values = scenario.SENSING[scenario.sensing]
+    q = scenario.ARM.joint_positions(scenario.start, scenario.arm.elbow)
+    control = computer_of(scenario.controller, values)
+    if control.feedforward_torque is None:
+        gravity = scenario.dynamics().gravity_torque(q)
+        control = replace(control, feedforward_torque=tuple(gravity.tolist()))
+    with within("sensor"):
+        sensor = sensor_of(scenario.sensor, values)
+    with within("encoders"):
+        encoders = encoders_of(scenario.encoders, values)
+        encoders.quanta(len(q))
+    compensation = scenario.friction_compensation
+    if compensation is not None:
+        with within("friction_compensation"):
+            compensation.compensated(len(q))
+            compensation = compensation.filled(scenario.sensing)
+    charging = scenario.charging
+    with within("charging.detection"):
+        R_WE = scenario.dynamics().orientation(q)
+        detection = charging.detection.resolved(*push_errors(sensor, np.eye(7)[0], R_WE))
+    for station, believed in ((scenario.station.believed, True), (scenario.station.true, False)):
+        places(scenario.plan, station, believed=believed)  # refuses what does not fit
+    duration = scenario.duration
+    if duration is None:
+        duration = _TIME_EACH * len(scenario.plan)
+    known = {
+        "controller": control,
+        "sensor": sensor,
+        "encoders": encoders,
+        "friction_compensation": compensation,
+        "charging": ResolvedChargingParams(**vars(charging) | {"detection": detection}),
+        "duration": duration,
+    }
+    found = ResolvedCrucibleChargingScenario(**vars(scenario) | known)
+    for loop in contact_loops(found):
+        require_stable(loop)
+    return found

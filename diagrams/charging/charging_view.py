@@ -25,7 +25,7 @@ from pydrake.multibody.tree import RpyFloatingJoint, SpatialInertia
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from chamfer.models.arms.adept_wrist import ADEPT_WRIST
-from chamfer.models.charging.packing import Kind, PlanItem
+from chamfer.models.charging.packing import ItemKind, PlanItem
 from chamfer.models.charging.station import Point, Station
 from chamfer.models.peg.part_surfaces import part_shape
 
@@ -53,7 +53,7 @@ _BED: Final[Colour] = (0.33, 0.35, 0.39, 1.0)
 _TABLE: Final[Colour] = (0.62, 0.55, 0.45, 1.0)
 _SCANNER: Final[Colour] = (0.20, 0.22, 0.25, 1.0)
 _LIGHT: Final[Colour] = (0.90, 0.15, 0.15, 1.0)
-_NUGGETS: Final[dict[Kind, Colour]] = {
+_NUGGETS: Final[dict[ItemKind, Colour]] = {
     "wall": (0.25, 0.38, 0.58, 1.0),
     "crown": (0.80, 0.50, 0.20, 1.0),
     "bulk": (0.45, 0.62, 0.45, 1.0),

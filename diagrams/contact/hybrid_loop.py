@@ -1,21 +1,85 @@
 """The hybrid position/force loop of Fig. 2-4, with the controllers of Figs. 2-1 and 2-2."""
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
-from pydrake.systems.primitives import ConstantVectorSource
+from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, LeafSystem, OutputPort
+from pydrake.systems.primitives import ConstantVectorSource, MatrixGain, TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
 
-from chamfer.diagrams.contact.hybrid_resolve import resolve
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
-from chamfer.diagrams.contact.manipulator import Manipulator, add_manipulator
+from chamfer.diagrams.contact.sensing import (
+    add_delay,
+    add_encoders,
+    add_force_in_world,
+    add_force_sensor,
+)
 from chamfer.systems.contact.arm_in_contact import ArmInContact
-from chamfer.systems.contact.impulse import Impulse
 from chamfer.systems.force.contact_detection import ContactDetection
 from chamfer.systems.force.friction_compensation import FrictionCompensation
-from chamfer.systems.force.guarded_motion import GuardedMotion
-from chamfer.systems.force.hybrid_controller import HybridController
+from chamfer.systems.force.hybrid_controller import HybridController, require_hybrid_ports
 from chamfer.systems.force.selection import Selection
+from chamfer.systems.force.surface_motion import GuardedMotion
+from chamfer.systems.sensing.force_sensor import LoadCellParams
+
+
+class Manipulator(NamedTuple):
+    """Ports of an arm with n joints and m endpoint coordinates.
+
+    A controller may be connected to ``torque`` and what is measured; ``arm`` is what is true.
+    """
+
+    torque: InputPort  # (n,), N m or N, that the controller asks for
+    encoders: OutputPort  # (2n,), joint positions and velocities
+    measured_force: OutputPort  # (m,), N, of the arm on the surface
+    base_torque: OutputPort  # (n,), N m or N, of the sensor under the base
+    arm: ArmInContact
+
+
+def add_manipulator(builder: DiagramBuilder, scenario: HybridScenario) -> Manipulator:
+    """Add the arm of a resolved scenario on its surface, its sensors, and the computer's delay."""
+    control, plant = scenario.controller, scenario.plant
+    start = scenario.joint_positions(np.array(scenario.task.start))
+    arm = builder.AddNamedSystem(
+        "manipulator and contact",
+        ArmInContact(scenario.ARM, scenario.make_surface(), plant, start),
+    )
+    encoders = add_encoders(
+        builder,
+        scenario.encoders,
+        arm.GetOutputPort("encoders"),
+        start,
+        period=control.period,
+    )
+    return Manipulator(
+        torque=add_delay(builder, control, arm.GetInputPort("torque"), step=plant.period),
+        encoders=encoders,
+        measured_force=_add_measured_force(builder, scenario, arm, encoders),
+        base_torque=arm.GetOutputPort("base_torque"),
+        arm=arm,
+    )
+
+
+def _add_measured_force(
+    builder: DiagramBuilder, scenario: HybridScenario, arm: ArmInContact, encoders: OutputPort
+) -> OutputPort:
+    given = scenario.sensor
+    reading = add_force_sensor(
+        builder,
+        given,
+        arm.GetOutputPort("tool_force"),
+        scenario.arm.contact_offset,
+        step=scenario.plant.period,
+        period=scenario.controller.period,
+    )
+    if isinstance(given, LoadCellParams):
+        push = builder.AddNamedSystem("push", MatrixGain(scenario.direction[:, np.newaxis]))
+        builder.Connect(reading, push.get_input_port())
+        return push.get_output_port()
+    m = scenario.ARM.num_coordinates
+    dynamics = scenario.dynamics()
+    return add_force_in_world(builder, given, dynamics, reading, encoders, coordinates=m)
+
 
 SIGNALS: Final = (
     "encoders",
@@ -29,17 +93,23 @@ SIGNALS: Final = (
 )
 
 
-def make_hybrid_diagram(scenario: HybridScenario) -> Diagram:
-    """Build the loop; it exports :data:`SIGNALS`.
+def make_hybrid_diagram(
+    scenario: HybridScenario, *, controller: LeafSystem | None = None
+) -> Diagram:
+    """Build the loop of a resolved scenario; it exports :data:`SIGNALS`.
 
     The controller knows the arm by its encoders and its force sensor alone (with friction
-    compensation also by the torque sensor under its base).
+    compensation also by the torque sensor under its base). One of the user's own has the ports
+    that :func:`chamfer.systems.force.hybrid_controller.require_hybrid_ports` lists.
 
     Raises:
-        ParameterError: As :func:`chamfer.diagrams.contact.hybrid_scenario.resolve`.
+        ParameterError: If the scenario leaves something open, or the controller lacks a port.
     """
-    scenario = resolve(scenario)
     arm, task, control = scenario.ARM, scenario.task, scenario.controller
+    if controller is None:
+        model = scenario.dynamics() if control.full_dynamics else None
+        controller = HybridController(arm, control, dynamics=model)
+    require_hybrid_ports(controller, arm)
     builder = DiagramBuilder()
     manipulator = add_manipulator(builder, scenario)
     detection = builder.AddNamedSystem(
@@ -51,12 +121,7 @@ def make_hybrid_diagram(scenario: HybridScenario) -> Diagram:
     force = builder.AddNamedSystem(
         "desired force", ConstantVectorSource(task.force * scenario.direction)
     )
-    controller = builder.AddNamedSystem(
-        "hybrid control",
-        HybridController(
-            arm, control, dynamics=scenario.dynamics() if control.full_dynamics else None
-        ),
-    )
+    builder.AddNamedSystem("hybrid control", controller)
     connect = builder.Connect
     measured = manipulator.measured_force
     mode = detection.GetOutputPort("state")
@@ -88,7 +153,7 @@ def add_friction_compensation(
     builder: DiagramBuilder,
     scenario: HybridScenario,
     manipulator: Manipulator,
-    controller: HybridController,
+    controller: LeafSystem,
 ) -> OutputPort:
     """Add what the scenario asks for between a controller and its arm; return the torque."""
     torque = controller.GetOutputPort("torque")
@@ -117,10 +182,14 @@ def add_kick(builder: DiagramBuilder, scenario: HybridScenario, arm: ArmInContac
     away = -np.array([*scenario.direction, 0.0, 0.0][:3])
     row = away @ state.J_v_WC
     mass = 1 / float(row @ np.linalg.solve(state.mass, row))
+    # A step of the arm long; half of one early, so that rounding decides neither its first sample
+    # nor its last.
+    step = scenario.plant.period
+    first = task.kick_time - step / 2
+    force = away * mass * task.kick_speed / step
+    blow = np.column_stack([0 * force, force, 0 * force, 0 * force])
+    times = [first - step, first, first + step, first + 2 * step]
     kick = builder.AddNamedSystem(
-        "kick",
-        Impulse(
-            away * mass * task.kick_speed, begin=task.kick_time, duration=scenario.plant.period
-        ),
+        "kick", TrajectorySource(PiecewisePolynomial.ZeroOrderHold(times, blow))
     )
     builder.Connect(kick.get_output_port(), arm.GetInputPort("disturbance"))

@@ -1,18 +1,24 @@
-"""What may be set in a hybrid position/force loop, whatever the arm."""
+"""What may be set in a hybrid position/force loop, whatever the arm, and what it leaves open."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from typing import ClassVar
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Final, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.diagrams.contact.sampling import require_periods, require_steps, updates_of
-from chamfer.diagrams.contact.sensing import Sensing, SensingValues
-from chamfer.models.arms.arm import Arm, Elbow
-from chamfer.models.arms.gripper import GripperParams
-from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.diagrams.contact.sensing import (
+    ControllerSettings,
+    Sensing,
+    SensingValues,
+    computer_of,
+    encoders_of,
+    push_errors,
+    sensor_of,
+)
+from chamfer.models.arms.arm import Arm, Elbow, JointFrictionParams
+from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.surfaces.planes import RippledPlane, Unevenness
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import (
@@ -23,15 +29,56 @@ from chamfer.models.validation import (
     within,
 )
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.contact.arm_in_contact import ArmInContactParams
-from chamfer.systems.contact.scenes import ContactParams
+from chamfer.systems.contact.arm_in_contact import ArmInContactParams, ContactParams
 from chamfer.systems.force.contact_detection import ContactDetectionParams
 from chamfer.systems.force.friction_compensation import FrictionCompensationParams
-from chamfer.systems.force.guarded_motion import ApproachParams, GuardedMotionParams
-from chamfer.systems.force.hybrid_controller import HybridControllerParams
 from chamfer.systems.force.selection import unit
+from chamfer.systems.force.surface_motion import ApproachParams, GuardedMotionParams
 from chamfer.systems.sensing.encoders import EncoderParams
 from chamfer.systems.sensing.force_sensor import ForceSensorParams, LoadCellParams
+
+_MOST_HELD: Final = 5000  # steps in a period
+_REFRESH: Final = 1e-3  # s, at most, over which the torque and the surface's shape are held
+_MOST_PERIODS: Final = 1_000_000  # of a run; its traces have a row for each
+
+
+class Updates(NamedTuple):
+    """How a period is divided."""
+
+    held: int  # steps in an update of the arm
+    window: int  # updates in a period
+
+
+def require_steps(step: float, period: float) -> None:
+    """Raise unless a period is a whole number of steps, s.
+
+    Raises:
+        ParameterError: Naming ``step``.
+    """
+    held = round(period / step)
+    if not (1 <= held <= _MOST_HELD and abs(held * step / period - 1) < 1e-9):
+        allowed = f"a whole part of the period, {period:g}, down to {period / _MOST_HELD:g}"
+        raise ParameterError("step", step, allowed)
+
+
+def require_periods(duration: float, period: float) -> None:
+    """Raise unless a run has not too few and not too many periods, s.
+
+    Raises:
+        ParameterError: Naming ``duration``.
+    """
+    if not 10 <= duration / period <= _MOST_PERIODS:
+        allowed = f"10 to {_MOST_PERIODS} periods of {period:g} s"
+        raise ParameterError("duration", duration, allowed)
+
+
+def updates_of(step: float, period: float) -> Updates:
+    """Return the longest updates, up to a millisecond, of which a period is a whole number."""
+    steps = round(period / step)
+    most = max(1, round(_REFRESH / step))
+    held = max(count for count in range(1, most + 1) if steps % count == 0)
+    return Updates(held, steps // held)
+
 
 Array = NDArray[np.float64]
 
@@ -42,10 +89,6 @@ _MOST_TRIALS = 1000
 class FreeArmSettings:
     """The arm's pose and friction; the rest of it is in its URDF."""
 
-    RENAMED: ClassVar[Mapping[str, str]] = {
-        one.name: f"joint_friction.{one.name}" for one in fields(JointFrictionParams)
-    }
-
     joint_friction: JointFrictionParams
     elbow: Elbow = "negative"  # sign of the elbow joint
 
@@ -54,7 +97,7 @@ class FreeArmSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ArmSettings(FreeArmSettings):
+class ContactArmSettings(FreeArmSettings):
     """An arm that touches with one point of its own."""
 
     contact_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -92,8 +135,8 @@ class ContactTask(ApproachParams):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Task(GuardedMotionParams, ContactTask):
-    """The same, and move along."""
+class SlidingTask(GuardedMotionParams, ContactTask):
+    """The same, and slide along."""
 
     @property
     def ways(self) -> tuple[float, ...]:
@@ -102,7 +145,7 @@ class Task(GuardedMotionParams, ContactTask):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TaskOnPlane(Task):
+class PlaneTask(SlidingTask):
     """The same on a plane, which is where the task wants it."""
 
     distance: float  # m, from the start to the plane
@@ -113,30 +156,14 @@ class TaskOnPlane(Task):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ControllerSettings(HybridControllerParams):
-    """The hybrid controller, and whether it may run where it is unstable."""
-
-    computation_delay: float | None = None
-    # s, from the sensors to the torque, 0 to a period; None: derived from ``sensing``
-    computation_jitter: float | None = None
-    # s, half-width of what the delay is off; None: derived from ``sensing``
-    allow_unstable: bool = False  # True: run a loop that is unstable
-
-
-@dataclass(frozen=True, kw_only=True)
 class HybridScenario(ABC):
     """An arm, its controller, what it touches and what it is to do."""
 
-    RENAMED: ClassVar[Mapping[str, str]] = {
-        "sensor.detect": "detection.detect",
-        "sensor.release": "detection.release",
-        "friction_compensation": "friction_compensation.bandwidth",
-    }
     ARM: ClassVar[Arm]
     SENSING: ClassVar[Mapping[Sensing, SensingValues]]
 
-    arm: ArmSettings
-    gripper: GripperParams | None = None  # between wrist and tip; None: rigid
+    arm: ContactArmSettings
+    gripper: GripperCompliance | None = None  # between wrist and tip; None: rigid
     surface: ContactParams
     task: ContactTask
     controller: ControllerSettings
@@ -222,7 +249,7 @@ class OnPlane(HybridScenario):
     """A loop that touches a plane which is nearly what the controller takes it to be."""
 
     surface: UnevenPlane
-    task: TaskOnPlane
+    task: PlaneTask
 
     @property
     def distance(self) -> float:
@@ -254,6 +281,41 @@ class HybridTrials(HybridScenario):
         super().__post_init__()
         if not 1 <= self.trials <= _MOST_TRIALS:
             raise ParameterError("trials", self.trials, f"1 to {_MOST_TRIALS}")
+
+
+HybridScenarioT = TypeVar("HybridScenarioT", bound=HybridScenario)
+
+
+def fill(scenario: HybridScenarioT) -> HybridScenarioT:
+    """Return the scenario with all that it leaves open, stable or not.
+
+    Sensors and computer are what ``sensing`` says. The controller knows gravity at the start, as
+    a constant (section 2.1.2), and with full dynamics the inertia where it should touch.
+
+    Raises:
+        ParameterError: If blocks refuse their parameters, or the arm can't reach the task.
+    """
+    values, dynamics = scenario.SENSING[scenario.sensing], scenario.dynamics()
+    control = scenario.controller
+    if control.feedforward_torque is None:
+        gravity = dynamics.gravity_torque(scenario.joint_positions(np.array(scenario.task.start)))
+        control = replace(control, feedforward_torque=tuple(gravity.tolist()))
+    q = scenario.joint_positions(scenario.touching)
+    if control.full_dynamics and control.inertia is None:
+        mass = dynamics.evaluate(q, np.zeros(len(q))).mass
+        control = replace(control, inertia=tuple(np.diag(mass).tolist()))
+    control = computer_of(control, values)
+    with within("sensor"):
+        sensor = sensor_of(scenario.sensor, values)
+    with within("encoders"):
+        encoders = encoders_of(scenario.encoders, values)
+        encoders.quanta(len(q))
+    with within("detection"):
+        errors = push_errors(sensor, scenario.direction, dynamics.orientation(q))
+        detection = scenario.detection.resolved(*errors)
+    return replace(
+        scenario, controller=control, sensor=sensor, encoders=encoders, detection=detection
+    )
 
 
 def _spatial(vector: tuple[float, ...]) -> Array:

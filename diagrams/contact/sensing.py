@@ -1,14 +1,33 @@
-"""Sensors and computer of an arm: as ideal as in the paper's figure, or as they are."""
+"""Sensors and computer of an arm: as ideal as in the paper's figure, or as they are.
+
+What is ideal is not there.
+"""
 
 from dataclasses import dataclass, fields, replace
 from typing import Final, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.common import RandomDistribution
+from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.primitives import RandomSource
 
-from chamfer.systems.force.contact_detection import ContactDetectionParams
-from chamfer.systems.sensing.encoders import EncoderParams
-from chamfer.systems.sensing.force_sensor import ChannelParams, ForceSensorParams, LoadCellParams
+from chamfer.models.validation import known, within
+from chamfer.systems.contact.arm_dynamics import ArmDynamics
+from chamfer.systems.force.hybrid_controller import HybridControllerParams
+from chamfer.systems.sensing.computation_delay import ComputationDelay, require_within_period
+from chamfer.systems.sensing.encoders import EncoderParams, Encoders
+from chamfer.systems.sensing.force_sensor import (
+    BaseSensorParams,
+    ChannelParams,
+    ForceInWorld,
+    ForceSensor,
+    ForceSensorParams,
+    Gauges,
+    LoadCellParams,
+    base_gauges,
+    gauges,
+)
 
 Array = NDArray[np.float64]
 Sensing = Literal["ideal", "realistic"]
@@ -27,6 +46,17 @@ class SensingValues:
     encoders: EncoderParams = EXACT
     computation_delay: float = 0.0  # s
     computation_jitter: float = 0.0  # s
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControllerSettings(HybridControllerParams):
+    """The hybrid controller, and whether it may run where it is unstable."""
+
+    computation_delay: float | None = None
+    # s, from the sensors to the torque, 0 to a period; None: derived from ``sensing``
+    computation_jitter: float | None = None
+    # s, half-width of what the delay is off; None: derived from ``sensing``
+    allow_unstable: bool = False  # True: run a loop that is unstable
 
 
 def ideal(sensor: Params) -> Params:
@@ -52,27 +82,33 @@ def encoders_of(given: EncoderParams, values: SensingValues) -> EncoderParams:
     return replace(given, **left_open)  # type: ignore[arg-type]
 
 
-def detection_of(
-    given: ContactDetectionParams, sensor: SensorParams, direction: Array, R_WE: Array
-) -> ContactDetectionParams:
-    """Return contact detection with what the sensor's noise asks for.
+def computer_of(control: ControllerSettings, values: SensingValues) -> ControllerSettings:
+    """Return the controller with what it leaves open of its computer.
 
-    Args:
-        given: Contact detection.
-        sensor: Resolved.
-        direction: Of the push in endpoint coordinates, shape (m,).
-        R_WE: Orientation of the endpoint where it should touch.
+    Raises:
+        ParameterError: If the torque would be later than a period.
     """
-    return given.resolved(*push_errors(sensor, direction, R_WE))
+    if control.computation_delay is None:
+        control = replace(control, computation_delay=values.computation_delay)
+    if control.computation_jitter is None:
+        # no more than what an own delay leaves room for
+        delay = known("computation_delay", control.computation_delay)
+        room = min(delay, control.period - delay)
+        control = replace(control, computation_jitter=min(values.computation_jitter, room))
+    with within("controller"):
+        require_within_period(
+            known("computation_delay", control.computation_delay),
+            known("computation_jitter", control.computation_jitter),
+            control.period,
+        )
+    return control
 
 
 def push_errors(sensor: SensorParams, direction: Array, R_WE: Array) -> tuple[float, float]:
     """Return by how much a push that is measured without contact is off, N: by noise, by bias.
 
-    Args:
-        sensor: Resolved.
-        direction: Of the push in endpoint coordinates, shape (m,).
-        R_WE: Orientation of the endpoint where it should touch.
+    ``direction``, shape (m,), is that of the push in endpoint coordinates, R_WE the endpoint's
+    orientation where it should touch; the sensor is resolved.
     """
     share = 1.0  # of a channel's error in the push, at worst
     if isinstance(sensor, ForceSensorParams):
@@ -90,3 +126,136 @@ def missing(given: object, values: object) -> dict[str, object]:
         for one in fields(given)  # type: ignore[arg-type]
         if getattr(given, one.name) is None
     }
+
+
+def add_encoders(
+    builder: DiagramBuilder,
+    params: EncoderParams,
+    motion: OutputPort,
+    start: Array,
+    *,
+    period: float,
+) -> OutputPort:
+    """Add encoders to a motion, (2n,), that starts at rest, (n,); return what they show, (2n,)."""
+    if params.exact:
+        return motion
+    encoders = builder.AddNamedSystem("encoders", Encoders(params, start, period=period))
+    builder.Connect(motion, encoders.GetInputPort("motion"))
+    return encoders.GetOutputPort("encoders")
+
+
+def add_delay(
+    builder: DiagramBuilder, control: ControllerSettings, torque: InputPort, *, step: float
+) -> InputPort:
+    """Add the computer's delay before an arm's torque, (n,); return the port to connect to.
+
+    The arm takes a torque every ``step``, s.
+    """
+    delay = known("computation_delay", control.computation_delay)
+    jitter = known("computation_jitter", control.computation_jitter)
+    if not delay:
+        return torque
+    block = builder.AddNamedSystem(
+        "computation delay",
+        ComputationDelay(
+            torque.size(), delay=delay, jitter=jitter, period=control.period, step=step
+        ),
+    )
+    builder.Connect(block.GetOutputPort("torque"), torque)
+    if jitter:
+        _add_noise(builder, "jitter", block.GetInputPort("jitter"), control.period)
+    return block.GetInputPort("command")
+
+
+def add_force_sensor(
+    builder: DiagramBuilder,
+    params: ForceSensorParams | LoadCellParams,
+    tool_force: OutputPort,
+    contact_point: tuple[float, float, float],
+    *,
+    step: float,
+    period: float,
+) -> OutputPort:
+    """Add a force sensor with its noise; return its reading, (k,).
+
+    ``tool_force``, (3,), N, in the endpoint's frame, changes every ``step``, s, and acts at the
+    contact point, m, in that frame; ``period``, s, is the computer's.
+    """
+    given = gauges(params, contact_point)
+    return add_sensor(builder, "", params, given, tool_force, step=step, period=period)
+
+
+def add_base_sensor(
+    builder: DiagramBuilder,
+    params: BaseSensorParams,
+    base_wrench: OutputPort,
+    *,
+    step: float,
+    period: float,
+) -> OutputPort:
+    """Add a sensor under the base with its noise; return its reading, (6,), of base on arm.
+
+    ``base_wrench``, (6,), moment and force of the base on the arm, changes every ``step``, s.
+    """
+    given = base_gauges(params)
+    return add_sensor(builder, "base ", params, given, base_wrench, step=step, period=period)
+
+
+def add_force_in_world(
+    builder: DiagramBuilder,
+    params: ForceSensorParams,
+    dynamics: ArmDynamics,
+    reading: OutputPort,
+    encoders: OutputPort,
+    *,
+    coordinates: int,
+) -> OutputPort:
+    """Turn a wrist sensor's reading, (k,), into the world; return that of arm on surface, N.
+
+    It has as many ``coordinates`` as the endpoint vector: x, y, z, then zeros.
+    """
+    turned = builder.AddNamedSystem(
+        "force in the world",
+        ForceInWorld(dynamics, params.undoing, coordinates=coordinates),
+    )
+    builder.Connect(reading, turned.GetInputPort("reading"))
+    builder.Connect(encoders, turned.GetInputPort("encoders"))
+    return turned.GetOutputPort("measured_force")
+
+
+def add_sensor(
+    builder: DiagramBuilder,
+    where: str,
+    params: ChannelParams,
+    given: Gauges,
+    felt: OutputPort,
+    *,
+    step: float,
+    period: float,
+) -> OutputPort:
+    """Add a sensor with its noise; return its reading, (k,).
+
+    ``where`` is in front of the blocks' names; ``felt``, which changes every ``step``, s, is what
+    the given gauges feel; ``period``, s, is the computer's.
+    """
+    sensor = builder.AddNamedSystem(
+        f"{where}force sensor", ForceSensor(params, given, step=step, period=period)
+    )
+    builder.Connect(felt, sensor.GetInputPort("tool_force"))
+    if params.noise:
+        _add_noise(builder, f"{where}sensor noise", sensor.GetInputPort("noise"), period)
+    if params.drift:
+        drift = sensor.GetInputPort("drift")
+        _add_noise(builder, f"{where}sensor drift", drift, period, RandomDistribution.kGaussian)
+    return sensor.GetOutputPort("reading")
+
+
+def _add_noise(
+    builder: DiagramBuilder,
+    name: str,
+    port: InputPort,
+    period: float,
+    distribution: RandomDistribution = RandomDistribution.kUniform,
+) -> None:
+    noise = builder.AddNamedSystem(name, RandomSource(distribution, port.size(), period))
+    builder.Connect(noise.get_output_port(), port)

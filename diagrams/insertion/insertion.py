@@ -22,8 +22,8 @@ from chamfer.diagrams.cell.work_cell import ARMS, ArmName, WorkCell
 from chamfer.diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
 from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
 from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
-from chamfer.systems.force.feed_offset import FeedOffset
-from chamfer.systems.force.spring_force import SpringForce
+from chamfer.systems.force.desired_pose import FeedOffset
+from chamfer.systems.force.impedance_controller import SpringForce
 from chamfer.systems.servo.measurement_selector import MeasurementSelector
 from chamfer.systems.strategies.insertion_decision import InsertionRegion
 from chamfer.systems.strategies.insertion_memory import InsertionTaskParams

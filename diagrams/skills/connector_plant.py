@@ -16,12 +16,11 @@ from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import Adder, MatrixGain, Multiplexer
 
 from chamfer.models.arms.wrist import SIZE, WristParams, add_wrist, in_joint_order
-from chamfer.models.connectors.connector import Connector, Material, Piece, add_pieces
+from chamfer.models.connectors.connector import Connector, ContactMaterial, ConvexPiece, add_pieces
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.arm_model import TruePose
 
-STEP: Final = 0.001  # s, of the plant
-_OBSTACLE: Final = Material(stiffness=1e6, dissipation=20.0, friction=0.2)
+_OBSTACLE: Final = ContactMaterial(stiffness=1e6, dissipation=20.0, friction=0.2)
 
 
 class ConnectorPlant(NamedTuple):
@@ -42,7 +41,7 @@ def add_connector_plant(
     X_WS: RigidTransform,
     X_TP: RigidTransform,
     start: NDArray[np.float64] | None = None,
-    step: float = STEP,
+    step: float = 0.001,
     obstacle: float | None = None,
 ) -> ConnectorPlant:
     """Add a plant in which a carriage in the world's axes holds a plug by the wrist.
@@ -136,5 +135,5 @@ def _add_obstacle(plant: MultibodyPlant, X_WS: RigidTransform, depth: float) -> 
     """Add a plate all around the socket."""
     size = (0.08, 0.08, 0.002)
     X_SO = RigidTransform([0.0, 0.0, -depth - size[2] / 2])
-    plate = [Piece("obstacle", Box(*size), X_SO)]
+    plate = [ConvexPiece("obstacle", Box(*size), X_SO)]
     add_pieces(plant, plant.world_body(), X_WS, plate, _OBSTACLE, np.array([0.2, 0.2, 0.2, 1.0]))

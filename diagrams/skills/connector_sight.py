@@ -1,28 +1,30 @@
 """The two cameras that watch an insertion, and what is made of their images."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import ClassVar, Final
+from dataclasses import dataclass, fields
+from typing import Final
 
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer
 
-from chamfer.diagrams.skills.vision_servo import GREEN, STATIC, Belief, block
+from chamfer.diagrams.skills.vision_servo import GREEN, STATIC, CameraBelief, block
 from chamfer.models.arms.wrist import SIZE
 from chamfer.models.cameras.camera import Camera, CameraPlacement, View
 from chamfer.models.connectors.connector import Array, Connector
 from chamfer.models.peg.peg_and_hole import BLUE, RED
-from chamfer.models.validation import ParameterError, require_positive
+from chamfer.models.validation import require_numbers, require_positive
 from chamfer.systems.cameras.camera_image import FrameGrabberParams, add_frame_grabber
 from chamfer.systems.cameras.solids_camera import Solid, SolidsCamera
 from chamfer.systems.pose import pose_vector
-from chamfer.systems.primitives.carried_poses import CarriedPoses
-from chamfer.systems.primitives.primitive_runner import TICK
+from chamfer.systems.primitives.carriage import CarriedPoses
+from chamfer.systems.primitives.primitive import TICK
 from chamfer.systems.primitives.visual_servoing import ServoingParams, StaticCameras
-from chamfer.systems.strategies.grasp_and_transport import GraspAndTransportParams
+from chamfer.systems.strategies.grasp_and_transport import (
+    GraspAndTransportParams,
+    ResolvedGraspAndTransportParams,
+)
 from chamfer.systems.vision.part_appearance import Appearance
 from chamfer.systems.vision.part_detector import PartsDetector
 
@@ -44,27 +46,31 @@ class SightSettings:
     distance: float = 0.5  # m, of the cameras from the scene's middle
     pixel_size: float = 0.0005  # m, at the scene's middle
     middle: tuple[float, float, float] = (-0.022, 0.035, 0.035)  # m, of the scene
-    xz: Belief = field(default_factory=lambda: Belief(focal_factor=1.05, turn=(0.03, -0.03, 0.03)))
-    yz: Belief = field(default_factory=lambda: Belief(focal_factor=0.95, turn=(-0.03, 0.03, 0.03)))
-    frames: FrameGrabberParams = field(
-        # Exposed between ticks, so that rounding cannot change their order.
-        default_factory=lambda: FrameGrabberParams(period=1 / 30, offset=TICK / 2)
-    )
-    servoing: ServoingParams = field(default_factory=ServoingParams)
+    xz: CameraBelief = CameraBelief(focal_factor=1.05, turn=(0.03, -0.03, 0.03))
+    yz: CameraBelief = CameraBelief(focal_factor=0.95, turn=(-0.03, 0.03, 0.03))
+    # Exposed between ticks, so that rounding cannot change their order.
+    frames: FrameGrabberParams = FrameGrabberParams(period=1 / 30, offset=TICK / 2)
+    servoing: ServoingParams = ServoingParams()
     plug: tuple[float, float, float] = (-0.045, 0.035, 0.0)  # m, where the plug's tip rests
     plug_present: bool = True  # False: there is nothing to be grasped
     standby: tuple[float, float, float] = (0.006, 0.03, 0.008)
     # m, of the gripper from the plug before the grasp
-    motion: GraspAndTransportParams = field(default_factory=GraspAndTransportParams)
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"gain": "servoing.gain"}
+    motion: GraspAndTransportParams = GraspAndTransportParams()
 
     def __post_init__(self) -> None:
         require_positive(self, "distance", "pixel_size")
-        for name in ("middle", "plug", "standby"):
-            value = getattr(self, name)
-            if len(value) != 3 or not all(map(math.isfinite, value)):
-                raise ParameterError(name, value, "three finite numbers")
+        require_numbers(self, 3, "middle", "plug", "standby")
+
+    def resolved(self, *, top: float, weight: float) -> "ResolvedSightSettings":
+        """Return the settings with what is known of the plug where they leave it open.
+
+        Args:
+            top: m, of the plug's upper end above its tip.
+            weight: N, of the plug; 0: it is not weighed.
+        """
+        own = {one.name: getattr(self, one.name) for one in fields(self)}
+        motion = self.motion.resolved(top=top, weight=weight)
+        return ResolvedSightSettings(**own | {"motion": motion})
 
     def camera(self, view: View) -> Camera:
         """Return a camera as it truly is."""
@@ -95,6 +101,13 @@ class SightSettings:
         """Displacement of the carriage at first, rad above m, shape (6,)."""
         start: Array = self.resting + np.array([0.0, 0.0, 0.0, *self.standby])
         return start
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedSightSettings(SightSettings):
+    """Cameras, and the scene in which the plug is grasped; nothing is open."""
+
+    motion: ResolvedGraspAndTransportParams
 
 
 def add_sight(

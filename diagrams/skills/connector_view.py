@@ -13,7 +13,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from chamfer.diagrams.skills.connector_insertion import PartScenario
+from chamfer.diagrams.skills.connector_scenario import ResolvedConnectorScenario
 from chamfer.models.arms.wrist import SIZE, add_wrist, in_joint_order, tip_pose
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ class ConnectorView(NamedTuple):
         return found
 
 
-def make_connector_view(scenario: PartScenario, meshcat: Meshcat) -> ConnectorView:
+def make_connector_view(scenario: ResolvedConnectorScenario, meshcat: Meshcat) -> ConnectorView:
     """Build plug, socket and gripper, and what draws them.
 
     Args:

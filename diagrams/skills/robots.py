@@ -16,13 +16,12 @@ from pydrake.systems.primitives import LinearSystem, Multiplexer, PassThrough
 
 from chamfer.diagrams.cell.work_cell import ArmSettings, add_simulated_arm, connect_arm
 from chamfer.models.arms.wrist import SIZE, tip_pose
-from chamfer.systems.force.arm_model import Placement, ToolParams
+from chamfer.systems.force.arm_model import Placement, ToolForce, ToolParams
 from chamfer.systems.force.impedance_controller import (
     ImpedanceController,
     ImpedanceControllerParams,
 )
-from chamfer.systems.force.tool_force import ToolForce
-from chamfer.systems.primitives.carried_poses import CarriedPoses, PoseDisplacement, TrueMotion
+from chamfer.systems.primitives.carriage import CarriedPoses, PoseDisplacement, TrueMotion
 
 Array = NDArray[np.float64]
 RobotName = Literal["carriage", "wam"]

@@ -1,9 +1,8 @@
 """A carriage under one vision primitive: cameras, detection, primitive, velocity (section 3.1)."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import ClassVar, Final, Literal, get_args
+from dataclasses import dataclass
+from typing import Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,33 +14,32 @@ from chamfer.models.arms.wrist import tip_pose
 from chamfer.models.cameras.camera import Camera, CameraPlacement, View
 from chamfer.models.peg.peg_and_hole import BLUE, RED, Colour
 from chamfer.models.validation import (
-    ParameterError,
     require_finite,
+    require_numbers,
     require_one_of,
     require_positive,
 )
 from chamfer.systems.cameras.camera_image import FrameGrabberParams, Image, add_frame_grabber
 from chamfer.systems.cameras.solids_camera import Solid, SolidsCamera, render_solids
 from chamfer.systems.pose import pose_vector
-from chamfer.systems.primitives.carried_poses import CarriedPoses
-from chamfer.systems.primitives.primitive import Primitive
-from chamfer.systems.primitives.primitive_runner import TICK, PrimitiveRunner
+from chamfer.systems.primitives.carriage import CarriedPoses
+from chamfer.systems.primitives.primitive import TICK, Primitive, PrimitiveRunner
 from chamfer.systems.primitives.vision_primitives import (
     FixedPointRotation,
+    VisGrasp,
     VisRotation,
     VisTranslation,
 )
-from chamfer.systems.primitives.visual_grasp import VisGrasp
 from chamfer.systems.primitives.visual_servoing import ServoingParams, StaticCameras
 from chamfer.systems.vision.cross_section import CrossSectionDetector
 from chamfer.systems.vision.part_appearance import Appearance
 from chamfer.systems.vision.part_detector import PartsDetector
 
 Array = NDArray[np.float64]
-Name = Literal["translation", "rotation", "fixed_point", "grasp"]
+VisionPrimitive = Literal["translation", "rotation", "fixed_point", "grasp"]
 Triple = tuple[float, float, float]
 
-NAMES: Final[tuple[Name, ...]] = get_args(Name)
+NAMES: Final[tuple[VisionPrimitive, ...]] = get_args(VisionPrimitive)
 STATIC: Final[tuple[View, ...]] = ("xz", "yz")
 
 GREEN: Final[Colour] = (40, 170, 40)
@@ -73,7 +71,7 @@ LOOSE: Final = Solid(name="part", vertices=block((0.03, 0.014, 0.02), below=0.02
 
 
 @dataclass(frozen=True, kw_only=True)
-class Belief:
+class CameraBelief:
     """What is wrong about a camera's believed parameters."""
 
     focal_factor: float = 1.0  # believed focal length over the true one
@@ -81,8 +79,7 @@ class Belief:
 
     def __post_init__(self) -> None:
         require_positive(self, "focal_factor")
-        if len(self.turn) != 3 or not all(map(math.isfinite, self.turn)):
-            raise ParameterError("turn", self.turn, "three finite numbers")
+        require_numbers(self, 3, "turn")
 
     def of(self, camera: Camera) -> Camera:
         """Return a camera as it is believed to be."""
@@ -104,18 +101,14 @@ class VisionServoSetup:
     distance: float = 0.5  # m, of the static cameras
     height: float = 0.2  # m, of the camera on the gripper over the part
     pixel_size: float = 0.0005  # m, of every camera, at its distance
-    frames: FrameGrabberParams = field(
-        # Exposed between ticks, so that rounding cannot change their order.
-        default_factory=lambda: FrameGrabberParams(period=1 / 30, offset=TICK / 2)
-    )
-    servoing: ServoingParams = field(default_factory=ServoingParams)
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"arm": "lever", "gain": "servoing.gain"}
+    # Exposed between ticks, so that rounding cannot change their order.
+    frames: FrameGrabberParams = FrameGrabberParams(period=1 / 30, offset=TICK / 2)
+    servoing: ServoingParams = ServoingParams()
 
     def __post_init__(self) -> None:
         require_positive(self, "distance", "height", "pixel_size")
         require_finite(self, "gap", "angle")
-        _require_numbers(self, "lever", 3)
+        require_numbers(self, 3, "lever")
 
     def camera(self, view: View) -> Camera:
         """Return a static camera as it truly is; down is to the right in its image."""
@@ -140,20 +133,19 @@ class VisionServoSetup:
 class VisionServoScenario(VisionServoSetup):
     """One primitive, where it begins and what for, and how wrong it takes its cameras."""
 
-    primitive: Name = "translation"
+    primitive: VisionPrimitive = "translation"
     start: tuple[float, ...] = (0.0, 0.0, 0.0, 0.02, -0.015, 0.02)  # rad above m, of the carriage
     target: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, -0.015)  # rad above m, socket or part
     believed_lever: float = 1.0  # of the believed lever to the true one
-    xz: Belief = field(default_factory=Belief)
-    yz: Belief = field(default_factory=Belief)
-    hand: Belief = field(default_factory=Belief)
+    xz: CameraBelief = CameraBelief()
+    yz: CameraBelief = CameraBelief()
+    hand: CameraBelief = CameraBelief()
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_one_of(self, "primitive", NAMES)
         require_positive(self, "believed_lever")
-        for name in ("start", "target"):
-            _require_numbers(self, name, 6)
+        require_numbers(self, 6, "start", "target")
 
     @property
     def held_at(self) -> RigidTransform:
@@ -182,12 +174,6 @@ class VisionServoScenario(VisionServoSetup):
                 cameras=cameras, angle=self.angle, lever=(x, y, z), servoing=servoing
             )
         return VisTranslation(cameras=cameras, offset=(0.0, 0.0, self.gap), servoing=servoing)
-
-
-def _require_numbers(params: object, name: str, size: int) -> None:
-    values = getattr(params, name)
-    if len(values) != size or not all(map(math.isfinite, values)):
-        raise ParameterError(name, values, f"{size} finite numbers")
 
 
 def view_of(scenario: VisionServoScenario, view: View | Literal["hand"], at: Array) -> Image:

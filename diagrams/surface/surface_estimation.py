@@ -2,20 +2,20 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Final
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from chamfer.diagrams.surface.surface_scenario import (
     THESIS,
-    ObserverSettings,
+    ResolvedSurfaceScenario,
     SurfaceScenario,
     add_observed_contact,
     require_calibration,
-    told,
+    resolved_fields,
 )
 from chamfer.models.validation import (
     ParameterError,
@@ -23,7 +23,7 @@ from chamfer.models.validation import (
     require_not_negative,
     require_positive,
 )
-from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.systems.sensing.force_rate import ForceRateSensorParams
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +75,7 @@ class LeadSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class EstimationScenario(SurfaceScenario):
-    """Typical noise and a sharp bound on the curvature (Fig. 5-3)."""
+    """A gripper that is led along the surface, with the thesis' observer by default."""
 
     lead: LeadSettings = LeadSettings()
 
@@ -87,33 +87,25 @@ class EstimationScenario(SurfaceScenario):
             raise ParameterError("observer.average", self.observer.average, allowed)
 
 
-@dataclass(frozen=True, kw_only=True)
-class SmoothEstimationScenario(EstimationScenario):
-    """The bound on the curvature is that of the surface (Fig. 5-4)."""
-
-    observer: ObserverSettings = replace(THESIS, smallest_radius=10.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class NoiseFreeEstimationScenario(EstimationScenario):
-    """The sensor has no noise, and the observer knows (Fig. 5-5)."""
-
-    sensor: ForceRateSensorParams = ForceRateSensorParams(force_noise=0.0, force_rate_noise=0.0)
-    trials: int = 1
+SURFACE_ESTIMATION: Final = (
+    EstimationScenario()
+)  # typical noise, a sharp bound on the curvature: Fig. 5-3
+SMOOTH: Final = replace(SURFACE_ESTIMATION, observer=replace(THESIS, smallest_radius=10.0))
+# The bound is that of the surface (Fig. 5-4).
+NOISE_FREE: Final = EstimationScenario(
+    sensor=ForceRateSensorParams(force_noise=0.0, force_rate_noise=0.0), trials=1
+)  # and the observer knows (Fig. 5-5)
+LARGE_NOISE: Final = EstimationScenario(
+    observer=replace(THESIS, force_noise=1000.0, force_rate_noise=5000.0), duration=3.5
+)  # the observer takes the sensor to be useless (Fig. 5-6)
 
 
 @dataclass(frozen=True, kw_only=True)
-class LargeNoiseEstimationScenario(EstimationScenario):
-    """The observer takes the sensor to be useless (Fig. 5-6)."""
-
-    observer: ObserverSettings = replace(THESIS, force_noise=1000.0, force_rate_noise=5000.0)
-    duration: float = 3.5  # s
+class ResolvedEstimationScenario(ResolvedSurfaceScenario, EstimationScenario):
+    """The same, with nothing left open."""
 
 
-EstimationScenarioT = TypeVar("EstimationScenarioT", bound=EstimationScenario)
-
-
-def resolve_estimation(scenario: EstimationScenarioT) -> EstimationScenarioT:
+def resolve_estimation(scenario: EstimationScenario) -> ResolvedEstimationScenario:
     """Return the scenario with the surface's defaults and the observer's assumptions filled in.
 
     Raises:
@@ -121,15 +113,12 @@ def resolve_estimation(scenario: EstimationScenarioT) -> EstimationScenarioT:
     """
     if scenario.lead.sideways and scenario.dimension == 2:
         raise ParameterError("lead.sideways", scenario.lead.sideways, "0 in the plane")
-    scenario.surface.make()
-    return replace(
-        scenario,
-        surface=scenario.surface.resolved(),
-        observer=told(scenario),
-    )
+    return ResolvedEstimationScenario(**resolved_fields(scenario))
 
 
-def make_estimation_diagram(scenario: EstimationScenario) -> Diagram:
+def make_estimation_diagram(
+    scenario: ResolvedEstimationScenario, *, observer: LeafSystem | None = None
+) -> Diagram:
     """Return the open loop of Fig. 5-1.
 
     Outputs: the observer's ``normal``, ``covariance``, ``deviation`` and ``status``; what it is
@@ -137,10 +126,18 @@ def make_estimation_diagram(scenario: EstimationScenario) -> Diagram:
     ``nominal_motion``; and the truth, ``contact_force`` and ``contact``
     (:class:`chamfer.systems.contact.sliding_contact.SlidingContact`).
 
+    Args:
+        scenario: What the blocks are like.
+        observer: A user's own, in place of the
+            :class:`chamfer.systems.estimation.surface_observer.SurfaceObserver`, in d dimensions.
+            Inputs: ``measured_force`` (d), N, and ``measured_force_rate`` (d), N/s, of the
+            gripper on the surface; ``nominal_motion`` (2d), m and m/s; ``predicted_normal`` (d)
+            with ``observer.prediction`` only. Outputs: ``normal`` (d), unit; ``covariance``
+            (d * d), by rows; ``deviation`` (1), rad; ``status`` (1).
+
     Raises:
-        ParameterError: As :func:`resolve_estimation`.
+        ParameterError: If the observer's ports are others.
     """
-    scenario = resolve_estimation(scenario)
     builder = DiagramBuilder()
     trajectory = builder.AddNamedSystem(
         "nominal trajectory",
@@ -150,7 +147,7 @@ def make_estimation_diagram(scenario: EstimationScenario) -> Diagram:
             zero_derivatives_beyond_limits=True,
         ),
     )
-    add_observed_contact(builder, scenario, trajectory.get_output_port())
+    add_observed_contact(builder, scenario, trajectory.get_output_port(), observer)
     diagram = builder.Build()
     diagram.set_name("Surface estimation")
     return diagram

@@ -1,17 +1,16 @@
 """What may be set where a gripper slides on an unknown surface (chapters 4 and 5)."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar, Final, Literal, Self
+from typing import Any, Final, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common import RandomDistribution
-from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import DiscreteTimeDelay, RandomSource
 
-from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
 from chamfer.models.surfaces.rounds import Circle, Sphere
@@ -25,18 +24,27 @@ from chamfer.models.validation import (
     within,
 )
 from chamfer.systems.contact.sliding_contact import SlidingContact, SlidingContactParams
-from chamfer.systems.estimation.predicted_normal import PredictedNormal
-from chamfer.systems.estimation.surface_observer import SurfaceObserver, SurfaceObserverParams
-from chamfer.systems.sensing.force_rate import ForceRate, ForceRateParams
-from chamfer.systems.sensing.force_rate_sensor import ForceRateSensor, ForceRateSensorParams
-from chamfer.systems.sensing.moving_average import MovingAverage
+from chamfer.systems.estimation.surface_observer import (
+    PredictedNormal,
+    ResolvedSurfaceObserverParams,
+    SurfaceObserver,
+    SurfaceObserverParams,
+)
+from chamfer.systems.ports import require_ports
+from chamfer.systems.sensing.force_rate import (
+    ForceRate,
+    ForceRateParams,
+    ForceRateSensor,
+    ForceRateSensorParams,
+    MovingAverage,
+)
 
 Array = NDArray[np.float64]
-Shape = Literal["parabola", "wave", "circle", "paraboloid", "wavy_sheet", "sphere"]
+SurfaceShape = Literal["parabola", "wave", "circle", "paraboloid", "wavy_sheet", "sphere"]
 
 _MOST_TRIALS: Final = 1000
 # The fields of each shape and their defaults.
-_FIELDS: Final[dict[Shape, dict[str, object]]] = {
+_FIELDS: Final[dict[SurfaceShape, dict[str, object]]] = {
     "parabola": {"coefficients": (0.05,)},  # (5-1)
     "wave": {"amplitudes": (0.05,), "wavelengths": (2.0,)},
     "circle": {"radius": 2.0, "inside": True},
@@ -53,7 +61,7 @@ class SurfaceSettings:
     What a shape does not have stays None.
     """
 
-    shape: Shape = "parabola"
+    shape: SurfaceShape = "parabola"
     # in the plane: parabola, wave, circle; in space: paraboloid, wavy_sheet, sphere
     coefficients: tuple[float, ...] | None = None  # 1/m, a of y = a x^2, or a and b (5-1)
     amplitudes: tuple[float, ...] | None = None  # m, of waves along x, and y in space
@@ -88,27 +96,23 @@ class SurfaceSettings:
 
     def make(self) -> Surface:
         """Return the surface."""
-        given = self.resolved()
-        coefficients = given.coefficients or ()
-        amplitudes, wavelengths = given.amplitudes or (), given.wavelengths or ()
-        radius, inside = given.radius or 0.0, bool(given.inside)
-        above = radius if inside else -radius
+        own = _FIELDS[self.shape]
+        given = {name: getattr(self.resolved(), name) for name in own}
+        above = given.get("radius", 0.0) * (1 if given.get("inside") else -1)
         match self.shape:
             case "parabola":
-                return Parabola(coefficient=coefficients[0])
+                return Parabola(coefficient=given["coefficients"][0])
             case "wave":
-                return Wave(amplitude=amplitudes[0], wavelength=wavelengths[0])
+                (amplitude,), (wavelength,) = given["amplitudes"], given["wavelengths"]
+                return Wave(amplitude=amplitude, wavelength=wavelength)
             case "circle":
-                return Circle(centre=(0.0, above), radius=radius, inside=inside)
+                return Circle(centre=(0.0, above), **given)
             case "paraboloid":
-                return Paraboloid(coefficients=(coefficients[0], coefficients[1]))
+                return Paraboloid(**given)
             case "wavy_sheet":
-                return WavySheet(
-                    amplitudes=(amplitudes[0], amplitudes[1]),
-                    wavelengths=(wavelengths[0], wavelengths[1]),
-                )
+                return WavySheet(**given)
             case "sphere":
-                return Sphere(centre=(0.0, 0.0, above), radius=radius, inside=inside)
+                return Sphere(centre=(0.0, 0.0, above), **given)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,6 +134,11 @@ class ObserverSettings(SurfaceObserverParams):
             raise ParameterError("model_error.delay", error.delay, "0 with a prediction")
 
 
+@dataclass(frozen=True, kw_only=True)
+class ResolvedObserverSettings(ResolvedSurfaceObserverParams, ObserverSettings):
+    """The same, with nothing left open."""
+
+
 THESIS: Final = ObserverSettings(kind="thesis")
 
 
@@ -137,15 +146,9 @@ THESIS: Final = ObserverSettings(kind="thesis")
 class SurfaceScenario:
     """A compliant gripper on a rigid surface that its observer does not know."""
 
-    RENAMED: ClassVar[Mapping[str, str]] = {
-        "stiffness": "gripper.stiffness",
-        "noise.force": "sensor.force_noise",
-        "noise.force_rate": "sensor.force_rate_noise",
-    }
-
     surface: SurfaceSettings = SurfaceSettings()
     friction: SurfaceFriction = SurfaceFriction()  # mu = 1, section 5.2.1
-    gripper: GripperParams = GripperParams()
+    gripper: GripperCompliance = GripperCompliance()
     sensor: ForceRateSensorParams = ForceRateSensorParams()
     force_delay: float = 0.0  # s, by which force and rate are late, whole samples of the sensor
     force_rate: ForceRateParams | None = None  # None: the rate is sensed; else differenced
@@ -159,8 +162,9 @@ class SurfaceScenario:
         require_not_negative(self, "force_delay")
         if self.force_rate is not None:
             why = "the rate is made of the force"
-            default = type(self)().sensor
-            require_same(self.sensor, default, "sensor", "force_rate_noise", why=why)
+            if self.sensor.force_rate_noise:
+                default = ForceRateSensorParams
+                require_same(self.sensor, default, "sensor", "force_rate_noise", why=why)
         late = self.force_delay / self.sensor_period
         if not abs(late - round(late)) < 1e-9:
             allowed = f"whole periods of the sensor, {self.sensor_period:g} s"
@@ -224,49 +228,69 @@ def require_whole(period: float, step: float, name: str) -> None:
         raise ParameterError(name, step, f"a whole part of {period:g} s")
 
 
-def told(scenario: SurfaceScenario) -> ObserverSettings:
-    """Return the observer with what it knows of gripper and sensor, unless it is told otherwise.
+@dataclass(frozen=True, kw_only=True)
+class ResolvedSurfaceScenario(SurfaceScenario):
+    """The same, with nothing left open."""
+
+    observer: ResolvedObserverSettings
+
+
+def resolved_fields(scenario: SurfaceScenario) -> dict[str, Any]:
+    """Return the scenario's fields, with the surface's defaults and the observer's assumptions.
+
+    The observer knows gripper and sensor as they are, unless it is told otherwise.
 
     Raises:
-        ParameterError: If it is told of a gripper in other dimensions, or there is no such
-            predicted surface.
+        ParameterError: If the observer is told of a gripper in other dimensions, or there is no
+            such surface.
     """
     given, d = scenario.observer, scenario.dimension
-    derived: dict[str, object] = {
-        "stiffness": scenario.gripper.matrix(d),
-        "force_noise": scenario.sensor.force_noise / math.sqrt(given.average),
-        "force_rate_noise": scenario.sensor.force_rate_noise / math.sqrt(given.average),
-    }
-    lag = 0.0
+    rate_noise, lag = scenario.sensor.force_rate_noise / math.sqrt(given.average), 0.0
     if scenario.force_rate is not None:
         lag, period = scenario.force_rate.time_constant, scenario.sensor_period
         # What was filtered before does not get better by a mean over less than the filter's time.
-        noise = scenario.sensor.force_noise * scenario.force_rate.noise_gain(period)
-        derived["force_rate_noise"] = noise
-    if given.kind == "adaptive":
-        derived["rate_lag"] = lag
-    missing = {name: value for name, value in derived.items() if getattr(given, name) is None}
+        rate_noise = scenario.sensor.force_noise * scenario.force_rate.noise_gain(period)
+    scenario.surface.make()
     seen = given.prediction
     if seen is not None:
         seen.make()
         seen = seen.resolved()
-    observer = replace(given, prediction=seen, **missing)  # type: ignore[arg-type]
-    if observer.stiffness is not None and len(observer.stiffness) != d:
+    derived = derived_observer(
+        given,
+        stiffness=scenario.gripper.matrix(d),
+        force_noise=scenario.sensor.force_noise / math.sqrt(given.average),
+        force_rate_noise=rate_noise,
+        rate_lag=lag,
+    )
+    observer = ResolvedObserverSettings(**vars(given) | derived | {"prediction": seen})
+    if len(observer.stiffness) != d:
         raise ParameterError("observer.stiffness", observer.stiffness, f"{d} rows of {d} numbers")
-    return observer
+    return vars(scenario) | {"surface": scenario.surface.resolved(), "observer": observer}
+
+
+def derived_observer(given: SurfaceObserverParams, **derived: object) -> dict[str, Any]:
+    """Return what an observer is not told, by field, of what may be derived for it."""
+    if given.kind != "adaptive":
+        del derived["rate_lag"]
+    return {name: value for name, value in derived.items() if getattr(given, name) is None}
 
 
 def add_observed_contact(
-    builder: DiagramBuilder, scenario: SurfaceScenario, motion: OutputPort
-) -> tuple[SlidingContact, OutputPort, SurfaceObserver]:
+    builder: DiagramBuilder,
+    scenario: ResolvedSurfaceScenario,
+    motion: OutputPort,
+    observer: LeafSystem | None = None,
+) -> tuple[SlidingContact, OutputPort, LeafSystem]:
     """Add contact, force sensor with its noise, and observer, and connect them (Fig. 5-1).
 
     Returns the contact, the measured force, and the observer.
 
     Args:
         builder: Of the loop.
-        scenario: What the blocks are like, resolved.
+        scenario: What the blocks are like.
         motion: Nominal position and velocity of the gripper.
+        observer: In place of the :class:`SurfaceObserver`, with its ports; ``predicted_normal``
+            only where the scenario's observer has a prediction.
     """
     d, period = scenario.dimension, scenario.sensor_period
     contact = builder.AddNamedSystem(
@@ -281,9 +305,17 @@ def add_observed_contact(
         ),
     )
     sensor = builder.AddNamedSystem("force sensor", ForceRateSensor(scenario.sensor, dimension=d))
-    observer = builder.AddNamedSystem(
-        "surface estimator", SurfaceObserver(scenario.observer, scenario.up)
+    predicts = scenario.observer.prediction is not None
+    if observer is None:
+        observer = SurfaceObserver(scenario.observer, scenario.up)
+    require_ports(
+        "observer",
+        observer,
+        inputs={"measured_force": d, "measured_force_rate": d, "nominal_motion": 2 * d}
+        | ({"predicted_normal": d} if predicts else {}),
+        outputs={"normal": d, "covariance": d * d, "deviation": 1, "status": 1},
     )
+    builder.AddNamedSystem("surface estimator", observer)
     connect = builder.Connect
     connect(motion, contact.GetInputPort("nominal_motion"))
     for name in ("contact_force", "contact_force_rate"):

@@ -1,23 +1,69 @@
 """An arm that finds an unknown wall: Fig. 2-4 and Fig. 5-7 in one loop (section 6.3)."""
 
-from typing import Final
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar, Final
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from numpy.typing import NDArray
+from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import MatrixGain
 
-from chamfer.diagrams.contact.hybrid_loop import add_friction_compensation, add_kick
-from chamfer.diagrams.contact.manipulator import add_manipulator
-from chamfer.diagrams.surface.unknown_wall_scenario import UnknownWallScenario, resolve_wall
-from chamfer.systems.estimation.settled_force import SettledForce
-from chamfer.systems.estimation.surface_observer import SurfaceObserver
+from chamfer.diagrams.contact.contact_scenarios import AdeptLoop, PlanarLoop, PumaScenario
+from chamfer.diagrams.contact.hybrid_loop import (
+    add_friction_compensation,
+    add_kick,
+    add_manipulator,
+)
+from chamfer.diagrams.contact.hybrid_loop_stability import resolve
+from chamfer.diagrams.contact.hybrid_scenario import ContactTask, HybridTrials
+from chamfer.diagrams.contact.sensing import Sensing, SensingValues
+from chamfer.diagrams.surface.surface_scenario import (
+    SurfaceSettings,
+    derived_observer,
+    require_calibration,
+    require_whole,
+)
+from chamfer.models.arms.adept_one import ADEPT_ONE
+from chamfer.models.arms.arm import Arm
+from chamfer.models.arms.gripper import GripperCompliance
+from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
+from chamfer.models.arms.puma_250 import PUMA_250
+from chamfer.models.surfaces.composed import Extruded, Placed
+from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.surfaces.surface import Surface
+from chamfer.models.validation import (
+    ParameterError,
+    known,
+    require_finite,
+    require_not_negative,
+    require_positive,
+)
+from chamfer.systems.contact.arm_in_contact import ContactParams
+from chamfer.systems.estimation.surface_observer import (
+    ResolvedSurfaceObserverParams,
+    SettledForce,
+    SurfaceObserver,
+    SurfaceObserverParams,
+)
 from chamfer.systems.force.contact_detection import ContactDetection
-from chamfer.systems.force.guarded_motion import GuardedMotion
-from chamfer.systems.force.hybrid_controller import HybridController
-from chamfer.systems.force.surface_motion import SurfaceMotion
-from chamfer.systems.sensing.endpoint_motion import EndpointMotion
-from chamfer.systems.sensing.force_rate import ForceRate
+from chamfer.systems.force.friction_compensation import FrictionCompensationParams
+from chamfer.systems.force.hybrid_controller import HybridController, require_hybrid_ports
+from chamfer.systems.force.selection import unit
+from chamfer.systems.force.surface_motion import GuardedMotion, SurfaceMotion, SurfaceMotionParams
+from chamfer.systems.sensing.encoders import EndpointMotion
+from chamfer.systems.sensing.force_rate import ForceRate, ForceRateParams
+from chamfer.systems.sensing.force_sensor import ForceSensorParams
 
+Array = NDArray[np.float64]
+
+_STEEPEST: Final = math.radians(45)
+# The observer needs three axes of force: the planar arm's sensor in place of the load cell.
+_PUMA_SENSING: Final[Mapping[Sensing, SensingValues]] = {
+    sensing: replace(values, sensor=PlanarLoop.SENSING[sensing].sensor)
+    for sensing, values in PumaScenario.SENSING.items()
+}
 SIGNALS: Final = (
     "encoders",
     "contact_force",
@@ -37,17 +83,317 @@ SIGNALS: Final = (
 )
 
 
-def make_unknown_wall_diagram(scenario: UnknownWallScenario) -> Diagram:
+@dataclass(frozen=True, kw_only=True)
+class UnknownWallSettings(ContactParams, SurfaceSettings):
+    """A wall through the point where the arm takes it to be, turned and bent as nobody told it.
+
+    The shape's up is against the approach, its x along the motion; a shape of the plane is drawn
+    out at right angles to both.
+    """
+
+    tilt: float = 0.0  # rad, by which the wall rises along the motion
+    roll: float = 0.0  # rad, by which it rises sideways, in space
+
+    def __post_init__(self) -> None:
+        ContactParams.__post_init__(self)
+        SurfaceSettings.__post_init__(self)
+        require_finite(self, "tilt", "roll")
+        for name in ("tilt", "roll"):
+            if abs(getattr(self, name)) > _STEEPEST:
+                raise ParameterError(name, getattr(self, name), "at most 45 degrees, in rad")
+
+    def placed(self, point: Array, *, along: Array, up: Array) -> Surface:
+        """Return the wall in the world.
+
+        Args:
+            point: m, shape (3,), on the wall.
+            along: Unit vector, shape (3,), of the motion.
+            up: Unit vector, shape (3,), at right angles to it, out of the wall as it is believed.
+        """
+        sideways = np.cross(up, along)
+        tilted = math.cos(self.tilt) * along + math.sin(self.tilt) * up
+        away = np.cross(tilted, sideways)
+        rolled = math.cos(self.roll) * sideways + math.sin(self.roll) * away
+        away = np.cross(tilted, rolled)
+        shape = self.make()
+        if shape.dimension == 2:
+            shape, axes = Extruded(curve=shape), (tilted, away, -rolled)
+        else:
+            axes = (tilted, rolled, away)
+        rows = tuple(tuple(row) for row in np.column_stack(axes).tolist())
+        return Placed(surface=shape, point=tuple(point.tolist()), axes=rows)
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnknownWallTask(ContactTask):
+    """Approach, touch, push, and slide along at a constant speed."""
+
+    distance: float  # m, from the start to the wall
+    slide_speed: float  # m/s, V_d of (5-6), along the wall
+    slide_acceleration: float = 0.1  # m/s^2, with which it is reached
+    wait: float = 0.2  # s, of each contact, in which the observer is not given the force
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_not_negative(self, "wait")
+        require_positive(self, "distance", "slide_speed", "slide_acceleration")
+
+    @property
+    def ways(self) -> tuple[float, ...]:
+        """In which directions the tip slides along, 1 for ahead and -1 for back."""
+        return (math.copysign(1.0, self.slide_speed),)
+
+    @property
+    def motion(self) -> SurfaceMotionParams:
+        """The task in contact."""
+        return SurfaceMotionParams(
+            force=self.force, speed=self.slide_speed, acceleration=self.slide_acceleration
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnknownWallScenario(HybridTrials):
+    """An arm that is told where a wall is, roughly, and estimates its normal."""
+
+    surface: UnknownWallSettings
+    gripper: GripperCompliance
+    task: UnknownWallTask
+    sensor: ForceSensorParams = ForceSensorParams()
+    observer: SurfaceObserverParams
+    force_rate: ForceRateParams = ForceRateParams()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_whole(self.observer.period, self.controller.period, "controller.period")
+        if not abs(self.spatial_along @ self.spatial_up) < 1e-9:
+            raise ParameterError("task.along", self.task.along, "at right angles to direction")
+        planar = self.dimension == 2
+        if planar and (self.surface.dimension == 3 or self.surface.roll):
+            raise ParameterError("surface.shape", self.surface.shape, "one of the plane, no roll")
+
+    @property
+    def dimension(self) -> int:
+        """2 for an arm in the plane, else 3."""
+        return min(self.ARM.num_coordinates, 3)
+
+    @property
+    def distance(self) -> float:
+        """Distance from the start to the wall, m."""
+        return self.task.distance
+
+    @property
+    def spatial_along(self) -> Array:
+        """Unit vector along the motion, shape (3,)."""
+        return unit(np.array([*self.task.along, 0.0][:3]))
+
+    @property
+    def spatial_up(self) -> Array:
+        """Unit vector out of the wall as it is believed to be, shape (3,)."""
+        return unit(-np.array([*self.task.direction, 0.0][:3]))
+
+    @property
+    def axis(self) -> tuple[float, float, float]:
+        """The axis about which the wall's normal is turned into the motion's direction (5-6)."""
+        x, y, z = np.cross(self.spatial_along, self.spatial_up).tolist()
+        return x, y, z
+
+    @property
+    def stiffness(self) -> tuple[tuple[float, ...], ...]:
+        """The gripper's K where the tip should touch, in the world's axes, N/m, by rows."""
+        R_WE = self.dynamics().orientation(self.joint_positions(self.touching))
+        d = self.dimension
+        rows = (R_WE @ np.array(self.gripper.matrix(3)) @ R_WE.T)[:d, :d]
+        return tuple(map(tuple, ((rows + rows.T) / 2).tolist()))
+
+    def make_surface(self) -> Surface:
+        """Return the wall, through the point where the tip should touch."""
+        q = self.joint_positions(self.touching)
+        point = self.dynamics().evaluate(q, np.zeros(len(q))).p_WC
+        return self.surface.placed(point, along=self.spatial_along, up=self.spatial_up)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AdeptUnknownWallScenario(UnknownWallScenario):
+    """The Adept One slides a nugget along a wall that it does not know."""
+
+    ARM: ClassVar[Arm] = ADEPT_ONE
+    SENSING: ClassVar[Mapping[Sensing, SensingValues]] = AdeptLoop.SENSING
+
+
+@dataclass(frozen=True, kw_only=True)
+class PumaUnknownWallScenario(UnknownWallScenario):
+    """The same with the Puma 250, and with a wrist sensor in place of its load cell."""
+
+    ARM: ClassVar[Arm] = PUMA_250
+    SENSING: ClassVar[Mapping[Sensing, SensingValues]] = _PUMA_SENSING
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanarUnknownWallScenario(UnknownWallScenario):
+    """The same with the two-link arm in the plane."""
+
+    ARM: ClassVar[Arm] = PLANAR_TWO_LINK
+    SENSING: ClassVar[Mapping[Sensing, SensingValues]] = PlanarLoop.SENSING
+
+
+_WALL: Final = UnknownWallSettings(
+    stiffness=3e4,
+    damping=150.0,
+    friction=SurfaceFriction(coefficient=0.3),
+    shape="circle",
+    radius=0.75,
+    inside=True,
+    tilt=0.15,
+)
+# Rubber between wrist and nugget; assumed.
+_GRIPPER: Final = GripperCompliance(stiffness=1e3, damping=20.0)
+ADEPT_WALL: Final = AdeptUnknownWallScenario(
+    arm=AdeptLoop.arm,
+    surface=_WALL,
+    gripper=_GRIPPER,
+    task=UnknownWallTask(
+        start=(0.45, -0.2, 0.3, 0.0),
+        direction=(1.0, 0.0, 0.0, 0.0),
+        along=(0.0, 1.0, 0.0, 0.0),
+        distance=0.05,
+        speed=0.05,
+        force=5.0,  # section 5.3.4
+        slide_speed=0.03,  # nugget scanning, section 1.1.2
+        kick_time=9.0,
+    ),
+    controller=replace(AdeptLoop.controller, force_integral=3.0, force_damping=150.0),
+    sensor=ForceSensorParams(decoupling=True),
+    observer=SurfaceObserverParams(initial_deviation=0.2),
+    measure_after=3.0,  # s
+    trials=4,
+)
+PUMA_WALL: Final = PumaUnknownWallScenario(
+    arm=PumaScenario.arm,
+    surface=_WALL,
+    gripper=_GRIPPER,
+    task=UnknownWallTask(
+        start=(0.31, -0.011, 0.45),
+        direction=(1.0, 0.0, 0.0),
+        along=(0.0, 0.0, 1.0),
+        distance=0.03,  # section 3.1.3
+        speed=0.03,
+        force=5.0,  # section 3.1.3
+        slide_speed=0.03,
+        kick_time=6.0,
+        kick_speed=0.4,
+    ),
+    controller=replace(PumaScenario.controller, force_integral=3.0, force_damping=150.0),
+    sensor=ForceSensorParams(noise=0.5),
+    observer=SurfaceObserverParams(initial_deviation=0.2),
+    # Section 6.3; without it stiction lets the force rise to 8 N where contact is made.
+    friction_compensation=FrictionCompensationParams(bandwidth=20.0),
+    duration=10.0,  # s
+    measure_after=3.0,  # s
+    trials=4,
+)
+PLANAR_WALL: Final = PlanarUnknownWallScenario(
+    arm=PlanarLoop.arm,
+    surface=_WALL,
+    gripper=_GRIPPER,
+    task=UnknownWallTask(
+        start=(1.0, -1.4),
+        direction=(0.0, -1.0),
+        along=(1.0, 0.0),
+        distance=0.1,
+        speed=0.05,
+        force=5.0,  # section 5.3.4
+        slide_speed=0.03,
+        kick_time=9.0,
+        kick_speed=0.4,
+    ),
+    controller=replace(
+        PlanarLoop.controller, law="transpose", force_integral=8.0, force_damping=100.0
+    ),
+    sensor=ForceSensorParams(noise=0.5),
+    observer=SurfaceObserverParams(initial_deviation=0.2),
+    measure_after=3.0,  # s
+    trials=4,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedUnknownWallScenario(UnknownWallScenario):
+    """The same, with nothing left open."""
+
+    observer: ResolvedSurfaceObserverParams
+
+
+@dataclass(frozen=True, kw_only=True)
+class _ResolvedAdept(ResolvedUnknownWallScenario, AdeptUnknownWallScenario):
+    pass
+
+
+@dataclass(frozen=True, kw_only=True)
+class _ResolvedPuma(ResolvedUnknownWallScenario, PumaUnknownWallScenario):
+    pass
+
+
+@dataclass(frozen=True, kw_only=True)
+class _ResolvedPlanar(ResolvedUnknownWallScenario, PlanarUnknownWallScenario):
+    pass
+
+
+_RESOLVED: Final = {one.ARM.name: one for one in (_ResolvedAdept, _ResolvedPuma, _ResolvedPlanar)}
+
+
+def resolve_wall(scenario: UnknownWallScenario) -> ResolvedUnknownWallScenario:
+    """Return the scenario with what controller and observer are told filled in, and checked.
+
+    The observer knows the gripper's stiffness, turned as it is where the tip should touch, and
+    the noise of the force sensor and of the rate that is differenced from it.
+
+    Raises:
+        ParameterError: As :func:`chamfer.diagrams.contact.hybrid_loop_stability.resolve`.
+    """
+    scenario = resolve(scenario)
+    given, task = scenario.observer, scenario.task
+    require_calibration(given, free=task.distance / task.speed, pressed=0.0)
+    noise = given.force_noise
+    if noise is None:
+        noise = _noise(scenario.sensor)
+    derived = derived_observer(
+        given,
+        stiffness=scenario.stiffness,
+        force_noise=noise,
+        force_rate_noise=noise * scenario.force_rate.noise_gain(scenario.controller.period),
+        rate_lag=scenario.force_rate.time_constant,
+    )
+    observer = ResolvedSurfaceObserverParams(**vars(given) | derived)
+    known = {"surface": scenario.surface.resolved(), "observer": observer}
+    return _RESOLVED[scenario.ARM.name](**vars(scenario) | known)
+
+
+def _noise(sensor: ForceSensorParams) -> float:
+    """Return the rms length of a force's error by noise and converter, N."""
+    undoing = sensor.undoing
+    scale = np.array([1.0, 1.0, 1.0, *3 * [sensor.radius]])[: undoing.shape[1]]
+    noise, step = known("noise", sensor.noise), known("resolution", sensor.resolution)
+    return math.sqrt(noise**2 / 3 + step**2 / 12) * float(np.linalg.norm(undoing * scale))
+
+
+def make_unknown_wall_diagram(
+    scenario: ResolvedUnknownWallScenario, *, controller: LeafSystem | None = None
+) -> Diagram:
     """Build the loop; it exports :data:`SIGNALS`.
 
     Controller and observer know the arm by its encoders and its force sensor alone. Before contact
     the arm follows the guarded approach; in contact the observer's normal makes selection, desired
     force and motion; lost contact is sought along the last normal.
 
+    Args:
+        scenario: What the blocks are like.
+        controller: A user's own, in place of the
+            :class:`chamfer.systems.force.hybrid_controller.HybridController`; with its ports, as
+            :func:`chamfer.systems.force.hybrid_controller.require_hybrid_ports` lists them.
+
     Raises:
-        ParameterError: As :func:`chamfer.diagrams.surface.unknown_wall_scenario.resolve_wall`.
+        ParameterError: If the controller's ports are others.
     """
-    scenario = resolve_wall(scenario)
     arm, task, control = scenario.ARM, scenario.task, scenario.controller
     d, m = scenario.dimension, scenario.ARM.num_coordinates
     builder = DiagramBuilder()
@@ -75,12 +421,11 @@ def make_unknown_wall_diagram(scenario: UnknownWallScenario) -> Diagram:
             period=control.period,
         ),
     )
-    controller = add(
-        "hybrid control",
-        HybridController(
-            arm, control, dynamics=scenario.dynamics() if control.full_dynamics else None
-        ),
-    )
+    if controller is None:
+        dynamics = scenario.dynamics() if control.full_dynamics else None
+        controller = HybridController(arm, control, dynamics=dynamics)
+    require_hybrid_ports(controller, arm)
+    add("hybrid control", controller)
     connect = builder.Connect
     measured = manipulator.measured_force
     mode = detection.GetOutputPort("state")

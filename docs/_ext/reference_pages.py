@@ -26,7 +26,7 @@ from chamfer.analysis.report.check_text import relation, typeset
 from chamfer.analysis.report.checks import Published, load_paper
 from chamfer.analysis.report.fingerprint import code, digest
 from chamfer.analysis.scenario.experiment import Entry, load
-from chamfer.systems.primitives.primitives import PRIMITIVES
+from chamfer.systems.primitives.skill import PRIMITIVES
 
 FOLDER: Final = ROOT / "docs" / "reference" / "generated"
 _ROLE: Final = re.compile(r":(?:class|func|mod|meth|attr|data|exc):`~?([^`]+)`")

@@ -54,12 +54,9 @@ def jacobian(q: NDArray[Any]) -> NDArray[Any]:
 
 
 def joint_positions(x: NDArray[Any], elbow: Elbow) -> NDArray[Any]:
-    """Return q = (q1, q2, d3, q4), rad and m, that puts the tip at x.
+    """Return q = (q1, q2, d3, q4), rad and m, that puts the tip at x = (x, y, z, phi), shape (4,).
 
-    Args:
-        x: Tip (x, y, z, phi), m and rad, shape (4,). q4 is not wrapped, so that phi is met
-            without whole turns between.
-        elbow: Sign of q2.
+    ``elbow`` is the sign of q2. q4 is not wrapped: phi is met without whole turns between.
 
     Raises:
         ParameterError: The tip is out of reach or at the edge of it, where both elbows meet.

@@ -42,16 +42,10 @@ class SampledDynamics(NamedTuple):
 def sampled_dynamics(
     params: CartesianManipulatorParams, step: float, *, dimension: int
 ) -> SampledDynamics:
-    """Return eq. (5-7) over a step in which the force is held; exact, in closed form.
+    """Return eq. (5-7) over a step, s, in which the force is held; exact, in closed form.
 
-    Args:
-        params: Mass and damping.
-        step: s, > 0.
-        dimension: Number of axes d.
-
-    Returns:
-        A, shape (2d, 2d), and B, shape (2d, d), for the state position (m), then velocity (m/s),
-        and as input the sum of effort and contact force, N.
+    A, shape (2d, 2d), and B, shape (2d, d), for the state position (m), then velocity (m/s), and
+    as input the sum of effort and contact force, N, in d axes.
 
     Raises:
         ParameterError: If the step is not a finite number > 0.
@@ -82,11 +76,8 @@ def _phi_2(z: float) -> float:
 def cartesian_kinematics(dimension: int) -> Kinematics:
     """Return the kinematics of a manipulator whose joints are its endpoint coordinates.
 
-    Args:
-        dimension: 2 for x and y, 3 for x, y and z.
-
     Raises:
-        ParameterError: If the dimension is another one.
+        ParameterError: If the dimension is neither 2, x and y, nor 3.
     """
     if dimension not in (2, 3):
         raise ParameterError("dimension", dimension, "2, 3")

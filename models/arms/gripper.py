@@ -13,7 +13,7 @@ Tensor = float | tuple[float, ...] | Rows
 
 
 @dataclass(frozen=True, kw_only=True)
-class GripperParams:
+class GripperCompliance:
     """A spring and a damper without mass, that give by F = K s + D s' for the stretch s.
 
     Axes are those of the endpoint's frame, or the world's where nothing turns.

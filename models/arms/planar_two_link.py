@@ -44,11 +44,7 @@ def jacobian(q: NDArray[Any]) -> NDArray[Any]:
 
 
 def joint_positions(x: NDArray[Any], elbow: Elbow) -> NDArray[Any]:
-    """Return the joint positions, rad, that put the tip at x, shape (2,).
-
-    Args:
-        x: Tip (x, y), m.
-        elbow: Sign of q2.
+    """Return the joint positions, rad, that put the tip at x, m, shape (2,), with q2's sign.
 
     Raises:
         ParameterError: The tip is out of reach or at the edge of it, where both elbows meet.
@@ -68,15 +64,9 @@ def two_link_angles(
 ) -> tuple[float, float]:
     """Return the two angles, rad, in [-pi, pi], that put the end of two links at a point.
 
-    The triangle inside every arm of this package.
-
-    Args:
-        along: Point in the plane of the links from the first joint, m.
-        across: As ``along``, the direction in which the first angle grows from 0.
-        lengths: Lengths of the two links, m.
-        elbow: Sign of the second angle.
-        x: The endpoint vector asked for, for the error message.
-        pivot: What to call the first joint in the error message.
+    The triangle inside every arm of this package. ``along`` and ``across``, m, are the point's
+    coordinates from the first joint, ``across`` the way in which the first angle grows from 0;
+    ``elbow`` is the sign of the second angle. x, asked for, and the pivot are for the message.
 
     Raises:
         ParameterError: The point is out of reach or at the edge of it, or x is not finite.

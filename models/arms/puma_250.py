@@ -58,11 +58,9 @@ def jacobian(q: NDArray[Any]) -> NDArray[Any]:
 
 
 def joint_positions(x: NDArray[Any], elbow: Elbow) -> NDArray[Any]:
-    """Return the joint positions, rad, that put the tip at x with the waist facing it (r > 0).
+    """Return the joint positions, rad, that put the tip at x, m, with the waist facing it (r > 0).
 
-    Args:
-        x: Tip (x, y, z), m, shape (3,).
-        elbow: Sign of q3.
+    ``elbow`` is the sign of q3.
 
     Raises:
         ParameterError: The tip is out of reach, at the edge of it or above the waist.

@@ -16,8 +16,8 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from chamfer.models.arms.plant_kinematics import PlantKinematics
-from chamfer.models.arms.serial_arm import SerialArm
+from chamfer.models.arms.serial_arm import PlantKinematics, SerialArm
+from chamfer.models.arms.wam import WAM
 from chamfer.models.validation import ParameterError
 
 LEAST_JOINTS: Final = 6
@@ -44,12 +44,9 @@ class _Chain(NamedTuple):
 
 
 def read_arm(path: str, tool_frame: str | None) -> SerialArm:
-    """Return the arm of a URDF file.
+    """Return the arm of a URDF file, from its base to the link that carries the tool.
 
-    Args:
-        path: Of the file.
-        tool_frame: The link that carries the tool; None: the end of the only chain of the file
-            that is an arm.
+    ``tool_frame`` is that link; None: the end of the only chain of the file that is an arm.
 
     Raises:
         ParameterError: ``model`` or ``tool_frame``: the file can't be read, is no arm with six or
@@ -355,3 +352,19 @@ def _is_drawn(visual: Element, path: Path) -> bool:
         return False
     mesh.set("filename", str(found))
     return True
+
+
+BUILT_IN: Final = {WAM.name: WAM}
+
+
+def chosen_arm(model: str, tool_frame: str | None) -> SerialArm:
+    """Return the arm of a model: ``wam``, or the path of a URDF file.
+
+    Raises:
+        ParameterError: ``model`` or ``tool_frame``: as :func:`read_arm`.
+    """
+    if model not in BUILT_IN:
+        return read_arm(model, tool_frame)
+    if tool_frame is not None:
+        raise ParameterError("tool_frame", tool_frame, f"null: {model} has its flange")
+    return BUILT_IN[model]

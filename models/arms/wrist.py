@@ -95,14 +95,10 @@ class Wrist(NamedTuple):
 
 
 def add_wrist(plant: MultibodyPlant, carrier: Frame, params: WristParams) -> Wrist:
-    """Add a wrist; weight is taken to be compensated.
+    """Add a wrist to a plant that has a step; weight is taken to be compensated.
 
-    Its actuation is :meth:`WristParams.implicit_law` of what its joints lack.
-
-    Args:
-        plant: Not yet finalized; with a step.
-        carrier: What carries it; at rest the tip's frame coincides with it.
-        params: Stiffness and inertia.
+    At rest the tip's frame coincides with the carrier's. The actuation is
+    :meth:`WristParams.implicit_law` of what the joints lack.
     """
     instance = plant.AddModelInstance("wrist")
     plant.set_gravity_enabled(instance, False)

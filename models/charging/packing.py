@@ -1,20 +1,96 @@
-"""The packing plan: which nugget goes where, and what lies below it by then."""
+"""The packing plan: nuggets, which goes where, and what lies below it by then."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
-from chamfer.models.charging.nugget import Nugget, nugget_of
-from chamfer.models.charging.station import Layout
+import numpy as np
+from numpy.typing import NDArray
+
+from chamfer.models.charging.station import StationLayout
 from chamfer.models.validation import (
     ParameterError,
     require_finite,
+    require_numbers,
     require_one_of,
     require_positive,
 )
 
-Kind = Literal["wall", "crown", "bulk"]
+Array = NDArray[np.float64]
+
+SILICON: Final = 2330.0  # kg/m^3, appendix B.1
+ASPECT: Final = (1.0, 0.9, 0.8)  # of a nugget: towards the wall, along it, up; assumed
+
+
+@dataclass(frozen=True, kw_only=True)
+class Nugget:
+    """An ellipsoid whose axes are those of the endpoint's frame while it is held.
+
+    The gripper holds it by the middle of its top, the origin of the endpoint's frame.
+    """
+
+    mass: float  # kg
+    semi_axes: tuple[float, float, float]  # m, towards the wall, along it, up
+
+    def __post_init__(self) -> None:
+        require_positive(self, "mass")
+        require_numbers(self, 3, "semi_axes")
+        if not min(self.semi_axes) > 0:
+            raise ParameterError("semi_axes", self.semi_axes, "3 finite numbers > 0")
+
+    @property
+    def reach(self) -> float:
+        """From the grip point to the side that meets the wall, m."""
+        return self.semi_axes[0]
+
+    @property
+    def height(self) -> float:
+        """From the grip point down to what meets the layer below, m."""
+        return 2 * self.semi_axes[2]
+
+    @property
+    def centre(self) -> tuple[float, float, float]:
+        """Centre of mass in the endpoint's frame, m."""
+        return 0.0, 0.0, -self.semi_axes[2]
+
+    @property
+    def wall_point(self) -> tuple[float, float, float]:
+        """The point that meets the wall in the endpoint's frame, m."""
+        return self.semi_axes[0], 0.0, -self.semi_axes[2]
+
+    @property
+    def layer_point(self) -> tuple[float, float, float]:
+        """The point that meets what lies below in the endpoint's frame, m."""
+        return 0.0, 0.0, -2 * self.semi_axes[2]
+
+    @property
+    def inertia(self) -> Array:
+        """Rotational inertia about the centre, endpoint's axes, kg m^2, shape (3, 3)."""
+        a, b, c = (one**2 for one in self.semi_axes)
+        return self.mass / 5 * np.diag([b + c, a + c, a + b])
+
+
+def nugget_of(mass: float, *, size: float = 1.0) -> Nugget:
+    """Return the nugget of a mass, kg, of solid silicon with the usual proportions.
+
+    Args:
+        mass: kg.
+        size: By which its lengths, not its mass, are larger than those of an ellipsoid: a nugget
+            is irregular, and what matters is where it touches.
+
+    Raises:
+        ParameterError: If a number is not finite and > 0.
+    """
+    for name, value in (("mass", mass), ("size", size)):
+        if not 0 < value < math.inf:
+            raise ParameterError(name, value, "a finite number > 0")
+    unit = (3 * mass / (4 * math.pi * SILICON * math.prod(ASPECT))) ** (1 / 3)
+    a, b, c = (size * unit * one for one in ASPECT)
+    return Nugget(mass=mass, semi_axes=(a, b, c))
+
+
+ItemKind = Literal["wall", "crown", "bulk"]
 
 _CLEAR: Final = 0.01  # m, of a crown nugget from the wall
 _TOUCHING: Final = 1e-9  # m
@@ -24,7 +100,7 @@ _TOUCHING: Final = 1e-9  # m
 class PlanItem:
     """One nugget, or one load of the bulk filler, and its place."""
 
-    kind: Kind = "wall"
+    kind: ItemKind = "wall"
     mass: float = 0.085  # kg, of the nugget, or of what fills the filler; 14 to 185 g in app. C
     azimuth: float = 0.0  # rad, of its place about the crucible's axis
     radius: float | None = None
@@ -59,7 +135,7 @@ class PlanItem:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Place:
+class ItemPlace:
     """Where an item goes: of the nugget's middle, in the world."""
 
     position: tuple[float, float]  # m, x and y
@@ -77,7 +153,9 @@ class _Laid(NamedTuple):
     top: float  # m
 
 
-def places(plan: Sequence[PlanItem], station: Layout, *, believed: bool) -> tuple[Place, ...]:
+def places(
+    plan: Sequence[PlanItem], station: StationLayout, *, believed: bool
+) -> tuple[ItemPlace, ...]:
     """Return where each item of a plan goes, and how high what it is laid on is by then.
 
     An item lies on the bed, or on the highest of the wall and crown nuggets that were laid before
@@ -92,7 +170,7 @@ def places(plan: Sequence[PlanItem], station: Layout, *, believed: bool) -> tupl
         ParameterError: If a nugget does not fit into the crucible, would overlap one that was
             laid before, or is to be laid at the wall where the wall has ended.
     """
-    found: list[Place] = []
+    found: list[ItemPlace] = []
     laid: list[_Laid] = []
     for index, item in enumerate(plan):
         nugget = item.believed_nugget if believed else item.true_nugget
@@ -122,7 +200,7 @@ def places(plan: Sequence[PlanItem], station: Layout, *, believed: bool) -> tupl
                 f"{station.rim_height:g} m"
             )
             raise ParameterError(f"plan[{index}].azimuth", item.azimuth, allowed)
-        found.append(Place(position=position, azimuth=item.azimuth, layer=layer))
+        found.append(ItemPlace(position=position, azimuth=item.azimuth, layer=layer))
         if item.kind != "bulk":
             laid.append(here)
     return tuple(found)

@@ -18,7 +18,7 @@ Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Layout:
+class StationLayout:
     """Where things are in the cell, world frame; the thesis does not say, all is assumed."""
 
     crucible_centre: tuple[float, float] = (0.5, 0.15)  # m, of the crucible's axis
@@ -46,7 +46,7 @@ class Layout:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Station(Layout):
+class Station(StationLayout):
     """The cell as it is built: with what is touched."""
 
     crucible_thickness: float = 0.008  # m, of the crucible's wall; assumed

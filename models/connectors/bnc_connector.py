@@ -28,8 +28,9 @@ insulator, so that a turn takes only what the studs and the barrel's face rub.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 from pydrake.geometry import Box, Cylinder, Sphere
@@ -37,53 +38,43 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
-from chamfer.models.connectors.collision_filters import let_touch, of_part
-from chamfer.models.connectors.connector import Array, Material, Piece, Tolerance, add_pieces
-from chamfer.models.connectors.shapes import block, prism, turns
-from chamfer.models.validation import (
-    ParameterError,
-    require_one_of,
-    require_positive,
+from chamfer.models.connectors.connector import (
+    Array,
+    ConnectorPart,
+    ContactMaterial,
+    ConvexPiece,
+    PartsConnector,
+    Range,
+    block,
+    prism,
+    require_ranges,
+    turns,
 )
+from chamfer.models.validation import ParameterError, require_positive
 
-# Which parts of a sleeve touch which of a barrel.
-_PARTNERS: Final = (
-    ("sleeve rim", "barrel"),
-    ("sleeve bore", "barrel rim"),
-    ("sleeve slots", "studs"),
-    ("sleeve spring", "barrel"),
-)
 _RIM_SPHERES: Final = 8
 _STAVES: Final = 8
 _SPRING_SPHERES: Final = 3
 _WALL: Final = 2e-3  # m, thickness of what is touched on one side
-_RANGES: Final = (
-    "barrel_diameter",
-    "tips_diameter",
-    "stud_diameter",
-    "slot_width",
-    "bore_diameter",
-)
 _SLEEVE_COLOUR: Final = np.array([0.55, 0.55, 0.6, 0.5])
 _BARREL_COLOUR: Final = np.array([0.8, 0.7, 0.4, 1.0])
 
 
 @dataclass(frozen=True, kw_only=True)
-class BncConnector:
+class BncConnector(PartsConnector):
     """A BNC connector in contact; see the module for its shape.
 
     Pairs are the smallest and the largest dimension allowed. Nominal is their mean, worst what
     leaves the least clearance.
     """
 
-    tolerance: Tolerance = "nominal"  # nominal: means of the pairs; worst: the least clearance
-    barrel_diameter: tuple[float, float] = (9.60e-3, 9.70e-3)  # m, outside; reference table
-    tips_diameter: tuple[float, float] = (10.97e-3, 11.07e-3)
+    barrel_diameter: Range = (9.60e-3, 9.70e-3)  # m, outside; reference table
+    tips_diameter: Range = (10.97e-3, 11.07e-3)
     # m, over the studs' tips; reference table
-    stud_diameter: tuple[float, float] = (1.91e-3, 2.06e-3)  # m, of each stud; reference table
-    slot_width: tuple[float, float] = (2.31e-3, 2.46e-3)
+    stud_diameter: Range = (1.91e-3, 2.06e-3)  # m, of each stud; reference table
+    slot_width: Range = (2.31e-3, 2.46e-3)
     # m, of the sleeve's slots; reference table
-    bore_diameter: tuple[float, float] = (9.78e-3, 9.91e-3)
+    bore_diameter: Range = (9.78e-3, 9.91e-3)
     # m, of the sleeve, inside; from memory: assumed
     setback: float = 3.25e-3  # m, of the studs' near side behind the face; reference table
     overlap: float = 8.46e-3  # m, of sleeve and barrel fully compressed; reference table
@@ -96,21 +87,23 @@ class BncConnector:
     sleeve_length: float = 30e-3  # m, with what is behind it; assumed
     socket_diameter: float = 14e-3  # m, of what a camera sees of the socket; assumed
     socket_length: float = 25e-3  # m, of what a camera sees of the socket; assumed
-    largest_force: float = 100.0  # N, that plug and socket stand along any axis; assumed
-    largest_torque: float = 1.5  # N m, that they stand about any axis; assumed
     mass: float = 0.02  # kg, of the plug; assumed
-    material: Material = Material()  # of all; the spring is softer, and without dissipation
+
+    NAME: ClassVar[str] = "bnc"
+    PARTNERS: ClassVar[Sequence[tuple[str, str]]] = (
+        ("sleeve rim", "barrel"),
+        ("sleeve bore", "barrel rim"),
+        ("sleeve slots", "studs"),
+        ("sleeve spring", "barrel"),
+    )
 
     def __post_init__(self) -> None:
-        require_one_of(self, "tolerance", ("nominal", "worst"))
-        for name in _RANGES:
-            low, high = getattr(self, name)
-            if not 0 < low <= high < math.inf:
-                raise ParameterError(name, (low, high), "two finite numbers > 0, the larger last")
+        super().__post_init__()
+        require_ranges(self, "barrel_diameter", "tips_diameter", "stud_diameter", "slot_width")
+        require_ranges(self, "bore_diameter")
         require_positive(self, "setback", "overlap", "detent", "lead_in", "spring_travel")
         require_positive(self, "spring_force", "spring_radius")
-        require_positive(self, "largest_force", "largest_torque", "mass")
-        require_positive(self, "sleeve_diameter", "sleeve_length")
+        require_positive(self, "mass", "sleeve_diameter", "sleeve_length")
         require_positive(self, "socket_diameter", "socket_length")
         least = self.barrel_diameter[1] / 2
         if not self.overlap > least:
@@ -144,29 +137,20 @@ class BncConnector:
             least = self.barrel_diameter[0] / 2 - self.lead_in
             raise ParameterError("spring_radius", self.spring_radius, f"less than {least} m")
 
-    def _dimension(self, name: str, worst: int) -> float:
-        values = getattr(self, name)
-        return float(values[worst] if self.tolerance == "worst" else sum(values) / 2)
-
-    @property
-    def name(self) -> str:
-        """What it is called."""
-        return "bnc"
-
     @property
     def barrel_radius(self) -> float:
         """Of the barrel, m."""
-        return self._dimension("barrel_diameter", 1) / 2
+        return self.pick(self.barrel_diameter, tight=1) / 2
 
     @property
     def bore_radius(self) -> float:
         """Of the sleeve's bore, m."""
-        return self._dimension("bore_diameter", 0) / 2
+        return self.pick(self.bore_diameter, tight=0) / 2
 
     @property
     def stud_radius(self) -> float:
         """Of the studs, m."""
-        return self._dimension("stud_diameter", 1) / 2
+        return self.pick(self.stud_diameter, tight=1) / 2
 
     @property
     def stud_distance(self) -> float:
@@ -175,12 +159,12 @@ class BncConnector:
 
     @property
     def _tips_radius(self) -> float:
-        return self._dimension("tips_diameter", 1) / 2
+        return self.pick(self.tips_diameter, tight=1) / 2
 
     @property
     def slot(self) -> float:
         """Width of the slots and of the channels, m."""
-        return self._dimension("slot_width", 0)
+        return self.pick(self.slot_width, tight=0)
 
     @property
     def slot_depth(self) -> float:
@@ -234,29 +218,23 @@ class BncConnector:
             body: Which holds the sleeve.
             X_BP: Place of P on it.
         """
-        for part, pieces in self._sleeve().items():
-            material = self._spring_material if part == "sleeve spring" else self.material
-            add_pieces(plant, body, X_BP, of_part(part, pieces), material, rgba=None)
+        super().add_plug(plant, body, X_BP)
         _show(plant, body, X_BP, self.sleeve_diameter, 0.0, self.sleeve_length, _SLEEVE_COLOUR)
-        let_touch(plant, _PARTNERS)
 
     def add_socket(self, plant: MultibodyPlant, X_WS: RigidTransform) -> None:
         """Add the barrel and its studs, fixed to the world."""
+        super().add_socket(plant, X_WS)
         world, length = plant.world_body(), self.socket_length
-        for part, pieces in self._barrel().items():
-            seen = _BARREL_COLOUR if part == "studs" else None
-            add_pieces(plant, world, X_WS, of_part(part, pieces), self.material, seen)
         _show(plant, world, X_WS, 2 * self.barrel_radius, -length, 0.0, _BARREL_COLOUR)
-        let_touch(plant, _PARTNERS)
 
     @property
-    def _spring_material(self) -> Material:
+    def _spring_material(self) -> ContactMaterial:
         """Of the insulator's spheres, whose softness is the spring."""
         stiffness = self.spring_force / (self.spring_travel * _SPRING_SPHERES)
         return replace(self.material, stiffness=stiffness, dissipation=0.0)
 
-    def _sleeve(self) -> dict[str, list[Piece]]:
-        """Return the pieces of the plug by part, in P."""
+    def plug_parts(self) -> list[ConnectorPart]:
+        """Return what the sleeve and its spring touch with, in P."""
         reach, half = self._tips_radius, self.slot / 2
         channel = self.slot_depth - self.slot  # its near side
         rim = Sphere(self.lead_in)
@@ -269,13 +247,13 @@ class BncConnector:
         # So large that their centres never reach the barrel's face.
         soft = Sphere(self.spring_travel + self.lead_in)
         face = np.array([self.spring_radius, 0.0, self.spring_depth + soft.radius()])
-        return {
+        parts = {
             "sleeve rim": [
-                Piece(f"rim_{i}", rim, RigidTransform(R @ [centre, 0.0, self.lead_in]))
+                ConvexPiece(f"rim_{i}", rim, RigidTransform(R @ [centre, 0.0, self.lead_in]))
                 for i, R in enumerate(turns(_RIM_SPHERES))
             ],
             "sleeve bore": [
-                Piece(f"stave_{i}", stave, RigidTransform(R, R @ middle))
+                ConvexPiece(f"stave_{i}", stave, RigidTransform(R, R @ middle))
                 for i, R in enumerate(turns(_STAVES))
             ],
             "sleeve slots": [
@@ -291,24 +269,32 @@ class BncConnector:
                 ),
             ],
             "sleeve spring": [
-                Piece(f"spring_{i}", soft, RigidTransform(R @ face))
+                ConvexPiece(f"spring_{i}", soft, RigidTransform(R @ face))
                 for i, R in enumerate(turns(_SPRING_SPHERES))
             ],
         }
+        return [
+            ConnectorPart(
+                name, pieces, self._spring_material if "spring" in name else self.material, None
+            )
+            for name, pieces in parts.items()
+        ]
 
-    def _barrel(self) -> dict[str, list[Piece]]:
-        """Return the pieces of the socket by part, in S."""
+    def socket_parts(self) -> list[ConnectorPart]:
+        """Return what the barrel and its studs touch with, in S."""
         radius, length = self.barrel_radius, self.socket_length
         height = -self.setback - self.stud_radius
-        return {
+        parts = {
             "barrel": [
-                Piece("barrel", Cylinder(radius, length), RigidTransform([0.0, 0.0, -length / 2]))
+                ConvexPiece(
+                    "barrel", Cylinder(radius, length), RigidTransform([0.0, 0.0, -length / 2])
+                )
             ],
             "barrel rim": [
-                Piece("ball", Sphere(radius), RigidTransform([0.0, 0.0, -self.lead_in / 2]))
+                ConvexPiece("ball", Sphere(radius), RigidTransform([0.0, 0.0, -self.lead_in / 2]))
             ],
             "studs": [
-                Piece(
+                ConvexPiece(
                     f"stud_{i}",
                     Sphere(self.stud_radius),
                     RigidTransform(R @ [self.stud_distance, 0.0, height]),
@@ -316,6 +302,10 @@ class BncConnector:
                 for i, R in enumerate(turns(2))
             ],
         }
+        return [
+            ConnectorPart(name, pieces, self.material, _BARREL_COLOUR if name == "studs" else None)
+            for name, pieces in parts.items()
+        ]
 
 
 def _show(

@@ -6,28 +6,48 @@ the plug reaches first, z out of the socket. P and S coincide where the plug, in
 touches; the depth is how far P's origin is below S's.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, NamedTuple, Protocol, Self
+from itertools import product
+from typing import ClassVar, Final, Literal, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.geometry import AddContactMaterial, ProximityProperties, Shape
-from pydrake.math import RigidTransform
+from pydrake.geometry import (
+    AddContactMaterial,
+    Box,
+    Capsule,
+    CollisionFilterDeclaration,
+    GeometryId,
+    GeometrySet,
+    ProximityProperties,
+    Role,
+    Shape,
+)
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
-from chamfer.models.validation import require_not_negative, require_positive
+from chamfer.models.validation import (
+    ParameterError,
+    require_not_negative,
+    require_one_of,
+    require_positive,
+)
 
 Array = NDArray[np.float64]
 Tolerance = Literal["nominal", "worst"]
+Range = tuple[float, float]  # smallest and largest dimension allowed, m
 
 # m, of a flat end behind the spheres round it: what is in the way meets the spheres, in a closed
 # form, and not the end.
 SETBACK: Final = 5e-5
+OUTLINE_SIDES: Final = 16  # of a prism that stands for a cylinder
 
 
-class Piece(NamedTuple):
+class ConvexPiece(NamedTuple):
     """A convex piece of a part."""
 
     name: str
@@ -36,7 +56,7 @@ class Piece(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Material:
+class ContactMaterial:
     """How pieces touch; all of it is assumed."""
 
     stiffness: float = 4e6  # N/m, of a point contact
@@ -84,7 +104,7 @@ class Connector(Protocol):
         """Of the plug, kg."""
 
     @property
-    def material(self) -> Material:
+    def material(self) -> ContactMaterial:
         """Of its pieces."""
 
     def with_mating_force(self, force: float) -> Self:
@@ -109,8 +129,8 @@ def add_pieces(
     plant: MultibodyPlant,
     body: RigidBody,
     X_BP: RigidTransform,
-    pieces: Sequence[Piece],
-    material: Material,
+    pieces: Sequence[ConvexPiece],
+    material: ContactMaterial,
     rgba: Array | None,
 ) -> None:
     """Add the pieces of a part to a body, to be touched and to be seen.
@@ -135,3 +155,145 @@ def add_pieces(
         plant.RegisterCollisionGeometry(body, X, piece.shape, piece.name, properties)
         if rgba is not None:
             plant.RegisterVisualGeometry(body, X, piece.shape, piece.name, rgba)
+
+
+class ConnectorPart(NamedTuple):
+    """A part of a plug or a socket, by which collision filters find its pieces."""
+
+    name: str
+    pieces: list[ConvexPiece]
+    material: ContactMaterial
+    rgba: Array | None  # None: it is not seen
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartsConnector:
+    """A connector of parts with tolerances; which of them touch is said by pairs."""
+
+    tolerance: Tolerance = "nominal"  # nominal: means of the pairs; worst: the least clearance
+    largest_force: float = 100.0  # N, that plug and socket stand along any axis; assumed
+    largest_torque: float = 1.5  # N m, that they stand about any axis; assumed
+    material: ContactMaterial = ContactMaterial()  # of all that is not a spring
+
+    NAME: ClassVar[str]
+    PARTNERS: ClassVar[Sequence[tuple[str, str]]]  # of the plug and of the socket, that touch
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "tolerance", ("nominal", "worst"))
+        require_positive(self, "largest_force", "largest_torque")
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return self.NAME
+
+    @property
+    def mated_turn(self) -> float | None:
+        """It mates as it went in."""
+        return None
+
+    def pick(self, limits: Range, *, tight: int) -> float:
+        """Return the middle of a range, or the end that makes the tightest fit."""
+        return limits[tight] if self.tolerance == "worst" else sum(limits) / 2
+
+    def plug_parts(self) -> list[ConnectorPart]:
+        """Return the parts of the plug, in P."""
+        raise NotImplementedError
+
+    def socket_parts(self) -> list[ConnectorPart]:
+        """Return the parts of the socket, in S."""
+        raise NotImplementedError
+
+    def add_plug(self, plant: MultibodyPlant, body: RigidBody, X_BP: RigidTransform) -> None:
+        """Add the plug to a body that holds it, X_BP its place there."""
+        self._add(plant, body, X_BP, self.plug_parts())
+
+    def add_socket(self, plant: MultibodyPlant, X_WS: RigidTransform) -> None:
+        """Add the socket, fixed to the world."""
+        self._add(plant, plant.world_body(), X_WS, self.socket_parts())
+
+    def _add(
+        self,
+        plant: MultibodyPlant,
+        body: RigidBody,
+        X: RigidTransform,
+        parts: Sequence[ConnectorPart],
+    ) -> None:
+        for part in parts:
+            named = of_part(part.name, part.pieces)
+            add_pieces(plant, body, X, named, part.material, part.rgba)
+        let_touch(plant, self.PARTNERS)
+
+
+def require_ranges(params: object, *names: str) -> None:
+    """Raise unless every named field is a smallest and a largest value."""
+    for name in names:
+        limits = getattr(params, name)
+        if len(limits) != 2 or not 0 < limits[0] <= limits[1] < math.inf:
+            raise ParameterError(name, limits, "two finite numbers, 0 < least <= largest")
+
+
+def of_part(part: str, pieces: Sequence[ConvexPiece]) -> list[ConvexPiece]:
+    """Return the pieces with the name of their part in front, by which a filter finds them."""
+    return [piece._replace(name=f"{part}:{piece.name}") for piece in pieces]
+
+
+def let_touch(plant: MultibodyPlant, pairs: Sequence[tuple[str, str]]) -> None:
+    """Keep every part of a plug apart from every part of its socket but those of the pairs.
+
+    To be called after the plug and after the socket was added, in any order: a call filters what
+    is there. What belongs to no part is left alone.
+
+    Args:
+        plant: Not yet finalized, and registered with a scene graph.
+        pairs: A part of the plug and a part of the socket that touch, each.
+    """
+    scene_graph = Parser(plant).scene_graph()  # the only way from a plant to its geometry
+    inspector = scene_graph.model_inspector()
+    parts: dict[str, list[GeometryId]] = {}
+    for geometry in inspector.GetAllGeometryIds(Role.kProximity):
+        # A geometry's name has that of its model in front.
+        part = inspector.GetName(geometry).rpartition("::")[2].partition(":")[0]
+        parts.setdefault(part, []).append(geometry)
+    plugs, sockets = zip(*pairs, strict=True)
+    for pair in product(plugs, sockets):
+        if pair not in pairs:
+            first, second = (GeometrySet(parts.get(part, [])) for part in pair)
+            strangers = CollisionFilterDeclaration().ExcludeBetween(first, second)
+            scene_graph.collision_filter_manager().Apply(strangers)
+
+
+def block(name: str, one: Sequence[float], other: Sequence[float]) -> ConvexPiece:
+    """Return a box between two opposite corners, m."""
+    size = np.abs(np.subtract(other, one))
+    return ConvexPiece(name, Box(*size), RigidTransform(np.add(one, other) / 2))
+
+
+def turns(number: int) -> list[RotationMatrix]:
+    """Return the rotations about z that divide a turn."""
+    return [RotationMatrix.MakeZRotation(2 * math.pi * i / number) for i in range(number)]
+
+
+def prism(radius: float, bottom: float, top: float) -> Array:
+    """Return the corners of an upright prism that stands for a cylinder, m, shape (32, 3)."""
+    angle = 2 * math.pi * np.arange(OUTLINE_SIDES) / OUTLINE_SIDES
+    ring = radius * np.column_stack([np.cos(angle), np.sin(angle)])
+    return np.vstack([np.insert(ring, 2, z, axis=1) for z in (bottom, top)])
+
+
+def box_corners(width: float, height: float, bottom: float, top: float) -> Array:
+    """Return the corners of an upright box about z, m, shape (8, 3)."""
+    corners = product((-width / 2, width / 2), (-height / 2, height / 2), (bottom, top))
+    return np.array(list(corners))
+
+
+def at(*place: float) -> RigidTransform:
+    """Return the pose of a piece that is only moved, to x, y and z, m."""
+    return RigidTransform(np.array(place))
+
+
+def capsule(name: str, radius: float, first: Array, last: Array) -> ConvexPiece:
+    """Return a capsule between two points, m, shape (3,) each."""
+    R = RotationMatrix.MakeFromOneVector(last - first, 2)
+    length = float(np.linalg.norm(last - first))
+    return ConvexPiece(name, Capsule(radius, length), RigidTransform(R, (first + last) / 2))

@@ -10,50 +10,115 @@ plug in line feels no force across.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 from typing import ClassVar, Final
 
 import numpy as np
-from numpy.typing import NDArray
-from pydrake.geometry import Box, Capsule, Cylinder, Sphere
+from pydrake.geometry import Box, Cylinder, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import RigidBody
 
-from chamfer.models.connectors.collision_filters import let_touch, of_part
-from chamfer.models.connectors.connector import Material, Piece, Tolerance, add_pieces
-from chamfer.models.connectors.d_section import EDGES, DSection
-from chamfer.models.connectors.shapes import box_corners
+from chamfer.models.connectors.connector import (
+    Array,
+    ConnectorPart,
+    ContactMaterial,
+    ConvexPiece,
+    PartsConnector,
+    Range,
+    at,
+    box_corners,
+    capsule,
+    require_ranges,
+)
 from chamfer.models.validation import (
     ParameterError,
     require_not_negative,
-    require_one_of,
     require_positive,
 )
-
-Array = NDArray[np.float64]
-Range = tuple[float, float]
 
 LUMPS: Final = 4  # pins that stand for all contacts, evenly along the row
 CHORDS: Final = 2  # of the socket's rim in each corner
 WALL: Final = 0.003  # m, thickness of the plug's walls, outwards, where nothing else is
 METAL: Final = np.array([0.75, 0.75, 0.78, 1.0])
 GOLD: Final = np.array([0.85, 0.65, 0.2, 1.0])
-# Which parts of a plug touch which of a socket.
-_PARTNERS: Final = (
-    ("plug rim", "socket walls"),
-    ("plug walls", "socket rim"),
-    ("plug pins", "socket tines"),
-)
+EDGES: Final = range(4)
 
 
 @dataclass(frozen=True, kw_only=True)
-class DConnector:
+class DSection:
+    """The section of a D, measured over all: a trapezoid with rounded corners.
+
+    Edges and corners are counted to the left, from the wide edge: 0 wide, 1 left, 2 narrow, 3
+    right; corner ``i`` is where edge ``i`` begins. x is along the D, y towards its wide edge.
+    """
+
+    width: float  # m, between the outermost points of the wide corners
+    height: float  # m, between the wide and the narrow edge
+    corner_radius: float  # m
+    side_angle: float  # rad, of each side from y
+
+    def __post_init__(self) -> None:
+        require_positive(self, "width", "height", "corner_radius")
+        if not 0 <= self.side_angle < math.pi / 4:
+            raise ParameterError("side_angle", self.side_angle, "0 <= angle < pi/4 rad")
+        if not 2 * self.corner_radius < self.height:
+            allowed = f"less than half the height, {self.height / 2:.3g} m"
+            raise ParameterError("corner_radius", self.corner_radius, allowed)
+        if not self.centres[3, 0] > 0:
+            raise ParameterError("width", self.width, "enough for a narrow edge")
+
+    def grown(self, by: float) -> "DSection":
+        """Return the section whose outline is further out by ``by``, m, everywhere."""
+        return replace(
+            self,
+            width=self.width + 2 * by,
+            height=self.height + 2 * by,
+            corner_radius=self.corner_radius + by,
+        )
+
+    @property
+    def centres(self) -> Array:
+        """Centres of the corners' arcs, m, shape (4, 2)."""
+        x = self.width / 2 - self.corner_radius
+        y = self.height / 2 - self.corner_radius
+        narrow = x - 2 * y * math.tan(self.side_angle)
+        return np.array([[x, y], [-x, y], [-narrow, -y], [narrow, -y]])
+
+    @property
+    def directions(self) -> Array:
+        """Directions of the edges' outward normals, rad from x to y, shape (4,)."""
+        quarters = np.array([1.0, 2.0, 3.0, 4.0]) * math.pi / 2
+        lean = np.array([0.0, self.side_angle, 0.0, -self.side_angle])
+        directions: Array = quarters + lean
+        return directions
+
+    @property
+    def edges(self) -> Array:
+        """First and last point of the straight part of each edge, m, shape (4, 2, 2)."""
+        ends = np.stack([self.centres, np.roll(self.centres, -1, axis=0)], axis=1)
+        edges: Array = ends + self.corner_radius * _unit(self.directions)[:, None, :]
+        return edges
+
+    def arc(self, corner: int, chords: int) -> Array:
+        """Return points along a corner's arc, to the left, m, shape (chords + 1, 2)."""
+        last = self.directions[corner]
+        first = self.directions[corner - 1] - (2 * math.pi if corner == 0 else 0)
+        directions = np.linspace(first, last, chords + 1)
+        points: Array = self.centres[corner] + self.corner_radius * _unit(directions)
+        return points
+
+
+def _unit(direction: Array) -> Array:
+    """Return unit vectors, shape (n, 2)."""
+    unit: Array = np.stack([np.cos(direction), np.sin(direction)], axis=-1)
+    return unit
+
+
+@dataclass(frozen=True, kw_only=True)
+class DConnector(PartsConnector):
     """A plug and a socket; lengths from the reference table unless assumed."""
 
-    tolerance: Tolerance = "nominal"  # nominal: middles of the ranges; worst: the tightest fit
     plug_width: Range = (38.84e-3, 39.09e-3)  # m, of the shell, inside
     plug_height: Range = (8.23e-3, 8.48e-3)  # m, of the shell, inside
     plug_length: Range = (5.82e-3, 6.05e-3)  # m, of the shell along the insertion
@@ -76,20 +141,20 @@ class DConnector:
     largest_force: float = 200.0  # N, that plug and socket stand along any axis; assumed
     largest_torque: float = 5.0  # N m, that they stand about any axis; assumed
     mass: float = 0.04  # kg, of the plug with its hood; assumed
-    material: Material = Material()  # of shells, pins and tines; the tines are softer
 
-    RENAMED: ClassVar[Mapping[str, str]] = {
-        name: f"material.{name}" for name in ("stiffness", "dissipation", "friction")
-    }
+    NAME: ClassVar[str] = "25-pin D"
+    PARTNERS: ClassVar[Sequence[tuple[str, str]]] = (
+        ("plug rim", "socket walls"),
+        ("plug walls", "socket rim"),
+        ("plug pins", "socket tines"),
+    )
 
     def __post_init__(self) -> None:
-        require_one_of(self, "tolerance", ("nominal", "worst"))
-        for name in ("plug_width", "plug_height", "plug_length", "pin_diameter"):
-            _require_range(self, name)
-        for name in ("socket_width", "socket_height", "socket_length"):
-            _require_range(self, name)
+        super().__post_init__()
+        require_ranges(self, "plug_width", "plug_height", "plug_length", "pin_diameter")
+        require_ranges(self, "socket_width", "socket_height", "socket_length")
         require_positive(self, "plug_corner", "socket_corner", "lead_in", "travel", "contacts")
-        require_positive(self, "largest_force", "largest_torque", "mass")
+        require_positive(self, "mass")
         require_positive(self, "pitch", "pin_recess", "tine_deflection", "tine_force")
         require_not_negative(self, "pin_funnel")
         if not np.all(self.clearance > 0):
@@ -113,18 +178,9 @@ class DConnector:
         _ = self.plug_section, self.socket_section.grown(-self.lead_in)
 
     @property
-    def name(self) -> str:
-        """What it is called."""
-        return "25-pin D"
-
-    @property
     def mated_depth(self) -> float:
         """Depth at which the socket's rim meets the bottom of the plug's shell, m."""
         return self.travel
-
-    @property
-    def mated_turn(self) -> None:
-        """It mates as it went in."""
 
     @property
     def mating_force(self) -> float:
@@ -139,8 +195,8 @@ class DConnector:
     def plug_section(self) -> DSection:
         """Inside of the plug's shell."""
         return DSection(
-            width=self._pick(self.plug_width, tight=0),
-            height=self._pick(self.plug_height, tight=0),
+            width=self.pick(self.plug_width, tight=0),
+            height=self.pick(self.plug_height, tight=0),
             corner_radius=self.plug_corner,
             side_angle=self.side_angle,
         )
@@ -149,8 +205,8 @@ class DConnector:
     def socket_section(self) -> DSection:
         """Outside of the socket's shell."""
         return DSection(
-            width=self._pick(self.socket_width, tight=1),
-            height=self._pick(self.socket_height, tight=1),
+            width=self.pick(self.socket_width, tight=1),
+            height=self.pick(self.socket_height, tight=1),
             corner_radius=self.socket_corner,
             side_angle=self.side_angle,
         )
@@ -158,8 +214,8 @@ class DConnector:
     @property
     def clearance(self) -> Array:
         """Clearance per side along x and y, m, shape (2,)."""
-        plug = (self._pick(self.plug_width, tight=0), self._pick(self.plug_height, tight=0))
-        socket = (self._pick(self.socket_width, tight=1), self._pick(self.socket_height, tight=1))
+        plug = (self.pick(self.plug_width, tight=0), self.pick(self.plug_height, tight=0))
+        socket = (self.pick(self.socket_width, tight=1), self.pick(self.socket_height, tight=1))
         clearance: Array = (np.array(plug) - socket) / 2
         return clearance
 
@@ -186,46 +242,43 @@ class DConnector:
         force: Array = 2 * LUMPS * press * (sine + self.material.friction * cosine)
         return force
 
-    def add_plug(self, plant: MultibodyPlant, body: RigidBody, X_BP: RigidTransform) -> None:
-        """Add the plug to a body that holds it, X_BP its place there."""
+    def plug_parts(self) -> list[ConnectorPart]:
+        """Return rim, walls and pins, in P."""
         shell, spring = self._materials
         rim = self._rim(self.plug_section.grown(self.lead_in), 1)
-        add_pieces(plant, body, X_BP, of_part("plug rim", rim), shell, METAL)
-        add_pieces(plant, body, X_BP, of_part("plug walls", self._plug_walls()), shell, METAL)
-        add_pieces(plant, body, X_BP, of_part("plug pins", self._pins()), spring, GOLD)
-        let_touch(plant, _PARTNERS)
+        return [
+            ConnectorPart("plug rim", rim, shell, METAL),
+            ConnectorPart("plug walls", self._plug_walls(), shell, METAL),
+            ConnectorPart("plug pins", self._pins(), spring, GOLD),
+        ]
 
-    def add_socket(self, plant: MultibodyPlant, X_WS: RigidTransform) -> None:
-        """Add the socket, fixed to the world."""
+    def socket_parts(self) -> list[ConnectorPart]:
+        """Return rim, walls and tines, in S."""
         shell, spring = self._materials
         rim = self._rim(self.socket_section.grown(-self.lead_in), -1)
-        world = plant.world_body()
-        add_pieces(plant, world, X_WS, of_part("socket rim", rim), shell, METAL)
-        add_pieces(plant, world, X_WS, of_part("socket walls", self._socket_walls()), shell, METAL)
-        add_pieces(plant, world, X_WS, of_part("socket tines", self._tines()), spring, GOLD)
-        let_touch(plant, _PARTNERS)
-
-    def _pick(self, limits: Range, *, tight: int) -> float:
-        """Return the middle of a range, or the end that makes the tightest fit."""
-        return limits[tight] if self.tolerance == "worst" else sum(limits) / 2
+        return [
+            ConnectorPart("socket rim", rim, shell, METAL),
+            ConnectorPart("socket walls", self._socket_walls(), shell, METAL),
+            ConnectorPart("socket tines", self._tines(), spring, GOLD),
+        ]
 
     @property
     def _plug_length(self) -> float:
-        return self._pick(self.plug_length, tight=0)
+        return self.pick(self.plug_length, tight=0)
 
     @property
     def _socket_length(self) -> float:
-        return self._pick(self.socket_length, tight=0)
+        return self.pick(self.socket_length, tight=0)
 
     @property
     def _pin_radius(self) -> float:
         """Of the round end that stands for a pin and the funnel that it enters, m."""
-        return self._pick(self.pin_diameter, tight=1) / 2 + self.pin_funnel
+        return self.pick(self.pin_diameter, tight=1) / 2 + self.pin_funnel
 
     @property
     def _tine_spread(self) -> float:
         """How far a pin spreads each tine, m."""
-        thicker = self._pick(self.pin_diameter, tight=1) - sum(self.pin_diameter) / 2
+        thicker = self.pick(self.pin_diameter, tight=1) - sum(self.pin_diameter) / 2
         return self.tine_deflection + thicker / 2
 
     @property
@@ -240,7 +293,7 @@ class DConnector:
         return self.contacts / LUMPS * self.tine_force / self.tine_deflection
 
     @property
-    def _materials(self) -> tuple[Material, Material]:
+    def _materials(self) -> tuple[ContactMaterial, ContactMaterial]:
         """Of shells, and of pins and tines: two pieces that touch are springs in series."""
         return self.material, replace(self.material, stiffness=2 * self._tine_stiffness)
 
@@ -251,15 +304,17 @@ class DConnector:
         places: Array = row * ((np.arange(LUMPS) + 0.5) / LUMPS - 0.5)
         return places
 
-    def _rim(self, centreline: DSection, side: int) -> list[Piece]:
+    def _rim(self, centreline: DSection, side: int) -> list[ConvexPiece]:
         """Return spheres at the ends of a rim's straight edges; it is on the side of z."""
         return [
-            Piece(f"{edge}_{end}", Sphere(self.lead_in), _at(point, side * self.lead_in))
+            ConvexPiece(
+                f"{edge}_{end}", Sphere(self.lead_in), at(*point.tolist(), side * self.lead_in)
+            )
             for edge in EDGES
             for end, point in enumerate(centreline.edges[edge])
         ]
 
-    def _plug_walls(self) -> list[Piece]:
+    def _plug_walls(self) -> list[ConvexPiece]:
         """Return the walls above the rim, and the bottom of the shell."""
         section = self.plug_section
         pieces = [
@@ -267,10 +322,10 @@ class DConnector:
             for edge in EDGES
         ]
         bottom = Box(section.width, section.height, WALL)
-        pieces.append(Piece("bottom", bottom, _at((0.0, 0.0), self.travel + WALL / 2)))
+        pieces.append(ConvexPiece("bottom", bottom, at(0.0, 0.0, self.travel + WALL / 2)))
         return pieces
 
-    def _socket_walls(self) -> list[Piece]:
+    def _socket_walls(self) -> list[ConvexPiece]:
         """Return a D with its round rim, and the flange."""
         outside, rim = self.socket_section, self.socket_section.grown(-self.lead_in)
         pieces = []
@@ -279,25 +334,25 @@ class DConnector:
             for edge in EDGES:
                 pieces.append(_wall(f"{label}_{edge}", section, edge, inward, up))
                 corner = Cylinder(section.corner_radius, up[1] - up[0])
-                X_SC = _at(section.centres[edge], sum(up) / 2)
-                pieces.append(Piece(f"{label}_corner_{edge}", corner, X_SC))
+                X_SC = at(*section.centres[edge].tolist(), sum(up) / 2)
+                pieces.append(ConvexPiece(f"{label}_corner_{edge}", corner, X_SC))
         lines = [tuple(rim.edges[edge]) for edge in EDGES]
         lines += [chord for corner in EDGES for chord in pairwise(rim.arc(corner, CHORDS))]
         for number, (first, last) in enumerate(lines):
             ends = [np.append(point, -self.lead_in) for point in (first, last)]
-            pieces.append(_capsule(f"lead_in_{number}", self.lead_in, *ends))
+            pieces.append(capsule(f"lead_in_{number}", self.lead_in, *ends))
         flange = Box(0.053, 0.0125, WALL)  # assumed
-        pieces.append(Piece("flange", flange, _at((0.0, 0.0), -self._socket_length - WALL / 2)))
+        pieces.append(ConvexPiece("flange", flange, at(0.0, 0.0, -self._socket_length - WALL / 2)))
         return pieces
 
-    def _pins(self) -> list[Piece]:
+    def _pins(self) -> list[ConvexPiece]:
         z = self.pin_recess + self._pin_radius
         return [
-            Piece(f"{lump}", Sphere(self._pin_radius), _at((x, 0.0), z))
+            ConvexPiece(f"{lump}", Sphere(self._pin_radius), at(x, 0.0, z))
             for lump, x in enumerate(self._pin_places)
         ]
 
-    def _tines(self) -> list[Piece]:
+    def _tines(self) -> list[ConvexPiece]:
         """Return a pair of tines for each pin, along y for the outer ones, along x inside."""
         top = self.pin_recess + self._pin_radius - self.pin_depth - self._tine_reach
         bottom = self.pin_recess - self.travel - WALL
@@ -307,34 +362,17 @@ class DConnector:
             outer = lump in (0, LUMPS - 1)
             block = Box(2 * gap, WALL, top - bottom) if outer else Box(WALL, 2 * gap, top - bottom)
             shift = side * (gap + WALL / 2) * np.array([not outer, outer])
-            X_ST = _at((x + shift[0], shift[1]), (top + bottom) / 2)
-            pieces.append(Piece(f"{lump}_{side:+d}", block, X_ST))
+            X_ST = at(x + shift[0], shift[1], (top + bottom) / 2)
+            pieces.append(ConvexPiece(f"{lump}_{side:+d}", block, X_ST))
         return pieces
 
 
-def _require_range(connector: DConnector, name: str) -> None:
-    """Raise unless the named field is a smallest and a largest value."""
-    limits = getattr(connector, name)
-    if len(limits) != 2 or not 0 < limits[0] <= limits[1] < math.inf:
-        raise ParameterError(name, limits, "two finite numbers, 0 < least <= largest")
-
-
-def _at(place: Sequence[float] | Array, z: float) -> RigidTransform:
-    """Return the pose of a piece that is only moved, to a place in the section's plane."""
-    return RigidTransform(np.array([place[0], place[1], z]))
-
-
-def _wall(name: str, section: DSection, edge: int, outward: Range, up: Range) -> Piece:
+def _wall(name: str, section: DSection, edge: int, outward: Range, up: Range) -> ConvexPiece:
     """Return a block along an edge, between two distances outward of it and two heights."""
     first, last = section.edges[edge]
     R = RotationMatrix.MakeZRotation(section.directions[edge])
     size = abs(outward[1] - outward[0]), float(np.linalg.norm(last - first)), up[1] - up[0]
     middle = np.array([*(first + last) / 2, sum(up) / 2])
-    return Piece(name, Box(*size), RigidTransform(R, middle + R.matrix()[:, 0] * sum(outward) / 2))
-
-
-def _capsule(name: str, radius: float, first: Array, last: Array) -> Piece:
-    """Return a capsule between two points."""
-    R = RotationMatrix.MakeFromOneVector(last - first, 2)
-    length = float(np.linalg.norm(last - first))
-    return Piece(name, Capsule(radius, length), RigidTransform(R, (first + last) / 2))
+    return ConvexPiece(
+        name, Box(*size), RigidTransform(R, middle + R.matrix()[:, 0] * sum(outward) / 2)
+    )

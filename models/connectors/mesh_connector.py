@@ -1,30 +1,157 @@
 """A part of one's own: plug and socket of convex pieces out of mesh files.
 
 Each object of a Wavefront file (``o`` or ``g``, vertices ``v``, faces ``f``) is one convex piece;
-what isn't convex is divided first, by :func:`chamfer.models.connectors.convex_pieces.divide`. The
-plug's file is in frame P, the socket's in frame S, as :mod:`chamfer.models.connectors.connector`
-has
-them: z against the direction of insertion, both origins where the parts in line just touch.
+what isn't convex is divided first, by :func:`divide`: with CoACD (Wei, Liu, Ling and Su, 2022),
+which is optional. The plug's file is in frame P, the socket's in frame S, as
+:mod:`chamfer.models.connectors.connector` has them: z against the direction of insertion, both
+origins where the parts in line just touch.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.geometry import Convex
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
+from scipy.spatial import ConvexHull, QhullError
 
-from chamfer.models.connectors.connector import Array, Material, Piece, add_pieces
-from chamfer.models.connectors.obj_file import Solid, read_solids
+from chamfer.models.connectors.connector import Array, ContactMaterial, ConvexPiece, add_pieces
 from chamfer.models.validation import ParameterError, require_positive
+
+Triangles = NDArray[np.intp]
 
 _PLUG_COLOUR: Final = np.array([0.8, 0.16, 0.16, 1.0])
 _SOCKET_COLOUR: Final = np.array([0.16, 0.28, 0.8, 0.5])
 _LARGEST: Final = 1.0  # m, of a part: beyond it the unit is wrong
+# Of the convex hull's volume, that a convex solid may lack: what rounding in the file does.
+_ROUNDING: Final = 1e-3
+_FINEST: Final = 0.01  # concavity that CoACD takes
+
+
+@dataclass(frozen=True, eq=False)
+class MeshSolid:
+    """An object of a file."""
+
+    name: str
+    corners: Array  # in the file's unit, shape (n, 3)
+    triangles: Triangles  # places of their corners, anticlockwise from outside, shape (m, 3)
+
+    @cached_property
+    def volume(self) -> float:
+        """What the triangles enclose, in the file's unit; positive if they face outwards."""
+        a, b, c = np.moveaxis(self.corners[self.triangles], 1, 0)
+        return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+    @cached_property
+    def hull(self) -> float:
+        """The volume of the convex hull."""
+        return float(ConvexHull(self.corners).volume)
+
+    @property
+    def convex(self) -> bool:
+        """Whether it is its own convex hull."""
+        return self.volume >= (1 - _ROUNDING) * self.hull
+
+
+def convex_hull(name: str, corners: Array) -> MeshSolid:
+    """Return the solid with the fewest corners around points, shape (n, 3)."""
+    hull = ConvexHull(corners)
+    used, places = np.unique(hull.simplices, return_inverse=True)
+    triangles = places.reshape(hull.simplices.shape)
+    points = corners[used]
+    outward = hull.equations[:, :3]
+    a, b, c = np.moveaxis(points[triangles], 1, 0)
+    inside_out = np.einsum("ij,ij->i", np.cross(b - a, c - a), outward) < 0
+    triangles[inside_out] = triangles[inside_out, ::-1]
+    return MeshSolid(name, points, triangles)
+
+
+def read_solids(path: Path) -> tuple[MeshSolid, ...]:
+    """Return the solids of a file, each a closed surface.
+
+    Raises:
+        OSError: If the file can't be read.
+        ValueError: If a line is wrong, there is no solid, or one is flat or open.
+    """
+    corners: list[list[float]] = []
+    faces: dict[str, list[tuple[int, ...]]] = {}
+    name = path.stem
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        kind, *words = line.partition("#")[0].split() or [""]
+        try:
+            if kind == "v":
+                corners.append([float(word) for word in words[:3]])
+                if len(corners[-1]) != 3 or not np.isfinite(corners[-1]).all():
+                    raise ValueError
+            elif kind in ("o", "g"):
+                name = " ".join(words) or f"object {len(faces)}"
+            elif kind == "f":
+                faces.setdefault(name, []).append(_face(words, len(corners)))
+        except ValueError:
+            raise ValueError(f"line {number}: {line.strip()!r}") from None
+    if not faces:
+        raise ValueError("no faces")
+    return tuple(_solid(name, np.array(corners), group) for name, group in faces.items())
+
+
+def write_solids(path: Path, solids: Sequence[MeshSolid]) -> None:
+    """Write solids to a file, an object each."""
+    lines = []
+    first = 1
+    for solid in solids:
+        lines.append(f"o {solid.name}")
+        lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in solid.corners.tolist()]
+        lines += [f"f {a} {b} {c}" for a, b, c in (solid.triangles + first).tolist()]
+        first += len(solid.corners)
+    path.write_text("\n".join([*lines, ""]), encoding="utf-8")
+
+
+def _face(words: Sequence[str], known: int) -> tuple[int, ...]:
+    """Return the places of a face's corners; a file counts from 1, or back from -1."""
+    places = [int(word.partition("/")[0]) for word in words]
+    places = [place - 1 if place > 0 else known + place for place in places]
+    if len(places) < 3 or not all(0 <= place < known for place in places):
+        raise ValueError
+    return tuple(places)
+
+
+def _solid(name: str, corners: Array, faces: Sequence[tuple[int, ...]]) -> MeshSolid:
+    triangles = np.array(list(_triangles(name, corners, faces)))
+    used, places = np.unique(triangles, return_inverse=True)
+    points, same = np.unique(corners[used], axis=0, return_inverse=True)
+    solid = MeshSolid(name, points, np.asarray(same).reshape(-1)[places.reshape(triangles.shape)])
+    edges = np.vstack([solid.triangles[:, [i, (i + 1) % 3]] for i in range(3)])
+    if not np.array_equal(np.unique(edges, axis=0), np.unique(edges[:, ::-1], axis=0)):
+        raise ValueError(f"the surface of {name!r} is open")
+    try:
+        flat = not abs(solid.volume) > 1e-9 * solid.hull
+    except QhullError:
+        flat = True
+    if flat:
+        raise ValueError(f"{name!r} has no volume")
+    if solid.volume < 0:  # all of it inside out
+        solid = MeshSolid(name, solid.corners, solid.triangles[:, ::-1])
+    return solid
+
+
+def _triangles(
+    name: str, corners: Array, faces: Sequence[tuple[int, ...]]
+) -> Iterator[tuple[int, int, int]]:
+    """Yield the triangles from each face's first corner, which has to see all others."""
+    for first, *others in faces:
+        sides = corners[others] - corners[first]
+        normals = np.cross(sides[:-1], sides[1:])
+        if (normals @ normals.sum(axis=0) < 0).any():
+            raise ValueError(f"a face of {name!r} is not convex, divide it into triangles")
+        for second, third in pairwise(others):
+            yield first, second, third
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +169,7 @@ class MeshConnector:
     largest_force: float = 100.0  # N, that plug and socket stand along any axis; assumed
     largest_torque: float = 1.5  # N m, that they stand about any axis; assumed
     mass: float = 0.02  # kg, of the plug; assumed
-    material: Material = Material()  # of both
+    material: ContactMaterial = ContactMaterial()  # of both
 
     def __post_init__(self) -> None:
         require_positive(self, "unit", "mated_depth", "mating_force", "lead_in")
@@ -92,19 +219,19 @@ class MeshConnector:
         world = plant.world_body()
         add_pieces(plant, world, X_WS, self._pieces(self.socket), self.material, _SOCKET_COLOUR)
 
-    def _pieces(self, path: str) -> list[Piece]:
+    def _pieces(self, path: str) -> list[ConvexPiece]:
         """Return the convex hull of each object, its origin in its middle."""
         pieces = []
         for i, solid in enumerate(_solids(path)):
             corners = self.unit * solid.corners
             middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
             shape = Convex((corners - middle).T, solid.name)
-            pieces.append(Piece(f"{i} {solid.name}", shape, RigidTransform(middle)))
+            pieces.append(ConvexPiece(f"{i} {solid.name}", shape, RigidTransform(middle)))
         return pieces
 
 
 @lru_cache(maxsize=8)
-def _solids(path: str) -> tuple[Solid, ...]:
+def _solids(path: str) -> tuple[MeshSolid, ...]:
     solids = read_solids(Path(path))
     for solid in solids:
         if not solid.convex:
@@ -112,5 +239,46 @@ def _solids(path: str) -> tuple[Solid, ...]:
     return solids
 
 
-def _corners(solids: tuple[Solid, ...]) -> Array:
+def _corners(solids: tuple[MeshSolid, ...]) -> Array:
     return np.vstack([solid.corners for solid in solids])
+
+
+def divide(source: Path, target: Path, *, concavity: float = _FINEST) -> float:
+    """Write the convex pieces of a file's solids to another, and return what they have too much.
+
+    The pieces cover the solids and fill what is narrower than the concavity: look at them, and
+    make what has to fit exactly, such as the walls of a narrow hole, of convex objects yourself.
+    It takes seconds; the same file gives the same pieces.
+
+    Args:
+        source: A Wavefront file.
+        target: Another one, with a convex object for each piece.
+        concavity: That a piece may have at most, as a share of the solid's size, 0.01 to 1.
+
+    Returns:
+        The volume that the pieces have more than the solids, as a share of the solids'.
+
+    Raises:
+        ParameterError: If the concavity is not allowed.
+        ModuleNotFoundError: If CoACD is not installed.
+        OSError: If a file can't be read or written.
+        ValueError: If the source holds no solids.
+    """
+    if not _FINEST <= concavity <= 1:
+        raise ParameterError("concavity", concavity, f"{_FINEST} to 1")
+    solids = read_solids(source)
+    pieces = [piece for solid in solids for piece in _divided(solid, concavity)]
+    write_solids(target, pieces)
+    whole = sum(solid.volume for solid in solids)
+    return sum(piece.volume for piece in pieces) / whole - 1
+
+
+def _divided(solid: MeshSolid, concavity: float) -> list[MeshSolid]:
+    if solid.convex:
+        return [solid]
+    import coacd
+
+    coacd.set_log_level("error")
+    mesh = coacd.Mesh(solid.corners, solid.triangles)
+    found = [np.asarray(corners) for corners, _ in coacd.run_coacd(mesh, threshold=concavity)]
+    return [convex_hull(f"{solid.name} {i}", corners) for i, corners in enumerate(found)]

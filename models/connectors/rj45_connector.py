@@ -9,29 +9,33 @@ force across. The eight contacts are two soft spheres in the jack, which press o
 plug alone.
 
 Not modelled: the slots between the contacts and the key way of the latch, in which the plug has
-more play than in the cavity.
+more clearance than in the cavity.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.geometry import Box, Capsule, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import RigidBody
 
-from chamfer.models.connectors.collision_filters import let_touch, of_part
-from chamfer.models.connectors.connector import SETBACK, Material, Piece, Tolerance, add_pieces
-from chamfer.models.connectors.shapes import block, box_corners
-from chamfer.models.validation import ParameterError, require_one_of, require_positive
-
-Array = NDArray[np.float64]
-Range = tuple[float, float]
+from chamfer.models.connectors.connector import (
+    SETBACK,
+    Array,
+    ConnectorPart,
+    ContactMaterial,
+    ConvexPiece,
+    PartsConnector,
+    Range,
+    at,
+    block,
+    box_corners,
+    require_ranges,
+)
+from chamfer.models.validation import ParameterError, require_positive
 
 _SIDES: Final = (1.0, -1.0)
 _WALL: Final = 0.004  # m, thickness of what is touched on one side
@@ -42,17 +46,10 @@ _NOSE_BELOW: Final = 0.0015  # m, of the noses below the plug's body, along y
 _PLASTIC: Final = np.array([0.75, 0.8, 0.85, 0.6])
 _JACK: Final = np.array([0.25, 0.25, 0.28, 0.6])
 _GOLD: Final = np.array([0.85, 0.65, 0.2, 1.0])
-# Which parts of a plug touch which of a jack.
-_PARTNERS: Final = (
-    ("plug rim", "jack cavity"),
-    ("plug body", "jack mouth"),
-    ("plug body", "jack contacts"),
-    ("plug latch", "jack ledge"),
-)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rj45Connector:
+class Rj45Connector(PartsConnector):
     """A plug and a jack; pairs are the smallest and the largest dimension allowed.
 
     The widths and heights are those of the miniature 8-position plug and jack, which are drawn in
@@ -65,7 +62,6 @@ class Rj45Connector:
     latch, of two springs, gives way at less, :attr:`retention`.
     """
 
-    tolerance: Tolerance = "nominal"  # nominal: means of the pairs; worst: the least clearance
     plug_width: Range = (11.58e-3, 11.79e-3)  # m, of the body, least and most; from memory
     plug_height: Range = (6.50e-3, 6.60e-3)  # m, of the body without its latch; from memory
     jack_width: Range = (11.89e-3, 12.04e-3)  # m, of the cavity; from memory
@@ -83,19 +79,21 @@ class Rj45Connector:
     contact_deflection: float = 0.3e-3  # m, of a contact, by a plug on the wall opposite; assumed
     contact_depth: float = 5e-3  # m, of the contacts in the jack; assumed
     contact_radius: float = 1e-3  # m, of a contact's bend; assumed
-    largest_force: float = 100.0  # N, that plug and socket stand along any axis; assumed
-    largest_torque: float = 1.5  # N m, that they stand about any axis; assumed
     mass: float = 0.003  # kg, of the plug; assumed
-    material: Material = Material()  # of plug and jack; latch and contacts are softer
+
+    NAME: ClassVar[str] = "RJ45"
+    PARTNERS: ClassVar[Sequence[tuple[str, str]]] = (
+        ("plug rim", "jack cavity"),
+        ("plug body", "jack mouth"),
+        ("plug body", "jack contacts"),
+        ("plug latch", "jack ledge"),
+    )
 
     def __post_init__(self) -> None:
-        require_one_of(self, "tolerance", ("nominal", "worst"))
-        for name in ("plug_width", "plug_height", "jack_width", "jack_height"):
-            low, high = getattr(self, name)
-            if not 0 < low <= high < math.inf:
-                raise ParameterError(name, (low, high), "two finite numbers > 0, the larger last")
+        super().__post_init__()
+        require_ranges(self, "plug_width", "plug_height", "jack_width", "jack_height")
         require_positive(self, "lead_in", "travel", "plug_length", "latch_force")
-        require_positive(self, "largest_force", "largest_torque", "mass")
+        require_positive(self, "mass")
         require_positive(self, "latch_deflection", "latch_radius", "latch_play", "contact_force")
         require_positive(self, "contact_deflection", "contact_depth", "contact_radius")
         for plug, jack in (("plug_width", "jack_width"), ("plug_height", "jack_height")):
@@ -127,11 +125,6 @@ class Rj45Connector:
             raise ParameterError("contact_depth", self.contact_depth, allowed)
 
     @property
-    def name(self) -> str:
-        """What it is called."""
-        return "RJ45"
-
-    @property
     def mated_depth(self) -> float:
         """Depth at which the plug meets the stop of the jack, m."""
         return self.travel
@@ -145,10 +138,6 @@ class Rj45Connector:
     def clearance(self) -> Array:
         """Clearance per side along x and y, m, shape (2,)."""
         return (self._jack_size - self._plug_size) / 2
-
-    @property
-    def mated_turn(self) -> None:
-        """It mates as it went in."""
 
     @property
     def mating_force(self) -> float:
@@ -212,28 +201,27 @@ class Rj45Connector:
         force: Array = np.where(above * cosine > self._side * sine, ramp, edge)
         return force
 
-    def add_plug(self, plant: MultibodyPlant, body: RigidBody, X_BP: RigidTransform) -> None:
-        """Add the plug to a body that holds it, X_BP its place there."""
+    def plug_parts(self) -> list[ConnectorPart]:
+        """Return rim, body and latch, in P."""
         hard, latch, _ = self._materials
-        add_pieces(plant, body, X_BP, of_part("plug rim", self._rim()), hard, _PLASTIC)
-        add_pieces(plant, body, X_BP, of_part("plug body", self._body()), hard, _PLASTIC)
-        add_pieces(plant, body, X_BP, of_part("plug latch", self._noses()), latch, _GOLD)
-        let_touch(plant, _PARTNERS)
+        return [
+            ConnectorPart("plug rim", self._rim(), hard, _PLASTIC),
+            ConnectorPart("plug body", self._body(), hard, _PLASTIC),
+            ConnectorPart("plug latch", self._noses(), latch, _GOLD),
+        ]
 
-    def add_socket(self, plant: MultibodyPlant, X_WS: RigidTransform) -> None:
-        """Add the jack, fixed to the world."""
+    def socket_parts(self) -> list[ConnectorPart]:
+        """Return the jack's cavity, mouth, ledges and contacts, in S."""
         hard, latch, contact = self._materials
-        world = plant.world_body()
-        add_pieces(plant, world, X_WS, of_part("jack cavity", self._cavity()), hard, _JACK)
-        add_pieces(plant, world, X_WS, of_part("jack mouth", self._mouth()), hard, _JACK)
-        add_pieces(plant, world, X_WS, of_part("jack ledge", self._ledges()), latch, _JACK)
-        add_pieces(plant, world, X_WS, of_part("jack contacts", self._bends()), contact, _GOLD)
-        let_touch(plant, _PARTNERS)
+        return [
+            ConnectorPart("jack cavity", self._cavity(), hard, _JACK),
+            ConnectorPart("jack mouth", self._mouth(), hard, _JACK),
+            ConnectorPart("jack ledge", self._ledges(), latch, _JACK),
+            ConnectorPart("jack contacts", self._bends(), contact, _GOLD),
+        ]
 
     def _size(self, width: Range, height: Range, tight: int) -> Array:
-        if self.tolerance == "worst":
-            return np.array([width[tight], height[tight]])
-        return np.array([sum(width) / 2, sum(height) / 2])
+        return np.array([self.pick(width, tight=tight), self.pick(height, tight=tight)])
 
     @property
     def _plug_size(self) -> Array:
@@ -254,7 +242,7 @@ class Rj45Connector:
         return 4 * self.contact_force / self.contact_deflection
 
     @property
-    def _materials(self) -> tuple[Material, Material, Material]:
+    def _materials(self) -> tuple[ContactMaterial, ContactMaterial, ContactMaterial]:
         """Of plug and jack, latch and contacts; two pieces that touch are springs in series."""
         latch = replace(self.material, stiffness=2 * self._latch_stiffness)
         return self.material, latch, replace(self.material, stiffness=self._contact_stiffness)
@@ -269,15 +257,15 @@ class Rj45Connector:
         """How far behind the edge a nose's centre is where the nose leaves it, m."""
         return math.sqrt(self.latch_radius**2 - self._side**2)
 
-    def _rim(self) -> list[Piece]:
+    def _rim(self) -> list[ConvexPiece]:
         """Return spheres at the corners of the plug's leading face."""
         x, y = self._plug_size / 2 - self.lead_in
         return [
-            Piece(f"{i:+g}_{j:+g}", Sphere(self.lead_in), _at(i * x, j * y, self.lead_in))
+            ConvexPiece(f"{i:+g}_{j:+g}", Sphere(self.lead_in), at(i * x, j * y, self.lead_in))
             for i, j in product(_SIDES, _SIDES)
         ]
 
-    def _body(self) -> list[Piece]:
+    def _body(self) -> list[ConvexPiece]:
         """Return the plug's body behind its round rim, and the end within the rim."""
         x, y = self._plug_size / 2
         e, length = self.lead_in, self.plug_length
@@ -286,12 +274,14 @@ class Rj45Connector:
             block("end", (e - x, e - y, SETBACK), (x - e, y - e, length)),
         ]
 
-    def _noses(self) -> list[Piece]:
+    def _noses(self) -> list[ConvexPiece]:
         y = -self._plug_size[1] / 2 - _NOSE_BELOW
         nose = Sphere(self.latch_radius)
-        return [Piece(f"{i:+g}", nose, _at(i * _NOSE_PLACE, y, self.latch_place)) for i in _SIDES]
+        return [
+            ConvexPiece(f"{i:+g}", nose, at(i * _NOSE_PLACE, y, self.latch_place)) for i in _SIDES
+        ]
 
-    def _ledges(self) -> list[Piece]:
+    def _ledges(self) -> list[ConvexPiece]:
         """Return a ramp outside of each nose, whose lower end is the edge."""
         y = -self._plug_size[1] / 2 - _NOSE_BELOW
         length = 2 * self.latch_radius / math.tan(self.latch_angle)
@@ -302,19 +292,20 @@ class Rj45Connector:
             R = RotationMatrix.MakeYRotation(i * self.latch_angle)
             edge = [i * (_NOSE_PLACE + self._side), y, self.latch_place - self.click_depth]
             middle = np.array(edge) + R.matrix() @ [i * _WALL / 2, 0.0, length / 2]
-            pieces.append(Piece(f"{i:+g}", ramp, RigidTransform(R, middle)))
+            pieces.append(ConvexPiece(f"{i:+g}", ramp, RigidTransform(R, middle)))
         return pieces
 
-    def _bends(self) -> list[Piece]:
+    def _bends(self) -> list[ConvexPiece]:
         """Return the contacts' bends, bent as said by a plug that lies on the wall opposite."""
         top = self._plug_size[1] - self._jack_size[1] / 2
         y = top + self.contact_radius - self.contact_deflection
         bend = Sphere(self.contact_radius)
         return [
-            Piece(f"{i:+g}", bend, _at(i * _CONTACT_PLACE, y, -self.contact_depth)) for i in _SIDES
+            ConvexPiece(f"{i:+g}", bend, at(i * _CONTACT_PLACE, y, -self.contact_depth))
+            for i in _SIDES
         ]
 
-    def _cavity(self) -> list[Piece]:
+    def _cavity(self) -> list[ConvexPiece]:
         """Return the walls below the mouth, its round edges, the face around it and the stop."""
         (x, y), far, high, e = self._jack_size / 2, _PLATE, _PLATE, self.lead_in
         low = -self.travel - _WALL
@@ -330,22 +321,20 @@ class Rj45Connector:
             ]
         return pieces
 
-    def _mouth(self) -> list[Piece]:
+    def _mouth(self) -> list[ConvexPiece]:
         """Return spheres at both ends of every edge of the mouth."""
         (x, y), e = self._jack_size / 2, self.lead_in
         places = [(i * x, j * (y + e)) for i, j in product(_SIDES, _SIDES)]
         places += [(i * (x + e), j * y) for i, j in product(_SIDES, _SIDES)]
-        return [Piece(f"{k}", Sphere(e), _at(*place, -e)) for k, place in enumerate(places)]
-
-
-def _at(x: float, y: float, z: float) -> RigidTransform:
-    return RigidTransform(np.array([x, y, z]))
+        return [ConvexPiece(f"{k}", Sphere(e), at(*place, -e)) for k, place in enumerate(places)]
 
 
 def _line(
     name: str, radius: float, middle: Sequence[float], length: float, *, along_x: bool
-) -> Piece:
+) -> ConvexPiece:
     """Return a capsule along x or y, m."""
     quarter = math.pi / 2
     turn = RotationMatrix.MakeYRotation if along_x else RotationMatrix.MakeXRotation
-    return Piece(name, Capsule(radius, length), RigidTransform(turn(quarter), np.array(middle)))
+    return ConvexPiece(
+        name, Capsule(radius, length), RigidTransform(turn(quarter), np.array(middle))
+    )

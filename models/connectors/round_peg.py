@@ -14,27 +14,32 @@ and a peg that turns by 5 degrees on its way loses 0.04 mm of its radius.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.geometry import Box, Capsule, Cylinder, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
 from chamfer.models.arms.wrist import tip_displacement, tip_pose
-from chamfer.models.connectors.collision_filters import let_touch, of_part
-from chamfer.models.connectors.connector import SETBACK, Material, Piece, Tolerance, add_pieces
-from chamfer.models.connectors.shapes import block, prism, turns
+from chamfer.models.connectors.connector import (
+    SETBACK,
+    Array,
+    ConnectorPart,
+    ContactMaterial,
+    ConvexPiece,
+    PartsConnector,
+    block,
+    prism,
+    turns,
+)
 from chamfer.models.peg.part_presets import PRESETS
 from chamfer.models.peg.peg_and_hole import PegAndHole
 from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
-from chamfer.models.validation import ParameterError, require_one_of, require_positive
-
-Array = NDArray[np.float64]
+from chamfer.models.validation import ParameterError, require_positive
 
 _PAPER: Final = PegHoleGeometry()
 _SIDES: Final = 8  # directions in which peg and hole are exactly round
@@ -44,15 +49,13 @@ _WALL: Final = 0.004  # m, thickness of what is touched on one side
 _PEG_COLOUR: Final = np.array([0.8, 0.16, 0.16, 1.0])
 _HOLE_COLOUR: Final = np.array([0.16, 0.28, 0.8, 0.5])
 _TOLERANCE_WIDTH: Final = 1e-4  # m, of the paper's parts; assumed
-# Which parts of a peg touch which of a hole.
-_PARTNERS: Final = (("peg rim", "hole"), ("peg side", "hole edge"))
 
 
 def _round_presets() -> dict[str, dict[str, object]]:
     """Return what a skill's peg has of the round parts that go by a name.
 
     Lengths along the axis are the gripper's and the skill's. The diameters are off by as large a
-    share of the play as the paper's may be.
+    share of the clearance as the paper's may be.
     """
     found: dict[str, dict[str, object]] = {}
     for name, given in PRESETS.items():
@@ -64,7 +67,7 @@ def _round_presets() -> dict[str, dict[str, object]]:
                 "outer_radius": parts.outer_radius,
                 "lead_in": parts.hole_chamfer.width,
                 "tolerance_width": parts.clearance * _TOLERANCE_WIDTH / _PAPER.clearance,
-                "material": Material(friction=parts.friction),
+                "material": ContactMaterial(friction=parts.friction),
             }
         elif parts.is_round:
             found[name] = {}  # the paper's are the defaults
@@ -72,10 +75,9 @@ def _round_presets() -> dict[str, dict[str, object]]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RoundPeg:
+class RoundPeg(PartsConnector):
     """A round peg in contact; radii and friction of the first paper, the rest is assumed."""
 
-    tolerance: Tolerance = "nominal"  # nominal: the radii as they are; worst: the tightest fit
     hole_radius: float = _PAPER.hole_radius  # m, R of the bore; first paper, section 4
     peg_radius: float = _PAPER.peg_radius  # m, r of the peg; first paper, section 4
     tolerance_width: float = _TOLERANCE_WIDTH  # m, by which each diameter is off at worst; assumed
@@ -87,15 +89,19 @@ class RoundPeg:
     seating_force: float = 20.0  # N, with which the peg counts as pressed home; assumed
     largest_force: float = 500.0  # N, that plug and socket stand along any axis; assumed
     largest_torque: float = 10.0  # N m, that they stand about any axis; assumed
-    material: Material = Material(friction=_PAPER.friction)  # of both
+    material: ContactMaterial = ContactMaterial(friction=_PAPER.friction)  # of both
 
+    NAME: ClassVar[str] = "round peg"
+    PARTNERS: ClassVar[Sequence[tuple[str, str]]] = (
+        ("peg rim", "hole"),
+        ("peg side", "hole edge"),
+    )
     PRESETS: ClassVar[Mapping[str, Mapping[str, object]]] = _round_presets()
 
     def __post_init__(self) -> None:
-        require_one_of(self, "tolerance", ("nominal", "worst"))
+        super().__post_init__()
         require_positive(self, "hole_radius", "peg_radius", "tolerance_width", "lead_in", "depth")
         require_positive(self, "peg_length", "hole_length", "outer_radius", "seating_force")
-        require_positive(self, "largest_force", "largest_torque")
         if not self.peg_radius + self.tolerance_width < self.hole_radius:
             allowed = f"less than hole_radius - tolerance_width, of {self.hole_radius!r} m"
             raise ParameterError("peg_radius", self.peg_radius, allowed)
@@ -115,18 +121,9 @@ class RoundPeg:
             raise ParameterError("outer_radius", self.outer_radius, allowed)
 
     @property
-    def name(self) -> str:
-        """What it is called."""
-        return "round peg"
-
-    @property
     def mated_depth(self) -> float:
         """Depth at which the peg stands on the bottom of the hole, m."""
         return self.depth
-
-    @property
-    def mated_turn(self) -> None:
-        """It mates as it went in."""
 
     @property
     def mating_force(self) -> float:
@@ -161,17 +158,7 @@ class RoundPeg:
         """Add the peg to a body that holds it, X_BP its place there; its turn has no effect."""
         displacement = tip_displacement(X_BP)
         displacement[2] = 0.0
-        X = tip_pose(displacement)
-        for part, pieces in self._plug_pieces().items():
-            add_pieces(plant, body, X, of_part(part, pieces), self.material, _PEG_COLOUR)
-        let_touch(plant, _PARTNERS)
-
-    def add_socket(self, plant: MultibodyPlant, X_WS: RigidTransform) -> None:
-        """Add the part with the hole, fixed to the world."""
-        world = plant.world_body()
-        for part, pieces in self._socket_pieces().items():
-            add_pieces(plant, world, X_WS, of_part(part, pieces), self.material, _HOLE_COLOUR)
-        let_touch(plant, _PARTNERS)
+        super().add_plug(plant, body, tip_pose(displacement))
 
     @property
     def _spread(self) -> float:
@@ -186,25 +173,28 @@ class RoundPeg:
     def _peg(self) -> float:
         return self.peg_radius + self._spread
 
-    def _plug_pieces(self) -> dict[str, list[Piece]]:
-        """Return the pieces of the peg by part, in P."""
+    def plug_parts(self) -> list[ConnectorPart]:
+        """Return rim and side of the peg, in P."""
         edge, length = self.lead_in, self.peg_length
         rim = Sphere(edge)
         place = np.array([self._peg - edge, 0.0, edge])
         side = Cylinder(self._peg, length - edge)
         end = Cylinder(self._peg - edge, length - SETBACK)
-        return {
-            "peg rim": [
-                Piece(f"{i}", rim, RigidTransform(R @ place)) for i, R in enumerate(turns(_SIDES))
-            ],
-            "peg side": [
-                Piece("side", side, RigidTransform([0.0, 0.0, (length + edge) / 2])),
-                Piece("end", end, RigidTransform([0.0, 0.0, (length + SETBACK) / 2])),
-            ],
-        }
+        spheres = [
+            ConvexPiece(f"{i}", rim, RigidTransform(R @ place))
+            for i, R in enumerate(turns(_SIDES))
+        ]
+        cylinders = [
+            ConvexPiece("side", side, RigidTransform([0.0, 0.0, (length + edge) / 2])),
+            ConvexPiece("end", end, RigidTransform([0.0, 0.0, (length + SETBACK) / 2])),
+        ]
+        return [
+            ConnectorPart("peg rim", spheres, self.material, _PEG_COLOUR),
+            ConnectorPart("peg side", cylinders, self.material, _PEG_COLOUR),
+        ]
 
-    def _socket_pieces(self) -> dict[str, list[Piece]]:
-        """Return the pieces of the part with the hole by part, in S."""
+    def socket_parts(self) -> list[ConnectorPart]:
+        """Return the hole and its edge, in S."""
         bore, edge, depth = self._bore, self.lead_in, self.depth
         shares = 2 * math.tan(math.pi / _SIDES)  # of a side in its distance from the axis
         outer = _PLATE
@@ -220,9 +210,12 @@ class RoundPeg:
         points = []
         for i, R in enumerate(turns(_SIDES)):
             hole += [
-                Piece(f"wall_{i}", wall, RigidTransform(R, R @ wall_at)),
-                Piece(f"face_{i}", face, RigidTransform(R, R @ face_at)),
-                Piece(f"line_{i}", line, RigidTransform(R @ along, R @ edge_at)),
+                ConvexPiece(f"wall_{i}", wall, RigidTransform(R, R @ wall_at)),
+                ConvexPiece(f"face_{i}", face, RigidTransform(R, R @ face_at)),
+                ConvexPiece(f"line_{i}", line, RigidTransform(R @ along, R @ edge_at)),
             ]
-            points.append(Piece(f"{i}", Sphere(edge), RigidTransform(R @ edge_at)))
-        return {"hole": hole, "hole edge": points}
+            points.append(ConvexPiece(f"{i}", Sphere(edge), RigidTransform(R @ edge_at)))
+        return [
+            ConnectorPart("hole", hole, self.material, _HOLE_COLOUR),
+            ConnectorPart("hole edge", points, self.material, _HOLE_COLOUR),
+        ]

@@ -1,9 +1,7 @@
 """Coulomb friction of a surface, from place to place."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,12 +23,6 @@ class SurfaceFriction:
     ``mu(x) = c + r sin(2 pi x / L) + (s / 2) (1 + tanh((x - x_s) / w))``; the thesis' surface has
     the same friction everywhere (section 5.2.1). It must nowhere be negative.
     """
-
-    RENAMED: ClassVar[Mapping[str, str]] = {
-        "step": "jump",
-        "step_at": "jump_at",
-        "step_width": "jump_width",
-    }
 
     coefficient: float = 1.0  # c, but for ripple and jump
     ripple: float = 0.0  # r, amplitude of a sine

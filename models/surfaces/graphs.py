@@ -1,8 +1,9 @@
 """Graphs over the first coordinate or two: parabolas, waves, and their sums in space."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,38 @@ Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
 
+class _Rise(NamedTuple):
+    """What a coordinate adds to the height."""
+
+    height: float  # m
+    slope: float
+    bend: float  # 1/m
+
+
+class _Graph:
+    """The material below a height that is a sum over all coordinates but the last."""
+
+    def level(self, p: Vector) -> float:
+        """Return the height above the graph, m."""
+        *across, up = p.tolist()
+        for rise in self._rises(across):
+            up -= rise.height
+        return float(up)
+
+    def gradient(self, p: Vector) -> Vector:
+        """Return the height's gradient."""
+        return np.array([*(-rise.slope for rise in self._rises(p.tolist()[:-1])), 1.0])
+
+    def hessian(self, p: Vector) -> Matrix:
+        """Return the height's second derivatives."""
+        return np.diag([*(-rise.bend for rise in self._rises(p.tolist()[:-1])), 0.0])
+
+    def _rises(self, across: Sequence[float]) -> list[_Rise]:
+        raise NotImplementedError
+
+
 @dataclass(frozen=True, kw_only=True)
-class Parabola:
+class Parabola(_Graph):
     """The material below ``y = a x^2`` (eq. (5-1), Fig. 5-2); a = 0 makes it flat."""
 
     dimension: ClassVar[int] = 2
@@ -29,22 +60,12 @@ class Parabola:
     def __post_init__(self) -> None:
         require_finite(self, "coefficient")
 
-    def level(self, p: Vector) -> float:
-        """Return the height above the parabola, m."""
-        x, y = p.tolist()
-        return float(y - self.coefficient * x * x)
-
-    def gradient(self, p: Vector) -> Vector:
-        """Return the height's gradient."""
-        return np.array([-2 * self.coefficient * float(p[0]), 1.0])
-
-    def hessian(self, p: Vector) -> Matrix:
-        """Return the height's second derivatives."""
-        return np.array([[-2 * self.coefficient, 0.0], [0.0, 0.0]])
+    def _rises(self, across: Sequence[float]) -> list[_Rise]:
+        return [_bowl(self.coefficient, across[0])]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wave:
+class Wave(_Graph):
     """The material below ``y = A sin(2 pi x / L)``."""
 
     dimension: ClassVar[int] = 2
@@ -56,23 +77,12 @@ class Wave:
         require_finite(self, "amplitude")
         require_positive(self, "wavelength")
 
-    def level(self, p: Vector) -> float:
-        """Return the height above the wave, m."""
-        x, y = p.tolist()
-        return float(y - _sine(self.amplitude, self.wavelength, x)[0])
-
-    def gradient(self, p: Vector) -> Vector:
-        """Return the height's gradient."""
-        return np.array([-_sine(self.amplitude, self.wavelength, float(p[0]))[1], 1.0])
-
-    def hessian(self, p: Vector) -> Matrix:
-        """Return the height's second derivatives."""
-        bend = _sine(self.amplitude, self.wavelength, float(p[0]))[2]
-        return np.array([[-bend, 0.0], [0.0, 0.0]])
+    def _rises(self, across: Sequence[float]) -> list[_Rise]:
+        return [_sine(self.amplitude, self.wavelength, across[0])]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Paraboloid:
+class Paraboloid(_Graph):
     """The material below ``z = a x^2 + b y^2``."""
 
     dimension: ClassVar[int] = 3
@@ -82,24 +92,12 @@ class Paraboloid:
     def __post_init__(self) -> None:
         require_numbers(self, 2, "coefficients")
 
-    def level(self, p: Vector) -> float:
-        """Return the height above the paraboloid, m."""
-        (a, b), (x, y, z) = self.coefficients, p.tolist()
-        return float(z - a * x * x - b * y * y)
-
-    def gradient(self, p: Vector) -> Vector:
-        """Return the height's gradient."""
-        (a, b), (x, y, _) = self.coefficients, p.tolist()
-        return np.array([-2 * a * x, -2 * b * y, 1.0])
-
-    def hessian(self, p: Vector) -> Matrix:
-        """Return the height's second derivatives."""
-        a, b = self.coefficients
-        return np.array([[-2 * a, 0.0, 0.0], [0.0, -2 * b, 0.0], [0.0, 0.0, 0.0]])
+    def _rises(self, across: Sequence[float]) -> list[_Rise]:
+        return [_bowl(a, s) for a, s in zip(self.coefficients, across, strict=True)]
 
 
 @dataclass(frozen=True, kw_only=True)
-class WavySheet:
+class WavySheet(_Graph):
     """The material below ``z = A sin(2 pi x / L) + B sin(2 pi y / M)``."""
 
     dimension: ClassVar[int] = 3
@@ -113,25 +111,15 @@ class WavySheet:
         if len(lengths) != 2 or not all(0 < length < math.inf for length in lengths):
             raise ParameterError("wavelengths", lengths, "2 finite numbers > 0")
 
-    def level(self, p: Vector) -> float:
-        """Return the height above the sheet, m."""
-        (a, b), (k, m), (x, y, z) = self.amplitudes, self.wavelengths, p.tolist()
-        return float(z - _sine(a, k, x)[0] - _sine(b, m, y)[0])
-
-    def gradient(self, p: Vector) -> Vector:
-        """Return the height's gradient."""
-        (a, b), (k, m), (x, y, _) = self.amplitudes, self.wavelengths, p.tolist()
-        return np.array([-_sine(a, k, x)[1], -_sine(b, m, y)[1], 1.0])
-
-    def hessian(self, p: Vector) -> Matrix:
-        """Return the height's second derivatives."""
-        (a, b), (k, m), (x, y, _) = self.amplitudes, self.wavelengths, p.tolist()
-        u, v = -_sine(a, k, x)[2], -_sine(b, m, y)[2]
-        return np.array([[u, 0.0, 0.0], [0.0, v, 0.0], [0.0, 0.0, 0.0]])
+    def _rises(self, across: Sequence[float]) -> list[_Rise]:
+        return list(map(_sine, self.amplitudes, self.wavelengths, across))
 
 
-def _sine(amplitude: float, wavelength: float, s: float) -> tuple[float, float, float]:
-    """Return a sine wave's value, slope and second derivative at s."""
+def _bowl(coefficient: float, s: float) -> _Rise:
+    return _Rise(coefficient * s * s, 2 * coefficient * s, 2 * coefficient)
+
+
+def _sine(amplitude: float, wavelength: float, s: float) -> _Rise:
     wave = 2 * math.pi / wavelength
     sine = amplitude * math.sin(wave * s)
-    return sine, amplitude * wave * math.cos(wave * s), -wave * wave * sine
+    return _Rise(sine, amplitude * wave * math.cos(wave * s), -wave * wave * sine)

@@ -2,11 +2,13 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from chamfer.models.surfaces.composed import Extruded
 from chamfer.models.validation import ParameterError, require_numbers, require_positive
 
 Vector = NDArray[np.float64]
@@ -15,7 +17,11 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class _Round:
-    """Material within a distance of a centre, or beyond it."""
+    """Material within a distance of a centre, or beyond it.
+
+    The level is the distance from the surface, m, negative in the material. Its gradient is a
+    unit vector; in the centre it is 0, and so are the second derivatives.
+    """
 
     dimension: ClassVar[int]
 
@@ -28,16 +34,30 @@ class _Round:
         require_positive(self, "radius")
 
     def level(self, p: Vector) -> float:
-        """Return the distance from the surface, m, negative in the material."""
-        return _round_level(p, self.centre, self.radius, self.inside)
+        """Return the distance from the surface, m."""
+        distance = math.dist(p.tolist(), self.centre)
+        return self.radius - distance if self.inside else distance - self.radius
 
     def gradient(self, p: Vector) -> Vector:
-        """Return the distance's gradient, a unit vector; 0 in the centre."""
-        return _round_gradient(p, self.centre, self.inside)
+        """Return the distance's gradient."""
+        offset = [x - c for x, c in zip(p.tolist(), self.centre, strict=True)]
+        distance = math.hypot(*offset)
+        if distance == 0:
+            return np.zeros(len(offset))
+        scale = -distance if self.inside else distance
+        return np.array([x / scale for x in offset])
 
     def hessian(self, p: Vector) -> Matrix:
-        """Return the distance's second derivatives; 0 in the centre."""
-        return _round_hessian(p, self.centre, self.inside)
+        """Return the distance's second derivatives."""
+        offset = [x - c for x, c in zip(p.tolist(), self.centre, strict=True)]
+        distance = math.hypot(*offset)
+        if distance == 0:
+            return np.zeros((len(offset), len(offset)))
+        unit = [x / distance for x in offset]
+        scale = -distance if self.inside else distance
+        return np.array(
+            [[((i == j) - x * y) / scale for j, y in enumerate(unit)] for i, x in enumerate(unit)]
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,23 +88,23 @@ class Crucible:
     radius: float = 0.75  # m
 
     def __post_init__(self) -> None:
-        require_numbers(self, 2, "centre")
-        require_positive(self, "radius")
+        self._wall  # noqa: B018 - checks
+
+    @cached_property
+    def _wall(self) -> Extruded:
+        return Extruded(curve=Circle(centre=self.centre, radius=self.radius, inside=True))
 
     def level(self, p: Vector) -> float:
         """Return the distance from the wall, m, negative in the material."""
-        return _round_level(p[:2], self.centre, self.radius, inside=True)
+        return self._wall.level(p)
 
     def gradient(self, p: Vector) -> Vector:
         """Return the distance's gradient, a unit vector to the axis; 0 on it."""
-        x, y = _round_gradient(p[:2], self.centre, inside=True).tolist()
-        return np.array([x, y, 0.0])
+        return self._wall.gradient(p)
 
     def hessian(self, p: Vector) -> Matrix:
         """Return the distance's second derivatives; 0 on the axis."""
-        hessian = np.zeros((3, 3))
-        hessian[:2, :2] = _round_hessian(p[:2], self.centre, inside=True)
-        return hessian
+        return self._wall.hessian(p)
 
     def ahead(self, p: Vector, direction: Vector) -> float:
         """Return how far the wall is from a point inside, m, along a unit vector; shape (2,) each.
@@ -99,29 +119,3 @@ class Crucible:
             return distance
         allowed = f"inside of the circle of {self.radius:g} m about {self.centre}"
         raise ParameterError("point", p.tolist(), allowed)
-
-
-def _round_level(p: Vector, centre: tuple[float, ...], radius: float, inside: bool) -> float:
-    distance = math.dist(p.tolist(), centre)
-    return radius - distance if inside else distance - radius
-
-
-def _round_gradient(p: Vector, centre: tuple[float, ...], inside: bool) -> Vector:
-    offset = [x - c for x, c in zip(p.tolist(), centre, strict=True)]
-    distance = math.hypot(*offset)
-    if distance == 0:
-        return np.zeros(len(offset))
-    scale = -distance if inside else distance
-    return np.array([x / scale for x in offset])
-
-
-def _round_hessian(p: Vector, centre: tuple[float, ...], inside: bool) -> Matrix:
-    offset = [x - c for x, c in zip(p.tolist(), centre, strict=True)]
-    distance = math.hypot(*offset)
-    if distance == 0:
-        return np.zeros((len(offset), len(offset)))
-    unit = [x / distance for x in offset]
-    scale = -distance if inside else distance
-    return np.array(
-        [[((i == j) - x * y) / scale for j, y in enumerate(unit)] for i, x in enumerate(unit)]
-    )

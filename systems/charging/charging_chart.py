@@ -6,21 +6,208 @@ at each change of state; a halt keeps it on its path, at rest, and what was pres
 pressed on.
 """
 
+import math
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Final, NamedTuple
 
-from chamfer.systems.charging.charging_guards import ChargingTick, Guard, Guards, Readings
-from chamfer.systems.charging.charging_memory import (
-    WORDS,
+import numpy as np
+from pydrake.systems.framework import Context
+
+from chamfer.systems.charging.charging_motions import ChargingMotions
+from chamfer.systems.charging.charging_params import (
+    ChargingBeliefs,
     ChargingInputs,
     ChargingMemory,
-    Trouble,
+    ChargingTrouble,
+    ResolvedChargingParams,
 )
-from chamfer.systems.charging.charging_motions import Motions
-from chamfer.systems.charging.charging_params import ChargingBeliefs, ChargingParams
 from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
-from chamfer.systems.statechart.chart import ANY, Chart, State, Transition
-from chamfer.systems.trajectory.segment import Segment, hold
+from chamfer.systems.force.selection import position_selection
+from chamfer.systems.statechart.chart import ANY, TIME_TOLERANCE, Chart, State, Tick, Transition
+from chamfer.systems.statechart.state_machine import MachineOutput, StateMachine
+from chamfer.systems.trajectory.segment import COORDINATES, SIZE, Segment, Vector3, hold
+
+ChargingTick = Tick[ChargingInputs, ChargingMemory]
+Guard = Callable[[ChargingTick], bool]
+
+_ARRIVED: Final = 1 - 1e-9  # of the progress
+_HOMING: Final = 2.0  # s, in which the encoders' zeros settle behind the last mark
+_AT_REST: Final = 1e-9  # m/s and rad/s, of the command
+_SWINGING: Final = 0.1  # s, for which a nugget swings on in the gripper
+_MORE: Final = 2.0  # by which what the nugget's inertia shows at most is exceeded
+
+
+class ForceReadings:
+    """What the sensors say at a tick, and troubles in a row: noise alone decides nothing."""
+
+    def __init__(self, params: ResolvedChargingParams, motions: ChargingMotions) -> None:
+        self._params, self._motions = params, motions
+        self._detect, self._release = params.detection.detect, params.detection.release
+        self._speeding_up = params.seek_speed / params.acceleration + _SWINGING
+
+    def count(self, tick: ChargingTick) -> ChargingMemory:
+        """Return the memory with the present readings counted."""
+        memory, inputs, params = tick.memory, tick.inputs, self._params
+        acquires = (memory.left or memory.at).startswith("acquire")
+        limit = params.grip_limit if acquires else params.force_limit
+        alive = inputs.alive is None or inputs.alive[0] > 0.5
+        gone = memory.carries and not inputs.held[0] > 0.5
+        off = self._off(memory, inputs) > params.position_limit
+        return memory._replace(
+            above_limit=_next(memory.above_limit, math.hypot(*inputs.measured_force) > limit),
+            dead=not alive,
+            dropped=_next(memory.dropped, gone),
+            off_path=_next(memory.off_path, off),
+        )
+
+    def at_wall(self, tick: ChargingTick) -> bool:
+        """Whether the nugget pushes the wall."""
+        least = self._detect
+        if not tick.memory.mode and tick.time_in_state < self._speeding_up:
+            # Meanwhile the sensor feels the nugget's inertia.
+            least += _MORE * self._params.acceleration * self._motions.mass(tick.memory.item)
+        return self._push(tick) > least
+
+    def off_wall(self, tick: ChargingTick) -> bool:
+        """Whether contact with the wall is lost."""
+        return self._push(tick) <= self._release
+
+    def on_below(self, tick: ChargingTick) -> bool:
+        """Whether something below is pushed."""
+        down = -tick.inputs.mean_force[2]
+        if not tick.memory.carries:
+            return down > self._params.touch_force
+        # Sliding down, the wall holds the nugget up.
+        friction = self._params.wall_friction * max(self._push(tick), 0.0)
+        return down - friction > self._params.layer_force
+
+    def _push(self, tick: ChargingTick) -> float:
+        x, y, _ = tick.inputs.mean_force
+        return x * tick.memory.normal[0] + y * tick.memory.normal[1]
+
+    def _off(self, memory: ChargingMemory, inputs: ChargingInputs) -> float:
+        """Return how far the arm is from its command, m, but for what is under force control."""
+        pairs = zip(inputs.endpoint_motion[:3], inputs.desired_position[:3], strict=True)
+        error = [arm - command for arm, command in pairs]
+        if memory.mode:
+            along = sum(n * e for n, e in zip(memory.normal, error, strict=True))
+            error = [e - along * n for n, e in zip(memory.normal, error, strict=True)]
+        return math.hypot(*error)
+
+
+class ChargingGuards:
+    """What is true at a tick."""
+
+    def __init__(self, params: ResolvedChargingParams, motions: ChargingMotions) -> None:
+        self._params, self._motions = params, motions
+        readings = ForceReadings(params, motions)
+        self.at_wall, self.off_wall = readings.at_wall, readings.off_wall
+        self.on_below = readings.on_below
+
+    def arrived(self, tick: ChargingTick) -> bool:
+        """Whether the segment's goal is reached; not of the segment before."""
+        late = tick.time_in_state >= 1.5 * self._params.period
+        return late and tick.inputs.progress[0] >= _ARRIVED
+
+    def stands(self, tick: ChargingTick) -> bool:
+        """Whether the command has come to rest."""
+        return all(abs(one) < _AT_REST for one in tick.inputs.desired_velocity)
+
+    def stays(self, tick: ChargingTick) -> bool:
+        """Whether it stands and is not to be moved: by the operator, or not knowing why it is off.
+
+        A dead sensor or too much force are answered by backing off.
+        """
+        unsure = tick.memory.trouble in (ChargingTrouble.OFF_PATH, ChargingTrouble.LATE)
+        return (unsure or self.stop_asked(tick)) and self.stands(tick)
+
+    def rested(self, tick: ChargingTick) -> bool:
+        """Whether the state has lasted for its rest."""
+        return tick.time_in_state >= self._params.rest - TIME_TOLERANCE
+
+    def late(self, tick: ChargingTick) -> bool:
+        """Whether the state has lasted longer than any should."""
+        return tick.time_in_state > self._params.patience
+
+    def homed(self, tick: ChargingTick) -> bool:
+        """Whether the encoders' zeros are known."""
+        return tick.inputs.homed is None or tick.inputs.homed[0] > 0.5
+
+    def never_homed(self, tick: ChargingTick) -> bool:
+        """Whether they should be known by now."""
+        return tick.time_in_state >= _HOMING and not self.homed(tick)
+
+    def held(self, tick: ChargingTick) -> bool:
+        """Whether the gripper has a part, closed for a while."""
+        return self.rested(tick) and tick.inputs.held[0] > 0.5
+
+    def not_held(self, tick: ChargingTick) -> bool:
+        """Whether it has none, after a while."""
+        return self.rested(tick) and not tick.inputs.held[0] > 0.5
+
+    def is_kind(self, kind: str) -> Guard:
+        """Return the guard of an arrival with an item of a kind."""
+        return lambda tick: self.arrived(tick) and self._motions.kind(tick.memory.item) == kind
+
+    def weighed_bulk(self, tick: ChargingTick) -> bool:
+        """Whether the bulk filler is taken up; it is not scanned."""
+        return self.rested(tick) and self._motions.kind(tick.memory.item) == "bulk"
+
+    def last(self, tick: ChargingTick) -> bool:
+        """Whether the arm is back, with nothing left to lay."""
+        return self.arrived(tick) and tick.memory.item + 1 >= self._motions.items
+
+    def back_to(self, state: str) -> Guard:
+        """Return the guard of a contact that was found again, in that state."""
+        return lambda tick: tick.memory.lost_from == state and self.at_wall(tick)
+
+    def lost_for_long(self, tick: ChargingTick) -> bool:
+        """Whether contact is not found again."""
+        return tick.time_in_state >= self._params.most_lost - TIME_TOLERANCE
+
+    def lost_often(self, tick: ChargingTick) -> bool:
+        """Whether contact was found again often enough."""
+        return tick.memory.losses > self._params.most_losses
+
+    def stop_asked(self, tick: ChargingTick) -> bool:
+        """Whether the operator wants all to stand still."""
+        return tick.inputs.halt is not None and tick.inputs.halt[0] > 0.5
+
+    def halted(self, tick: ChargingTick) -> bool:
+        """Whether the cycle is to be halted; what is stopped by a failure stays so."""
+        return self.stop_asked(tick) and not tick.memory.trouble
+
+    def resumed(self, state: str) -> Guard:
+        """Return the guard of the end of a halt that began in that state."""
+        return lambda tick: tick.memory.left == state and not self.stop_asked(tick)
+
+    def trouble(self, tick: ChargingTick) -> ChargingTrouble:
+        """Return what may happen in any state; NONE once the cycle is being stopped."""
+        memory = tick.memory
+        if memory.trouble:
+            return ChargingTrouble.NONE
+        if memory.dead:
+            return ChargingTrouble.SENSOR_DEAD
+        for trouble, count in (
+            (ChargingTrouble.TOO_MUCH_FORCE, memory.above_limit),
+            (ChargingTrouble.DROPPED, memory.dropped),
+            (ChargingTrouble.OFF_PATH, memory.off_path),
+        ):
+            if count >= self._params.trouble_readings:
+                return trouble
+        if not memory.left and self.late(tick):
+            return ChargingTrouble.LATE
+        return ChargingTrouble.NONE
+
+    def has(self, trouble: ChargingTrouble) -> Guard:
+        """Return the guard of one kind of trouble."""
+        return lambda tick: self.trouble(tick) is trouble
+
+
+def _next(count: int, again: bool) -> int:
+    return count + 1 if again else 0
+
 
 ChargingChart = Chart[ChargingInputs, ChargingMemory]
 _Plan = Callable[[ChargingMemory, ChargingInputs], Segment]
@@ -44,43 +231,26 @@ class _Touch(NamedTuple):
 
 
 # Of each state the hybrid controller's mode; halted has that of the state before.
-MODE_OF: Final = {
-    "home.out": APPROACH,
-    "home.settle": APPROACH,
-    "acquire.above": APPROACH,
-    "acquire.zero": APPROACH,
-    "acquire.descend": APPROACH,
-    "acquire.touch": APPROACH,
-    "acquire.grip": APPROACH,
-    "acquire.lift": APPROACH,
-    "acquire.weigh": APPROACH,
-    "scan.run_in": APPROACH,
-    "scan.pass": APPROACH,
-    "slew.over": APPROACH,
-    "wall.lower": APPROACH,
-    "wall.zero": APPROACH,
-    "wall.approach": APPROACH,
-    "wall.seek": APPROACH,
+MODE_OF: Final = dict.fromkeys(
+    (
+        *("home.out", "home.settle"),
+        *("acquire.above", "acquire.zero", "acquire.descend", "acquire.touch"),
+        *("acquire.grip", "acquire.lift", "acquire.weigh"),
+        *("scan.run_in", "scan.pass", "slew.over"),
+        *("wall.lower", "wall.zero", "wall.approach", "wall.seek", "wall.press", "wall.slide"),
+        *("wall.land", "wall.lost", "wall.touch", "wall.set_down"),
+        *("crown.lower", "crown.zero", "crown.descend", "crown.land", "crown.set_down"),
+        *("bulk.lower", "bulk.pour", "release.open", "retreat.up", "return.over"),
+        *(BRAKE, AWAY, DONE, STOPPED),
+    ),
+    APPROACH,
+) | {
     "wall.press": CONTACT,
     "wall.slide": CONTACT,
     "wall.land": CONTACT,
     "wall.lost": LOST,
     "wall.touch": CONTACT,
     "wall.set_down": CONTACT,
-    "crown.lower": APPROACH,
-    "crown.zero": APPROACH,
-    "crown.descend": APPROACH,
-    "crown.land": APPROACH,
-    "crown.set_down": APPROACH,
-    "bulk.lower": APPROACH,
-    "bulk.pour": APPROACH,
-    "release.open": APPROACH,
-    "retreat.up": APPROACH,
-    "return.over": APPROACH,
-    BRAKE: APPROACH,
-    AWAY: APPROACH,
-    DONE: APPROACH,
-    STOPPED: APPROACH,
 }
 
 _TARES: Final = ("acquire.zero", "acquire.weigh", "wall.zero", "crown.zero")
@@ -109,10 +279,10 @@ def tares(state: str) -> bool:
     return state in _TARES
 
 
-def make_charging_chart(params: ChargingParams, beliefs: ChargingBeliefs) -> ChargingChart:
+def make_charging_chart(params: ResolvedChargingParams, beliefs: ChargingBeliefs) -> ChargingChart:
     """Return the chart; a cycle that can't go on ends in ``stopped`` with a reason."""
-    motions = Motions(params, beliefs)
-    guards = Guards(params, motions)
+    motions = ChargingMotions(params, beliefs)
+    guards = ChargingGuards(params, motions)
     touches = (
         _Touch("acquire.descend", "acquire.touch", "touched", guards.on_below, motions.stay),
         _Touch("wall.approach", "wall.press", "wall", guards.at_wall, motions.stay),
@@ -130,18 +300,18 @@ def make_charging_chart(params: ChargingParams, beliefs: ChargingBeliefs) -> Cha
         action = actions.enter(target, plan)
         return Transition(source=source, target=target, label=label, guard=guard, action=action)
 
-    def fail(source: str, label: str, guard: Guard, trouble: Trouble) -> _Step:
+    def fail(source: str, label: str, guard: Guard, trouble: ChargingTrouble) -> _Step:
         action = actions.stop(trouble)
         return Transition(source=source, target=BRAKE, label=label, guard=guard, action=action)
 
     troubles = [
-        fail(ANY, WORDS[trouble], guards.has(trouble), trouble)
+        fail(ANY, trouble.words, guards.has(trouble), trouble)
         for trouble in (
-            Trouble.SENSOR_DEAD,
-            Trouble.TOO_MUCH_FORCE,
-            Trouble.DROPPED,
-            Trouble.OFF_PATH,
-            Trouble.LATE,
+            ChargingTrouble.SENSOR_DEAD,
+            ChargingTrouble.TOO_MUCH_FORCE,
+            ChargingTrouble.DROPPED,
+            ChargingTrouble.OFF_PATH,
+            ChargingTrouble.LATE,
         )
     ]
     resumed = [
@@ -186,13 +356,13 @@ def make_charging_chart(params: ChargingParams, beliefs: ChargingBeliefs) -> Cha
             *(go(*touch) for touch in touches),
             go("home.out", "home.settle", arrived, guards.arrived, motions.stay),
             go("home.settle", "acquire.above", "homed", guards.homed, motions.above),
-            fail("home.settle", "not homed", guards.never_homed, Trouble.NOT_HOMED),
+            fail("home.settle", "not homed", guards.never_homed, ChargingTrouble.NOT_HOMED),
             go("acquire.above", "acquire.zero", arrived, guards.arrived),
             go("acquire.zero", "acquire.descend", rested, guards.rested, motions.descend),
-            fail("acquire.descend", "nothing there", guards.arrived, Trouble.NO_PART),
+            fail("acquire.descend", "nothing there", guards.arrived, ChargingTrouble.NO_PART),
             go("acquire.touch", "acquire.grip", "at rest", guards.arrived),
             go("acquire.grip", "acquire.lift", held, guards.held, motions.lift),
-            fail("acquire.grip", "not held", guards.not_held, Trouble.NO_PART),
+            fail("acquire.grip", "not held", guards.not_held, ChargingTrouble.NO_PART),
             go("acquire.lift", "acquire.weigh", arrived, guards.arrived),
             go("acquire.weigh", "slew.over", "bulk", guards.weighed_bulk, motions.slew),
             go("acquire.weigh", "scan.run_in", rested, guards.rested, motions.run_in),
@@ -205,24 +375,24 @@ def make_charging_chart(params: ChargingParams, beliefs: ChargingBeliefs) -> Cha
             go("wall.lower", "wall.zero", arrived, guards.arrived),
             go("wall.zero", "wall.approach", rested, guards.rested, motions.approach),
             go("wall.approach", "wall.seek", arrived, guards.arrived, motions.seek_wall),
-            fail("wall.seek", "no wall", guards.arrived, Trouble.NO_WALL),
+            fail("wall.seek", "no wall", guards.arrived, ChargingTrouble.NO_WALL),
             go("wall.press", "wall.slide", rested, guards.rested, motions.slide),
             go("wall.slide", "wall.lost", "wall lost", guards.off_wall),
             go("wall.slide", "wall.land", "near the layer", guards.arrived, motions.seek_layer),
             go("wall.land", "wall.lost", "wall lost", guards.off_wall),
-            fail("wall.land", "no layer", guards.arrived, Trouble.NO_LAYER),
-            fail("wall.lost", "lost too often", guards.lost_often, Trouble.LOST_OFTEN),
+            fail("wall.land", "no layer", guards.arrived, ChargingTrouble.NO_LAYER),
+            fail("wall.lost", "lost too often", guards.lost_often, ChargingTrouble.LOST_OFTEN),
             *(
                 go("wall.lost", name, f"wall, {name}", guards.back_to(name))
                 for name in ("wall.slide", "wall.land")
             ),
-            fail("wall.lost", "lost too long", guards.lost_for_long, Trouble.CONTACT_LOST),
+            fail("wall.lost", "lost too long", guards.lost_for_long, ChargingTrouble.CONTACT_LOST),
             go("wall.touch", "wall.set_down", "at rest", guards.arrived, motions.stay),
             go("wall.set_down", "release.open", rested, guards.rested, motions.stay),
             go("crown.lower", "crown.zero", arrived, guards.arrived),
             go("crown.zero", "crown.descend", rested, guards.rested, motions.descend_to_layer),
             go("crown.descend", "crown.land", arrived, guards.arrived, motions.seek_layer),
-            fail("crown.land", "no layer", guards.arrived, Trouble.NO_LAYER),
+            fail("crown.land", "no layer", guards.arrived, ChargingTrouble.NO_LAYER),
             go("crown.set_down", "release.open", rested, guards.rested),
             go("bulk.lower", "bulk.pour", arrived, guards.arrived),
             go("bulk.pour", "retreat.up", "empty", guards.not_held, motions.retreat),
@@ -245,10 +415,13 @@ class _Actions:
     """What the chart does."""
 
     def __init__(
-        self, params: ChargingParams, motions: Motions, touches: tuple["_Touch", ...]
+        self,
+        params: ResolvedChargingParams,
+        motions: ChargingMotions,
+        touches: tuple["_Touch", ...],
     ) -> None:
         self._motions = motions
-        self._readings = Readings(params, motions)
+        self._readings = ForceReadings(params, motions)
         self._touches = touches
         self._sensitive = {touch.source for touch in touches}
 
@@ -304,7 +477,7 @@ class _Actions:
         state = memory.left
         return memory._replace(at=state, left="", mode=MODE_OF[state], hold=state == "wall.lost")
 
-    def stop(self, trouble: Trouble) -> Callable[[ChargingTick], ChargingMemory]:
+    def stop(self, trouble: ChargingTrouble) -> Callable[[ChargingTick], ChargingMemory]:
         """Return the action of a failure.
 
         The command stops on its path, or at once where something may be near; what was under
@@ -327,3 +500,116 @@ class _Actions:
             )
 
         return stopped
+
+
+_SIZES: Final = {
+    "endpoint_motion": 2 * COORDINATES,
+    "desired_position": COORDINATES,
+    "desired_velocity": COORDINATES,
+    "progress": 1,
+    "measured_force": 3,
+    "mean_force": 3,
+    "held": 1,
+    "homed": 1,
+    "alive": 1,
+    "halt": 1,
+}
+
+
+class ChargingMachine(StateMachine[ChargingInputs, ChargingMemory]):
+    """Charges a crucible, nugget by nugget.
+
+    .. pydrake_system::
+
+        name: ChargingMachine
+        input_ports:
+        - endpoint_motion
+        - desired_position
+        - desired_velocity
+        - progress
+        - measured_force
+        - mean_force
+        - held
+        - homed (optional)
+        - alive (optional)
+        - halt (optional)
+        output_ports:
+        - segment
+        - hold
+        - mode
+        - desired_force
+        - selection
+        - grip
+        - tare
+        - item
+        - finished
+        - trouble
+        - state
+
+    ``endpoint_motion``, shape (14,), by the encoders; ``desired_position``, ``desired_velocity``,
+    shape (7,) each, and ``progress``, size 1, what
+    :class:`chamfer.systems.trajectory.path_follower.PathFollower` gives; ``measured_force``, shape
+    (3,), N, of the nugget on its environment, world axes, tared, and ``mean_force``, shape (3,),
+    N, the mean of its last readings, by which contact is told. Size 1 each: ``held``, 1 with a
+    part in the gripper; ``homed``, 1 with the encoders' zeros known; ``alive``, 1 while the force
+    sensor works; ``halt``, 1 while the operator wants all to stand still.
+
+    ``segment``, shape (25,), and ``hold``, size 1, are for the path follower; ``mode``, size 1,
+    ``desired_force``, shape (7,), N, and ``selection``, shape (49,), for the hybrid controller.
+    Size 1 each: ``grip``, 1 to close the gripper; ``tare``, 1 while the force sensor's zero is
+    taken; ``item``, index in the plan; ``finished``, 1 done, 2 stopped, 0 before; ``trouble``,
+    :class:`chamfer.systems.charging.charging_params.ChargingTrouble`.
+
+    Args:
+        params: Speeds, forces, patience.
+        beliefs: Of the cell.
+    """
+
+    def __init__(self, params: ResolvedChargingParams, beliefs: ChargingBeliefs) -> None:
+        def number(read: str) -> MachineOutput[ChargingMemory]:
+            return MachineOutput(size=1, read=lambda memory: (float(getattr(memory, read)),))
+
+        super().__init__(
+            make_charging_chart(params, beliefs),
+            inputs=ChargingInputs,
+            sizes=_SIZES,
+            optional=("homed", "alive", "halt"),
+            outputs={
+                "segment": MachineOutput(size=SIZE, read=lambda memory: memory.segment.vector()),
+                "hold": number("hold"),
+                "mode": number("mode"),
+                "desired_force": MachineOutput(
+                    size=COORDINATES, read=lambda memory: memory.desired_force(params.wall_force)
+                ),
+                "selection": MachineOutput(
+                    size=COORDINATES**2,
+                    read=lambda memory: _selection(memory.mode, memory.normal),
+                ),
+                "grip": number("grip"),
+                "tare": MachineOutput(size=1, read=lambda memory: (float(tares(memory.at)),)),
+                "item": number("item"),
+                "finished": MachineOutput(size=1, read=_finished),
+                "trouble": number("trouble"),
+            },
+            period=params.period,
+        )
+
+    def reason(self, context: Context) -> str:
+        """Return what stopped the cycle, in words; "" if nothing did."""
+        return self.snapshot(context).memory.said()
+
+
+def _finished(memory: ChargingMemory) -> tuple[float]:
+    return ({DONE: 1.0, STOPPED: 2.0}.get(memory.at, 0.0),)
+
+
+@lru_cache(maxsize=64)
+def _selection(mode: int, normal: Vector3) -> tuple[float, ...]:
+    """Return the position domain, row by row: all but, in contact, the way into the wall."""
+    if mode == APPROACH:
+        free: list[float] = np.eye(COORDINATES).ravel().tolist()
+        return tuple(free)
+    touching: list[float] = (
+        position_selection(np.array([*normal, *[0.0] * (COORDINATES - 3)])).ravel().tolist()
+    )
+    return tuple(touching)

@@ -3,16 +3,19 @@
 import math
 from typing import Final
 
-from chamfer.models.charging.nugget import Nugget
-from chamfer.models.charging.packing import Place
-from chamfer.systems.charging.charging_memory import ChargingInputs, ChargingMemory
-from chamfer.systems.charging.charging_params import ChargingBeliefs, ChargingParams
+from chamfer.models.charging.packing import ItemPlace, Nugget
+from chamfer.systems.charging.charging_params import (
+    ChargingBeliefs,
+    ChargingInputs,
+    ChargingMemory,
+    ChargingParams,
+)
 from chamfer.systems.trajectory.segment import LINE, SLEW, Segment, Vector3, Vector7, hold
 
 _INSIDE: Final = 0.01  # m, of the nugget's lowest point below the rim where a slew ends
 
 
-class Motions:
+class ChargingMotions:
     """The segments that the chart asks for.
 
     Each starts where the command is now, so that it never jumps; what was under force control
@@ -138,7 +141,7 @@ class Motions:
     def _nugget(self, item: int) -> Nugget:
         return self._beliefs.nuggets[item]
 
-    def _place(self, item: int) -> Place:
+    def _place(self, item: int) -> ItemPlace:
         return self._beliefs.places[item]
 
     def _pose(self, x: float, y: float, lowest: float, item: int, yaw: float) -> Vector7:

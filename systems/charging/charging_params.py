@@ -1,22 +1,73 @@
-"""How fast, how hard and how patiently a crucible is charged, and what is believed of it."""
+"""What the charging cycle is told, what its chart reads, and what it remembers."""
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from enum import IntEnum
+from typing import Final, NamedTuple, Self
 
-from chamfer.models.charging.nugget import Nugget
-from chamfer.models.charging.packing import Place, PlanItem
-from chamfer.models.charging.station import Layout
-from chamfer.models.validation import ParameterError, require_between, require_positive
-from chamfer.systems.charging.touch_detection import TouchDetectionParams
-from chamfer.systems.trajectory.segment import Vector7
+from chamfer.models.charging.packing import ItemPlace, Nugget, PlanItem
+from chamfer.models.charging.station import StationLayout
+from chamfer.models.validation import (
+    ParameterError,
+    require_between,
+    require_not_negative,
+    require_positive,
+)
+from chamfer.systems.trajectory.segment import Segment, Vector3, Vector7
+
+_RARE: Final = 5.0  # standard deviations of the mean that noise alone does not show
+_CLEAR: Final = 2.0  # thresholds by one another, at least
+
+
+@dataclass(frozen=True, kw_only=True)
+class TouchDetectionParams:
+    """What is contact with the wall, and its loss."""
+
+    readings: int = 16  # of the force, a period each, whose mean is looked at
+    detect: float | None = None  # N, a larger mean is contact; None: derived from the noise
+    release: float = 0.15  # N, a mean not above it is its loss; assumed, an eighth of the force
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "release")
+        if self.readings < 1:
+            raise ParameterError("readings", self.readings, "a whole number >= 1")
+        if self.detect is not None:
+            require_positive(self, "detect")
+            if not self.release < self.detect:
+                raise ParameterError("release", self.release, f"less than detect, {self.detect:g}")
+
+    def resolved(self, noise: float, bias: float = 0.0) -> "ResolvedTouchDetectionParams":
+        """Return the parameters with what noise and bias ask for filled in.
+
+        Args:
+            noise: N, half-width of the measured push without contact.
+            bias: N, the most that it is off on average.
+
+        Raises:
+            ParameterError: If the bias alone would be taken for contact.
+        """
+        detect = self.detect
+        if detect is None:
+            spread = noise / math.sqrt(3 * self.readings)
+            detect = float(f"{bias + max(_CLEAR * self.release, _RARE * spread):.6g}")
+        elif detect <= bias:
+            raise ParameterError("detect", detect, f"more than the sensor's bias, {bias:g} N")
+        return ResolvedTouchDetectionParams(**vars(self) | {"detect": detect})
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedTouchDetectionParams(TouchDetectionParams):
+    """The same, with nothing left open."""
+
+    detect: float
+
 
 _MOST_SPEED = 0.10  # m/s, towards the wall, section 1.1.2
 
 
 @dataclass(frozen=True, kw_only=True)
 class ChargingParams:
-    """Parameters of :class:`chamfer.systems.charging.charging_machine.ChargingMachine`."""
+    """Parameters of :class:`chamfer.systems.charging.charging_chart.ChargingMachine`."""
 
     descend_speed: float = 0.15  # m/s, onto the nugget in the feeder; section 1.1.2
     lift_speed: float = 0.15  # m/s, with the nugget out of the feeder; section 1.1.2
@@ -68,12 +119,95 @@ class ChargingParams:
             raise ParameterError("near", self.near, f"less than drop, {self.drop:g}")
 
 
+@dataclass(frozen=True, kw_only=True)
+class ResolvedChargingParams(ChargingParams):
+    """The same, with nothing left open."""
+
+    detection: ResolvedTouchDetectionParams
+
+
 class ChargingBeliefs(NamedTuple):
     """What the chart knows of the cell: nothing of it is the truth."""
 
-    station: Layout
+    station: StationLayout
     plan: tuple[PlanItem, ...]
     nuggets: tuple[Nugget, ...]  # of each item, as the scanner shows it
-    places: tuple[Place, ...]  # of each item
+    places: tuple[ItemPlace, ...]  # of each item
     start: Vector7  # endpoint when the arm is switched on, m and rad, by its encoders
     home: Vector7  # endpoint, on the way to which each joint passes its index mark
+
+
+class ChargingTrouble(IntEnum):
+    """What stopped the cycle, as far as the chart can tell: a number, and in words."""
+
+    words: str
+
+    def __new__(cls, value: int, words: str) -> Self:
+        """Return a member with its words."""
+        member = int.__new__(cls, value)
+        member._value_, member.words = value, words
+        return member
+
+    NONE = 0, ""
+    NOT_HOMED = 1, "not homed: a joint's index mark was not found"
+    NO_PART = 2, "no part in the gripper"
+    DROPPED = 3, "part dropped"
+    NO_WALL = 4, "the wall is not there"
+    NO_LAYER = 5, "the layer below is not there"
+    CONTACT_LOST = 6, "contact lost for too long"
+    TOO_MUCH_FORCE = 7, "too much force"
+    SENSOR_DEAD = 8, "the force sensor is dead"
+    OFF_PATH = 9, "position error too large"
+    LATE = 10, "timed out"
+    LOST_OFTEN = 11, "contact lost too often"
+
+
+class ChargingInputs(NamedTuple):
+    """What the chart reads: sensors, the operator, and what the path follower commands."""
+
+    endpoint_motion: tuple[
+        float, ...
+    ]  # (14,), endpoint vector, m and rad, then its rate, by the encoders
+    desired_position: tuple[float, ...]  # (7,), commanded now
+    desired_velocity: tuple[float, ...]  # (7,)
+    progress: tuple[float, ...]  # 1 at the segment's goal
+    measured_force: tuple[
+        float, ...
+    ]  # (3,), N, of the nugget on its environment, world axes, tared
+    mean_force: tuple[float, ...]  # (3,), N, the same, the mean of the last readings
+    held: tuple[float, ...]  # 1: the gripper's part sensor sees a part
+    homed: tuple[float, ...] | None  # 1: the encoders' zeros are known; None: they always are
+    alive: tuple[float, ...] | None  # 1: the force sensor works; None: it always does
+    halt: tuple[float, ...] | None  # 1: the operator wants all to stand still
+
+
+class ChargingMemory(NamedTuple):
+    """What the chart remembers from tick to tick."""
+
+    segment: Segment
+    at: str  # the current state
+    left: str = ""  # the state that a halt, or a loss of contact, goes back to
+    lost_from: str = ""  # the state that a loss of contact goes back to
+    item: int = 0  # in the plan
+    losses: int = 0  # of contact with the wall, of this item
+    mode: int = 0  # of the hybrid controller
+    normal: Vector3 = (1.0, 0.0, 0.0)  # into the wall, world axes
+    hold: bool = False  # the path follower stands still
+    grip: bool = False  # the gripper is closed
+    carries: bool = False  # a part was seen in it
+    above_limit: int = 0  # readings in a row, up to now, with too much force
+    dead: bool = False  # the force sensor says so itself
+    dropped: int = 0  # without the part that was there
+    off_path: int = 0  # too far from the command
+    trouble: ChargingTrouble = ChargingTrouble.NONE
+    trouble_at: str = ""  # the state in which it was met
+
+    def said(self) -> str:
+        """Return what stopped the cycle, in words; "" if nothing did."""
+        words = self.trouble.words
+        return f"{words}, in {self.trouble_at}, item {self.item}" if words else ""
+
+    def desired_force(self, force: float) -> Vector7:
+        """Return the force on the environment that is wanted, N, shape (7,)."""
+        push = force if self.mode else 0.0
+        return (*(push * one for one in self.normal), 0.0, 0.0, 0.0, 0.0)

@@ -15,12 +15,25 @@ from pydrake.systems.framework import (
     LeafSystem,
 )
 
-from chamfer.models.arms.arm import Arm
-from chamfer.models.arms.gripper import GripperParams
-from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.arms.arm import Arm, JointFrictionParams
+from chamfer.models.arms.gripper import GripperCompliance
+from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.surface import Surface, locate, proximity
-from chamfer.models.validation import ParameterError, require_positive, require_same
-from chamfer.systems.contact.arm_dynamics import GRAVITY, make_chain
+from chamfer.models.validation import (
+    ParameterError,
+    require_not_negative,
+    require_positive,
+    require_same,
+)
+from chamfer.systems.contact.arm_dynamics import (
+    GRAVITY,
+    Chain,
+    base_wrench,
+    bias,
+    make_chain,
+    point_jacobian,
+    pose,
+)
 from chamfer.systems.contact.arm_motion import (
     NOWHERE,
     Patch,
@@ -30,11 +43,86 @@ from chamfer.systems.contact.arm_motion import (
     gaps,
     output_sizes,
 )
-from chamfer.systems.contact.scenes import ContactParams, ContactPoint, Scene, with_load
-from chamfer.systems.contact.serial_chain import Chain, base_wrench, bias, point_jacobian, pose
 from chamfer.systems.contact.stick_slip import Material
+from chamfer.systems.ports import finite
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactParams:
+    """What happens where tip and surface touch."""
+
+    stiffness: float = 1e4  # N/m, of the surface; assumed
+    damping: float = 20.0  # N s/m, of the surface; assumed
+    friction: SurfaceFriction = SurfaceFriction(coefficient=0.0)  # Coulomb's, along the world's x
+
+    def __post_init__(self) -> None:
+        require_positive(self, "stiffness")
+        require_not_negative(self, "damping")
+
+
+@dataclass(frozen=True)
+class ContactPoint:
+    """A point of the tip and the surface that it may touch."""
+
+    offset: tuple[float, float, float]  # m, in the endpoint's frame
+    surface: Surface  # in space
+    contact: ContactParams
+
+    def __post_init__(self) -> None:
+        if self.surface.dimension != 3:
+            raise ParameterError("surface", self.surface, "a surface in space")
+        if len(self.offset) != 3 or not all(map(math.isfinite, self.offset)):
+            raise ParameterError("offset", self.offset, "three finite numbers")
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """A rigid body that the endpoint holds; axes of its frame."""
+
+    mass: float  # kg
+    centre: tuple[float, float, float]  # m, of mass
+    inertia: Array  # (3, 3), kg m^2, about the centre of mass
+
+    def __post_init__(self) -> None:
+        require_positive(self, "mass")
+        if len(self.centre) != 3 or not all(map(math.isfinite, self.centre)):
+            raise ParameterError("centre", self.centre, "three finite numbers")
+        inertia = np.asarray(self.inertia)
+        symmetric = inertia.shape == (3, 3) and np.array_equal(inertia, inertia.T)
+        if not (symmetric and np.all(np.linalg.eigvalsh(inertia) >= 0.0)):
+            allowed = "a symmetric matrix of 3 rows, positive semidefinite"
+            raise ParameterError("inertia", inertia.tolist(), allowed)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What holds for a while: the points that may touch, and what is held."""
+
+    points: tuple[ContactPoint, ...]
+    load: Load | None = None
+
+    def __post_init__(self) -> None:
+        if not self.points:
+            raise ParameterError("points", self.points, "at least one point")
+
+
+def with_load(chain: Chain, load: Load | None) -> Chain:
+    """Return an arm whose last link is one body with a load."""
+    if load is None:
+        return chain
+    inertia = np.array(load.inertia, dtype=np.float64)
+    added = chain.endpoint + chain.R_WE @ np.array(load.centre)
+    mass, centre, total = chain.mass.copy(), chain.centre.copy(), chain.inertia.copy()
+    mass[-1] += load.mass
+    centre[-1] = (chain.mass[-1] * chain.centre[-1] + load.mass * added) / mass[-1]
+    total[-1] += chain.R_WE @ inertia @ chain.R_WE.T
+    for part, place in ((chain.mass[-1], chain.centre[-1]), (load.mass, added)):
+        arm = place - centre[-1]
+        total[-1] += part * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return chain._replace(mass=mass, centre=centre, inertia=total)
+
 
 _FAR: Final = 0.01  # m, more of a gap than the tip gains on what its speed says in an update
 
@@ -46,7 +134,7 @@ class ArmInContactParams:
     joint_friction: JointFrictionParams
     contact: ContactParams = ContactParams()  # with scenes theirs, and not this
     contact_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, in the endpoint's frame; so
-    gripper: GripperParams | None = None  # None: rigid
+    gripper: GripperCompliance | None = None  # None: rigid
     gravity: bool = True
     step: float = 1e-4  # s, of dynamics, friction and contact
     held: int = 10  # steps over which the torque, and the surface to second order, are held
@@ -135,11 +223,8 @@ class ArmInContact(LeafSystem):
     * ``base_wrench``, shape (6,): moment about the base's origin N m, and force N, of the base on
       the arm, world axes: weight, inertia and contact of all links, at rest the weight upwards.
 
-    Args:
-        arm: The arm.
-        world: What its tip touches, a surface in space, with the contact of ``params``; or scenes.
-        params: Friction, contact and steps.
-        q: Joint positions at the start, shape (n,); the arm starts at rest, in scene 0.
+    ``world`` is what the tip touches, a surface in space, with the contact of ``params``, or
+    scenes; the arm starts at rest at ``q``, shape (n,), in scene 0.
 
     Raises:
         ParameterError: If shapes don't fit, or, while running, if an input is not finite, the
@@ -219,10 +304,10 @@ class ArmInContact(LeafSystem):
         # Copies, because compiled code tells views of a Context from arrays.
         state = context.get_discrete_state(self._state).value().copy()
         outputs = context.get_discrete_state(self._outputs).value().copy()
-        torque = _finite("torque", self._torque.Eval(context))
+        torque = finite("torque", self._torque.Eval(context))
         disturbance = np.zeros(3)
         if self._disturbance.HasValue(context):
-            disturbance = _finite("disturbance", self._disturbance.Eval(context))
+            disturbance = finite("disturbance", self._disturbance.Eval(context))
         scene, last = 0, round(float(context.get_discrete_state(self._last_scene)[0]))
         if self._scene.HasValue(context):
             asked = float(self._scene.Eval(context)[0])
@@ -334,9 +419,3 @@ def _tips(world: _World, q: Array, v: Array, stretch: Array) -> Array:
     at = pose(world.chain, q)
     places = [at.p_WE + at.R_WE @ (offset + stretch) for offset in world.tool.offset]
     return np.array([[*place, *(point_jacobian(at, place) @ v)] for place in places])
-
-
-def _finite(name: str, value: Array) -> Array:
-    if not all(map(math.isfinite, value.tolist())):
-        raise ParameterError(name, value.tolist(), "finite numbers")
-    return value

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.systems.compiled import compiled, inverse
-from chamfer.systems.contact.contact_conditions import along
-from chamfer.systems.contact.serial_chain import (
+from chamfer.systems.contact.arm_dynamics import (
     Chain,
     Pose,
     base_wrench,
@@ -18,7 +17,7 @@ from chamfer.systems.contact.serial_chain import (
     pose,
     potential,
 )
-from chamfer.systems.contact.stick_slip import Held, Material, Motion, step
+from chamfer.systems.contact.stick_slip import Material, Motion, StepModel, along, step
 
 Array = NDArray[np.float64]
 
@@ -56,12 +55,7 @@ class Patch(NamedTuple):
 
 
 def output_sizes(n: int, points: int) -> dict[str, int]:
-    """Return how many numbers each of the outputs of :func:`advance` has.
-
-    Args:
-        n: Joints.
-        points: The most that any scene has.
-    """
+    """Return how many numbers each output of :func:`advance` has, for n joints and M points."""
     return {
         "contact_force": 3 * points,
         "tool_force": 3,
@@ -189,22 +183,13 @@ def advance(
     Mass matrix, bias, Jacobians and normals are those of each step's middle, with the velocity's
     change in the step before taken to go on: second order in h wherever forces are smooth.
 
-    Args:
-        chain: The arm, n joints, with what it holds.
-        material: Friction of the joints, and the contacts' springs and dampers.
-        tool: What touches, in m points.
-        patch: What is touched.
-        state: At the begin, shape (5n + 3M + 3,) with room for M >= m points, in this order: joint
-            positions q and velocities v; 1 where a joint sticks; the joints' impulses and the
-            change of v in the last step, (n,) each; the points' impulses in it, N s, world frame,
-            (3M,), and the gripper's stretch, m, endpoint's frame, (3,).
-        outputs: At the begin, as :func:`output_sizes` has them; a point that is not there has no
-            force and a large gap.
-        lasting: Whether peak forces and impact speeds go on from those of ``outputs``.
-        torque: shape (n,), N m or N.
-        disturbance: shape (3,), N, on the arm at the first point, world frame.
-        h: s.
-        count: steps.
+    ``state``, shape (5n + 3M + 3,) with room for M >= m points, has in this order: joint positions
+    q and velocities v; 1 where a joint sticks; the joints' impulses and the change of v in the
+    last step, (n,) each; the points' impulses in it, N s, world frame, (3M,), and the gripper's
+    stretch, m, endpoint's frame, (3,). ``outputs`` are as :func:`output_sizes` has them; a point
+    that is not there has no force and a large gap. ``lasting``: peak forces and impact speeds go
+    on from those of ``outputs``. ``torque``, (n,), N m or N, is held, and so is ``disturbance``,
+    (3,), N, on the arm at the first point, world frame.
 
     Returns:
         State and outputs at the end, the largest error of the steps, and how many of them are not
@@ -260,7 +245,7 @@ def advance(
             yielding, stiffness = _turned(at.R_WE, matrix), _turned(at.R_WE, tool.stiffness)
             for i in range(3):
                 stretched[i] = along(at.R_WE[i], stretch)
-        held = Held(
+        model = StepModel(
             mass_matrix(chain, at),
             force,
             jacobian,
@@ -272,7 +257,7 @@ def advance(
             stiffness,
             stretched,
         )
-        done = step(held, material, motion, h)
+        done = step(model, material, motion, h)
         motion, gap = done.motion, done.gap
         change = motion.velocity - before
         for j in range(n):
@@ -333,7 +318,7 @@ def advance(
         (
             q,
             motion.velocity,
-            motion.stuck,
+            motion.sticking,
             motion.joint_impulse,
             change,
             np.zeros(3 * most),

@@ -12,16 +12,12 @@ from chamfer.models.validation import ParameterError
 def make_cartesian_manipulator(
     params: CartesianManipulatorParams, *, start: tuple[float, ...], step: float
 ) -> LinearSystem:
-    """Return the manipulator as a discrete linear system, exact for forces held over a step.
+    """Return the manipulator as a discrete linear system, exact for forces held over a step, s.
 
     Its input, shape (d,), N, is the sum of the effort and of the contact force of the surface on
     the manipulator. State and output, shape (2d,), are position, m, then velocity, m/s, as
-    encoders give them. There is no direct feedthrough.
-
-    Args:
-        params: Mass and damping.
-        start: Position at rest in the default context, m, shape (d,), d = 2 or 3.
-        step: Period of the discrete update, s, > 0.
+    encoders give them. There is no direct feedthrough. It starts at rest at ``start``, m, shape
+    (d,).
 
     Raises:
         ParameterError: If the start is not 2 or 3 finite numbers, or the step not one > 0.

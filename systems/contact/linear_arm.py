@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.models.arms.gripper import GripperParams
+from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.surfaces.surface import Surface, locate
 from chamfer.systems.contact.arm_dynamics import ArmDynamics, ArmState
 
@@ -31,7 +31,7 @@ class Touch(NamedTuple):
     stiffness: float  # N/m
     damping: float  # N s/m
     force: float  # N, with which the arm pushes
-    gripper: GripperParams | None = None  # None: rigid
+    gripper: GripperCompliance | None = None  # None: rigid
     drag: tuple[float, float, float] = (0.0, 0.0, 0.0)
     # of the sliding surface on the tip, per newton of normal force, world frame
 
@@ -53,11 +53,8 @@ def linear_arm(
 ) -> LinearArm:
     """Return an arm about joint positions q at rest; shape (n,).
 
-    Args:
-        dynamics: The arm's equations of motion.
-        q: Joint positions; in contact those of the arm at rest, with the gripper stretched.
-        viscous: Viscous friction of the joints, shape (n,).
-        touch: None: out of contact.
+    In contact q is that of the arm at rest, with the gripper stretched; touch None: out of
+    contact. ``viscous``, shape (n,), is the joints' friction.
     """
     n, still = len(q), np.zeros(len(q))
     rest = dynamics.evaluate(q, still)

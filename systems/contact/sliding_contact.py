@@ -27,6 +27,7 @@ accurate in the step. Force, normal and rates always fit the point that is reach
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -40,14 +41,316 @@ from pydrake.systems.framework import (
     LeafSystem,
     ValueProducer,
 )
+from scipy.optimize import bisect
 
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.nearest import nearest
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import ParameterError, require_positive
-from chamfer.systems.contact.spring_on_surface import REST, ROUNDING, Look, SpringOnSurface
+from chamfer.systems.ports import finite_input
 
 Array = NDArray[np.float64]
+Triple = tuple[float, float, float]
+
+REST: Final = (0.0, 0.0, 0.0)
+ROUNDING: Final = 1e-12  # of a force, relative to the whole force
+
+_SLIPPERY: Final = 1e-9  # coefficient of friction that counts as none
+_NEWTON: Final = 12  # iterations
+_CLOSE: Final = 1e-16  # m, error of the point
+_MARCH: Final = 2000  # steps to a jump's end
+
+
+class Look(NamedTuple):
+    """What is known at a point of the surface, or very near to it."""
+
+    p: Triple
+    place: Array  # p, (d,)
+    level: float
+    size: float  # of the level's gradient
+    n: Triple
+    force: Triple
+    push: float  # N
+    pull: Triple  # F_t
+    drag: float  # |F_t|
+    mu: float
+    excess: float  # |F_t| - mu N: positive where friction does not hold
+
+
+class SpringOnSurface:
+    """A spring's force at any point of a surface, for one nominal position and velocity.
+
+    Args:
+        surface: d = 2 or 3.
+        friction: of the surface.
+        stiffness: N/m, symmetric positive definite, shape (d, d).
+        nominal_position: m, shape (d,).
+        nominal_velocity: m/s, shape (d,).
+    """
+
+    def __init__(
+        self,
+        surface: Surface,
+        friction: SurfaceFriction,
+        stiffness: Array,
+        nominal_position: Array,
+        nominal_velocity: Array,
+    ) -> None:
+        self.surface, self.friction, self.stiffness = surface, friction, stiffness
+        self.nominal_position, self.nominal_velocity = nominal_position, nominal_velocity
+        self.d = surface.dimension
+        self.K = _rows(stiffness, self.d)
+        self.x_nom = _triple(nominal_position, self.d)
+        self.v_nom = _triple(nominal_velocity, self.d)
+
+    def is_outside(self) -> bool:
+        """Return whether the nominal endpoint is outside of the material, or on the surface."""
+        return self.surface.level(self.nominal_position) >= 0
+
+    def is_slippery(self, look: Look) -> bool:
+        """Return whether friction is too small to tell a direction from."""
+        return look.mu <= _SLIPPERY
+
+    def look_at(self, point: Array) -> Look:
+        """Return what is known at a point of the surface, shape (d,), m."""
+        return self._look(_triple(point, self.d))
+
+    def _look(self, p: Triple) -> Look:
+        place = np.array(p[: self.d])
+        level = self.surface.level(place)
+        gradient = _triple(self.surface.gradient(place), self.d)
+        size = math.sqrt(_dot(gradient, gradient))
+        n = (gradient[0] / size, gradient[1] / size, gradient[2] / size)
+        a, b, c = self.x_nom
+        force = _times(self.K, (p[0] - a, p[1] - b, p[2] - c))
+        push = _dot(n, force)
+        pull = _plus(force, -push, n)
+        drag = math.sqrt(_dot(pull, pull))
+        mu = self.friction.at(place)
+        return Look(p, place, level, size, n, force, push, pull, drag, mu, drag - mu * push)
+
+    def _growth(self, look: Look) -> Triple:
+        """Return the excess' gradient for places along the surface and near it, N/m.
+
+        From |F_t|' = (F_t . K u) / |F_t| - N (F_t . n') / |F_t| and N' = n . K u + F_t . n', with
+        n' = P H u / size, where P takes away the part along n.
+        """
+        hessian = _rows(self.surface.hessian(look.place), self.d)
+        stiff = _times(self.K, _plus(_scaled(look.pull, 1 / look.drag), -look.mu, look.n))
+        bent = _times(hessian, look.pull)
+        rise = _triple(self.friction.gradient(look.place), self.d)
+        growth = _plus(stiff, -(look.push / look.drag + look.mu) / look.size, bent)
+        return _plus(growth, -look.push, rise)
+
+    def velocity(self, look: Look) -> Triple | None:
+        """Return the velocity of a point where friction holds, or just holds.
+
+        None if it just holds and does not hold a little further on.
+        """
+        whole = math.sqrt(_dot(look.force, look.force))
+        if self.is_slippery(look):
+            return self._frictionless(look)
+        if look.excess < -ROUNDING * whole or not look.drag > ROUNDING * whole:
+            return REST
+        ahead = _scaled(look.pull, -1 / look.drag)
+        ahead = _plus(ahead, -_dot(ahead, look.n), look.n)
+        driven = _times(self.K, self.v_nom)
+        rate = _dot(ahead, driven) + look.mu * _dot(look.n, driven)
+        if rate <= ROUNDING * math.sqrt(_dot(driven, driven)):
+            return REST
+        growth = _dot(self._growth(look), ahead)
+        return _scaled(ahead, -rate / growth) if growth < 0 else None
+
+    def force_rate(self, velocity: Triple) -> Triple:
+        """Return the force's rate (4-3), N/s, at a velocity of the point, m/s."""
+        x, y, z = velocity
+        a, b, c = self.v_nom
+        return _times(self.K, (x - a, y - b, z - c))
+
+    def _frictionless(self, look: Look) -> Triple:
+        """Return the velocity with which the force stays along the normal."""
+        n, bend = np.array(look.n[: self.d]), self.surface.hessian(look.place) / look.size
+        tangents = np.linalg.svd(n[np.newaxis])[2][1:]
+        stiff = tangents @ (self.stiffness - look.push * bend) @ tangents.T
+        driven = tangents @ (self.stiffness @ self.nominal_velocity)
+        return _triple(np.linalg.solve(stiff, driven) @ tangents, self.d)
+
+    # The way to the point where friction holds
+
+    def slide(self, start: Look, before: Array) -> Look | None:
+        """Return the point where a slide from a point where friction does not hold ends.
+
+        That is the first on the way where it holds; None if the contact is lost before.
+        ``before``, m/s, is the velocity before, zeros at the begin of sliding.
+        """
+        ahead = _scaled(start.pull, -1 / start.drag)
+        found = self._newton(start, ahead)
+        if found is not None:
+            return self._straightened(start, found, before)
+        held, end = self._march(start, ahead)
+        if end.push < 0:
+            return None
+        return end if held else self._unloaded(end)
+
+    def _unloaded(self, start: Look) -> Look | None:
+        """Return where friction holds on the way to the point without tangential force.
+
+        Little friction leaves a cone that a long step against the force may miss.
+        """
+        if self.is_outside():
+            return None
+        target = nearest(self.surface, self.nominal_position, self.stiffness)
+        goal = self._look(_triple(target, self.d))
+        way = _plus(goal.p, -1.0, start.p)
+        ahead = _plus(way, -_dot(way, start.n), start.n)
+        length = math.sqrt(_dot(ahead, ahead))
+        if goal.excess >= 0 or length == 0:
+            return goal
+        ahead = _scaled(ahead, 1 / length)
+
+        def at(part: float) -> Look:
+            return self._onto(_plus(start.p, part, way), ahead, start.n)
+
+        return at(_root(lambda part: at(part).excess, 1.0))
+
+    def _straightened(self, start: Look, end: Look, before: Array) -> Look:
+        """Return a slide's end in space along the mean of its first and last direction."""
+        x, y, z = _triple(before, self.d)
+        speed = math.sqrt(x * x + y * y + z * z)
+        if self.d == 2 or speed == 0 or end.drag == 0:
+            return end
+        ahead = _plus((x / speed, y / speed, z / speed), -1 / end.drag, end.pull)
+        ahead = _plus(ahead, -_dot(ahead, start.n), start.n)
+        length = math.sqrt(_dot(ahead, ahead))
+        travelled = math.dist(start.p, end.p)
+        # In steps longer than the spring's tangential stretch the mean would swing to and fro.
+        if length < 1 or travelled > end.drag / self._stiffness_along(end):
+            return end
+        return self._newton(start, _scaled(ahead, 1 / length)) or end
+
+    def _stiffness_along(self, look: Look) -> float:
+        """Return the stiffness in the tangential force's direction, N/m."""
+        return _dot(look.pull, _times(self.K, look.pull)) / (look.drag * look.drag)
+
+    def _newton(self, start: Look, ahead: Triple) -> Look | None:
+        """Return the end of a short, smooth slide; None if it is not clearly that."""
+        here, first, travelled = start, 0.0, 0.0
+        stiff = self._stiffness_along(start)
+        for _ in range(_NEWTON):
+            if here.drag == 0:
+                return None
+            along, across, tilt = _section(here.n, ahead, start.n)
+            growth = self._growth(here)
+            ascent = _dot(growth, along)
+            if not ascent < 0:
+                return None
+            down = -here.level / (here.size * tilt)
+            step = -(here.excess + down * _dot(growth, across)) / ascent
+            first, travelled = first or step, travelled + step
+            here = self._look(_plus(_plus(here.p, step, along), down, across))
+            # Newton's error, at most about the step's square over the spring's stretch.
+            if (step * step + down * down) * stiff < _CLOSE * here.drag:
+                smooth = first > 0 and 0.5 * first <= travelled <= 2 * first
+                forward = here.push >= 0 and _dot(here.pull, along) < 0
+                return here if smooth and forward else None
+        return None
+
+    def _march(self, start: Look, ahead: Triple) -> tuple[bool, Look]:
+        """Follow the surface to the first point where friction holds.
+
+        Returns:
+            Whether friction holds there, and the point. Without friction to hold it, it is where
+            the contact is lost or where the pull in this direction ends.
+        """
+        stretch = start.drag / self._stiffness_along(start) / 64
+        here = start
+        for _ in range(_MARCH):
+            along, _, _ = _section(here.n, ahead, start.n)
+            origin, direction = here.p, along
+
+            def at(step: float, origin: Triple = origin, direction: Triple = direction) -> Look:
+                return self._onto(_plus(origin, step, direction), ahead, start.n)
+
+            step = min(stretch, 0.1 / (abs(self._bend(here, along)) + 1e-9))
+            there = at(step)
+            if there.push >= 0 and there.excess <= 0:
+                return True, at(_root(lambda s: at(s).excess, step))
+            if there.push < 0 or _dot(there.pull, along) >= 0:
+                return False, there
+            here = there
+        return False, here
+
+    def _onto(self, p: Triple, ahead: Triple, up: Triple) -> Look:
+        """Return the point of the surface below or above p, in the plane of the two directions."""
+        look = self._look(p)
+        for _ in range(_NEWTON):
+            _, across, tilt = _section(look.n, ahead, up)
+            down = -look.level / (look.size * tilt)
+            if abs(down) < 1e-15:
+                break
+            look = self._look(_plus(look.p, down, across))
+        return look
+
+    def _bend(self, look: Look, along: Triple) -> float:
+        hessian = _rows(self.surface.hessian(look.place), self.d)
+        return _dot(along, _times(hessian, along)) / look.size
+
+
+def _root(function: Callable[[float], float], end: float) -> float:
+    """Return a zero between 0 and the end; one of the two if the function has no zero there."""
+    if function(0.0) <= 0:
+        return 0.0
+    if function(end) >= 0:
+        return end
+    return float(bisect(function, 0.0, end, xtol=1e-17, rtol=1e-15))
+
+
+def _section(n: Triple, ahead: Triple, up: Triple) -> tuple[Triple, Triple, float]:
+    """Return the surface's directions in the plane of two orthonormal directions.
+
+    Returns:
+        The tangent, the normal within the plane, and the length of the normal's part in it.
+    """
+    a, b = _dot(n, ahead), _dot(n, up)
+    length = math.hypot(a, b)
+    a, b = a / length, b / length
+    along = _plus(_scaled(ahead, b), -a, up)
+    return along, _plus(_scaled(ahead, a), b, up), length
+
+
+def _dot(a: Triple, b: Triple) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _plus(a: Triple, scale: float, b: Triple) -> Triple:
+    return a[0] + scale * b[0], a[1] + scale * b[1], a[2] + scale * b[2]
+
+
+def _scaled(a: Triple, scale: float) -> Triple:
+    return scale * a[0], scale * a[1], scale * a[2]
+
+
+def _times(rows: tuple[Triple, Triple, Triple], a: Triple) -> Triple:
+    x, y, z = a
+    (p, q, r), (s, t, u), (v, w, k) = rows
+    return p * x + q * y + r * z, s * x + t * y + u * z, v * x + w * y + k * z
+
+
+def _triple(values: Array, d: int) -> Triple:
+    if d == 2:
+        x, y = values.tolist()
+        return x, y, 0.0
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def _rows(matrix: Array, d: int) -> tuple[Triple, Triple, Triple]:
+    if d == 2:
+        (a, b), (c, e) = matrix.tolist()
+        return (a, b, 0.0), (c, e, 0.0), (0.0, 0.0, 0.0)
+    (a, b, c), (e, f, g), (h, i, j) = matrix.tolist()
+    return (a, b, c), (e, f, g), (h, i, j)
+
 
 FREE: Final = 0
 STICK: Final = 1
@@ -75,14 +378,9 @@ def advance(
 ) -> Touch:
     """Return the contact after the gripper's nominal endpoint has moved.
 
-    Args:
-        surface: d = 2 or 3.
-        friction: of the surface.
-        stiffness: N/m, symmetric positive definite, shape (d, d).
-        previous: the contact before, of which the point, the velocity's direction and the mode
-            matter; free if None.
-        nominal_position: m, shape (d,), now.
-        nominal_velocity: m/s, shape (d,), now. It decides the rates, not the point.
+    ``stiffness``, N/m, shape (d, d), is symmetric and positive definite, d = 2 or 3. Of
+    ``previous``, free if None, the point, the velocity's direction and the mode matter.
+    ``nominal_velocity``, m/s, decides the rates, not the point.
 
     Raises:
         ParameterError: if the nominal endpoint is too deep in the material for a new contact.
@@ -212,9 +510,7 @@ class SlidingContact(LeafSystem):
         return touch
 
     def _solve(self, context: Context, value: AbstractValue) -> None:
-        d, motion = self._d, self.nominal_motion.Eval(context)
-        if not all(map(math.isfinite, motion.tolist())):
-            raise ParameterError("nominal_motion", motion.tolist(), "finite numbers")
+        d, motion = self._d, finite_input(self.nominal_motion, context)
         stored = context.get_discrete_state(self._stored).value()
         mode = int(stored[-1])
         previous = None

@@ -29,7 +29,7 @@ surface friction's conditions then are those of the tip's mean velocity.
 
 Several points may touch at once: conditions of contact and surface friction are then those of each
 point, and all points are fixed on one tip, which a gripper carries and which does not turn on it.
-:mod:`chamfer.systems.contact.contact_conditions` solves them. This is the velocity-level time
+:mod:`chamfer.systems.contact.stick_slip` solves them. This is the velocity-level time
 stepping of Stewart and Trinkle (1996) with a compliant normal.
 """
 
@@ -40,9 +40,327 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.systems.compiled import compiled, inverse
-from chamfer.systems.contact.contact_conditions import Conditions, act, along, moved, solve
+
+
+@compiled
+def normal_impulse(
+    gap: float, free: float, reach: float, spring: float, damping: float, rigid: bool
+) -> float:
+    """Return p for a gap of ``free + reach p`` after the step, N s.
+
+    The law falls with the gap after the step, which grows with p, so that there is exactly one;
+    each case has a closed form. ``gap``, m, is that before the step, negative while touching;
+    ``spring``, N s/m, the step's length times the stiffness; ``rigid``: the spring gives back all
+    that it takes, else it is implicit.
+    """
+    if not rigid:
+        wanted = -spring * free - damping * (free - min(gap, 0.0))
+        return max(0.0, wanted / (1.0 + reach * (spring + damping)))
+    if gap <= 0.0:
+        wanted = -spring * (gap + free) / 2 - damping * (free - gap)
+        wanted /= 1.0 + reach * (spring / 2 + damping)
+        if free + reach * wanted <= 0.0:
+            return max(0.0, wanted)
+        moved = free - gap + reach * damping * gap  # leaving: g+ - g from a quadratic equation
+        moved = (moved + math.hypot(moved, gap * math.sqrt(2.0 * reach * spring))) / 2
+        return max(0.0, spring * gap * gap / (2.0 * moved) + damping * gap)
+    if free >= 0.0:
+        return 0.0
+    # Touching: g+ < 0 from a quadratic equation.
+    half = (gap * (1.0 + reach * damping) + free) / 2
+    square = 1.0 + reach * (spring / 2 + damping)
+    root = math.sqrt(half * half - square * free * gap)
+    after = free * gap / (half + root) if half > 0.0 else (half - root) / square
+    return spring * after * after / (2.0 * (gap - after)) - damping * after
+
+
+@compiled
+def normal_slope(gap: float, after: float, spring: float, damping: float, rigid: bool) -> float:
+    """Return by how much p grows with the gap after the step, N s/m, where it pushes."""
+    if not rigid:
+        return -spring - damping
+    if gap <= 0.0:
+        if after <= 0.0:
+            return -spring / 2 - damping
+        return -spring / 2 * (gap / (after - gap)) ** 2
+    if after >= 0.0:
+        return 0.0
+    return spring / 2 * after * (2.0 * gap - after) / (gap - after) ** 2 - damping
+
 
 Array = NDArray[np.float64]
+
+_SWEEPS: Final = 300  # over the conditions of one point
+_FEW_SWEEPS: Final = 20  # of several, which Newton's method is done with sooner
+_TURNS: Final = 20  # of Newton's method and sweeps
+_NEWTON: Final = 20  # steps in a turn
+_WEIGHTS: Final = 5  # of the natural map, which turns take one after the other
+_SHORTEST: Final = 1e-3  # part of a Newton step
+_BALANCED: Final = 1e-12  # length of the natural map that counts as none, relative
+_PROXIMAL: Final = 1e-4  # of the mobility, added to it: what is open stays near
+_TOLERANCE: Final = 1e-10  # on the change of a speed in a sweep, relative
+_ENOUGH: Final = 1e-7  # the same, which the sweeps may leave: a joint just at its breakaway creeps
+
+
+class Conditions(NamedTuple):
+    """The conditions of a step; rows are the joints, then each point's normal and two tangents.
+
+    Of n joints and m points; vectors of 3m go by points.
+    """
+
+    rows: Array  # (3m, n), what the joints' velocities move a point along normal and tangents
+    reach: Array  # (n + 3m, n), the velocity that a unit impulse along each row causes
+    bound: Array  # (n,), of the joints' dry friction
+    yielding: Array  # (3m, 3m), of the gripper, along normals and tangents
+    mean: float  # 1/2: a point's slip is that of the mean velocity, 1: of the last one
+    before: Array  # (3m,), m/s, of the points along normals and tangents
+    gap: Array  # (m,), m
+    push: Array  # (m,), m/(N s), the gap that a unit of normal impulse makes
+    slide: Array  # (m,), m/s/(N s), the largest eigenvalue of the tangents' mobility
+    spring: Array  # (m,), h k
+    damping: Array  # (m,)
+    mu: Array  # (m,)
+    rigid: bool
+    h: float
+    scale: float  # m/s or rad/s, what an error is relative to
+
+
+@compiled
+def along(row: Array, vector: Array) -> float:
+    """Return the scalar product."""
+    total = 0.0
+    for i in range(len(row)):
+        total += row[i] * vector[i]
+    return total
+
+
+@compiled
+def act(problem: Conditions, velocity: Array, stretch: Array, row: int, impulse: float) -> None:
+    """Let an impulse act along a row."""
+    n = len(velocity)
+    for i in range(n):
+        velocity[i] += problem.reach[row, i] * impulse
+    if row >= n:
+        for i in range(len(stretch)):
+            stretch[i] += problem.yielding[i, row - n] * impulse
+
+
+@compiled
+def moved(problem: Conditions, velocity: Array, stretch: Array, mean: float, row: int) -> float:
+    """Return by how much a point moves along its normal or a tangent, m."""
+    speed = mean * along(problem.rows[row], velocity)
+    speed += (1.0 - mean) * float(problem.before[row])
+    return problem.h * speed + float(stretch[row])
+
+
+@compiled
+def _wanted_push(
+    problem: Conditions, velocity: Array, stretch: Array, given: float, point: int
+) -> float:
+    gap, push = problem.gap[point], problem.push[point]
+    after = gap + moved(problem, velocity, stretch, 0.5, 3 * point)
+    free = after - push * given
+    spring, damping = problem.spring[point], problem.damping[point]
+    return normal_impulse(gap, free, push, spring, damping, problem.rigid)
+
+
+@compiled
+def _relax(
+    problem: Conditions, velocity: Array, stretch: Array, impulse: Array, sweeps: int
+) -> float:
+    """Sweep over the conditions until they hold; return the last change, a relative speed."""
+    n, h, mean = len(velocity), problem.h, problem.mean
+    change = 0.0
+    for _ in range(sweeps):
+        change = 0.0
+        for j in range(n):
+            mobility = problem.reach[j, j]
+            wanted = impulse[j] - velocity[j] / mobility
+            wanted = min(max(wanted, -problem.bound[j]), problem.bound[j])
+            step = wanted - impulse[j]
+            impulse[j] = wanted
+            act(problem, velocity, stretch, j, step)
+            change = max(change, abs(step) * mobility)
+        for point in range(len(problem.gap)):
+            row = n + 3 * point
+            wanted = _wanted_push(problem, velocity, stretch, impulse[row], point)
+            step = wanted - impulse[row]
+            impulse[row] = wanted
+            act(problem, velocity, stretch, row, step)
+            change = max(change, abs(step) * problem.push[point] / h)
+            slide = problem.slide[point]
+            if slide > 0.0 and (impulse[row] > 0.0 or impulse[row + 1] or impulse[row + 2]):
+                first = moved(problem, velocity, stretch, mean, 3 * point + 1) / h
+                second = moved(problem, velocity, stretch, mean, 3 * point + 2) / h
+                first = impulse[row + 1] - first / slide
+                second = impulse[row + 2] - second / slide
+                size, most = math.hypot(first, second), problem.mu[point] * impulse[row]
+                if size > most:
+                    first *= most / size
+                    second *= most / size
+                step = max(abs(first - impulse[row + 1]), abs(second - impulse[row + 2]))
+                act(problem, velocity, stretch, row + 1, first - impulse[row + 1])
+                act(problem, velocity, stretch, row + 2, second - impulse[row + 2])
+                impulse[row + 1], impulse[row + 2] = first, second
+                change = max(change, step * slide)
+        if change <= _TOLERANCE * problem.scale:
+            break
+    return change / problem.scale
+
+
+@compiled
+def mobility_of(problem: Conditions) -> Array:
+    """Return the speeds of joints and points that unit impulses cause, shape (n + 3m, n + 3m).
+
+    Points' are those of which the conditions are: mean ones along the normals.
+    """
+    n, rows = len(problem.bound), len(problem.before)
+    result = np.empty((n + rows, n + rows))
+    for cause in range(n + rows):
+        for j in range(n):
+            result[j, cause] = problem.reach[cause, j]
+        for i in range(rows):
+            mean = problem.mean if i % 3 else 0.5
+            speed = mean * along(problem.rows[i], problem.reach[cause])
+            if cause >= n:
+                speed += problem.yielding[i, cause - n] / problem.h
+            result[n + i, cause] = speed
+    return result
+
+
+@compiled
+def natural_map(
+    problem: Conditions,
+    velocity: Array,
+    stretch: Array,
+    impulse: Array,
+    mobility: Array,
+    weight: float,
+    lack: Array,
+    slope: Array,
+) -> float:
+    """Fill in the natural map, which is zero where the conditions hold; return its length.
+
+    Friction is p less the projection of p - u / (weight mobility) onto what friction may be, with
+    u the speed that it is against. ``velocity``, v+, and ``stretch`` along normals and tangents
+    are as the impulses, shape (n + 3m,), make them. ``lack`` is the map, as speeds, and ``slope``
+    one of its generalised derivatives by the impulses.
+    """
+    n, h = len(velocity), problem.h
+    slope[:] = 0.0
+    for j in range(n):
+        scale = weight * mobility[j, j]
+        wanted = impulse[j] - velocity[j] / scale
+        if abs(wanted) <= problem.bound[j]:
+            lack[j] = velocity[j]
+            slope[j] = mobility[j]
+        else:
+            lack[j] = scale * (impulse[j] - math.copysign(problem.bound[j], wanted))
+            slope[j, j] = scale
+    for point in range(len(problem.gap)):
+        row, push = n + 3 * point, problem.push[point]
+        wanted = _wanted_push(problem, velocity, stretch, impulse[row], point)
+        lack[row] = (impulse[row] - wanted) * push / h
+        slope[row, row] = push / h
+        if wanted > 0.0:
+            after = problem.gap[point] + moved(problem, velocity, stretch, 0.5, 3 * point)
+            after += push * (wanted - impulse[row])
+            spring, damping = problem.spring[point], problem.damping[point]
+            stiff = -normal_slope(problem.gap[point], after, spring, damping, problem.rigid)
+            share = push * stiff / (1.0 + push * stiff)
+            slope[row] += share * mobility[row]
+            slope[row, row] -= share * push / h
+        a, b, scale = row + 1, row + 2, weight * problem.slide[point]
+        if scale <= 0.0:
+            lack[a] = lack[b] = 0.0
+            slope[a, a] = slope[b, b] = 1.0
+            continue
+        first = moved(problem, velocity, stretch, problem.mean, 3 * point + 1) / h
+        second = moved(problem, velocity, stretch, problem.mean, 3 * point + 2) / h
+        x, y = impulse[a] - first / scale, impulse[b] - second / scale
+        size, most = math.hypot(x, y), problem.mu[point] * max(0.0, impulse[row])
+        if size <= most:
+            lack[a], lack[b] = first, second
+            slope[a], slope[b] = mobility[a], mobility[b]
+        else:
+            x, y, share = x / size, y / size, most / size
+            lack[a] = scale * (impulse[a] - most * x)
+            lack[b] = scale * (impulse[b] - most * y)
+            # The projection's derivative lets pass what is at right angles to the slip.
+            for k in range(n + len(stretch)):
+                across = share * (x * mobility[b, k] - y * mobility[a, k])
+                slope[a, k], slope[b, k] = -y * across, x * across
+            slope[a, a] += scale * (1.0 - share * y * y)
+            slope[a, b] += scale * share * x * y
+            slope[b, a] += scale * share * x * y
+            slope[b, b] += scale * (1.0 - share * x * x)
+            if impulse[row] > 0.0:
+                slope[a, row] -= scale * problem.mu[point] * x
+                slope[b, row] -= scale * problem.mu[point] * y
+    return math.sqrt(along(lack, lack))
+
+
+@compiled
+def _newton(
+    problem: Conditions,
+    velocity: Array,
+    stretch: Array,
+    impulse: Array,
+    weight: float,
+    damped: bool,
+) -> None:
+    """Take semismooth Newton steps towards where the natural map of a weight is zero.
+
+    Where it ends in a local minimum, that of another weight goes on. ``damped``: each step is as
+    short as it takes to shorten the map.
+    """
+    n, mobility, lack = len(velocity), mobility_of(problem), np.empty(len(impulse))
+    slope = np.empty_like(mobility)
+    length = natural_map(problem, velocity, stretch, impulse, mobility, weight, lack, slope)
+    for _ in range(_NEWTON):
+        if length <= _BALANCED * problem.scale:
+            break
+        for j in range(n):
+            slope[j, j] += _PROXIMAL * weight * mobility[j, j]
+        for point in range(len(problem.gap)):
+            for row in range(n + 3 * point + 1, n + 3 * point + 3):
+                slope[row, row] += _PROXIMAL * weight * problem.slide[point]
+        way, before = np.linalg.solve(slope, lack), length
+        part, done = 1.0, 0.0
+        while done != part:
+            for row in range(len(impulse)):
+                act(problem, velocity, stretch, row, (done - part) * way[row])
+                impulse[row] += (done - part) * way[row]
+            length = natural_map(
+                problem, velocity, stretch, impulse, mobility, weight, lack, slope
+            )
+            done = part
+            if damped and length >= before:
+                part = part / 2.0 if part > _SHORTEST else 0.0
+        if part == 0.0:
+            break
+
+
+@compiled
+def solve(problem: Conditions, velocity: Array, stretch: Array, impulse: Array) -> float:
+    """Change velocity v+, stretch and impulses until the conditions hold.
+
+    The impulses, shape (n + 3m,), are those to start from, velocity and stretch as they make them.
+    Returns what a sweep still changes, as a relative speed.
+    """
+    one = len(problem.gap) == 1
+    sweeps, enough = (_SWEEPS, _ENOUGH) if one else (_FEW_SWEEPS, _TOLERANCE)
+    error = _relax(problem, velocity, stretch, impulse, sweeps)
+    turn = 0
+    while error > enough and turn < _TURNS:
+        weight, damped = 10.0 ** -(turn % _WEIGHTS), turn % 2 == 0
+        _newton(problem, velocity, stretch, impulse, weight, damped)
+        turn += 1
+        # Where no weight arrives, many sweeps lead elsewhere.
+        error = _relax(problem, velocity, stretch, impulse, 1 if turn % _WEIGHTS else _SWEEPS)
+        enough = _ENOUGH
+    return error
+
 
 _SOLVED: Final = 1e-6  # relative error, beyond which a step counts as not solved
 _SLOW: Final = 1e-3  # rad/s or m/s, what a slow speed's change is relative to
@@ -59,8 +377,8 @@ class Material(NamedTuple):
     damping: Array  # (m,), N s/m
 
 
-class Held(NamedTuple):
-    """The arm as it is held over a step, n joints, and the m points where it may touch."""
+class StepModel(NamedTuple):
+    """What is frozen over a step: the arm, n joints, and the m points where it may touch."""
 
     mass: Array  # (n, n)
     force: Array  # (n,), u: torque less Coriolis and gravity torque
@@ -78,7 +396,7 @@ class Motion(NamedTuple):
     """The arm's velocities, and the impulses that start the next solution."""
 
     velocity: Array  # (n,)
-    stuck: Array  # (n,), 1 where the joint's friction holds it, else 0
+    sticking: Array  # (n,), 1 where the joint's friction holds it, else 0
     joint_impulse: Array  # (n,), N m s or N s, of the last step
     impulse: Array  # (m, 3), N s, of the last step, world frame
 
@@ -114,33 +432,33 @@ def tangent(normal: Array) -> Array:
 
 @compiled
 def _conditions(
-    held: Held, material: Material, motion: Motion, axes: Array, compliance: Array, h: float
+    model: StepModel, material: Material, motion: Motion, axes: Array, compliance: Array, h: float
 ) -> Conditions:
     velocity = motion.velocity
-    n, m = len(velocity), len(held.gap)
+    n, m = len(velocity), len(model.gap)
     rows, before = np.zeros((3 * m, n)), np.zeros(3 * m)
     reach = np.empty((n + 3 * m, n))  # the velocity that a unit impulse along each row causes
     bound = np.empty(n)
     largest = 0.0
     for j in range(n):
         largest = max(largest, abs(velocity[j]))
-        fading = 1.0 if motion.stuck[j] else math.exp(-((velocity[j] / material.stribeck) ** 2))
+        fading = 1.0 if motion.sticking[j] else math.exp(-((velocity[j] / material.stribeck) ** 2))
         bound[j] = h * material.coulomb[j] * (1.0 + (material.breakaway - 1.0) * fading)
         for i in range(n):
             reach[i, j] = compliance[i, j]
         for i in range(3 * m):
             for k in range(3):
-                rows[i, j] += axes[i, k] * held.J_v_WC[i // 3, k, j]
+                rows[i, j] += axes[i, k] * model.J_v_WC[i // 3, k, j]
             before[i] += rows[i, j] * velocity[j]
     yielding = np.zeros((3 * m, 3 * m))
     for i in range(3 * m):
         for j in range(n):
             reach[n + i, j] = along(compliance[j], rows[i])
-        if not held.rigid:
+        if not model.rigid:
             for k in range(3 * m):
                 for j in range(3):
-                    yielding[i, k] += axes[i, j] * along(held.yielding[j], axes[k])
-    mean = 1.0 if held.rigid else 0.5
+                    yielding[i, k] += axes[i, j] * along(model.yielding[j], axes[k])
+    mean = 1.0 if model.rigid else 0.5
     push, slide = np.empty(m), np.empty(m)
     for point in range(m):
         a, b, c = 3 * point, 3 * point + 1, 3 * point + 2
@@ -157,26 +475,26 @@ def _conditions(
         yielding,
         mean,
         before,
-        held.gap,
+        model.gap,
         push,
         slide,
         h * material.stiffness,
         material.damping,
-        held.mu,
-        held.rigid,
+        model.mu,
+        model.rigid,
         h,
         _SLOW + largest,
     )
 
 
 @compiled
-def step(held: Held, material: Material, motion: Motion, h: float) -> Moved:
+def step(model: StepModel, material: Material, motion: Motion, h: float) -> Moved:
     """Take a step of ``h`` seconds."""
-    mass, before = held.mass, motion.velocity
-    n, m = len(before), len(held.gap)
+    mass, before = model.mass, motion.velocity
+    n, m = len(before), len(model.gap)
     axes = np.empty((3 * m, 3))  # rows: each point's normal and two tangents
     for point in range(m):
-        normal, own = held.normal[point], axes[3 * point : 3 * point + 3]
+        normal, own = model.normal[point], axes[3 * point : 3 * point + 3]
         own[1] = tangent(normal)
         for i in range(3):
             own[0, i] = normal[i]
@@ -186,10 +504,10 @@ def step(held: Held, material: Material, motion: Motion, h: float) -> Moved:
     momentum = np.empty(n)
     for j in range(n):
         damped[j, j] += h * material.viscous[j] / 2
-        momentum[j] = along(mass[j], before) + h * held.force[j]
+        momentum[j] = along(mass[j], before) + h * model.force[j]
         momentum[j] -= h * material.viscous[j] * before[j] / 2
     compliance = inverse(damped)
-    problem = _conditions(held, material, motion, axes, compliance, h)
+    problem = _conditions(model, material, motion, axes, compliance, h)
     velocity, stretch = np.empty(n), np.zeros(3 * m)
     for j in range(n):
         velocity[j] = along(compliance[j], momentum)
@@ -197,10 +515,10 @@ def step(held: Held, material: Material, motion: Motion, h: float) -> Moved:
     for j in range(n):
         impulse[j] = motion.joint_impulse[j]
     for i in range(3):
-        pull[i] = h * along(held.stiffness[i], held.stretch)  # what keeps the stretch
+        pull[i] = h * along(model.stiffness[i], model.stretch)  # what keeps the stretch
     for i in range(3 * m):
         impulse[n + i] = along(axes[i], motion.impulse[i // 3])
-        if not held.rigid:
+        if not model.rigid:
             for k in range(3):
                 stretch[i] -= problem.yielding[i, k] * along(axes[k], pull)
     touched = np.empty(m, np.bool_)
@@ -210,11 +528,11 @@ def step(held: Held, material: Material, motion: Motion, h: float) -> Moved:
         act(problem, velocity, stretch, row, impulse[row])
     error = solve(problem, velocity, stretch, impulse)
 
-    stuck, displacement, change = np.zeros(n), np.empty(n), np.zeros(3)
+    sticking, displacement, change = np.zeros(n), np.empty(n), np.zeros(3)
     dissipated = 0.0
     for j in range(n):
         if abs(impulse[j]) < problem.bound[j]:
-            stuck[j] = 1.0
+            sticking[j] = 1.0
             velocity[j] = 0.0
         mean = (before[j] + velocity[j]) / 2
         displacement[j] = h * mean
@@ -228,10 +546,10 @@ def step(held: Held, material: Material, motion: Motion, h: float) -> Moved:
             way = moved(problem, velocity, stretch, 0.5, i)
             dissipated -= impulse[n + i] * (way - stretch[i]) / h
             if i == first:
-                gap[point] = held.gap[point] + way
+                gap[point] = model.gap[point] + way
             for k in range(3):
                 world[point, k] += axes[i, k] * impulse[n + i]
-        deep, was = min(gap[point], 0.0), min(held.gap[point], 0.0)
+        deep, was = min(gap[point], 0.0), min(model.gap[point], 0.0)
         dissipated -= material.stiffness[point] * (deep**2 - was**2) / 2
         approach[point] = -moved(problem, velocity, stretch, problem.mean, first) / h
         slip[point] = (
@@ -246,11 +564,11 @@ def step(held: Held, material: Material, motion: Motion, h: float) -> Moved:
     for k in range(3):
         for i in range(3):
             change[k] += axes[i, k] * stretch[i]
-    if not held.rigid:
+    if not model.rigid:
         for i in range(3):
-            dissipated -= along(held.stiffness[i], held.stretch + change / 2) * change[i]
+            dissipated -= along(model.stiffness[i], model.stretch + change / 2) * change[i]
     return Moved(
-        Motion(velocity, stuck, impulse[:n].copy(), world),
+        Motion(velocity, sticking, impulse[:n].copy(), world),
         displacement,
         change,
         gap,

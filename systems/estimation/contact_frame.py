@@ -19,6 +19,14 @@ those of P, the estimate is that of a filter that knows of neither, and its whol
 Processes and Filtering Theory, 1970, section 8.4).
 
 In the plane everything out of it has no uncertainty and stays zero.
+
+Several frames run side by side, a multiple-model filter. Each model assumes another bound on the
+surface's curvature and has its own frame. Their probabilities follow from their innovations
+(Magill, "Optimal adaptive estimation of sampled stochastic processes", 1965), with a chance that
+another model holds from a sample to the next. That chain of models is that of the interacting
+multiple model filter (Blom and Bar-Shalom, "The interacting multiple model algorithm for systems
+with Markovian switching coefficients", 1988), but the estimates themselves are not mixed before
+a sample, only for the output.
 """
 
 import math
@@ -38,9 +46,10 @@ _ANYWHERE: Final = 1.0  # m, how far the contact point may have jumped along its
 _FORCE_DIRECTION: Final = 0.02  # rad, by which friction may be off the path's direction
 _TURN_THRESHOLD: Final = 4.0  # standard deviations, a larger turn begins a new path
 _UNKNOWN_TURN: Final = 1.0  # rad, standard deviation of the path's direction, more is unknown
+_LEAST_WEIGHT: Final = 1e-9  # of a model
 
 
-class Frame(NamedTuple):
+class ContactFrame(NamedTuple):
     """The contact frame and what goes with it."""
 
     p: Array  # (3,), m, contact point, world frame
@@ -51,7 +60,7 @@ class Frame(NamedTuple):
     S: Array  # (10, 4), the error's derivative by what is considered
 
 
-class Reading(NamedTuple):
+class ContactReading(NamedTuple):
     """A sample, in three dimensions and in the contact point's terms."""
 
     point: Array  # (3,), m, x_nom + K^-1 F, by (4-2)
@@ -66,7 +75,7 @@ class Reading(NamedTuple):
     force_deviation: float  # N, a component's
 
 
-class Model(NamedTuple):
+class ContactModel(NamedTuple):
     """What the filters assume, and what they use."""
 
     turn: Array  # (models, 3), rad/m, standard deviations of w
@@ -82,9 +91,9 @@ class Model(NamedTuple):
 
 
 @compiled
-def as_frame(numbers: Array) -> Frame:
+def as_frame(numbers: Array) -> ContactFrame:
     """Return a frame as a view of its numbers, shape (156,)."""
-    return Frame(
+    return ContactFrame(
         numbers[0:3],
         numbers[3:12].reshape(3, 3),
         numbers[12:15],
@@ -115,7 +124,7 @@ def rotation(vector: Array) -> Array:
 
 @compiled
 def correct(
-    frame: Frame, d: Array, row: Array, by: Array, residual: float, variance: float
+    frame: ContactFrame, d: Array, row: Array, by: Array, residual: float, variance: float
 ) -> float:
     """Take in a scalar ``residual = row . error + by . considered + noise``.
 
@@ -166,7 +175,7 @@ def sandwich(A: Array, P: Array) -> Array:
 
 
 @compiled
-def begins(frame: Frame, model: Model, step: Array, deviation: float) -> bool:
+def begins(frame: ContactFrame, model: ContactModel, step: Array, deviation: float) -> bool:
     """Return whether a motion begins a path: the last one has no known direction, or another.
 
     ``step`` is how the contact point moves on, shape (3,), m, other than zero, and ``deviation``
@@ -182,7 +191,9 @@ def begins(frame: Frame, model: Model, step: Array, deviation: float) -> bool:
 
 
 @compiled
-def head(frame: Frame, model: Model, turn_deviation: Array, step: Array, deviation: float) -> None:
+def head(
+    frame: ContactFrame, model: ContactModel, turn_deviation: Array, step: Array, deviation: float
+) -> None:
     """Turn the frame about its normal where a path begins; the normal stays.
 
     ``turn_deviation`` is that of w, shape (3,), rad/m; ``step`` and ``deviation`` are as in
@@ -218,7 +229,7 @@ def head(frame: Frame, model: Model, turn_deviation: Array, step: Array, deviati
 
 
 @compiled
-def travel(frame: Frame, model: Model, turn_deviation: Array, ds: float) -> None:
+def travel(frame: ContactFrame, model: ContactModel, turn_deviation: Array, ds: float) -> None:
     """Move the frame along its path by ds, m."""
     R, P, w = frame.R, frame.P, frame.w
     step = ds * w
@@ -251,7 +262,9 @@ def travel(frame: Frame, model: Model, turn_deviation: Array, ds: float) -> None
 
 
 @compiled
-def follow(frame: Frame, model: Model, turn_deviation: Array, reading: Reading) -> float:
+def follow(
+    frame: ContactFrame, model: ContactModel, turn_deviation: Array, reading: ContactReading
+) -> float:
     """Move the frame on and take a sample in; returns the sample's log likelihood.
 
     The frame is changed in place. The contact point moves; it must be known that it does.
@@ -338,3 +351,94 @@ def follow(frame: Frame, model: Model, turn_deviation: Array, reading: Reading) 
     frame.w[:] += d[6:9]
     frame.friction[0] += d[9]
     return likelihood
+
+
+@compiled
+def follow_all(
+    numbers: Array,
+    weights: Array,
+    model: ContactModel,
+    reading: ContactReading,
+    step: Array,
+    deviation: float,
+) -> None:
+    """Take a sample in with every model, and weigh the models by how well they foresaw it.
+
+    Args:
+        numbers: Shape (models, 156), each model's frame; changed.
+        weights: Shape (models,), their probabilities; changed.
+        model: What they assume.
+        reading: The sample.
+        step: How the contact point moves on, shape (3,), m.
+        deviation: Standard deviation of its angle, rad.
+    """
+    likelihood = np.empty(len(weights))
+    for i in range(len(weights)):
+        frame = as_frame(numbers[i])
+        head(frame, model, model.turn[i], step, deviation)
+        likelihood[i] = follow(frame, model, model.turn[i], reading)
+    weights[:] = model.switch.T @ weights * np.exp(likelihood - likelihood.max())
+    weights[:] = np.maximum(weights / weights.sum(), _LEAST_WEIGHT)
+    weights /= weights.sum()
+
+
+@compiled
+def turn_all(numbers: Array, turn: Array) -> None:
+    """Turn the frames of all models, numbers of shape (models, 156), in the world frame."""
+    for i in range(len(numbers)):
+        R = as_frame(numbers[i]).R
+        R[:] = turn @ R
+
+
+@compiled
+def mixture(numbers: Array, weights: Array, considered: Array) -> tuple[Array, Array]:
+    """Return the normal, shape (3,), and its covariance, shape (3, 3), over all models.
+
+    Args:
+        numbers: Shape (models, 156), each model's frame.
+        weights: Shape (models,).
+        considered: Covariance of what is considered, shape (4, 4), or (0, 0) if nothing is.
+    """
+    normal = np.zeros(3)
+    for i in range(len(weights)):
+        normal += weights[i] * as_frame(numbers[i]).R[:, 2]
+    normal /= math.sqrt(normal @ normal)
+    covariance = np.zeros((3, 3))
+    for i in range(len(weights)):
+        frame = as_frame(numbers[i])
+        R, P = frame.R, frame.P
+        if len(considered):
+            P = P + frame.S @ considered @ frame.S.T
+        for j in range(3):
+            for k in range(3):  # a rotation r takes n to n + r_b t - r_t b
+                covariance[j, k] += weights[i] * (
+                    R[j, 0] * P[4, 4] * R[k, 0]
+                    + R[j, 1] * P[3, 3] * R[k, 1]
+                    - P[3, 4] * (R[j, 0] * R[k, 1] + R[j, 1] * R[k, 0])
+                    + (R[j, 2] - normal[j]) * (R[k, 2] - normal[k])
+                )
+    return normal, covariance
+
+
+@compiled
+def ahead(
+    numbers: Array, model: ContactModel, speed: float, delay: float, deviation: float
+) -> Array:
+    """Return the frames as they are foreseen further on along their paths.
+
+    Args:
+        numbers: Shape (models, 156), each model's frame.
+        model: What they assume.
+        speed: m/s, of the contact point.
+        delay: s, how long ago the frames were where they are.
+        deviation: s, standard deviation of the delay.
+    """
+    numbers = numbers.copy()
+    for i in range(len(numbers)):
+        frame = as_frame(numbers[i])
+        travel(frame, model, model.turn[i], speed * delay)
+        for j in range(3):
+            for k in range(3):
+                turned = frame.w[j] * frame.w[k] + frame.P[6 + j, 6 + k]
+                frame.P[3 + j, 3 + k] += (speed * deviation) ** 2 * turned
+    return numbers

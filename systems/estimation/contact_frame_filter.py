@@ -16,25 +16,97 @@ from chamfer.systems.estimation.contact_frame import (
     CONSIDERED,
     NUMBERS,
     SIZE,
-    Frame,
-    Model,
-    Reading,
+    ContactFrame,
+    ContactModel,
+    ContactReading,
+    ahead,
     as_frame,
     begins,
+    follow_all,
+    mixture,
+    turn_all,
 )
-from chamfer.systems.estimation.contact_frame_models import ahead, follow_all, mixture, turn_all
-from chamfer.systems.estimation.gripper_model import GripperModel, gripper_model
-from chamfer.systems.estimation.instantaneous_normal import Sample, Status
-from chamfer.systems.estimation.model_error import CALIBRATION, Calibration, ModelErrorParams
+from chamfer.systems.estimation.model_error import (
+    CALIBRATION,
+    GripperCalibration,
+    ModelErrorParams,
+)
 from chamfer.systems.estimation.normal_filter import (
     Estimate,
-    SensingParams,
+    GripperSensing,
+    NormalStatus,
+    ResolvedSensingParams,
+    Sample,
     contact_velocity,
     gate,
     rotation_between,
 )
 
 Array = NDArray[np.float64]
+
+_LEAST_NOISE: Final = 1e-3  # N and N/s, taken for a sensor said to have none
+
+
+class GripperModel(NamedTuple):
+    """Stiffness and noise, in three dimensions but for ``sensing``."""
+
+    sensing: GripperSensing
+    stiffness: Array  # (3, 3), N/m
+    compliance: Array  # (3, 3), m/N
+    force_deviation: float  # N, a component's
+    point_covariance: Array  # (3, 3), m^2
+    point_root: Array  # (3, 3), 1/m, inverse Cholesky factor of it
+    point_deviation: float  # m, the largest of any direction
+    velocity_covariance: Array  # (3, 3), m^2/s^2
+    velocity_deviation: float  # m/s, the largest of any direction
+
+    def scaled(self, factor: float) -> "GripperModel":
+        """Return the gripper with a stiffness that is larger by a factor."""
+        return self._replace(
+            sensing=self.sensing._replace(
+                compliance=self.sensing.compliance / factor,
+                velocity_noise=self.sensing.velocity_noise / factor,
+            ),
+            stiffness=factor * self.stiffness,
+            compliance=self.compliance / factor,
+            point_covariance=self.point_covariance / factor**2,
+            point_root=factor * self.point_root,
+            point_deviation=self.point_deviation / factor,
+            velocity_covariance=self.velocity_covariance / factor**2,
+            velocity_deviation=self.velocity_deviation / factor,
+        )
+
+
+def gripper_model(sensing: GripperSensing) -> GripperModel:
+    """Return what is taken for a gripper that an observer is told of, in d dimensions."""
+    # A force's component has u / sqrt(3) (4-9).
+    force = max(sensing.force_noise, _LEAST_NOISE) / math.sqrt(3)
+    rate = max(sensing.force_rate_noise, _LEAST_NOISE) / math.sqrt(3)
+    stiffness = _in_space(sensing.stiffness)
+    compliance: Array = np.asarray(np.linalg.inv(stiffness), dtype=np.float64)
+    spread = compliance @ compliance.T
+    point_covariance = force**2 * spread
+    return GripperModel(
+        sensing=sensing,
+        stiffness=stiffness,
+        compliance=compliance,
+        force_deviation=force,
+        point_covariance=point_covariance,
+        point_root=np.linalg.inv(np.linalg.cholesky(point_covariance)),
+        point_deviation=force * float(np.linalg.norm(compliance, 2)),
+        velocity_covariance=rate**2 * spread,
+        velocity_deviation=rate * float(np.linalg.norm(compliance, 2)),
+    )
+
+
+def _in_space(stiffness: Array) -> Array:
+    if len(stiffness) == 3:
+        return stiffness
+    padded = np.zeros((3, 3))
+    padded[:2, :2] = stiffness
+    padded[2, 2] = stiffness[0, 0]  # anything but zero would do
+    return padded
+
 
 _MOST_MODELS: Final = 10
 _UNKNOWN_HEADING: Final = 10.0  # rad, standard deviation
@@ -50,7 +122,7 @@ _ANY_DIRECTION: Final = math.pi / math.sqrt(12)  # rad, deviation of what is any
 
 
 @dataclass(frozen=True, kw_only=True)
-class ContactFrameFilterParams(SensingParams):
+class ContactFrameFilterParams(ResolvedSensingParams):
     """Parameters of :class:`ContactFrameFilter`."""
 
     models: int = 3  # their radii are spread evenly, in ratio, between the next two
@@ -97,7 +169,7 @@ class ContactFrameFilter:
     the force sensor does not matter to it; in space it matters sideways, see below. So a rate that
     was made by differencing the force only tells whether the contact point moves, and it lags.
 
-    Several models run side by side (:mod:`chamfer.systems.estimation.contact_frame_models`) that
+    Several models run side by side (:mod:`chamfer.systems.estimation.contact_frame`) that
     take the surface to be as sharp as the bound allows, or smoother, though never flat: a
     curvature too small to be noticed must be covered by P. Their weights follow from their
     innovations, and the estimate is their mixture.
@@ -108,7 +180,7 @@ class ContactFrameFilter:
     What it is told of gripper and sensor may be wrong (:class:`ModelErrorParams`). A wrong
     stiffness tilts the path, since ``v = v_nom + K^-1 Fdot`` and v_nom is known; a bias tilts the
     force. Along one path nothing tells either from another surface: they are measured before
-    (:class:`Calibration`), and what is left of them widens the band by what it does to the
+    (:class:`GripperCalibration`), and what is left of them widens the band by what it does to the
     estimate, which stays as it is. A late force is put where the gripper was, and the normal is
     foreseen from there to where it is.
 
@@ -136,7 +208,7 @@ class ContactFrameFilter:
         np.fill_diagonal(switch, 1 - params.switching if count > 1 else 1.0)
         error = params.model_error
         self._considers = bool(error.stiffness or error.bias)
-        self._model = Model(
+        self._model = ContactModel(
             turn=np.array([[0.0 if planar else one, one, turn] for one in bends.tolist()]),
             switch=switch,
             length=params.smallest_radius,
@@ -153,7 +225,7 @@ class ContactFrameFilter:
         self._rows = 1 + math.ceil(latest / params.period - _WHOLE) if latest else 0
         lengths = (NUMBERS * count, count, 3, 1, CALIBRATION, 6 * self._rows)
         self._ends = np.cumsum(lengths).tolist()
-        self._calibration = Calibration(
+        self._calibration = GripperCalibration(
             error,
             force=self._told.force_deviation,
             compliance=self._told.compliance,
@@ -215,7 +287,9 @@ class ContactFrameFilter:
             known = self._calibration
             if known.take(kept.calibration, force, nominal, moving):
                 touched = known.touched(kept.calibration)
-                return self._estimate(memory, kept, Status.STUCK if touched else Status.NO_CONTACT)
+                return self._estimate(
+                    memory, kept, NormalStatus.STUCK if touched else NormalStatus.NO_CONTACT
+                )
             force = force - known.bias(kept.calibration)
             gripper = gripper.scaled(known.factor(kept.calibration))
             sample = sample._replace(force=force[: self._d])
@@ -226,12 +300,12 @@ class ContactFrameFilter:
         status = gate(self._params.halt_speed, gripper.sensing, sample, v)
         velocity = _pad(v)
         point = nominal + gripper.compliance @ force
-        if status is Status.NO_CONTACT:
+        if status is NormalStatus.NO_CONTACT:
             # A free gripper is where it is meant to be: its velocity is known.
             speed = float(np.linalg.norm(sample.nominal_velocity))
             self._lose(frames, speed * self._params.period)
             placed[0] = 0.0
-        elif status is not Status.HALTED and not placed[0]:
+        elif status is not NormalStatus.HALTED and not placed[0]:
             self._place(frames, point, nominal, gripper)
             placed[0] = 1.0
         step = self._params.period * velocity
@@ -241,10 +315,10 @@ class ContactFrameFilter:
             step = point - weights @ frames[:, :3]
             error = math.sqrt(2) * gripper.point_deviation
             far = float(step @ step) > (_TRAVEL_THRESHOLD * error) ** 2
-            status = Status.MEASURED if far else Status.STUCK
-        if status is not Status.MEASURED:
+            status = NormalStatus.MEASURED if far else NormalStatus.STUCK
+        if status is not NormalStatus.MEASURED:
             return self._estimate(memory, kept, status)
-        reading = Reading(
+        reading = ContactReading(
             point=point,
             velocity=velocity,
             force=force,
@@ -261,7 +335,7 @@ class ContactFrameFilter:
         return self._estimate(memory, kept, status, math.sqrt(velocity @ velocity))
 
     def _estimate(
-        self, memory: Array, kept: _Memory, status: Status, speed: float = 0.0
+        self, memory: Array, kept: _Memory, status: NormalStatus, speed: float = 0.0
     ) -> Estimate:
         frames = kept.frames
         if speed and self._rows:
@@ -303,11 +377,11 @@ class ContactFrameFilter:
         return kept.lagging
 
     def _is_doubtful(
-        self, frames: Array, weights: Array, step: Array, error: float, status: Status
+        self, frames: Array, weights: Array, step: Array, error: float, status: NormalStatus
     ) -> bool:
         """Return whether the velocity alone does not tell that the contact point moves."""
-        if status is not Status.MEASURED:
-            return status is Status.STUCK
+        if status is not NormalStatus.MEASURED:
+            return status is NormalStatus.STUCK
         length = math.sqrt(step @ step)
         # The noise's length u_v has three axes of the step's deviation.
         if length > _SURE_MOTION * math.sqrt(3) * error:
@@ -324,7 +398,7 @@ class ContactFrameFilter:
     def _place(self, frames: Array, point: Array, nominal: Array, gripper: GripperModel) -> None:
         """Put the frames where contact is made, on a path that is not known yet."""
         for numbers, turn in zip(frames, self._model.turn, strict=True):
-            frame: Frame = as_frame(numbers)
+            frame: ContactFrame = as_frame(numbers)
             frame.p[:] = point
             frame.w[:] = 0.0
             P, S = frame.P, frame.S

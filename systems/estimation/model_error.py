@@ -58,7 +58,7 @@ class _Memory(NamedTuple):
     spread: Array  # (1,), s^2, its variance
 
 
-class Calibration:
+class GripperCalibration:
     """Finds the force sensor's bias with a free gripper; stiffness and delay by pressing.
 
     A free gripper feels no force: what the sensor shows is its bias. While the contact point p

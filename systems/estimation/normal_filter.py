@@ -1,7 +1,33 @@
-"""The thesis' recursive observer of a surface normal, and three corrections of it."""
+r"""The thesis' recursive observer of a surface normal, and three corrections of it.
+
+What one sample of the force says of the normal is sections 4.1 and 4.2 (Figs. 4-1 to 4-4). The
+Kalman update keeps the estimate's unit length (4-22 to 4-27), in closed form:
+
+For a prior n with covariance P_d, a measurement n + e with covariance R and a gain G, the thesis
+minimises ``tr[(I - G) P_d (I - G)^T + G R G^T] + lambda (|n + G e|^2 - 1)``. Its derivative is
+zero for (4-26)::
+
+    G = (P_d - lambda n e^T) (P_d + R + lambda e e^T)^-1
+
+Write ``S = P_d + R``, ``K = P_d S^-1`` (the ordinary gain) and ``s = e^T S^-1 e``. With Sherman
+and Morrison ``(S + lambda e e^T)^-1 e = S^-1 e / (1 + lambda s)``, and so::
+
+    n + G e = (n + K e) / (1 + lambda s)
+
+The left side has length one if ``|1 + lambda s| = l``, with ``l = |n + K e|``. The trace is least
+where ``1 + lambda s > 0`` (the other root is the antipode), hence ``lambda = (l - 1) / s`` and::
+
+    n+ = (n + K e) / l
+    G  = K + (1/l - 1)/s (n + K e) e^T S^-1
+    P+ = (I - K) P_d (I - K)^T + K R K^T + (1 - l)^2 / s n+ n+^T
+
+The constrained estimate is the ordinary one, normalised; nothing has to be iterated.
+:func:`newton_multiplier` solves the thesis' pair of equations by Newton's method all the same.
+"""
 
 import math
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Final, Literal, NamedTuple, Protocol
 
 import numpy as np
@@ -9,25 +35,193 @@ from numpy.typing import NDArray
 
 from chamfer.models.validation import (
     ParameterError,
-    known,
     require_not_negative,
     require_one_of,
     require_positive,
 )
-from chamfer.systems.compiled import compiled
-from chamfer.systems.estimation.constrained_update import (
-    Updated,
-    constrained_gain,
-    constrained_update,
-    newton_multiplier,
-)
-from chamfer.systems.estimation.instantaneous_normal import Sample, Status, instantaneous_normal
+from chamfer.systems.compiled import compiled, inverse
 
 Array = NDArray[np.float64]
 
-_ROUNDING: Final = 1e-9  # of a sum, over its terms
+_ROOT_3: Final = math.sqrt(3.0)
 CONTACT_THRESHOLD: Final = 3.0  # u_F, less force is no contact
 MOTION_THRESHOLD: Final = 2.0  # u_v, less speed is no motion
+_PARALLEL: Final = 1e-12  # what is left of F beside v, over F, when both are parallel
+_ROUNDING: Final = 1e-9  # of a sum, over its terms
+_TOLERANCE: Final = 1e-14
+_ITERATIONS: Final = 100
+
+
+class NormalStatus(IntEnum):
+    """What a sample was good for; every value but the first means no measurement."""
+
+    MEASURED = 0
+    HALTED = 1  # the gripper is not commanded to move
+    STUCK = 2  # it is, and the contact point does not move
+    NO_CONTACT = 3  # there is no force
+    UNDEFINED = 4  # force and velocity are parallel: no normal can be told
+
+
+class Sample(NamedTuple):
+    """What the observer is given, in d = 2 or 3 dimensions, world frame."""
+
+    force: Array  # (d,), N, of the surface on the gripper
+    force_rate: Array  # (d,), N/s
+    nominal_position: Array  # (d,), m, of the endpoint with a relaxed gripper, known exactly
+    nominal_velocity: Array  # (d,), m/s
+    predicted_normal: Array | None = None  # (d,), unit, from another source, section 4.5
+
+
+class NormalMeasurement(NamedTuple):
+    """An instantaneous normal with its uncertainty."""
+
+    normal: Array  # (d,), unit, or zeros where there is none
+    uncertainty: float  # rad, u_meas, the length of a vector with three axes; infinite likewise
+
+
+@compiled
+def project_out(force: Array, velocity: Array) -> Array:
+    """Return the normal force ``N = (I - v v^T / v^T v) F`` (4-6), shape (d,).
+
+    Friction is along the velocity, whatever its coefficient; what is left is along the normal.
+    Zero if there is no velocity, no force, or both are parallel.
+    """
+    square = velocity @ velocity
+    if not 0.0 < square < math.inf:
+        return np.zeros(len(force))
+    N = force - velocity * ((velocity @ force) / square)
+    return N if _PARALLEL**2 * (force @ force) < N @ N else np.zeros(len(force))
+
+
+@compiled
+def uncertainty(
+    normal_force: float, friction_force: float, speed: float, force: float, velocity: float
+) -> float:
+    """Return u_meas, rad (4-18).
+
+    Args:
+        normal_force: |N|, N.
+        friction_force: |F - N|, N.
+        speed: |v|, m/s.
+        force: u_F, N, the length of the error of F.
+        velocity: u_v, m/s, that of v: u_Fdot over the smallest eigenvalue of K (4-11).
+    """
+    by_force = force / (_ROOT_3 * normal_force)
+    by_velocity = velocity / (_ROOT_3 * speed) * (1 + friction_force / normal_force)
+    return math.hypot(by_force, by_velocity)
+
+
+@compiled
+def instantaneous_normal(
+    force: Array, velocity: Array, force_noise: float, velocity_noise: float, prior: Array
+) -> NormalMeasurement:
+    """Return the normal that a sample shows (4-7), with an infinite uncertainty if it shows none.
+
+    Args:
+        force: F, shape (d,), N, of the surface on the gripper.
+        velocity: v, shape (d,), m/s, of the contact point (4-3).
+        force_noise: u_F, N.
+        velocity_noise: u_v, m/s.
+        prior: A unit normal, shape (d,), that divides F into normal force and friction for the
+            uncertainty, or zeros to take the sample's own, as the thesis does. The sample's own
+            makes the uncertainty depend on the sample's error, which biases what is estimated
+            with it.
+    """
+    N = project_out(force, velocity)
+    length = math.sqrt(float(N @ N))
+    normal_force = length
+    if prior.any():
+        normal_force = abs(float(prior @ force))
+    if length == 0.0 or normal_force == 0.0:
+        return NormalMeasurement(np.zeros(len(force)), math.inf)
+    friction = math.sqrt(max(float(force @ force) - normal_force**2, 0.0))
+    u = uncertainty(
+        normal_force, friction, math.sqrt(velocity @ velocity), force_noise, velocity_noise
+    )
+    return NormalMeasurement(N / length, u)
+
+
+class Updated(NamedTuple):
+    """An estimate after a measurement."""
+
+    normal: Array  # (d,), unit
+    covariance: Array  # (d, d), symmetric, positive semidefinite
+
+
+@compiled
+def constrained_update(normal: Array, covariance: Array, measured: Array, noise: Array) -> Updated:
+    """Return the estimate of least covariance and unit length.
+
+    Where it is not defined - neither the prior nor the measurement is uncertain, or both cancel -
+    the prior is returned.
+
+    Args:
+        normal: n, shape (d,), unit.
+        covariance: P_d, shape (d, d).
+        measured: Shape (d,), unit.
+        noise: R, shape (d, d).
+    """
+    e = measured - normal
+    S_inverse = inverse(covariance + noise)
+    K = covariance @ S_inverse
+    step = K @ e
+    raw = normal + step
+    length = math.sqrt(raw @ raw)
+    if not _TOLERANCE < length < math.inf:
+        return Updated(normal.copy(), covariance.copy())
+    left = np.eye(len(e)) - K
+    P = left @ covariance @ left.T + K @ noise @ K.T
+    s = float(e @ (S_inverse @ e))
+    # 1 - l without the rounding of l, which a small s would magnify.
+    short = -(2.0 * (normal @ step) + step @ step) / (1.0 + length)
+    stretch = short**2 / s if s > 0.0 else 0.0
+    updated = raw / length
+    for i in range(len(e)):
+        for j in range(len(e)):
+            P[i, j] += stretch * updated[i] * updated[j]
+    return Updated(updated, 0.5 * (P + P.T))
+
+
+def constrained_gain(
+    normal: Array, covariance: Array, measured: Array, noise: Array, multiplier: float
+) -> Array:
+    """Return the gain G (4-26), shape (d, d), for a Lagrange multiplier."""
+    e = measured - normal
+    S = covariance + noise
+    left, right = covariance - multiplier * np.outer(normal, e), S + multiplier * np.outer(e, e)
+    return np.asarray(np.linalg.solve(right.T, left.T).T, dtype=np.float64)
+
+
+def newton_multiplier(normal: Array, covariance: Array, measured: Array, noise: Array) -> float:
+    """Return the Lagrange multiplier by Newton's method, from 0.
+
+    It solves the second equation of (4-26), ``|n + G e|^2 = 1``, as
+    ``l^2 / (1 + lambda s)^2 = 1``. The first step crosses the pole at ``-1/s`` if and only if
+    ``l < 1 / sqrt(3)``, and then ends at the antipode or nowhere; such a step is cut to go half
+    the way to the pole.
+
+    Raises:
+        ArithmeticError: If it does not converge, or nothing is uncertain.
+    """
+    e = measured - normal
+    try:
+        inverse = np.linalg.inv(covariance + noise)
+    except np.linalg.LinAlgError as error:
+        raise ArithmeticError("neither the prior nor the measurement is uncertain") from error
+    s = float(e @ inverse @ e)
+    if s == 0.0:
+        return 0.0
+    raw = normal + covariance @ inverse @ e
+    square = float(raw @ raw)
+    x = 1.0  # 1 + lambda s
+    for _ in range(_ITERATIONS):
+        step = 0.5 * x * (1.0 - x * x / square)
+        while x + step <= 0.0:
+            step = -0.5 * x
+        x += step
+        if abs(step) <= _TOLERANCE * x:
+            return (x - 1.0) / s
+    raise ArithmeticError(f"no multiplier within {_ITERATIONS} iterations")
 
 
 class Estimate(NamedTuple):
@@ -36,7 +230,7 @@ class Estimate(NamedTuple):
     memory: Array  # what it hands to the next sample
     normal: Array  # (d,), unit
     covariance: Array  # (d, d)
-    status: Status
+    status: NormalStatus
 
 
 class NormalFilter(Protocol):
@@ -49,7 +243,7 @@ class NormalFilter(Protocol):
         """Return the estimate after a sample."""
 
 
-class Sensing(NamedTuple):
+class GripperSensing(NamedTuple):
     """What is known of gripper and sensor, in d dimensions."""
 
     stiffness: Array  # K, (d, d), N/m
@@ -89,21 +283,25 @@ class SensingParams:
         require_not_negative(self, "initial_deviation", "halt_speed")
         require_positive(self, "smallest_radius", "period")
 
-    @property
-    def sensing(self) -> Sensing:
-        """What is known of gripper and sensor.
 
-        Raises:
-            ParameterError: If it was left open.
-        """
-        K = np.array(known("stiffness", self.stiffness))
-        rate = known("force_rate_noise", self.force_rate_noise)
-        return Sensing(
+@dataclass(frozen=True, kw_only=True)
+class ResolvedSensingParams(SensingParams):
+    """The same, with nothing left open."""
+
+    stiffness: tuple[tuple[float, ...], ...]
+    force_noise: float
+    force_rate_noise: float
+
+    @property
+    def sensing(self) -> GripperSensing:
+        """What is known of gripper and sensor."""
+        K = np.array(self.stiffness)
+        return GripperSensing(
             stiffness=K,
             compliance=np.linalg.inv(K),
-            force_noise=known("force_noise", self.force_noise),
-            force_rate_noise=rate,
-            velocity_noise=rate / float(np.linalg.eigvalsh(K)[0]),
+            force_noise=self.force_noise,
+            force_rate_noise=self.force_rate_noise,
+            velocity_noise=self.force_rate_noise / float(np.linalg.eigvalsh(K)[0]),
         )
 
 
@@ -112,7 +310,7 @@ Solver = Literal["closed_form", "newton"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class ConstrainedFilterParams(SensingParams):
+class ConstrainedFilterParams(ResolvedSensingParams):
     """Parameters of :class:`ConstrainedFilter`; the defaults are the thesis' filter."""
 
     gated: bool = False  # no update and no process noise at a halt, no update while stuck
@@ -169,13 +367,13 @@ class ConstrainedFilter:
                 normal, P = turn @ normal, turn @ P @ turn.T
             predicted = sample.predicted_normal
         v = contact_velocity(sample, self._sensing.compliance)
-        status = Status.MEASURED
+        status = NormalStatus.MEASURED
         if params.gated:
             status = gate(params.halt_speed, self._sensing, sample, v)
-        if status is not Status.HALTED:
+        if status is not NormalStatus.HALTED:
             # Where there is no contact the measured velocity is still right: K^-1 Fdot is noise.
             P = P + (float(v @ v) * (params.period / params.smallest_radius) ** 2 / 3) * self._eye
-        if status is Status.MEASURED:
+        if status is NormalStatus.MEASURED:
             measured, u = instantaneous_normal(
                 sample.force,
                 v,
@@ -212,7 +410,9 @@ def contact_velocity(sample: Sample, compliance: Array) -> Array:
     return v
 
 
-def gate(halt_speed: float, sensing: Sensing, sample: Sample, velocity: Array) -> Status:
+def gate(
+    halt_speed: float, sensing: GripperSensing, sample: Sample, velocity: Array
+) -> NormalStatus:
     """Return what a sample is good for, from what is known before it is used.
 
     Args:
@@ -223,19 +423,19 @@ def gate(halt_speed: float, sensing: Sensing, sample: Sample, velocity: Array) -
     """
     nominal = sample.nominal_velocity
     if float(nominal @ nominal) <= halt_speed**2:
-        return Status.HALTED
+        return NormalStatus.HALTED
     if float(sample.force @ sample.force) <= (CONTACT_THRESHOLD * sensing.force_noise) ** 2:
-        return Status.NO_CONTACT
+        return NormalStatus.NO_CONTACT
     if float(velocity @ velocity) <= (MOTION_THRESHOLD * sensing.velocity_noise) ** 2:
-        return Status.STUCK
-    return Status.MEASURED
+        return NormalStatus.STUCK
+    return NormalStatus.MEASURED
 
 
-def why_undefined(force: Array, velocity: Array) -> Status:
+def why_undefined(force: Array, velocity: Array) -> NormalStatus:
     """Return why there is no instantaneous normal."""
     if not force.any():
-        return Status.NO_CONTACT
-    return Status.UNDEFINED if velocity.any() else Status.STUCK
+        return NormalStatus.NO_CONTACT
+    return NormalStatus.UNDEFINED if velocity.any() else NormalStatus.STUCK
 
 
 def rotation_between(before: Array, after: Array) -> Array:

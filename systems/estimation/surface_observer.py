@@ -1,39 +1,37 @@
-"""The observer of an unknown surface's normal as a block (chapters 4 and 5, Fig. 5-1)."""
+"""The observer of an unknown surface's normal as a block, and what it is given (Fig. 5-1)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Final, Literal
+from typing import Any, Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem
 from pydrake.systems.framework import State as DrakeState
 
-from chamfer.models.validation import ParameterError, known, require_not_negative, require_one_of
+from chamfer.models.surfaces.surface import Surface, normal
+from chamfer.models.validation import ParameterError, require_not_negative, require_one_of
 from chamfer.systems.estimation.contact_frame_filter import (
     ContactFrameFilter,
     ContactFrameFilterParams,
 )
-from chamfer.systems.estimation.instantaneous_normal import Sample, Status
 from chamfer.systems.estimation.model_error import ModelErrorParams
 from chamfer.systems.estimation.normal_filter import (
     ConstrainedFilter,
     ConstrainedFilterParams,
     Estimate,
     NormalFilter,
+    NormalStatus,
+    ResolvedSensingParams,
+    Sample,
     SensingParams,
     tangential_deviation,
 )
+from chamfer.systems.force.contact_detection import CONTACT
 
 Array = NDArray[np.float64]
-Kind = Literal["adaptive", "thesis", "gated", "prior_weights", "curvature", "friction"]
-KINDS: Final[tuple[Kind, ...]] = (
-    "adaptive",
-    "thesis",
-    "gated",
-    "prior_weights",
-    "curvature",
-    "friction",
-)
+ObserverKind = Literal["adaptive", "thesis", "gated", "prior_weights", "curvature", "friction"]
+KINDS: Final[tuple[ObserverKind, ...]] = get_args(ObserverKind)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +50,7 @@ class SurfaceObserverParams(SensingParams):
     * ``friction``: the same with the friction angle as a state, for friction known to be constant.
     """
 
-    kind: Kind = "adaptive"  # which observer estimates the normal; thesis: the paper's own
+    kind: ObserverKind = "adaptive"  # which observer estimates the normal; thesis: the paper's own
     # Of kind adaptive only:
     model_error: ModelErrorParams = ModelErrorParams()  # of what it is told
     rate_lag: float | None = None  # s, by which a rate that was made of the force lags
@@ -71,35 +69,37 @@ class SurfaceObserverParams(SensingParams):
             raise ParameterError("rate_lag", self.rate_lag, "null, but for kind=adaptive")
 
 
-def make_filter(params: SurfaceObserverParams) -> NormalFilter:
+@dataclass(frozen=True, kw_only=True)
+class ResolvedSurfaceObserverParams(ResolvedSensingParams, SurfaceObserverParams):
+    """The same, with nothing left open."""
+
+
+# Of each kind what the filter is told beside gripper, sensor and surface.
+_CONSTRAINED: Final[Mapping[str, Mapping[str, Any]]] = {
+    "thesis": {},
+    "gated": {"gated": True},
+    "prior_weights": {"gated": True, "weights": "prior"},
+}
+_FOLLOWING: Final[Mapping[str, Mapping[str, Any]]] = {
+    "curvature": {"models": 1, "by_point": False},
+    "friction": {"models": 1, "by_point": False, "by_friction": True},
+    "adaptive": {},
+}
+
+
+def make_filter(params: ResolvedSurfaceObserverParams) -> NormalFilter:
     """Return the filter that runs in the block."""
     sensing = {field.name: getattr(params, field.name) for field in fields(SensingParams)}
-    match params.kind:
-        case "thesis":
-            return ConstrainedFilter(ConstrainedFilterParams(**sensing))
-        case "gated":
-            return ConstrainedFilter(ConstrainedFilterParams(**sensing, gated=True))
-        case "prior_weights":
-            return ConstrainedFilter(
-                ConstrainedFilterParams(**sensing, gated=True, weights="prior")
-            )
-        case "curvature" | "friction":
-            return ContactFrameFilter(
-                ContactFrameFilterParams(
-                    **sensing,
-                    models=1,
-                    by_point=False,
-                    by_friction=params.kind == "friction",
-                )
-            )
-        case "adaptive":
-            return ContactFrameFilter(
-                ContactFrameFilterParams(
-                    **sensing,
-                    model_error=params.model_error,
-                    rate_lag=known("rate_lag", params.rate_lag),
-                )
-            )
+    if params.kind in _CONSTRAINED:
+        return ConstrainedFilter(ConstrainedFilterParams(**sensing, **_CONSTRAINED[params.kind]))
+    return ContactFrameFilter(
+        ContactFrameFilterParams(
+            **sensing,
+            **_FOLLOWING[params.kind],
+            model_error=params.model_error,
+            rate_lag=params.rate_lag or 0.0,
+        )
+    )
 
 
 class SurfaceObserver(LeafSystem):
@@ -128,7 +128,7 @@ class SurfaceObserver(LeafSystem):
     ``normal``, shape (d,), unit, points out of the material; ``covariance``, shape (d * d,), is
     P row by row; ``deviation``, size 1, rad, is the standard deviation of the normal's direction,
     the largest one in space; ``status``, size 1, is a
-    :class:`chamfer.systems.estimation.instantaneous_normal.Status`: whether the last sample was a
+    :class:`chamfer.systems.estimation.normal_filter.NormalStatus`: whether the last sample was a
     measurement, and if not, why. All are held over the period.
 
     Args:
@@ -139,7 +139,7 @@ class SurfaceObserver(LeafSystem):
         ParameterError: If an input is not finite, or a prediction is not of unit length.
     """
 
-    def __init__(self, params: SurfaceObserverParams, initial_normal: Array) -> None:
+    def __init__(self, params: ResolvedSurfaceObserverParams, initial_normal: Array) -> None:
         super().__init__()
         d = len(params.sensing.stiffness)
         normal = np.asarray(initial_normal, dtype=np.float64)
@@ -165,7 +165,7 @@ class SurfaceObserver(LeafSystem):
             memory=np.zeros(0),
             normal=normal,
             covariance=params.initial_deviation**2 * np.eye(d),
-            status=Status.NO_CONTACT,
+            status=NormalStatus.NO_CONTACT,
         )
         self._outputs = []
         for name, value in _outputs(start).items():
@@ -211,3 +211,89 @@ def _finite(port: object, value: Array) -> Array:
         name = port.get_name()  # type: ignore[attr-defined]
         raise ParameterError(name, value.tolist(), "finite numbers")
     return value
+
+
+class SettledForce(LeafSystem):
+    """Hides force and rate for some time after contact is made.
+
+    .. pydrake_system::
+
+        name: SettledForce
+        input_ports:
+        - mode
+        - measured_force
+        - measured_force_rate
+        output_ports:
+        - settled_force
+        - settled_force_rate
+
+    The observer takes gripper and arm to be quasi-static (section 4.1), which an impact is not: it
+    would be sure of a wrong normal, the more the quieter the sensor. Zeros are no contact to it.
+
+    ``measured_force``, N, and ``measured_force_rate``, N/s, shape (d,); ``mode``, size 1, as
+    :class:`chamfer.systems.force.contact_detection.ContactDetection` gives it. The outputs, shape
+    (d,), are zeros in the first ``wait`` seconds of each contact, else what is measured.
+
+    Discrete state: for how long there has been contact, s, size 1.
+
+    Args:
+        wait: s, >= 0.
+        dimension: d.
+        period: s.
+    """
+
+    def __init__(self, wait: float, *, dimension: int, period: float) -> None:
+        super().__init__()
+        if not 0 <= wait < np.inf:
+            raise ParameterError("wait", wait, "a finite number >= 0")
+        mode = self.DeclareVectorInputPort("mode", 1)
+        lasted = self.DeclareDiscreteState(1)
+
+        def declare(name: str) -> None:
+            measured: InputPort = self.DeclareVectorInputPort(f"measured_{name}", dimension)
+
+            def calc(context: Context, vector: BasicVector) -> None:
+                age = context.get_discrete_state(lasted).value()[0]
+                fades = mode.Eval(context)[0] == CONTACT and age < wait - 0.5 * period
+                vector.SetFromVector(np.zeros(dimension) if fades else measured.Eval(context))
+
+            sources = {measured.ticket(), mode.ticket(), self.discrete_state_ticket(lasted)}
+            self.DeclareVectorOutputPort(f"settled_{name}", dimension, calc, sources)
+
+        declare("force")
+        declare("force_rate")
+
+        def tick(context: Context, values: DiscreteValues) -> None:
+            age = context.get_discrete_state(lasted).value()
+            values.set_value(lasted, age + period if mode.Eval(context)[0] == CONTACT else 0 * age)
+
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, tick)
+
+
+class PredictedNormal(LeafSystem):
+    """Gives the normal of a stored surface where the gripper is.
+
+    .. pydrake_system::
+
+        name: PredictedNormal
+        input_ports:
+        - nominal_motion
+        output_ports:
+        - predicted_normal
+
+    ``nominal_motion``, shape (2d,), is the nominal endpoint's position, m, then its velocity;
+    ``predicted_normal``, shape (d,), unit, that of the stored surface's level at this position.
+
+    Args:
+        surface: The surface as it is taken to be.
+    """
+
+    def __init__(self, surface: Surface) -> None:
+        super().__init__()
+        d = surface.dimension
+        motion = self.DeclareVectorInputPort("nominal_motion", 2 * d)
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            vector.SetFromVector(normal(surface, motion.Eval(context)[:d]))
+
+        self.DeclareVectorOutputPort("predicted_normal", d, calc, {motion.ticket()})

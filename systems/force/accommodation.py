@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, LeafSystem, State
 
 from chamfer.models.validation import ParameterError, require_positive
+from chamfer.systems.ports import finite_input
 
 Array = NDArray[np.float64]
 
@@ -162,10 +163,7 @@ class AccommodationController(LeafSystem):
         return self._params.with_damping(set_to).mobility
 
     def _tick(self, context: Context, state: State) -> None:
-        command, wrench = (port.Eval(context) for port in self._inputs)
-        for port, value in zip(self._inputs, (command, wrench), strict=True):
-            if not np.isfinite(value).all():
-                raise ParameterError(port.get_name(), value.tolist(), "finite numbers")
+        command, wrench = (finite_input(port, context) for port in self._inputs)
         set_to = self._damping.Eval(context) if self._damping.HasValue(context) else _OWN
         mobility = self._mobility(tuple(set_to.tolist()))
         values = state.get_mutable_discrete_state()

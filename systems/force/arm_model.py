@@ -1,16 +1,16 @@
 """An arm with a tool as a MultibodyPlant: the simulated arm, and a controller's model of it."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlant
 from pydrake.multibody.tree import (
     BodyIndex,
     JacobianWrtVariable,
@@ -20,10 +20,10 @@ from pydrake.multibody.tree import (
 )
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from chamfer.models.arms.posture_search import searched_posture
-from chamfer.models.arms.serial_arm import SerialArm
+from chamfer.models.arms.serial_arm import SerialArm, searched_posture
 from chamfer.models.arms.wam import WAM
 from chamfer.models.validation import ParameterError, require_positive
+from chamfer.systems.ports import finite_input
 from chamfer.systems.pose import POSE_SIZE, pose_vector
 
 Array = NDArray[np.float64]
@@ -60,8 +60,6 @@ class ToolParams:
     inertia: Vector3  # kg m^2, about the centre of mass and T's axes
     frame: Placement = field(default_factory=Placement)  # X_FT, in the flange's frame
 
-    RENAMED: ClassVar[Mapping[str, str]] = {"center_of_mass": "centre_of_mass"}
-
     def __post_init__(self) -> None:
         require_positive(self, "mass")
         _require_three(self, "centre_of_mass")
@@ -84,15 +82,9 @@ def add_arm(
 ) -> ModelInstanceIndex:
     """Add an arm with its base welded to the world and a body "tool" welded to its flange.
 
-    The tool body's frame is T; it has no geometry.
-
-    Args:
-        plant: Not yet finalized.
-        X_WB: Pose of the base.
-        tool: The tool.
-        arm: Which arm.
-        name: The model instance is called ``<name>::`` and as the URDF calls the arm.
-        mass_scale: Multiplies mass and inertia of the arm's links, not of the tool.
+    The tool body's frame is T; it has no geometry. The plant is not yet finalized. The model
+    instance is called ``<name>::`` and as the URDF calls the arm. ``mass_scale`` multiplies mass
+    and inertia of the arm's links, not of the tool.
     """
     parser = Parser(plant, name)
     (instance,) = parser.AddModelsFromString(arm.urdf_text(mass_scale), "urdf")
@@ -156,7 +148,7 @@ class ArmModel:
         """Return joint positions, rad, shape (n,), that put the tool frame at a pose.
 
         See :meth:`chamfer.models.arms.serial_arm.SerialArm.joint_positions`, also for ``near`` and
-        what it raises, or, for None, :func:`chamfer.models.arms.posture_search.searched_posture`.
+        what it raises, or, for None, :func:`chamfer.models.arms.serial_arm.searched_posture`.
         """
         X_BF = self._X_BW @ X_WT @ self._X_TF
         R, p = X_BF.rotation().matrix(), X_BF.translation()
@@ -195,3 +187,70 @@ def _require_three(params: object, name: str) -> None:
     value = getattr(params, name)
     if len(value) != 3 or not all(map(math.isfinite, value)):
         raise ParameterError(name, value, "three finite numbers")
+
+
+SIZE = 6
+
+
+class ToolForce(LeafSystem):
+    """Applies a wrench to a body at its origin.
+
+    .. pydrake_system::
+
+        name: ToolForce
+        input_ports:
+        - wrench
+        output_ports:
+        - spatial_forces
+
+    ``wrench``, shape (6,), N m above N, world axes. ``spatial_forces`` goes to the plant's
+    ``applied_spatial_force``.
+
+    Raises:
+        ParameterError: In a run if the wrench is not finite.
+    """
+
+    def __init__(self, body: BodyIndex) -> None:
+        super().__init__()
+        wrench = self.DeclareVectorInputPort("wrench", SIZE)
+
+        def calc(context: Context, output: Any) -> None:
+            value = finite_input(wrench, context)
+            force = ExternallyAppliedSpatialForce()
+            force.body_index = body
+            force.F_Bq_W = SpatialForce(tau=value[:3], f=value[3:])
+            output.set_value([force])
+
+        self.DeclareAbstractOutputPort(
+            "spatial_forces",
+            lambda: Value[list[ExternallyAppliedSpatialForce]](),
+            calc,
+            {wrench.ticket()},
+        )
+
+
+class ToolFriction(NamedTuple):
+    """Moments and forces along and about the axes, N m above N, shape (6,) each."""
+
+    held: Array  # up to which no joint moves, if the tool is pushed so and not otherwise
+    wound: Array  # that the joints take of a tool that moves so and not otherwise
+
+
+def tool_friction(J_V_WT: Array, dry_friction: Array) -> ToolFriction:
+    """Return what friction holds at rest, and what it takes of a motion.
+
+    ``held`` is ``min_i tau_i / |J_i e|``. ``wound`` is the power that the joints lose over the
+    speed, ``sum_i tau_i |(J^+ e)_i|``, with the joints' speeds of least norm: by so much springs
+    are wound up once all joints slide. In between joint after joint gives way. The Jacobian, rad/s
+    above m/s, shape (6, n), is in the axes that are asked for; Coulomb's friction is in N m.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        alone = dry_friction / np.abs(J_V_WT)
+    # A joint that the push does not turn holds it whatever its friction is.
+    turned = np.abs(J_V_WT) > _SMALL * np.abs(J_V_WT).max()
+    held = np.min(np.where(turned, alone, np.inf), axis=1)
+    wound = dry_friction @ np.abs(np.linalg.pinv(J_V_WT))
+    return ToolFriction(held, np.asarray(wound, np.float64))
+
+
+_SMALL = 1e-6  # of the largest lever

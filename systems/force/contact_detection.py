@@ -51,11 +51,9 @@ class ContactDetectionParams:
             raise ParameterError("samples", self.samples, "a whole number >= 1")
 
     def resolved(self, noise: float, bias: float = 0.0) -> "ContactDetectionParams":
-        """Return the parameters with what noise and bias ask for filled in.
+        """Return the parameters with what noise and bias of the push without contact ask for, N.
 
-        Args:
-            noise: N, half-width of the measured push without contact.
-            bias: N, the most that it is off on average.
+        ``noise`` is its half-width, ``bias`` the most that it is off on average.
 
         Raises:
             ParameterError: If the bias alone would be taken for contact.
@@ -95,12 +93,7 @@ Guard: TypeAlias = Callable[[Tick[Inputs, Memory]], bool]
 
 
 def make_contact_chart(params: ContactDetectionParams, direction: Array) -> Chart[Inputs, Memory]:
-    """Return the chart: approach, contact, lost.
-
-    Args:
-        params: The thresholds, resolved.
-        direction: Shape (m,), in which the arm pushes, of any length.
-    """
+    """Return the chart of resolved thresholds and the push's direction, of any length."""
     ahead: list[float] = unit(direction, "direction").tolist()
     detect, release = known("detect", params.detect), known("release", params.release)
     samples = known("samples", params.samples)
@@ -173,10 +166,8 @@ class ContactDetection(StateMachine[Inputs, Memory]):
     in contact and 2 while it is lost; ``contact_time`` the time of the first contact in s, -1
     before.
 
-    Args:
-        params: The thresholds, resolved.
-        direction: Shape (m,), in which the arm pushes, of any length.
-        period: s.
+    Thresholds are resolved; ``direction``, shape (m,), in which the arm pushes, is of any length;
+    the period is in s.
     """
 
     def __init__(self, params: ContactDetectionParams, direction: Array, *, period: float) -> None:

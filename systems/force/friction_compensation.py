@@ -1,4 +1,4 @@
-"""Friction compensation from a base torque sensor."""
+"""Friction compensation from a base torque sensor (Morel and Dubowsky, 1996)."""
 
 import math
 from dataclasses import dataclass
@@ -8,7 +8,10 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from pydrake.systems.framework import State as DrakeState
 
+from chamfer.models.arms.arm import Kinematics
 from chamfer.models.validation import ParameterError, require_positive
+from chamfer.systems.contact.arm_dynamics import ArmDynamics, link_forces, pose
+from chamfer.systems.ports import finite_input
 
 Array = NDArray[np.float64]
 
@@ -56,7 +59,7 @@ class FrictionCompensation(LeafSystem):
     transmit to the links; what is missing of the motors' torque is friction. The estimate follows
     it with a first-order lag and is fed forward. With an arm's own ``base_torque`` the sensor is
     ideal, and the gain an upper bound of what the method buys;
-    :class:`chamfer.systems.sensing.base_wrench_torque.BaseWrenchTorque` resolves what one reads.
+    :class:`chamfer.systems.force.friction_compensation.BaseWrenchTorque` resolves what one reads.
 
     ``command`` and ``torque``, shape (n,), the same units as ``base_torque``. ``moving``, shape
     (n,), may be left open: the estimate of a joint with 0 there stays as it is, of the others
@@ -67,10 +70,7 @@ class FrictionCompensation(LeafSystem):
 
     Discrete state: the friction estimate, shape (n,).
 
-    Args:
-        params: The estimate.
-        joints: n.
-        period: s.
+    n is the number of ``joints``; the period is in s.
 
     Raises:
         ParameterError: If a compensated joint is not there.
@@ -98,12 +98,85 @@ class FrictionCompensation(LeafSystem):
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._tick)
 
     def _tick(self, context: Context, state: DrakeState) -> None:
-        transmitted = self._base_torque.Eval(context)
-        if not all(map(math.isfinite, transmitted.tolist())):
-            raise ParameterError("base_torque", transmitted.tolist(), "finite numbers")
+        transmitted = finite_input(self._base_torque, context)
         estimate = state.get_mutable_discrete_state().value(0)
         friction = self._output.Eval(context) - transmitted
         follow = self._follow
         if self._moving.HasValue(context):
             follow = follow * self._moving.Eval(context)
         state.get_mutable_discrete_state().set_value(0, estimate + follow * (friction - estimate))
+
+
+class JointsToMove(LeafSystem):
+    """Tells the joints that a command moves from those that are to stand.
+
+    .. pydrake_system::
+
+        name: JointsToMove
+        input_ports:
+        - encoders
+        - desired_velocity
+        output_ports:
+        - moving
+
+    ``encoders``, shape (2n,), q and velocity; ``desired_velocity``, shape (n,), of the endpoint's
+    coordinates, m/s and rad/s. ``moving``, shape (n,): 1 for a joint whose entry of
+    ``J(q)^-1 desired_velocity`` is at least the rest speed, else 0.
+
+    The arm has as many coordinates as joints; the rest speed is in rad/s, m/s of sliding joints.
+    """
+
+    def __init__(self, arm: Kinematics, *, rest_speed: float) -> None:
+        super().__init__()
+        n = arm.num_joints
+        encoders = self.DeclareVectorInputPort("encoders", 2 * n)
+        desired = self.DeclareVectorInputPort("desired_velocity", n)
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            jacobian = arm.jacobian(encoders.Eval(context)[:n])
+            speeds = np.abs(np.linalg.solve(jacobian, desired.Eval(context)))
+            vector.SetFromVector((speeds >= rest_speed).astype(np.float64))
+
+        self.DeclareVectorOutputPort("moving", n, calc, {encoders.ticket(), desired.ticket()})
+
+
+class BaseWrenchTorque(LeafSystem):
+    """Resolves the wrench of the base on an arm into what its joints transmit.
+
+    .. pydrake_system::
+
+        name: BaseWrenchTorque
+        input_ports:
+        - base_wrench
+        - encoders
+        output_ports:
+        - base_torque
+
+    Through joint j goes what the base gives less what the links before it take, and of that the
+    joint transmits what lies along its axis: ``tau_j = s_j . (W - sum_(i < j) w_i)``, with the
+    joint's screw s_j and the weight and the velocity terms w_i of link i, all about the world's
+    origin. What is left out is what links take as they speed up, as in the paper: the method is
+    for slow motions. Whatever the links beyond carry or touch is in W.
+
+    ``base_wrench``, shape (6,): moment about the world's origin, N m, and force, N, of the base on
+    the arm, world axes. ``encoders``, shape (2n,), q and velocity. ``base_torque``, shape (n,),
+    N m or N: torque of the motors less friction of the joints, and less what the rotors take.
+
+    The dynamics are what is known of the arm.
+    """
+
+    def __init__(self, dynamics: ArmDynamics) -> None:
+        super().__init__()
+        n, chain = dynamics.arm.num_joints, dynamics.chain
+        wrench = self.DeclareVectorInputPort("base_wrench", 6)
+        encoders = self.DeclareVectorInputPort("encoders", 2 * n)
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            motion = encoders.Eval(context)
+            at = pose(chain, motion[:n].copy())
+            taken = link_forces(chain, at, motion[n:].copy())
+            before = np.cumsum(taken, axis=0) - taken
+            through: Array = wrench.Eval(context) - before
+            vector.SetFromVector(np.sum(at.twist * through, axis=1))
+
+        self.DeclareVectorOutputPort("base_torque", n, calc, {wrench.ticket(), encoders.ticket()})

@@ -7,7 +7,7 @@ from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context, LeafSystem, System
 from pydrake.systems.framework import State as DrakeState
 
 from chamfer.models.arms.arm import Kinematics
@@ -20,7 +20,9 @@ from chamfer.models.validation import (
 )
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
 from chamfer.systems.force.contact_detection import APPROACH, LOST
+from chamfer.systems.force.sampled_loop import Plant, Sampled, closed, growth_rate, held
 from chamfer.systems.force.selection import require_projection
+from chamfer.systems.ports import finite, require_ports
 
 Array = NDArray[np.float64]
 Law = Literal["inverse", "transpose", "projected"]
@@ -169,7 +171,7 @@ class HybridController(LeafSystem):
       ``tau = Kp e_q + I - Kd J^-1 P x'``
     * ``projected``: the same with the pseudo-inverse ``(P J)^+`` in place of ``J^-1 P``. It is
       ours: it moves the joints no more than the position domain needs, and the kinematic
-      instability of the inverse law (:mod:`chamfer.systems.force.hybrid_stability`) is gone.
+      instability of the inverse law (:mod:`chamfer.systems.force.hybrid_controller`) is gone.
     * force: ``I_f += Kif F (F_d - F_m) T``, ``tau += J^T (F F_d + I_f - Kdf F x')``. The damping
       is ours: on a soft gripper the integral swings without it, from Kif = b / m on for an arm of
       mass m and viscous friction b. The thesis has none (0).
@@ -269,8 +271,7 @@ class HybridController(LeafSystem):
         held = context.get_discrete_state()
         memory = HybridMemory(*(held.value(i) for i in range(len(HybridMemory._fields))))
         settled = self.step(memory, *inputs)
-        if not all(map(math.isfinite, settled.torque.tolist())):
-            raise ParameterError("torque", settled.torque.tolist(), "finite numbers")
+        finite("torque", settled.torque)
         values = state.get_mutable_discrete_state()
         for i, value in enumerate(settled):
             values.set_value(i, value)
@@ -385,6 +386,189 @@ class HybridController(LeafSystem):
         )
 
 
+def require_hybrid_ports(controller: System, arm: Kinematics) -> None:
+    """Raise unless a system can take the :class:`HybridController`'s place.
+
+    Of an arm with n joints and m endpoint coordinates it needs the inputs ``encoders`` (2n,),
+    ``desired_position`` (m,), m (rad), ``desired_force`` and ``measured_force`` (m,), N,
+    ``selection`` (m * m,) and ``mode`` (1,), and the outputs ``torque`` (n,), N m or N,
+    ``position_error`` (m,), m (rad), and ``force_error`` (m,), N.
+
+    Raises:
+        ParameterError: Saying which port is wanted and which ones are there.
+    """
+    n, m = arm.num_joints, arm.num_coordinates
+    inputs = {"encoders": 2 * n, "desired_position": m, "desired_force": m, "measured_force": m}
+    require_ports(
+        "controller",
+        controller,
+        inputs={**inputs, "selection": m * m, "mode": 1},
+        outputs={"torque": n, "position_error": m, "force_error": m},
+    )
+
+
 def _direction(push: Array) -> Array:
     length = float(np.linalg.norm(push))
     return push / length if length > 0 else push
+
+
+class AccelerationFeedforward(LeafSystem):
+    """Adds what the inertia takes, so that a motion neither lags nor overshoots as it speeds up.
+
+    .. pydrake_system::
+
+        name: AccelerationFeedforward
+        input_ports:
+        - encoders
+        - desired_acceleration
+        - selection
+        output_ports:
+        - torque
+
+    ``tau = M(q) J^-1 P x_d''``, with mass matrix M, Jacobian J and the position domain P, as the
+    computed-torque law has it; what a turning Jacobian adds, ``J' q'``, is left to the feedback.
+    It is apart from :class:`chamfer.systems.force.hybrid_controller.HybridController`, whose
+    offset at a change of mode would keep what is accelerated with at that instant.
+
+    ``encoders``, shape (2n,), q and velocity; ``desired_acceleration``, shape (m,), m/s^2 and
+    rad/s^2; ``selection``, shape (m * m,), P row by row. ``torque``, shape (n,), N m or N, is held
+    over the period.
+
+    The arm has m = n coordinates; the period is in s.
+
+    Raises:
+        ParameterError: If the period is not positive; while running, if an input is not finite or
+            the arm comes to a singular pose.
+    """
+
+    def __init__(self, arm: Kinematics, dynamics: ArmDynamics, *, period: float) -> None:
+        super().__init__()
+        if not 0 < period < math.inf:
+            raise ParameterError("period", period, "a finite number > 0")
+        n, m = arm.num_joints, arm.num_coordinates
+        self._arm, self._dynamics = arm, dynamics
+        self._encoders = self.DeclareVectorInputPort("encoders", 2 * n)
+        self._acceleration = self.DeclareVectorInputPort("desired_acceleration", m)
+        self._selection = self.DeclareVectorInputPort("selection", m * m)
+        self.DeclareStateOutputPort("torque", self.DeclareDiscreteState(n))
+        # Of the kind that the hybrid controller's are, so that both torques change at once.
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._tick)
+
+    def _tick(self, context: Context, state: DrakeState) -> None:
+        acceleration = self._acceleration.Eval(context)
+        torque = np.zeros(self._arm.num_joints)
+        if np.any(acceleration):
+            q = self._encoders.Eval(context)[: len(torque)]
+            P = self._selection.Eval(context).reshape(len(acceleration), -1)
+            torque = self._torque(q, P @ acceleration)
+        state.get_mutable_discrete_state().set_value(0, torque)
+
+    def _torque(self, q: Array, acceleration: Array) -> Array:
+        try:
+            joints = np.linalg.solve(self._arm.jacobian(q), acceleration)
+        except np.linalg.LinAlgError:
+            joints = np.full(len(q), np.nan)
+        return finite("torque", self._dynamics.evaluate(q, np.zeros(len(q))).mass @ joints)
+
+
+def position_map(J: Array, P: Array, law: Law) -> Array:
+    """Return what takes joint motion to the error that the law's gains see, shape (n, n).
+
+    Joint coordinates for ``inverse`` and ``projected``, endpoint coordinates for ``transpose``.
+    """
+    if law == "inverse":
+        return np.asarray(np.linalg.solve(J, P @ J), dtype=np.float64)
+    projected: Array = P @ J
+    if law == "projected":
+        projected = np.linalg.pinv(projected, rcond=1e-6) @ projected
+    return projected
+
+
+def stiffness_eigenvalues(mass: Array, J: Array, P: Array, law: Law) -> NDArray[np.complex128]:
+    """Return the eigenvalues of ``M^-1 J^-1 P J`` or its kin, for a gain of 1; shape (n,)."""
+    seen = position_map(J, P, law)
+    if law == "transpose":
+        seen = J.T @ seen
+    return np.linalg.eigvals(np.linalg.solve(mass, seen)).astype(np.complex128)
+
+
+class Pose(NamedTuple):
+    """An arm at rest as the hybrid controller knows it, n joints."""
+
+    mass: Array  # (n, n)
+    J: Array  # (n, n), of the endpoint
+    turning: Array  # (n, n), N m/rad, how a constant endpoint force's torque changes with q
+    sinking: Array  # (n, n), N m/rad, how gravity's torque does, as the full dynamics know
+
+
+def linear_law(pose: Pose, P: Array, params: HybridControllerParams, mode: int) -> Sampled:
+    """Return the hybrid controller about a pose at rest, in a mode of contact detection.
+
+    Input: joint positions and velocities, and the measured force, shape (2n + m,). Output: the
+    torque, shape (n,). States: the position integral, shape (n,), the force integral (m,), and
+    the push with which lost contact is sought (1,). P, shape (m, m), is the position domain.
+    """
+    n, m, period = len(pose.J), len(P), params.period
+    gains = params.for_joints(n)
+    seen = position_map(pose.J, P, params.law)
+    grows = period * np.diag(gains.integral) @ seen
+    if mode != APPROACH:
+        grows[list(params.held_integrators)] = 0.0
+    gain, known_load = np.eye(n), np.zeros((n, n))
+    if params.law == "transpose":
+        gain = pose.J.T
+    elif params.full_dynamics:
+        gain = pose.mass @ np.diag(1 / np.array(known("inertia", params.inertia)))
+        known_load = pose.sinking
+    integral, force, push = slice(0, n), slice(n, n + m), slice(n + m, n + m + 1)
+    q, v, measured = slice(0, n), slice(n, 2 * n), slice(2 * n, 2 * n + m)
+    A, B = np.eye(n + m + 1), np.zeros((n + m + 1, 2 * n + m))
+    C, D = np.zeros((n, n + m + 1)), np.zeros((n, 2 * n + m))
+    B[integral, q] = -grows
+    C[:, integral] = gain
+    D[:, q] = known_load - gain @ (np.diag(gains.stiffness) @ seen + grows)
+    D[:, v] = -gain @ np.diag(gains.damping) @ seen
+    pushes = np.eye(m) - P
+    if mode == LOST and params.loss_mode:
+        ahead = np.linalg.eigh(pushes)[1][:, -1:]
+        slows = params.creep_ramp * period / params.creep_speed * ahead.T @ pose.J
+        B[push, v] = -slows
+        C[:, push] = pose.J.T @ ahead
+        D[:, v] -= pose.J.T @ (ahead @ slows + params.creep_damping * pushes @ pose.J)
+    else:
+        B[force, measured] = -params.force_integral * period * pushes
+        C[:, force] = pose.J.T
+        D[:, measured] = pose.J.T @ B[force, measured]
+        D[:, v] -= params.force_damping * pose.J.T @ pushes @ pose.J
+        D[:, q] += pose.turning
+    return Sampled(A, B, C, D)
+
+
+def free_loop(
+    mass: Array, J: Array, P: Array, params: HybridControllerParams, viscous: Array
+) -> Array:
+    """Return what a period does to the position loop out of contact and without gravity.
+
+    States: joint positions and velocities about a pose at rest, and those of the law. Mass matrix,
+    Jacobian and position domain P have shape (n, n), the viscous friction (n,).
+    """
+    n = len(mass)
+    zero = np.zeros((n, n))
+    slowing = np.linalg.solve(mass, np.hstack([-np.diag(viscous), np.eye(n)]))
+    flow = np.block([[zero, np.eye(n)], [zero, slowing[:, :n]]])
+    drive = np.vstack([zero, slowing[:, n:]])
+    unmeasured = np.zeros((n, 2 * n))  # the force
+    arm = held(Plant(flow, drive, np.eye(2 * n), unmeasured), period=params.period)
+    return closed(arm, linear_law(Pose(mass, J, zero, zero), P, params, APPROACH))
+
+
+def free_growth_rate(
+    mass: Array, J: Array, P: Array, params: HybridControllerParams, viscous: Array
+) -> float:
+    """Return how fast :func:`free_loop` grows, 1/s.
+
+    The force domain's free directions are poles at 1, so that a stable loop has about 0. Gains
+    and friction that overflow count as infinite growth.
+    """
+    with np.errstate(all="ignore"):
+        return growth_rate(free_loop(mass, J, P, params, viscous), params.period)

@@ -1,4 +1,7 @@
-"""Cartesian impedance control of an arm (Ruybal, Lumia and Wood, eq. 1)."""
+"""Cartesian impedance control (Ruybal, Lumia and Wood, eq. 1): law, damping, stability.
+
+Spatial vectors have their angular part first.
+"""
 
 import math
 from dataclasses import dataclass
@@ -6,21 +9,296 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
-from scipy.linalg import null_space
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.math import RotationMatrix
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, System
+from scipy.linalg import eigh, null_space
 
 from chamfer.models.arms.serial_arm import SerialArm
 from chamfer.models.validation import ParameterError, require_not_negative, require_positive
+from chamfer.systems.compiled import compiled, inverse
 from chamfer.systems.force.arm_model import ArmModel, Vector3
-from chamfer.systems.force.impedance_law import (
-    all_finite,
-    impedance_torque,
-    modal_damping,
-    stable_damping_ratios,
-)
-from chamfer.systems.pose import pose_vector
+from chamfer.systems.ports import require_ports
+from chamfer.systems.pose import POSE_SIZE, pose_vector
 
 Array = NDArray[np.float64]
+
+
+def modal_damping(stiffness: Array, inertia: Array, ratio: float) -> tuple[Array, Array]:
+    """Return the damping matrix that gives every mode the same ratio, and the modes' frequencies.
+
+    Double diagonalisation: with modes Phi such that ``Phi^T Lambda Phi = 1`` and ``Phi^T K Phi =
+    diag(omega^2)``, ``D = Lambda Phi diag(2 ratio omega) Phi^T Lambda``. K and Lambda are
+    symmetric and positive, shape (n, n); omega, rad/s, shape (n,), ascends.
+    """
+    squares, modes = eigh(stiffness, inertia)
+    frequencies: Array = np.sqrt(squares)
+    weighted = inertia @ modes
+    damping: Array = (weighted * (2 * ratio * frequencies)) @ weighted.T
+    return damping, frequencies
+
+
+def stable_damping_ratios(frequency: float, period: float) -> tuple[float, float]:
+    """Return between which damping ratios a mode is stable whose controller samples it.
+
+    A mass m is held by ``f = -(k x + d v)``, computed once a period T, s. If the plant takes n
+    semi-implicit steps a period (v before x) the motion decays for ``d T/m + k T^2/(2 n m) < 2``
+    and ``d T/m > (1 - 1/n) k T^2/(2 m)``; n = 1 in the first, the bound d < 2 m/T on the damping
+    less a little for the stiffness, and n without end in the second are the worst cases. With the
+    frequency sqrt(k/m), rad/s, nothing is between the bounds if ``frequency * period`` is sqrt(2)
+    or more.
+    """
+    x = frequency * period
+    return x / 4, (4 - x * x) / (4 * x)
+
+
+@compiled
+def all_finite(first: Array, second: Array, third: Array) -> bool:
+    """Return whether three vectors are finite."""
+    for vector in (first, second, third):
+        for value in vector:
+            if not math.isfinite(value):
+                return False
+    return True
+
+
+@compiled
+def impedance_torque(
+    pose: Array,
+    jacobian: Array,
+    mass: Array,
+    gravity: Array,
+    encoders: Array,
+    desired_pose: Array,
+    desired_velocity: Array,
+    last_pose: Array,
+    stiffness: Array,
+    damping: Array,
+    posture: Array,
+    null_stiffness: float,
+    null_damping: float,
+    regularisation: Array,
+    limits: Array,
+) -> Array:
+    """Return limited torque, tool pose and saturation, shape (2 n + 7,); of n joints.
+
+    What they are is said by
+    :class:`chamfer.systems.force.impedance_controller.ImpedanceController`.
+
+    Args:
+        pose: [R_WT, p_WT], shape (3, 4).
+        jacobian: J_V_WT in the world's axes, shape (6, n).
+        mass: Mass matrix, shape (n, n).
+        gravity: Torque against gravity, N m, shape (n,).
+        encoders: q and velocity, rad and rad/s, shape (2 n,).
+        desired_pose: Quaternion, not zero, and m, shape (7,).
+        desired_velocity: rad/s and m/s in the world's axes, shape (6,).
+        last_pose: Whose quaternion decides the sign of the new one, shape (7,).
+        stiffness: N m/rad, then N/m, along the axes of the desired pose, shape (6,).
+        damping: In the axes of the desired pose, shape (6, 6).
+        posture: Rest posture, rad, shape (n,).
+        null_stiffness: N m/rad.
+        null_damping: N m s/rad.
+        regularisation: Added to the diagonal of ``J M^-1 J^T``, shape (6,).
+        limits: Largest torques, N m, shape (n,).
+    """
+    n = len(posture)
+    q, v = encoders[:n], encoders[n:]
+    tool = _quaternion(pose)
+    wanted = _unit(desired_pose[:4])
+    R_WD = _rotation(wanted)
+
+    # Errors and the wrench of eq. (1), in the axes of D.
+    rate = np.zeros(6)
+    for i in range(6):
+        for k in range(n):
+            rate[i] += jacobian[i, k] * v[k]
+    slip, error = np.zeros(6), np.zeros(6)
+    vector = rotation_vector(wanted, tool)
+    for i in range(3):
+        error[i] = vector[i]
+        for k in range(3):
+            slip[i] += R_WD[k, i] * (rate[k] - desired_velocity[k])
+            slip[i + 3] += R_WD[k, i] * (rate[k + 3] - desired_velocity[k + 3])
+            error[i + 3] += R_WD[k, i] * (pose[k, 3] - desired_pose[k + 4])
+    wrench = np.zeros(6)
+    for i in range(6):
+        wrench[i] = stiffness[i] * error[i]
+    moment = gradient(vector, wrench[:3])
+    for i in range(6):
+        if i < 3:
+            wrench[i] = moment[i]
+        for k in range(6):
+            wrench[i] += damping[i, k] * slip[k]
+    effort = np.zeros(6)  # the same in the world's axes
+    for i in range(3):
+        for k in range(3):
+            effort[i] += R_WD[i, k] * wrench[k]
+            effort[i + 3] += R_WD[i, k] * wrench[k + 3]
+
+    # How the joints move though the tool does not.
+    null, push = np.zeros(n), np.zeros(6)
+    if n > 6:
+        null, push = _null_torque(
+            jacobian, mass, q, v, rate, posture, null_stiffness, null_damping, regularisation
+        )
+
+    result = np.zeros(2 * n + 7)
+    for i in range(n):
+        torque = gravity[i] + null[i]
+        for k in range(6):
+            torque -= jacobian[k, i] * (effort[k] + push[k])
+        result[i] = torque
+        if abs(torque) > limits[i]:
+            result[n + 7 + i] = math.copysign(1.0, torque)
+            result[i] = math.copysign(limits[i], torque)
+    sign = -1.0 if _dot(tool, last_pose[:4]) < 0 else 1.0
+    for i in range(4):
+        result[n + i] = sign * tool[i]
+    for i in range(3):
+        result[n + 4 + i] = pose[i, 3]
+    return result
+
+
+@compiled
+def _null_torque(
+    jacobian: Array,
+    mass: Array,
+    q: Array,
+    v: Array,
+    rate: Array,
+    posture: Array,
+    null_stiffness: float,
+    null_damping: float,
+    regularisation: Array,
+) -> tuple[Array, Array]:
+    """Return the torque towards the rest posture, (n,), and the wrench that it would be, (6,)."""
+    n = len(posture)
+    # M^-1 J^T, and the effective inertia.
+    inverse_mass = inverse(mass)
+    weighted = np.zeros((n, 6))
+    for i in range(n):
+        for j in range(6):
+            for k in range(n):
+                weighted[i, j] += inverse_mass[i, k] * jacobian[j, k]
+    mobility = np.zeros((6, 6))
+    for i in range(6):
+        mobility[i, i] = regularisation[i]
+        for j in range(6):
+            for k in range(n):
+                mobility[i, j] += jacobian[i, k] * weighted[k, j]
+    inertia = inverse(mobility)
+    momentum, known, push = np.zeros(6), np.zeros(6), np.zeros(6)
+    for i in range(6):
+        for k in range(6):
+            momentum[i] += inertia[i, k] * rate[k]
+    null = np.zeros(n)
+    for i in range(n):
+        own_motion = v[i]
+        for k in range(6):
+            own_motion -= weighted[i, k] * momentum[k]
+        null[i] = null_stiffness * (posture[i] - q[i]) - null_damping * own_motion
+        for k in range(6):
+            known[k] += weighted[i, k] * null[i]
+    for i in range(6):
+        for k in range(6):
+            push[i] += inertia[i, k] * known[k]
+    return null, push
+
+
+@compiled
+def rotation_vector(start: Array, end: Array) -> Array:
+    """Return axis times angle, rad, from one orientation to another, in the axes of ``start``.
+
+    Unit quaternions (w, x, y, z) of either sign; the length is up to pi.
+    """
+    w = _dot(start, end)
+    # The vector part of conj(start) end.
+    vector = _cross(end[1:], start[1:])
+    for i in range(3):
+        vector[i] += start[0] * end[i + 1] - end[0] * start[i + 1]
+    sine = math.sqrt(_dot(vector, vector))
+    factor = 2 * math.atan2(sine, abs(w)) / sine if sine > 1e-12 else 2.0
+    for i in range(3):
+        vector[i] *= -factor if w < 0 else factor
+    return vector
+
+
+@compiled
+def gradient(vector: Array, force: Array) -> Array:
+    """Return the moment, N m, of a potential energy of the rotation vector, up to pi long, rad.
+
+    It is the transposed inverse of the rotation vector's left Jacobian times ``force``, the
+    energy's derivative with respect to it; the force itself where that is along the vector.
+    """
+    square = _dot(vector, vector)
+    half = math.sqrt(square) / 2
+    c = 1 / 12 if half < 1e-3 else (1 - half * math.cos(half) / math.sin(half)) / square
+    twist = _cross(vector, force)
+    again = _cross(vector, twist)
+    moment = np.zeros(3)
+    for i in range(3):
+        moment[i] = force[i] + twist[i] / 2 + c * again[i]
+    return moment
+
+
+@compiled
+def _dot(a: Array, b: Array) -> float:
+    total = 0.0
+    for i in range(len(a)):
+        total += a[i] * b[i]
+    return total
+
+
+@compiled
+def _unit(a: Array) -> Array:
+    length = math.sqrt(_dot(a, a))
+    unit = np.zeros(len(a))
+    for i in range(len(a)):
+        unit[i] = a[i] / length if length > 0 else math.nan
+    return unit
+
+
+@compiled
+def _cross(a: Array, b: Array) -> Array:
+    return np.array(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )
+
+
+@compiled
+def _rotation(q: Array) -> Array:
+    """Return the rotation matrix of a unit quaternion."""
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+@compiled
+def _quaternion(R: Array) -> Array:
+    """Return a unit quaternion of the rotation in the first three columns (Shepperd)."""
+    trace = R[0, 0] + R[1, 1] + R[2, 2]
+    q = np.empty(4)
+    i = 0
+    for k in range(1, 3):
+        if R[k, k] > R[i, i]:
+            i = k
+    if trace > R[i, i]:
+        q[0] = 1 + trace
+        q[1], q[2], q[3] = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    else:
+        j, k = (i + 1) % 3, (i + 2) % 3
+        q[0] = R[k, j] - R[j, k]
+        q[1 + i] = 1 + 2 * R[i, i] - trace
+        q[1 + j] = R[j, i] + R[i, j]
+        q[1 + k] = R[k, i] + R[i, k]
+    return _unit(q)
+
 
 # Added to the diagonal of (J M^-1 J^T), relative to its value at the rest posture, before it is
 # inverted: the null space's projection stays finite where the arm is singular.
@@ -103,10 +381,8 @@ class ImpedanceController(LeafSystem):
     jumps (w >= 0 at the rest posture); ``saturated``, shape (n,), is the sign of a torque that
     was limited, else 0. All are held over the period; the first ones are those of the start.
 
-    Args:
-        model: What the controller knows of the arm.
-        posture: Rest posture q, rad, shape (n,).
-        params: Parameters.
+    The model is what the controller knows of the arm, ``posture`` the rest posture q, rad, shape
+    (n,).
 
     Raises:
         ParameterError: At construction if the posture is outside the joints' ranges or too close
@@ -124,10 +400,10 @@ class ImpedanceController(LeafSystem):
         n = model.arm.num_joints
         self._model = model
         self._params = params
-        self._posture = _checked_posture(model.arm, posture)
+        self.posture = _checked_posture(model.arm, posture)  # rad, shape (n,)
         self._limits = params.limits(model.arm)
         self._stiffness = np.array([*params.rotational_stiffness, *params.stiffness])
-        rest = model.evaluate(self._posture)
+        rest = model.evaluate(self.posture)
         self._design(rest.X_WT.rotation().matrix(), rest.J_V_WT, rest.mass)
         self._ports = [
             self.DeclareVectorInputPort(name, size)
@@ -148,31 +424,6 @@ class ImpedanceController(LeafSystem):
         # step of delay gets into the loop.
         self.DeclarePeriodicDiscreteUpdateEvent(params.period, 0.0, self._tick)
 
-    @property
-    def posture(self) -> Array:
-        """Rest posture, rad, shape (n,)."""
-        return self._posture.copy()
-
-    @property
-    def inertia(self) -> Array:
-        """Effective inertia at the rest posture in the tool's axes, angular first, (6, 6)."""
-        return self._inertia.copy()
-
-    @property
-    def damping(self) -> Array:
-        """K_d in the desired pose's axes, angular first, shape (6, 6)."""
-        return self._damping.copy()
-
-    @property
-    def frequencies(self) -> Array:
-        """Natural frequencies of the six modes, rad/s, ascending, shape (6,)."""
-        return self._frequencies.copy()
-
-    @property
-    def null_damping(self) -> float:
-        """Damping of every joint in the null space, N m s/rad; 0 where there is none."""
-        return self._null_damping
-
     def _design(self, R_WT: Array, J_V_WT: Array, mass: Array) -> None:
         """Set damping and regularisation for the rest posture."""
         params = self._params
@@ -181,18 +432,20 @@ class ImpedanceController(LeafSystem):
         if not smallest >= params.smallest_singular_value:
             raise ParameterError(
                 "rest posture",
-                tuple(self._posture.round(4).tolist()),
+                tuple(self.posture.round(4).tolist()),
                 f"joint positions at which the Jacobian's smallest singular value, here "
                 f"{smallest:.3g}, is {params.smallest_singular_value:g} or more",
             )
         mobility = J_V_WT @ np.linalg.solve(mass, J_V_WT.T)
         self._regularisation = _REGULARISATION * mobility.diagonal()
-        self._inertia = np.linalg.inv(J @ np.linalg.solve(mass, J.T))
-        self._damping, self._frequencies = modal_damping(
-            np.diag(self._stiffness), self._inertia, params.damping_ratio
+        # Effective inertia in the tool's axes, K_d in those of the desired pose, (6, 6), angular
+        # first; the six modes' natural frequencies, rad/s, ascending.
+        self.inertia = np.linalg.inv(J @ np.linalg.solve(mass, J.T))
+        self.damping, self.frequencies = modal_damping(
+            np.diag(self._stiffness), self.inertia, params.damping_ratio
         )
         if not params.allow_unstable:
-            _require_stable(params, "damping_ratio", float(self._frequencies[-1]))
+            _require_stable(params, "damping_ratio", float(self.frequencies[-1]))
         self._design_null_space(null_space(J), mass)
 
     def _design_null_space(self, free: Array, mass: Array) -> None:
@@ -201,13 +454,13 @@ class ImpedanceController(LeafSystem):
         Its slowest mode has the damping ratio that is asked for, all others more.
         """
         params = self._params
-        self._null_damping = 0.0
+        self.null_damping = 0.0  # N m s/rad, of every joint; 0 where there is no null space
         if not (free.size and params.null_stiffness):
             return
         inertias = np.linalg.eigvalsh(free.T @ mass @ free)
         frequencies = np.sqrt(params.null_stiffness / inertias)
         slowest, inertia = float(frequencies[-1]), float(inertias[-1])
-        self._null_damping = 2 * params.null_damping_ratio * slowest * inertia
+        self.null_damping = 2 * params.null_damping_ratio * slowest * inertia
         if params.allow_unstable:
             return
         for frequency in frequencies.tolist():
@@ -222,7 +475,7 @@ class ImpedanceController(LeafSystem):
                 if not np.all(np.isfinite(value)):
                     raise ParameterError(port.get_name(), value.tolist(), "finite numbers")
         result = self.step(context.get_discrete_state(1).value(), *inputs)
-        n = len(self._posture)
+        n = len(self.posture)
         for i, part in enumerate((result[:n], result[n : n + 7], result[n + 7 :])):
             values.set_value(i, part)
 
@@ -238,7 +491,7 @@ class ImpedanceController(LeafSystem):
         ``last_pose``, shape (7,), is the tool pose before; it decides the quaternion's sign.
         """
         params = self._params
-        tool = self._model.evaluate(encoders[: len(self._posture)])
+        tool = self._model.evaluate(encoders[: len(self.posture)])
         result = impedance_torque(
             tool.X_WT.GetAsMatrix34(),
             tool.J_V_WT,
@@ -249,10 +502,10 @@ class ImpedanceController(LeafSystem):
             desired_velocity,
             last_pose.copy(),  # writable: one signature, compiled once
             self._stiffness,
-            self._damping,
-            self._posture,
+            self.damping,
+            self.posture,
             params.null_stiffness,
-            self._null_damping,
+            self.null_damping,
             self._regularisation,
             self._limits,
         )
@@ -261,8 +514,27 @@ class ImpedanceController(LeafSystem):
                 raise ParameterError(
                     "desired_pose", desired_pose.tolist(), "a quaternion that is not zero"
                 )
-            raise ParameterError("torque", result[: len(self._posture)].tolist(), "finite numbers")
+            raise ParameterError("torque", result[: len(self.posture)].tolist(), "finite numbers")
         return result
+
+
+def require_impedance_ports(controller: System, num_joints: int) -> None:
+    """Raise unless a system can take the :class:`ImpedanceController`'s place.
+
+    Of an arm with n joints it needs the inputs ``encoders`` (2n,), ``desired_pose`` (7,) and
+    ``desired_velocity`` (6,), and the outputs ``torque`` (n,), N m, ``tool_pose`` (7,) and
+    ``saturated`` (n,).
+
+    Raises:
+        ParameterError: Saying which port is wanted and which ones are there.
+    """
+    n = num_joints
+    require_ports(
+        "controller",
+        controller,
+        inputs={"encoders": 2 * n, "desired_pose": POSE_SIZE, "desired_velocity": 6},
+        outputs={"torque": n, "tool_pose": POSE_SIZE, "saturated": n},
+    )
 
 
 def _checked_posture(arm: SerialArm, posture: Array) -> Array:
@@ -290,3 +562,58 @@ def _require_stable(
             f"more than {low:.3g} and less than {high:.3g} for a mode of {frequency:.0f} rad/s "
             f"and a period of {period:g} s (damping below 2 Lambda/period)",
         )
+
+
+class SpringForce(LeafSystem):
+    """Reads the force of an arm's virtual springs, and how far its tool is beyond another one.
+
+    .. pydrake_system::
+
+        name: SpringForce
+        input_ports:
+        - command
+        - tool_pose
+        - hole_pose
+        output_ports:
+        - force
+        - advance
+
+    ``command`` and ``tool_pose``, shape (7,), are where the arm is told to be and where its
+    encoders say that it is, ``hole_pose`` where the hole is, by encoders too, or by what is known.
+    ``force``, shape (3,), N, is that of the springs on the tool along the hole's axes,
+    ``K_p (x_d - x)`` of eq. (1) of Ruybal, Lumia and Wood: at rest it is what the tool pushes
+    with, but for what the model of the arm lacks (payload, the joints' dry friction), which is to
+    be tared. ``advance``, m, is how far the tool is beyond the hole's mouth along its axis.
+
+    ``stiffness``, N/m, is that of the springs along the axes of the commanded pose.
+    """
+
+    def __init__(self, stiffness: Vector3) -> None:
+        super().__init__()
+        if not all(0 < one < math.inf for one in stiffness):
+            raise ParameterError("stiffness", stiffness, "finite numbers > 0")
+        springs = np.array(stiffness)
+        command, tool, hole = (
+            self.DeclareVectorInputPort(name, POSE_SIZE)
+            for name in ("command", "tool_pose", "hole_pose")
+        )
+
+        def calc_force(context: Context, vector: BasicVector) -> None:
+            desired, actual = command.Eval(context), tool.Eval(context)
+            R_WD, R_WM = _axes_of(desired), _axes_of(hole.Eval(context))
+            spring = springs * (R_WD.T @ (desired[4:] - actual[4:]))
+            vector.SetFromVector(R_WM.T @ (R_WD @ spring))
+
+        def calc_advance(context: Context, vector: BasicVector) -> None:
+            mouth = hole.Eval(context)
+            vector[0] = float(_axes_of(mouth)[:, 0] @ (tool.Eval(context)[4:] - mouth[4:]))
+
+        depends = {tool.ticket(), hole.ticket()}
+        self.DeclareVectorOutputPort("force", 3, calc_force, {command.ticket(), *depends})
+        self.DeclareVectorOutputPort("advance", 1, calc_advance, depends)
+
+
+def _axes_of(pose: Array) -> Array:
+    quaternion = pose[:4] / np.linalg.norm(pose[:4])
+    matrix: Array = RotationMatrix(Quaternion(quaternion)).matrix()
+    return matrix

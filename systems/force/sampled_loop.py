@@ -43,15 +43,10 @@ class Plant(NamedTuple):
 
 
 def held(plant: Plant, *, period: float, delay: float = 0.0) -> Sampled:
-    """Return a plant whose input is held over a period, and late; exact.
+    """Return a plant whose input is held over a period, s, and begins to act a delay later; exact.
 
     Output: what is read at once, then what is late. States: z, the inputs still to come with the
     earliest first, and the late outputs under way with the last first.
-
-    Args:
-        plant: The plant.
-        period: s.
-        delay: s >= 0, after which an input begins to act.
     """
     s, n = plant.drive.shape
     late = len(plant.late)
@@ -174,13 +169,10 @@ def growth_rate(period_map: Array, period: float) -> float:
 
 
 def gain_margin(growth: Callable[[float], float]) -> float | None:
-    """Return the largest factor on the torque with which a loop is stable.
+    """Return the largest factor on the torque with which a loop is stable, by its growth, 1/s.
 
     It is below 1 for an unstable loop that is stable with less, and None if no factor down to
     a thousandth or up to a thousand makes the difference.
-
-    Args:
-        growth: A factor to the loop's growth, 1/s.
     """
     stable = growth(1.0) <= NEUTRAL
     step = _FACTOR_STEP if stable else 1 / _FACTOR_STEP
@@ -194,13 +186,9 @@ def gain_margin(growth: Callable[[float], float]) -> float | None:
 
 
 def delay_margin(growth: Callable[[float], float], period: float) -> float | None:
-    """Return the delay of the torque, s, up to which a loop is stable; 0 if it is not without.
+    """Return the delay of the torque, s, up to which a loop is stable, by its growth, 1/s.
 
-    None if it is with every one up to 10 periods.
-
-    Args:
-        growth: A further delay, s, to the loop's growth, 1/s.
-        period: s, of the loop.
+    0 if it is not without; None if it is with every one up to 10 periods.
     """
     if growth(0.0) > NEUTRAL:
         return 0.0

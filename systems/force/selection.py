@@ -64,8 +64,7 @@ class Selection(LeafSystem):
     ``mode``, size 1, is 0 before contact. ``selection``, size m * m, is P row by row; the force
     domain is F = I - P. Section 2.1.4.
 
-    Args:
-        normal: Surface normal in the task's coordinates, shape (m,), of any length.
+    The surface normal, shape (m,), in the task's coordinates, is of any length.
     """
 
     def __init__(self, normal: Array) -> None:

@@ -1,4 +1,4 @@
-r"""The correlation primitive: is the commanded motion hindered, eq. (1).
+r"""The correlation primitive: is the commanded motion obstructed, eq. (1).
 
 Source: Morrow, Nelson and Khosla, section 3.2. The commanded velocity f, a dither, is correlated
 with the velocity g that accommodation makes of it, over a window of N samples::
@@ -14,7 +14,7 @@ side leaves C at pi^2 / 8. The ratio of the amplitudes, sum|g| / sum|f|, sees th
 g sees that the motion is one-sided.
 
 Eq. (1) is for a command that is a pure dither and for a motion without bias: a mean of g adds to
-sum|g|, and so does noise, and both lower C though nothing hinders. :class:`Phasors` keep of both
+sum|g|, and so does noise, and both lower C though nothing obstructs. :class:`Phasors` keep of both
 signals only what has the dither's frequency: with
 
     F = sum f e^(-2 pi i k / N),  G = sum g e^(-2 pi i k / N)
@@ -27,7 +27,7 @@ amplitude, and a g that drifts by d over the cycle adds d N / (2 pi).
 
 import cmath
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
@@ -122,9 +122,9 @@ class CorrelatorParams:
     """Parameters of :class:`Correlator`; the paper prints no threshold."""
 
     samples: int | None = None  # of a window, N; None: derived, a cycle of the dither
-    threshold: float = 0.8  # of the correlation C, below it the motion is hindered; assumed
+    threshold: float = 0.8  # of the correlation C, below it the motion is obstructed; assumed
     amplitude_threshold: float = 0.7
-    # of the amplitudes' ratio, below it the motion is hindered; assumed
+    # of the amplitudes' ratio, below it the motion is obstructed; assumed
     windows: int = 2  # in a row that have to say so; assumed
     period: float | None = None
     # s, between two samples; None: derived, that of the motion's controller
@@ -138,9 +138,24 @@ class CorrelatorParams:
         if not self.windows >= 1:
             raise ParameterError("windows", self.windows, "a whole number >= 1")
 
+    def resolved(self, *, samples: int, period: float) -> "ResolvedCorrelatorParams":
+        """Return the parameters with these values where they leave them open."""
+        own = {one.name: getattr(self, one.name) for one in fields(self)}
+        found = {"samples": samples, "period": period}
+        left_open = {name: value for name, value in found.items() if own[name] is None}
+        return ResolvedCorrelatorParams(**own | left_open)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedCorrelatorParams(CorrelatorParams):
+    """Parameters of :class:`Correlator`; nothing is open."""
+
+    samples: int
+    period: float
+
 
 class Correlator(LeafSystem):
-    """Watches whether a commanded motion is hindered, window by window.
+    """Watches whether a commanded motion is obstructed, window by window.
 
     .. pydrake_system::
 
@@ -161,18 +176,12 @@ class Correlator(LeafSystem):
     were below.
 
     Raises:
-        ParameterError: At construction without samples or period; in a run if an input is not
-            finite.
+        ParameterError: In a run if an input is not finite.
     """
 
-    def __init__(self, params: CorrelatorParams) -> None:
+    def __init__(self, params: ResolvedCorrelatorParams) -> None:
         super().__init__()
-        if params.samples is None:
-            raise ParameterError("samples", None, "a whole number >= 4")
-        if params.period is None:
-            raise ParameterError("period", None, "a finite number > 0")
         self._params = params
-        self._samples = params.samples
         self._inputs = [self.DeclareVectorInputPort(name, 1) for name in ("command", "motion")]
         self._sums = self.DeclareDiscreteState(np.zeros(len(Sums())))
         self._last = self.DeclareDiscreteState(np.array([FREE, 1.0, 0.0]))
@@ -196,7 +205,7 @@ class Correlator(LeafSystem):
             values.append(value)
         samples, *rest = context.get_discrete_state(self._sums).value().tolist()
         sums = Sums(int(samples), *rest).add(*values)
-        if sums.samples >= self._samples:
+        if sums.samples >= self._params.samples:
             found = sums.correlation()
             before = context.get_discrete_state(self._below)[0]
             low = (

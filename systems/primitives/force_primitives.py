@@ -1,4 +1,4 @@
-"""Force-driven primitives: guarded move, stick, hold, level, and the test for hindered motion.
+"""Force-driven primitives: guarded move, stick, hold, level, and the test for obstructed motion.
 
 Source: Morrow, Nelson and Khosla, section 3.2. They command velocities that accommodation
 perturbs: a maintained velocity v, once in contact, is the force ``D |v|``.
@@ -7,7 +7,7 @@ perturbs: a maintained velocity v, once in contact, is the force ``D |v|``.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, Literal, NamedTuple
+from typing import ClassVar, Final, Literal, NamedTuple
 
 from chamfer.models.validation import (
     ParameterError,
@@ -16,7 +16,14 @@ from chamfer.models.validation import (
     require_positive,
 )
 from chamfer.systems.primitives.correlation import Correlation, Phasors
-from chamfer.systems.primitives.primitive import STILL, Event, Observation, Stepped, Vector
+from chamfer.systems.primitives.primitive import (
+    STILL,
+    Event,
+    Observation,
+    Primitive,
+    Stepped,
+    Vector,
+)
 from chamfer.systems.statechart.chart import TIME_TOLERANCE
 
 Direction = Literal["-x", "+x", "-y", "+y", "-z", "+z", "-rx", "+rx", "-ry", "+ry", "-rz", "+rz"]
@@ -29,7 +36,7 @@ _LAG: Final = 2
 DIRECTIONS: Final = tuple(sign + name for name in AXIS_NAMES for sign in "-+")
 
 
-class Load(NamedTuple):
+class PrimitiveLoad(NamedTuple):
     """How hard a primitive pushes."""
 
     direction: Direction
@@ -63,7 +70,7 @@ def noise_of(sensed: Observation, index: int) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class GuardedMove:
+class GuardedMove(Primitive):
     """Moves straight, or turns, until it meets resistance.
 
     Events: ``contact`` when what opposes the motion reaches the threshold, ``lost`` at the limit.
@@ -76,15 +83,12 @@ class GuardedMove:
     limit: float = 0.03  # m or rad, where it gives up; assumed
     sure: float = 5.0  # standard deviations, by the tared spread, that the threshold is at least
 
+    WORD: ClassVar[str] = "gmove"
+
     def __post_init__(self) -> None:
         require_one_of(self, "direction", DIRECTIONS)
         require_positive(self, "speed", "threshold", "limit")
         require_not_negative(self, "sure")
-
-    @property
-    def label(self) -> str:
-        """What a chart shows of it."""
-        return f"gmove {self.direction}"
 
     @property
     def events(self) -> Mapping[Event, float]:
@@ -92,17 +96,16 @@ class GuardedMove:
         return {"contact": 0.0, "lost": self.limit / self.speed}
 
     @property
-    def load(self) -> Load:
+    def load(self) -> PrimitiveLoad:
         """How hard it pushes."""
-        return Load(self.direction, self.speed, self.threshold)
+        return PrimitiveLoad(self.direction, self.speed, self.threshold)
 
     def begin(self, sensed: Observation) -> float:
         """Remember where it begins."""
         return along(self.direction, sensed.carriage)
 
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+    def step(self, sensed: Observation, memory: float, time: float) -> Stepped:
         """Go on, unless it meets something."""
-        assert isinstance(memory, float)
         noise = self.sure * noise_of(sensed, index_of(self.direction))
         if -along(self.direction, sensed.wrench) >= max(self.threshold, noise):
             return Stepped(memory, STILL, "contact")
@@ -112,7 +115,7 @@ class GuardedMove:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stick:
+class Stick(Primitive):
     """Keeps contact by a maintained velocity, whose force is D times it, and watches over it.
 
     Event: ``lost`` when the tip has gone further than the threshold in the velocity's direction.
@@ -122,6 +125,8 @@ class Stick:
     speed: float = 0.005  # m/s or rad/s, maintained; assumed
     threshold: float = 0.001  # m or rad; assumed
 
+    WORD: ClassVar[str] = "stick"
+
     def __post_init__(self) -> None:
         require_one_of(self, "direction", DIRECTIONS)
         require_positive(self, "speed")
@@ -129,27 +134,21 @@ class Stick:
             raise ParameterError("threshold", self.threshold, "a number > 0, infinity for none")
 
     @property
-    def label(self) -> str:
-        """What a chart shows of it."""
-        return f"stick {self.direction}"
-
-    @property
     def events(self) -> Mapping[Event, float]:
         """The events that it can have, each with the earliest time, s."""
         return {"lost": 0.0} if self.threshold < math.inf else {}
 
     @property
-    def load(self) -> Load:
+    def load(self) -> PrimitiveLoad:
         """How hard it pushes."""
-        return Load(self.direction, self.speed)
+        return PrimitiveLoad(self.direction, self.speed)
 
     def begin(self, sensed: Observation) -> float:
         """Remember where it begins."""
         return along(self.direction, sensed.carriage)
 
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+    def step(self, sensed: Observation, memory: float, time: float) -> Stepped:
         """Maintain the velocity while there is contact."""
-        assert isinstance(memory, float)
         if along(self.direction, sensed.carriage) - memory > self.threshold:
             return Stepped(memory, STILL, "lost")
         return Stepped(memory, velocity(self.direction, self.speed))
@@ -164,7 +163,7 @@ class _Watched(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Obstructed:
+class Obstructed(Primitive):
     """Watches dithers by correlation, and by the companion test of their amplitude.
 
     Both are taken at the dither's frequency alone, so that bias and noise matter little. Event:
@@ -178,6 +177,8 @@ class Obstructed:
     amplitude_threshold: float = 0.4  # of their ratio; friction alone can leave 0.5; assumed
     windows: int = 2  # in a row; assumed
 
+    WORD: ClassVar[str] = "corr"
+
     def __post_init__(self) -> None:
         _require_axes(self.axes)
         if len(self.samples) != len(self.axes) or not all(n >= 4 for n in self.samples):
@@ -185,11 +186,6 @@ class Obstructed:
         require_not_negative(self, "threshold", "amplitude_threshold")
         if not self.windows >= 1:
             raise ParameterError("windows", self.windows, "a whole number >= 1")
-
-    @property
-    def label(self) -> str:
-        """What a chart shows of it."""
-        return f"corr {', '.join(self.axes)}"
 
     @property
     def events(self) -> Mapping[Event, float]:
@@ -200,9 +196,8 @@ class Obstructed:
         """Forget all windows before."""
         return _Watched((Phasors(),) * len(self.axes), (0,) * len(self.axes))
 
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+    def step(self, sensed: Observation, memory: _Watched, time: float) -> Stepped:
         """Take a sample of every axis."""
-        assert isinstance(memory, _Watched)
         if memory.skipped < _LAG:
             return Stepped(memory._replace(skipped=memory.skipped + 1))
         all_sums, below = [], []
@@ -224,7 +219,7 @@ class Obstructed:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Hold:
+class Hold(Primitive):
     """Keeps axes, softly, where they were when it began; it has no event.
 
     Under damping control it is a spring: what pushes an axis away by q does so with D gain q.
@@ -233,27 +228,18 @@ class Hold:
     axes: tuple[AxisName, ...] = ("rx", "ry", "rz")
     gain: float = 5.0  # 1/s; assumed
 
+    WORD: ClassVar[str] = "hold"
+
     def __post_init__(self) -> None:
         _require_axes(self.axes)
         require_positive(self, "gain")
-
-    @property
-    def label(self) -> str:
-        """What a chart shows of it."""
-        return f"hold {', '.join(self.axes)}"
-
-    @property
-    def events(self) -> Mapping[Event, float]:
-        """The events that it can have, each with the earliest time, s."""
-        return {}
 
     def begin(self, sensed: Observation) -> Vector:
         """Remember where the axes are."""
         return sensed.carriage
 
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+    def step(self, sensed: Observation, memory: Vector, time: float) -> Stepped:
         """Go back to where they were."""
-        assert isinstance(memory, tuple)
         velocity = [0.0] * len(AXIS_NAMES)
         for axis in self.axes:
             i = AXIS_NAMES.index(axis)
@@ -271,7 +257,7 @@ class _Levelled(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Level:
+class Level(Primitive):
     """Waits until accommodation has laid a face on another: no torque about x or y is left.
 
     The torque is a mean over windows; what noise leaves of that counts as none. Events: ``done``;
@@ -285,16 +271,13 @@ class Level:
     time: float = 0.2  # s, of a window; assumed
     limit: float = 0.056  # rad, about each axis; assumed
 
+    WORD: ClassVar[str] = "level"
+
     def __post_init__(self) -> None:
         if not self.axes or not set(self.axes) <= {"rx", "ry"}:
             raise ParameterError("axes", self.axes, "one or more of rx, ry")
         require_positive(self, "torque", "limit")
         require_not_negative(self, "time", "sure")
-
-    @property
-    def label(self) -> str:
-        """What a chart shows of it."""
-        return f"level {', '.join(self.axes)}"
 
     @property
     def events(self) -> Mapping[Event, float]:
@@ -305,9 +288,8 @@ class Level:
         """Remember how it is turned."""
         return _Levelled(sensed.carriage)
 
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+    def step(self, sensed: Observation, memory: _Levelled, time: float) -> Stepped:
         """Look at torque and turn."""
-        assert isinstance(memory, _Levelled)
         turning = [AXIS_NAMES.index(axis) for axis in self.axes]
         turned = max(abs(sensed.carriage[i] - memory.start[i]) for i in turning)
         if turned > self.limit:

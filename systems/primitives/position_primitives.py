@@ -7,7 +7,7 @@ began, or the skill's mark.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
 
@@ -16,11 +16,19 @@ from chamfer.models.validation import (
     ParameterError,
     require_finite,
     require_not_negative,
+    require_numbers,
     require_one_of,
     require_positive,
 )
 from chamfer.systems.primitives.force_primitives import DIRECTIONS, Direction, along
-from chamfer.systems.primitives.primitive import STILL, Event, Observation, Stepped, Vector
+from chamfer.systems.primitives.primitive import (
+    STILL,
+    Event,
+    Observation,
+    Primitive,
+    Stepped,
+    Vector,
+)
 from chamfer.systems.primitives.trajectory_primitives import Dither
 from chamfer.systems.statechart.chart import TIME_TOLERANCE
 
@@ -31,22 +39,18 @@ _GAIN: Final = 6.0  # 1/s, with which the end of a way is approached
 
 
 @dataclass(frozen=True, kw_only=True)
-class Place:
+class Place(Primitive):
     """Goes straight to a place, given from where it begins. Event: ``done`` when it is there."""
 
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, along x, y and z
     speed: float = 0.02  # m/s, at most; assumed
     tolerance: float = 0.0002  # m, more than the noise of what is measured; assumed
 
+    WORD: ClassVar[str] = "place"
+
     def __post_init__(self) -> None:
         require_positive(self, "speed", "tolerance")
-        if len(self.offset) != 3 or not all(map(math.isfinite, self.offset)):
-            raise ParameterError("offset", self.offset, "three finite numbers")
-
-    @property
-    def label(self) -> str:
-        """What a chart shows of it."""
-        return "place"
+        require_numbers(self, 3, "offset")
 
     @property
     def events(self) -> Mapping[Event, float]:
@@ -59,9 +63,8 @@ class Place:
             place + way for place, way in zip(sensed.carriage[_LINEAR], self.offset, strict=True)
         )
 
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+    def step(self, sensed: Observation, memory: Vector, time: float) -> Stepped:
         """Go on, the slower the closer."""
-        assert isinstance(memory, tuple)
         left = [goal - here for goal, here in zip(memory, sensed.carriage[_LINEAR], strict=True)]
         distance = math.hypot(*left)
         if distance <= self.tolerance:
@@ -72,7 +75,7 @@ class Place:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Centre:
+class Centre(Primitive):
     """Takes back what contact adds to a dither, so that its middle stays; it has no event.
 
     Contact that gives way to one side more than to the other moves a dither.
@@ -91,18 +94,12 @@ class Centre:
         """What a chart shows of it."""
         return f"centre {self.dither.axis}"
 
-    @property
-    def events(self) -> Mapping[Event, float]:
-        """The events that it can have, each with the earliest time, s."""
-        return {}
-
     def begin(self, sensed: Observation) -> float:
         """Remember where the middle is."""
         return sensed.carriage[self.dither.index] + self.offset
 
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+    def step(self, sensed: Observation, memory: float, time: float) -> Stepped:
         """Go back to where the dither alone would be."""
-        assert isinstance(memory, float)
         index = self.dither.index
         velocity = [0.0] * len(STILL)
         if not self.dither.done(time):
@@ -120,7 +117,7 @@ class _Averaged(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Way:
+class Way(Primitive):
     """Looks, at rest, how far it is from where it began.
 
     It waits, then takes the mean. Events: ``done`` if that is between the bounds, else ``jammed``.
@@ -136,19 +133,15 @@ class Way:
     wait: float = 0.2  # s, until what moves has settled; assumed
     time: float = 0.2  # s, of the mean; assumed
 
+    WORD: ClassVar[str] = "way"
+
     def __post_init__(self) -> None:
         require_one_of(self, "direction", DIRECTIONS)
         require_finite(self, "least")
         require_positive(self, "wait", "time")
         if not self.most > self.least:
             raise ParameterError("most", self.most, f"a number > least, {self.least:g}")
-        if len(self.beside) != 2 or not all(map(math.isfinite, self.beside)):
-            raise ParameterError("beside", self.beside, "two finite numbers")
-
-    @property
-    def label(self) -> str:
-        """What a chart shows of it."""
-        return f"way {self.direction}"
+        require_numbers(self, 2, "beside")
 
     @property
     def events(self) -> Mapping[Event, float]:
@@ -159,9 +152,8 @@ class Way:
         """Remember where it begins."""
         return _Averaged(sensed.carriage)
 
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+    def step(self, sensed: Observation, memory: _Averaged, time: float) -> Stepped:
         """Wait, measure, and say what it was."""
-        assert isinstance(memory, _Averaged)
         if time < self.wait - TIME_TOLERANCE:
             return Stepped(memory)
         way = self._way(memory.start, sensed.carriage)
@@ -189,7 +181,7 @@ class _Weighed(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Held:
+class Held(Primitive):
     """Checks the grip by the gripper's own sensor, and by the weight at the wrist.
 
     Events: ``lost`` as soon as no part is felt, and at the end if less than half of its weight is;
@@ -203,17 +195,14 @@ class Held:
     time: float = 0.1  # s, after that; infinity: only watches
     weight: float = 0.0  # N, that the part is believed to have; 0: it isn't weighed
 
+    WORD: ClassVar[str] = "held"
+
     def __post_init__(self) -> None:
         require_not_negative(self, "wait", "weight")
         if not self.time > 0:
             raise ParameterError("time", self.time, "a number > 0, infinity to watch")
         if self.weight and self.time == math.inf:
             raise ParameterError("time", self.time, "a finite number, for a part that is weighed")
-
-    @property
-    def label(self) -> str:
-        """What a chart shows of it."""
-        return "held"
 
     @property
     def events(self) -> Mapping[Event, float]:
@@ -225,9 +214,8 @@ class Held:
         """Nothing is weighed yet."""
         return _Weighed(0.0, 0)
 
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+    def step(self, sensed: Observation, memory: _Weighed, time: float) -> Stepped:
         """Ask the gripper, and weigh."""
-        assert isinstance(memory, _Weighed)
         closed = time - self.wait + TIME_TOLERANCE
         if closed < 0:
             return Stepped(memory)

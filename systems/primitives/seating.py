@@ -15,7 +15,7 @@ lead-in moves too little even for that; there it pushes with what it has to, wha
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, Literal, NamedTuple
+from typing import ClassVar, Final, Literal, NamedTuple
 
 from chamfer.models.validation import (
     ParameterError,
@@ -26,11 +26,11 @@ from chamfer.models.validation import (
 from chamfer.systems.primitives.force_primitives import (
     DIRECTIONS,
     Direction,
-    Load,
+    PrimitiveLoad,
     along,
     velocity,
 )
-from chamfer.systems.primitives.primitive import STILL, Event, Observation, Stepped
+from chamfer.systems.primitives.primitive import STILL, Event, Observation, Primitive, Stepped
 from chamfer.systems.statechart.chart import TIME_TOLERANCE
 
 # Windows of a look whether it creeps: until the force has settled, and of a mean.
@@ -71,7 +71,7 @@ class _Pushing(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Seat:
+class Seat(Primitive):
     """Pushes with a rising force until the end stop, or until more force is not justified.
 
     Window by window it compares the means of place and force. Where the force rises as against
@@ -110,6 +110,8 @@ class Seat:
     # it is, by the square of the force; assumed
     distance: float = 0.004  # m or rad, least way of what is seated
 
+    WORD: ClassVar[str] = "seat"
+
     def __post_init__(self) -> None:
         require_one_of(self, "direction", DIRECTIONS)
         require_positive(self, "speed", "fastest", "window", "still", "stiffness", "limit")
@@ -137,19 +139,14 @@ class Seat:
             raise ParameterError("steep", self.steep, "two numbers, least < most; or none")
 
     @property
-    def label(self) -> str:
-        """What a chart shows of it."""
-        return f"seat {self.direction}"
-
-    @property
     def events(self) -> Mapping[Event, float]:
         """The events that it can have, each with the earliest time, s."""
         return {"done": 2 * self.window, "jammed": 2 * self.window}
 
     @property
-    def load(self) -> Load:
+    def load(self) -> PrimitiveLoad:
         """How hard it pushes."""
-        return Load(self.direction, self.fastest, self.limit)
+        return PrimitiveLoad(self.direction, self.fastest, self.limit)
 
     def begin(self, sensed: Observation) -> _Pushing:
         """Remember where its way begins."""
@@ -157,9 +154,8 @@ class Seat:
         proved = self.limit if self.free is None else self.free / self.share
         return _Pushing(start, self.speed, proved)
 
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+    def step(self, sensed: Observation, memory: _Pushing, time: float) -> Stepped:
         """Push; at the end of a window see what that did."""
-        assert isinstance(memory, _Pushing)
         place = along(self.direction, sensed.carriage)
         memory = memory._replace(
             place=memory.place + place,
@@ -282,29 +278,20 @@ class Seat:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Press:
+class Press(Primitive):
     """Goes on with the velocity that was commanded before it began; it has no event."""
 
     direction: Direction = "-z"
 
+    WORD: ClassVar[str] = "press"
+
     def __post_init__(self) -> None:
         require_one_of(self, "direction", DIRECTIONS)
-
-    @property
-    def label(self) -> str:
-        """What a chart shows of it."""
-        return f"press {self.direction}"
-
-    @property
-    def events(self) -> Mapping[Event, float]:
-        """The events that it can have, each with the earliest time, s."""
-        return {}
 
     def begin(self, sensed: Observation) -> float:
         """Remember what accommodation perturbed last: the command of the state before."""
         return along(self.direction, sensed.perturbed)
 
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+    def step(self, sensed: Observation, memory: float, time: float) -> Stepped:
         """Command it on."""
-        assert isinstance(memory, float)
         return Stepped(memory, velocity(self.direction, memory))

@@ -10,7 +10,23 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from chamfer.models.validation import ParameterError
+from chamfer.systems.primitives.force_primitives import (
+    GuardedMove,
+    Hold,
+    Level,
+    Obstructed,
+    Stick,
+)
+from chamfer.systems.primitives.position_primitives import Centre, Held, Place, Way
 from chamfer.systems.primitives.primitive import EVENTS, STILL, Primitive
+from chamfer.systems.primitives.seating import Press, Seat
+from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx, Spiral
+from chamfer.systems.primitives.vision_primitives import (
+    FixedPointRotation,
+    VisGrasp,
+    VisRotation,
+    VisTranslation,
+)
 
 Outcome = Literal["done", "contact", "lost", "hindered", "jammed", "timed out"]
 
@@ -69,3 +85,29 @@ class Skill:
     def __post_init__(self) -> None:
         for name in ("states", "retract"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
+
+
+# All primitives by name, as a skill in a file names them.
+PRIMITIVES: Final[Mapping[str, type[Primitive]]] = {
+    one.__name__: one
+    for one in (
+        Centre,
+        Dither,
+        FixedPointRotation,
+        GuardedMove,
+        Held,
+        Obstructed,
+        Hold,
+        Level,
+        MoveDx,
+        Place,
+        Press,
+        Seat,
+        Spiral,
+        Stick,
+        VisGrasp,
+        VisRotation,
+        VisTranslation,
+        Way,
+    )
+}

@@ -1,4 +1,4 @@
-"""Trajectory primitives: movedx, ldither and rdither, and what two dithers cover (section 2).
+"""Trajectory primitives: movedx, ldither and rdither, what two dithers cover (section 2), spiral.
 
 Source: Morrow, Nelson and Khosla. A primitive gives a Cartesian velocity, shape (6,), rad/s above
 m/s as Drake orders them, over the time since it began. The paper prints no amplitudes and no
@@ -6,23 +6,22 @@ frequencies.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import ClassVar, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from chamfer.models.validation import (
     ParameterError,
     require_finite,
+    require_numbers,
     require_one_of,
     require_positive,
 )
-from chamfer.systems.primitives.primitive import STILL, Event, Observation, Stepped
+from chamfer.systems.primitives.primitive import STILL, Event, Observation, Primitive, Stepped
 
-Array = NDArray[np.float64]
 Axis = Literal["x", "y", "z"]
 
 AXES: Final[tuple[Axis, ...]] = ("x", "y", "z")
@@ -31,7 +30,7 @@ _TOLERANCE: Final = 1e-9  # s
 
 
 @dataclass(frozen=True, kw_only=True)
-class MoveDx:
+class MoveDx(Primitive):
     """Applies a velocity over a time to go a given way."""
 
     displacement: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # rad above m
@@ -39,18 +38,7 @@ class MoveDx:
 
     def __post_init__(self) -> None:
         require_positive(self, "duration")
-        if len(self.displacement) != 6 or not all(map(math.isfinite, self.displacement)):
-            raise ParameterError("displacement", self.displacement, "six finite numbers")
-
-    def velocity(self, time: float) -> Array:
-        """Return the velocity at a time since the begin, s."""
-        if time >= self.duration - _TOLERANCE:
-            return np.zeros(6)
-        return np.array(self.displacement) / self.duration
-
-    def done(self, time: float) -> bool:
-        """Say whether the way is covered."""
-        return time >= self.duration - _TOLERANCE
+        require_numbers(self, 6, "displacement")
 
     @property
     def label(self) -> str:
@@ -67,18 +55,15 @@ class MoveDx:
         """The events that it can have, each with the earliest time, s."""
         return {"done": self.duration}
 
-    def begin(self, sensed: Observation) -> None:
-        """Nothing is remembered: it follows the time."""
-
     def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
         """Return the velocity; the event ``done`` when the way is covered."""
-        if self.done(time):
+        if time >= self.duration - _TOLERANCE:
             return Stepped(None, STILL, "done")
-        return Stepped(None, tuple(self.velocity(time).tolist()))
+        return Stepped(None, tuple(way / self.duration for way in self.displacement))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Dither:
+class Dither(Primitive):
     """A sinusoidal velocity along an axis (ldither) or about it (rdither).
 
     The displacement is ``amplitude sin(w t)``: the velocity is a cosine. One that begins as
@@ -108,14 +93,6 @@ class Dither:
         """Of its element in a velocity."""
         return AXES.index(self.axis) + (3 if self.kind == "linear" else 0)
 
-    def velocity(self, time: float) -> Array:
-        """Return the velocity at a time since the begin, s."""
-        velocity = np.zeros(6)
-        if not self.done(time):
-            w = 2 * math.pi * self.frequency
-            velocity[self.index] = self.amplitude * w * math.cos(w * time)
-        return velocity
-
     def displacement(self, time: float) -> float:
         """Return the displacement at a time since the begin, while it runs, m or rad."""
         return self.amplitude * math.sin(2 * math.pi * self.frequency * time)
@@ -134,14 +111,14 @@ class Dither:
         """The events that it can have, each with the earliest time, s."""
         return {"done": self.duration}
 
-    def begin(self, sensed: Observation) -> None:
-        """Nothing is remembered: it follows the time."""
-
     def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
         """Return the velocity; the event ``done`` after the last cycle."""
         if self.done(time):
             return Stepped(None, STILL, "done")
-        return Stepped(None, tuple(self.velocity(time).tolist()))
+        w = 2 * math.pi * self.frequency
+        velocity = [0.0] * len(STILL)
+        velocity[self.index] = self.amplitude * w * math.cos(w * time)
+        return Stepped(None, tuple(velocity))
 
 
 def lissajous(*, first: Dither, axis: Axis, repeats: int) -> tuple[Dither, Dither]:
@@ -177,12 +154,68 @@ def lissajous(*, first: Dither, axis: Axis, repeats: int) -> tuple[Dither, Dithe
     return slow, fast
 
 
-def together(primitives: Sequence[MoveDx | Dither], time: float) -> Array:
-    """Return the sum of the velocities of several primitives, shape (6,)."""
-    velocity = np.zeros(6)
-    for primitive in primitives:
-        velocity += primitive.velocity(time)
-    return velocity
+@dataclass(frozen=True, kw_only=True)
+class Spiral(Primitive):
+    """Moves along a spiral in x and y at a constant speed: a search beside the paper's dithers.
+
+    Two dithers cover a rectangle evenly in time and come back to the middle. An Archimedean
+    spiral, ``r = pitch angle / (2 pi)``, begins in the middle, where the error is least likely to
+    be large, and covers a disc: its way up to the radius R is about ``pi R^2 / pitch``. Event:
+    ``done`` when the radius is reached.
+    """
+
+    speed: float = 0.01  # m/s, along the spiral; assumed
+    pitch: float = 0.0008  # m, between two turns; assumed
+    radius: float = 0.003  # m, where it ends; assumed
+
+    WORD: ClassVar[str] = "spiral"
+
+    def __post_init__(self) -> None:
+        require_positive(self, "speed", "pitch", "radius")
+
+    @property
+    def duration(self) -> float:
+        """How long it takes, s."""
+        return self._way(self._last) / self.speed
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return {"done": self.duration}
+
+    def angle(self, time: float) -> float:
+        """Return how far it has turned at a time since the begin, rad."""
+        way = self.speed * time
+        # From the way of many turns, b angle^2 / 2, by Newton's method.
+        angle = min(math.sqrt(2 * way / self._growth), self._last)
+        for _ in range(3):
+            angle -= (self._way(angle) - way) / (self._growth * math.hypot(1.0, angle))
+        return max(angle, 0.0)
+
+    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+        """Return the velocity; the event ``done`` at the end."""
+        if time >= self.duration - _TOLERANCE:
+            return Stepped(None, STILL, "done")
+        angle = self.angle(time)
+        rate = self.speed / math.hypot(1.0, angle)  # of the radius, and of the turn around
+        x = rate * (math.cos(angle) - angle * math.sin(angle))
+        y = rate * (math.sin(angle) + angle * math.cos(angle))
+        return Stepped(None, (0.0, 0.0, 0.0, x, y, 0.0))
+
+    @property
+    def _growth(self) -> float:
+        """Of the radius, m/rad."""
+        return self.pitch / (2 * math.pi)
+
+    @property
+    def _last(self) -> float:
+        """Where it ends, rad."""
+        return self.radius / self._growth
+
+    def _way(self, angle: float) -> float:
+        """Return the length of the spiral from the middle, m."""
+        root = math.hypot(1.0, angle)
+        return self._growth / 2 * (angle * root + math.asinh(angle))
 
 
 class TrajectoryPrimitive(LeafSystem):
@@ -200,8 +233,11 @@ class TrajectoryPrimitive(LeafSystem):
 
     def __init__(self, *primitives: MoveDx | Dither) -> None:
         super().__init__()
+        nothing = Observation(STILL, STILL, STILL)  # they follow the time alone
 
         def calc(context: Context, vector: BasicVector) -> None:
-            vector.SetFromVector(together(primitives, context.get_time()))
+            time = context.get_time()
+            steps = [primitive.step(nothing, None, time) for primitive in primitives]
+            vector.SetFromVector(np.sum([one.velocity for one in steps], axis=0))
 
         self.DeclareVectorOutputPort("velocity", 6, calc, {self.time_ticket()})

@@ -1,6 +1,8 @@
-"""Vision primitives with two static cameras: translation and rotation in the image planes.
+"""Vision primitives: translation and rotation in the images of two static cameras, and a grasp.
 
-Source: Morrow, Nelson and Khosla, section 3.1. The laws, gains and ends are reconstructed.
+Source: Morrow, Nelson and Khosla, section 3.1. The laws, gains and ends are reconstructed. In the
+visual grasp a camera on the gripper centres it on a cross-section. Interaction matrices of a point
+and of an angle: Chaumette and Hutchinson.
 """
 
 import math
@@ -17,10 +19,18 @@ from chamfer.models.cameras.camera import Camera
 from chamfer.models.validation import (
     ParameterError,
     require_finite,
+    require_numbers,
     require_one_of,
     require_positive,
 )
-from chamfer.systems.primitives.primitive import STILL, Event, Observation, Stepped, Vector
+from chamfer.systems.primitives.primitive import (
+    STILL,
+    Event,
+    Observation,
+    Primitive,
+    Stepped,
+    Vector,
+)
 from chamfer.systems.primitives.trajectory_primitives import AXES, Axis
 from chamfer.systems.primitives.visual_servoing import (
     Servoing,
@@ -30,13 +40,14 @@ from chamfer.systems.primitives.visual_servoing import (
     limited,
     seen_part,
 )
+from chamfer.systems.vision.cross_section import CrossSection, unpack_cross_section
 from chamfer.systems.vision.part_detection import Status
 
 Array = NDArray[np.float64]
 View = Literal["xz", "yz"]
 
 _NORMAL: Final[dict[View, Axis]] = {"xz": "y", "yz": "x"}  # to the image plane
-_SERVOING: Final = Servoing()
+_GRASP_AXES: Final = (3, 4, 2)  # of the velocity: along X and Y, about Z
 _LEAST: Final = 0.05  # smallest singular value of a believed Jacobian, relative to the largest
 
 
@@ -64,7 +75,23 @@ def _check_jacobian(J: Array) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class VisTranslation:
+class _Servoed(Primitive):
+    """What all have: the law, by which they are done or lost."""
+
+    servoing: Servoing = Servoing()
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return self.servoing.events
+
+    def begin(self, sensed: Observation) -> object:
+        """Return the memory at the begin."""
+        return Watch(carriage=sensed.carriage)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VisTranslation(_Servoed):
     """Brings the tip of a part to a point of another, along chosen axes, by its images.
 
     Along x and z the camera along Y is enough, along y and z the one along X: the other one is
@@ -78,14 +105,12 @@ class VisTranslation:
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, world, of the goal from its tip
     speed: float = 0.05  # m/s, at most; assumed
     tolerance: float = 0.5  # pixels, e_ok; assumed
-    servoing: Servoing = _SERVOING
 
     def __post_init__(self) -> None:
         _check_axes(self.axes, AXES)
         _check_parts(self.moved, self.target)
         require_positive(self, "speed", "tolerance")
-        if len(self.offset) != 3 or not all(map(math.isfinite, self.offset)):
-            raise ParameterError("offset", self.offset, "three finite numbers")
+        require_numbers(self, 3, "offset")
         middle = [np.array(camera.centre) for camera in self._cameras]
         _check_jacobian(self.jacobian(middle))
 
@@ -152,18 +177,8 @@ class VisTranslation:
         deviation: Array = (np.concatenate(tips) - np.concatenate(goals))[self._rows]
         return deviation
 
-    @property
-    def events(self) -> Mapping[Event, float]:
-        """The events that it can have, each with the earliest time, s."""
-        return self.servoing.events
-
-    def begin(self, sensed: Observation) -> object:
-        """Return the memory at the begin."""
-        return Watch(carriage=sensed.carriage)
-
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+    def step(self, sensed: Observation, memory: Watch, time: float) -> Stepped:
         """Return the velocity at a tick; done within the tolerance, lost without both tips."""
-        assert isinstance(memory, Watch)
         tips, targets = [], []
         for view in self.views:
             moved = seen_part(sensed, view, self.moved)
@@ -189,7 +204,7 @@ class VisTranslation:
 
 
 @dataclass(frozen=True, kw_only=True)
-class VisRotation:
+class VisRotation(_Servoed):
     """Aligns the axis of a part with that of another, by the angles in the image planes."""
 
     axes: tuple[Axis, ...] = ("x", "y")  # to turn about; x is seen by the camera along X
@@ -198,7 +213,6 @@ class VisRotation:
     target: int = 1  # part
     speed: float = 0.3  # rad/s, at most; assumed
     tolerance: float = 0.003  # rad, e_ok; assumed
-    servoing: Servoing = _SERVOING
 
     def __post_init__(self) -> None:
         _check_axes(self.axes, ("x", "y"))
@@ -225,18 +239,8 @@ class VisRotation:
         rows = [camera.R_WC[:, 2] for camera in self.cameras.views(self.views)]
         return np.array(rows)[:, [AXES.index(axis) for axis in self.axes]]
 
-    @property
-    def events(self) -> Mapping[Event, float]:
-        """The events that it can have, each with the earliest time, s."""
-        return self.servoing.events
-
-    def begin(self, sensed: Observation) -> object:
-        """Return the memory at the begin."""
-        return Watch(carriage=sensed.carriage)
-
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+    def step(self, sensed: Observation, memory: Watch, time: float) -> Stepped:
         """Return the velocity at a tick; done within the tolerance, lost without both axes."""
-        assert isinstance(memory, Watch)
         angles = []
         for view in self.views:
             moved = seen_part(sensed, view, self.moved)
@@ -265,7 +269,7 @@ class _Held(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class FixedPointRotation:
+class FixedPointRotation(_Servoed):
     """Turns a part about the normal of an image, and holds its tip where it is in the image.
 
     The turn alone would move the tip if it is not the reference point: the way that follows from
@@ -281,7 +285,6 @@ class FixedPointRotation:
     speed: float = 0.05  # m/s, at most; assumed
     angle_tolerance: float = 0.003  # rad; assumed
     tolerance: float = 0.5  # pixels; assumed
-    servoing: Servoing = _SERVOING
 
     def __post_init__(self) -> None:
         require_one_of(self, "view", _NORMAL)
@@ -291,8 +294,7 @@ class FixedPointRotation:
             raise ParameterError("moved", self.moved, "a whole number >= 0")
         if not abs(self.angle) < math.pi / 2:
             raise ParameterError("angle", self.angle, "less than a quarter turn")
-        if len(self.lever) != 3 or not all(map(math.isfinite, self.lever)):
-            raise ParameterError("lever", self.lever, "three finite numbers")
+        require_numbers(self, 3, "lever")
         _check_jacobian(self.jacobian(np.array(self._camera.centre)))
 
     @property
@@ -317,18 +319,12 @@ class FixedPointRotation:
         """Return how the tip is believed to move in the image with the plane's axes, (2, 2)."""
         return self._camera.point_jacobian(pixel, self.cameras.depth)[:, self._columns]
 
-    @property
-    def events(self) -> Mapping[Event, float]:
-        """The events that it can have, each with the earliest time, s."""
-        return self.servoing.events
-
     def begin(self, sensed: Observation) -> object:
         """Return the memory at the begin; where the tip is comes with the first frame."""
         return _Held(Watch(carriage=sensed.carriage))
 
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+    def step(self, sensed: Observation, memory: _Held, time: float) -> Stepped:
         """Return the velocity at a tick; done within both tolerances, lost without the tip."""
-        assert isinstance(memory, _Held)
         part = seen_part(sensed, self.view, self.moved)
         if part is None or part.status != Status.VALID:
             watch, event = self.servoing.missing(memory.watch, time)
@@ -356,3 +352,103 @@ class FixedPointRotation:
         velocity[[3 + k for k in self._columns]] += back
         velocity[3:] = limited(velocity[3:], self.speed)
         return Stepped(_Held(watch, point, angle), tuple(velocity.tolist()), event)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VisGrasp(_Servoed):
+    """Moves along x and y and turns about z until a cross-section is centred and aligned.
+
+    The camera looks down and moves with the gripper. A round cross-section has no direction:
+    set ``align`` to False for it.
+    """
+
+    camera: Camera  # as believed, as it stands where the carriage is at 0
+    depth: float = 0.2  # m, believed, of the cross-section from the camera; assumed
+    centre: Literal["centroid", "edges"] = "centroid"  # edges: half-way between them
+    goal: tuple[float, float] | None = None  # pixels, where it should be; None: image's centre
+    align: bool = True
+    angle: float = 0.0  # rad, that the longer axis should have in the image
+    speed: float = 0.05  # m/s, at most; assumed
+    turn_speed: float = 0.5  # rad/s, at most; assumed
+    tolerance: float = 0.5  # pixels; assumed
+    angle_tolerance: float = 0.005  # rad; assumed
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "centre", ("centroid", "edges"))
+        require_positive(self, "depth", "speed", "turn_speed", "tolerance", "angle_tolerance")
+        require_finite(self, "angle")
+        if self.goal is not None:
+            require_numbers(self, 2, "goal")
+        if not self.camera.R_WC[2, 2] < -0.1:
+            allowed = "of a camera that looks down"
+            raise ParameterError("camera", self.camera.R_WC[:, 2].tolist(), allowed)
+
+    @property
+    def label(self) -> str:
+        """Of the primitive in a chart."""
+        return "vis_grasp" if self.align else "vis_centre"
+
+    @cached_property
+    def _goal(self) -> Array:
+        return np.array(self.camera.centre if self.goal is None else self.goal)
+
+    def jacobian(self, pixel: Array, turned: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Array:
+        """Return how a cross-section is believed to move in the image with the carriage.
+
+        Args:
+            pixel: Of its centre, shape (2,).
+            turned: Of the carriage, rotation vector, rad.
+
+        Returns:
+            Rows u, v in pixels and the angle in rad; columns along X, along Y, about Z; shape
+            (3, 3). The camera is taken to be right above the reference point.
+        """
+        camera = self.camera
+        R_CW = (Rotation.from_rotvec(turned).as_matrix() @ camera.R_WC).T
+        x, y = (pixel - camera.centre) / camera.focal
+        fx, fy = camera.focal
+        moves = np.array([[-fx, 0.0, fx * x], [0.0, -fy, fy * y]]) / self.depth
+        turns = np.array(
+            [[fx * x * y, -fx * (1 + x * x), fx * y], [fy * (1 + y * y), -fy * x * y, -fy * x]]
+        )
+        J = np.zeros((3, 3))
+        J[:2, :2] = (moves @ R_CW)[:, :2]
+        J[:2, 2] = turns @ R_CW[:, 2]
+        J[2, 2] = -R_CW[2, 2]
+        return J
+
+    def step(self, sensed: Observation, memory: Watch, time: float) -> Stepped:
+        """Return the velocity at a tick; done when centred and aligned, lost without an image."""
+        section = self._seen(sensed)
+        if section is None:
+            watch, event = self.servoing.missing(memory, time)
+            return Stepped(watch, STILL, event)
+        centre = section.centroid if self.centre == "centroid" else section.middle
+        J = self.jacobian(np.array(centre), sensed.carriage[:3])
+        deviation = np.zeros(3)
+        deviation[:2] = np.subtract(centre, self._goal)
+        if self.align:
+            deviation[2] = half_turn(section.angle - self.angle)
+        else:
+            J[:, 2] = (0.0, 0.0, 1.0)  # no turn
+        small = bool(np.abs(deviation[:2]).max() <= self.tolerance)
+        small = small and abs(deviation[2]) <= self.angle_tolerance
+        features = (*section.centroid, section.angle) if self.align else section.centroid
+        watch, event = self.servoing.found(memory, sensed, features, small, time)
+        u = self.servoing.solve(J, deviation)
+        # Slowed down as a whole, so that the way in the image stays.
+        share = max(np.hypot(u[0], u[1]) / self.speed, abs(u[2]) / self.turn_speed, 1.0)
+        velocity = np.zeros(6)
+        velocity[list(_GRASP_AXES)] = u / share
+        return Stepped(watch, tuple(velocity.tolist()), event)
+
+    def _seen(self, sensed: Observation) -> CrossSection | None:
+        if sensed.cross_section is None:
+            return None
+        section = unpack_cross_section(sensed.cross_section)
+        if section.status != Status.VALID:
+            return None
+        needed = [*section.centroid]
+        needed += [section.angle] if self.align else []
+        needed += [*section.edges] if self.centre == "edges" else []
+        return section if all(map(math.isfinite, needed)) else None

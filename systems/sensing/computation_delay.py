@@ -28,12 +28,9 @@ class ComputationDelay(LeafSystem):
 
     Discrete state: the command of the period before, shape (n,).
 
-    Args:
-        joints: n.
-        delay: s, from 0 to a period.
-        jitter: s, half-width of what is uniformly distributed about the delay.
-        period: s, of the computer.
-        step: s, for which a torque is held; a whole part of the period.
+    ``delay`` is from 0 to a period, s; ``jitter``, s, the half-width of what is uniformly
+    distributed about it; a torque is held for ``step``, s, a whole part of the period of the
+    computer.
 
     Raises:
         ParameterError: If a torque would be early, or later than a period.

@@ -1,4 +1,4 @@
-"""Joint encoders: counts, and the velocity that a computer makes of them."""
+"""Joint encoders: counts, the velocity that a computer makes of them, homing, and the endpoint."""
 
 import math
 from dataclasses import dataclass
@@ -8,7 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from chamfer.models.validation import ParameterError, known, require_not_negative, require_one_of
+from chamfer.models.arms.arm import Kinematics
+from chamfer.models.validation import (
+    ParameterError,
+    known,
+    require_not_negative,
+    require_one_of,
+    require_positive,
+)
+from chamfer.systems.force.sampled_loop import Sampled
 
 Array = NDArray[np.float64]
 Velocity = Literal["exact", "differenced", "tracked"]
@@ -79,10 +87,7 @@ class Encoders(LeafSystem):
 
     Discrete states: position of the tick before, filtered position and velocity, shape (n,) each.
 
-    Args:
-        params: Counts and velocity.
-        q: Joint positions at the start, at rest, shape (n,).
-        period: s, of the computer.
+    They start at rest at ``q``, shape (n,); the period, s, is the computer's.
 
     Raises:
         ParameterError: If parameters are open, or for another number of joints.
@@ -134,3 +139,164 @@ class Encoders(LeafSystem):
     def _tick(self, context: Context, values: DiscreteValues) -> None:
         for i, value in enumerate(self._read(context)):
             values.set_value(i, value)
+
+
+def linear_encoders(params: EncoderParams, n: int, *, period: float, beside: int) -> Sampled:
+    """Return :class:`Encoders` as fine as can be, and ``beside`` signals that pass unchanged.
+
+    Input and output: n joint positions, then velocities, and what passes beside the encoders.
+    States: position before and velocity, or position and velocity of the tracking filter, shape
+    (n,) each.
+    """
+    pole = math.exp(-2 * math.pi * known("bandwidth", params.bandwidth) * period)
+    if params.velocity == "exact":
+        none = np.zeros((0, 2 * n + beside))
+        return Sampled(np.zeros((0, 0)), none, none.T, np.eye(2 * n + beside))
+    if params.velocity == "differenced":
+        follow = 1 - pole if pole < 1 else 1.0
+        keeps = np.array([[0.0, 0.0], [-follow / period, 1 - follow]])
+        takes = np.array([1.0, follow / period])
+    else:
+        stiff, fast = 1 - pole**2, (1 - pole) ** 2 / period
+        keeps = np.array([[1 - stiff, (1 - stiff) * period], [-fast, 1 - fast * period]])
+        takes = np.array([stiff, fast])
+    each = np.eye(n)
+    A = np.kron(keeps, each)
+    B = np.hstack([np.kron(takes[:, np.newaxis], each), np.zeros((2 * n, n + beside))])
+    C, D = np.zeros((2 * n + beside, 2 * n)), np.eye(2 * n + beside)
+    C[n : 2 * n], D[n : 2 * n] = A[n:], B[n:]
+    return Sampled(A, B, C, D)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HomingParams:
+    """Parameters of :class:`Homing`."""
+
+    zero_error: tuple[float, ...] = ()
+    # rad or m, of each joint: what its encoder reads too much when it is switched on; empty: 0
+    mark_distance: tuple[float, ...] = ()
+    # rad or m, of each joint: from where it is switched on to its index mark; empty or 0: the zero
+    # is known
+    settle: float = 0.5  # s, in which a zero that was found is taken over; assumed
+
+    def __post_init__(self) -> None:
+        require_positive(self, "settle")
+        for name in ("zero_error", "mark_distance"):
+            if not all(map(math.isfinite, getattr(self, name))):
+                raise ParameterError(name, getattr(self, name), "finite numbers")
+
+    def for_joints(self, n: int) -> tuple[Array, Array]:
+        """Return zero errors and marks' distances of n joints, shape (n,) each.
+
+        Raises:
+            ParameterError: If they are for more or fewer of them, or one has an error and no mark.
+        """
+        for name in ("zero_error", "mark_distance"):
+            if len(getattr(self, name)) not in (0, n):
+                raise ParameterError(name, getattr(self, name), f"{n} numbers, or none")
+        error = np.array(self.zero_error or [0.0] * n)
+        distance = np.array(self.mark_distance or [0.0] * n)
+        if np.any((error != 0) & (distance == 0)):
+            raise ParameterError("zero_error", self.zero_error, "0 where mark_distance is 0")
+        return error, distance
+
+
+class Homing(LeafSystem):
+    """Counts from an unknown zero until each joint has passed its index mark.
+
+    .. pydrake_system::
+
+        name: Homing
+        input_ports:
+        - motion
+        output_ports:
+        - encoders
+        - homed
+
+    Behind its mark a joint's zero is known to a count. It is taken over gradually, so that an arm
+    under position control follows smoothly to where it is meant to be; velocities are differences
+    of counts, and never wrong.
+
+    ``motion``, shape (2n,), joint positions (rad or m) from the true zero, then velocities, as
+    encoders with a known zero give them; ``encoders``, shape (2n,), as they are shown; ``homed``,
+    size 1, 1 once all zeros are known and taken over.
+
+    Discrete states: side of the mark on which a joint was, and time since its mark was passed, s,
+    -1 before, shape (n,) each.
+
+    It starts at ``q``, shape (n,); the period, s, is the computer's.
+
+    Raises:
+        ParameterError: If parameters are for another number of joints.
+    """
+
+    def __init__(self, params: HomingParams, q: Array, *, period: float) -> None:
+        super().__init__()
+        n = len(q)
+        error, distance = params.for_joints(n)
+        marks = q + distance
+        self._motion = self.DeclareVectorInputPort("motion", 2 * n)
+        side = self.DeclareDiscreteState(np.sign(-distance))
+        since = self.DeclareDiscreteState(np.where(distance == 0, params.settle, -1.0))
+
+        def left(context: Context) -> Array:
+            """Return how much of each joint's error is still shown, 1 to 0."""
+            u = np.clip(context.get_discrete_state(since).value() / params.settle, 0.0, 1.0)
+            share: Array = 1 - u**3 * (10 - 15 * u + 6 * u**2)
+            return share
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            motion = self._motion.Eval(context)
+            vector.SetFromVector([*(motion[:n] + error * left(context)), *motion[n:]])
+
+        def calc_homed(context: Context, vector: BasicVector) -> None:
+            vector.SetAtIndex(0, float(not left(context).any()))
+
+        def tick(context: Context, values: DiscreteValues) -> None:
+            now = np.sign(self._motion.Eval(context)[:n] - marks)
+            before = context.get_discrete_state(since).value()
+            passed = (now != context.get_discrete_state(side).value()) | (before >= 0)
+            values.set_value(side, now)
+            values.set_value(since, np.where(passed, np.maximum(before, 0.0) + period, -1.0))
+
+        known = self.discrete_state_ticket(since)
+        self.DeclareVectorOutputPort("encoders", 2 * n, calc, {self._motion.ticket(), known})
+        self.DeclareVectorOutputPort("homed", 1, calc_homed, {known})
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, tick)
+
+
+class EndpointMotion(LeafSystem):
+    """Turns joint positions and velocities into the endpoint's.
+
+    .. pydrake_system::
+
+        name: EndpointMotion
+        input_ports:
+        - encoders
+        output_ports:
+        - endpoint_motion
+        - nominal_motion
+
+    The endpoint is where a gripper's tip would be if it were relaxed, the nominal one of chapter
+    4. ``encoders``, shape (2n,), q and velocity. ``endpoint_motion``, shape (2m,), the endpoint
+    vector x, m (rad), then ``J v``; ``nominal_motion``, shape (2d,), the same of its d first
+    coordinates, which are those of the plane or of space.
+
+    d is the ``dimension``.
+    """
+
+    def __init__(self, arm: Kinematics, *, dimension: int) -> None:
+        super().__init__()
+        n, m = arm.num_joints, arm.num_coordinates
+        encoders = self.DeclareVectorInputPort("encoders", 2 * n)
+
+        def declare(name: str, size: int) -> None:
+            def calc(context: Context, vector: BasicVector) -> None:
+                measured = encoders.Eval(context)
+                q, v = measured[:n], measured[n:]
+                vector.SetFromVector([*arm.endpoint(q)[:size], *(arm.jacobian(q) @ v)[:size]])
+
+            self.DeclareVectorOutputPort(name, 2 * size, calc, {encoders.ticket()})
+
+        declare("endpoint_motion", m)
+        declare("nominal_motion", dimension)

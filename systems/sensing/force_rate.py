@@ -1,12 +1,92 @@
-"""The rate of a measured force: what is left of it when it is filtered and differenced."""
+"""A force and its rate, measured, filtered and differenced, and averaged."""
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from numpy.typing import NDArray
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem
 
-from chamfer.models.validation import ParameterError, require_positive
+from chamfer.models.validation import ParameterError, require_not_negative, require_positive
+from chamfer.systems.ports import finite, finite_input
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceRateSensorParams:
+    """Parameters of :class:`ForceRateSensor`.
+
+    A noise is the rms length of a vector with three axes (4-9), (4-15): also in the plane, the
+    standard deviation of each axis is the noise by the square root of 3.
+    """
+
+    force_noise: float = 1.0  # N, u_F, of the force; section 5.2
+    force_rate_noise: float = 5.0  # N/s, u_Fdot, of its rate; section 5.2
+    bias: tuple[float, ...] | None = None  # N, constant error of the force on each axis
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "force_noise", "force_rate_noise")
+        if self.bias is not None and not all(map(math.isfinite, self.bias)):
+            raise ParameterError("bias", self.bias, "finite numbers")
+
+
+class ForceRateSensor(LeafSystem):
+    """Measures the contact force and its rate of change (Figs. 5-1 and 5-7).
+
+    .. pydrake_system::
+
+        name: ForceRateSensor
+        input_ports:
+        - contact_force
+        - contact_force_rate
+        - noise
+        output_ports:
+        - measured_force
+        - measured_force_rate
+
+    ``contact_force``, shape (d,), N, and ``contact_force_rate``, shape (d,), N/s, of the surface
+    on the arm. ``noise``, shape (2d,), independent standard normal samples (Drake's Gaussian
+    ``RandomSource``), first for the force, then for the rate; it is not read if both noises are
+    zero. ``measured_force``, shape (d,), N, and ``measured_force_rate``, shape (d,), N/s, of the
+    arm on the surface: the opposite sign.
+
+    d, 2 or 3, is the ``dimension``.
+
+    Raises:
+        ParameterError: If the bias has another dimension; while running, if a measured value is
+            not finite.
+    """
+
+    def __init__(self, params: ForceRateSensorParams, *, dimension: int) -> None:
+        super().__init__()
+        d = dimension
+        bias = np.zeros(d) if params.bias is None else np.array(params.bias)
+        if bias.shape != (d,):
+            raise ParameterError("bias", params.bias, f"{d} numbers")
+        silent = params.force_noise == params.force_rate_noise == 0
+        inputs = [
+            self.DeclareVectorInputPort(name, d)
+            for name in ("contact_force", "contact_force_rate")
+        ]
+        noise = self.DeclareVectorInputPort("noise", 2 * d)
+
+        def declare(
+            name: str, signal: InputPort, length: float, samples: slice, constant: Array
+        ) -> None:
+            scale = length / math.sqrt(3)
+
+            def calc(context: Context, vector: BasicVector) -> None:
+                measured = constant - signal.Eval(context)
+                if not silent:
+                    measured += scale * noise.Eval(context)[samples]
+                vector.SetFromVector(finite(name.replace("_", " "), measured))
+
+            self.DeclareVectorOutputPort(name, d, calc, {signal.ticket(), noise.ticket()})
+
+        none = np.zeros(d)
+        declare("measured_force", inputs[0], params.force_noise, slice(0, d), bias)
+        declare("measured_force_rate", inputs[1], params.force_rate_noise, slice(d, 2 * d), none)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,10 +130,7 @@ class ForceRate(LeafSystem):
 
     Discrete state: the last period's filtered force, shape (d,), N; 0 at first.
 
-    Args:
-        params: The filter.
-        dimension: d.
-        period: s.
+    d is the ``dimension``; the period is in s.
 
     Raises:
         ParameterError: If the force is not finite.
@@ -66,9 +143,7 @@ class ForceRate(LeafSystem):
         filtered = self.DeclareDiscreteState(dimension)
 
         def change(context: Context) -> np.ndarray:
-            measured = force.Eval(context)
-            if not all(map(math.isfinite, measured.tolist())):
-                raise ParameterError("measured_force", measured.tolist(), "finite numbers")
+            measured = finite_input(force, context)
             step: np.ndarray = share * (measured - context.get_discrete_state(filtered).value())
             return step
 
@@ -81,4 +156,65 @@ class ForceRate(LeafSystem):
 
         sources = {force.ticket(), self.discrete_state_ticket(filtered)}
         self.DeclareVectorOutputPort("measured_force_rate", dimension, calc, sources)
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, tick)
+
+
+class MovingAverage(LeafSystem):
+    """Means the last samples of a signal, the present one included.
+
+    .. pydrake_system::
+
+        name: MovingAverage
+        input_ports:
+        - signal
+        output_ports:
+        - mean
+
+    Of n samples with white noise the mean has the n-th part of its variance, and is late by
+    (n - 1) / 2 periods. Before n samples it is the mean of those that there were.
+
+    ``signal`` and ``mean``, shape (size,), in the signal's unit.
+
+    Discrete state: the last n - 1 samples, the newest first, shape ((n - 1) * size,), and how many
+    of them there were, size 1.
+
+    n, the number of ``samples``, is 1 or more; their period is in s.
+
+    Raises:
+        ParameterError: If one of them is not positive; while running, if the signal is not finite.
+    """
+
+    def __init__(self, *, samples: int, period: float, size: int) -> None:
+        super().__init__()
+        if samples < 1:
+            raise ParameterError("samples", samples, "1 or more")
+        if not 0 < period < math.inf:
+            raise ParameterError("period", period, "a finite number > 0")
+        kept = samples - 1
+        signal = self.DeclareVectorInputPort("signal", size)
+        last = self.DeclareDiscreteState(kept * size)
+        counted = self.DeclareDiscreteState(1)
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            count = context.get_discrete_state(counted).value()[0]
+            before = context.get_discrete_state(last).value().reshape(kept, size)
+            # What there was not yet is zero.
+            vector.SetFromVector(
+                (finite_input(signal, context) + before.sum(axis=0)) / (1 + count)
+            )
+
+        def tick(context: Context, values: DiscreteValues) -> None:
+            before = context.get_discrete_state(last).value()
+            count = context.get_discrete_state(counted).value()[0]
+            values.set_value(
+                last, np.concatenate([finite_input(signal, context), before])[: kept * size]
+            )
+            values.set_value(counted, np.array([min(count + 1, kept)]))
+
+        sources = {
+            signal.ticket(),
+            self.discrete_state_ticket(last),
+            self.discrete_state_ticket(counted),
+        }
+        self.DeclareVectorOutputPort("mean", size, calc, sources)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, tick)

@@ -1,4 +1,4 @@
-"""Force sensors: gauges, filter and converter; a six-axis wrist sensor, and a uniaxial cell."""
+"""Force sensors: gauges, filter and converter, what is made of their readings, and their zero."""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +15,9 @@ from chamfer.models.validation import (
     require_not_negative,
     require_positive,
 )
+from chamfer.systems.contact.arm_dynamics import ArmDynamics
 from chamfer.systems.force.selection import unit
+from chamfer.systems.ports import finite, finite_input
 
 Array = NDArray[np.float64]
 Matrix6 = tuple[tuple[float, ...], ...]
@@ -87,12 +89,9 @@ class ForceSensorParams(ChannelParams):
         super().__post_init__()
         given = self.cross_talk
         require_positive(self, "radius")
-        if not all(map(math.isfinite, self.position or ())):
-            raise ParameterError("position", self.position, "three finite numbers")
+        _require_place(self.position)
         if isinstance(given, tuple):
-            square = len(given) == 6 and all(len(row) == 6 for row in given)
-            if not (square and np.all(np.isfinite(given)) and np.linalg.cond(given) < 1e6):
-                raise ParameterError("cross_talk", given, "a number, or a regular 6 x 6 matrix")
+            _require_regular(given, "a number, or a regular 6 x 6 matrix")
         elif given is not None and not -0.5 < given < 1:
             # The eigenvalues of the matrix are 1 - c, 1 - c and 1 + 2c.
             raise ParameterError("cross_talk", given, "more than -0.5 and less than 1")
@@ -121,6 +120,17 @@ class ForceSensorParams(ChannelParams):
             return np.eye(3, len(coupling))
         undone: Array = np.asarray(np.linalg.inv(coupling), dtype=np.float64)
         return undone[:3]
+
+
+def _require_place(position: tuple[float, ...] | None) -> None:
+    if not all(map(math.isfinite, position or ())):
+        raise ParameterError("position", position, "three finite numbers")
+
+
+def _require_regular(cross_talk: Matrix6, allowed: str) -> None:
+    square = len(cross_talk) == 6 and all(len(row) == 6 for row in cross_talk)
+    if not (square and np.all(np.isfinite(cross_talk)) and np.linalg.cond(cross_talk) < 1e6):
+        raise ParameterError("cross_talk", cross_talk, allowed)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,12 +167,9 @@ class Gauges(NamedTuple):
 def gauges(
     params: ForceSensorParams | LoadCellParams, contact_point: tuple[float, float, float]
 ) -> Gauges:
-    """Return a sensor's gauges.
+    """Return a sensor's gauges for a force at a contact point, m, in the endpoint's frame.
 
-    Args:
-        params: The sensor.
-        contact_point: m, in the endpoint's frame; what a gripper gives by is left out of the
-            moments.
+    What a gripper gives by is left out of the moments.
     """
     if isinstance(params, LoadCellParams):
         return Gauges(unit(np.array(params.axis), "axis")[np.newaxis], np.ones(1))
@@ -204,11 +211,7 @@ class ForceSensor(LeafSystem):
 
     Discrete states: what left the filter, newest first, the drift, and the tare with its count.
 
-    Args:
-        params: What filter and converter do.
-        gauges: How the channels feel a force.
-        step: s, at which the force changes; the filter's step.
-        period: s, of the computer.
+    ``step``, s, in which the force changes, is the filter's; the period, s, is the computer's.
 
     Raises:
         ParameterError: If parameters are open, or the delay is more than 1000 steps; in a run, if
@@ -270,8 +273,7 @@ class ForceSensor(LeafSystem):
         reading = reading + self._bias + walk
         if self._noise_scale.any():
             reading = reading + self._noise_scale * (2 * self._noise.Eval(context) - 1)
-        if not all(map(math.isfinite, reading.tolist())):
-            raise ParameterError("measured force", reading.tolist(), "finite numbers")
+        finite("measured force", reading)
         if self._limit.any():
             reading = np.clip(reading, -self._limit, self._limit)
         if self._quantum.any():
@@ -299,3 +301,172 @@ class ForceSensor(LeafSystem):
             mean = tare + (self._converted(context) - tare) / (count + 1)
             values.set_value(self._tare, mean)
             values.set_value(self._count, [count + 1])
+
+
+_AXES = 6
+# Channels are forces, then moments; wrenches are moments above forces.
+_SWAP = np.roll(np.eye(_AXES), 3, axis=0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrenchSensorParams(ChannelParams):
+    """Parameters of a six-axis sensor; its channels are three forces, then three moments."""
+
+    cross_talk: Matrix6 | None = None
+    # 6 x 6, what each channel reads of all, in N and N m, ones on the diagonal; None: derived
+    # from ``sensing``
+    decoupling: bool = False  # True: the reading is multiplied by the inverse of the cross-talk
+    position: tuple[float, float, float] | None = None
+    # m, of the sensor's origin from the tool's tip; None: derived from ``sensing``
+    radius: float = 0.02  # m, a moment's noise, bias, ... are the forces' times this; assumed
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "radius")
+        _require_place(self.position)
+        if self.cross_talk is not None:
+            _require_regular(self.cross_talk, "a regular 6 x 6 matrix")
+        if self.tare:
+            raise ParameterError("tare", self.tare, "0: the skill takes the zero")
+
+    @property
+    def coupling(self) -> Array:
+        """What the channels read of forces and moments at the sensor's origin, shape (6, 6)."""
+        return np.array(known("cross_talk", self.cross_talk), dtype=np.float64)
+
+    @property
+    def _moved(self) -> Array:
+        """Forces and moments at the sensor's origin of those at the tip, shape (6, 6)."""
+        x, y, z = known("position", self.position)
+        moved = np.eye(_AXES)
+        moved[3:, :3] = -np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        return moved
+
+    @property
+    def gauges(self) -> Gauges:
+        """How the channels feel the wrench on the tool at its tip, N m above N."""
+        # The sensor block reads what the arm does to the surface, the opposite.
+        felt = -self.coupling @ self._moved @ _SWAP
+        return Gauges(felt, np.array([1.0, 1.0, 1.0, *3 * [self.radius]]))
+
+    @property
+    def undoing(self) -> Array:
+        """What the reading is multiplied by for the wrench on the tool's tip, shape (6, 6)."""
+        undone = np.linalg.inv(self.coupling) if self.decoupling else np.eye(_AXES)
+        matrix: Array = np.asarray(_SWAP.T @ np.linalg.inv(self._moved) @ undone, dtype=np.float64)
+        return matrix
+
+
+class ForceInWorld(LeafSystem):
+    """Decouples a wrist sensor's reading and turns it into the world's axes (section 3.3).
+
+    .. pydrake_system::
+
+        name: ForceInWorld
+        input_ports:
+        - reading
+        - encoders
+        output_ports:
+        - measured_force
+
+    ``measured = R(q) D reading``, with what undoes the cross-talk, D, and the endpoint's
+    orientation R at the joint positions that the encoders show.
+
+    ``reading``, shape (k,), N (N m), in the endpoint's axes; ``encoders``, shape (2n,), q and
+    velocity, of which q is used. ``measured_force``, shape (m,), N; angular coordinates read 0.
+
+    D is ``undoing``, shape (3, k); m, the ``coordinates``, is the endpoint vector's size: first x,
+    y, z, then angles.
+    """
+
+    def __init__(self, dynamics: ArmDynamics, undoing: Array, *, coordinates: int) -> None:
+        super().__init__()
+        n = dynamics.arm.num_joints
+        pick = np.eye(coordinates, 3)
+        reading = self.DeclareVectorInputPort("reading", undoing.shape[1])
+        encoders = self.DeclareVectorInputPort("encoders", 2 * n)
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            R_WE = dynamics.orientation(encoders.Eval(context)[:n])
+            vector.SetFromVector(pick @ (R_WE @ (undoing @ reading.Eval(context))))
+
+        self.DeclareVectorOutputPort(
+            "measured_force", coordinates, calc, {reading.ticket(), encoders.ticket()}
+        )
+
+
+class Tare(LeafSystem):
+    """Takes off what the sensor read, on average, while it was told to take its zero.
+
+    .. pydrake_system::
+
+        name: Tare
+        input_ports:
+        - force
+        - tare
+        output_ports:
+        - tared_force
+        - spread
+
+    So a bias goes, and with a nugget in the gripper its weight. What drifts or turns with the
+    sensor afterwards does not.
+
+    ``force``, shape (size,), N, or N m above N; ``tare``, size 1: 1 while the zero is taken.
+    ``tared_force``, likewise: zero meanwhile, and what is read less the last mean before and
+    afterwards. ``spread``, likewise: the standard deviation of one of the readings of which the
+    last mean is, 0 before there are two.
+
+    Discrete states: the mean and the sum of squared deviations from it, shape (size,) each, and
+    of how many readings they are, size 2: of the zero that is being taken, 0 once it is taken,
+    and of the last one.
+
+    The readings' period is in s; there are ``size`` of them, 3 of a force, 6 of a wrench.
+
+    Raises:
+        ParameterError: If the period is not positive; while running, if the force is not finite.
+    """
+
+    def __init__(self, *, period: float, size: int = 3) -> None:
+        super().__init__()
+        if not 0 < period < math.inf:
+            raise ParameterError("period", period, "a finite number > 0")
+        force = self.DeclareVectorInputPort("force", size)
+        tare = self.DeclareVectorInputPort("tare", 1)
+        mean = self.DeclareDiscreteState(size)
+        squares = self.DeclareDiscreteState(size)
+        counts = self.DeclareDiscreteState(2)
+
+        def takes(context: Context) -> bool:
+            return bool(tare.Eval(context)[0] > 0.5)
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            if takes(context):
+                vector.SetFromVector(np.zeros(size))
+            else:
+                off = context.get_discrete_state(mean).value()
+                vector.SetFromVector(force.Eval(context) - off)
+
+        def calc_spread(context: Context, vector: BasicVector) -> None:
+            readings = context.get_discrete_state(counts).value()[1]
+            sums = context.get_discrete_state(squares).value()
+            vector.SetFromVector(np.sqrt(sums / max(readings - 1, 1)))
+
+        def tick(context: Context, values: DiscreteValues) -> None:
+            running, last = context.get_discrete_state(counts).value().tolist()
+            if not takes(context):
+                values.set_value(counts, [0.0, last])
+                return
+            reading = finite_input(force, context)
+            # The first one of a new zero leaves nothing of the last.
+            before = context.get_discrete_state(mean).value()
+            sums = context.get_discrete_state(squares).value() if running else np.zeros(size)
+            after = before + (reading - before) / (running + 1) if running else reading
+            values.set_value(mean, after)
+            values.set_value(squares, sums + (reading - before) * (reading - after))
+            values.set_value(counts, [running + 1, running + 1])
+
+        sources = {force.ticket(), tare.ticket(), self.discrete_state_ticket(mean)}
+        self.DeclareVectorOutputPort("tared_force", size, calc, sources)
+        spread_of = {self.discrete_state_ticket(one) for one in (squares, counts)}
+        self.DeclareVectorOutputPort("spread", size, calc_spread, spread_of)
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, tick)

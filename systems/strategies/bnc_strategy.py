@@ -15,12 +15,12 @@ from typing import Final, Literal, get_args
 
 from chamfer.models.connectors.bnc_connector import BncConnector
 from chamfer.models.validation import require_one_of, require_positive
-from chamfer.systems.primitives.force_primitives import GuardedMove, Obstructed, Stick
+from chamfer.systems.primitives.force_primitives import Obstructed, Stick
 from chamfer.systems.primitives.position_primitives import Way
 from chamfer.systems.primitives.seating import Press, Seat
 from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
-from chamfer.systems.strategies.plug_insertion import PlugInsertionParams, windows
+from chamfer.systems.strategies.face_and_search import PlugInsertionParams, pull_test, windows
 
 Turn = Literal["-rz", "+rz"]
 
@@ -109,11 +109,10 @@ def make_bnc_connector_skill(
         frequency=params.sweep_frequency,
         cycles=1.0,
     )
-    compression = Seat(
+    compression = params.seat(
+        connector,
         rise=params.rise,
         harder=params.harder,
-        limit=params.limit_share * connector.mating_force,
-        free=params.free_share * connector.mating_force,
         distance=connector.turning_depth - params.end,
     )
     rim = (0.0, -(connector.bore_radius + connector.lead_in))
@@ -216,18 +215,11 @@ def make_bnc_connector_skill(
             on={"done": "pull", "jammed": unlock},
             timeout=1.0,
         ),
-        SkillState(
-            name="pull",
-            run=[
-                GuardedMove(
-                    direction="+z",
-                    speed=params.pull_speed,
-                    threshold=params.pull_force,
-                    limit=params.pull_limit,
-                )
-            ],
-            on={"contact": DONE, "lost": unlock},
-            timeout=3.0,
+        pull_test(
+            {"contact": DONE, "lost": unlock},
+            speed=params.pull_speed,
+            force=params.pull_force,
+            limit=params.pull_limit,
         ),
         # Out of the detents, or of where the turn has jammed: as it was locked, backwards.
         SkillState(

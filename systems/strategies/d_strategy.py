@@ -16,12 +16,17 @@ from typing import Final
 
 from chamfer.models.connectors.d_connector import DConnector
 from chamfer.models.validation import require_not_negative, require_positive
-from chamfer.systems.primitives.force_primitives import GuardedMove, Hold, Level, Obstructed
+from chamfer.systems.primitives.force_primitives import Hold, Level, Obstructed
 from chamfer.systems.primitives.position_primitives import Centre, Way
-from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Axis, Dither
-from chamfer.systems.strategies.plug_insertion import PlugInsertionParams, up, windows
+from chamfer.systems.strategies.face_and_search import (
+    PlugInsertionParams,
+    pull_test,
+    settled,
+    up,
+    windows,
+)
 
 _ACROSS: Final[tuple[Axis, ...]] = ("x", "y")
 _LYING: Final = (
@@ -60,7 +65,7 @@ class DConnectorSkillParams(PlugInsertionParams):
     pull_speed: float = 0.005  # m/s, of the pull that tests the retention
     pull_force: float = 2.5  # N, that the contacts have to hold
     pull_limit: float = 0.0005  # m, way after which the pull has found no hold
-    verify_amplitude: float = 0.0012  # m, of the last dither, more than the shells' play
+    verify_amplitude: float = 0.0012  # m, of the last dither, more than the shells' clearance
     verify_frequency: float = 0.7  # Hz, of the last dither: slow enough for a soft arm
     verify_threshold: float = 1.1
     # of the correlation C, below it the plug is held; free is pi^2/8
@@ -154,23 +159,7 @@ def make_d_connector_skill(
             on={"lost": "settle", "done": Retry("out", params.retries)},
             timeout=2 * duration,
         ),
-        SkillState(
-            name="settle",
-            run=[
-                params.hold,
-                *(
-                    Dither(
-                        kind="rotary",
-                        axis=axis,
-                        amplitude=params.settle_amplitude,
-                        cycles=params.settle_cycles,
-                    )
-                    for axis in _ACROSS
-                ),
-            ],
-            on={"done": "feel"},
-            timeout=2 * params.settle_cycles,
-        ),
+        settled(params.hold, params.settle_amplitude, params.settle_cycles, then="feel"),
         SkillState(
             name="feel",
             from_mark=True,
@@ -182,9 +171,8 @@ def make_d_connector_skill(
             name="push",
             from_mark=True,
             run=[
-                Seat(
-                    limit=params.limit_share * connector.mating_force,
-                    free=params.free_share * connector.mating_force,
+                params.seat(
+                    connector,
                     # The tines' lead-in, by a way that a wrist that is not sure may falsify.
                     steep=(
                         connector.pin_depth - params.entry,
@@ -234,17 +222,11 @@ def make_d_connector_skill(
             on={"hindered": "pull"},
             timeout=2 * verify[0].duration,
         ),
-        SkillState(
-            name="pull",
-            run=[
-                GuardedMove(
-                    direction="+z",
-                    speed=params.pull_speed,
-                    threshold=params.pull_force,
-                    limit=params.pull_limit,
-                )
-            ],
-            on={"contact": DONE},
+        pull_test(
+            {"contact": DONE},
+            speed=params.pull_speed,
+            force=params.pull_force,
+            limit=params.pull_limit,
             timeout=2.0,
         ),
     )

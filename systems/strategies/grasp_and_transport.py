@@ -7,20 +7,20 @@ and close again all around.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.models.validation import ParameterError, known, require_not_negative, require_positive
+from chamfer.models.validation import ParameterError, require_not_negative, require_positive
 from chamfer.systems.primitives.position_primitives import Held, Place
 from chamfer.systems.primitives.skill import Retry, SkillState
 from chamfer.systems.primitives.trajectory_primitives import MoveDx
 from chamfer.systems.primitives.vision_primitives import VisTranslation
 from chamfer.systems.primitives.visual_servoing import Servoing, StaticCameras
-from chamfer.systems.strategies.face_feeling import STIFF
+from chamfer.systems.strategies.face_and_search import STIFF
 
 PLUG: Final = 0  # places of the parts in the detections
 SOCKET: Final = 1
@@ -78,9 +78,24 @@ class GraspAndTransportParams:
         if self.weight is not None:
             require_not_negative(self, "weight")
 
+    def resolved(self, *, top: float, weight: float) -> "ResolvedGraspAndTransportParams":
+        """Return the parameters with these values where they leave them open."""
+        own = {one.name: getattr(self, one.name) for one in fields(self)}
+        found = {"top": top, "weight": weight}
+        left_open = {name: value for name, value in found.items() if own[name] is None}
+        return ResolvedGraspAndTransportParams(**own | left_open)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedGraspAndTransportParams(GraspAndTransportParams):
+    """Parameters of grasp and transport; nothing is open."""
+
+    top: float
+    weight: float
+
 
 def make_grasp_and_transport(
-    params: GraspAndTransportParams,
+    params: ResolvedGraspAndTransportParams,
     cameras: StaticCameras,
     servoing: Servoing,
     *,
@@ -107,7 +122,7 @@ def make_grasp_and_transport(
         moved=GRIPPER,
         # The nearer the better: the way between them is as wrong as the cameras' focal lengths.
         target=PLUG_TOP,
-        offset=(0.0, 0.0, params.mark - known("top", params.top)),
+        offset=(0.0, 0.0, params.mark - params.top),
         speed=params.speed,
         tolerance=params.tolerance,
         servoing=servoing,
@@ -116,7 +131,7 @@ def make_grasp_and_transport(
         displacement=(0.0, 0.0, 0.0, 0.0, 0.0, params.lift), duration=params.lift / params.speed
     )
     watched = Held(time=math.inf)
-    weight = known("weight", params.weight)
+    weight = params.weight
     zero = SkillState(
         name="zero",
         run=[MoveDx(duration=params.weighing_time)],

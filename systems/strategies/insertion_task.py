@@ -40,9 +40,9 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
     ``error``, ``valid`` and ``blind`` are those of the cameras, ``compensation``, shape (6,), m
     and rad, what has been made of them, ``diverged`` that of
     :class:`chamfer.systems.servo.divergence_watch.DivergenceWatch`; ``force`` and ``advance`` are
-    those of :class:`chamfer.systems.force.spring_force.SpringForce`, ``<arm>_saturated``, of each
-    joint, those of the impedance controllers. ``feed`` goes to
-    :class:`chamfer.systems.force.feed_offset.FeedOffset`, ``compensates``, shape (2,), to
+    those of :class:`chamfer.systems.force.impedance_controller.SpringForce`, ``<arm>_saturated``,
+    of each joint, those of the impedance controllers. ``feed`` goes to
+    :class:`chamfer.systems.force.desired_pose.FeedOffset`, ``compensates``, shape (2,), to
     :class:`chamfer.systems.servo.measurement_selector.MeasurementSelector`. ``errors``, shape
     (4,), are the last :class:`chamfer.systems.strategies.insertion_decision.MeasuredErrors`, 0
     before there are any; ``sensed_force``, shape (3,), N, along the hole's axes, and

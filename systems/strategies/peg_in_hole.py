@@ -12,14 +12,10 @@ from typing import Literal, get_args
 from chamfer.models.connectors.round_peg import RoundPeg
 from chamfer.models.validation import ParameterError, require_one_of, require_positive
 from chamfer.systems.primitives.force_primitives import Stick
-from chamfer.systems.primitives.position_primitives import Way
 from chamfer.systems.primitives.primitive import Primitive
-from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
-from chamfer.systems.primitives.spiral import Spiral
-from chamfer.systems.primitives.trajectory_primitives import Dither, lissajous
-from chamfer.systems.strategies.tilt import Tilt
-from chamfer.systems.strategies.touch import ALONG, TouchParams
+from chamfer.systems.primitives.trajectory_primitives import Dither, Spiral, lissajous
+from chamfer.systems.strategies.face_and_search import ALONG, TiltSearchParams, TouchParams
 
 Search = Literal["dithers", "spiral", "tilt"]
 
@@ -35,7 +31,7 @@ class PegInHoleSkillParams(TouchParams):
     repeats: int = 11  # cycles of it until the pattern repeats, N
     spiral: Spiral = Spiral(pitch=0.0007, radius=0.0045, speed=0.006)
     # m, m and m/s, in place of the dithers
-    tilt: Tilt = Tilt()  # of the peg, in place of the dithers
+    tilt: TiltSearchParams = TiltSearchParams()  # of the peg, in place of the dithers
     drop: float = 0.0008  # m, of a peg that has found the hole
     limit_share: float = 1.25
     # of the believed seating force, at which a push that moves nothing ends: jammed; no cap
@@ -85,6 +81,7 @@ def make_peg_in_hole_skill(
     params: PegInHoleSkillParams,
     connector: RoundPeg,
     *,
+    period: float = 0.01,
     before: Sequence[SkillState] = (),
 ) -> Skill:
     """Return the skill.
@@ -92,6 +89,7 @@ def make_peg_in_hole_skill(
     Args:
         params: Speeds, forces and amplitudes.
         connector: As it is believed to be: its depth and what presses it home.
+        period: s, between two ticks, on which this strategy does not depend.
         before: States that grasp and transport the peg; the last one leads to ``tare``. Without
             them the peg is held from the begin.
     """
@@ -103,24 +101,11 @@ def make_peg_in_hole_skill(
         SkillState(
             name="insert",
             from_mark=True,
-            run=[
-                Seat(
-                    speed=params.push_speed,
-                    limit=params.limit_share * connector.mating_force,
-                    free=params.free_share * connector.mating_force,
-                    distance=depth - params.end,
-                )
-            ],
+            run=[params.seat(connector, speed=params.push_speed, distance=depth - params.end)],
             on={"done": "depth", "jammed": again, "timed out": again},
             timeout=5.0 + 2 * depth / params.push_speed,
         ),
-        SkillState(
-            name="depth",
-            from_mark=True,
-            run=[params.hold, Way(least=depth - params.short)],
-            on={"done": DONE, "jammed": again},
-            timeout=2.0,
-        ),
+        params.at_depth(depth, DONE, again),
     )
     return Skill(
         name="peg in a hole",

@@ -11,13 +11,10 @@ from dataclasses import dataclass
 
 from chamfer.models.connectors.rj45_connector import Rj45Connector
 from chamfer.models.validation import ParameterError, require_positive
-from chamfer.systems.primitives.force_primitives import GuardedMove, Stick
-from chamfer.systems.primitives.position_primitives import Way
-from chamfer.systems.primitives.seating import Seat
+from chamfer.systems.primitives.force_primitives import Stick
 from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
-from chamfer.systems.primitives.spiral import Spiral
-from chamfer.systems.primitives.trajectory_primitives import Axis, Dither, MoveDx
-from chamfer.systems.strategies.touch import ALONG, TouchParams
+from chamfer.systems.primitives.trajectory_primitives import MoveDx, Spiral
+from chamfer.systems.strategies.face_and_search import ALONG, TouchParams, pull_test, settled
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +23,7 @@ class Rj45ConnectorSkillParams(TouchParams):
 
     beside: float = 0.0125  # m, to the side of the contacts, on the plate
     search: Spiral = Spiral(speed=0.004, pitch=0.0006, radius=0.0045)
-    # m/s, m and m: the play is small, so it is slow and its turns are close
+    # m/s, m and m: the clearance is small, so it is slow and its turns are close
     drop: float = 0.0005  # m, of a plug that has found the cavity
     settle_amplitude: float = 0.01  # rad, about x and y, of the dithers that settle the plug
     settle_cycles: float = 2.0  # of the dithers that settle the plug
@@ -50,6 +47,7 @@ def make_rj45_connector_skill(
     params: Rj45ConnectorSkillParams,
     connector: Rj45Connector,
     *,
+    period: float = 0.01,
     before: Sequence[SkillState] = (),
 ) -> Skill:
     """Return the skill.
@@ -57,21 +55,13 @@ def make_rj45_connector_skill(
     Args:
         params: Speeds, forces and amplitudes.
         connector: As it is believed to be: its depth and its mating force.
+        period: s, between two ticks, on which this strategy does not depend.
         before: States that grasp and transport the plug; the last one leads to ``tare``. Without
             them the plug is held from the begin.
     """
     stick = Stick(speed=params.maintained, threshold=params.drop)
     depth = connector.mated_depth
     again = Retry("out", params.retries)
-
-    def tilt(axis: Axis) -> Dither:
-        return Dither(
-            kind="rotary",
-            axis=axis,
-            amplitude=params.settle_amplitude,
-            cycles=params.settle_cycles,
-            frequency=1.0,
-        )
 
     states = (
         *before,
@@ -83,47 +73,28 @@ def make_rj45_connector_skill(
             damping=(math.inf, math.inf, 0.0, *ALONG[3:]),  # turned into the cavity by it
             timeout=2 * params.search.duration,
         ),
-        SkillState(
-            name="settle",
-            run=[params.hold, tilt("x"), tilt("y")],
-            on={"done": "push"},
-            timeout=2 * params.settle_cycles,
-        ),
+        settled(params.hold, params.settle_amplitude, params.settle_cycles, then="push"),
         SkillState(
             name="push",
             from_mark=True,
             run=[
-                Seat(
+                params.seat(
+                    connector,
                     speed=params.push_speed,
                     growth=params.push_growth,
                     still=params.push_still,
-                    limit=params.limit_share * connector.mating_force,
-                    free=params.free_share * connector.mating_force,
                     distance=depth - params.end,
                 )
             ],
             on={"done": "depth", "jammed": again, "timed out": again},
             timeout=10.0,
         ),
-        SkillState(
-            name="depth",
-            from_mark=True,
-            run=[params.hold, Way(least=depth - params.short)],
-            on={"done": "pull", "jammed": again},
-            timeout=2.0,
-        ),
-        SkillState(
-            name="pull",
-            run=[
-                GuardedMove(
-                    direction="+z",
-                    speed=params.pull_speed,
-                    threshold=params.pull_force,
-                    limit=params.pull_limit,
-                )
-            ],
-            on={"contact": "rest", "lost": again},
-            timeout=3.0,
+        params.at_depth(depth, "pull", again),
+        pull_test(
+            {"contact": "rest", "lost": again},
+            speed=params.pull_speed,
+            force=params.pull_force,
+            limit=params.pull_limit,
         ),
         SkillState(
             name="rest",

@@ -32,7 +32,6 @@ from chamfer.analysis.command.running import prepare
 from chamfer.analysis.command.scenario_fields import leaves
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import (
-    Catalogue,
     Entry,
     Experiment,
     Metric,
@@ -362,11 +361,6 @@ class Here:
 def engines(_: int, cluster: str | None) -> Iterator[tuple[Here, Here]]:
     assert cluster is None
     yield Here(), Here()
-
-
-@cache
-def found(catalogue: Catalogue = CATALOGUE) -> list[Entry]:
-    return catalogue.entries
 
 
 @contextmanager

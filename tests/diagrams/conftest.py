@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from chamfer.diagrams.cell.work_cell import PEG_ARM, ArmName, WorkCellScenario, add_work_cell
 from chamfer.systems.force.arm_model import ToolState
+from chamfer.systems.force.desired_pose import StoppableMotion
 from chamfer.systems.force.impedance_controller import ImpedanceControllerParams
-from chamfer.systems.force.stoppable_motion import StoppableMotion
 
 Array = np.ndarray
 

@@ -245,9 +245,9 @@ def test_an_experiment_that_does_not_run_is_said(catalogue: Catalogue) -> None:
 def test_the_command_lists_what_has_to_be_looked_at(
     catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("chamfer.analysis.audit.contexts.CONTEXTS", (WAVES,))
+    monkeypatch.setattr("chamfer.analysis.audit.__main__.CONTEXTS", (WAVES,))
     exemptions = tuple(Exemption(path, "toy") for path in ("silent", "broken"))
-    monkeypatch.setattr("chamfer.analysis.audit.contexts.EXEMPTIONS", exemptions)
+    monkeypatch.setattr("chamfer.analysis.audit.__main__.EXEMPTIONS", exemptions)
     assert main(["toy", "--workers", "1"], catalogue=catalogue) == 1
     lines = capsys.readouterr().out.splitlines()
     assert [line for line in lines if line.startswith("toy: ")] == [
@@ -261,7 +261,7 @@ def test_the_command_succeeds_if_nothing_has_to_be_looked_at(
     catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     exemptions = (Exemption("s*w", "toy"),)
-    monkeypatch.setattr("chamfer.analysis.audit.contexts.EXEMPTIONS", exemptions)
+    monkeypatch.setattr("chamfer.analysis.audit.__main__.EXEMPTIONS", exemptions)
     monkeypatch.setattr("chamfer.analysis.audit.field_audit._LEAST", 0.1)
     assert main(["slow", "--workers", "1"], catalogue=catalogue) == 0
 

@@ -5,15 +5,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
-from matplotlib.patches import Circle, Rectangle
+from matplotlib.patches import Circle
 
-from chamfer.analysis.charging.charging_figures import plot_charging
-from chamfer.analysis.charging.charging_metrics import LIMITS, items_of
+from chamfer.analysis.charging.charging_figures import (
+    colour_of,
+    off_command,
+    parts,
+    plot_charging,
+    plot_path,
+    said,
+)
+from chamfer.analysis.charging.charging_runs import LIMITS, items_of
 from chamfer.analysis.scenario.experiment import Metric, Outcome
-from chamfer.diagrams.charging.charging_cycle import chart_of
-from chamfer.diagrams.charging.charging_resolve import resolve
-from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario
+from chamfer.diagrams.charging.charging_scenario import (
+    CrucibleChargingScenario,
+    chart_of,
+    resolve_charging,
+)
 from chamfer.models.charging.packing import PlanItem
+from chamfer.systems.charging.charging_chart import ChargingChart
 
 PLAN = (PlanItem(kind="wall"), PlanItem(kind="crown"), PlanItem(kind="bulk"))
 VISITS = (  # item and state, a row each
@@ -26,7 +36,7 @@ FREE = ("wall_peak_force", "layer_peak_force", "feeder_peak_force", "layer_shift
 
 @pytest.fixture(scope="module")
 def scenario() -> CrucibleChargingScenario:
-    return resolve(CrucibleChargingScenario(plan=PLAN))
+    return resolve_charging(CrucibleChargingScenario(plan=PLAN))
 
 
 @pytest.fixture(scope="module")
@@ -114,22 +124,107 @@ def test_crown_ends_at_its_place_and_places_are_seen_from_above(
     assert len(outlines) == 2
 
 
-def test_limits_and_glass_stand_where_they_are(
-    scenario: CrucibleChargingScenario, outcome: Outcome, names: tuple[str, ...]
-) -> None:
-    figures = plot_charging(scenario, outcome, names)
-    limits = {
-        name: [
-            [np.ravel(line.get_ydata())[0] for line in axes.lines if line.get_linestyle() == "--"]
-            for axes in figure.axes
-        ]
-        for name, figure in figures.items()
+STATES = ("home.out", "wall.slide", "wall.lost", "release.open", "done")
+SCENARIO = CrucibleChargingScenario(
+    plan=(PlanItem(), PlanItem(kind="bulk", mass=0.4, azimuth=0.0), PlanItem(azimuth=1.0))
+)
+TRACES = {
+    "time": np.array([1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0]),
+    "state": np.array([0.0, 1.0, 2.0, 1.0, 3.0, 1.0, 4.0]),
+    "item": np.array([0.0, 0.0, 0.0, 0.0, 0.0, 2.0, 2.0]),
+}
+
+
+def test_parts_are_an_items_rows_in_some_modes() -> None:
+    first, third = parts(SCENARIO, TRACES, STATES, "wall", "release")
+    assert (first.item, third.item) == (0, 2)
+    np.testing.assert_array_equal(first.rows, [1, 2, 3, 4])
+    np.testing.assert_allclose(first.time, [0.0, 0.5, 1.0, 1.5])
+    np.testing.assert_array_equal(third.rows, [5])
+    assert (first.label, third.label) == ("1: wall, 85 g", "3: wall, 85 g")
+    assert first.style["color"] == colour_of(0) != third.style["color"]
+
+
+def test_a_legend_is_not_longer_than_there_is_room() -> None:
+    many = CrucibleChargingScenario(plan=(PlanItem(kind="bulk"),) * 12)
+    rows = np.arange(12.0)
+    traces = {"time": rows, "state": np.ones(12), "item": rows}
+    labels = [part.label for part in parts(many, traces, STATES, "wall")]
+    assert labels[7:] == ["8: bulk, 85 g", "", "", "", ""]
+
+
+def test_a_part_may_begin_with_a_state() -> None:
+    (found,) = parts(SCENARIO, TRACES, STATES, "wall", first="wall.lost")
+    np.testing.assert_array_equal(found.rows, [2, 3])
+
+
+def test_off_the_command_is_a_distance() -> None:
+    traces = {f"nugget_{axis}": np.array([1.0]) for axis in "xyz"}
+    traces |= {
+        f"desired_{axis}": np.array([one]) for axis, one in zip("xyz", (1, 4, 5), strict=True)
     }
-    assert limits["acquire"] == [[-15.0, 15.0], [20.0]]
-    assert limits["scan"] == [[3.0], [0.5]]
-    assert limits["slew"] == [[10.0], []]
-    assert limits["wall"] == [[10.0], [2.0], [5.0], [0.5]]
-    assert limits["crown"] == [[10.0], [5.0], [0.5]]
-    (glass,) = figures["slew"].axes[1].patches
-    assert isinstance(glass, Rectangle)
-    assert glass.get_xy() == pytest.approx((150.0, 360.0))
+    np.testing.assert_allclose(off_command(traces), [5.0])
+
+
+def test_values_are_said_with_their_scale_and_without_a_minus_zero() -> None:
+    metrics = {"a": Metric(value=-0.0, unit=""), "b": Metric(value=None, unit="m")}
+    metrics["c"] = Metric(value=0.01234, unit="m")
+    outcome = Outcome(metrics=metrics, traces={}, simulated_seconds=0.0)
+    assert [said(outcome, name, 1e3) for name in "abcd"] == ["0", "-", "12.3", "-"]
+
+
+@pytest.fixture(scope="module")
+def chart() -> ChargingChart:
+    return chart_of(resolve_charging(CrucibleChargingScenario(plan=(PlanItem(),))))
+
+
+def taken(*steps: tuple[str, str, str], why: str = "") -> Outcome:
+    source, target, label = np.array(steps).T
+    table = {"time": 0.5 * np.arange(len(steps)), "source": source, "target": target}
+    metrics = {
+        "cycle.laid": Metric(value=0, unit="", note=why),
+        "cycle.time": Metric(value=5.5, unit="s"),
+    }
+    return Outcome(
+        metrics=metrics,
+        traces={},
+        simulated_seconds=5.5,
+        tables={"transitions": table | {"label": label}},
+    )
+
+
+HOMED = (
+    ("home.out", "home.settle", "there"),
+    ("home.settle", "acquire.above", "homed"),
+)
+
+
+def shown(chart: ChargingChart, result: Outcome) -> dict[str, tuple[float, float]]:
+    """Return where each text stands, by its words without spaces."""
+    texts = plot_path(chart, result).axes[0].texts
+    return {
+        "".join(text.get_text().replace("_", " ").split()): text.get_position() for text in texts
+    }
+
+
+def test_each_state_stands_in_its_modes_row(chart: ChargingChart) -> None:
+    found = shown(chart, taken(*HOMED, why="no part in the feeder"))
+    assert "charging:0itemslaidin5.5s,thenstopped:nopartinthefeeder" in found
+    boxes = {name.replace("_", "").replace(" ", ""): name for name in chart.state_names}
+    missing = {name for words, name in boxes.items() if words not in found}
+    # What a run seldom comes to is drawn only where it did.
+    assert missing == {"halted", "back_off.brake", "back_off.away", "stopped"}
+    heights = [found[one][1] for one in ("home.settle", "acquire.zero", "wall.lower", "done")]
+    assert heights == sorted(heights)
+    assert found["wall.lower"][1] < found["crown.lower"][1] < found["bulk.pour"][1]
+
+
+def test_a_stop_and_a_halt_are_drawn_where_they_were_taken(chart: ChargingChart) -> None:
+    steps = (
+        ("acquire.descend", "back_off.brake", "nothing there"),
+        ("back_off.brake", "stopped", "at rest, not to be moved"),
+        ("scan.pass", "halted", "operator's halt"),
+    )
+    found = shown(chart, taken(*HOMED, *steps))
+    assert {"stopped", "halted", "backoff.brake"} <= set(found)
+    assert "charging:0itemslaidin5.5s" in found

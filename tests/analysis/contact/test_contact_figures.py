@@ -1,3 +1,5 @@
+"""What is drawn of a run in contact, and said of its loop's stability."""
+
 from dataclasses import replace
 from typing import Any
 
@@ -10,22 +12,23 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.trial_metrics import over_trials
-from chamfer.analysis.contact.contact_figures import plot_contact
-from chamfer.analysis.contact.contact_metrics import QUANTITIES
+from chamfer.analysis.contact.contact_figures import note_stability, plot_contact
+from chamfer.analysis.contact.contact_metrics import QUANTITIES, stability_metrics
 from chamfer.analysis.contact.contact_runs import measure
+from chamfer.analysis.drawing.figure_style import new_figure
 from chamfer.analysis.scenario.experiment import Outcome
-from chamfer.diagrams.contact.adept_scenarios import (
-    AdeptNuggetMotionScenario,
-    AdeptRollerMotionScenario,
+from chamfer.diagrams.contact.contact_scenarios import (
+    ADEPT_NUGGET_MOTION,
+    ADEPT_ROLLER_MOTION,
+    PLANAR_HOLD,
+    PLANAR_SLIDE,
+    PUMA_ROLLER_MOTION,
+    PlanarScenario,
 )
-from chamfer.diagrams.contact.hybrid_resolve import resolve
+from chamfer.diagrams.contact.hybrid_loop_stability import Stability, resolve
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
-from chamfer.diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario
-from chamfer.diagrams.contact.puma_scenarios import PumaRollerMotionScenario
 
 Array = NDArray[np.float64]
-
-TITLES = ["(a) Contact force", "(b) Position along the surface", "(c) Distance from the surface"]
 
 
 def outcome(scenario: HybridScenario, **columns: Array) -> Outcome:
@@ -72,63 +75,38 @@ def published(figure: Figure) -> list[str]:
 
 
 DEFAULTS = {
-    "planar-hold": PlanarScenario(),
-    "planar-slide": PlanarSlideScenario(),
-    "puma-roller-motion": PumaRollerMotionScenario(),
-    "adept-roller-motion": AdeptRollerMotionScenario(),
-    "adept-nugget-motion": AdeptNuggetMotionScenario(),
+    "planar-hold": PLANAR_HOLD,
+    "planar-slide": PLANAR_SLIDE,
+    "puma-roller-motion": PUMA_ROLLER_MOTION,
+    "adept-roller-motion": ADEPT_ROLLER_MOTION,
+    "adept-nugget-motion": ADEPT_NUGGET_MOTION,
 }
 
 
-@pytest.mark.parametrize("name", DEFAULTS)
-def test_titles_and_labels_with_units(name: str) -> None:
+def drawing(name: str, scenario: HybridScenario, run: Outcome) -> Figure:
+    return plot_contact(name, DEFAULTS[name], scenario, run)[name]
+
+
+@pytest.mark.parametrize(("name", "along"), [("planar-slide", "x"), ("adept-nugget-motion", "z")])
+def test_the_position_is_that_along_the_motion(name: str, along: str) -> None:
     scenario = DEFAULTS[name]
-    figure = plot_contact(name, scenario, outcome(scenario))
-    assert [axes.get_title(loc="left") for axes in figure.axes] == TITLES
-    force, position, approach = figure.axes
-    assert force.get_ylabel() == "force / N"
-    assert approach.get_ylabel() == "distance / mm"
-    assert approach.get_xlabel() == "time / s"
-    along = {"planar-hold": "x", "planar-slide": "x", "puma-roller-motion": "y"}
-    along |= {"adept-roller-motion": "x", "adept-nugget-motion": "z"}
-    assert position.get_ylabel() == f"{along[name]} from start / mm"
-    # The three share their time axis, so that one label is enough.
-    assert force.get_shared_x_axes().joined(force, approach)
-    assert position.get_shared_x_axes().joined(position, approach)
+    force, position, approach = drawing(name, scenario, outcome(scenario)).axes
+    assert position.get_ylabel() == f"{along} from start / mm"
+    assert force.get_shared_x_axes().joined(position, approach)
     assert approach.get_xlim() == (0, scenario.duration)
 
 
-@pytest.mark.parametrize("name", DEFAULTS)
-def test_legends_are_beside_the_data(name: str) -> None:
-    scenario = DEFAULTS[name]
-    figure = drawn(plot_contact(name, scenario, outcome(scenario)))
-    legends = [(axes, axes.get_legend()) for axes in figure.axes]
-    assert sum(legend is not None for _, legend in legends) == 2
-    for _, legend in legends:
-        if legend is None:
-            continue
-        box = legend.get_window_extent()
-        assert box.x1 <= figure.bbox.width
-        assert box.y0 >= 0
-        for axes in figure.axes:
-            inside = axes.get_window_extent()
-            assert not box.overlaps(inside)
-            assert box.x0 >= inside.x1
-
-
 def test_published_values_are_drawn_for_the_default_scenario() -> None:
-    slide = resolve(PlanarSlideScenario())
-    assert published(plot_contact("planar-slide", slide, outcome(slide))) == [
+    slide = resolve(PLANAR_SLIDE)
+    assert published(drawing("planar-slide", slide, outcome(slide))) == [
         "published deviation, -0.5 to +0.5 N",
         "published contact, 4.5 s",
         "published error, 3 mm",
     ]
-    hold = resolve(PlanarScenario())
-    assert published(plot_contact("planar-hold", hold, outcome(hold))) == [
-        "published contact, 4.5 s"
-    ]
-    nugget = resolve(AdeptNuggetMotionScenario())
-    assert published(plot_contact("adept-nugget-motion", nugget, outcome(nugget))) == [
+    hold = resolve(PLANAR_HOLD)
+    assert published(drawing("planar-hold", hold, outcome(hold))) == ["published contact, 4.5 s"]
+    nugget = resolve(ADEPT_NUGGET_MOTION)
+    assert published(drawing("adept-nugget-motion", nugget, outcome(nugget))) == [
         "published deviation, -2.5 to +1 N",
         "published contact, 1 s",
         "published error, 2 mm",
@@ -139,19 +117,14 @@ def test_published_values_are_drawn_for_the_default_scenario() -> None:
     "values",
     [
         {"duration": 19.0},
-        {"task": replace(PlanarSlideScenario().task, amplitude=0.021)},
-        {"controller": replace(PlanarSlideScenario().controller, force_integral=2.0)},
+        {"task": replace(PLANAR_SLIDE.task, amplitude=0.021)},
+        {"controller": replace(PLANAR_SLIDE.controller, force_integral=2.0)},
         {"measure_after": 7.0},
     ],
 )
 def test_published_values_are_not_drawn_for_another_scenario(values: dict[str, Any]) -> None:
-    scenario = resolve(PlanarSlideScenario(**values))
-    assert published(plot_contact("planar-slide", scenario, outcome(scenario))) == []
-
-
-def test_each_experiment_has_its_own_published_values() -> None:
-    scenario = resolve(PlanarSlideScenario())
-    assert published(plot_contact("another", scenario, outcome(scenario))) == []
+    scenario = resolve(replace(PLANAR_SLIDE, **values))
+    assert published(drawing("planar-slide", scenario, outcome(scenario))) == []
 
 
 def band(axes: Axes, label: str) -> Array:
@@ -165,8 +138,8 @@ def band(axes: Axes, label: str) -> Array:
 
 
 def test_the_published_band_lies_about_the_desired_force_where_it_counts() -> None:
-    scenario = resolve(AdeptNuggetMotionScenario())
-    figure = plot_contact("adept-nugget-motion", scenario, outcome(scenario))
+    scenario = resolve(ADEPT_NUGGET_MOTION)
+    figure = drawing("adept-nugget-motion", scenario, outcome(scenario))
     corners = band(figure.axes[0], "published deviation")
     assert corners[:, 1].min() == pytest.approx(5.0 - 2.5)
     assert corners[:, 1].max() == pytest.approx(5.0 + 1.0)
@@ -174,9 +147,9 @@ def test_the_published_band_lies_about_the_desired_force_where_it_counts() -> No
 
 
 def test_the_position_is_drawn_from_the_start_in_millimetres() -> None:
-    scenario = AdeptRollerMotionScenario()
+    scenario = ADEPT_ROLLER_MOTION
     run = outcome(scenario)
-    position = plot_contact("adept-roller-motion", scenario, run).axes[1]
+    position = drawing("adept-roller-motion", scenario, run).axes[1]
     lines = {line.get_label(): np.asarray(line.get_ydata()) for line in position.get_lines()}
     time = run.traces["time"]
     np.testing.assert_allclose(lines["actual"], 10 * np.sin(time), atol=1e-9)
@@ -184,28 +157,17 @@ def test_the_position_is_drawn_from_the_start_in_millimetres() -> None:
     assert labels(position)[:2] == ["desired", "actual"]
 
 
-def test_force_and_limits_are_named() -> None:
-    scenario = PlanarScenario(duration=8.0)
-    force = plot_contact("planar-hold", scenario, outcome(scenario)).axes[0]
-    assert labels(force) == [
-        "measured",
-        "desired, 15 N",
-        "scratches glass if sustained, 5 N",
-        "contact lost",
-    ]
-
-
 def notes(axes: Axes) -> list[str]:
     return [text.get_text() for text in axes.texts]
 
 
 def test_a_spike_beyond_the_axis_is_said_in_words() -> None:
-    scenario = resolve(PlanarScenario())
-    force = plot_contact("planar-hold", scenario, outcome(scenario)).axes[0]
+    scenario = resolve(PLANAR_HOLD)
+    force = drawing("planar-hold", scenario, outcome(scenario)).axes[0]
     assert notes(force) == ["peak 54 N"]
     assert force.get_ylim()[1] < 45
     calm = np.full(2401, 15.0)
-    quiet = plot_contact(
+    quiet = drawing(
         "planar-hold", scenario, outcome(scenario, measured_force=calm, peak_force=calm)
     ).axes[0]
     assert notes(quiet) == []
@@ -213,12 +175,10 @@ def test_a_spike_beyond_the_axis_is_said_in_words() -> None:
 
 @pytest.mark.parametrize(("speed", "said"), [(0.3, "above"), (0.15, "below")])
 def test_the_impact_is_held_against_what_is_safe(speed: float, said: str) -> None:
-    scenario = resolve(PlanarScenario())
+    scenario = resolve(PLANAR_HOLD)
     impact = np.zeros(2401)
     impact[400] = speed
-    approach = plot_contact("planar-hold", scenario, outcome(scenario, impact_speed=impact)).axes[
-        2
-    ]
+    approach = drawing("planar-hold", scenario, outcome(scenario, impact_speed=impact)).axes[2]
     assert notes(approach) == [
         f"impact {speed:g} m/s, {said} the safe 0.2 m/s; damage begins at 0.44 m/s"
     ]
@@ -230,6 +190,51 @@ def test_a_run_without_contact_can_be_drawn() -> None:
     run = outcome(
         scenario, mode=nothing, impact_speed=nothing, measured_force=nothing, peak_force=nothing
     )
-    figure = drawn(plot_contact("planar-hold", scenario, run))
+    figure = drawn(drawing("planar-hold", scenario, run))
     assert notes(figure.axes[2]) == []
     assert "contact lost" not in labels(figure.axes[0])
+
+
+FOUND = Stability(
+    growth=1e-9,
+    growth_contact=0.0,
+    gain_margin=1.25,
+    delay_margin=0.0031,
+    least_gain="contact",
+    least_delay="the approach's end",
+)
+
+
+def noted(found: Stability) -> str:
+    figure = new_figure()
+    note_stability(
+        figure, Outcome(metrics=stability_metrics(found), traces={}, simulated_seconds=0.0)
+    )
+    return figure.get_supxlabel()
+
+
+def test_a_stable_loop() -> None:
+    metrics = stability_metrics(FOUND)
+    assert {name: metric.value for name, metric in metrics.items()} == {
+        "loop.growth": 0.0,
+        "loop.growth_contact": 0.0,
+        "loop.gain_margin": 1.25,
+        "loop.delay_margin": 0.0031,
+    }
+    assert metrics["loop.delay_margin"].unit == "s"
+    assert noted(FOUND) == (
+        "linear loop: stable, gain margin 1.25, delay margin 3.1 ms (the approach's end)"
+    )
+
+
+def test_an_unstable_loop_is_said_to_be() -> None:
+    grows = FOUND._replace(growth_contact=4.93, gain_margin=0.36, delay_margin=0.0)
+    assert noted(grows).startswith("linear loop: unstable, grows at 4.93 1/s, gain margin 0.36")
+    assert stability_metrics(grows)["loop.growth_contact"].note.startswith("unstable in contact")
+
+
+def test_margins_that_are_not_found_and_a_loop_that_is_always_in_contact() -> None:
+    found = FOUND._replace(growth=None, delay_margin=None, least_delay="")
+    assert "loop.growth" not in stability_metrics(found)
+    assert stability_metrics(found)["loop.delay_margin"].note == "none up to 10 periods"
+    assert noted(found).endswith("no delay margin (none up to 10 periods)")

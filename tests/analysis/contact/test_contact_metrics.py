@@ -145,19 +145,6 @@ def test_a_run_that_never_touches_is_undefined_but_for_what_is_zero() -> None:
     assert set(known.values()) == {0.0}
 
 
-def test_a_window_after_the_run_is_undefined() -> None:
-    values = measured(contact(), after=11.0)
-    for name in ("force.final", "force.deviation", "force.min", "position.lag_error"):
-        assert values[name] is None
-    assert values["contact_time"] == pytest.approx(2.0)
-
-
-def test_contact_that_comes_and_goes_settles_never() -> None:
-    table = contact()
-    table["force"][100] = 0.0
-    assert measured(table)["force.settling_time"] is None
-
-
 TIME = np.arange(11.0)  # s
 
 
@@ -198,52 +185,13 @@ def test_longest() -> None:
     assert longest(time, np.array([False, False, False, True, False, False])) == 4.0
 
 
-def test_a_break_ends_what_is_sustained() -> None:
-    table = contact()
-    table["force"][50] = 4.0  # below 5 N for one sample at 5 s
-    values = measured(table)
-    assert values["damage.scratch_time"] == pytest.approx(4.9)  # 5.1 s to 10 s
-
-
 def test_one_trial_is_given_as_it_is() -> None:
     metrics = over_trials([measured(contact())], QUANTITIES)
     assert metrics["force.peak"].value == pytest.approx(33.0)
     assert metrics["force.peak"].note == ""
     assert metrics["recontact.speed"].value is None
     assert metrics["recontact.speed"].note == "does not occur, or settle, in the run"
-    assert {name: metric.unit for name, metric in metrics.items()} == {
-        "contact_time": "s",
-        "force.final": "N",
-        "force.peak": "N",
-        "force.deviation": "N",
-        "force.true_deviation": "N",
-        "force.above": "N",
-        "force.below": "N",
-        "force.min": "N",
-        "force.settling_time": "s",
-        "position.lag_error": "m",
-        "impact.speed": "m/s",
-        "recontact.speed": "m/s",
-        "contact.losses": "",
-        "damage.scratch_time": "s",
-        "damage.impact_share": "%",
-        "damage.safe_speed_share": "%",
-    }
-
-
-def test_trials_are_averaged_and_their_range_is_said() -> None:
-    trials = [measured(contact()) for _ in range(3)]
-    for trial, peak in zip(trials, (30.0, 31.0, 38.0), strict=True):
-        trial["force.peak"] = peak
-    trials[1]["recontact.speed"] = 0.12
-    metrics = over_trials(trials, QUANTITIES)
-    assert metrics["force.peak"].value == pytest.approx(33.0)
-    assert metrics["force.peak"].note == "mean of 3 seeds, 30 to 38"
-    assert metrics["recontact.speed"].value == 0.12
-    assert metrics["recontact.speed"].note == "mean of 1 seeds, 0.12 to 0.12, undefined in 2"
-    # Zero is a value.
-    assert metrics["contact.losses"].value == 0.0
-    assert metrics["contact.losses"].note == "mean of 3 seeds, 0 to 0"
+    assert set(metrics) == set(QUANTITIES)
 
 
 def test_settling_has_to_last() -> None:

@@ -6,24 +6,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.contact.sensing_sensitivity import (
     IMPERFECTIONS,
     LOOPS,
     SensitivityScenario,
     contacts_in_air,
+    figures,
     imperfect,
     latency,
+    resolve_sensing_sensitivity,
 )
-from chamfer.analysis.scenario.experiment import Outcome, load, select
+from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
-
-SENSING_SENSITIVITY = load(select(CATALOGUE.entries, ["sensing-sensitivity"])[0])
 
 
 @pytest.fixture(scope="module")
 def scenario() -> SensitivityScenario:
-    return SENSING_SENSITIVITY.resolve(SensitivityScenario())
+    return resolve_sensing_sensitivity(SensitivityScenario())
 
 
 def differences(one: HybridScenario, other: HybridScenario) -> set[str]:
@@ -108,7 +107,7 @@ def test_the_figure_says_what_diverges(scenario: SensitivityScenario) -> None:
     rows["growth"][10] = rows["growth"][8] = 20.0
     rows["losses"][5] = 4.0
     outcome = Outcome(metrics={}, traces=rows, simulated_seconds=0.0)
-    (figure,) = SENSING_SENSITIVITY.plot(scenario, outcome).values()
+    (figure,) = figures(scenario, outcome).values()
     figure.draw_without_rendering()
     said = [[text.get_text() for text in panel.texts] for panel in figure.axes]
     # Where contact is lost as often as with ideal sensors, nothing is said.

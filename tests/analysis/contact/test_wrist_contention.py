@@ -3,22 +3,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.contact import wrist_contention
-from chamfer.analysis.scenario.experiment import Metric, Outcome, load, select
-from chamfer.diagrams.contact.adept_scenarios import WristContentionScenario
-from chamfer.diagrams.contact.hybrid_resolve import resolve
-
-WRIST_CONTENTION = load(select(CATALOGUE.entries, ["wrist-contention"])[0])
+from chamfer.analysis.contact.wrist_contention import run_contention
+from chamfer.analysis.scenario.experiment import Metric, Outcome
+from chamfer.diagrams.contact.contact_scenarios import WRIST_CONTENTION, AdeptScenario
+from chamfer.diagrams.contact.hybrid_loop_stability import resolve
 
 
 def quiet(fraction: float, doing: str = "") -> None:
     assert 0 <= fraction <= 1
 
 
-def near(**values: float) -> WristContentionScenario:
+def near(**values: float) -> AdeptScenario:
     """The nugget 2 mm from the wall."""
-    scenario = WristContentionScenario(**values)  # type: ignore[arg-type]
+    scenario = replace(WRIST_CONTENTION, **values)  # type: ignore[arg-type]
     task = replace(scenario.task, start=(0.498, -0.3, 0.3, 0.0), distance=0.002)
     return resolve(replace(scenario, task=task))
 
@@ -28,23 +26,7 @@ SCENARIO = near(duration=3.0, measure_after=1.5, trials=1)
 
 @pytest.fixture(scope="module")
 def outcome() -> Outcome:
-    return WRIST_CONTENTION.run(SCENARIO, 0, quiet)
-
-
-@pytest.mark.slow
-def test_forces_are_measured_in_both_runs(outcome: Outcome) -> None:
-    assert outcome.simulated_seconds == pytest.approx(6.0)
-    for name in outcome.metrics:
-        if name.startswith("force.") and name != "force.deviation_ratio":
-            assert f"wrist_integrator_off.{name}" in outcome.metrics
-
-
-def test_the_ratio_is_of_the_two_deviations(outcome: Outcome) -> None:
-    value = {name: metric.value for name, metric in outcome.metrics.items()}
-    on, off = value["force.deviation"], value["wrist_integrator_off.force.deviation"]
-    assert on is not None
-    assert off is not None
-    assert value["force.deviation_ratio"] == pytest.approx(on / off)
+    return run_contention(SCENARIO, 0, quiet)
 
 
 def test_the_ratio_is_undefined_without_contact() -> None:
@@ -55,15 +37,6 @@ def test_the_ratio_is_undefined_without_contact() -> None:
         metric = wrist_contention._ratio(*pair)
         assert metric.value is None
         assert metric.note == "no contact"
-
-
-def test_both_runs_are_the_same_until_contact_only(outcome: Outcome) -> None:
-    on, off = outcome.traces, outcome.tables["wrist_integrator_off"]
-    assert set(on) == set(off)
-    before = on["time"] < (outcome.metrics["contact_time"].value or 0)
-    for name, values in on.items():
-        np.testing.assert_array_equal(values[before], off[name][before])
-    assert np.any(on["joint_4.torque"] != off["joint_4.torque"])
 
 
 def test_the_wrists_integrator_is_the_one_that_is_off(outcome: Outcome) -> None:
@@ -99,31 +72,16 @@ def test_wrist_errors_are_of_their_window(outcome: Outcome) -> None:
         assert outcome.metrics[name].unit == "rad"
 
 
-def test_the_figure_shows_both_runs(outcome: Outcome) -> None:
-    figures = WRIST_CONTENTION.plot(SCENARIO, outcome)
-    assert set(figures) == {"wrist-contention"}
-    force, angle = figures["wrist-contention"].axes
-    assert force.get_title(loc="left") == "(a) Contact force"
-    assert force.get_ylabel() == "force / N"
-    assert angle.get_xlabel() == "time / s"
-    assert angle.get_ylabel() == "desired minus actual / degrees"
-    texts = [text.get_text() for text in force.get_legend().get_texts()]
-    assert texts == ["integrator on", "integrator off in contact", "desired"]
-    drawn = angle.get_lines()[0].get_ydata()
-    expected = np.degrees(outcome.traces["desired_phi"] - outcome.traces["phi"])
-    np.testing.assert_allclose(drawn, expected)
-
-
 @pytest.mark.slow
 def test_the_integrator_disturbs_the_force() -> None:
-    outcome = WRIST_CONTENTION.run(near(duration=20.0, measure_after=5.0, trials=1), 0, quiet)
+    outcome = run_contention(near(duration=20.0, measure_after=5.0, trials=1), 0, quiet)
     ratio = outcome.metrics["force.deviation_ratio"].value
     assert ratio is not None
     assert ratio > 1.1
 
 
 def test_a_run_that_ends_before_it_is_measured_has_no_wrist_error() -> None:
-    outcome = WRIST_CONTENTION.run(near(duration=0.5, measure_after=1.5, trials=1), 0, quiet)
+    outcome = run_contention(near(duration=0.5, measure_after=1.5, trials=1), 0, quiet)
     metric = outcome.metrics["wrist_error"]
     assert (metric.value, metric.note) == (None, "the run ends before measure_after")
     assert outcome.metrics["force.deviation_ratio"].value is None

@@ -15,7 +15,7 @@ from chamfer.analysis.drawing.chart_path import (
 )
 from chamfer.analysis.drawing.graph import Edge, Graph, Node
 from chamfer.analysis.scenario.experiment import Table
-from chamfer.analysis.skills.skill_run import Step, path_table
+from chamfer.analysis.skills.skill_run import SkillStep, path_table
 from chamfer.systems.statechart.chart import Chart, State, Transition
 
 # An insertion: of each state what it leads to, and else it retracts.
@@ -69,7 +69,7 @@ SHORT = insertion({})
 def path(*steps: tuple[str, str, str]) -> Table:
     return path_table(
         [
-            Step(0.5 * i, source, target, label.partition(",")[0], label)
+            SkillStep(0.5 * i, source, target, label.partition(",")[0], label)
             for i, (source, target, label) in enumerate(steps)
         ]
     )

@@ -3,7 +3,7 @@ import math
 import string
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 import pytest
 from hypothesis import given, settings
@@ -226,57 +226,6 @@ def test_a_bug_in_a_check_is_not_taken_for_a_mistake() -> None:
 
     with pytest.raises(ZeroDivisionError, match="bug"):
         make_scenario(Broken(), settings=["value=2"])
-
-
-@dataclass(frozen=True, kw_only=True)
-class Controller:
-    RENAMED: ClassVar[Mapping[str, str]] = {"form": "kind", "coulomb": "joint_friction.coulomb"}
-
-    kind: Literal["fsm", "pid"] = "fsm"
-    gain: float = 1.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class Campaign:
-    RENAMED: ClassVar[Mapping[str, str]] = {
-        "runs": "trials",
-        "controller": "controller.kind",
-        "controller.mass": "plant.mass",
-    }
-
-    trials: int = 5
-    controller: Controller = Controller()
-
-
-@dataclass(frozen=True, kw_only=True)
-class LongCampaign(Campaign):
-    RENAMED: ClassVar[Mapping[str, str]] = {"longest": "duration"}
-
-    duration: float = 5.0
-    inner: Campaign = Campaign()
-    others: tuple[Controller, ...] = ()
-
-
-@pytest.mark.parametrize(
-    ("setting", "message"),
-    [
-        ("longest=3", "longest is now duration"),
-        ("runs=3", "runs is now trials"),
-        ("inner.runs=3", "inner.runs is now inner.trials"),
-        ("controller=pid", "controller is now controller.kind"),
-        ("inner.controller=pid", "inner.controller is now inner.controller.kind"),
-        ("controller.form=pid", "controller.form is now controller.kind"),
-        ("inner.controller.mass=1", "inner.controller.mass is now inner.plant.mass"),
-        ("controller.coulomb.x=1", "controller.coulomb is now controller.joint_friction.coulomb"),
-        ("others=[{form: pid}]", "others[0].form is now others[0].kind"),
-        ("controller.kind=off", "controller.kind is 'off', allowed: fsm, pid"),
-        ("controller.longest=3", "controller.longest: no such field, valid fields: gain, kind"),
-    ],
-)
-def test_an_old_name_is_answered_by_its_new_one(setting: str, message: str) -> None:
-    with pytest.raises(UserError) as raised:
-        make_scenario(LongCampaign(), settings=[setting])
-    assert str(raised.value) == message
 
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)

@@ -5,29 +5,20 @@ from typing import Any
 
 import pytest
 
-from chamfer.analysis.catalogue import CATALOGUE
-from chamfer.analysis.scenario.experiment import load, select
 from chamfer.analysis.skills.ablation import CHANGES
-from chamfer.analysis.skills.connector_ablation import (
-    BncConnectorAblationScenario,
-    DConnectorAblationScenario,
-    skills,
+from chamfer.analysis.skills.connector_campaign import (
+    BNC_ABLATION,
+    D_ABLATION,
+    ablated_skills,
+    resolve_campaign,
 )
 from chamfer.systems.primitives.force_primitives import Level, Obstructed
 from chamfer.systems.primitives.position_primitives import Centre, Held
 from chamfer.systems.primitives.skill import Skill
-from chamfer.systems.primitives.skill_chart import make_skill_chart
-from chamfer.systems.primitives.skill_check import check_timing
+from chamfer.systems.primitives.skill_machine import check_timing, make_skill_chart
 
-BNC_ABLATION = load(select(CATALOGUE.entries, ["bnc-connector-ablation"])[0])
-D_ABLATION = load(select(CATALOGUE.entries, ["d-connector-ablation"])[0])
-
-D, BNC = DConnectorAblationScenario(), BncConnectorAblationScenario()
+D, BNC = resolve_campaign(D_ABLATION), resolve_campaign(BNC_ABLATION)
 PERIOD = 0.01  # s
-
-
-def quiet(fraction: float, doing: str = "") -> None:
-    assert 0 <= fraction <= 1
 
 
 def counted(skill: Skill, kind: Any) -> int:
@@ -69,22 +60,9 @@ def test_without_the_rotary_search_the_plug_comes_out_where_the_dithers_end() ->
 
 
 def test_a_primitive_that_a_skill_does_not_have_is_no_ablation() -> None:
-    assert set(skills(D)) == {*CHANGES, "without_sight"}
-    assert set(skills(D)) - set(skills(BNC)) == {"without_level", "without_rotary_search"}
-    assert "without_sight" not in skills(replace(D, sight=None))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("experiment", [D_ABLATION, BNC_ABLATION])
-def test_every_skill_meets_the_same_worlds(experiment: Any) -> None:
-    scenario = experiment.scenario(trials=2, duration=0.02, sight=None)
-    outcome = experiment.run(scenario, 0, quiet)
-    names = skills(scenario)
-    assert outcome.traces["skill"].tolist() == [name for name in names for _ in range(2)]
-    assert outcome.traces["trial"].tolist() == [0.0, 1.0] * len(names)
-    for name in names:
-        assert outcome.metrics[f"{name}.success_rate"].value == 0.0
-        assert outcome.metrics[f"{name}.duration"].value == pytest.approx(0.02, abs=0.1)
-    figure = experiment.plot(scenario, outcome)["ablation"]
-    labels = [text.get_text() for text in figure.axes[0].get_yticklabels()]
-    assert labels == [name.replace("_", " ") for name in names]
+    assert set(ablated_skills(D)) == {*CHANGES, "without_sight"}
+    assert set(ablated_skills(D)) - set(ablated_skills(BNC)) == {
+        "without_level",
+        "without_rotary_search",
+    }
+    assert "without_sight" not in ablated_skills(replace(D, sight=None))

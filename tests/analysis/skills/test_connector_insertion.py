@@ -1,45 +1,41 @@
+"""One insertion: what it measures, its figures, and its replay."""
+
+import re
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from chamfer.analysis.catalogue import CATALOGUE
-from chamfer.analysis.published.sensorimotor_primitives import PUBLISHED
-from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Experiment, Outcome, load, select
-from chamfer.analysis.skills.connector_runs import INSERTION
-from chamfer.diagrams.skills.connector_insertion import (
-    AnyConnectorScenario,
-    BncConnectorScenario,
-    DConnectorScenario,
+from chamfer.analysis.report.replay import replay_html
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.skills.connector_insertion import (
+    figures,
+    replay_insertion,
+    run,
 )
-from chamfer.systems.strategies.bnc_strategy import BncConnectorSkillParams
+from chamfer.analysis.skills.connector_insertion_figures import (
+    plot_insertion,
+    spaced,
+)
+from chamfer.analysis.skills.skill_run import AXES, SkillStep, path_table
+from chamfer.diagrams.skills.connector_scenario import (
+    DConnectorScenario,
+    resolve,
+)
 from chamfer.systems.strategies.d_strategy import DConnectorSkillParams
 
-BNC_CONNECTOR = load(select(CATALOGUE.entries, ["bnc-connector"])[0])
-D_CONNECTOR = load(select(CATALOGUE.entries, ["d-connector"])[0])
-
-EXPERIMENTS: dict[str, Experiment[AnyConnectorScenario]] = {
-    "d-connector": D_CONNECTOR,
-    "bnc-connector": BNC_CONNECTOR,
-}
 # From just above the socket, with little to search for.
-SHORT: dict[str, AnyConnectorScenario] = {
-    "d-connector": DConnectorScenario(
-        sight=None,
+SHORT = resolve(
+    DConnectorScenario(
         height=0.001,
         initial_error=(0.01, 0.0, 0.005, 1e-4, 5e-5, 0.0),
         skill=DConnectorSkillParams(settle_cycles=0.5),
-    ),
-    "bnc-connector": BncConnectorScenario(
-        sight=None,
-        height=0.001,
-        initial_error=(0.0, 0.0, -0.12, 3e-4, 0.0, 0.0),
-        skill=BncConnectorSkillParams(),
-    ),
-}
+    )
+)
 
 
 def quiet(fraction: float, doing: str = "") -> None:
@@ -47,45 +43,19 @@ def quiet(fraction: float, doing: str = "") -> None:
     assert doing
 
 
-@pytest.fixture(scope="module", params=EXPERIMENTS)
-def ran(request: pytest.FixtureRequest) -> tuple[str, Outcome]:
-    experiment, scenario = EXPERIMENTS[request.param], SHORT[request.param]
-    return request.param, experiment.run(experiment.resolve(scenario), 0, quiet)
-
-
-def value(outcome: Outcome, name: str) -> float:
-    measured = outcome.metrics[name].value
-    assert measured is not None
-    return measured
-
-
 def contents(outcome: Outcome) -> dict[str, bytes]:
-    tables = {"traces": outcome.traces, **outcome.tables}
-    return {
-        f"{table}.{name}": np.asarray(values).tobytes()
-        for table, columns in tables.items()
-        for name, values in columns.items()
-    }
+    return {name: np.asarray(values).tobytes() for name, values in outcome.traces.items()}
 
 
-@pytest.mark.slow
-def test_metrics_and_published_values(ran: tuple[str, Outcome]) -> None:
-    name, outcome = ran
-    assert {key: metric.unit for key, metric in outcome.metrics.items()} == {
-        key: quantity.unit for key, quantity in INSERTION.items()
-    }
-    asked = [one for one in PUBLISHED if one.experiment == name]
-    checks = check(asked, outcome.metrics)
-    assert [(one.published.metric, one.ok) for one in checks] == [("success", True)]
-    assert outcome.metrics["success"].note == ""
-    connector = SHORT[name].connector
-    assert value(outcome, "depth") == pytest.approx(connector.mated_depth, abs=1e-4)
-    assert 1.0 < value(outcome, "force.peak_share") < 1.5
-    assert value(outcome, "duration") == outcome.simulated_seconds
-
-
-def test_the_path_holds_every_state_with_its_outcome(ran: tuple[str, Outcome]) -> None:
-    _, outcome = ran
+def test_a_connector_is_inserted_and_the_path_holds_every_state_with_its_outcome() -> None:
+    outcome = run(SHORT, 0, quiet)
+    values = {name: metric.value for name, metric in outcome.metrics.items()}
+    assert values["success"] == 1.0
+    assert values["depth"] == pytest.approx(SHORT.connector.mated_depth, abs=1e-4)
+    assert 1.0 < (values["force.peak_share"] or 0.0) < 1.5
+    assert values["duration"] == outcome.simulated_seconds
+    texts = [text.get_text() for text in figures(SHORT, outcome)["path"].axes[0].texts]
+    assert any("inserted, after" in text for text in texts)
     path = outcome.tables["path"]
     assert path["source"][0] == "tare"
     assert path["outcome"][0] == "done"
@@ -96,28 +66,85 @@ def test_the_path_holds_every_state_with_its_outcome(ran: tuple[str, Outcome]) -
     assert path["time"][-1] <= outcome.traces["time"][-1]
 
 
-def test_the_figures(ran: tuple[str, Outcome]) -> None:
-    name, outcome = ran
-    figures = EXPERIMENTS[name].plot(SHORT[name], outcome)
-    assert list(figures) == ["path", "signals"]
-    assert all(isinstance(figure, Figure) for figure in figures.values())
-    texts = [text.get_text() for text in figures["path"].axes[0].texts]
-    assert any("inserted, after" in text for text in texts)
-
-
-def failing() -> tuple[AnyConnectorScenario, Outcome]:
-    scenario = replace(SHORT["d-connector"], obstacle=0.001, duration=0.5)
-    return scenario, D_CONNECTOR.run(scenario, 3, quiet)
-
-
 def test_a_run_that_fails_says_why_and_its_seed_decides_every_byte() -> None:
-    scenario, outcome = failing()
-    assert value(outcome, "success") == 0.0
+    scenario = replace(SHORT, obstacle=0.001, duration=0.5)
+    outcome, again, other = (run(scenario, seed, quiet) for seed in (3, 3, 4))
+    assert outcome.metrics["success"].value == 0.0
     note = outcome.metrics["success"].note
     assert note.endswith("still running after 0.5 s")
-    figures = D_CONNECTOR.plot(scenario, outcome)
-    texts = [text.get_text() for text in figures["path"].axes[0].texts]
+    texts = [text.get_text() for text in figures(scenario, outcome)["path"].axes[0].texts]
     assert f"D connector: failed: {note}, after 0.50 s" in texts
-    assert contents(failing()[1]) == contents(outcome)
-    other: Any = D_CONNECTOR.run(scenario, 4, quiet)
-    assert contents(other)["traces.wrench_z"] != contents(outcome)["traces.wrench_z"]
+    assert contents(again) == contents(outcome)
+    assert contents(other)["wrench_z"] != contents(outcome)["wrench_z"]
+
+
+STATES = ("approach", "push", "retract", "done", "failed")
+PATH = path_table(
+    [
+        SkillStep(1.0, "approach", "push", "contact", "contact"),
+        SkillStep(1.5, "push", "retract", "jammed", "otherwise"),
+        SkillStep(3.0, "retract", "failed", "over", "over"),
+    ]
+)
+TIME = np.linspace(0.0, 4.0, 9)
+TRACES = {
+    "time": TIME,
+    "depth": 0.001 * TIME,
+    "lateral_x": np.where(TIME < 1.0, 0.05, 0.0),
+    "lateral_y": np.zeros(9),
+    "state": np.full(9, 4.0),
+    **{
+        f"{name}_{axis}": (k + 10 * i) * TIME
+        for k, name in enumerate(("V_cmd", "V_ref", "wrench"))
+        for i, axis in enumerate(AXES)
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def figure() -> Figure:
+    made = plot_insertion(TRACES, PATH, states=STATES, mated=0.0056, mating_force=46.0)
+    FigureCanvasAgg(made)
+    made.canvas.draw()
+    return made
+
+
+def test_every_axis_has_its_command_and_motion_in_the_paper_s_order(figure: Figure) -> None:
+    order = ("x", "y", "z", "rx", "ry", "rz")
+    for axes, axis in zip(figure.axes[1:7], order, strict=True):
+        scale = 1e3 if len(axis) == 1 else 1.0
+        lines = {str(line.get_label()): np.asarray(line.get_ydata()) for line in axes.lines}
+        assert set(lines) == {r"$V_{ref}$", r"$V_{cmd}$"}
+        np.testing.assert_allclose(lines[r"$V_{cmd}$"], scale * TRACES[f"V_cmd_{axis}"])
+        np.testing.assert_allclose(lines[r"$V_{ref}$"], scale * TRACES[f"V_ref_{axis}"])
+        assert ("mm/s" if scale > 1 else "rad/s") in axes.get_ylabel()
+
+
+def test_forces_torques_and_depth(figure: Figure) -> None:
+    force, torque, depth = figure.axes[7:10]
+    np.testing.assert_array_equal(np.asarray(force.lines[0].get_ydata()), TRACES["wrench_z"])
+    assert np.asarray(force.lines[1].get_ydata())[0] == 46.0
+    assert len(torque.lines) == 3
+    shown = np.asarray(depth.lines[0].get_ydata())
+    assert np.isnan(shown[TIME < 1.0]).all()  # the plug is still beside its socket
+    np.testing.assert_allclose(shown[TIME >= 1.0], TIME[TIME >= 1.0])
+    assert np.asarray(depth.lines[1].get_ydata())[0] == pytest.approx(5.6)
+
+
+@given(places=st.lists(st.floats(0.0, 1.0), min_size=1, max_size=40).map(sorted))
+def test_names_keep_their_order_their_distance_and_the_figure(places: list[float]) -> None:
+    found = spaced(np.array(places))
+    assert (np.diff(found) > 0.0124).all()
+    assert found[-1] <= 1.0
+    if len(places) == 1 or np.diff(places).min() > 0.0125:
+        np.testing.assert_array_equal(found, places)
+
+
+def test_a_column_that_is_missing_is_named() -> None:
+    message = "the traces lack the column 'carriage_ry', which the replay needs"
+    columns = [f"{name}_{axis}" for name in ("plug", "carriage") for axis in AXES]
+    traces = {"time": np.arange(2.0)} | {name: np.zeros(2) for name in columns}
+    del traces["carriage_ry"]
+    outcome = Outcome(metrics={}, traces=traces, simulated_seconds=0.1)
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+        replay_html(lambda meshcat: replay_insertion(SHORT, outcome, meshcat))

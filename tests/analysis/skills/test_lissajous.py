@@ -1,18 +1,21 @@
+"""What two dithers cover."""
+
 import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.patches import Rectangle
 
-from chamfer.analysis.catalogue import CATALOGUE
-from chamfer.analysis.published.sensorimotor_primitives import PUBLISHED
-from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Outcome, load, select
-from chamfer.analysis.skills.lissajous import LissajousScenario, covering_radius, theory
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.skills.lissajous import (
+    LissajousScenario,
+    covering_radius,
+    figures,
+    run,
+)
 from chamfer.models.validation import ParameterError
-
-LISSAJOUS = load(select(CATALOGUE.entries, ["lissajous"])[0])
 
 SHORT = LissajousScenario(repeats=(2, 6))
 Value = Callable[[str], float]
@@ -24,7 +27,7 @@ def quiet(fraction: float, doing: str = "") -> None:
 
 @pytest.fixture(scope="module")
 def outcome() -> Outcome:
-    return LISSAJOUS.run(LISSAJOUS.resolve(SHORT), 0, quiet)
+    return run(SHORT, 0, quiet)
 
 
 @pytest.fixture(scope="module")
@@ -35,27 +38,6 @@ def value(outcome: Outcome) -> Value:
         return measured
 
     return get
-
-
-def test_published_values(outcome: Outcome) -> None:
-    asked = [one for one in PUBLISHED if one.experiment == "lissajous"]
-    checks = check(asked, outcome.metrics)
-    assert len(checks) == 1
-    assert all(one.ok for one in checks)
-
-
-def test_metrics_and_units(outcome: Outcome) -> None:
-    units = {name: metric.unit for name, metric in outcome.metrics.items()}
-    expected = {"repeats_after": "m", "sine_start.offset": "m"}
-    for n in (2, 6):
-        expected |= {
-            f"covering_radius.n{n}": "m",
-            f"covering_ratio.n{n}": "",
-            f"theory.covering_radius.n{n}": "m",
-            f"centre_offset.n{n}": "m",
-            f"duration.n{n}": "s",
-        }
-    assert units == expected
 
 
 def test_the_pattern_closes_and_is_centred(value: Value) -> None:
@@ -95,20 +77,6 @@ def test_traces_hold_every_pattern(outcome: Outcome) -> None:
     assert outcome.simulated_seconds == pytest.approx(8.0)
 
 
-def test_the_same_run_gives_the_same_bytes(outcome: Outcome) -> None:
-    again = LISSAJOUS.run(SHORT, 1, quiet)  # nothing is random
-    assert again.metrics == outcome.metrics
-    for name, column in outcome.traces.items():
-        assert column.tobytes() == again.traces[name].tobytes()
-
-
-def test_the_pattern_is_as_large_and_as_fast_as_told() -> None:
-    scenario = LissajousScenario(amplitude=0.001, frequency=2.0, repeats=(1,))
-    found = LISSAJOUS.run(scenario, 0, quiet)
-    assert np.abs(found.traces["first"]).max() == pytest.approx(0.001, rel=0.01)
-    assert found.metrics["duration.n1"].value == pytest.approx(0.5)
-
-
 def test_a_line_across_the_square_is_half_a_side_from_its_edge() -> None:
     along = np.linspace(-0.002, 0.002, 401)
     line = np.column_stack([along, np.zeros(401)])
@@ -118,26 +86,12 @@ def test_a_line_across_the_square_is_half_a_side_from_its_edge() -> None:
     assert covering_radius(beside, 0.002) == pytest.approx(0.003)
 
 
-def test_a_diagonal_is_farthest_from_the_corners() -> None:
-    along = np.linspace(-0.002, 0.002, 4001)
-    diagonal = np.column_stack([along, along])
-    assert covering_radius(diagonal, 0.002) == pytest.approx(0.002 * math.sqrt(2), rel=1e-3)
-
-
-def test_a_point_in_the_middle_is_half_a_diagonal_from_the_corners() -> None:
-    assert covering_radius(np.zeros((1, 2)), 0.003) == pytest.approx(0.003 * math.sqrt(2))
-
-
 @pytest.mark.parametrize(("cells", "amplitude"), [(2, 1.0), (5, 0.003), (20, 0.002)])
 def test_a_dense_grid_leaves_half_a_cells_diagonal(cells: int, amplitude: float) -> None:
     side = np.linspace(-amplitude, amplitude, cells + 1)
     x, y = np.meshgrid(side, side)
     found = covering_radius(np.column_stack([x.ravel(), y.ravel()]), amplitude)
     assert found == pytest.approx(math.sqrt(2) * amplitude / cells)
-
-
-def test_the_theory_is_a_cell_of_the_middle() -> None:
-    assert theory(10, 0.002) == pytest.approx(1.1107 * 0.002 / 10, rel=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -154,3 +108,17 @@ def test_the_theory_is_a_cell_of_the_middle() -> None:
 def test_a_scenario_refuses(values: dict[str, Any], message: str) -> None:
     with pytest.raises(ParameterError, match=message):
         LissajousScenario(**values)
+
+
+def test_the_figure_has_patterns_in_millimetres_and_the_radius_over_n(outcome: Outcome) -> None:
+    *patterns, radius = figures(SHORT, outcome)["lissajous"].axes
+    for n, axes in zip((2, 6), patterns, strict=True):
+        of = outcome.traces["repeats"] == n
+        drawn = np.asarray(axes.get_lines()[0].get_ydata())
+        np.testing.assert_allclose(drawn, 1e3 * outcome.traces["second"][of])
+        (square,) = (one for one in axes.patches if isinstance(one, Rectangle))
+        assert (square.get_xy(), square.get_width()) == ((-2.0, -2.0), 4.0)
+    measured, expected = (np.asarray(one.get_ydata()) for one in radius.get_lines()[:2])
+    np.testing.assert_allclose(expected, 2.0 * math.pi / (2 * math.sqrt(2) * np.array([2, 6])))
+    radii = [1e3 * (outcome.metrics[f"covering_radius.n{n}"].value or 0.0) for n in (2, 6)]
+    np.testing.assert_allclose(measured, radii)

@@ -1,5 +1,6 @@
-"""The experiment that runs a skill out of a file."""
+"""A skill of one's own: its file, and the experiment that runs it."""
 
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any, Final
@@ -9,29 +10,133 @@ import pytest
 
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.scenario_io import make_scenario, unstructure
-from chamfer.analysis.skills.own_skill import OwnSkillScenario, resolve, run
-from chamfer.diagrams.skills.connector_insertion import (
-    BncConnectorScenario,
-    DConnectorScenario,
-    PegScenario,
-    Rj45ConnectorScenario,
+from chamfer.analysis.scenario.scenario_yaml import parse_value
+from chamfer.analysis.skills.own_skill import OwnSkillScenario, resolve_own_skill, run
+from chamfer.analysis.skills.skill_file import read_skill, skill_of, skill_text
+from chamfer.diagrams.skills.connector_scenario import (
+    BNC_CONNECTOR,
+    D_CONNECTOR,
+    RJ45_CONNECTOR,
+    ROUND_PEG,
+    resolve,
 )
-from chamfer.diagrams.skills.connector_sight import SightSettings
-from chamfer.models.connectors.obj_file import convex_hull, write_solids
+from chamfer.models.connectors.mesh_connector import MeshConnector, convex_hull, write_solids
 from chamfer.models.validation import ParameterError
+from chamfer.systems.primitives.force_primitives import GuardedMove
+from chamfer.systems.primitives.skill import PRIMITIVES, Retry, Skill, SkillState
+from chamfer.systems.primitives.trajectory_primitives import MoveDx
 
-TOUCH: Final = """
+STATE = "states: [{name: a, run: [%s], on: %s, timeout: %s}]"
+TEXT = """
 name: touch
 held: true
 states:
 - name: touch
   run:
-  - GuardedMove: {threshold: 5.0}
-  on: {contact: done}
-  timeout: 5.0
+  - GuardedMove: {direction: -z, threshold: 5}
+  on: {contact: done, lost: {target: touch, at_most: 2}}
+  timeout: 5
 retract:
 - MoveDx: {displacement: [0, 0, 0, 0, 0, 0.02]}
 """
+
+
+def test_a_file_says_what_python_says(tmp_path: Path) -> None:
+    (tmp_path / "touch.yaml").write_text(TEXT)
+    state = SkillState(
+        name="touch",
+        run=[GuardedMove(direction="-z", threshold=5.0)],
+        on={"contact": "done", "lost": Retry("touch", 2)},
+        timeout=5.0,
+    )
+    up = MoveDx(displacement=(0.0, 0.0, 0.0, 0.0, 0.0, 0.02))
+    expected = Skill(name="touch", states=[state], retract=[up], held=True)
+    found = read_skill(tmp_path / "touch.yaml")
+    assert found == expected
+    assert isinstance(found.states[0].timeout, float)
+
+
+@pytest.mark.parametrize("scenario", [D_CONNECTOR, BNC_CONNECTOR, ROUND_PEG, RJ45_CONNECTOR])
+def test_all_strategies_are_written_and_read_back(tmp_path: Path, scenario: Any) -> None:
+    skill = resolve(scenario).make_skill()
+    (tmp_path / "skill.yaml").write_text(skill_text(skill))
+    assert read_skill(tmp_path / "skill.yaml") == skill
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mine(MoveDx):
+    """A primitive of one's own."""
+
+    strength: float = 1.0
+
+
+def test_ones_own_primitives_get_names() -> None:
+    state = SkillState(name="a", run=[Mine(strength=2.0)], on={"done": "done"}, timeout=5.0)
+    skill = Skill(name="x", states=[state], retract=[MoveDx()])
+    with pytest.raises(UserError, match=r"^Mine has no name in a file, valid names: Centre, "):
+        skill_text(skill)
+    names = {**PRIMITIVES, "mine": Mine}
+    assert "  - mine:\n      strength: 2.0\n" in skill_text(skill, names)
+    assert skill_of(parse_value(skill_text(skill, names)), names) == skill
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("retract: []", "states has to be given, it has no default"),
+        ("states: 5", "states is 5, allowed: a list"),
+        ("states: []", "skill 'x': 'retract' runs no primitive"),
+        ("colour: red", "colour: no such field, valid fields: held, name, retract, "),
+        (
+            STATE % ("{Seat: {sped: 3}}", "{}", 1),
+            "states[0].run[0].Seat.sped: no such field, valid fields: direction, ",
+        ),
+        (STATE % ("{Pusch: {}}", "{}", 1), "states[0].run[0] is 'Pusch', allowed: "),
+        (STATE % ("Seat", "{}", 1), "states[0].run[0] is 'Seat', allowed: one of "),
+        (STATE % ("{Seat: {}, Stick: {}}", "{}", 1), "states[0].run[0] is {'Seat': {}, "),
+        (
+            STATE % ("{GuardedMove: {speed: -3}}", "{}", 1),
+            "states[0].run[0].GuardedMove.speed is -3.0, allowed: a finite number > 0",
+        ),
+        (
+            STATE % ("{MoveDx: }", "{done: 5}", 1),
+            "states[0].on.done is 5, allowed: a text or a mapping of at_most, target, then",
+        ),
+        (
+            STATE % ("{MoveDx: }", "{finished: done}", 1),
+            "states[0].on.finished is 'finished', allowed: done, contact, ",
+        ),
+        (
+            STATE % ("{MoveDx: }", "{done: {target: done, at_most: 0}}", 3),
+            "states[0].on.done.at_most is 0, allowed: a whole number >= 1",
+        ),
+        (
+            STATE % ("{MoveDx: }", "{done: done}", ".nan") + "\nretract: [{MoveDx: }]",
+            "skill 'x': the timeout of 'a' is nan, allowed: a finite number > 0",
+        ),
+        (
+            STATE % ("{MoveDx: }", "{lost: done}", 3) + "\nretract: [{MoveDx: }]",
+            "skill 'x': 'a' has an answer to 'lost', which nothing that it runs can be",
+        ),
+    ],
+)
+def test_a_mistake_is_told_in_one_line(tmp_path: Path, text: str, message: str) -> None:
+    lines = [
+        line
+        for line in ("states: []", "retract: []")
+        if line.partition(":")[0] not in text or text == "colour: red"
+    ]
+    if text == "retract: []":
+        lines = []
+    path = tmp_path / "skill.yaml"
+    path.write_text("\n".join(["name: x", text, *lines]))
+    with pytest.raises(UserError) as refused:
+        read_skill(path)
+    told = str(refused.value)
+    assert "\n" not in told
+    assert told.startswith(f"{path}: {message}")
+
+
 FAST: Final[dict[str, Any]] = {"step": 0.002, "duration": 2.0}
 
 
@@ -42,12 +147,12 @@ def silent(fraction: float, doing: str = "") -> None:
 @pytest.fixture
 def touch(tmp_path: Path) -> str:
     path = tmp_path / "touch.yaml"
-    path.write_text(TOUCH)
+    path.write_text(TEXT)
     return str(path)
 
 
 def test_a_file_is_run_and_its_text_is_kept(touch: str) -> None:
-    scenario = resolve(OwnSkillScenario(skill=touch, **FAST))
+    scenario = resolve_own_skill(OwnSkillScenario(skill=touch, **FAST))
     Path(touch).unlink()
     found = run(scenario, 0, silent).metrics
     assert (found["done"].value, found["done"].note) == (1.0, "")
@@ -55,7 +160,7 @@ def test_a_file_is_run_and_its_text_is_kept(touch: str) -> None:
     assert found["success"].note.startswith("said to be done")
     assert 0.2 < found["duration"].value < 1.8
     again = make_scenario(OwnSkillScenario(), given=unstructure(scenario))
-    assert resolve(again) == scenario == again
+    assert resolve_own_skill(again) == scenario
 
 
 def test_a_part_of_ones_own(tmp_path: Path, touch: str) -> None:
@@ -65,27 +170,9 @@ def test_a_part_of_ones_own(tmp_path: Path, touch: str) -> None:
     files = {"plug": str(tmp_path / "block.obj"), "socket": str(tmp_path / "floor.obj")}
     given = {"part": "own", "own": {**files, "mated_depth": 0.002, "mating_force": 5.0}}
     scenario = make_scenario(OwnSkillScenario(), given={**FAST, "skill": touch, **given})
-    found = run(resolve(scenario), 0, silent).metrics
+    found = run(resolve_own_skill(scenario), 0, silent).metrics
     assert (found["done"].value, found["success"].value) == (1.0, 1.0)
     assert found["depth"].value == pytest.approx(0.002, abs=3e-4)
-
-
-@pytest.mark.parametrize(
-    ("part", "kind"),
-    [
-        ("d-connector", DConnectorScenario),
-        ("bnc-connector", BncConnectorScenario),
-        ("peg", PegScenario),
-        ("rj45-connector", Rj45ConnectorScenario),
-    ],
-)
-def test_without_a_file_it_is_the_part_s_own_strategy(part: Any, kind: Any) -> None:
-    sight = SightSettings()
-    error = (0.01, 0.0, 0.0, 0.001, 0.0, 0.0)
-    scenario = OwnSkillScenario(part=part, sight=sight, initial_error=error)
-    own = kind(sight=sight, initial_error=error).make_skill()
-    assert scenario.make_skill() == own
-    assert resolve(scenario) == scenario
 
 
 @pytest.mark.parametrize(
@@ -105,15 +192,24 @@ def test_fields_that_don_t_go_together(fields: dict[str, Any], message: str) -> 
 
 def test_a_skill_that_can_t_be_run_is_refused_before_it_runs(tmp_path: Path, touch: str) -> None:
     with pytest.raises(UserError, match=r"nowhere\.yaml: No such file or directory$"):
-        resolve(OwnSkillScenario(skill=str(tmp_path / "nowhere.yaml")))
+        resolve_own_skill(OwnSkillScenario(skill=str(tmp_path / "nowhere.yaml")))
     with pytest.raises(UserError, match=r"^skill has several lines, allowed: a path, or the text"):
-        resolve(OwnSkillScenario(skill="one\ntwo"))
+        resolve_own_skill(OwnSkillScenario(skill="one\ntwo"))
     with pytest.raises(UserError, match=r"^skill: line 2: "):
-        resolve(OwnSkillScenario(skill="name: [\ntwo"))
-    Path(touch).write_text(TOUCH.replace("GuardedMove", "Jump"))
+        resolve_own_skill(OwnSkillScenario(skill="name: [\ntwo"))
+    Path(touch).write_text(TEXT.replace("GuardedMove", "Jump"))
     with pytest.raises(UserError, match=r"touch\.yaml: states\[0\]\.run\[0\] is 'Jump', allowed"):
-        resolve(OwnSkillScenario(skill=touch))
-    fast = TOUCH.replace("{threshold: 5.0}", "\n  - Dither: {frequency: 26}")
+        resolve_own_skill(OwnSkillScenario(skill=touch))
+    fast = TEXT.replace("{direction: -z, threshold: 5}", "\n  - Dither: {frequency: 26}")
     Path(touch).write_text(fast)
     with pytest.raises(UserError, match=r"^skill 'touch': 'touch': the frequency of ldither x is"):
-        resolve(OwnSkillScenario(skill=touch))
+        resolve_own_skill(OwnSkillScenario(skill=touch))
+
+
+def test_a_part_without_a_strategy_needs_a_skill(tmp_path: Path) -> None:
+    corners = np.array(list(product((-4, 4), (-4, 4), (0, 20))), dtype=float)
+    write_solids(tmp_path / "block.obj", [convex_hull("block", corners)])
+    path = str(tmp_path / "block.obj")
+    own = MeshConnector(plug=path, socket=path, mated_depth=0.002, mating_force=10.0)
+    with pytest.raises(ParameterError, match=r"^skill is None, allowed: a skill, block has no st"):
+        resolve_own_skill(OwnSkillScenario(part="own", own=own))

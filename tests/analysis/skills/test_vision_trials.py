@@ -1,25 +1,34 @@
-"""Trials of the vision primitives: what they draw, measure and compare with."""
+"""Vision primitives: what trials draw and measure, the experiment, and its figure."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.collections import QuadMesh
 
+from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.analysis.skills.vision_trials import (
-    calibration,
+    VisionPrimitivesScenario,
+    VisionTrial,
     draw,
+    figures,
+    map_metrics,
+    run,
     run_trial,
     seen_error,
     shares,
+    trial_metrics,
     true_errors,
 )
 from chamfer.diagrams.skills.vision_servo import (
     NAMES,
-    Belief,
+    CameraBelief,
     VisionServoScenario,
     VisionServoSetup,
 )
+from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.visual_servoing import ServoingParams
 
 
@@ -32,27 +41,6 @@ def drawn(name: Any, trial: int = 0) -> VisionServoScenario:
         trial=trial,
         random=np.random.default_rng([3, trial]),
     )
-
-
-def test_calibration_is_as_wrong_as_it_is_asked_to_be() -> None:
-    axes = []
-    for k in range(200):
-        found = calibration(0.17, 1.2, np.random.default_rng(k))
-        assert np.linalg.norm(found.turn) == pytest.approx(0.17)
-        assert found.focal_factor == 1.2
-        axes.append(found.turn)
-    assert np.abs(np.mean(axes, axis=0)).max() < 0.02  # all directions
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_drawn_trials_go_through_the_signs(name: Any) -> None:
-    trials = [drawn(name, k) for k in range(8)]
-    signs = {(one.xz.focal_factor, one.yz.focal_factor, one.believed_lever) for one in trials}
-    assert len(signs) == 8
-    assert all(abs(abs(value - 1) - 0.2) < 1e-12 for sign in signs for value in sign)
-    assert all(one.primitive == name for one in trials)
-    assert len({one.start for one in trials}) == 8
-    assert drawn(name, 3) == drawn(name, 3)
 
 
 def test_true_errors() -> None:
@@ -97,13 +85,6 @@ def test_with_right_cameras_every_share_is_the_gain(name: Any) -> None:
     np.testing.assert_allclose(shares(one), 0.15)
 
 
-def test_shares_of_a_wrong_focal_length_and_a_roll() -> None:
-    wrong = Belief(focal_factor=0.5, turn=(0.0, 0.0, 0.3))
-    found = shares(VisionServoScenario(primitive="fixed_point", xz=wrong))
-    np.testing.assert_allclose(np.abs(found), 0.4)
-    np.testing.assert_allclose(np.sort(np.angle(found)), [-0.3, 0.3], atol=1e-9)
-
-
 def test_a_trial_and_its_repetition_in_the_same_diagram() -> None:
     one = drawn("grasp", 1)
     first = run_trial(one, seed=4, most=3.0)
@@ -123,17 +104,113 @@ def test_a_trial_and_its_repetition_in_the_same_diagram() -> None:
     assert not np.array_equal(first.displacement[-1], other.displacement[-1])  # other noise
 
 
-def test_a_trial_whose_time_is_up() -> None:
-    found = run_trial(drawn("grasp", 1), seed=0, most=0.2)
-    assert found.event is None
-    assert found.seen is None
-    assert found.time == pytest.approx(0.2, abs=0.02)
-
-
 def test_a_primitive_that_refuses_its_cameras_is_a_trial_too() -> None:
     # The camera along Y is believed to look along X.
-    turned = Belief(turn=(0.0, 0.0, 0.0))
-    quarter = Belief(turn=(-math.pi / 2, 0.0, 0.0))
+    turned = CameraBelief(turn=(0.0, 0.0, 0.0))
+    quarter = CameraBelief(turn=(-math.pi / 2, 0.0, 0.0))
     one = VisionServoScenario(primitive="rotation", xz=quarter, yz=turned)
     found = run_trial(one, seed=0, most=1.0)
     assert (found.event, found.time, found.slowest_root) == (None, 0.0, math.inf)
+
+
+SHORT = VisionPrimitivesScenario(
+    trials=1, map_focal=(0.15, 1.0), map_angle=(0.0,), map_trials=1, duration=2.5
+)
+
+
+def quiet(fraction: float, doing: str = "") -> None:
+    assert 0 <= fraction <= 1
+
+
+@pytest.fixture(scope="module")
+def outcome() -> Outcome:
+    return run(SHORT, 0, quiet)
+
+
+def test_every_primitive_settles_and_the_map_has_both(outcome: Outcome) -> None:
+    for name in NAMES:
+        assert outcome.metrics[f"{name}.converged"].value == 100
+        assert outcome.metrics[f"{name}.theory.largest_root"].value < 1  # type: ignore[operator]
+    assert outcome.metrics["fixed_point.excursion.max"].value < 5e-4  # type: ignore[operator]
+    cells = outcome.tables["map"]
+    np.testing.assert_array_equal(cells["focal_factor"], [0.15, 1.0])
+    np.testing.assert_array_equal(cells["converged"], [0, 1])
+    assert outcome.metrics["map.agreement"].value == 100
+    assert outcome.metrics["margin.focal_factor"].value == 1.0
+    (figure,) = figures(SHORT, outcome).values()
+    (shades,) = (
+        mesh for axes in figure.axes for mesh in axes.collections if isinstance(mesh, QuadMesh)
+    )
+    assert np.array(shades.get_array()).ravel().tolist() == [0, 2]  # none settle, all settle
+
+
+def trial(event: Any = "done", **changes: Any) -> VisionTrial:
+    plain = VisionTrial(
+        event=event,
+        time=1.0,
+        times=np.array([0.0, 1.0]),
+        displacement=np.zeros((2, 6)),
+        errors=np.array([[0.01, math.nan], [0.001, math.nan]]),
+        seen=0.1 if event == "done" else None,
+        slowest_root=0.8,
+    )
+    return replace(plain, **changes)
+
+
+def test_metrics_of_trials() -> None:
+    worse = trial(time=2.0, seen=0.3, slowest_root=0.9)
+    metrics = trial_metrics([trial(), worse, trial(), trial("lost", time=9.0), trial(None)])
+    values = {name: metric.value for name, metric in metrics.items()}
+    assert values["converged"] == 60
+    # Clopper and Pearson, 3 of 5.
+    assert values["converged.low"] == pytest.approx(14.66, abs=0.01)
+    assert values["converged.high"] == pytest.approx(94.73, abs=0.01)
+    assert values["settling_time.mean"] == pytest.approx(4 / 3)
+    assert values["settling_time.max"] == 2.0
+    assert values["error_px.max"] == 0.3
+    assert values["error_m.mean"] == 0.001
+    assert values["theory.largest_root"] == 0.9
+    assert "error_rad.max" not in values
+
+
+def test_margins_of_a_map() -> None:
+    grid = np.meshgrid([0.2, 0.5, 1.0, 2.0], [0.0, 0.5, 1.0, 1.5], indexing="ij")
+    focal, angle = (axis.ravel() for axis in grid)
+    good = (focal >= 0.5) & (angle <= 1.0)
+    cells = {
+        "focal_factor": focal,
+        "angle": angle,
+        "converged": good.astype(float),
+        "theory_root": np.where(good | ((focal == 1.0) & (angle == 1.5)), 0.9, 1.1),
+    }
+    metrics = {name: metric.value for name, metric in map_metrics(cells).items()}
+    assert metrics == {
+        "map.agreement": 100 * 15 / 16,
+        "margin.focal_factor": 0.5,
+        "margin.orientation": 1.0,
+        "theory.margin.focal_factor": 0.5,
+        "theory.margin.orientation": 1.5,
+    }
+    # A gap ends the range; without the start there is none.
+    cells["converged"] = np.where((focal == 1.0) & (angle == 0.5), 0.0, cells["converged"])
+    assert map_metrics(cells)["margin.orientation"].value == 0.0
+    cells["converged"] = np.zeros_like(focal)
+    assert map_metrics(cells)["margin.focal_factor"].value is None
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"trials": 0},
+        {"focal_error": 1.0},
+        {"orientation_error": -0.1},
+        {"duration": 0.0},
+        {"map_focal": (0.5, 2.0)},
+        {"map_focal": (1.0, 0.5)},
+        {"map_angle": (0.1,)},
+        {"map_trials": 0},
+    ],
+)
+def test_scenario_errors(changes: dict[str, Any]) -> None:
+    with pytest.raises(ParameterError, match=f"^{next(iter(changes))} is "):
+        VisionPrimitivesScenario(**changes)

@@ -4,33 +4,24 @@ import math
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from chamfer.analysis.campaign.trial_rows import encode
-from chamfer.analysis.catalogue import CATALOGUE
-from chamfer.analysis.scenario.experiment import Outcome, load, select
+from chamfer.analysis.scenario.experiment import Metric, Outcome
 from chamfer.analysis.surface import observer_comparison
-from chamfer.analysis.surface.normal_metrics import angle_between
-from chamfer.analysis.surface.normal_trials import Slide, slide
 from chamfer.analysis.surface.observer_comparison import (
     CASES,
     OBSERVERS,
-    ComparisonScenario,
-    Task,
+    ObserverComparisonScenario,
+    SlideTrial,
+    figures,
     flattened,
+    run_comparison,
 )
-from chamfer.diagrams.surface.surface_estimation import EstimationScenario, resolve_estimation
 from chamfer.diagrams.surface.surface_scenario import SurfaceSettings
 from chamfer.models.validation import ParameterError
-from chamfer.systems.estimation.instantaneous_normal import Sample
-from chamfer.systems.estimation.normal_filter import (
-    ConstrainedFilter,
-    ConstrainedFilterParams,
-    tangential_deviation,
-)
 from chamfer.systems.estimation.surface_observer import KINDS
-from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
-
-OBSERVER_COMPARISON = load(select(CATALOGUE.entries, ["observer-comparison"])[0])
 
 FEW = ("constant", "sharper", "space_bowl")
 TRIALS = 5
@@ -56,7 +47,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
 def outcome() -> Outcome:
     with pytest.MonkeyPatch.context() as patch:
         shorten(patch)
-        return OBSERVER_COMPARISON.run(ComparisonScenario(trials=TRIALS), 3, quiet)
+        return run_comparison(ObserverComparisonScenario(trials=TRIALS), 3, quiet)
 
 
 def value(outcome: Outcome, metric: str) -> float:
@@ -65,71 +56,10 @@ def value(outcome: Outcome, metric: str) -> float:
     return found
 
 
-@pytest.mark.slow
-def test_a_row_a_case_seed_and_observer(outcome: Outcome) -> None:
-    traces = outcome.traces
-    names = ["case", "observer", "trial", "rms", "bias", "coverage", "largest"]
-    assert list(traces) == names
-    keys = [tuple(row) for row in np.array([traces[name] for name in names[:3]]).T]
-    assert keys == [
-        (case, observer, trial)
-        for case in range(3)
-        for trial in range(TRIALS)
-        for observer in range(len(OBSERVERS))
-    ]
-    assert np.all(traces["rms"] <= traces["largest"])
-    assert np.all(np.abs(traces["bias"]) <= traces["rms"])
-    assert outcome.simulated_seconds == pytest.approx(3 * TRIALS * 15.0)
-    assert len(set(traces["rms"])) == len(keys)  # no seed's noise is another's
-
-
 def rows(outcome: Outcome, case: str, observer: str) -> dict[str, np.ndarray]:
-    traces = outcome.traces
-    of = traces["case"] == FEW.index(case)
-    of &= traces["observer"] == OBSERVERS.index(observer)
-    return {name: values[of] for name, values in traces.items()}
-
-
-def case_scenario(name: str) -> EstimationScenario:
-    case = CASES[name]
-    return resolve_estimation(
-        EstimationScenario(
-            surface=case.surface, friction=case.friction, lead=case.lead, duration=15.0
-        )
-    )
-
-
-def thesis(on: Slide, scenario: EstimationScenario, random: np.random.Generator) -> np.ndarray:
-    """Errors of the thesis' filter, deg, and whether they are in its band, from 2 s on."""
-    d = scenario.dimension
-    force = on.force + 1.0 / math.sqrt(3) * random.standard_normal(on.force.shape)
-    rate = on.force_rate + 5.0 / math.sqrt(3) * random.standard_normal(on.force.shape)
-    K = tuple(map(tuple, (100.0 * np.eye(d)).tolist()))
-    params = ConstrainedFilterParams(stiffness=K, force_noise=1.0, force_rate_noise=5.0)
-    observer = ConstrainedFilter(params)
-    memory = observer.start(scenario.up)
-    errors, bands = [], []
-    for one, change, nominal, truth in zip(force, rate, on.nominal, on.normal, strict=True):
-        found = observer.update(memory, Sample(one, change, nominal[:d], nominal[d:]))
-        memory = found.memory
-        errors.append(angle_between(found.normal[np.newaxis], truth[np.newaxis])[0])
-        bands.append(3 * math.degrees(tangential_deviation(found.normal, found.covariance)))
-    late = (on.time > 1.999) & (on.time < 14.999)
-    return np.array([errors, bands])[:, late]
-
-
-@pytest.mark.parametrize("name", ["constant", "space_bowl"])
-def test_the_thesis_rows_are_what_its_filter_gives(outcome: Outcome, name: str) -> None:
-    scenario = case_scenario(name)
-    on = slide(scenario)
-    found = rows(outcome, name, "thesis")
-    for trial in (0, 4):
-        random = np.random.default_rng([3, FEW.index(name), trial])
-        error, band = thesis(on, scenario, random)
-        assert found["rms"][trial] == pytest.approx(math.sqrt(np.mean(error**2)))
-        assert found["bias"][trial] == pytest.approx(error.mean())
-        assert found["largest"][trial] == pytest.approx(np.abs(error).max())
-        assert found["coverage"][trial] == pytest.approx(100 * np.mean(np.abs(error) <= band))
+    of = outcome.traces["case"] == FEW.index(case)
+    of = of & (outcome.traces["observer"] == OBSERVERS.index(observer))
+    return {name: values[of] for name, values in outcome.traces.items()}
 
 
 def test_metrics_are_those_of_the_rows(outcome: Outcome) -> None:
@@ -164,10 +94,10 @@ def test_the_adaptive_observer_is_better_where_friction_is_constant(outcome: Out
 
 
 def test_a_trial_does_not_depend_on_those_before() -> None:
-    scenario = ComparisonScenario(trials=2)
+    scenario = ObserverComparisonScenario(trials=2)
 
     def found(seed: int, trial: int) -> bytes:
-        return encode(observer_comparison._observe(scenario, seed, Task("constant", trial)))
+        return encode(observer_comparison._observe(scenario, seed, SlideTrial("constant", trial)))
 
     second = found(0, 1)
     assert found(0, 0) != second
@@ -215,14 +145,6 @@ def test_the_worst_ratio_is_the_largest_of_its_group() -> None:
     assert "thesis.rms_ratio.worst" not in metrics
 
 
-def test_the_ratio_is_over_the_thesis_filters_rms_in_the_same_case() -> None:
-    traces = table({"thesis": {"falling": 1.0}, "adaptive": {"falling": 1.5}}, {})
-    metrics = observer_comparison._metrics(traces)
-    assert metrics["adaptive.rms_ratio.worst"].value == pytest.approx(1.5)
-    assert metrics["vision.rms_ratio.worst"].value == pytest.approx(2.0)
-    assert metrics["falling.thesis.rms"].note == "of 2 seeds, 0.707 to 1.22"
-
-
 def test_groups_of_cases() -> None:
     constant = {"constant", "sharper", "bowl", "falling", "space_paraboloid", "space_bowl"}
     assert {name for name, case in CASES.items() if case.constant} == constant
@@ -237,7 +159,7 @@ def test_groups_of_cases() -> None:
 
 
 def test_every_observer_is_told_what_there_is_to_know() -> None:
-    scenario = ComparisonScenario(smallest_radius=0.6, vision_error=0.5, vision_radius=2.0)
+    scenario = ObserverComparisonScenario(smallest_radius=0.6, vision_error=0.5, vision_radius=2.0)
     for case in CASES.values():
         for name in OBSERVERS:
             given = observer_comparison._settings(scenario, case, name)
@@ -284,17 +206,63 @@ def test_a_flattened_surface_bends_less_by_a_part() -> None:
 )
 def test_mistakes_are_named(values: dict[str, float], message: str) -> None:
     with pytest.raises(ParameterError) as caught:
-        ComparisonScenario(**values)  # type: ignore[arg-type]
+        ObserverComparisonScenario(**values)  # type: ignore[arg-type]
     assert str(caught.value) == message
 
 
-def test_what_is_resolved_is_what_was_given(few: None) -> None:
-    scenario = ComparisonScenario(sensor=ForceRateSensorParams(force_noise=2.0), vision_error=0.0)
-    assert OBSERVER_COMPARISON.resolve(scenario) == scenario
+PAIR = ("ripple", "falling")
+SEEDS = 101
+PERCENT = {"thesis": 97.0, "adaptive": 99.5}
 
 
-def test_the_figure(few: None, outcome: Outcome) -> None:
-    figures = OBSERVER_COMPARISON.plot(ComparisonScenario(), outcome)
-    assert set(figures) == {"observer-comparison"}
-    names = [text.get_text() for text in figures["observer-comparison"].axes[0].get_yticklabels()]
-    assert names == ["constant\n(tuned on)", "sharper\n(tuned on)", "space bowl\n(reported)"]
+def made() -> Outcome:
+    """Observer j has an rms of 1 + j in the first case, of 11 + j in the second, +-0.5."""
+    rows = []
+    metrics = {}
+    for i, case in enumerate(PAIR):
+        for j, observer in enumerate(OBSERVERS):
+            rms = 10.0 * i + 1 + j
+            metrics[f"{case}.{observer}.rms"] = Metric(value=rms, unit="deg")
+            covered = PERCENT.get(observer, 90.0) - i
+            metrics[f"{case}.{observer}.coverage"] = Metric(value=covered, unit="%")
+            spread = np.linspace(-0.5, 0.5, SEEDS)
+            rows += [(i, j, trial, rms + spread[trial]) for trial in range(SEEDS)]
+    columns = ("case", "observer", "trial", "rms")
+    traces = dict(zip(columns, np.array(rows).T, strict=True))
+    return Outcome(metrics=metrics, traces=traces, simulated_seconds=0.0)
+
+
+@pytest.fixture(scope="module")
+def figure() -> Figure:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(observer_comparison, "CASES", {name: CASES[name] for name in PAIR})
+        return figures(ObserverComparisonScenario(), made())["observer-comparison"]
+
+
+def texts(axes: Axes) -> list[str]:
+    return [text.get_text() for text in axes.get_legend().get_texts()]
+
+
+def test_points_and_spread_are_those_of_the_trials(figure: Figure) -> None:
+    errors, coverage = figure.axes
+    names = texts(coverage)
+    lines = {one.get_label(): one for one in errors.get_lines()}
+    shares = {one.get_label(): one for one in coverage.get_lines()}
+    spans = [one.get_segments() for one in errors.collections]
+    assert len(spans) == len(OBSERVERS)
+    for j, observer in enumerate(OBSERVERS):
+        line, share = lines[names[j]], shares[names[j]]
+        np.testing.assert_allclose(line.get_xdata(), [1.0 + j, 11.0 + j])
+        percent = PERCENT.get(observer, 90.0)
+        np.testing.assert_allclose(share.get_xdata(), [percent, percent - 1])
+        # Both at the same height, between the neighbouring cases'.
+        heights = np.asarray(line.get_ydata())
+        np.testing.assert_array_equal(heights, share.get_ydata())
+        assert np.all(np.abs(heights - [0, 1]) < 0.5)
+        for i, ends in enumerate(spans[j]):
+            middle = 10.0 * i + 1 + j
+            np.testing.assert_allclose(ends[:, 0], [middle - 0.45, middle + 0.45])
+            np.testing.assert_allclose(ends[:, 1], heights[i])
+    heights = [np.asarray(lines[name].get_ydata())[0] for name in names[:-1]]
+    assert heights == sorted(heights)
+    assert len(set(heights)) == len(OBSERVERS)

@@ -36,7 +36,7 @@ from chamfer.systems.cameras.camera_image import FrameGrabberParams
 from chamfer.systems.cameras.picture_formation import SensorParams
 from chamfer.systems.cameras.software_camera import SoftwareCamera
 from chamfer.systems.cameras.vtk_camera import missing_graphics
-from chamfer.systems.force.stoppable_motion import StoppableMotion
+from chamfer.systems.force.desired_pose import StoppableMotion
 from chamfer.systems.pose import pose_vector
 from chamfer.systems.vision.part_detection import Detection, Status
 from chamfer.systems.vision.part_detector import unpack_detections

@@ -20,7 +20,7 @@ from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.camera_image import FrameGrabberParams
 from chamfer.systems.cameras.vtk_camera import missing_graphics
-from chamfer.systems.force.stoppable_motion import StoppableMotion
+from chamfer.systems.force.desired_pose import StoppableMotion
 from chamfer.systems.pose import pose_vector
 
 Array = np.ndarray

@@ -25,7 +25,7 @@ from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.camera_image import FrameGrabberParams
 from chamfer.systems.cameras.software_camera import render
 from chamfer.systems.force.arm_model import Placement
-from chamfer.systems.force.stoppable_motion import StoppableMotion
+from chamfer.systems.force.desired_pose import StoppableMotion
 from chamfer.systems.pose import pose_vector
 from chamfer.systems.vision.image_plane_error import AXES
 

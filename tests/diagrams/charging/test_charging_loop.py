@@ -1,17 +1,23 @@
 """How the charging loop is wired, and what its cycle may know."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 from pydrake.systems.framework import Diagram
 
 from chamfer.diagrams.charging.charging_loop import SIGNALS, make_charging_diagram
-from chamfer.diagrams.charging.charging_resolve import resolve
-from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario, FaultParams
-from chamfer.diagrams.charging.charging_scenes import make_scenes
+from chamfer.diagrams.charging.charging_scenario import (
+    CrucibleChargingScenario,
+    FaultParams,
+    make_scenes,
+    resolve_charging,
+)
+from chamfer.diagrams.charging.wrist_control import BaseCompensationParams
 from chamfer.models.charging.packing import PlanItem
 from chamfer.models.surfaces.surface import locate
+from chamfer.models.validation import ParameterError
+from chamfer.systems.sensing.force_sensor import BaseSensorParams
 
 ONE = CrucibleChargingScenario(plan=(PlanItem(mass=0.14, azimuth=0.4),))
 WORLD = "manipulator and contact"
@@ -31,7 +37,7 @@ def wires(diagram: Diagram) -> set[tuple[str, str, str, str]]:
 
 
 def test_cycle_knows_the_world_by_its_sensors_alone() -> None:
-    diagram = make_charging_diagram(replace(ONE, sensing="realistic"))
+    diagram = make_charging_diagram(resolve_charging(replace(ONE, sensing="realistic")))
     seen = {wire[1:3] for wire in wires(diagram) if wire[0] == WORLD}
     assert seen == {
         ("encoders", "encoders"),
@@ -57,19 +63,21 @@ def test_cycle_knows_the_world_by_its_sensors_alone() -> None:
 )
 def test_faults_act_where_they_should(kind: str, wire: tuple[str, str, str, str]) -> None:
     fault = FaultParams(kind=kind, state="wall.slide")  # type: ignore[arg-type]
-    assert wire in wires(make_charging_diagram(replace(ONE, fault=fault)))
+    assert wire in wires(make_charging_diagram(resolve_charging(replace(ONE, fault=fault))))
 
 
 def test_blow_takes_the_nugget_off_the_wall() -> None:
     fault = FaultParams(kind="contact_lost", state="wall.slide", force=4.0)
-    blow = make_charging_diagram(replace(ONE, fault=fault)).GetSubsystemByName("blow")
+    blow = make_charging_diagram(resolve_charging(replace(ONE, fault=fault))).GetSubsystemByName(
+        "blow"
+    )
     azimuth = ONE.plan[0].azimuth
     away = [[-4.0 * np.cos(azimuth)], [-4.0 * np.sin(azimuth)], [0.0]]
     np.testing.assert_allclose(blow.D(), away, rtol=0, atol=1e-12)
 
 
 def test_item_at_its_place_touches_wall_and_layer() -> None:
-    scenario = resolve(ONE)
+    scenario = resolve_charging(ONE)
     _, held = make_scenes(scenario)
     nugget, station = scenario.nuggets[0], scenario.station.true
     middle = station.place(0.4, station.crucible_radius - nugget.reach)
@@ -99,3 +107,39 @@ def test_what_is_missing_is_not_there(kind: str) -> None:
     ]
     assert gaps[0] <= 1e-12
     assert gaps[1] >= 0.01 - 1e-12
+
+
+WALL = CrucibleChargingScenario(plan=(PlanItem(kind="wall", azimuth=0.3),), sensing="realistic")
+
+
+def test_a_sensor_under_the_base_is_filled_in_and_its_joints_are_checked() -> None:
+    given = BaseCompensationParams(sensor=BaseSensorParams(noise=3.0))
+    found = resolve_charging(replace(WALL, friction_compensation=given))
+    assert found.friction_compensation is not None
+    sensor = found.friction_compensation.sensor
+    assert sensor.noise == 3.0
+    assert None not in asdict(sensor).values()
+    with pytest.raises(ParameterError, match=r"^rest_speed is -1"):
+        BaseCompensationParams(rest_speed=-1.0)
+    wrong = replace(given, joints=(7,))
+    with pytest.raises(ParameterError, match=r"^friction_compensation.joints is \(7,\)"):
+        resolve_charging(replace(WALL, friction_compensation=wrong))
+
+
+def test_torques_are_resolved_from_what_the_base_sensor_and_the_encoders_read() -> None:
+    compensated = replace(WALL, friction_compensation=BaseCompensationParams())
+    diagram = make_charging_diagram(resolve_charging(compensated))
+    found = {wire[:3] for wire in wires(diagram)}
+    assert ("commanded torque", "sum", "friction compensation") in found
+    assert {wire[:2] for wire in found if wire[2] == "base wrench to torque"} == {
+        ("base force sensor", "reading"),
+        ("homing", "encoders"),
+    }
+    assert (WORLD, "base_wrench", "base force sensor") in found
+    assert {wire[:2] for wire in found if wire[2] == "joints to move"} == {
+        ("homing", "encoders"),
+        ("path", "desired_velocity"),
+    }
+    assert ("joints to move", "moving", "friction compensation") in found
+    # Not the ideal torque that the world could give.
+    assert not any(wire[:2] == (WORLD, "base_torque") for wire in found)

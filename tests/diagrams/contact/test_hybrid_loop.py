@@ -1,31 +1,76 @@
-"""Runs of the hybrid loop: approach, contact and its loss, and convergence with the step."""
+"""The hybrid loop: how it is wired, what its controller may know, and its runs."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import BasicVector, Context, Diagram, LeafSystem
 
 from chamfer.analysis.contact.contact_runs import Traces, measure, run_contact
-from chamfer.diagrams.contact.adept_scenarios import (
-    AdeptNuggetHoldScenario,
-    AdeptNuggetMotionScenario,
-    AdeptRollerMotionScenario,
+from chamfer.diagrams.contact.contact_scenarios import (
+    ADEPT_NUGGET_HOLD,
+    ADEPT_ROLLER_MOTION,
+    CONTACT_RECOVERY,
+    PLANAR_HOLD,
+    PUMA_ROLLER_HOLD,
+    PUMA_ROLLER_MOTION,
 )
-from chamfer.diagrams.contact.hybrid_resolve import resolve
-from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
-from chamfer.diagrams.contact.planar_scenarios import PlanarScenario, PlanarSlideScenario
-from chamfer.diagrams.contact.puma_scenarios import (
-    PumaNuggetMotionScenario,
-    PumaRollerHoldScenario,
-    PumaRollerMotionScenario,
-)
+from chamfer.diagrams.contact.hybrid_loop import SIGNALS, make_hybrid_diagram
+from chamfer.diagrams.contact.hybrid_loop_stability import resolve
+from chamfer.diagrams.contact.hybrid_scenario import HybridScenario, fill
+from chamfer.models.arms.arm import Arm
+from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.contact_detection import CONTACT, LOST
-from chamfer.systems.force.friction_compensation import FrictionCompensationParams
+from chamfer.systems.force.friction_compensation import (
+    FrictionCompensationParams,
+)
+from chamfer.systems.sensing.force_sensor import LoadCellParams
 
-PLANAR, PUMA, ADEPT = PlanarScenario(), PumaRollerHoldScenario(), AdeptNuggetHoldScenario()
+Wire = tuple[str, str, str, str]  # from block and port, to block and port
+
+PLANT = "manipulator and contact"
+SENSOR = "force sensor"
+CONTROL = "hybrid control"
+DETECTION = "contact detection"
+COMPENSATION = "friction compensation"
+ENCODERS, DELAY = "encoders", "computation delay"
+
+
+def wires(diagram: Diagram) -> set[Wire]:
+    """Every connection of a diagram without diagrams in it."""
+    assert not any(isinstance(system, Diagram) for system in diagram.GetSystems())
+    return {
+        (
+            source.get_name(),
+            source.get_output_port(output).get_name(),
+            target.get_name(),
+            target.get_input_port(entrance).get_name(),
+        )
+        for (target, entrance), (source, output) in diagram.connection_map().items()
+    }
+
+
+def reached(wiring: Iterable[Wire], start: str) -> set[str]:
+    """The blocks that a block acts on, directly or through others."""
+    following: dict[str, set[str]] = {}
+    for source, _, target, _ in wiring:
+        following.setdefault(source, set()).add(target)
+    found: set[str] = set()
+    front = [start]
+    while front:
+        more = following.get(front.pop(), set()) - found
+        found |= more
+        front += more
+    return found
+
+
+def into(wiring: Iterable[Wire], block: str) -> set[Wire]:
+    return {wire for wire in wiring if wire[2] == block}
 
 
 def changed(scenario: HybridScenario, part: str, **values: Any) -> HybridScenario:
@@ -33,12 +78,188 @@ def changed(scenario: HybridScenario, part: str, **values: Any) -> HybridScenari
     return replace(scenario, **{part: replace(getattr(scenario, part), **values)})  # type: ignore[arg-type]
 
 
-def torques(scenario: HybridScenario, traces: Traces) -> NDArray[np.float64]:
-    return np.stack([traces[f"{name}.torque"] for name in scenario.ARM.joint_names], axis=1)
+PLANAR, PUMA, ADEPT = PLANAR_HOLD, PUMA_ROLLER_HOLD, ADEPT_NUGGET_HOLD
+FEED = FrictionCompensationParams(bandwidth=20.0)
+COMPENSATED = [replace(scenario, friction_compensation=FEED) for scenario in (PLANAR, PUMA, ADEPT)]
+OTHERS = [
+    changed(ADEPT, "controller", full_dynamics=True),
+    replace(changed(ADEPT, "controller", full_dynamics=True), friction_compensation=FEED),
+    CONTACT_RECOVERY,
+]
+REALISTIC = [
+    replace(scenario, sensing="realistic")
+    # The gains of chapter 2 are unstable with it.
+    for scenario in (changed(PLANAR, "controller", allow_unstable=True), PUMA, COMPENSATED[2])
+]
+WIRED = [fill(scenario) for scenario in (PUMA, ADEPT, COMPENSATED[0], *OTHERS[1:], *REALISTIC)]
 
 
-def positions(scenario: HybridScenario, traces: Traces) -> NDArray[np.float64]:
-    return np.stack([traces[f"{name}.position"] for name in scenario.ARM.joint_names], axis=1)
+def reader(scenario: HybridScenario) -> str:
+    """The block behind the force sensor, which gives the force to who asks."""
+    return "push" if isinstance(scenario.sensor, LoadCellParams) else "force in the world"
+
+
+def shown(scenario: HybridScenario) -> str:
+    """The block that shows where the joints are."""
+    return ENCODERS if scenario.sensing == "realistic" else PLANT
+
+
+@pytest.mark.parametrize("scenario", WIRED)
+def test_the_arms_state_leaves_it_through_encoders_and_force_sensors_only(
+    scenario: HybridScenario,
+) -> None:
+    wiring = wires(make_hybrid_diagram(scenario))
+    sensed = {(PLANT, "tool_force", SENSOR, "tool_force")}
+    if scenario.sensing == "realistic":
+        sensed.add((PLANT, "encoders", ENCODERS, "motion"))
+    else:
+        sensed.add((PLANT, "encoders", CONTROL, "encoders"))
+        if not isinstance(scenario.sensor, LoadCellParams):
+            sensed.add((PLANT, "encoders", reader(scenario), "encoders"))
+    if scenario.friction_compensation is not None:
+        sensed.add((PLANT, "base_torque", COMPENSATION, "base_torque"))
+    assert {wire for wire in wiring if wire[0] == PLANT} == sensed
+    # With the sensors' wires cut, nothing is left that knows the arm.
+    assert reached(wiring - sensed, PLANT) == set()
+    assert reached(wiring, PLANT) >= {CONTROL, DETECTION, "selection", "desired trajectory"}
+
+
+@pytest.mark.parametrize("scenario", WIRED)
+def test_controller_and_contact_detection_know_what_is_measured_only(
+    scenario: HybridScenario,
+) -> None:
+    wiring = wires(make_hybrid_diagram(scenario))
+    ((force, port),) = {wire[:2] for wire in into(wiring, DETECTION)}
+    assert force == reader(scenario)
+    assert {wire for wire in into(wiring, force) if wire[0] != SENSOR} == (
+        set()
+        if isinstance(scenario.sensor, LoadCellParams)
+        else {(shown(scenario), "encoders", force, "encoders")}
+    )
+    assert into(wiring, CONTROL) == {
+        (shown(scenario), "encoders", CONTROL, "encoders"),
+        (force, port, CONTROL, "measured_force"),
+        (DETECTION, "state", CONTROL, "mode"),
+        ("selection", "selection", CONTROL, "selection"),
+        ("desired trajectory", "desired_position", CONTROL, "desired_position"),
+        ("desired force", "y0", CONTROL, "desired_force"),
+    }
+    for block, given in (("selection", "state"), ("desired trajectory", "contact_time")):
+        assert {wire[:2] for wire in into(wiring, block)} == {(DETECTION, given)}
+    assert not into(wiring, "desired force")
+    # Only noise comes into the sensor beside the force.
+    others = {wire[0] for wire in into(wiring, SENSOR)} - {PLANT}
+    sensor = scenario.sensor
+    noises = {"sensor noise": sensor.noise, "sensor drift": sensor.drift}
+    assert others == {name for name, size in noises.items() if size}
+    assert not any(into(wiring, name) for name in others)
+
+
+@pytest.mark.parametrize("scenario", WIRED)
+def test_the_torque_reaches_the_arm_through_the_delay(scenario: HybridScenario) -> None:
+    wiring = wires(make_hybrid_diagram(scenario))
+    read = {wire for wire in wiring if wire[1] == "base_torque"}
+    (drive,) = (wire for wire in into(wiring, PLANT) if wire[3] == "torque")
+    if scenario.sensing == "realistic":
+        assert drive == (DELAY, "torque", PLANT, "torque")
+        assert {wire[0] for wire in into(wiring, DELAY) if wire[3] == "jitter"} == {"jitter"}
+        (drive,) = (wire for wire in into(wiring, DELAY) if wire[3] == "command")
+    if scenario.friction_compensation is None:
+        assert read == set()
+        assert drive[:2] == (CONTROL, "torque")
+        return
+    assert read == {(PLANT, "base_torque", COMPENSATION, "base_torque")}
+    assert drive[:2] == (COMPENSATION, "torque")
+    assert into(wiring, COMPENSATION) == read | {(CONTROL, "torque", COMPENSATION, "command")}
+
+
+@pytest.mark.parametrize("scenario", WIRED)
+def test_signals_are_exported_and_no_input_is_left(scenario: HybridScenario) -> None:
+    diagram = make_hybrid_diagram(scenario)
+    names = [diagram.get_output_port(i).get_name() for i in range(diagram.num_output_ports())]
+    assert names == list(SIGNALS)
+    assert diagram.num_input_ports() == 0
+    n = scenario.ARM.num_joints
+    assert [diagram.GetOutputPort(name).size() for name in SIGNALS] == [
+        2 * n,
+        2 * n,
+        3,
+        6,
+        n,
+        n,
+        n,
+        1,
+    ]
+
+
+class Push(LeafSystem):
+    """A user's own law: pushes straight ahead with the desired force, whatever is measured."""
+
+    def __init__(self, arm: Arm, *, torque: str = "torque", encoders: int | None = None) -> None:
+        super().__init__()
+        n, m = arm.num_joints, arm.num_coordinates
+        motion = self.DeclareVectorInputPort("encoders", 2 * n if encoders is None else encoders)
+        force = self.DeclareVectorInputPort("desired_force", m)
+        for name, size in (
+            ("desired_position", m),
+            ("measured_force", m),
+            ("selection", m * m),
+            ("mode", 1),
+        ):
+            self.DeclareVectorInputPort(name, size)
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            J = arm.jacobian(motion.Eval(context)[:n])
+            vector.SetFromVector(J.T @ force.Eval(context))
+
+        self.DeclareVectorOutputPort(torque, n, calc, {motion.ticket(), force.ticket()})
+        for name in ("position_error", "force_error"):
+            self.DeclareVectorOutputPort(name, m, lambda _, __: None)
+
+
+def test_an_own_controller_takes_the_hybrid_laws_place() -> None:
+    scenario = fill(replace(PLANAR, duration=0.3))
+    arm = scenario.ARM
+    diagram = make_hybrid_diagram(scenario, controller=Push(arm))
+    assert into(wires(diagram), CONTROL) == into(wires(make_hybrid_diagram(scenario)), CONTROL)
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(0.3)
+    q = diagram.GetOutputPort("encoders").Eval(simulator.get_context())[: arm.num_joints]
+    # 15 N downwards on an arm without gravity: down it goes, faster than joint friction holds.
+    assert arm.endpoint(q)[1] < -0.05
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (
+            {"encoders": 2},
+            r"^controller is 'Push', allowed: a system with the vector input port encoders of "
+            r"size 4; its vector input ports and their sizes are: encoders \(2\), desired_force",
+        ),
+        (
+            {"torque": "effort"},
+            r"^controller is 'Push', allowed: a system with the vector output port torque of "
+            r"size 2; its vector output ports and their sizes are: effort \(2\), position_error",
+        ),
+    ],
+)
+def test_an_own_controller_without_a_port_is_refused(wrong: Any, message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        make_hybrid_diagram(fill(PLANAR), controller=Push(PLANAR.ARM, **wrong))
+
+
+def test_the_controller_does_not_know_how_the_surface_is_tilted() -> None:
+    tilted = changed(
+        ADEPT,
+        "surface",
+        tilt=0.4,
+        ripple=1e-3,
+        friction=SurfaceFriction(coefficient=0.9),
+        stiffness=5e4,
+    )
+    assert fill(tilted).controller == fill(ADEPT).controller
+    np.testing.assert_array_equal(tilted.direction, ADEPT.direction)
 
 
 def velocities(scenario: HybridScenario, traces: Traces) -> NDArray[np.float64]:
@@ -68,13 +289,6 @@ def test_the_same_seed_gives_the_same_bytes(scenario: HybridScenario) -> None:
     assert runs[0]["mode"].max() == CONTACT  # so that the noise comes back through the force
     unlike = {name for name, equal in zip(runs[0], other, strict=True) if not equal}
     assert {"measured_force", "force", "gap", "joint_2.torque", "joint_2.velocity"} <= unlike
-
-
-def test_without_noise_the_seed_does_not_matter() -> None:
-    scenario = replace(NEAR, duration=0.7)
-    one, other = (run_contact(resolve(scenario), seed) for seed in (0, 1))
-    for name in one:
-        np.testing.assert_array_equal(one[name], other[name])
 
 
 @pytest.mark.parametrize(
@@ -115,50 +329,6 @@ def test_the_measured_force_is_the_one_of_its_time() -> None:
     assert off.max() > 0.4
 
 
-def test_noise_in_the_air_is_taken_for_contact_only_by_who_does_not_know_of_it() -> None:
-    noisy = changed(replace(ADEPT, duration=0.5), "sensor", noise=1.5)
-    assert not np.any(run_contact(resolve(noisy), 0)["mode"])
-    hasty = changed(noisy, "detection", detect=0.8, release=0.2, samples=1)
-    touched = run_contact(resolve(hasty), 0)
-    assert touched["time"][np.argmax(touched["mode"])] < 0.1
-    patient = changed(noisy, "detection", detect=0.8, release=0.2)
-    assert not np.any(run_contact(resolve(patient), 0)["mode"])
-
-
-def test_a_torque_that_comes_late_is_late_in_the_loop() -> None:
-    scenario = replace(PLANAR, duration=0.3)
-    late = changed(scenario, "controller", computation_delay=0.005, allow_unstable=True)
-    on_time, behind = (run_contact(resolve(one), 0) for one in (scenario, late))
-    # The first torque acts in the second period, so the arm begins to move a row later.
-    moves = [np.abs(velocities(scenario, one)).max(axis=1) > 0 for one in (on_time, behind)]
-    assert np.argmax(moves[1]) == np.argmax(moves[0]) + 1
-
-
-@pytest.fixture(scope="module")
-def hold() -> Traces:
-    return run_contact(resolve(replace(PLANAR, duration=9.0)), 0)
-
-
-@pytest.mark.slow
-def test_the_planar_arm_converges_to_the_desired_force(hold: Traces) -> None:
-    late = hold["time"] > 8.0
-    np.testing.assert_allclose(hold["force"][late], 15.0, atol=1e-2)
-    assert hold["mode"][-1] == CONTACT
-    # What holds 15 N is the spring that the tip has pressed in, once it is at rest.
-    assert hold["gap"][-1] == pytest.approx(-15.0 / 1e4, rel=1e-2)
-    assert hold["time"][np.argmax(hold["mode"] > 0)] == pytest.approx(4.55, abs=0.05)
-
-
-def test_dissipated_energy_never_comes_back(hold: Traces) -> None:
-    assert np.diff(hold["dissipated"]).min() >= 0
-    q, v = positions(PLANAR, hold), velocities(PLANAR, hold)
-    # A row's torque is that of the period before it.
-    work = np.sum(torques(PLANAR, hold)[1:] * np.diff(q, axis=0))
-    kinetic = 0.5 * v[-1] @ PLANAR.dynamics().evaluate(q[-1], v[-1]).mass @ v[-1]
-    stored = 0.5 * PLANAR.surface.stiffness * hold["gap"][-1] ** 2
-    assert hold["dissipated"][-1] + kinetic + stored == pytest.approx(work, rel=0.01)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ["projected", "transpose"])
 @pytest.mark.parametrize("elbow", ["negative", "positive"])
@@ -176,113 +346,23 @@ def test_laws_that_settle_with_both_elbows(law: str, elbow: str) -> None:
 
 def test_the_inverse_law_diverges_with_the_other_elbow() -> None:
     scenario = changed(changed(NEAR, "arm", elbow="positive"), "controller", allow_unstable=True)
+    with pytest.warns(UserWarning, match="unstable in contact, it grows at 31"):
+        scenario = resolve(scenario)
     with pytest.raises(ParameterError, match=r"finite numbers|regular") as caught:
         run_contact(scenario, 0)
     assert "\n" not in str(caught.value)
 
 
-def test_the_inverse_law_does_not_diverge_with_its_own_elbow() -> None:
-    traces = run_contact(resolve(NEAR), 0)
-    assert np.abs(velocities(NEAR, traces)).max() < 2.0
-    assert traces["force"][-1] == pytest.approx(15.0, abs=0.3)
-
-
-@pytest.fixture(scope="module")
-def switching() -> dict[bool, Traces]:
-    """The first contacts, by whether the controller switches without bumps."""
-    return {
-        bumpless: run_contact(
-            resolve(changed(replace(NEAR, duration=0.9), "controller", bumpless=bumpless)), 0
-        )
-        for bumpless in (True, False)
-    }
-
-
-def test_the_torque_does_not_jump_at_the_first_contact(switching: dict[bool, Traces]) -> None:
-    jumps = {}
-    for bumpless, traces in switching.items():
-        first = int(np.argmax(traces["mode"] == CONTACT))
-        steps = np.abs(np.diff(torques(NEAR, traces), axis=0)).max(axis=1)
-        jumps[bumpless] = steps[first - 2 : first + 4].max()
-    assert jumps[True] < 7.0  # N m in a period, in which the blow of 45 N slows the tip
-    assert jumps[False] > 15.0
-
-
-def test_losing_contact_keeps_what_acts_along_the_surface(switching: dict[bool, Traces]) -> None:
-    traces = switching[True]
-    lost = int(np.argmax(traces["mode"] == LOST))  # seen by the controller at this row's time
-    q, v = positions(NEAR, traces)[lost], velocities(NEAR, traces)[lost]
-    J = NEAR.ARM.jacobian(q)
-    before, after = np.linalg.solve(J.T, torques(NEAR, traces)[lost : lost + 2].T).T
-    assert after @ NEAR.along == pytest.approx(before @ NEAR.along, abs=1e-9)
-    # The push starts at 0: what is left is the damping of the creep.
-    assert after @ NEAR.direction == pytest.approx(-60 * (J @ v) @ NEAR.direction, rel=1e-9)
-
-
-@pytest.fixture(scope="module")
-def blow() -> dict[bool, Traces]:
-    """A blow that breaks the contact at 4 s, by whether there is a loss mode."""
-    kicked = changed(replace(NEAR, duration=5.5, measure_after=3.5), "task", kick_time=4.0)
-    return {
-        mode: run_contact(resolve(changed(kicked, "controller", loss_mode=mode)), 0)
-        for mode in (True, False)
-    }
-
-
-@pytest.mark.slow
-def test_the_blow_takes_the_tip_off_the_surface(blow: dict[bool, Traces]) -> None:
-    for traces in blow.values():
-        time = traces["time"]
-        assert np.all(traces["mode"][(time > 3.8) & (time < 4.0)] == CONTACT)
-        struck = (time > 4.001) & (time < 4.006)
-        # 0.2 m/s less what push and joint friction take in the meantime
-        np.testing.assert_allclose(-traces["approach_speed"][struck], 0.2, atol=0.025)
-        assert traces["gap"][(time > 4.0) & (time < 4.2)].max() > 1e-3
-        assert np.any(traces["mode"][(time > 4.0) & (time < 4.2)] == LOST)
-
-
-def test_the_loss_mode_brings_the_tip_back_gently(blow: dict[bool, Traces]) -> None:
-    speed, force = {}, {}
-    for mode, traces in blow.items():
-        time = traces["time"]
-        after = time > time[np.argmax((time > 4.0) & (traces["gap"] > 0))]
-        speed[mode] = traces["impact_speed"][after].max()
-        force[mode] = traces["peak_force"][after].max()
-    assert speed[True] < 0.1
-    assert force[True] < 20.0
-    assert speed[False] > 0.1
-    assert force[False] > 30.0
-
-
-def test_first_contact_bounces_gently_with_the_loss_mode(blow: dict[bool, Traces]) -> None:
-    early = blow[True]["time"] < 3.5
-    impacts = [traces["impact_speed"][early] for traces in (blow[True], blow[False])]
-    gentle, hard = (one[one > 0] for one in impacts)
-    assert gentle[0] == hard[0] == pytest.approx(0.33, rel=0.1)
-    assert gentle[1:].max() < 0.1
-    assert hard[1:].max() > gentle[0]
-
-
-def test_friction_compensation_lets_the_sticking_quill_follow() -> None:
-    slow = changed(
-        replace(ADEPT, duration=2.0), "task", start=(0.45, -0.3, 0.3, 0.0), distance=0.05
-    )
-    plain, helped = (
-        run_contact(resolve(replace(slow, friction_compensation=compensation)), 0)
-        for compensation in (None, FrictionCompensationParams(bandwidth=20.0))
-    )
-    error = [np.abs(one["desired_x"] - one["x"])[100:].max() for one in (plain, helped)]
-    assert error[1] < 0.8 * error[0]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("scenario", [NEAR_TABLE, NEAR_WALL])
-def test_held_contact_comes_to_the_desired_force(scenario: HybridScenario) -> None:
-    traces = run_contact(resolve(replace(scenario, duration=5.0)), 0)
-    late = traces["time"] > 4.0
-    assert traces["force"][late].mean() == pytest.approx(scenario.task.force, rel=0.2)
-    assert np.all(traces["mode"][late] == CONTACT)
-    assert np.diff(traces["dissipated"]).min() >= 0
+def test_the_blow_takes_the_tip_off_the_surface() -> None:
+    kicked = changed(replace(NEAR, duration=4.2, measure_after=3.5), "task", kick_time=4.0)
+    traces = run_contact(resolve(kicked), 0)
+    time = traces["time"]
+    struck = (time > 4.001) & (time < 4.006)
+    # 0.2 m/s less what push and joint friction take in the meantime
+    np.testing.assert_allclose(-traces["approach_speed"][struck], 0.2, atol=0.025)
+    assert traces["mode"][time < 4.0][-1] == CONTACT
+    assert traces["gap"][time > 4.0].max() > 1e-3
+    assert np.any(traces["mode"][time > 4.0] == LOST)
 
 
 # Step-size convergence.
@@ -293,13 +373,14 @@ STICK_SLIP = {
     "scratch_time": 0.05,
     **dict.fromkeys(("force.peak", "deviation", "force.above"), 0.07),
 }
-SHORT_ADEPT = AdeptRollerMotionScenario(duration=12.0)
-# A contact that is found a sample earlier meets other samples of the noise.
-QUIET_ADEPT = changed(SHORT_ADEPT, "sensor", noise=0.0)
 # With sensors and a computer as they are, but for what rounds and what is random.
 LATE_ADEPT = changed(
     changed(
-        changed(replace(SHORT_ADEPT, sensing="realistic"), "encoders", counts=0.0),
+        changed(
+            replace(ADEPT_ROLLER_MOTION, duration=12.0, sensing="realistic"),
+            "encoders",
+            counts=0.0,
+        ),
         "sensor",
         noise=0.0,
         drift=0.0,
@@ -312,25 +393,20 @@ LATE_ADEPT = changed(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("scenario", "seed", "tolerance", "wider"),
+    ("scenario", "tolerance", "wider"),
     [
         # A bounce that ends a sample earlier changes times by a sample.
-        (replace(PLANAR, duration=9.0), 0, 5e-3, {"settling_time": 0.02, "scratch_time": 0.03}),
-        (replace(PlanarSlideScenario(), duration=14.0), 0, 3e-3, {}),
+        (replace(PLANAR, duration=9.0), 5e-3, {"settling_time": 0.02, "scratch_time": 0.03}),
         # Joints that stick and slip take small differences to other places.
-        (PumaRollerMotionScenario(), 0, 2e-2, STICK_SLIP),
-        (PumaRollerMotionScenario(), 1, 2e-2, STICK_SLIP),
-        (PumaNuggetMotionScenario(), 0, 2e-2, STICK_SLIP),
-        (QUIET_ADEPT, 0, 1e-3, {"contact_time": 0.004, "scratch_time": 0.01}),
-        (LATE_ADEPT, 0, 1e-2, {}),
-        (AdeptNuggetMotionScenario(duration=17.0), 1, 1e-2, {"scratch_time": 0.1}),
+        (PUMA_ROLLER_MOTION, 2e-2, STICK_SLIP),
+        (LATE_ADEPT, 1e-2, {}),
     ],
 )
 def test_half_the_step_gives_the_same_results(
-    scenario: HybridScenario, seed: int, tolerance: float, wider: dict[str, float]
+    scenario: HybridScenario, tolerance: float, wider: dict[str, float]
 ) -> None:
     coarse, fine = (
-        measure(scenario, run_contact(resolve(replace(scenario, step=step)), seed))
+        measure(scenario, run_contact(resolve(replace(scenario, step=step)), 0))
         for step in (scenario.step, scenario.step / 2)
     )
     for name, value in coarse.items():
@@ -339,14 +415,3 @@ def test_half_the_step_gives_the_same_results(
             continue
         wide = next((one for part, one in wider.items() if name.endswith(part)), tolerance)
         assert value == pytest.approx(fine[name], rel=wide, abs=1e-9), name
-
-
-@pytest.mark.slow
-def test_the_first_impacts_peak_converges() -> None:
-    scenario = replace(NEAR, duration=0.55)
-    peaks = [
-        run_contact(resolve(replace(scenario, step=step)), 0)["peak_force"].max()
-        for step in (2e-4, 1e-4, 5e-5, 2.5e-5)
-    ]
-    assert peaks[0] == pytest.approx(peaks[-1], rel=1e-4)
-    assert peaks[1] == pytest.approx(peaks[-1], rel=1e-5)  # the default step

@@ -1,3 +1,5 @@
+"""What a hybrid loop's scenario allows, and what is filled in where it leaves something open."""
+
 import math
 import warnings
 from collections.abc import Callable
@@ -6,49 +8,59 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from chamfer.diagrams.contact.adept_scenarios import (
-    AdeptNuggetHoldScenario,
-    AdeptNuggetMotionScenario,
-    AdeptRollerHoldScenario,
-    AdeptRollerMotionScenario,
-    WristContentionScenario,
-)
-from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram
-from chamfer.diagrams.contact.hybrid_loop_stability import growth_contact, growth_rate
-from chamfer.diagrams.contact.hybrid_resolve import resolve
-from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
-from chamfer.diagrams.contact.linear_loop import linear_loops
-from chamfer.diagrams.contact.planar_scenarios import (
+from chamfer.diagrams.contact.contact_scenarios import (
+    ADEPT_NUGGET_HOLD,
+    ADEPT_NUGGET_MOTION,
+    ADEPT_ROLLER_HOLD,
+    ADEPT_ROLLER_MOTION,
+    CONTACT_RECOVERY,
+    PLANAR_HOLD,
+    PLANAR_SLIDE,
+    PUMA_NUGGET_HOLD,
+    PUMA_NUGGET_MOTION,
+    PUMA_ROLLER_HOLD,
+    PUMA_ROLLER_MOTION,
+    WRIST_CONTENTION,
+    AdeptLoop,
+    PlanarLoop,
     PlanarScenario,
-    PlanarSlideScenario,
-    RecoveryScenario,
+    PumaLoop,
 )
-from chamfer.diagrams.contact.puma_scenarios import (
-    PumaNuggetHoldScenario,
-    PumaNuggetMotionScenario,
-    PumaRollerHoldScenario,
-    PumaRollerMotionScenario,
+from chamfer.diagrams.contact.hybrid_loop_stability import (
+    linear_loops,
+    resolve,
+    stability,
 )
-from chamfer.models.surfaces.rounds import Crucible
+from chamfer.diagrams.contact.hybrid_scenario import (
+    HybridScenario,
+    fill,
+    require_steps,
+    updates_of,
+)
+from chamfer.models.arms.arm import JointFrictionParams
 from chamfer.models.surfaces.surface import locate
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
 from chamfer.systems.force.sampled_loop import NEUTRAL
+from chamfer.systems.sensing.force_sensor import ForceSensorParams
 
-PLANAR = (PlanarScenario, PlanarSlideScenario, RecoveryScenario)
-SPATIAL = (
-    PumaRollerHoldScenario,
-    PumaRollerMotionScenario,
-    PumaNuggetHoldScenario,
-    PumaNuggetMotionScenario,
-    AdeptRollerHoldScenario,
-    AdeptRollerMotionScenario,
-    AdeptNuggetHoldScenario,
-    AdeptNuggetMotionScenario,
-    WristContentionScenario,
+ALL = (
+    PLANAR_HOLD,
+    PLANAR_SLIDE,
+    CONTACT_RECOVERY,
+    PUMA_ROLLER_HOLD,
+    PUMA_ROLLER_MOTION,
+    PUMA_NUGGET_HOLD,
+    PUMA_NUGGET_MOTION,
+    ADEPT_ROLLER_HOLD,
+    ADEPT_ROLLER_MOTION,
+    ADEPT_NUGGET_HOLD,
+    ADEPT_NUGGET_MOTION,
+    WRIST_CONTENTION,
 )
-Make = Callable[..., HybridScenario]
 
 
 def changed(scenario: HybridScenario, part: str, **values: Any) -> HybridScenario:
@@ -56,24 +68,18 @@ def changed(scenario: HybridScenario, part: str, **values: Any) -> HybridScenari
     return replace(scenario, **{part: replace(getattr(scenario, part), **values)})  # type: ignore[arg-type]
 
 
-def rubbing(scenario: HybridScenario, **values: Any) -> HybridScenario:
-    """The scenario with another joint friction."""
-    return changed(scenario, "arm", joint_friction=replace(scenario.arm.joint_friction, **values))
-
-
 def refusal(make: Callable[[], HybridScenario]) -> str:
     """What is said when a scenario is made, resolved and wired; one line."""
     with pytest.raises(ParameterError) as caught:
-        make_hybrid_diagram(resolve(make()))
+        resolve(make())
     message = str(caught.value)
     assert "\n" not in message
     assert ", allowed: " in message
     return message
 
 
-@pytest.mark.parametrize("make", [*PLANAR, *SPATIAL])
-def test_defaults_resolve_to_what_is_told_and_are_stable_out_of_contact(make: Make) -> None:
-    scenario = make()
+@pytest.mark.parametrize("scenario", ALL)
+def test_defaults_resolve_and_are_stable(scenario: HybridScenario) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         resolved = resolve(scenario)
@@ -85,7 +91,6 @@ def test_defaults_resolve_to_what_is_told_and_are_stable_out_of_contact(make: Ma
         assert replace(before, **{name: getattr(after, name) for name in given}) == before
         resolved = replace(resolved, **{part: before})
     assert resolved == scenario
-    assert growth_rate(scenario) <= NEUTRAL
 
 
 @pytest.mark.parametrize(
@@ -109,23 +114,9 @@ def test_bad_values_of_a_run_are_named(values: dict[str, Any], message: str) -> 
     assert refusal(lambda: PlanarScenario(**values)).startswith(message)
 
 
-@pytest.mark.parametrize("step", [0.005, 1e-4, 5e-5, 0.005 / 3, 0.005 / 7])
-def test_a_step_may_be_any_whole_part_of_the_period(step: float) -> None:
-    plant = PlanarScenario(step=step).plant
-    assert plant.step == step
-    assert plant.period * plant.window == pytest.approx(0.005, rel=1e-12)
-    assert plant.period <= max(step, 1e-3 * (1 + 1e-12))
-    assert plant.held == {1e-4: 10, 5e-5: 20}.get(step, 1)
-
-
-def test_ten_periods_are_the_shortest_run() -> None:
-    assert PlanarScenario(duration=0.05).duration == 0.05
-
-
 @pytest.mark.parametrize(
     ("part", "values", "message"),
     [
-        ("task", {"start": (1.0, 0.0, 0.0)}, "direction is (0.0, -1.0), allowed: 3 numbers"),
         (
             "task",
             {
@@ -135,113 +126,53 @@ def test_ten_periods_are_the_shortest_run() -> None:
             },
             "task.start is (1.0, 0.0, 0.0), allowed: 2 numbers",
         ),
-        ("task", {"start": (math.nan, 0.0)}, "start is (nan, 0.0), allowed: finite numbers"),
-        ("task", {"direction": (0.0, 0.0)}, "direction is [0.0, 0.0], allowed: a finite vector"),
-        ("task", {"along": (0.0, 0.0)}, "along is [0.0, 0.0], allowed: a finite vector"),
-        ("task", {"along": (1.0,)}, "along is (1.0,), allowed: 2 numbers"),
-        ("task", {"speed": 0.0}, "speed is 0.0, allowed: a finite number > 0"),
-        ("task", {"acceleration": -1.0}, "acceleration is -1.0, allowed: a finite number > 0"),
         ("task", {"force": 0.0}, "force is 0.0, allowed: a finite number > 0"),
-        ("task", {"force": math.nan}, "force is nan, allowed: a finite number > 0"),
-        ("task", {"amplitude": -0.1}, "amplitude is -0.1, allowed: a finite number >= 0"),
-        ("task", {"frequency": 0.0}, "frequency is 0.0, allowed: a finite number > 0"),
         ("task", {"nugget_mass": 0.0}, "nugget_mass is 0.0, allowed: a finite number > 0"),
         ("task", {"kick_time": -1.0}, "kick_time is -1.0, allowed: a finite number > 0"),
-        ("task", {"kick_time": math.nan}, "kick_time is nan, allowed: a finite number > 0"),
         ("task", {"kick_speed": 0.0}, "kick_speed is 0.0, allowed: a finite number > 0"),
         ("arm", {"elbow": "up"}, "elbow is 'up', allowed: negative, positive"),
         (
             "arm",
-            {"contact_offset": (math.nan, 0.0, 0.0)},
-            "contact_offset is (nan, 0.0, 0.0), allowed: three finite numbers",
+            {"joint_friction": JointFrictionParams(coulomb=(1.0,), viscous=(1.0,))},
+            "arm.joint_friction.coulomb is (1.0,), allowed: 2 numbers",
         ),
-        ("surface", {"stiffness": 0.0}, "stiffness is 0.0, allowed: a finite number > 0"),
-        ("controller", {"period": 0.0}, "period is 0.0, allowed: a finite number > 0"),
-        ("controller", {"law": "magic"}, "law is 'magic', allowed: inverse, transpose, projected"),
         (
             "controller",
             {"stiffness": (1.0,)},
             "controller.stiffness is (1.0,), allowed: 2 numbers, or one for all",
         ),
-        (
-            "controller",
-            {"stiffness": (1.0,) * 3, "integral": (1.0,) * 3, "damping": (1.0,) * 3},
-            "controller.stiffness is (1.0, 1.0, 1.0), allowed: 2 numbers",
-        ),
-        ("controller", {"damping": (1.0,)}, "controller.damping is (1.0,), allowed: 2 numbers"),
-        ("controller", {"damping": (1.0, -1.0)}, "damping is (1.0, -1.0), allowed: finite"),
-        (
-            "controller",
-            {"feedforward_torque": (1.0,)},
-            "controller.feedforward_torque is (1.0,), allowed: 2 numbers, or none",
-        ),
-        (
-            "controller",
-            {"inertia": (1.0, 1.0)},
-            "inertia is (1.0, 1.0), allowed: None without full dynamics",
-        ),
-        ("controller", {"force_integral": -1.0}, "force_integral is -1.0, allowed: a finite"),
-        ("controller", {"creep_speed": 0.0}, "creep_speed is 0.0, allowed: a finite number > 0"),
         ("controller", {"held_integrators": (2,)}, "controller.held_integrators is (2,), allo"),
-        (
-            "controller",
-            {"law": "transpose", "full_dynamics": True},
-            "law is 'transpose', allowed: inverse or projected with full dynamics",
-        ),
-        ("sensor", {"noise": -1.0}, "noise is -1.0, allowed: a finite number >= 0"),
-        ("sensor", {"cross_talk": 1.0}, "cross_talk is 1.0, allowed: more than -0.5 and less"),
-        ("detection", {"detect": 0.0}, "detect is 0.0, allowed: a finite number > 0"),
-        ("detection", {"detect": 0.1, "release": 0.1}, "release is 0.1, allowed: less than det"),
     ],
 )
 def test_bad_values_of_a_part_are_named(part: str, values: dict[str, Any], message: str) -> None:
-    assert refusal(lambda: changed(PlanarScenario(), part, **values)).startswith(message)
+    assert refusal(lambda: changed(PLANAR_HOLD, part, **values)).startswith(message)
 
 
 @pytest.mark.parametrize(
-    ("values", "message"),
+    ("scenario", "part", "values", "message"),
     [
-        ({"coulomb": (1.0,)}, "viscous is (1.0, 1.0), allowed: 1 numbers"),
+        (ADEPT_NUGGET_HOLD, "surface", {"tilt": 2.0}, "tilt is 2.0, allowed: less than"),
+        (ADEPT_NUGGET_HOLD, "task", {"distance": -1.0}, "distance is -1.0, allowed: a fin"),
         (
-            {"coulomb": (1.0, 1.0, 1.0), "viscous": (1.0, 1.0, 1.0)},
-            "arm.joint_friction.coulomb is (1.0, 1.0, 1.0), allowed: 2 numbers",
-        ),
-        ({"coulomb": (-1.0, 1.0)}, "coulomb is (-1.0, 1.0), allowed: finite numbers >= 0"),
-        ({"breakaway": 0.5}, "breakaway is 0.5, allowed: a finite number >= 1"),
-    ],
-)
-def test_bad_values_of_joint_friction_are_named(values: dict[str, Any], message: str) -> None:
-    assert refusal(lambda: rubbing(PlanarScenario(), **values)).startswith(message)
-
-
-@pytest.mark.parametrize(
-    ("make", "part", "values", "message"),
-    [
-        (AdeptNuggetHoldScenario, "surface", {"tilt": 2.0}, "tilt is 2.0, allowed: less than"),
-        (AdeptNuggetHoldScenario, "surface", {"ripple": -1e-5}, "ripple is -1e-05, allowed: a"),
-        (AdeptNuggetHoldScenario, "surface", {"wavelength": 0.0}, "wavelength is 0.0, allowed"),
-        (AdeptNuggetHoldScenario, "surface", {"stiffness": 0.0}, "stiffness is 0.0, allowed: a"),
-        (AdeptNuggetHoldScenario, "task", {"distance": -1.0}, "distance is -1.0, allowed: a fin"),
-        (
-            AdeptNuggetHoldScenario,
+            ADEPT_NUGGET_HOLD,
             "task",
             {"along": (1.0, 0.0, 0.0, 0.0)},
             "along is (1.0, 0.0, 0.0), allowed: at right angles to (-1.0, -0.0, -0.0)",
         ),
         (
-            AdeptNuggetHoldScenario,
+            ADEPT_NUGGET_HOLD,
             "task",
             {"start": (0.9, 0.0, 0.3, 0.0)},
             "endpoint is (0.9, 0.0, 0.3, 0.0), allowed: more than 0.05 m and less than 0.8 m",
         ),
         (
-            PumaRollerHoldScenario,
+            PUMA_ROLLER_HOLD,
             "task",
             {"start": (2.0, 0.0, 0.0)},
             "endpoint is (2.0, 0.0, 0.0), allowed: more than 0.1368 m and less than 0.5432 m",
         ),
         (
-            PumaRollerHoldScenario,
+            PUMA_ROLLER_HOLD,
             "task",
             {"start": (0.005, 0.0, 0.3)},
             "endpoint is (0.005, 0.0, 0.3), allowed: more than 0.011 m from the waist's axis",
@@ -249,24 +180,24 @@ def test_bad_values_of_joint_friction_are_named(values: dict[str, Any], message:
     ],
 )
 def test_bad_values_in_space_are_named(
-    make: Make, part: str, values: dict[str, Any], message: str
+    scenario: HybridScenario, part: str, values: dict[str, Any], message: str
 ) -> None:
-    assert refusal(lambda: changed(make(), part, **values)).startswith(message)
+    assert refusal(lambda: changed(scenario, part, **values)).startswith(message)
 
 
-POSITIVE = changed(PlanarScenario(), "arm", elbow="positive")
+POSITIVE = changed(PLANAR_HOLD, "arm", elbow="positive")
 
 
 def test_the_unstable_elbow_is_refused_with_its_growth() -> None:
     # reference: the closed loop's eigenvalue at (1, -1.5) with q2 = +51.3 degrees is +33.6 1/s
     # In contact with 10 kN/m; out of it the loss mode's damping would hold it.
-    assert growth_contact(POSITIVE) == pytest.approx(31.2, abs=0.5)
+    assert stability(fill(POSITIVE)).growth_contact == pytest.approx(31.2, abs=0.5)
     message = refusal(lambda: POSITIVE)
     assert message.startswith(
         "controller.law is 'inverse', allowed: projected, transpose or other gains: the loop is "
         "unstable in contact"
     )
-    assert f"it grows at {growth_contact(POSITIVE):.3g} 1/s" in message
+    assert f"it grows at {stability(fill(POSITIVE)).growth_contact:.3g} 1/s" in message
     assert "controller.allow_unstable=true" in message
 
 
@@ -274,13 +205,6 @@ def test_the_unstable_elbow_runs_if_that_is_asked_for() -> None:
     allowed = changed(POSITIVE, "controller", allow_unstable=True)
     with pytest.warns(UserWarning, match=r"grows at 31\.2 1/s"):
         resolve(allowed)
-
-
-@pytest.mark.parametrize("law", ["projected", "transpose"])
-@pytest.mark.parametrize("elbow", ["negative", "positive"])
-def test_other_laws_are_stable_with_both_elbows(law: str, elbow: str) -> None:
-    scenario = changed(changed(PlanarScenario(), "arm", elbow=elbow), "controller", law=law)
-    assert growth_rate(resolve(scenario)) <= NEUTRAL
 
 
 def slope(scenario: HybridScenario) -> float:
@@ -298,12 +222,14 @@ def in_space(vector: tuple[float, ...]) -> np.ndarray:
     return np.array([*vector, 0.0, 0.0])[:3]
 
 
-OFF_AXIS = changed(AdeptNuggetHoldScenario(), "arm", contact_offset=(0.03, -0.02, 0.01))
-OFF_TIP = changed(PumaRollerHoldScenario(), "arm", contact_offset=(0.0, 0.01, 0.02))
-STEEP = changed(AdeptRollerMotionScenario(), "surface", tilt=0.3, ripple=1e-3)
+OFF_AXIS = changed(ADEPT_NUGGET_HOLD, "arm", contact_offset=(0.03, -0.02, 0.01))
+OFF_TIP = changed(PUMA_ROLLER_HOLD, "arm", contact_offset=(0.0, 0.01, 0.02))
+STEEP = changed(ADEPT_ROLLER_MOTION, "surface", tilt=0.3, ripple=1e-3)
 
 
-@pytest.mark.parametrize("scenario", [*(make() for make in SPATIAL), OFF_AXIS, OFF_TIP, STEEP])
+@pytest.mark.parametrize(
+    "scenario", [PUMA_ROLLER_MOTION, ADEPT_NUGGET_HOLD, OFF_AXIS, OFF_TIP, STEEP]
+)
 def test_the_surface_passes_through_the_contact_point(scenario: HybridScenario) -> None:
     surface, at = scenario.make_surface(), contact_point(scenario, scenario.touching)
     gap, normal = locate(surface, at)
@@ -315,70 +241,26 @@ def test_the_surface_passes_through_the_contact_point(scenario: HybridScenario) 
     assert locate(surface, at + 1e-3 * away).gap == pytest.approx(1e-3 / level, rel=1e-9)
 
 
-@pytest.mark.parametrize("scenario", [*(make() for make in SPATIAL), OFF_AXIS, STEEP])
-def test_the_start_is_the_distance_away_from_the_surface(scenario: HybridScenario) -> None:
-    at = contact_point(scenario, np.array(scenario.task.start))
-    gap, _ = locate(scenario.make_surface(), at)
-    expected = scenario.task.distance / math.hypot(1, slope(scenario))
-    assert gap == pytest.approx(expected, rel=1e-9)
-    assert gap == pytest.approx(scenario.task.distance, rel=0.2)
-
-
-def test_the_gap_at_the_start_is_the_distance_on_a_plain_surface() -> None:
-    scenario = PumaNuggetHoldScenario()
-    at = contact_point(scenario, np.array(scenario.task.start))
-    assert locate(scenario.make_surface(), at).gap == pytest.approx(0.03, abs=1e-12)
-
-
 def test_a_positive_tilt_rises_towards_the_motion() -> None:
-    scenario = changed(AdeptRollerHoldScenario(), "surface", tilt=0.1, ripple=0.0)
+    scenario = changed(ADEPT_ROLLER_HOLD, "surface", tilt=0.1, ripple=0.0)
     surface, at = scenario.make_surface(), contact_point(scenario, scenario.touching)
     ahead = locate(surface, at + 0.01 * in_space(scenario.task.along)).gap
     assert ahead == pytest.approx(-0.01 * math.sin(0.1), rel=1e-9)
 
 
-@pytest.mark.parametrize("make", PLANAR)
-def test_the_planar_arm_meets_the_crucibles_bottom(make: Make) -> None:
-    scenario = make()
-    assert scenario.make_surface() == Crucible()
-    gap, normal = locate(scenario.make_surface(), contact_point(scenario, scenario.touching))
-    assert gap == pytest.approx(0, abs=1e-12)
-    np.testing.assert_allclose(normal, [0, 1, 0], atol=1e-12)
-
-
-@pytest.mark.parametrize("make", [PlanarScenario, PumaRollerHoldScenario, AdeptNuggetHoldScenario])
-def test_start_and_contact_point_are_reached_with_the_chosen_elbow(make: Make) -> None:
-    for elbow, sign in (("negative", -1.0), ("positive", 1.0)):
-        scenario = changed(make(), "arm", elbow=elbow)
-        for endpoint in (np.array(scenario.task.start), scenario.touching):
-            q = scenario.joint_positions(endpoint)
-            np.testing.assert_allclose(scenario.ARM.endpoint(q), endpoint, atol=1e-12)
-            assert np.sign(q[2 if make is PumaRollerHoldScenario else 1]) == sign
-
-
-def test_directions_of_any_length_are_the_same() -> None:
-    scenario = changed(PlanarScenario(), "task", direction=(0.0, -7.0), along=(0.2, 0.0))
-    np.testing.assert_array_equal(scenario.direction, [0, -1])
-    np.testing.assert_array_equal(scenario.along, [1, 0])
-    np.testing.assert_allclose(scenario.touching, [1, -1.5])
-    spatial = changed(PumaRollerHoldScenario(), "task", direction=(0.0, 0.0, -2.0))
-    assert spatial.make_surface() == PumaRollerHoldScenario().make_surface()
-
-
-@pytest.mark.parametrize("make", [PlanarScenario, PumaRollerHoldScenario, AdeptNuggetHoldScenario])
-def test_the_controller_knows_gravity_at_the_start(make: Make) -> None:
-    scenario = make()
+@pytest.mark.parametrize("scenario", [PLANAR_HOLD, PUMA_ROLLER_HOLD, ADEPT_NUGGET_HOLD])
+def test_the_controller_knows_gravity_at_the_start(scenario: HybridScenario) -> None:
     q = scenario.joint_positions(np.array(scenario.task.start))
     expected = scenario.dynamics().gravity_torque(q)
     np.testing.assert_allclose(resolve(scenario).controller.feedforward_torque, expected)
     known = changed(scenario, "controller", feedforward_torque=(1.0,) * scenario.ARM.num_joints)
     assert resolve(known).controller.feedforward_torque == known.controller.feedforward_torque
-    if make is AdeptNuggetHoldScenario:  # 6 kg that move vertically; d3 counts downwards
+    if scenario is ADEPT_NUGGET_HOLD:  # 6 kg that move vertically; d3 counts downwards
         np.testing.assert_allclose(expected, [0, 0, -6 * 9.81, 0], atol=1e-9)
 
 
 def test_full_dynamics_brings_the_inertia_at_the_contact_point() -> None:
-    scenario = AdeptNuggetHoldScenario()
+    scenario = ADEPT_NUGGET_HOLD
     assert resolve(scenario).controller.inertia is None
     full = resolve(changed(scenario, "controller", full_dynamics=True))
     q = scenario.joint_positions(scenario.touching)
@@ -387,31 +269,103 @@ def test_full_dynamics_brings_the_inertia_at_the_contact_point() -> None:
     assert resolve(full) == full
 
 
-def test_what_is_set_reaches_the_plant() -> None:
-    scenario = changed(AdeptNuggetHoldScenario(), "controller", period=0.004)
-    plant = scenario.plant
-    assert (plant.held, plant.window) == (10, 4)
-    assert plant.joint_friction == scenario.arm.joint_friction
-    assert plant.contact == scenario.surface
-
-
-def test_a_loop_that_only_its_sampling_makes_unstable_is_refused() -> None:
-    loop = PlanarScenario()
-    for damping, refused in ((60.0, False), (90.0, True)):
-        controller = replace(loop.controller, damping=(damping, damping))
-        scenario = replace(loop, controller=controller)
-        if refused:
-            with pytest.raises(ParameterError, match=r"controller\.law is 'inverse'.*grows at"):
-                resolve(scenario)
-        else:
-            resolve(scenario)
-
-
 def test_an_approach_that_its_gains_make_unstable_is_refused() -> None:
-    loop = PlanarScenario()
+    loop = PLANAR_HOLD
     controller = replace(loop.controller, law="transpose", damping=(60.0, 6000.0))
     scenario = replace(loop, controller=controller)
-    grows = {loop.mode: loop.growth_rate() for loop in linear_loops(scenario)}
+    grows = {loop.mode: loop.growth_rate() for loop in linear_loops(fill(scenario))}
     assert max(grows[CONTACT], grows[LOST]) <= NEUTRAL < grows[APPROACH]  # in contact y is free
     with pytest.raises(ParameterError, match=r"controller\.law is 'transpose'.*grows at"):
         resolve(scenario)
+
+
+@given(st.integers(1, 5000))
+def test_updates_fill_the_period_and_last_a_millisecond_at_most(count: int) -> None:
+    step = 0.005 / count
+    require_steps(step, 0.005)
+    held, window = updates_of(step, 0.005)
+    assert held * window == count
+    assert held == 1 or held * step <= 1e-3 + step / 2
+    longer = (n for n in range(held + 1, count + 1) if count % n == 0)
+    assert all(n * step > 1e-3 - step / 2 for n in longer)
+
+
+LOOPS = [PlanarLoop(), PumaLoop(), AdeptLoop()]
+
+
+def told(loop: HybridScenario, part: str, **values: Any) -> Any:
+    """A part of the loop with other values in it, as it is filled in."""
+    changed: Any = {part: replace(getattr(loop, part), **values)}
+    return getattr(fill(replace(loop, **changed)), part)
+
+
+@pytest.mark.parametrize("loop", LOOPS)
+def test_ideal_is_the_figure(loop: HybridScenario) -> None:
+    found = fill(loop)
+    assert found.encoders.exact
+    assert found.controller.computation_delay == found.controller.computation_jitter == 0
+    assert not any(
+        getattr(found.sensor, name)
+        for name in ("bias", "drift", "bandwidth", "delay", "resolution", "full_scale", "tare")
+    )
+
+
+@pytest.mark.parametrize("loop", LOOPS)
+def test_realistic_is_nowhere_ideal(loop: HybridScenario) -> None:
+    found = fill(replace(loop, sensing="realistic"))
+    assert not found.encoders.exact
+    assert found.encoders.quanta(found.ARM.num_joints).all()
+    assert found.controller.computation_delay
+    assert found.controller.computation_jitter
+    sensor = found.sensor
+    assert all(
+        (sensor.noise, sensor.bias, sensor.drift, sensor.bandwidth, sensor.resolution, sensor.tare)
+    )
+    if isinstance(sensor, ForceSensorParams):
+        assert np.any(sensor.coupling != np.eye(len(sensor.coupling)))
+    assert fill(found) == found
+
+
+def test_what_is_given_stays() -> None:
+    real = replace(AdeptLoop(), sensing="realistic")
+    assert told(real, "sensor", noise=0.1).noise == 0.1
+    assert told(real, "sensor", noise=0.1).bandwidth == fill(real).sensor.bandwidth
+    assert told(real, "encoders", counts=1000.0).counts == 1000.0
+    assert told(real, "detection", detect=2.0).detect == 2.0
+    assert told(real, "controller", computation_delay=0.003).computation_delay == 0.003
+
+
+def test_a_scalar_cross_talk_has_no_lever() -> None:
+    found = told(replace(AdeptLoop(), sensing="realistic"), "sensor", cross_talk=0.2)
+    assert isinstance(found, ForceSensorParams)
+    assert found.position == (0.0, 0.0, 0.0)
+    assert found.coupling.shape == (3, 3)
+
+
+def test_bandwidths_fit_to_the_velocity() -> None:
+    for sensing in ("ideal", "realistic"):
+        loop = replace(PumaLoop(), sensing=sensing)
+        for velocity, bandwidth in (("exact", 0.0), ("differenced", 0.0), ("tracked", 20.0)):
+            assert told(loop, "encoders", velocity=velocity).bandwidth == bandwidth
+        assert told(loop, "encoders", velocity="tracked", bandwidth=7.0).bandwidth == 7.0
+
+
+def test_jitter_leaves_the_delay_within_its_period() -> None:
+    real = replace(AdeptLoop(), sensing="realistic")
+    for delay, jitter in ((0.0, 0.0), (1e-4, 1e-4), (0.0025, 2e-4), (0.005, 0.0)):
+        found = told(real, "controller", computation_delay=delay)
+        assert found.computation_jitter == pytest.approx(jitter, abs=1e-12)
+    with pytest.raises(ParameterError, match=r"^controller.computation_delay is 0.006, all"):
+        told(real, "controller", computation_delay=0.006)
+    with pytest.raises(ParameterError, match=r"^encoders.counts is .*, allowed: 4 numbers, or on"):
+        told(real, "encoders", counts=(1.0, 2.0))
+
+
+def test_decoupling_spreads_the_noise_and_the_thresholds_follow() -> None:
+    loop = AdeptLoop()
+    plain, undone = (told(loop, "sensor", decoupling=on) for on in (False, True))
+    assert plain.rest_noise == undone.rest_noise
+    changed = fill(replace(loop, sensor=undone)).detection.detect
+    row = np.abs(np.linalg.inv(undone.coupling)[0]).sum()  # of the push, along x
+    assert changed == pytest.approx(1.6 * 0.5 * row, rel=1e-5)
+    assert fill(loop).detection.detect == pytest.approx(0.8)

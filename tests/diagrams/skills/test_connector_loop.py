@@ -1,7 +1,6 @@
-"""The loop of an insertion: its wiring, its log, its sensors and what it refuses."""
+"""The loop of an insertion: its wiring, its sensors, and a controller of one's own."""
 
 import math
-import re
 from collections.abc import Collection
 from dataclasses import replace
 from typing import Any, Final
@@ -10,40 +9,30 @@ import numpy as np
 import pytest
 from pydrake.common import RandomGenerator
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Diagram
+from pydrake.systems.framework import Context, Diagram, LeafSystem, State
 
 from chamfer.analysis.linear.simulate import simulate
+from chamfer.analysis.skills.skill_run import run_skill
 from chamfer.diagrams.skills import connector_loop
-from chamfer.diagrams.skills.connector_insertion import (
-    BncConnectorScenario,
-    DConnectorScenario,
-    make_connector_diagram,
+from chamfer.diagrams.skills.connector_loop import make_connector_diagram
+from chamfer.diagrams.skills.connector_scenario import (
+    BNC_CONNECTOR,
+    D_CONNECTOR,
+    resolve,
 )
-from chamfer.diagrams.skills.connector_loop import ConnectorScenario
 from chamfer.diagrams.skills.connector_sight import SightSettings
 from chamfer.models.arms.wrist import WristParams, tip_pose
 from chamfer.models.connectors.d_connector import DConnector
 from chamfer.models.validation import ParameterError
-from chamfer.systems.force.accommodation import AccommodationParams
 from chamfer.systems.primitives.force_primitives import Stick
+from chamfer.systems.primitives.primitive import sensed_sizes
 from chamfer.systems.primitives.skill import DONE, Skill, SkillState
 from chamfer.systems.primitives.trajectory_primitives import MoveDx
-from chamfer.systems.sensing.wrench_sensor import WrenchSensorParams
+from chamfer.systems.sensing.force_sensor import WrenchSensorParams
+from chamfer.systems.strategies.grasp_and_transport import PARTS
 
 Wire = tuple[str, str, str, str]  # from block and port, to block and port
-
 PERIOD: Final = 0.01  # s
-OUTPUTS: Final = {
-    "V_cmd": 6,
-    "V_ref": 6,
-    "wrench": 6,
-    "carriage": 6,
-    "plug": 12,
-    "true_wrench": 6,
-    "holding": 1,
-    "retries": 1,
-    "state": 1,
-}
 GRIPPER: Final = {"gripper", "held part"}
 PART_SENSOR: Final = "gripper's part sensor"
 READING: Final = "wrist sensor's reading"
@@ -59,11 +48,13 @@ PLUG: Final = {
     "true pose",
 }
 ARM: Final = {"arm", "reaction on the tool", "true motion of the tool", "wam true pose"}
+D: Final = resolve(D_CONNECTOR)
+HELD: Final = resolve(replace(D_CONNECTOR, sight=None))
 SCENARIOS: Final = [
-    DConnectorScenario(),
-    BncConnectorScenario(),
-    DConnectorScenario(sight=None),
-    DConnectorScenario(robot="wam"),
+    D,
+    resolve(BNC_CONNECTOR),
+    HELD,
+    replace(D, robot="wam"),
 ]
 
 
@@ -103,7 +94,9 @@ def into(wiring: set[Wire], block: str) -> dict[str, tuple[str, str]]:
 def test_signals_are_exported_and_no_input_is_left(scenario: Any) -> None:
     diagram = make_connector_diagram(scenario)
     ports = [diagram.get_output_port(i) for i in range(diagram.num_output_ports())]
-    assert {port.get_name(): port.size() for port in ports} == OUTPUTS
+    sizes = dict.fromkeys(("V_cmd", "V_ref", "wrench", "carriage", "true_wrench"), 6)
+    sizes |= {"plug": 12, "holding": 1, "retries": 1, "state": 1}
+    assert {port.get_name(): port.size() for port in ports} == sizes
     assert diagram.num_input_ports() == 0
     assert diagram.get_name() == f"Insertion of a {scenario.connector.name}"
 
@@ -165,16 +158,6 @@ def test_true_poses_go_to_cameras_and_gripper_alone(scenario: Any) -> None:
         assert into(wiring, f"{view} detection") == {"image": (f"{view} frames", "image")}
 
 
-def test_a_plug_that_is_not_there_is_not_seen_but_by_no_other_change() -> None:
-    there = wires(make_connector_diagram(DConnectorScenario()))
-    missing = SightSettings(plug_present=False)
-    gone = there - wires(make_connector_diagram(DConnectorScenario(sight=missing)))
-    assert {(wire[0], wire[2]) for wire in gone} == {
-        ("true pose", "xz camera"),
-        ("true pose", "yz camera"),
-    }
-
-
 # Goes down, and presses.
 TOUCH = Skill(
     name="touch",
@@ -195,8 +178,8 @@ TOUCH = Skill(
     ],
 )
 def test_the_reference_is_the_command_and_what_accommodation_adds(changes: Any) -> None:
-    accommodation = replace(DConnectorScenario().accommodation, **changes)
-    scenario = DConnectorScenario(sight=None, height=0.001, accommodation=accommodation)
+    accommodation = replace(HELD.accommodation, **changes)
+    scenario = replace(HELD, height=0.001, accommodation=accommodation)
     diagram = make_connector_diagram(scenario, TOUCH)
     found = simulate(diagram, duration=0.5, step=PERIOD, seed=2).outputs
     # A row of V_ref is what was computed at the tick of the row before.
@@ -230,7 +213,7 @@ def sampled(scenario: Any, samples: int, seed: int = 1) -> dict[str, np.ndarray]
 def test_the_skill_reads_what_the_wrist_sensor_does() -> None:
     bias = (0.3, -0.2, 0.1, 0.01, 0.02, -0.03)  # forces, then moments
     sensor = WrenchSensorParams(noise=math.sqrt(3) * 0.2, bias=bias, radius=0.02)
-    found = sampled(DConnectorScenario(sight=None, height=0.05, sensor=sensor), 150)
+    found = sampled(resolve(replace(D_CONNECTOR, sight=None, height=0.05, sensor=sensor)), 150)
     error = found["read"] - found["true"]
     for axes, noise, off in ((slice(0, 3), 0.004, bias[3:]), (slice(3, 6), 0.2, bias[:3])):
         values = error[:, axes]
@@ -238,25 +221,19 @@ def test_the_skill_reads_what_the_wrist_sensor_does() -> None:
         assert (values - off).std() == pytest.approx(noise, rel=4 / math.sqrt(2 * values.size))
 
 
-def test_a_sensor_without_noise_reads_what_is_true() -> None:
-    quiet = WrenchSensorParams()
-    scenario = DConnectorScenario(sight=None, height=0.0005, sensor=quiet)
-    found = sampled(scenario, 30)
-    np.testing.assert_allclose(found["read"], found["true"], atol=1e-12)
-
-
 def test_the_tip_is_where_the_believed_wrist_says() -> None:
     wrist = WristParams()
     soft = replace(wrist, stiffness=tuple(0.7 * k for k in wrist.stiffness))
     for believed in (None, soft):
-        scenario = DConnectorScenario(
+        scenario = replace(
+            D_CONNECTOR,
             connector=DConnector(mass=1e-9),
             sight=None,
             height=0.0005,
             sensor=WrenchSensorParams(),
             believed_wrist=believed,
         )
-        found = sampled(scenario, 60)
+        found = sampled(resolve(scenario), 60)
         read = found["read"][-1] - found["read"][0]
         given = found["given"][-1] - found["encoders"][-1]
         stiffness = np.array((believed or wrist).stiffness)
@@ -264,37 +241,12 @@ def test_the_tip_is_where_the_believed_wrist_says() -> None:
         assert given[5] > 1e-4
 
 
-def test_what_is_believed_has_to_be_stable_and_the_truth_need_not() -> None:
-    wrist = WristParams()
-    stiff = replace(wrist, stiffness=tuple(1.3 * k for k in wrist.stiffness))
-    assert ConnectorScenario(wrist=stiff, believed_wrist=wrist).believed == wrist
-    for name, changes in (
-        ("wrist", {"wrist": stiff}),
-        ("believed_wrist", {"believed_wrist": stiff}),
-    ):
-        with pytest.raises(ParameterError, match=rf"^{name}\.stiffness is .*, allowed: at most"):
-            ConnectorScenario(**changes)
-
-
-def test_same_seed_same_bytes() -> None:
-    one, same, other = (
-        simulate(
-            make_connector_diagram(DConnectorScenario()), duration=0.2, step=PERIOD, seed=seed
-        ).outputs
-        for seed in (1, 1, 2)
-    )
-    for name in OUTPUTS:
-        assert one[name].tobytes() == same[name].tobytes()
-    for name in ("V_cmd", "V_ref", "wrench", "carriage"):
-        assert one[name].tobytes() != other[name].tobytes()
-
-
 def test_a_simulation_that_diverges_is_no_outcome_of_a_skill(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     limits = {"wrench": (6, 3.0), "displacement": (12, 1e3)}  # less than a touch takes
     monkeypatch.setattr(connector_loop, "_PHYSICAL", limits)
-    scenario = DConnectorScenario(sight=None, height=0.001)
+    scenario = replace(HELD, height=0.001)
     said = r"^simulation failed: wrench of the connectors at [0-9.]+ s is .*, it diverges"
     with pytest.raises(ParameterError, match=said):
         simulate(make_connector_diagram(scenario), duration=10.0, step=PERIOD)
@@ -302,12 +254,12 @@ def test_a_simulation_that_diverges_is_no_outcome_of_a_skill(
 
 def test_with_sight_the_plug_rests_beside_and_without_it_is_held_above() -> None:
     error = (0.01, -0.02, 0.03, 1e-3, -2e-3, 3e-3)
-    blind = DConnectorScenario(sight=None, height=0.004, initial_error=error)
+    blind = replace(HELD, height=0.004, initial_error=error)
     assert blind.above == pytest.approx((1e-3, -2e-3, 7e-3))
     for values in (blind.start, blind.resting):
         np.testing.assert_allclose(values, [0, 0, 0, 1e-3, -2e-3, 7e-3])
     sight = SightSettings()
-    seeing = replace(blind, sight=sight)
+    seeing = replace(blind, sight=D.sight)
     np.testing.assert_allclose(seeing.resting[3:], sight.plug)
     np.testing.assert_allclose(seeing.start[3:], np.add(sight.plug, sight.standby))
     X = tip_pose(np.array([*error[:3], 0, 0, 0]))
@@ -321,41 +273,64 @@ def test_with_sight_the_plug_rests_beside_and_without_it_is_held_above() -> None
             np.testing.assert_allclose(value, start, atol=1e-15)
 
 
-def test_without_sight_nothing_is_grasped() -> None:
-    assert DConnectorScenario(sight=None).make_grasp() == ()
-    *_, last = DConnectorScenario(initial_error=(0, 0, 0, 1e-3, 0, 0)).make_grasp()
-    transport, _ = last.run
-    assert transport.offset == (1e-3, 0.0, 0.008)  # type: ignore[attr-defined]
-    assert last.on == {"done": "tare"}
+class OwnLaw(LeafSystem):
+    """Gives way to force along z alone, by 1/1500 m/s a newton."""
+
+    def __init__(self, size: int = 6) -> None:
+        super().__init__()
+        self.inputs = [
+            self.DeclareVectorInputPort(name, size) for name in ("command", "wrench", "damping")
+        ]
+        self.states = {name: self.DeclareDiscreteState(6) for name in ("velocity", "perturbed")}
+        for name, state in self.states.items():
+            self.DeclareStateOutputPort(name, state)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(PERIOD, 0.0, self.tick)
+
+    def tick(self, context: Context, state: State) -> None:
+        command, wrench, _ = (port.Eval(context) for port in self.inputs)
+        reference = command.copy()
+        reference[5] += wrench[5] / 1500
+        values = state.get_mutable_discrete_state()
+        values.set_value(self.states["velocity"], reference)
+        values.set_value(self.states["perturbed"], command)
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"robot": "puma"}, "robot is 'puma', allowed: carriage, wam"),
-        ({"height": 0.0}, "height is 0.0, allowed: a finite number > 0"),
-        ({"step": -1e-3}, "step is -0.001, allowed: a finite number > 0"),
-        ({"duration": math.inf}, "duration is inf, allowed: a finite number > 0"),
-        ({"obstacle": 0.0}, "obstacle is 0.0, allowed: a finite number > 0, or none"),
-        ({"obstacle": math.nan}, "obstacle is nan, allowed: a finite number > 0, or none"),
-        (
-            {"initial_error": (0.0, 1.0)},
-            "initial_error is (0.0, 1.0), allowed: six finite numbers",
-        ),
-        (
-            {"initial_error": (0.0, 0.0, 0.0, 0.0, 0.0, math.nan)},
-            "initial_error is (0.0, 0.0, 0.0, 0.0, 0.0, nan), allowed: six finite numbers",
-        ),
-    ],
-)
-def test_errors(changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
-        ConnectorScenario(**changes)
+def test_a_law_of_ones_own_takes_the_place_of_accommodation() -> None:
+    scenario = replace(HELD, height=0.001, duration=2.0)
+    diagram = make_connector_diagram(scenario, TOUCH, controller=OwnLaw())
+    assert wires(diagram) == wires(make_connector_diagram(scenario, TOUCH))
+    found = run_skill(TOUCH, scenario, controller=OwnLaw()).traces
+    expected = found["V_cmd_z"][:-1] + found["wrench_z"][:-1] / 1500
+    np.testing.assert_allclose(found["V_ref_z"][1:], expected, atol=1e-15)
+    assert found["wrench_z"].max() > 4.0  # it has touched
+    assert not found["V_ref_rx"].any()
+    said = r"^controller is 'OwnLaw', allowed: a system with the vector input port command of size"
+    with pytest.raises(ParameterError, match=said):
+        make_connector_diagram(scenario, controller=OwnLaw(size=3))
 
 
-def test_accommodation_is_stable_against_the_wrist() -> None:
-    for scenario in (DConnectorScenario(), BncConnectorScenario()):
-        # The stiffness that it is checked against is that of the wrist: contact is in series.
-        assert scenario.accommodation.stiffness == scenario.wrist.stiffness
-        assert max(scenario.accommodation.kappa) <= 0.25
-    assert AccommodationParams().stiffness == ConnectorScenario().wrist.stiffness
+class OwnSkill(LeafSystem):
+    """Holds what it has, and goes down by 10 mm/s for a tenth of a second."""
+
+    def __init__(self, *without: str) -> None:
+        super().__init__()
+        sizes = sensed_sizes(PARTS)
+        for name in sizes.keys() - {"cross_section", *without}:
+            self.DeclareVectorInputPort(name, sizes[name])
+        held = {self.nothing_ticket()}
+        for name in ("looks", "tares", "retries", "state"):
+            self.DeclareVectorOutputPort(name, 1, lambda _, out: out.set_value([0.0]), held)
+        self.DeclareVectorOutputPort("closed", 1, lambda _, out: out.set_value([1.0]), held)
+        self.DeclareVectorOutputPort("damping", 6, lambda _, out: out.set_value(np.zeros(6)), held)
+        self.DeclareVectorOutputPort("velocity", 6, self.calc, {self.time_ticket()})
+
+    def calc(self, context: Context, out: Any) -> None:
+        out.set_value([0, 0, 0, 0, 0, -0.01 if context.get_time() < 0.095 else 0.0])
+
+
+def test_a_block_of_ones_own_takes_the_place_of_the_skill() -> None:
+    quiet = resolve(replace(D_CONNECTOR, sight=None, sensor=WrenchSensorParams()))
+    found = simulate(make_connector_diagram(quiet, OwnSkill()), duration=0.2, step=PERIOD).outputs
+    assert found["carriage"][0, 5] - found["carriage"][-1, 5] == pytest.approx(0.001, abs=1.5e-4)
+    with pytest.raises(ParameterError, match=r"^skill is 'OwnSkill', allowed: .* port wrench of"):
+        make_connector_diagram(quiet, OwnSkill("wrench"))

@@ -8,12 +8,8 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from chamfer.diagrams.skills.connector_loop import ConnectorScenario
+from chamfer.diagrams.skills.connector_scenario import ConnectorScenario
 from chamfer.diagrams.skills.robots import ARM, add_carriage, add_wam
-from chamfer.models.arms import wam
-from chamfer.models.arms.wrist import tip_pose
-from chamfer.models.validation import ParameterError
-from chamfer.systems.force.arm_model import Placement
 
 STEP: Final = 0.001  # s
 START: Final = np.array([0.02, -0.03, 0.2, 0.01, -0.02, 0.03])
@@ -70,40 +66,7 @@ def test_the_carriage_follows_a_velocity_exactly() -> None:
         np.testing.assert_array_equal(moved.read("motion"), [*moved.read("encoders"), *velocity])
 
 
-def test_nothing_pushes_the_carriage_away() -> None:
-    assert Moved("carriage").robot.reaction is None
-
-
-def test_the_arm_starts_where_it_is_told_and_stays() -> None:
-    start = np.array([0.1, -0.2, 0.3, 0.01, -0.02, 0.03])
-    moved = Moved("wam", start=start)
-    np.testing.assert_allclose(moved.read("encoders"), start, atol=1e-9)
-    moved.run(0.1)
-    for port in ("encoders", "motion"):
-        np.testing.assert_allclose(moved.read(port)[:6], start, atol=1e-5)
-    np.testing.assert_allclose(moved.read("motion")[6:], 0.0, atol=1e-4)
-
-
-def sticking(start: Any) -> Any:
-    """How far dry friction may keep the tool from its goal, rad above m: K^-1 |J^-T tau|."""
-    model = ARM.known_arm()
-    q = model.joint_positions(tip_pose(start), np.array(ARM.posture))
-    J = model.evaluate(q).J_V_WT
-    return np.abs(np.linalg.pinv(J.T)) @ np.array(wam.DRY_FRICTION) / STIFFNESS
-
-
 SLOW: Final = np.array([0.03, -0.02, 0.05, 0.01, 0.01, -0.01])
-
-
-def test_the_arm_follows_a_small_velocity_to_within_its_friction() -> None:
-    moved = Moved("wam")
-    moved.tell("velocity", SLOW)
-    moved.run(0.4)
-    moved.tell("velocity", np.zeros(6))
-    moved.run(0.3)
-    lag = np.abs(moved.read("encoders") - START - 0.4 * SLOW)
-    assert (lag < sticking(START)).all()
-    assert (lag > 1e-5).any()
 
 
 @pytest.mark.parametrize("step", [STEP, IMPEDANCE.period])
@@ -127,15 +90,3 @@ def test_what_the_gripper_does_to_the_arm_deflects_it_by_its_stiffness() -> None
         deflected = moved.read(port)[:6] * STIFFNESS
         np.testing.assert_allclose(deflected[:3], wrench[:3], atol=0.01)
         np.testing.assert_allclose(deflected[3:], wrench[3:], atol=0.4)
-
-
-def test_encoders_do_not_see_a_base_that_is_elsewhere() -> None:
-    off = replace(ARM, base_error=Placement(position=(0.0, 0.004, 0.0)))
-    moved = Moved("wam", arm=off, start=np.zeros(6))
-    np.testing.assert_allclose(moved.read("encoders"), np.zeros(6), atol=1e-9)
-    np.testing.assert_allclose(moved.read("motion")[:6], [0, 0, 0, 0, 0.004, 0], atol=1e-9)
-
-
-def test_a_start_out_of_reach_is_refused() -> None:
-    with pytest.raises(ParameterError):
-        Moved("wam", start=np.array([0.0, 0.0, 0.0, 2.0, 0.0, 0.0]))

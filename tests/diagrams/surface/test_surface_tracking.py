@@ -8,30 +8,33 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from pydrake.systems.framework import Diagram
+from pydrake.systems.framework import BasicVector, Context, Diagram, LeafSystem
 from scipy.optimize import brentq
 
-from chamfer.analysis.surface.surface_runs import Traces, run_tracking
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.analysis.surface.unknown_surface import Traces, run_surface
 from chamfer.diagrams.surface.surface_estimation import EstimationScenario
 from chamfer.diagrams.surface.surface_scenario import (
     THESIS,
     ObserverSettings,
-    Shape,
     SurfaceSettings,
+    SurfaceShape,
 )
-from chamfer.diagrams.surface.surface_tracking import make_tracking_diagram, resolve_tracking
-from chamfer.diagrams.surface.tracking_scenario import (
-    AdaptiveTrackingScenario,
-    NoiseFreeTrackingScenario,
+from chamfer.diagrams.surface.surface_tracking import (
+    SURFACE_CONTROL_ADAPTIVE,
+    SURFACE_CONTROL_NOISE_FREE,
     TrackingScenario,
     TrackingTask,
+    make_tracking_diagram,
+    resolve_tracking,
+    tracking_loop,
 )
 from chamfer.models.arms.cartesian_manipulator import CartesianManipulatorParams
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.hybrid_controller import HybridController
 from chamfer.systems.force.surface_motion import SurfaceMotion
-from chamfer.systems.sensing.force_rate_sensor import ForceRateSensorParams
+from chamfer.systems.sensing.force_rate import ForceRateSensorParams
 
 Array = NDArray[np.float64]
 Wire = tuple[str, str, str, str]
@@ -44,7 +47,7 @@ ARM, CONTACT, SENSOR, OBSERVER = (
 )
 TASK, CONTROL, SUM, MODE = "task", "hybrid controller", "sum of forces", "in contact"
 PREDICTION = "predicted surface"
-QUIET = NoiseFreeTrackingScenario()
+QUIET = SURFACE_CONTROL_NOISE_FREE
 GAINS = QUIET.controller
 SEEN = replace(THESIS, prediction=SurfaceSettings())
 
@@ -110,14 +113,17 @@ LOOP = PHYSICS | SENSED | ENCODERS | KNOWN
 
 
 @pytest.mark.parametrize("shape", ["parabola", "sphere"])
-def test_the_controller_knows_encoders_and_force_sensor_only(shape: Shape) -> None:
+def test_the_controller_knows_encoders_and_force_sensor_only(shape: SurfaceShape) -> None:
     surface = SurfaceSettings(shape=shape)
     scenario = TrackingScenario(surface=surface)
-    wiring = wires(make_tracking_diagram(scenario))
+    wiring = wires(make_tracking_diagram(resolve_tracking(scenario)))
     assert wiring == LOOP | NOISY
-    assert wires(make_tracking_diagram(replace(scenario, sensor=QUIET.sensor))) == LOOP
+    assert (
+        wires(make_tracking_diagram(resolve_tracking(replace(scenario, sensor=QUIET.sensor))))
+        == LOOP
+    )
     seen = replace(scenario, observer=replace(THESIS, prediction=surface))
-    assert wires(make_tracking_diagram(seen)) == LOOP | NOISY | PREDICTED
+    assert wires(make_tracking_diagram(resolve_tracking(seen))) == LOOP | NOISY | PREDICTED
     # With the sensors' wires cut, only the mechanics are left of what the contact acts on.
     cut = wiring - SENSED - ENCODERS
     assert reached(cut, CONTACT) == {SUM, ARM, CONTACT}
@@ -127,7 +133,7 @@ def test_the_controller_knows_encoders_and_force_sensor_only(shape: Shape) -> No
 def test_blocks_and_exported_signals() -> None:
     for shape, d in (("parabola", 2), ("sphere", 3)):
         scenario = TrackingScenario(surface=SurfaceSettings(shape=shape))  # type: ignore[arg-type]
-        diagram = make_tracking_diagram(scenario)
+        diagram = make_tracking_diagram(resolve_tracking(scenario))
         sizes = {
             port.get_name(): port.size()
             for port in map(diagram.get_output_port, range(diagram.num_output_ports()))
@@ -149,13 +155,6 @@ def test_blocks_and_exported_signals() -> None:
         assert diagram.num_input_ports() == 0
         assert isinstance(diagram.GetSubsystemByName(TASK), SurfaceMotion)
         assert isinstance(diagram.GetSubsystemByName(CONTROL), HybridController)
-
-
-def test_the_gripper_begins_below_the_origin() -> None:
-    task = TrackingTask(depth=0.05)
-    assert TrackingScenario(task=task).start == (0.0, -0.05)
-    sphere = SurfaceSettings(shape="sphere")
-    assert TrackingScenario(task=task, surface=sphere).start == (0.0, 0.0, -0.05)
 
 
 # The noise-free loop, from the equations alone.
@@ -256,7 +255,7 @@ def test_the_noise_free_loop_agrees_with_an_independent_simulation(plan: Plan) -
         task=TrackingTask(force=plan.force, speed=plan.speed),
         duration=3.0,
     )
-    traces = run_tracking(resolve_tracking(scenario), 0)
+    traces = run_surface(resolve_tracking(scenario), 0)
     time, force, point = independent(plan, 3.0)
     assert point[-1] > 0.7  # it slides
     rows = len(time)
@@ -267,20 +266,7 @@ def test_the_noise_free_loop_agrees_with_an_independent_simulation(plan: Plan) -
 
 @pytest.fixture(scope="module")
 def quiet() -> Traces:
-    return run_tracking(resolve_tracking(QUIET), 0)
-
-
-def test_half_the_step_gives_the_same_run() -> None:
-    short = replace(QUIET, duration=3.0)
-    runs = [
-        run_tracking(resolve_tracking(replace(short, step=step)), 0)
-        for step in (5e-3, 2.5e-3, 1.25e-3)
-    ]
-    for name, close in (("force", 0.02), ("travel", 1e-3), ("angle", 0.05)):
-        off = [np.abs(one[name] - runs[2][name]) for one in runs[:2]]
-        assert off[1].max() < close
-        # A force that is held over a step delays what it does by half of it: first order.
-        assert off[1].max() < 0.5 * off[0].max()
+    return run_surface(resolve_tracking(QUIET), 0)
 
 
 def test_force_and_speed_come_to_what_is_desired(quiet: Traces) -> None:
@@ -297,26 +283,19 @@ def test_force_and_speed_come_to_what_is_desired(quiet: Traces) -> None:
     assert np.all(quiet["nominal_y"] < 0.05 * quiet["nominal_x"] ** 2)
 
 
-def test_a_position_integrator_leaks_into_the_force_on_a_curve(quiet: Traces) -> None:
-    gains = replace(GAINS, integral=50.0, force_integral=4.0)
-    leaking = run_tracking(resolve_tracking(replace(QUIET, controller=gains)), 0)
-    assert leaking["force"][-1] == pytest.approx(5.11, abs=0.03)  # reference: 5.112
-    assert quiet["force"][-1] == pytest.approx(5.004, abs=0.003)
-
-
 def test_the_other_way_round_it_goes_to_the_other_side(quiet: Traces) -> None:
     scenario = replace(QUIET, task=TrackingTask(speed=-0.5), duration=3.0)
-    traces = run_tracking(resolve_tracking(scenario), 0)
+    traces = run_surface(resolve_tracking(scenario), 0)
     rows = len(traces["time"])
     np.testing.assert_allclose(traces["point_x"], -quiet["point_x"][:rows], atol=1e-9)
     np.testing.assert_allclose(traces["force"], quiet["force"][:rows], atol=1e-8)
 
 
 @pytest.mark.parametrize("shape", ["paraboloid", "sphere"])
-def test_the_loop_runs_in_space(shape: Shape) -> None:
+def test_the_loop_runs_in_space(shape: SurfaceShape) -> None:
     surface = SurfaceSettings(shape=shape)
     quiet = replace(QUIET, surface=surface, duration=3.0)
-    traces = run_tracking(resolve_tracking(quiet), 0)
+    traces = run_surface(resolve_tracking(quiet), 0)
     late = traces["time"] > 1.0
     np.testing.assert_allclose(traces["force"][late], 5.0, atol=0.25)
     # At the observer's samples, which rounding of their time may put a step of 2.5 ms later.
@@ -328,38 +307,15 @@ def test_the_loop_runs_in_space(shape: Shape) -> None:
     noisy = replace(
         quiet, sensor=ForceRateSensorParams(), observer=ObserverSettings(kind="adaptive")
     )
-    traces = run_tracking(resolve_tracking(noisy), 1)
+    traces = run_surface(resolve_tracking(noisy), 1)
     np.testing.assert_allclose(traces["force"][late], 5.0, atol=0.6)
     assert math.sqrt(np.mean(traces["error"][late] ** 2)) < 4.0
     assert np.mean(traces["error"][late] <= traces["band"][late]) > 0.95
 
 
-def test_in_a_plane_of_space_the_loop_is_the_planar_one(quiet: Traces) -> None:
-    scenario = replace(
-        QUIET,
-        surface=SurfaceSettings(shape="paraboloid", coefficients=(0.05, 0.2)),
-        duration=2.0,
-    )
-    traces = run_tracking(resolve_tracking(scenario), 0)
-    rows = len(traces["time"])
-    np.testing.assert_allclose(traces["force"], quiet["force"][:rows], atol=1e-3)
-    np.testing.assert_allclose(traces["point_x"], quiet["point_x"][:rows], atol=1e-4)
-    np.testing.assert_allclose(traces["point_z"], quiet["point_y"][:rows], atol=1e-4)
-    assert set(traces) >= {"effort_x", "effort_y", "effort_z"}
-
-
-def test_the_effort_of_a_row_is_the_one_that_follows_from_it(quiet: Traces) -> None:
-    # The first period: the gripper pushes with 10 N, 5 N are desired, the normal is vertical.
-    assert quiet["force"][0] == pytest.approx(10.0)
-    assert quiet["effort_x"][0] == pytest.approx(100.0 * 0.5 * 0.005)
-    assert quiet["effort_y"][0] == pytest.approx(-5.0 + 5.0 * 0.005)
-    assert set(quiet) >= {"effort_x", "effort_y"}
-    assert "effort_z" not in quiet
-
-
 def test_the_observer_may_be_given_means() -> None:
-    scenario = AdaptiveTrackingScenario()
-    diagram = make_tracking_diagram(scenario)
+    scenario = SURFACE_CONTROL_ADAPTIVE
+    diagram = make_tracking_diagram(resolve_tracking(scenario))
     names = {system.get_name() for system in diagram.GetSystems()}
     assert {"mean measured force", "mean measured force rate", "mean nominal motion"} <= names
     for average in (0, 11):
@@ -367,3 +323,70 @@ def test_the_observer_may_be_given_means() -> None:
             replace(scenario, observer=replace(scenario.observer, average=average))
     with pytest.raises(ParameterError, match=r"^observer.average is 2, allowed: 1, as"):
         EstimationScenario(observer=ObserverSettings(average=2))
+
+
+def flat(force_integral: float, *, allow: bool = False) -> TrackingScenario:
+    scenario = replace(QUIET, duration=3.0, surface=SurfaceSettings(coefficients=(1e-6,)))
+    control = replace(scenario.controller, force_integral=force_integral, allow_unstable=allow)
+    return replace(scenario, controller=control)
+
+
+@pytest.mark.parametrize(("force_integral", "late"), [(10.0, 0.0), (20.0, 0.0), (10.0, 0.04)])
+def test_the_force_swings_as_the_poles_say(force_integral: float, late: float) -> None:
+    scenario = replace(flat(force_integral, allow=True), force_delay=late)
+    period = scenario.controller.period
+    poles = np.linalg.eigvals(tracking_loop(scenario).period_map())
+    rate = max(math.log(abs(pole)) for pole in poles if abs(pole.imag) > 1e-6) / period
+    run = simulate(
+        make_tracking_diagram(resolve_tracking(scenario)), duration=2.0, step=period, seed=0
+    )
+    off = np.abs(run.outputs["contact_force"][:, 1] - scenario.task.force)
+    early, late = (off[(run.time >= t) & (run.time < t + 0.5)].max() for t in (0.5, 1.5))
+    assert math.log(late / early) == pytest.approx(rate, abs=0.25)
+
+
+def test_a_force_integral_that_swings_is_refused() -> None:
+    message = (
+        r"controller\.force_integral is 50\.0, allowed: a lower one, or other gains: "
+        r"the loop is unstable in contact, it grows at 3\.\d* 1/s"
+    )
+    with pytest.raises(ParameterError, match=message):
+        resolve_tracking(flat(50.0))
+    with pytest.warns(UserWarning, match="unstable in contact"):
+        resolve_tracking(flat(50.0, allow=True))
+
+
+class Push(LeafSystem):
+    """A user's own law: pushes with the desired force, and goes ahead with no more than that."""
+
+    def __init__(self, d: int, *, selection: int | None = None) -> None:
+        super().__init__()
+        force = self.DeclareVectorInputPort("desired_force", d)
+        for name, size in (
+            ("encoders", 2 * d),
+            ("desired_position", d),
+            ("measured_force", d),
+            ("selection", d * d if selection is None else selection),
+            ("mode", 1),
+        ):
+            self.DeclareVectorInputPort(name, size)
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            vector.SetFromVector(force.Eval(context))
+
+        self.DeclareVectorOutputPort("torque", d, calc, {force.ticket()})
+        for name in ("position_error", "force_error"):
+            self.DeclareVectorOutputPort(name, d, lambda _, vector: vector.SetZero())
+
+
+def test_a_users_own_controller_takes_the_hybrid_laws_place() -> None:
+    scenario = resolve_tracking(replace(QUIET, duration=3.0))
+    diagram = make_tracking_diagram(scenario, controller=Push(2))
+    assert wires(diagram) == wires(make_tracking_diagram(scenario))
+    run = simulate(diagram, duration=3.0, step=0.005)
+    # It stands still and pushes with 5 N downwards, which the gripper's spring takes up.
+    np.testing.assert_allclose(run.outputs["contact_force"][-1], [0.0, 5.0], atol=1e-3)
+    with pytest.raises(
+        ParameterError, match=r"^controller is 'Push', .* selection of size 4; its"
+    ):
+        make_tracking_diagram(scenario, controller=Push(2, selection=2))

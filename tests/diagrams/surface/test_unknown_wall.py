@@ -9,34 +9,33 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import Diagram
 
-from chamfer.diagrams.surface.surface_scenario import Shape
-from chamfer.diagrams.surface.unknown_wall_loop import SIGNALS, make_unknown_wall_diagram
-from chamfer.diagrams.surface.unknown_wall_scenario import (
+from chamfer.diagrams.surface.surface_scenario import SurfaceShape
+from chamfer.diagrams.surface.unknown_wall_loop import (
+    ADEPT_WALL,
+    PLANAR_WALL,
+    PUMA_WALL,
+    SIGNALS,
     UnknownWallScenario,
-    WallSettings,
+    UnknownWallSettings,
+    make_unknown_wall_diagram,
     resolve_wall,
-)
-from chamfer.diagrams.surface.unknown_walls import (
-    AdeptUnknownWallScenario,
-    PlanarUnknownWallScenario,
-    PumaUnknownWallScenario,
 )
 from chamfer.models.surfaces.surface import locate
 from chamfer.models.validation import ParameterError
 
 Wire = tuple[str, str]
-SCENARIOS = [AdeptUnknownWallScenario(), PumaUnknownWallScenario(), PlanarUnknownWallScenario()]
+SCENARIOS = [ADEPT_WALL, PUMA_WALL, PLANAR_WALL]
 each = pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda one: one.ARM.name)
 ALONG, UP = np.array([0.0, 1.0, 0.0]), np.array([-1.0, 0.0, 0.0])
 
 
 @pytest.mark.parametrize("shape", ["parabola", "circle", "wave", "paraboloid", "sphere"])
-def test_the_wall_rises_along_and_sideways_as_it_is_told(shape: Shape) -> None:
+def test_the_wall_rises_along_and_sideways_as_it_is_told(shape: SurfaceShape) -> None:
     point = np.array([0.5, -0.2, 0.3])
     level = {"amplitudes": (0.0,)} if shape == "wave" else {}
 
     def away(**turned: float) -> np.ndarray:
-        settings = WallSettings(shape=shape, **level, **turned)  # type: ignore[arg-type]
+        settings = UnknownWallSettings(shape=shape, **level, **turned)  # type: ignore[arg-type]
         gap, normal = locate(settings.placed(point, along=ALONG, up=UP), point)
         assert gap == pytest.approx(0, abs=1e-12)
         return normal
@@ -53,7 +52,7 @@ def test_the_wall_rises_along_and_sideways_as_it_is_told(shape: Shape) -> None:
 
 
 def test_a_curve_is_drawn_out_sideways_and_bends_along() -> None:
-    wall = WallSettings(shape="parabola", coefficients=(0.5,))
+    wall = UnknownWallSettings(shape="parabola", coefficients=(0.5,))
     placed = wall.placed(np.zeros(3), along=ALONG, up=UP)
     sideways = np.cross(UP, ALONG)
     for far in (-2.0, 3.0):
@@ -76,14 +75,14 @@ def test_the_arm_would_touch_where_it_believes(scenario: UnknownWallScenario) ->
 
 
 def test_what_the_observer_is_told() -> None:
-    observer = resolve_wall(AdeptUnknownWallScenario()).observer
-    np.testing.assert_allclose(observer.stiffness, 1e3 * np.eye(3), atol=1e-9)  # type: ignore[arg-type]
+    observer = resolve_wall(ADEPT_WALL).observer
+    np.testing.assert_allclose(observer.stiffness, 1e3 * np.eye(3), atol=1e-9)
     # The sensor's noise is uniform, of a half-width of 0.5 N, and decoupled: C = 0.9 I + 0.1.
     undone = np.linalg.inv(0.9 * np.eye(3) + 0.1)
     assert observer.force_noise == pytest.approx(0.5 / math.sqrt(3) * np.linalg.norm(undone))
     assert observer.rate_lag == 0.1
-    own = replace(AdeptUnknownWallScenario().observer, force_noise=2.0, kind="gated")
-    told = resolve_wall(AdeptUnknownWallScenario(observer=own)).observer
+    own = replace(ADEPT_WALL.observer, force_noise=2.0, kind="gated")
+    told = resolve_wall(replace(ADEPT_WALL, observer=own)).observer
     assert told.force_noise == 2.0
     assert told.rate_lag is None
     assert told.force_rate_noise == pytest.approx(
@@ -101,7 +100,7 @@ def test_what_the_observer_is_told() -> None:
     ],
 )
 def test_refusals(changes: dict[str, dict[str, Any]], message: str) -> None:
-    scenario = PlanarUnknownWallScenario()
+    scenario = PLANAR_WALL
     parts = {name: replace(getattr(scenario, name), **values) for name, values in changes.items()}
     with pytest.raises(ParameterError) as caught:
         replace(scenario, **parts)
@@ -110,7 +109,7 @@ def test_refusals(changes: dict[str, dict[str, Any]], message: str) -> None:
 
 def test_a_steep_wall_is_refused() -> None:
     with pytest.raises(ParameterError, match=r"^tilt is 0.8, allowed: at most 45 degrees"):
-        WallSettings(tilt=0.8)
+        UnknownWallSettings(tilt=0.8)
 
 
 def wires(diagram: Diagram) -> set[Wire]:
@@ -135,7 +134,7 @@ def reached(wiring: Iterable[Wire], start: str) -> set[str]:
 def test_controller_and_observer_know_sensors_only(
     scenario: UnknownWallScenario, sensing: Any
 ) -> None:
-    diagram = make_unknown_wall_diagram(replace(scenario, sensing=sensing))
+    diagram = make_unknown_wall_diagram(resolve_wall(replace(scenario, sensing=sensing)))
     names = {diagram.get_output_port(i).get_name() for i in range(diagram.num_output_ports())}
     assert names == set(SIGNALS)
     wiring = wires(diagram)

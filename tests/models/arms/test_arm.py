@@ -1,6 +1,9 @@
-"""What holds for every arm: its kinematics and its URDF describe the same machine."""
+"""The arms that touch: kinematics and URDF describe the same machine, and poses by hand."""
 
 import dataclasses
+import itertools
+import math
+import re
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,16 +11,32 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from pydrake.geometry import Box, Cylinder
+from pydrake.math import RollPitchYaw
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import DiagramBuilder
 
-from chamfer.models.arms.adept_one import ADEPT_ONE
-from chamfer.models.arms.adept_wrist import ADEPT_WRIST
+from chamfer.models.arms import adept_one
+from chamfer.models.arms.adept_one import (
+    ADEPT_ONE,
+    LENGTH_1,
+    LENGTH_2,
+)
+from chamfer.models.arms.adept_wrist import (
+    ADEPT_WRIST,
+    BODY_LENGTH,
+    FINGER_LENGTH,
+    gripper_points,
+)
 from chamfer.models.arms.arm import Arm, Elbow, Kinematics
-from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
+from chamfer.models.arms.planar_two_link import (
+    PLANAR_TWO_LINK,
+    two_link_angles,
+)
 from chamfer.models.arms.puma_250 import FOREARM, PUMA_250, UPPER_ARM
+from chamfer.models.validation import ParameterError
 
 ARMS = (PLANAR_TWO_LINK, PUMA_250, ADEPT_ONE, ADEPT_WRIST)
 ELBOW_JOINT = {PLANAR_TWO_LINK.name: 1, PUMA_250.name: 2, ADEPT_ONE.name: 1, ADEPT_WRIST.name: 1}
@@ -27,6 +46,14 @@ ROTOR_INERTIAS = {
     ADEPT_ONE.name: (0.3, 0.1, 0.0, 0.015),
     ADEPT_WRIST.name: (0.3, 0.1, 0.0, 0.015, 0.02, 0.01, 0.005),
 }
+
+
+def plant_of(arm: Arm) -> MultibodyPlant:
+    plant = MultibodyPlant(0.0)
+    Parser(plant).AddModels(str(arm.urdf))
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
+    plant.Finalize()
+    return plant
 
 
 class LoadedArm(NamedTuple):
@@ -66,17 +93,6 @@ def test_jacobian_is_the_derivative(arm: Arm, data: st.DataObject) -> None:
     found = arm.jacobian(q)
     assert found.dtype == float
     np.testing.assert_allclose(found, np.transpose(columns), rtol=0, atol=1e-12)
-
-
-@pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.name)
-@given(data=st.data())
-def test_jacobian_takes_complex_positions(arm: Arm, data: st.DataObject) -> None:
-    q, rate = data.draw(poses(arm)), data.draw(poses(arm))
-    step = 1e-30
-    change = arm.jacobian(q + 1j * step * rate).imag / step
-    h = 1e-6
-    expected = (arm.jacobian(q + h * rate) - arm.jacobian(q - h * rate)) / (2 * h)
-    np.testing.assert_allclose(change, expected, rtol=0, atol=1e-7)
 
 
 @pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.name)
@@ -147,14 +163,6 @@ def test_urdf_has_the_same_jacobian(loaded: LoadedArm, seed: int) -> None:
     np.testing.assert_allclose(arm.jacobian(q)[known], expected, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_mass_matrix_is_symmetric_and_positive(loaded: LoadedArm, seed: int) -> None:
-    loaded.set_positions(seed)
-    mass = loaded.plant.CalcMassMatrix(loaded.context)
-    np.testing.assert_allclose(mass, mass.T, rtol=0, atol=1e-12)
-    assert np.linalg.eigvalsh(mass).min() > 1e-3
-
-
 def test_mass_matrix_includes_the_rotors(loaded: LoadedArm) -> None:
     arm, _, plant, _ = loaded
     context = plant.CreateDefaultContext()
@@ -185,8 +193,258 @@ def test_kinematics_tells_nothing_of_masses() -> None:
     assert only_arms == {"urdf", "joint_positions", "assumed", "note"}
 
 
-def test_arm_is_frozen_and_by_keyword() -> None:
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        PUMA_250.assumed = False  # type: ignore[misc]
-    with pytest.raises(TypeError):
-        Arm("arm")  # type: ignore[misc, call-arg]
+PLANAR_REACH = "allowed: more than 0 m and less than 2 m from the base"
+
+
+@pytest.mark.parametrize(
+    ("degrees", "tip"),
+    [
+        ((0, 0), (2, 0)),
+        ((0, 90), (1, 1)),
+        ((90, -90), (1, 1)),
+        ((-90, 90), (1, -1)),
+        ((30, 30), ((math.sqrt(3) + 1) / 2, (1 + math.sqrt(3)) / 2)),
+    ],
+)
+def test_planar_tip(degrees: tuple[float, float], tip: tuple[float, float]) -> None:
+    np.testing.assert_allclose(
+        PLANAR_TWO_LINK.endpoint(np.radians(degrees)), tip, rtol=0, atol=1e-15
+    )
+
+
+@pytest.mark.parametrize(("elbow", "sign"), [("negative", -1), ("positive", 1)])
+def test_planar_elbow_at_the_contact_point(elbow: Elbow, sign: int) -> None:
+    # <1, -1.5>, the nominal contact point: cos(q2) = (1 + 2.25 - 2) / 2.
+    q = PLANAR_TWO_LINK.joint_positions(np.array([1.0, -1.5]), elbow)
+    assert math.degrees(q[1]) == pytest.approx(sign * 51.3178, abs=1e-4)
+    np.testing.assert_allclose(PLANAR_TWO_LINK.endpoint(q), [1.0, -1.5], rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("elbow", ["negative", "positive"])
+@pytest.mark.parametrize(
+    "tip",
+    # The farthest point of the crucible is exactly at the edge of the reach.
+    [(1.6, -1.2), (0.0, 0.0), (2.0, 0.0), (0.0, 2.5), (math.nan, 1.0), (0.0, math.inf)],
+)
+def test_planar_out_of_reach_or_singular(tip: tuple[float, float], elbow: Elbow) -> None:
+    with pytest.raises(
+        ParameterError, match=f"^{re.escape(f'endpoint is {tip}, {PLANAR_REACH}')}$"
+    ):
+        PLANAR_TWO_LINK.joint_positions(np.array(tip), elbow)
+
+
+def test_planar_links_of_unequal_length_leave_a_hole() -> None:
+    asked = np.array([0.5, 0.0])
+    with pytest.raises(ParameterError, match=r"more than 1 m and less than 3 m from the pivot$"):
+        two_link_angles(0.5, 0.0, (2.0, 1.0), "positive", asked, "the pivot")
+    q1, q2 = two_link_angles(2.0, 1.0, (2.0, 1.0), "positive", asked, "the pivot")
+    assert (q1, q2) == pytest.approx((0.0, math.pi / 2), abs=1e-15)
+
+
+@pytest.mark.parametrize("q2", [-2.0, -0.9, 0.0, 0.5, math.pi / 2, 3.0])
+def test_planar_mass_matrix_of_two_rods(q2: float) -> None:
+    plant = plant_of(PLANAR_TWO_LINK)
+    m1, m2 = 2.0, 1.0
+    a1, a2, a3 = m1 / 3 + m2 / 12 + m2 * 5 / 4, m2 / 2, m2 / 3
+    c2 = math.cos(q2)
+    expected = [[a1 + 2 * a2 * c2, a3 + a2 * c2], [a3 + a2 * c2, a3]]
+    context = plant.CreateDefaultContext()
+    plant.SetPositions(context, [0.7, q2])
+    np.testing.assert_allclose(plant.CalcMassMatrix(context), expected, rtol=1e-12)
+
+
+WAIST = "more than 0.011 m from the waist's axis"
+SHOULDER = "more than 0.1368 m and less than 0.5432 m from the shoulder, in its plane"
+
+
+@pytest.mark.parametrize(
+    ("degrees", "tip"),
+    [
+        # Stretched ahead: l3 + l5 out, l2 + l4 to the right.
+        ((0, 0, 0), (0.5432, -0.0110, 0.3429)),
+        # Turned left, the forearm up: l5 above the shoulder.
+        ((90, 0, 90), (0.0110, 0.2032, 0.6829)),
+        # The upper arm up, the forearm level: l3 above the shoulder.
+        ((0, 90, -90), (0.3400, -0.0110, 0.5461)),
+        ((180, 0, -90), (-0.2032, 0.0110, 0.0029)),
+    ],
+)
+def test_puma_tip(degrees: tuple[float, ...], tip: tuple[float, ...]) -> None:
+    np.testing.assert_allclose(PUMA_250.endpoint(np.radians(degrees)), tip, rtol=0, atol=1e-15)
+
+
+def test_puma_elbow_up_and_down() -> None:
+    # Level with the shoulder the two elbows mirror each other about the line to the tip.
+    x = np.array([0.4, -0.011, 0.3429])
+    up, down = PUMA_250.joint_positions(x, "negative"), PUMA_250.joint_positions(x, "positive")
+    assert up[1] > 0 > up[2]
+    np.testing.assert_allclose(down, up * [1, -1, -1], rtol=0, atol=1e-14)
+    assert up[0] == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("elbow", ["negative", "positive"])
+@pytest.mark.parametrize(
+    ("tip", "allowed"),
+    [
+        ((0.0, 0.0, 0.7), WAIST),
+        ((0.0, 0.011, 0.7), WAIST),
+        ((math.nan, 0.3, 0.3), WAIST),
+        ((0.5432, -0.011, 0.3429), SHOULDER),
+        ((0.1368, -0.011, 0.3429), SHOULDER),
+        ((0.1, 0.0, 0.3429), SHOULDER),
+        ((0.4, 0.4, 0.3429), SHOULDER),
+        ((0.3, 0.0, -0.2), SHOULDER),
+        ((0.3, 0.0, math.nan), SHOULDER),
+    ],
+)
+def test_puma_out_of_reach_or_singular(tip: tuple[float, ...], allowed: str, elbow: Elbow) -> None:
+    message = re.escape(f"endpoint is {tip}, allowed: {allowed}")
+    with pytest.raises(ParameterError, match=f"^{message}$"):
+        PUMA_250.joint_positions(np.array(tip), elbow)
+
+
+def test_puma_weight_of_the_stretched_arm() -> None:
+    plant = plant_of(PUMA_250)
+    # Shoulder and elbow lift the arm when their angles grow, so that its weight turns them back.
+    forearm = 1.2 * 0.15
+    shoulder = 2.3 * 0.08 + 1.2 * 0.2032 + forearm
+    context = plant.CreateDefaultContext()
+    found = plant.CalcGravityGeneralizedForces(context)
+    np.testing.assert_allclose(found, [0, -9.81 * shoulder, -9.81 * forearm], rtol=0, atol=1e-9)
+
+
+ADEPT_REACH = "more than 0.05 m and less than 0.8 m from the base's axis"
+
+
+def test_adept_tip() -> None:
+    # Stretched along x it reaches 0.800 m, not the 0.4627 m of the misprint.
+    np.testing.assert_allclose(
+        ADEPT_ONE.endpoint(np.zeros(4)), [0.8, 0, 0.877, 0], rtol=0, atol=1e-15
+    )
+    bent = ADEPT_ONE.endpoint(np.array([math.pi / 2, -math.pi / 2, 0.5, 0.25]))
+    np.testing.assert_allclose(bent, [0.375, 0.425, 0.377, 0.25], rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("elbow", ["negative", "positive"])
+@pytest.mark.parametrize("phi", [-10.0, 0.0, 7.0])
+def test_adept_orientation_keeps_its_whole_turns(elbow: Elbow, phi: float) -> None:
+    x = np.array([0.5, 0.3, 0.4, phi])
+    np.testing.assert_allclose(
+        ADEPT_ONE.endpoint(ADEPT_ONE.joint_positions(x, elbow)), x, rtol=0, atol=1e-14
+    )
+
+
+@pytest.mark.parametrize("elbow", ["negative", "positive"])
+@pytest.mark.parametrize(
+    ("tip", "allowed"),
+    [
+        ((0.8, 0.0, 0.4, 0.0), ADEPT_REACH),
+        ((0.0, -0.05, 0.4, 0.0), ADEPT_REACH),
+        ((0.01, 0.0, 0.4, 0.0), ADEPT_REACH),
+        ((0.7, 0.7, 0.4, 1.0), ADEPT_REACH),
+        ((0.5, 0.3, math.nan, 0.0), "finite numbers"),
+        ((0.5, 0.3, 0.4, math.inf), "finite numbers"),
+    ],
+)
+def test_adept_out_of_reach_or_singular(
+    tip: tuple[float, ...], allowed: str, elbow: Elbow
+) -> None:
+    message = re.escape(f"endpoint is {tip}, allowed: {allowed}")
+    with pytest.raises(ParameterError, match=f"^{message}$"):
+        ADEPT_ONE.joint_positions(np.array(tip), elbow)
+
+
+@pytest.mark.parametrize("q2", [-1.5, 0.0, 0.8])
+def test_adept_mass_matrix(q2: float) -> None:
+    plant = plant_of(ADEPT_ONE)
+    quill_and_payload, turning = 6.0, 0.0002 + 0.005
+    c2 = math.cos(q2)
+    second = 0.15 + 9 * 0.15**2 + quill_and_payload * LENGTH_2**2 + turning
+    coupling = LENGTH_1 * (9 * 0.15 + quill_and_payload * LENGTH_2) * c2
+    first = 0.25 + 12 * 0.2**2 + (9 + quill_and_payload) * LENGTH_1**2
+    expected = [
+        [first + second + 2 * coupling + 0.3, second + coupling, 0, 0.005],
+        [second + coupling, second + 0.1, 0, 0.005],
+        [0, 0, 6, 0],
+        [0.005, 0.005, 0, 0.02],
+    ]
+    context = plant.CreateDefaultContext()
+    plant.SetPositions(context, [0.4, q2, 0.5, -0.3])
+    np.testing.assert_allclose(plant.CalcMassMatrix(context), expected, rtol=0, atol=1e-12)
+
+
+def test_adept_weight_pulls_the_quill_out() -> None:
+    plant = plant_of(ADEPT_ONE)
+    context = plant.CreateDefaultContext()
+    plant.SetPositions(context, [0.4, 0.8, 0.5, 0.0])
+    found = plant.CalcGravityGeneralizedForces(context)
+    np.testing.assert_allclose(found, [0, 0, 6 * 9.81, 0], rtol=0, atol=1e-9)
+
+
+X = np.array([0.45, 0.25, 0.3, 0.7, 0.2, -0.3, 0.4])
+
+
+def test_wrist_hanging_straight_down_the_wrist_lengthens_the_quill() -> None:
+    q = np.array([0.4, 0.9, 0.3, -0.2])
+    expected = adept_one.endpoint(q) - [0, 0, BODY_LENGTH + FINGER_LENGTH, 0]
+    found = ADEPT_WRIST.endpoint(np.concatenate([q, np.zeros(3)]))
+    np.testing.assert_allclose(found, [*expected, 0, 0, 0], rtol=0, atol=1e-15)
+
+
+def test_wrist_urdf_turns_the_nugget_as_the_angles_say() -> None:
+    plant = plant_of(ADEPT_WRIST)
+    context = plant.CreateDefaultContext()
+    plant.SetPositions(context, ADEPT_WRIST.joint_positions(X, "positive"))
+    X_WE = plant.GetFrameByName("endpoint").CalcPoseInWorld(context)
+    yaw, pitch, roll = X[3:6]
+    expected = RollPitchYaw(roll, pitch, yaw).ToRotationMatrix().matrix()
+    np.testing.assert_allclose(X_WE.rotation().matrix(), expected, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("endpoint_vector", "allowed"),
+    [
+        (
+            (0.8, 0.0, 0.3, 0.0, 0.0, 0.0, -0.1),
+            "the mount more than 0.05 m and less than 0.8 m from the base's axis",
+        ),
+        ((0.5, 0.1, 0.3, 0.0, math.nan, 0.0, 0.0), "finite numbers"),
+    ],
+)
+def test_wrist_out_of_reach(endpoint_vector: tuple[float, ...], allowed: str) -> None:
+    message = re.escape(f"endpoint is {endpoint_vector}, allowed: {allowed}")
+    with pytest.raises(ValueError, match=f"^{message}$"):
+        ADEPT_WRIST.joint_positions(np.array(endpoint_vector), "positive")
+
+
+def test_gripper_points_are_the_corners_of_what_is_drawn() -> None:
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+    Parser(plant).AddModels(str(ADEPT_WRIST.urdf))
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
+    plant.Finalize()
+    diagram = builder.Build()
+    context = plant.CreateDefaultContext()
+    plant.SetPositions(context, ADEPT_WRIST.joint_positions(X, "positive"))
+    inspector = scene_graph.model_inspector()
+    boxes, fork = [], []
+    for name in ("link_5", "link_6", "link_7"):
+        body = plant.GetBodyByName(name)
+        for geometry in plant.GetVisualGeometriesForBody(body):
+            X_WG = body.EvalPoseInWorld(context) @ inspector.GetPoseInFrame(geometry)
+            shape = inspector.GetShape(geometry)
+            if isinstance(shape, Box):
+                half = np.array([shape.width(), shape.depth(), shape.height()]) / 2
+                boxes += [X_WG @ (signs * half) for signs in itertools.product((-1, 1), repeat=3)]
+            elif isinstance(shape, Cylinder):
+                fork.append((X_WG.inverse(), shape.radius(), shape.length()))
+    del diagram
+    found = gripper_points(X[np.newaxis])[0]
+    apart = np.linalg.norm(found[:, np.newaxis] - np.array(boxes), axis=2)
+    assert len(boxes) == 24
+    np.testing.assert_allclose(apart.min(axis=0), 0.0, atol=1e-12)
+    ((X_GW, radius, length),) = fork
+    round_about = (X_GW @ found[apart.min(axis=1) > 1e-9].T).T
+    assert len(round_about) == len(found) - 24
+    np.testing.assert_allclose(np.hypot(*round_about[:, :2].T), radius, atol=1e-12)
+    np.testing.assert_allclose(np.abs(round_about[:, 2]), length / 2, atol=1e-12)

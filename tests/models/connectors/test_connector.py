@@ -1,28 +1,43 @@
-"""What pieces become in a plant."""
+"""What pieces become in a plant, which of them touch, and what no connector can be."""
 
+import math
+from itertools import permutations
 from typing import Any
 
 import numpy as np
 import pytest
-from pydrake.geometry import Box, Role, Sphere
+from pydrake.geometry import Box, Role, SceneGraph, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import (
     AddMultibodyPlantSceneGraph,
     DiscreteContactApproximation,
+    MultibodyPlant,
 )
 from pydrake.multibody.tree import PrismaticJoint, SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from chamfer.models.connectors.connector import Material, Piece, add_pieces
+from chamfer.models.connectors.bnc_connector import BncConnector
+from chamfer.models.connectors.connector import (
+    ContactMaterial,
+    ConvexPiece,
+    add_pieces,
+    let_touch,
+    of_part,
+)
+from chamfer.models.connectors.d_connector import DConnector, DSection
+from chamfer.models.connectors.rj45_connector import Rj45Connector
+from chamfer.models.connectors.round_peg import RoundPeg
 from chamfer.models.validation import ParameterError
 
 X_BP = RigidTransform(RollPitchYaw(0.3, -0.4, 2.5), [0.1, -0.2, 0.3])
 PIECES = [
-    Piece("ball", Sphere(0.1), RigidTransform([0.0, 0.0, 0.5])),
-    Piece("block", Box(0.1, 0.2, 0.3), RigidTransform(RollPitchYaw(0.1, 0.2, 0.3), np.zeros(3))),
+    ConvexPiece("ball", Sphere(0.1), RigidTransform([0.0, 0.0, 0.5])),
+    ConvexPiece(
+        "block", Box(0.1, 0.2, 0.3), RigidTransform(RollPitchYaw(0.1, 0.2, 0.3), np.zeros(3))
+    ),
 ]
-MATERIAL = Material(stiffness=1.5e5, dissipation=7.0, friction=0.35)
+MATERIAL = ContactMaterial(stiffness=1.5e5, dissipation=7.0, friction=0.35)
 RED = np.array([1.0, 0.0, 0.0, 0.5])
 
 
@@ -61,10 +76,10 @@ def test_two_pieces_that_touch_are_springs_in_series(force: float) -> None:
     plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, -force])  # of 1 kg
     ball = plant.AddRigidBody("ball", SpatialInertia.SolidSphereWithMass(1.0, 0.01))
     plant.AddJoint(PrismaticJoint("z", plant.world_frame(), ball.body_frame(), [0, 0, 1]))
-    soft, hard = Material(stiffness=2e4), Material(stiffness=6e4)
+    soft, hard = ContactMaterial(stiffness=2e4), ContactMaterial(stiffness=6e4)
     at = RigidTransform([0.0, 0.0, 0.01])
-    add_pieces(plant, ball, at, [Piece("ball", Sphere(0.01), RigidTransform())], soft, None)
-    floor = Piece("floor", Box(1.0, 1.0, 1.0), RigidTransform([0.0, 0.0, -0.5]))
+    add_pieces(plant, ball, at, [ConvexPiece("ball", Sphere(0.01), RigidTransform())], soft, None)
+    floor = ConvexPiece("floor", Box(1.0, 1.0, 1.0), RigidTransform([0.0, 0.0, -0.5]))
     add_pieces(plant, plant.world_body(), RigidTransform(), [floor], hard, None)
     plant.Finalize()
     diagram = builder.Build()
@@ -75,9 +90,121 @@ def test_two_pieces_that_touch_are_springs_in_series(force: float) -> None:
     assert -height == pytest.approx(force / 1.5e4, rel=1e-3)
 
 
+PAIRS = (("key", "lock"), ("rim", "wall"), ("foot", "wall"))
+BALLS = [
+    ConvexPiece("0", Sphere(0.1), RigidTransform()),
+    ConvexPiece("1", Sphere(0.2), RigidTransform()),
+]
+
+
+def empty_plant() -> tuple[MultibodyPlant, SceneGraph]:
+    plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.001)
+    plant.AddRigidBody("hand", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
+    return plant, scene_graph
+
+
+def add(plant: MultibodyPlant, part: str) -> None:
+    socket = part in ("lock", "wall", "obstacle")
+    body = plant.world_body() if socket else plant.GetBodyByName("hand")
+    add_pieces(plant, body, RigidTransform(), of_part(part, BALLS), MATERIAL, None)
+
+
+def candidates(plant: MultibodyPlant, scene_graph: SceneGraph) -> set[frozenset[str]]:
+    plant.Finalize()
+    inspector = scene_graph.model_inspector()
+    return {
+        frozenset(inspector.GetName(g).split("::")[-1] for g in pair)
+        for pair in inspector.GetCollisionCandidates()
+    }
+
+
+@pytest.mark.parametrize("order", list(permutations([("key", "rim", "foot"), ("lock", "wall")])))
+def test_only_the_pieces_of_a_pair_touch_in_any_order(order: tuple[tuple[str, ...], ...]) -> None:
+    plant, scene_graph = empty_plant()
+    for parts in order:
+        for part in parts:
+            add(plant, part)
+        let_touch(plant, PAIRS)
+    expected = {
+        frozenset({f"{plug}:{i}", f"{socket}:{j}"})
+        for plug, socket in PAIRS
+        for i in range(2)
+        for j in range(2)
+    }
+    assert candidates(plant, scene_graph) == expected
+
+
+def test_what_is_no_part_is_touched_by_all() -> None:
+    plant, scene_graph = empty_plant()
+    for part in ("key", "rim", "foot", "obstacle"):
+        add(plant, part)
+    let_touch(plant, PAIRS)
+    found = candidates(plant, scene_graph)
+    assert len(found) == 12
+    assert all(any(name.startswith("obstacle") for name in pair) for pair in found)
+
+
+SECTION = {"width": 0.038, "height": 0.008, "corner_radius": 0.0026, "side_angle": 0.17}
+
+
 @pytest.mark.parametrize(
-    ("name", "value"), [("stiffness", 0.0), ("dissipation", -1.0), ("friction", -0.1)]
+    ("kind", "changes", "name"),
+    [
+        (ContactMaterial, {"stiffness": 0.0}, "stiffness"),
+        (ContactMaterial, {"friction": -0.1}, "friction"),
+        (BncConnector, {"tolerance": "best"}, "tolerance"),
+        (BncConnector, {"stud_diameter": (2.0e-3, 1.9e-3)}, "stud_diameter"),
+        (BncConnector, {"stud_diameter": (1.9e-3, 2.4e-3)}, "slot_width"),
+        (BncConnector, {"barrel_diameter": (9.6e-3, math.nan)}, "barrel_diameter"),
+        (BncConnector, {"barrel_diameter": (9.6e-3, 9.8e-3)}, "bore_diameter"),
+        (BncConnector, {"tips_diameter": (9.65e-3, 11e-3)}, "tips_diameter"),
+        (BncConnector, {"overlap": 4e-3}, "overlap"),
+        (BncConnector, {"detent": 2.8e-3}, "detent"),
+        (BncConnector, {"detent": 2.7e-3}, "spring_travel"),  # the sleeve would leave the spring
+        (BncConnector, {"spring_travel": 1.1e-3}, "spring_travel"),
+        (BncConnector, {"spring_travel": 9e-3}, "spring_travel"),
+        (BncConnector, {"spring_radius": 4e-3}, "spring_radius"),
+        (BncConnector, {"spring_force": math.inf}, "spring_force"),
+        (DConnector, {"plug_width": (0.039, 0.038)}, "plug_width"),
+        (DConnector, {"socket_height": (7.7e-3, math.nan)}, "socket_height"),
+        (DConnector, {"contacts": 0}, "contacts"),
+        (DConnector, {"travel": 6.2e-3}, "travel"),
+        (DConnector, {"lead_in": 2.6e-3}, "lead_in"),
+        (DConnector, {"tine_deflection": 1.1e-3}, "tine_deflection"),
+        (DConnector, {"pin_depth": 0.5e-3}, "pin_depth"),
+        (DConnector, {"plug_height": (7.9e-3, 8.0e-3), "tolerance": "worst"}, "plug_width"),
+        (DSection, {**SECTION, "width": 5e-3}, "width"),
+        (DSection, {**SECTION, "height": 5e-3}, "corner_radius"),
+        (DSection, {**SECTION, "side_angle": -0.1}, "side_angle"),
+        (Rj45Connector, {"plug_height": (6.5e-3, 6.7e-3)}, "plug_height"),
+        (Rj45Connector, {"jack_width": (0.05, 0.05)}, "jack_width"),
+        (Rj45Connector, {"lead_in": 2e-3}, "lead_in"),
+        (Rj45Connector, {"travel": 0.03}, "travel"),
+        (Rj45Connector, {"latch_deflection": 1.3e-3}, "latch_deflection"),
+        (Rj45Connector, {"latch_angle": 0.8}, "latch_angle"),
+        (Rj45Connector, {"latch_place": 9e-3}, "latch_place"),
+        (Rj45Connector, {"contact_deflection": 0.6e-3}, "contact_deflection"),
+        (Rj45Connector, {"contact_depth": 9e-3}, "contact_depth"),
+        (RoundPeg, {"peg_radius": 0.010}, "peg_radius"),
+        (RoundPeg, {"hole_radius": 0.04}, "hole_radius"),
+        (RoundPeg, {"lead_in": 0.006}, "lead_in"),
+        (RoundPeg, {"depth": 0.05}, "depth"),
+        (RoundPeg, {"outer_radius": 0.0105}, "outer_radius"),
+        (RoundPeg, {"seating_force": 0.0}, "seating_force"),
+    ],
 )
-def test_materials_that_cannot_be(name: str, value: float) -> None:
-    with pytest.raises(ParameterError, match=f"^{name} is {value}, allowed: a finite number >"):
-        Material(**{name: value})
+def test_refuses_in_one_line(kind: Any, changes: dict[str, Any], name: str) -> None:
+    with pytest.raises(ParameterError) as refused:
+        kind(**changes)
+    assert refused.value.name == name
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("kind", [DConnector, BncConnector, Rj45Connector, RoundPeg])
+def test_outlines_meet_at_the_faces_and_are_tall_enough_to_be_found(kind: Any) -> None:
+    plug, socket = kind().plug_outline, kind().socket_outline
+    assert plug[:, 2].min() == socket[:, 2].max() == 0.0
+    for corners in (plug, socket):
+        width, depth, height = np.ptp(corners, axis=0)
+        np.testing.assert_allclose(corners.mean(axis=0)[:2], 0.0, atol=1e-12)
+        assert height >= 0.5 * max(width, depth)

@@ -1,18 +1,127 @@
-"""Parts out of files: against a part whose pieces have closed forms, and what is refused."""
+"""Parts out of files: solids, their convex pieces, and a part whose pieces have closed forms."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from pydrake.math import RotationMatrix
 
-from chamfer.analysis.skills.skill_run import run_skill
-from chamfer.diagrams.skills.connector_insertion import OwnPartScenario, PegScenario
-from chamfer.models.connectors.connector import Connector
-from chamfer.models.connectors.mesh_connector import MeshConnector
-from chamfer.models.connectors.obj_file import convex_hull, write_solids
+from chamfer.models.connectors.mesh_connector import (
+    MeshConnector,
+    convex_hull,
+    divide,
+    read_solids,
+    write_solids,
+)
 from chamfer.models.connectors.round_peg import RoundPeg
 from chamfer.models.validation import ParameterError
+
+CUBE = """
+# a cube, its faces in every way that a file may have
+mtllib nothing.mtl
+o cube
+v 0 0 0
+v 1 0 0 # a corner
+v 1 1 0
+v 0 1 0 1.0
+v 0 0 1
+v 1 0 1
+v 1 1 1
+v 0 1 1
+vn 0 0 1
+f 1 4 3 2
+f 5//1 6//1 7//1 8//1
+f 1/1 2/2 6/3 5/4
+f -7 -6 -2 -3
+f 3 4 8 7
+f 4 1 5 8
+"""
+
+
+def solids(tmp_path: Path, text: str):
+    path = tmp_path / "part.obj"
+    path.write_text(text)
+    return read_solids(path)
+
+
+def test_a_cube_is_convex(tmp_path: Path) -> None:
+    (cube,) = solids(tmp_path, CUBE)
+    assert (cube.name, cube.convex) == ("cube", True)
+    assert (cube.volume, cube.hull) == pytest.approx((1.0, 1.0))
+    assert cube.corners.shape == (8, 3)
+    assert cube.triangles.shape == (12, 3)
+
+
+def test_faces_all_inside_out_are_turned(tmp_path: Path) -> None:
+    turned = "\n".join(
+        " ".join(["f", *reversed(line.split()[1:])]) if line.startswith("f") else line
+        for line in CUBE.splitlines()
+    )
+    (cube,) = solids(tmp_path, turned)
+    assert cube.volume == pytest.approx(1.0)
+
+
+def test_an_l_is_not_convex_and_has_the_files_name(tmp_path: Path, ell: str) -> None:
+    (found,) = solids(tmp_path, ell)
+    assert (found.name, found.convex) == ("part", False)
+    assert (found.volume, found.hull) == pytest.approx((3.0, 3.5))
+
+
+def test_solids_are_written_and_read_back(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    written = [convex_hull(name, rng.normal(size=(30, 3))) for name in ("one piece", "another")]
+    assert all(len(solid.corners) < 30 and solid.convex for solid in written)
+    write_solids(tmp_path / "pieces.obj", written)
+    found = read_solids(tmp_path / "pieces.obj")
+    assert [solid.name for solid in found] == ["one piece", "another"]
+    for solid, original in zip(found, written, strict=True):
+        assert solid.volume == pytest.approx(original.volume, rel=1e-7)
+        assert solid.convex
+
+
+def test_a_face_that_its_first_corner_does_not_see_is_refused(tmp_path: Path, ell: str) -> None:
+    assert "f 4 3 2 1" in ell
+    one_face = ell.replace("f 4 3 2 1\n", "").replace("f 6 5 4 1", "f %s")
+    (whole,) = solids(tmp_path, one_face % "1 6 5 4 3 2")
+    assert whole.volume == pytest.approx(3.0)
+    with pytest.raises(ValueError, match=r"^a face of 'part' is not convex, divide it into tri"):
+        solids(tmp_path, one_face % "6 5 4 3 2 1")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "no faces"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\n", "no faces"),
+        ("v 0 0\n", "line 1: 'v 0 0'"),
+        ("v 0 0 nan\n", "line 1: 'v 0 0 nan'"),
+        ("v 0 0 0\nv 1 0 0\nf 1 2 3\n", "line 3: 'f 1 2 3'"),
+        ("v 0 0 0\nv 1 0 0\nf 1 2\n", "line 3: 'f 1 2'"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "the surface of 'part' is open"),
+        (CUBE.replace("f 4 1 5 8", ""), "the surface of 'cube' is open"),
+        (CUBE.replace(" 1\nv", " 0\nv").replace("v 0 1 1", "v 0 1 0"), "'cube' has no volume"),
+    ],
+)
+def test_what_is_no_solid_is_named(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(ValueError) as refused:  # noqa: PT011
+        solids(tmp_path, text)
+    assert str(refused.value) == message
+
+
+def test_an_l_is_divided(tmp_path: Path, ell: str) -> None:
+    pytest.importorskip("coacd")
+    (tmp_path / "ell.obj").write_text(ell)
+    excess = divide(tmp_path / "ell.obj", tmp_path / "pieces.obj")
+    pieces = read_solids(tmp_path / "pieces.obj")
+    assert len(pieces) >= 2
+    assert all(piece.convex for piece in pieces)
+    assert sum(piece.volume for piece in pieces) == pytest.approx(3.0 * (1 + excess), rel=1e-6)
+    assert excess == pytest.approx(0.0, abs=1e-3)
+    inner = np.array([1.2, 1.2])  # beyond the L's inner corner
+    for piece in pieces:
+        assert not (piece.corners.max(axis=0)[:2] > inner).all()
+
 
 PEG = RoundPeg(outer_radius=0.034)  # so that the mesh has a face to lie on beside the hole
 SIDES = 16
@@ -62,15 +171,6 @@ def meshes(tmp_path_factory):
     )
 
 
-def test_it_is_a_connector_with_the_size_of_its_files(meshes):
-    connector: Connector = meshes
-    assert connector.name == "peg"
-    assert connector.mated_depth == PEG.mated_depth
-    assert connector.plug_outline[:, 2].max() == pytest.approx(PEG.peg_length)
-    assert connector.socket_outline[:, 2].max() == pytest.approx(0.0, abs=1e-12)
-    assert meshes.with_mating_force(7.0).mating_force == 7.0
-
-
 def test_play_is_that_of_the_round_parts(geometry_of, meshes):
     mesh, round_ = (geometry_of(one) for one in (meshes, PEG))
     for direction in ((1.0, 0.0), (0.0, -1.0), (math.sqrt(0.5), math.sqrt(0.5))):
@@ -88,31 +188,6 @@ def test_it_goes_in_as_far_and_as_hard_as_the_round_parts(insert, meshes):
     assert found.push[before][-1] < 2.0  # N, of the wrist's mass as it starts
     assert found.depth[-1] == pytest.approx(expected.depth[-1], abs=5e-6)
     assert found.push[-1] == pytest.approx(expected.push[-1], rel=0.02)
-
-
-def test_beside_its_hole_it_stays_on_the_face(insert, meshes):
-    beside = 0.2e-3 + PEG.clearance + 2 * PEG.lead_in
-    for one in (meshes, PEG):
-        run = insert(one, [0, 0, 0, beside, 0, 0.5e-3], -0.5e-3, 0.2)
-        assert run.depth[-1] < 0.1e-3
-        assert run.push[-1] == pytest.approx(2e4 * 0.5e-3, rel=0.1)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("trial", range(6))
-def test_a_skill_inserts_it_as_it_inserts_the_round_parts(meshes, trial):
-    spread = np.array([0.05, 0.05, 0.0, 0.002, 0.002, 0.0])  # rad above m
-    error = tuple((np.random.default_rng([5, trial]).uniform(-1, 1, 6) * spread).tolist())
-    fields = {"initial_error": error, "step": 0.002}
-    round_ = PegScenario(connector=PEG, sight=None, **fields)
-    skill = round_.make_skill()
-    expected = run_skill(skill, round_, seed=trial)
-    found = run_skill(skill, OwnPartScenario(connector=meshes, **fields), seed=trial)
-    assert [one.outcome for one in (expected, found)] == ["done", "done"]
-    depths = [one.traces["depth"][-1] for one in (expected, found)]
-    assert depths == pytest.approx([PEG.mated_depth] * 2, abs=1e-5)
-    pushes = [np.abs(one.traces["true_wrench_z"]).max() for one in (expected, found)]
-    assert pushes[1] == pytest.approx(pushes[0], rel=0.1)
 
 
 @pytest.mark.parametrize(

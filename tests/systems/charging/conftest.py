@@ -10,9 +10,13 @@ import pytest
 from chamfer.models.charging.packing import PlanItem, places
 from chamfer.models.charging.station import Station
 from chamfer.systems.charging.charging_chart import ChargingChart, make_charging_chart, tares
-from chamfer.systems.charging.charging_memory import ChargingInputs, ChargingMemory
-from chamfer.systems.charging.charging_params import ChargingBeliefs, ChargingParams
-from chamfer.systems.charging.touch_detection import TouchDetectionParams
+from chamfer.systems.charging.charging_params import (
+    ChargingBeliefs,
+    ChargingInputs,
+    ChargingMemory,
+    ResolvedChargingParams,
+    ResolvedTouchDetectionParams,
+)
 from chamfer.systems.statechart.chart import Snapshot, TransitionRecord
 from chamfer.systems.trajectory.path_follower import (
     FollowerMemory,
@@ -25,9 +29,9 @@ PERIOD = 0.01  # s, twice the real one, half as dear
 START = (0.40, -0.20, 0.55, 0.0, 0.0, 0.0, 0.2)
 HOME = (0.41, -0.19, 0.56, 0.05, 0.05, 0.05, 0.25)
 SOFT = 1500.0  # N/m, of whatever is touched
-PARAMS = ChargingParams(
+PARAMS = ResolvedChargingParams(
     period=PERIOD,
-    detection=TouchDetectionParams(detect=0.3, release=0.1, readings=3),
+    detection=ResolvedTouchDetectionParams(detect=0.3, release=0.1, readings=3),
     trouble_readings=3,
     # Quicker than a real cycle.
     travel_speed=0.5,
@@ -173,7 +177,7 @@ class Cell:
         return tuple(arm.tolist()), (x, y, z)
 
 
-def make_cell(plan: Sequence[PlanItem], params: ChargingParams = PARAMS) -> Cell:
+def make_cell(plan: Sequence[PlanItem], params: ResolvedChargingParams = PARAMS) -> Cell:
     station = Station()
     items = tuple(plan)
     beliefs = ChargingBeliefs(

@@ -1,4 +1,4 @@
-"""The charging cycle's chart, over an ideal arm in a scripted cell."""
+"""The charging cycle's chart, over an ideal arm in a scripted cell: its way, and what stops it."""
 
 import math
 from collections.abc import Callable
@@ -6,8 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
-from chamfer.models.charging.packing import Kind, PlanItem
+from chamfer.models.charging.packing import ItemKind, PlanItem
+from chamfer.systems.charging.charging_chart import AWAY, BRAKE, DONE, HALTED, MODE_OF, STOPPED
+from chamfer.systems.charging.charging_params import ChargingInputs, ChargingTrouble
+from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
+from chamfer.systems.statechart.chart import Snapshot
 
 Cells = Callable[..., Any]
 
@@ -25,7 +31,7 @@ LAY = {
 
 
 @pytest.mark.parametrize("kind", ["wall", "crown", "bulk"])
-def test_an_item_goes_through_its_modes(cell_with: Cells, kind: Kind) -> None:
+def test_an_item_goes_through_its_modes(cell_with: Cells, kind: ItemKind) -> None:
     cell = cell_with([PlanItem(kind=kind)]).end()
     opened = [] if kind == "bulk" else ["release.open"]
     assert [record.target for record in cell.records] == [
@@ -86,3 +92,303 @@ def test_noise_alone_is_no_contact(cell_with: Cells) -> None:
         cell.tick()
     assert cell.state == "acquire.descend"
     assert readings > 20
+
+
+NO_LAYER = "the layer below is not there"
+
+FASTEST = 2.0  # m/s or rad/s: a command that goes faster has jumped
+SUDDEN = 30.0  # m/s^2 or rad/s^2, likewise of its velocity
+PERIOD = 0.01  # s, of the cell
+
+
+def require_smooth(cell: Any) -> None:
+    """Fail if the command jumps, or its velocity."""
+    commands = np.array(cell.commands)
+    rates = np.diff(commands, axis=0) / PERIOD
+    assert np.abs(rates).max() < FASTEST
+    assert np.abs(np.diff(rates, axis=0)).max() / PERIOD < SUDDEN
+
+
+def require_safe(cell: Any, trouble: ChargingTrouble, state: str, words: str) -> None:
+    """Fail unless the cell has stopped for a reason, at rest, with what it held."""
+    assert cell.state == "stopped"
+    assert cell.memory.trouble is trouble
+    assert cell.memory.trouble_at == state
+    assert cell.memory.said() == f"{words}, in {state}, item 0"
+    assert cell.memory.mode == APPROACH
+    for _ in range(50):
+        cell.tick()
+    assert cell.commands[-1] == pytest.approx(cell.commands[-20], abs=1e-12)
+    assert cell.memory.grip == cell.held
+    require_smooth(cell)
+
+
+@pytest.mark.parametrize(
+    ("kind", "begin", "fault", "trouble", "state", "words"),
+    [
+        ("wall", "wall.slide", {"alive": False}, "SENSOR_DEAD", "", "the force sensor is dead"),
+        ("wall", "slew.over", {"extra_force": (0, 25, 0)}, "TOO_MUCH_FORCE", "", "too much force"),
+        ("wall", "scan.pass", {"off": (0, 0.04, 0)}, "OFF_PATH", "", "position error too large"),
+        (
+            *("wall", "home.out", {"part": False}, "NO_PART", "acquire.descend"),
+            "no part in the gripper",
+        ),
+        ("wall", "home.out", {"wall": False}, "NO_WALL", "wall.seek", "the wall is not there"),
+        *(
+            (kind, "home.out", {"layer": False}, "NO_LAYER", f"{kind}.land", NO_LAYER)
+            for kind in ("wall", "crown")
+        ),
+        (
+            *("wall", "home.out", {"homed": False}, "NOT_HOMED", "home.settle"),
+            "not homed: a joint's index mark was not found",
+        ),
+        (
+            *("wall", "wall.land", {"wall": False}, "CONTACT_LOST", "wall.lost"),
+            "contact lost for too long",
+        ),
+    ],
+)
+def test_a_fault_stops_the_cycle_safely(
+    cell_with: Cells,
+    kind: ItemKind,
+    begin: str,
+    fault: dict[str, Any],
+    trouble: str,
+    state: str,
+    words: str,
+) -> None:
+    cell = cell_with([PlanItem(kind=kind)])
+    if begin != "home.out":
+        cell.to(begin).tick()
+    for name, value in fault.items():
+        setattr(cell.faults, name, value)
+    require_safe(cell.end(), ChargingTrouble[trouble], state or begin, words)
+    # What is not understood is left where it is.
+    assert ("back_off.away" in cell.states) == (trouble != "OFF_PATH")
+
+
+def test_only_acquiring_may_push_hard(cell_with: Cells) -> None:
+    cell = cell_with([PlanItem()])
+    cell.faults.extra_force = (0.0, 15.0, 0.0)  # 10 N elsewhere, 20 N at the feeder
+    cell.run(lambda cell: cell.state == "scan.run_in" or cell.memory.trouble)
+    assert cell.memory.trouble_at == "home.out"
+    cell = cell_with([PlanItem()]).to("acquire.descend")
+    cell.faults.extra_force = (0.0, 15.0, 0.0)
+    assert cell.to("scan.run_in").state == "scan.run_in"
+
+
+def test_a_part_that_slips_out_of_the_fingers(cell_with: Cells) -> None:
+    cell = cell_with([PlanItem()]).to("acquire.touch")
+    cell.faults.part = False
+    cell.end()
+    assert cell.memory.said() == "no part in the gripper, in acquire.grip, item 0"
+
+
+def test_lost_contact_is_sought_and_found(cell_with: Cells) -> None:
+    cell = cell_with([PlanItem()]).to("wall.slide")
+    cell.run(lambda cell: cell.forces[0][0] > 0)
+    cell.faults.wall = False
+    cell.to("wall.lost")
+    assert cell.memory.mode == LOST
+    at = cell.ticks
+    cell.run(lambda cell: cell.ticks == at + 30)
+    # It waits on its path.
+    assert cell.commands[-1][2] == pytest.approx(cell.commands[-4][2], abs=1e-12)
+    cell.faults.wall = True
+    cell.to("wall.slide")
+    assert cell.memory.mode == CONTACT
+    assert cell.end().state == "done"
+    require_smooth(cell)
+
+
+def test_contact_lost_too_often(cell_with: Cells) -> None:
+    cell = cell_with([PlanItem()]).to("wall.slide")
+    while cell.state not in ("done", "stopped"):
+        # It is away as soon as it is found, and back as soon as that is seen.
+        cell.faults.wall = cell.state != "wall.slide"
+        cell.tick()
+    require_safe(cell, ChargingTrouble.LOST_OFTEN, "wall.lost", "contact lost too often")
+    assert cell.way().count("wall.lost") == 6
+
+
+def test_friction_at_the_wall_is_not_the_layer(cell_with: Cells) -> None:
+    # As the nugget hits the wall again: 8 N on it, and friction of 0.3 times that.
+    cell = cell_with([PlanItem()]).to("wall.slide")
+    cell.faults.extra_force = (7.0, 0.0, -2.4)
+    for _ in range(10):
+        cell.tick()
+    assert cell.state == "wall.slide"
+    cell.faults.extra_force = (0.0, 0.0, -2.4)
+    for _ in range(10):
+        cell.tick()
+    assert cell.state != "wall.slide"
+
+
+def test_it_backs_off_the_wall(cell_with: Cells) -> None:
+    cell = cell_with([PlanItem(azimuth=0.5)]).to("wall.land")
+    cell.faults.alive = False
+    at = np.array(cell.commands[-1])
+    cell.end()
+    moved = np.array(cell.commands[-1]) - at
+    into = np.array([math.cos(0.5), math.sin(0.5), 0.0])
+    assert moved[:3] @ into < -0.008
+    assert abs(moved[2]) < 0.003
+
+
+def test_halt_at_the_touch_stops_at_the_touch(cell_with: Cells) -> None:
+    # The halt's braking must not press on into what is found meanwhile.
+    cell = cell_with([PlanItem()]).to("acquire.descend")
+    over = cell.beliefs.station.feeder[2] + cell.beliefs.nuggets[0].height
+    cell.run(lambda cell: cell.commands[-1][2] < over + 0.002)
+    cell.halt = True
+    at = cell.ticks
+    cell.run(lambda cell: cell.ticks == at + 100)
+    assert cell.state == "halted"
+    assert over - min(z for _, _, z, *_ in cell.commands) < 0.008
+    cell.halt = False
+    assert cell.end().state == "done"
+
+
+def test_contact_lost_in_a_halt_is_sought_in_the_halt(cell_with: Cells) -> None:
+    cell = cell_with([PlanItem()]).to("wall.slide")
+    cell.halt = True
+    cell.to("halted")
+    cell.faults.wall = False
+    cell.run(lambda cell: cell.memory.mode == LOST)
+    cell.faults.wall = True
+    cell.run(lambda cell: cell.memory.mode == CONTACT)
+    cell.halt = False
+    assert cell.end().state == "done"
+
+
+PLAN = [PlanItem(azimuth=-0.8), PlanItem(kind="crown", azimuth=0.8), PlanItem(kind="bulk")]
+
+
+@settings(
+    max_examples=2,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],  # it only makes cells
+)
+@given(halts=st.lists(st.tuples(st.integers(1, 2500), st.integers(1, 80)), min_size=1, max_size=8))
+def test_halts_at_any_instant_change_nothing_but_the_time(
+    cell_with: Cells, halts: list[tuple[int, int]]
+) -> None:
+    cell = cell_with(PLAN)
+    while cell.state not in ("done", "stopped"):
+        cell.halt = any(begin <= cell.ticks < begin + length for begin, length in halts)
+        cell.tick()
+    assert cell.memory.said() == ""
+    assert cell.state == "done"
+    require_smooth(cell)
+    moved = [state for state in cell.way() if state != "halted"]
+    once = [a for a, b in zip(moved, [None, *moved], strict=False) if a != b]
+    assert once == cell_with(PLAN).end().way()
+
+
+RUNNING = [name for name in MODE_OF if name not in (BRAKE, AWAY, DONE, STOPPED)]
+START = (0.40, -0.20, 0.55, 0.0, 0.0, 0.0, 0.2)
+QUIET = ChargingInputs(
+    endpoint_motion=(*START, *[0.0] * 7),
+    desired_position=START,
+    desired_velocity=(0.0,) * 7,
+    progress=(0.0,),
+    measured_force=(0.0,) * 3,
+    mean_force=(0.0,) * 3,
+    held=(1.0,),
+    homed=(1.0,),
+    alive=(1.0,),
+    halt=(0.0,),
+)
+FAR = (*START[:2], START[2] + 0.04, *START[3:], *[0.0] * 7)
+TROUBLES = {
+    ChargingTrouble.SENSOR_DEAD: QUIET._replace(alive=(0.0,)),
+    ChargingTrouble.TOO_MUCH_FORCE: QUIET._replace(measured_force=(0.0, 21.0, 0.0)),
+    ChargingTrouble.DROPPED: QUIET._replace(held=(0.0,)),
+    ChargingTrouble.OFF_PATH: QUIET._replace(endpoint_motion=FAR),
+}
+
+
+def put_in(cell: Any, state: str, at: float = 0.0) -> Snapshot[Any]:
+    """Return the chart in a state since a time, with a part in the gripper; halted: in a slew."""
+    begun = cell.chart.start()
+    left = "slew.over" if state == HALTED else ""
+    memory = begun.memory._replace(at=state, left=left, mode=MODE_OF.get(state, 0), carries=True)
+    result: Snapshot[Any] = Snapshot(state, at, memory, True)
+    return result
+
+
+def test_what_lasts_too_long_times_out(cell_with: Cells) -> None:
+    cell = cell_with([PlanItem()])
+    for state in RUNNING:
+        after, _ = cell.chart.step(put_in(cell, state), QUIET, 20.0 + PERIOD)
+        assert after.state == BRAKE
+        assert after.memory.said() == f"timed out, in {state}, item 0"
+
+
+def test_a_halt_may_last(cell_with: Cells) -> None:
+    cell = cell_with([PlanItem()])
+    after, _ = cell.chart.step(put_in(cell, HALTED), QUIET._replace(halt=(1.0,)), 1e4)
+    assert after.state == HALTED
+
+
+@pytest.mark.parametrize("trouble", TROUBLES)
+def test_trouble_stops_any_state_and_names_it(cell_with: Cells, trouble: ChargingTrouble) -> None:
+    cell = cell_with([PlanItem()])
+    for state in (*RUNNING, HALTED):
+        # Nothing else ends a state meanwhile.
+        inputs = TROUBLES[trouble]._replace(
+            halt=(float(state == HALTED),),
+            homed=(float(state != "home.settle"),),
+            mean_force=(1.2 * (MODE_OF.get(state) == CONTACT), 0.0, 0.0),
+        )
+        snapshot = put_in(cell, state)
+        for k in range(5):  # the last one finds three readings in a row
+            snapshot, _ = cell.chart.step(snapshot, inputs, k * PERIOD)
+            if snapshot.memory.trouble:
+                break
+        assert snapshot.state == BRAKE, state
+        assert snapshot.memory.trouble is trouble, state
+        assert snapshot.memory.trouble_at == ("slew.over" if state == HALTED else state)
+
+
+forces = st.tuples(*[st.floats(-9.0, 9.0)] * 3)
+
+
+@settings(
+    max_examples=25,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],  # it only makes cells
+)
+@given(
+    state=st.sampled_from([*RUNNING, BRAKE, AWAY]),
+    arrives=st.booleans(),
+    held=st.booleans(),
+    homed=st.booleans(),
+    force=forces,
+)
+def test_there_is_a_way_out_of_each_state_whatever_sensors_say(
+    cell_with: Cells,
+    state: str,
+    *,
+    arrives: bool,
+    held: bool,
+    homed: bool,
+    force: tuple[float, float, float],
+) -> None:
+    cell = cell_with([PlanItem(), PlanItem(kind="crown", azimuth=0.5), PlanItem(kind="bulk")])
+    inputs = QUIET._replace(
+        progress=(float(arrives),),
+        held=(float(held),),
+        homed=(float(homed),),
+        measured_force=force,
+        mean_force=force,
+    )
+    snapshot = put_in(cell, state)
+    visits: list[str] = []
+    time = 0.0
+    while snapshot.state not in (DONE, STOPPED):
+        time += 0.5
+        snapshot, record = cell.chart.step(snapshot, inputs, time)
+        visits += [record.target] if record else []
+        assert time < 20.5 * (len(visits) + 1)
+        assert len(visits) < 120

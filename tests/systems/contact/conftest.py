@@ -19,7 +19,7 @@ from chamfer.systems.compiled import compiled
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
 from chamfer.systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
 from chamfer.systems.contact.arm_motion import CONTACT_SIGNALS, ENERGIES
-from chamfer.systems.contact.stick_slip import Held, Material, Motion, step
+from chamfer.systems.contact.stick_slip import Material, Motion, StepModel, step
 
 GRAVITY = 9.81
 NOWHERE = RippledPlane(point=(0.0, 0.0, -100.0))
@@ -90,13 +90,15 @@ class Steps(NamedTuple):
 
 
 @compiled
-def several_steps(held: Held, material: Material, motion: Motion, h: float, count: int) -> Steps:
+def several_steps(
+    held: StepModel, material: Material, motion: Motion, h: float, count: int
+) -> Steps:
     """Take steps of an arm that is held over all of them."""
     displacement, stretch = np.zeros(len(held.force)), held.stretch.copy()
     gap, peak, impact, dissipated, solved = held.gap, 0.0, 0.0, 0.0, True
     approach, slip = 0.0, 0.0
     for _ in range(count):
-        now = Held(
+        now = StepModel(
             held.mass,
             held.force,
             held.J_v_WC,

@@ -1,26 +1,28 @@
-"""The arm at rest and in contact against its equations of motion, and energy."""
+"""The arm at rest, in free motion and in contact against its equations of motion; its ports."""
 
 import dataclasses
 import math
+import re
 from typing import Any
 
 import numpy as np
 import pytest
+from pydrake.systems.analysis import Simulator
+from scipy.integrate import solve_ivp
 
 from chamfer.models.arms.adept_one import ADEPT_ONE
-from chamfer.models.arms.arm import Arm
-from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.arms.arm import Arm, JointFrictionParams
 from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.models.arms.puma_250 import PUMA_250
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.planes import RippledPlane
 from chamfer.models.surfaces.rounds import Crucible
 from chamfer.models.surfaces.surface import Surface, locate
+from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
-from chamfer.systems.contact.scenes import ContactParams
+from chamfer.systems.contact.arm_in_contact import ArmInContact, ArmInContactParams, ContactParams
+from chamfer.systems.contact.arm_motion import advance
 
-GRAVITY = 9.81
 NOWHERE = RippledPlane(point=(0.0, 0.0, -100.0))
 TABLE = RippledPlane(point=(0.4, 0.0, 0.2), tilt=0.02, along=(0.0, 1.0, 0.0))
 PLANAR_Q = np.array([0.4, -1.1])
@@ -50,24 +52,6 @@ def test_below_breakaway_stays_exactly_at_rest(simulate: Any, torque: tuple[floa
     # Nothing reaches the links.
     np.testing.assert_allclose(found.base_torque, 0.0, atol=1e-10)
     assert np.all(found.signal("dissipated") == 0.0)
-
-
-def test_above_breakaway_moves(simulate: Any) -> None:
-    friction = JointFrictionParams(coulomb=(1.0, 0.5), breakaway=1.5, viscous=(0.1, 0.1))
-    for torque in ((1.51, 0.0), (0.0, -0.76)):
-        found = simulate(PLANAR_TWO_LINK, PLANAR_Q, params(2, friction), 0.2, torque=torque)
-        moved = found.q[-1] - PLANAR_Q
-        joint = int(np.argmax(np.abs(torque)))
-        assert moved[joint] * torque[joint] > 1e-4
-
-
-def test_friction_holds_the_quill(simulate: Any) -> None:
-    friction = JointFrictionParams(
-        coulomb=(1.0, 1.0, 50.0, 1.0), breakaway=1.2, viscous=(0.0,) * 4
-    )
-    found = simulate(ADEPT_ONE, ADEPT_Q, params(4, friction), 1.0)
-    np.testing.assert_array_equal(found.q, np.broadcast_to(ADEPT_Q, found.q.shape))
-    np.testing.assert_allclose(found.base_torque[-1], [0, 0, -6 * GRAVITY, 0], atol=1e-9)
 
 
 def test_starts_at_rest_at_the_gap_of_the_surface() -> None:
@@ -267,15 +251,6 @@ def test_impacts_peak_force_converges_with_the_step(simulate: Any) -> None:
     np.testing.assert_allclose(peaks[:2], peaks[2], rtol=1e-3)
 
 
-def test_peak_and_impact_speed_cover_the_whole_period(simulate: Any) -> None:
-    fine = simulate(PUMA_250, PUMA_Q, params(3, held=1), 0.1, TABLE)
-    coarse = simulate(PUMA_250, PUMA_Q, params(3, held=50), 0.1, TABLE)
-    for name in ("peak_force", "impact_speed"):
-        assert coarse.signal(name).max() == pytest.approx(fine.signal(name).max(), rel=1e-3)
-    # What the ports show after a period hides that peak, the signal does not.
-    assert np.max(np.linalg.norm(coarse.contact_force, axis=1)) < coarse.signal("peak_force").max()
-
-
 def test_window_holds_peaks_until_the_next(simulate: Any) -> None:
     settings = params(3, contact=ContactParams(damping=20.0), step=1e-4, held=10)
     single = simulate(PUMA_250, PUMA_Q, settings, 0.1, TABLE)
@@ -288,70 +263,6 @@ def test_window_holds_peaks_until_the_next(simulate: Any) -> None:
     np.testing.assert_array_equal(single.encoders, wide.encoders)
 
 
-def test_lasting_contact_is_made_once(simulate: Any) -> None:
-    # The payload settles on the table; from then on no update reports another impact.
-    friction = JointFrictionParams(coulomb=(1.0, 1.0, 0.0, 1.0), viscous=(0.0,) * 4)
-    table = RippledPlane(point=(0.5, 0.3, 0.215))
-    contact = ContactParams(stiffness=1e4, damping=400.0)
-    found = simulate(ADEPT_ONE, ADEPT_Q, params(4, friction, contact=contact), 0.5, table)
-    impacts = np.flatnonzero(found.signal("impact_speed"))
-    assert len(impacts) == 1
-    speed = math.sqrt(2 * GRAVITY * 5e-3)
-    assert found.signal("impact_speed")[impacts[0]] == pytest.approx(speed, rel=5e-3)
-    assert found.contact_force[-1, 2] == pytest.approx(6 * GRAVITY, rel=1e-3)
-    assert np.all(found.signal("peak_force")[impacts[0] :] > 0)
-
-
-def test_crucible_holds_the_planar_arm_inside(simulate: Any) -> None:
-    q = PLANAR_TWO_LINK.joint_positions(np.array([1.0, -1.4]), "negative")
-    friction = JointFrictionParams(coulomb=(0.1, 0.1), viscous=(2.0, 2.0))
-    push = ArmDynamics(PLANAR_TWO_LINK).evaluate(q, np.zeros(2)).J_v_WC.T @ [0.0, -15.0, 0.0]
-    found = simulate(PLANAR_TWO_LINK, q, params(2, friction), 2.0, Crucible(), torque=push)
-    force = found.contact_force[-1]
-    tip = PLANAR_TWO_LINK.endpoint(found.q[-1])
-    depth = math.hypot(tip[0] - 1.0, tip[1] + 0.75) - 0.75
-    assert depth == pytest.approx(np.linalg.norm(force) / 1e4, rel=0.02)
-    towards = (np.array([1.0, -0.75]) - tip) / (0.75 + depth)
-    np.testing.assert_allclose(force[:2], np.linalg.norm(force) * towards, rtol=0, atol=0.05)
-    assert force[2] == 0.0
-
-
-def test_same_bytes_every_time(simulate: Any) -> None:
-    friction = JointFrictionParams(coulomb=(0.05,) * 3, viscous=(0.02,) * 3)
-    settings = params(
-        3, friction, contact=ContactParams(friction=SurfaceFriction(coefficient=0.3))
-    )
-    first, second = (
-        simulate(PUMA_250, PUMA_Q, settings, 0.3, TABLE, torque=[0.3, 0.1, 0.0]) for _ in range(2)
-    )
-    for one, other in zip(first, second, strict=True):
-        assert one.tobytes() == other.tobytes()
-
-
-def test_all_state_lives_in_the_context(run: Any) -> None:
-    # Two contexts of one block, advanced in turn, don't know of each other.
-    block = ArmInContact(PUMA_250, TABLE, params(3), PUMA_Q)
-    alone = run(block, 0.02, period=1e-3)
-    other = ArmInContact(PUMA_250, TABLE, params(3), PUMA_Q)
-    contexts = [other.CreateDefaultContext() for _ in range(2)]
-    for context, torque in zip(contexts, (np.zeros(3), np.array([5.0, -3.0, 1.0])), strict=True):
-        other.GetInputPort("torque").FixValue(context, torque)
-    for _ in range(20):
-        for context in contexts:
-            update = other.EvalUniquePeriodicDiscreteUpdate(context)
-            context.SetDiscreteState(update)
-    encoders = other.GetOutputPort("encoders").Eval(contexts[0])
-    np.testing.assert_array_equal(encoders, alone.encoders[-1])
-
-
-def test_updates_once_a_period(run: Any) -> None:
-    settings = params(4, step=2e-4, held=30)
-    assert settings.period == pytest.approx(6e-3)
-    block = ArmInContact(ADEPT_ONE, NOWHERE, settings, ADEPT_Q)
-    found = run(block, 0.06, period=6e-3)
-    np.testing.assert_allclose(found.v[:, 2], GRAVITY * 6e-3 * np.arange(11), rtol=1e-9)
-
-
 def test_far_from_a_surface_its_level_may_have_any_shape(simulate: Any) -> None:
     # In the cylinder's axis the level's gradient is 0, and beside it its curvature is large.
     for x in (1.0, 1.0 + 1e-9):
@@ -359,3 +270,108 @@ def test_far_from_a_surface_its_level_may_have_any_shape(simulate: Any) -> None:
         found = simulate(PLANAR_TWO_LINK, q, params(2), 0.02, Crucible(), velocity=np.ones(2))
         np.testing.assert_array_equal(found.contact_force, 0.0)
         assert found.signal("gap").min() > 0.7
+
+
+def planar_motion(q: np.ndarray, v: np.ndarray, torque: np.ndarray, duration: float) -> np.ndarray:
+    """Solve the two-link arm's equations of motion; uniform rods of 1 m, 2 kg and 1 kg."""
+    a1, a2, a3 = 2 / 3 + 1 / 12 + 5 / 4, 1 / 2, 1 / 3
+
+    def rate(_: float, y: np.ndarray) -> np.ndarray:
+        c2, h = math.cos(y[1]), a2 * math.sin(y[1])
+        mass = [[a1 + 2 * a2 * c2, a3 + a2 * c2], [a3 + a2 * c2, a3]]
+        coriolis = [-h * (2 * y[2] * y[3] + y[3] ** 2), h * y[2] ** 2]
+        return np.concatenate([y[2:], np.linalg.solve(mass, torque - coriolis)])
+
+    start = np.concatenate([q, v])
+    return solve_ivp(rate, (0.0, duration), start, rtol=1e-11, atol=1e-12).y[:, -1]
+
+
+def test_driven_planar_arm_converges_with_its_step(simulate: Any) -> None:
+    torque = np.array([1.5, -0.7])
+    exact = planar_motion(PLANAR_Q, np.zeros(2), torque, 1.0)
+    errors = []
+    for step in (8e-4, 4e-4, 2e-4):
+        settings = params(2, step=step, held=25)
+        found = simulate(PLANAR_TWO_LINK, PLANAR_Q, settings, 1.0, torque=torque)
+        errors.append(float(np.linalg.norm(found.encoders[-1] - exact)))
+        assert np.max(np.abs(found.drift())) < 20 * step**2
+    assert errors[-1] < 1e-6 * np.linalg.norm(exact)
+    np.testing.assert_allclose([errors[0] / errors[1], errors[1] / errors[2]], 4.0, atol=0.3)
+
+
+@pytest.mark.parametrize("held", [10, 50])
+@pytest.mark.parametrize(
+    ("arm", "q", "v"),
+    [
+        (PLANAR_TWO_LINK, PLANAR_Q, [1.0, -2.0]),
+        (PLANAR_TWO_LINK, PLANAR_Q, [10.0, -5.0]),
+        (PUMA_250, PUMA_Q, [5.0, 3.0, 4.0]),
+        (ADEPT_ONE, ADEPT_Q, [5.0, 5.0, -2.0, 4.0]),
+    ],
+    ids=lambda value: getattr(value, "name", None),
+)
+def test_spinning_arm_keeps_its_energy(
+    simulate: Any, energies: Any, arm: Arm, q: np.ndarray, v: list[float], held: int
+) -> None:
+    found = simulate(arm, q, params(arm.num_joints, held=held), 0.5, velocity=np.array(v))
+    energy = energies(arm, NOWHERE, 1e4, found)
+    kinetic = found.stored("kinetic").max()
+    assert np.max(np.abs(energy - energy[0])) < 1e-6 * kinetic
+    np.testing.assert_allclose(found.drift(), energy[1:] - energy[1], rtol=0, atol=1e-9)
+    assert np.all(found.signal("dissipated") == 0.0)
+
+
+def test_disturbance_accelerates_the_tip(simulate: Any) -> None:
+    force = np.array([3.0, -2.0, 1.0])
+    settings = params(3, gravity=False, contact_offset=(0.02, 0.01, -0.03))
+    found = simulate(PUMA_250, PUMA_Q, settings, 0.005, disturbance=force)
+    dynamics = ArmDynamics(PUMA_250, gravity=False, contact_offset=(0.02, 0.01, -0.03))
+    state = dynamics.evaluate(PUMA_Q, np.zeros(3))
+    expected = 1e-3 * np.linalg.solve(state.mass, state.J_v_WC.T @ force)
+    np.testing.assert_allclose(found.v[1], expected, rtol=1e-4)
+
+
+PUMA_START = np.array([0.4, 0.6, -1.1])
+
+
+def run_puma(duration: float, **inputs: object) -> None:
+    block = ArmInContact(PUMA_250, NOWHERE, params(3), PUMA_START)
+    simulator = Simulator(block)
+    for name, value in ({"torque": [0.0, 0.0, 0.0]} | inputs).items():
+        block.GetInputPort(name).FixValue(simulator.get_mutable_context(), np.array(value))
+    simulator.AdvanceTo(duration)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "message"),
+    [
+        ({"torque": [0.0, math.nan, 0.0]}, "torque is [0.0, nan, 0.0]"),
+        ({"torque": [math.inf, 0.0, 0.0]}, "torque is [inf, 0.0, 0.0]"),
+        ({"disturbance": [0.0, 0.0, math.nan]}, "disturbance is [0.0, 0.0, nan]"),
+    ],
+)
+def test_inputs_have_to_be_finite(inputs: dict[str, object], message: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{re.escape(message)}, allowed: finite numbers$"):
+        run_puma(0.01, **inputs)
+
+
+def test_divergence_is_one_line() -> None:
+    message = (
+        "^the Puma 250's velocity at t = 0.* s is .*, allowed: finite numbers, the run diverges$"
+    )
+    with pytest.raises(ParameterError, match=message):
+        run_puma(1.0, torque=[1e307, 1e307, 0.0])
+
+
+def test_a_step_that_is_not_solved_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    def unsolved(*arguments: Any) -> tuple[Any, ...]:
+        state, outputs, _, _ = advance(*arguments)
+        return state, outputs, 1e-3, 1
+
+    monkeypatch.setattr("chamfer.systems.contact.arm_in_contact.advance", unsolved)
+    message = (
+        "^the error of the Puma 250's contact at t = 0 s is 0.001, "
+        "allowed: less, which a shorter step may reach$"
+    )
+    with pytest.raises(ParameterError, match=message):
+        run_puma(0.01)

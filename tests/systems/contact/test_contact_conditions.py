@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from chamfer.systems.contact.contact_conditions import Conditions, mobility_of, natural_map, solve
+from chamfer.systems.contact.stick_slip import Conditions, mobility_of, natural_map, solve
 
 H = 1e-4  # s
 SCALE = 1e-3  # rad/s or m/s
@@ -171,23 +171,3 @@ def test_slope_of_the_natural_map() -> None:
         np.testing.assert_allclose(
             difference, expected, rtol=0, atol=1e-5 * np.max(np.abs(expected))
         )
-
-
-def test_how_points_share_what_is_open_stays() -> None:
-    # Both points stick to a tip that can't move: their friction along the corner is open.
-    seen = 0
-    for seed in range(100):
-        conditions, free, slack = corner(seed)
-        stuck = conditions._replace(
-            bound=np.full(N, 1.0), gap=np.full(POINTS, -1e-4), mu=np.full(POINTS, 0.8),
-            before=np.zeros(6),
-        )  # fmt: skip
-        _, velocity, _, first = solved((stuck, free * 0.1, slack * 0.1), np.zeros(N + 6))
-        if np.any(np.abs(velocity) > 1e-12):
-            continue
-        seen += 1
-        error, _, _, then = solved((stuck, free * 0.1, slack * 0.1 * (1 + 1e-6)), first)
-        assert error < 1e-7
-        change = np.max(np.abs(then - first)[N:])
-        assert change < 1e-4 * np.max(np.abs(first[N:]))
-    assert seen > 50

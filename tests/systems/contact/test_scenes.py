@@ -1,8 +1,6 @@
-"""An arm that touches in several points, holds a load and changes scenes."""
+"""An arm that touches in several points, holds a load, changes scenes, or has a gripper."""
 
 import math
-import re
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -10,23 +8,32 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from chamfer.models.arms.adept_wrist import ADEPT_WRIST
-from chamfer.models.arms.gripper import GripperParams
-from chamfer.models.arms.joint_friction import JointFrictionParams
+from chamfer.models.arms.arm import JointFrictionParams
+from chamfer.models.arms.gripper import GripperCompliance, Tensor
+from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.models.arms.puma_250 import PUMA_250
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.planes import RippledPlane
-from chamfer.models.surfaces.rounds import Circle
+from chamfer.models.surfaces.rounds import Crucible
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import ParameterError
-from chamfer.systems.contact.arm_dynamics import GRAVITY, ArmDynamics
-from chamfer.systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
-from chamfer.systems.contact.scenes import ContactParams, ContactPoint, Load, Scene, with_load
-from chamfer.systems.contact.serial_chain import (
+from chamfer.systems.contact import sliding_contact
+from chamfer.systems.contact.arm_dynamics import (
+    GRAVITY,
+    ArmDynamics,
     base_wrench,
     bias,
-    mass_matrix,
     point_jacobian,
     pose,
+)
+from chamfer.systems.contact.arm_in_contact import (
+    ArmInContact,
+    ArmInContactParams,
+    ContactParams,
+    ContactPoint,
+    Load,
+    Scene,
+    with_load,
 )
 
 PUMA_Q = PUMA_250.joint_positions(np.array([0.4, 0.0, 0.22]), "negative")
@@ -37,7 +44,7 @@ TABLE = RippledPlane(point=(0.4, 0.0, 0.2), tilt=0.02, along=(0.0, 1.0, 0.0))
 INERTIA = np.array([[4e-5, 1e-5, 0.0], [1e-5, 3e-5, 0.0], [0.0, 0.0, 2e-5]])
 NUGGET = Load(0.185, (0.01, 0.02, -0.03), INERTIA)
 both = pytest.mark.parametrize(
-    "gripper", [None, GripperParams(stiffness=1000.0, damping=5.0)], ids=["rigid", "gripper"]
+    "gripper", [None, GripperCompliance(stiffness=1000.0, damping=5.0)], ids=["rigid", "gripper"]
 )
 
 
@@ -59,26 +66,6 @@ def touches(
 
 
 # --- A load -------------------------------------------------------------------------------------
-
-
-def test_a_load_is_part_of_the_last_link() -> None:
-    free = ArmDynamics(ADEPT_WRIST).chain
-    loaded = with_load(free, NUGGET)
-    at = pose(free, WRIST_Q)
-    state = ArmDynamics(ADEPT_WRIST, contact_offset=NUGGET.centre).evaluate(WRIST_Q, np.zeros(7))
-    J, turning = state.J_v_WC, at.twist[:, :3].T
-    inertia = state.R_WE @ INERTIA @ state.R_WE.T
-    added = NUGGET.mass * J.T @ J + turning.T @ inertia @ turning
-    held = pose(loaded, WRIST_Q)
-    np.testing.assert_allclose(
-        mass_matrix(loaded, held) - mass_matrix(free, at), added, rtol=0, atol=1e-12
-    )
-    weight = NUGGET.mass * GRAVITY * J[2]
-    still = np.zeros(7)
-    np.testing.assert_allclose(
-        bias(loaded, held, still) - bias(free, at, still), weight, rtol=0, atol=1e-12
-    )
-    np.testing.assert_array_equal(held.p_WE, at.p_WE)
 
 
 def test_the_sensor_reads_weight_and_inertia_of_the_load(run: Any) -> None:
@@ -132,7 +119,9 @@ def test_the_base_carries_all_that_moves_and_touches(run: Any) -> None:
 
 
 @both
-def test_two_halves_of_a_contact_are_the_whole(run: Any, gripper: GripperParams | None) -> None:
+def test_two_halves_of_a_contact_are_the_whole(
+    run: Any, gripper: GripperCompliance | None
+) -> None:
     whole = Scene((touches(TABLE, stiffness=1e4, damping=20.0, mu=0.3),))
     half = touches(TABLE, stiffness=5e3, damping=10.0, mu=0.3)
     one, two = (
@@ -151,67 +140,6 @@ def test_two_halves_of_a_contact_are_the_whole(run: Any, gripper: GripperParams 
     np.testing.assert_allclose(two.energy, one.energy, rtol=0, atol=1e-7)
 
 
-@both
-def test_a_wedge_shares_the_push_as_statics_say(run: Any, gripper: GripperParams | None) -> None:
-    # The tip rests in a groove between a floor at 30 and a wall at 75 degrees.
-    angles = math.radians(30.0), -math.radians(75.0)
-    normals = [np.array([math.sin(a), 0.0, math.cos(a)]) for a in angles]
-    corner = np.array([0.4, 0.0, 0.2199])
-    points = tuple(
-        touches(
-            RippledPlane(point=tuple(corner), normal=tuple(normal), along=(0.0, 1.0, 0.0)),
-            stiffness=1e4,
-        )
-        for normal in normals
-    )
-    dynamics = ArmDynamics(PUMA_250)
-    start = dynamics.evaluate(PUMA_Q, np.zeros(3))
-    push = np.array([3.0, 0.0, -8.0])
-    torque = start.bias + start.J_v_WC.T @ push
-    settings = params(3, 4.0, gripper=gripper)
-    found = run(
-        ArmInContact(PUMA_250, [Scene(points)], settings, PUMA_Q), 1.5, period=1e-3, torque=torque
-    )
-    state, chain = dynamics.evaluate(found.q[-1], np.zeros(3)), dynamics.chain
-    J = point_jacobian(pose(chain, found.q[-1].copy()), found.tip[-1, :3].copy())
-    reaction = np.linalg.solve(J.T, state.bias - torque)
-    shares = np.linalg.solve(np.column_stack([normals[0][::2], normals[1][::2]]), reaction[::2])
-    assert np.all(shares > 1.0)
-    forces = found.contact_force[-1].reshape(2, 3)
-    for force, normal, share, gap in zip(
-        forces, normals, shares, found.contact[-1, ::6], strict=True
-    ):
-        np.testing.assert_allclose(force, share * normal, rtol=0, atol=0.05)
-        assert gap == pytest.approx(-normal @ force / 1e4, rel=1e-3)
-
-
-@both
-def test_an_impact_in_a_corner_converges_with_the_step(
-    run: Any, gripper: GripperParams | None
-) -> None:
-    # The tip falls aslant into a corner of floor and wall, a little later on the wall.
-    points = (
-        touches(RippledPlane(point=(0.4, 0.0, 0.215)), mu=0.2),
-        touches(
-            RippledPlane(point=(0.402, 0.0, 0.2), normal=(-1.0, 0.0, 0.0), along=(0.0, 1.0, 0.0)),
-            mu=0.2,
-        ),
-    )
-    speed = np.linalg.solve(PUMA_250.jacobian(PUMA_Q), [0.2, 0.0, -0.3])
-    peaks, moved = [], []
-    for step in (2e-4, 1e-4, 5e-5):
-        settings = params(3, 0.5, gripper=gripper, step=step, held=round(1e-3 / step), window=1000)
-        block = ArmInContact(PUMA_250, [Scene(points)], settings, PUMA_Q)
-        found = run(block, 0.1, period=1e-3, velocity=speed)
-        peaks.append(found.contact[-1, [3, 9]])
-        moved.append(found.q[-1])
-        assert np.max(np.abs(found.drift())) < 2e-5 * found.turned_over()
-    assert np.all(peaks[-1] > 5.0)
-    first, second = (np.max(np.abs(a - b)) for a, b in pairwise(moved))
-    assert second < 0.6 * first
-    np.testing.assert_allclose(peaks[1], peaks[2], rtol=0.01)
-
-
 def test_energy_where_a_corner_holds_the_tip_redundantly(run: Any) -> None:
     # Set down between wall and layer by an arm with dry friction, until joints and points stick.
     x, y, z = POSE[:3]
@@ -223,7 +151,7 @@ def test_energy_where_a_corner_holds_the_tip_redundantly(run: Any) -> None:
         touches(wall, damping=200.0, mu=0.3),
         touches(layer, (0.0, 0.0, -0.03), damping=200.0, mu=0.3),
     )
-    gripper = GripperParams(stiffness=1000.0, damping=10.0)
+    gripper = GripperCompliance(stiffness=1000.0, damping=10.0)
     dry = JointFrictionParams(coulomb=(1.0, 0.5, 5.0, 0.5, 0.5, 0.5, 0.5), viscous=(0.1,) * 7)
     settings = ArmInContactParams(joint_friction=dry, gripper=gripper)
     scene = Scene(points, NUGGET)
@@ -245,7 +173,7 @@ def test_energy_where_a_corner_holds_the_tip_redundantly(run: Any) -> None:
 
 
 def test_taking_and_leaving_a_load_is_booked() -> None:
-    gripper = GripperParams(stiffness=1000.0, damping=5.0)
+    gripper = GripperCompliance(stiffness=1000.0, damping=5.0)
     floor = RippledPlane(point=(0.0, 0.0, 0.40))
     scenes = (
         Scene((touches(floor),)),
@@ -304,30 +232,70 @@ def test_a_scene_that_is_not_there(index: float) -> None:
         simulator.AdvanceTo(0.01)
 
 
-def test_a_scene_has_its_own_contact() -> None:
-    with pytest.raises(ParameterError, match="without effect where scenes say what touches"):
-        ArmInContact(
-            PUMA_250, [Scene((touches(),))], params(3, contact_offset=(0, 0, 1.0)), PUMA_Q
-        )
-    with pytest.raises(ParameterError, match=r"^world is \(\), allowed: at least one"):
-        ArmInContact(PUMA_250, (), params(3), PUMA_Q)
+OBLIQUE = ((300.0, 60.0, 0.0), (60.0, 200.0, 0.0), (0.0, 0.0, 150.0))
+
+
+def rubbing(n: int, viscous: float, **changes: Any) -> ArmInContactParams:
+    friction = JointFrictionParams(coulomb=(0.0,) * n, viscous=(viscous,) * n)
+    return ArmInContactParams(joint_friction=friction, **changes)
 
 
 @pytest.mark.parametrize(
-    ("make", "message"),
+    ("stiffness", "friction"),
     [
-        (lambda: Scene(()), "points is (), allowed: at least one point"),
-        (
-            lambda: touches(offset=(0.0, math.nan, 0.0)),
-            "offset is (0.0, nan, 0.0), allowed",
-        ),
-        (lambda: touches(Circle(centre=(0.0, 0.0), radius=1.0)), "surface is Circle("),
-        (lambda: Load(0.0, (0.0, 0.0, 0.0), INERTIA), "mass is 0.0, allowed: a finite"),
-        (lambda: Load(1.0, (0.0, math.inf, 0.0), INERTIA), "centre is (0.0, inf, 0.0), allowed"),
-        (lambda: Load(1.0, (0.0, 0.0, 0.0), -INERTIA), "inertia is [["),
-        (lambda: Load(1.0, (0.0, 0.0, 0.0), np.ones(3)), "inertia is [1.0, 1.0, 1.0], allowed"),
+        (100.0, SurfaceFriction(coefficient=0.5)),
+        (OBLIQUE, SurfaceFriction(coefficient=0.2, jump=0.4, jump_at=1.05, jump_width=0.02)),
     ],
+    ids=["isotropic", "oblique, friction jumps"],
 )
-def test_what_scenes_are_made_of(make: Any, message: str) -> None:
-    with pytest.raises(ParameterError, match=f"^{re.escape(message)}"):
-        make()
+def test_slow_arm_slides_as_the_contact_of_section_5_2_1(
+    simulate: Any, stiffness: Tensor, friction: SurfaceFriction
+) -> None:
+    # Dragged slowly into the wall and along it, on a wall that hardly gives.
+    gripper = GripperCompliance(stiffness=stiffness)
+    contact = ContactParams(stiffness=3e5, damping=300.0, friction=friction)
+    settings = rubbing(2, 3e3, contact=contact, gripper=gripper)
+    q = PLANAR_TWO_LINK.joint_positions(np.array([0.9, -1.46]), "negative")
+    turning = np.linalg.solve(PLANAR_TWO_LINK.jacobian(q), [0.2, -0.15])
+    wall = Crucible()
+    found = simulate(PLANAR_TWO_LINK, q, settings, 1.0, wall, torque=3e3 * turning)
+    dynamics, touch = ArmDynamics(PLANAR_TWO_LINK), None
+    modes, errors = [], []
+    for k in range(0, len(found.q), 4):
+        state = dynamics.evaluate(found.q[k], found.v[k])
+        spring = state.R_WE @ np.array(gripper.matrix(3)) @ state.R_WE.T
+        spring = (spring + spring.T) / 2  # symmetric to the last bit
+        touch = sliding_contact.advance(
+            wall, friction, spring, touch, state.p_WC, state.J_v_WC @ found.v[k]
+        )
+        modes.append(touch.mode)
+        errors.append(np.linalg.norm(found.contact_force[k] - touch.force))
+        assert np.linalg.norm(found.tip[k, :3] - touch.point) < 1e-3
+    assert {sliding_contact.FREE, sliding_contact.SLIP} <= set(modes)
+    largest = np.max(np.linalg.norm(found.contact_force, axis=1))
+    assert largest > 2.0
+    assert np.max(errors) < 0.03 * largest
+
+
+@pytest.mark.parametrize("damping", [0.0, 10.0])
+def test_energy_with_a_gripper(simulate: Any, damping: float) -> None:
+    # The arm falls on the table with its gripper, bounces and slides.
+    gripper = GripperCompliance(stiffness=OBLIQUE, damping=damping)
+    contact = ContactParams(damping=damping, friction=SurfaceFriction(coefficient=0.2))
+    found = simulate(
+        PUMA_250, PUMA_Q, rubbing(3, 0.02, contact=contact, gripper=gripper), 0.5, TABLE
+    )
+    assert found.signal("peak_force").max() > 10
+    assert np.max(np.abs(found.drift())) < 2e-5 * found.turned_over()
+    assert np.all(np.diff(found.signal("dissipated")) >= -1e-9)
+
+
+def test_stiff_gripper_is_as_good_as_none(simulate: Any) -> None:
+    contact = ContactParams(friction=SurfaceFriction(coefficient=0.2))
+    runs = [
+        simulate(PUMA_250, PUMA_Q, rubbing(3, 0.5, contact=contact, gripper=gripper), 0.13, TABLE)
+        for gripper in (None, GripperCompliance(stiffness=1e8, damping=1e3))
+    ]
+    rigid, stiff = (run.contact_force for run in runs)
+    assert np.max(rigid) > 30.0
+    np.testing.assert_allclose(stiff, rigid, rtol=0, atol=0.03 * np.max(rigid))

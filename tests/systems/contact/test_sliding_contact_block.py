@@ -3,7 +3,6 @@
 import math
 import re
 from collections.abc import Callable
-from unittest import mock
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.graphs import Parabola, WavySheet
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import ParameterError
-from chamfer.systems.contact import sliding_contact
 from chamfer.systems.contact.sliding_contact import (
     FREE,
     SLIP,
@@ -111,22 +109,6 @@ def test_block_is_the_pure_function_step_by_step(
     assert modes >= ({FREE, STICK, SLIP} if d == 2 else {STICK, SLIP})
 
 
-def test_thesis_breakaway_in_time() -> None:
-    times, logs, contact = run(
-        Parabola(),
-        SlidingContactParams(),
-        lambda t: np.array([0.2 * t, -0.1, 0.2, 0.0]),
-        1.0,
-        1 / 1024,
-    )
-    slips = logs["contact"][:, -1] == SLIP
-    np.testing.assert_array_equal(slips, times >= 0.5)
-    # The force between two steps is that of the nominal motion at the same time.
-    sticks = ~slips
-    np.testing.assert_allclose(logs["contact_force"][sticks, 0], -20 * times[sticks], atol=1e-12)
-    assert isinstance(contact.params, SlidingContactParams)
-
-
 @pytest.fixture
 def contact_and_context() -> tuple[SlidingContact, Context]:
     contact = SlidingContact(Parabola(), SlidingContactParams())
@@ -164,41 +146,6 @@ def test_outputs_follow_the_input_and_the_state_only_the_update(
     np.testing.assert_allclose(packed, [0, 0, 0, 0, 0, 1, STICK], atol=1e-15)
 
 
-def test_one_solution_for_all_ports(contact_and_context: tuple[SlidingContact, Context]) -> None:
-    contact, context = contact_and_context
-    set_motion(contact, context, [0.0, -0.1, 0.2, 0.0])
-    with mock.patch.object(sliding_contact, "advance", wraps=advance) as solver:
-        outputs(contact, context)
-        contact.touch(context)
-        context.SetTime(0.3)
-        outputs(contact, context)
-        assert solver.call_count == 1
-        set_motion(contact, context, [0.01, -0.1, 0.2, 0.0])
-        outputs(contact, context)
-        assert solver.call_count == 2
-
-
-def test_contexts_are_separate(contact_and_context: tuple[SlidingContact, Context]) -> None:
-    contact, context = contact_and_context
-    other = contact.CreateDefaultContext()
-    set_motion(contact, context, [0.0, -0.1, 0.0, 0.0])
-    set_motion(contact, other, [0.3, 0.2, 0.0, 0.0])
-    first = outputs(contact, context)
-    assert contact.touch(other).mode == FREE
-    copied = context.Clone()
-    for a, b in zip(first, outputs(contact, copied), strict=True):
-        np.testing.assert_array_equal(a, b)
-
-
-def test_feedthrough_and_sizes(contact_and_context: tuple[SlidingContact, Context]) -> None:
-    contact, _ = contact_and_context
-    for i, (name, size) in enumerate(zip(PORTS, (2, 2, 7), strict=True)):
-        assert contact.HasDirectFeedthrough(0, i)
-        assert contact.get_output_port(i).get_name() == name
-        assert contact.get_output_port(i).size() == size
-    assert contact.num_output_ports() == 3
-
-
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 @pytest.mark.parametrize("index", [0, 3])
 def test_nominal_motion_that_is_not_finite(
@@ -211,35 +158,3 @@ def test_nominal_motion_that_is_not_finite(
     message = re.escape(f"nominal_motion is {motion!r}, allowed: finite numbers")
     with pytest.raises(ParameterError, match=f"^{message}$"):
         outputs(contact, context)
-
-
-@pytest.mark.parametrize(
-    ("stiffness", "allowed"),
-    [
-        ((), "2 rows of 2 numbers or 3 rows of 3"),
-        (((100.0,),), "2 rows of 2 numbers or 3 rows of 3"),
-        (((100.0, 0.0), (0.0,)), "2 rows of 2 numbers or 3 rows of 3"),
-        (((100.0, 1.0), (0.0, 100.0)), "a symmetric positive definite matrix"),
-        (((100.0, 0.0), (0.0, 0.0)), "a symmetric positive definite matrix"),
-        (((100.0, 0.0), (0.0, -1.0)), "a symmetric positive definite matrix"),
-        (((math.nan, 0.0), (0.0, 1.0)), "a symmetric positive definite matrix"),
-        (((math.inf, 0.0), (0.0, 1.0)), "a symmetric positive definite matrix"),
-    ],
-)
-def test_stiffness_errors(stiffness: tuple[tuple[float, ...], ...], allowed: str) -> None:
-    message = re.escape(f"stiffness is {stiffness!r}, allowed: {allowed}")
-    with pytest.raises(ParameterError, match=f"^{message}$"):
-        SlidingContactParams(stiffness=stiffness)
-
-
-def test_stiffness_of_another_dimension() -> None:
-    params = SlidingContactParams(stiffness=EVEN)
-    message = re.escape(f"stiffness is {EVEN!r}, allowed: 2 rows, as the surface has")
-    with pytest.raises(ParameterError, match=f"^{message}$"):
-        SlidingContact(Parabola(), params)
-
-
-@pytest.mark.parametrize("step", [0.0, -1e-3, math.inf, math.nan])
-def test_step_errors(step: float) -> None:
-    with pytest.raises(ParameterError, match=r"^step is .*, allowed: a finite number > 0$"):
-        SlidingContactParams(step=step)

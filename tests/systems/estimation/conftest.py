@@ -11,8 +11,7 @@ import pytest
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.surface import Surface
 from chamfer.systems.contact.sliding_contact import SLIP, Touch, advance
-from chamfer.systems.estimation.instantaneous_normal import Sample
-from chamfer.systems.estimation.normal_filter import NormalFilter, tangential_deviation
+from chamfer.systems.estimation.normal_filter import NormalFilter, Sample, tangential_deviation
 
 Array = np.ndarray
 Motion = Callable[[float], tuple[Array, Array]]

@@ -1,4 +1,4 @@
-"""The contact frame: rotations, one scalar's update, and how frame and error are moved on."""
+"""The contact frame: how it moves on, takes samples in, and is mixed of several models."""
 
 import math
 from collections.abc import Callable
@@ -9,23 +9,25 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from scipy.stats import norm
+from scipy.stats import chi2, norm
 
 from chamfer.systems.estimation.contact_frame import (
     CONSIDERED,
     NUMBERS,
     SIZE,
-    Frame,
-    Model,
+    ContactFrame,
+    ContactModel,
+    ContactReading,
     as_frame,
     begins,
     correct,
+    follow,
+    follow_all,
     head,
+    mixture,
     rotation,
-    sandwich,
     travel,
 )
-from chamfer.systems.estimation.contact_frame_models import mixture
 
 Array = np.ndarray
 NONE = np.zeros(CONSIDERED)
@@ -33,7 +35,7 @@ CERTAIN = np.zeros((CONSIDERED, CONSIDERED))
 seeds = st.integers(0, 2**32 - 1)
 
 
-def make_model(**changes: Any) -> Model:
+def make_model(**changes: Any) -> ContactModel:
     fields: dict[str, Any] = {
         "turn": np.array([[1.0, 1.0, 1.0]]),
         "switch": np.eye(1),
@@ -46,22 +48,22 @@ def make_model(**changes: Any) -> Model:
         "sharp_turn": math.pi / 3,
         "considers": True,
     }
-    return Model(**{**fields, **changes})
+    return ContactModel(**{**fields, **changes})
 
 
-def make_frame(seed: int, P: Array, turning: float = 1.0) -> Frame:
+def make_frame(seed: int, P: Array, turning: float = 1.0) -> ContactFrame:
     """Return a frame anywhere, pointing anywhere."""
     random = np.random.default_rng(seed)
     frame = as_frame(np.zeros(NUMBERS))
     frame.p[:] = random.standard_normal(3)
     frame.R[:] = Rotation.random(random_state=seed).as_matrix()
     frame.w[:] = turning * random.standard_normal(3)
-    frame.friction[:] = random.uniform(0, 1)
+    frame.friction[:] = 0.6
     frame.P[:] = P
     return frame
 
 
-def moved(frame: Frame, error: Array) -> Frame:
+def moved(frame: ContactFrame, error: Array) -> ContactFrame:
     """Return the frame that is true if the error of the given one is this, exactly."""
     true = as_frame(np.zeros(NUMBERS))
     true.p[:] = frame.p + frame.R @ error[:3]
@@ -71,7 +73,7 @@ def moved(frame: Frame, error: Array) -> Frame:
     return true
 
 
-def error_of(frame: Frame, true: Frame) -> Array:
+def error_of(frame: ContactFrame, true: ContactFrame) -> Array:
     return np.concatenate(
         [
             frame.R.T @ (true.p - frame.p),
@@ -142,23 +144,6 @@ def test_certain_scalar_says_nothing() -> None:
     assert correct(frame, d, np.ones(SIZE), NONE, 3.0, 0.0) == 0.0
     np.testing.assert_array_equal(d, np.ones(SIZE))
     np.testing.assert_array_equal(frame.P, np.zeros((SIZE, SIZE)))
-
-
-def test_sandwich(random_covariance: Callable[..., Array]) -> None:
-    random = np.random.default_rng(0)
-    A, P = random.standard_normal((SIZE, SIZE)), random_covariance(random, SIZE)
-    found = sandwich(A, P)
-    np.testing.assert_allclose(found, A @ P @ A.T, rtol=1e-12, atol=1e-12)
-    np.testing.assert_array_equal(found, found.T)
-
-
-def test_frame_is_a_view() -> None:
-    numbers = np.arange(float(NUMBERS))
-    frame = as_frame(numbers)
-    assert [len(part) for part in frame] == [3, 3, 3, 1, SIZE, SIZE]
-    np.testing.assert_array_equal(np.concatenate([part.ravel() for part in frame]), numbers)
-    frame.S[9, 3] = -1.0
-    assert numbers[-1] == -1.0
 
 
 @pytest.mark.parametrize("ds", [0.02, -0.02])
@@ -232,21 +217,6 @@ def test_turning_is_a_stationary_process_over_the_path(ds: float) -> None:
     np.testing.assert_allclose(np.diag(frame.P)[1:3], displaced, rtol=0.1)
 
 
-def test_plane_stays_a_plane(random_covariance: Callable[..., Array]) -> None:
-    inside = [0, 2, 4, 7, 9]
-    P = np.zeros((SIZE, SIZE))
-    P[np.ix_(inside, inside)] = random_covariance(np.random.default_rng(1), 5)
-    frame = as_frame(np.zeros(NUMBERS))
-    frame.R[:] = np.eye(3)
-    frame.w[1] = 0.7
-    frame.P[:] = P
-    travel(frame, make_model(), np.array([0.0, 0.5, 0.0]), 0.1)
-    outside = [i for i in range(SIZE) if i not in inside]
-    np.testing.assert_array_equal(frame.P[outside], np.zeros((5, SIZE)))
-    np.testing.assert_array_equal(frame.p[1], 0.0)
-    np.testing.assert_array_equal(frame.R[:, 1], [0.0, 1.0, 0.0])
-
-
 @pytest.mark.parametrize("angle", [-3.0, -1.5, -0.8, 0.8, 1.5, math.pi])
 def test_path_that_turns_off_sharply(
     random_covariance: Callable[..., Array], angle: float
@@ -273,7 +243,7 @@ def test_path_that_turns_off_sharply(
     # Place and normal are as uncertain as before, in the world's axes.
     for first in (slice(0, 3), slice(3, 5)):
 
-        def spread(of: Frame, axes: slice = first) -> Array:
+        def spread(of: ContactFrame, axes: slice = first) -> Array:
             R = of.R if axes == slice(0, 3) else of.R[:, :2]
             return np.asarray(R @ of.P[axes, axes] @ R.T)
 
@@ -357,3 +327,179 @@ def test_mixture_covers_the_models_disagreement() -> None:
     mean_square = 0.25 * (0.01 + (1.5 * angle) ** 2) + 0.75 * (0.03 + (0.5 * angle) ** 2)
     assert covariance[0, 0] == pytest.approx(mean_square, rel=0.05)
     np.testing.assert_array_equal(covariance, covariance.T)
+
+
+OBLIQUE = np.array([[150.0, 40.0, 0.0], [40.0, 80.0, 10.0], [0.0, 10.0, 120.0]])
+NOTHING = np.zeros(3)
+
+
+class Sensor:
+    """Shows a contact in a true frame, with the noise that the filter takes it to have."""
+
+    def __init__(self, noise: float, rate_noise: float, K: Array = OBLIQUE) -> None:
+        self.K, self.noise = K, noise
+        compliance = np.linalg.inv(K)
+        self.compliance = compliance
+        self.point_covariance = noise**2 * compliance @ compliance.T
+        self.velocity_covariance = rate_noise**2 * compliance @ compliance.T
+
+    def read(
+        self, true: ContactFrame, random: np.random.Generator | None, direction: float = 0.02
+    ) -> ContactReading:
+        """``direction``, rad: how far friction is off the path's direction, as it is assumed."""
+        draw = np.zeros(3) if random is None else random.standard_normal(3)
+        velocity, point = 0.5 * true.R[:, 0], true.p.copy()
+        angle = float(true.friction[0])
+        force = 20 * true.R @ np.array([-math.sin(angle), 0.0, math.cos(angle)])
+        if random is not None:
+            draw = random.standard_normal((4, 3))
+            force += 20 * true.R @ np.array([0.0, direction * draw[3, 0], 0.0])
+        else:
+            draw = np.zeros((4, 3))
+        nominal = true.p - self.compliance @ force
+        error = self.noise * draw[0]
+        rate = np.linalg.cholesky(self.velocity_covariance)
+        return ContactReading(
+            point=point + self.compliance @ error,
+            velocity=velocity + rate @ draw[1],
+            force=force + error,
+            nominal=nominal,
+            nominal_velocity=velocity - self.compliance @ np.array([3.0, -2.0, 1.0]),
+            stiffness=self.K,
+            compliance=self.compliance,
+            point_root=np.linalg.inv(np.linalg.cholesky(self.point_covariance)),
+            velocity_covariance=self.velocity_covariance,
+            force_deviation=self.noise,
+        )
+
+
+@pytest.mark.parametrize("by_point", [True, False])
+@pytest.mark.parametrize("by_friction", [True, False])
+@pytest.mark.parametrize("seed", range(4))
+def test_exact_sample_leaves_no_error(by_point: bool, by_friction: bool, seed: int) -> None:
+    # A sign or a factor that is wrong in any row leaves, or doubles, what it should remove.
+    size = 1e-4
+    deviations = np.array([1.0, 1.0, 1.0, 1, 1, 1, 0.01, 0.01, 0.01, 1e-6])
+    frame = make_frame(seed, np.diag(deviations**2), turning=0.3)
+    frame.friction[:] = 0.6
+    error = size * np.random.default_rng(seed).standard_normal(SIZE)
+    error[6:] = 0.0
+    if not by_point:
+        error[:3] = 0.0
+    true = moved(frame, error)
+    model = make_model(turn=np.zeros((1, 3)), by_point=by_point, by_friction=by_friction)
+    travel(true, model, NOTHING, 0.5 * model.period)
+    follow(frame, model, NOTHING, Sensor(1e-4, 1e-4).read(true, None))
+    left = error_of(frame, true)
+    # Sideways the force's direction, 0.02 rad, is weighed with the error of 1 rad before.
+    assert np.abs(left[4:6]).max() < 2e-3 * size
+    assert abs(left[3]) < 2e-2 * size
+    if by_point:
+        assert np.abs(left[:3]).max() < 2e-2 * size
+
+
+@pytest.mark.parametrize(
+    ("by_point", "by_friction", "noise"),
+    [(True, False, 0.5), (True, True, 0.5), (False, False, 0.5), (False, True, 0.5)],
+)
+@pytest.mark.parametrize("uneven", [False, True])
+def test_error_is_as_large_as_the_covariance_says(
+    random_covariance: Callable[..., Array],
+    by_point: bool,
+    by_friction: bool,
+    noise: float,
+    uneven: bool,
+) -> None:
+    """Normalised error squared after a sample, over draws of the error before and the noise."""
+    random = np.random.default_rng(1)
+    # What is drawn is known about as well before as from the sample.
+    deviations = np.array([1, 1, 1, 8, 8, 8, 100, 100, 100, 8]) * 4e-3
+    root = np.diag(deviations) @ np.linalg.cholesky(
+        random_covariance(random, SIZE, 0.05) + 0.5 * np.eye(SIZE)
+    )
+    P = root @ root.T
+    sensor = Sensor(noise, 2.5, OBLIQUE if uneven else 100 * np.eye(3))
+    model = make_model(turn=np.zeros((1, 3)), by_point=by_point, by_friction=by_friction)
+    direction = 0.02
+    counted = list(range(SIZE)) if by_point else list(range(3, SIZE))
+    if not by_friction:
+        counted.remove(9)
+    runs, total = 400, 0.0
+    for run in range(runs):
+        frame = make_frame(run, P, turning=0.3)
+        true = moved(frame, root @ random.standard_normal(SIZE))
+        travel(true, model, NOTHING, 0.5 * model.period)
+        reading = sensor.read(true, random, direction)
+        if by_friction and by_point:
+            # The friction angle is taken to vary by as much as the force's direction.
+            true.friction[:] += direction * random.standard_normal()
+        if not by_point:
+            frame.p[:] = true.p
+        follow(frame, model, NOTHING, reading)
+        error = error_of(frame, true)[counted]
+        total += error @ np.linalg.solve(frame.P[np.ix_(counted, counted)], error)
+    degrees = runs * len(counted)
+    assert chi2.ppf(1e-4, degrees) < total < chi2.ppf(1 - 1e-4, degrees)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_velocity_whose_components_have_errors_in_common(
+    random_covariance: Callable[..., Array], seed: int
+) -> None:
+    # One component after the other, against both at once; without a force nothing else is known.
+    random = np.random.default_rng(seed)
+    P = random_covariance(random, SIZE, 0.01)
+    P[:3], P[:, :3] = 0.0, 0.0
+    frame, before = make_frame(seed, P, turning=0.3), make_frame(seed, P, turning=0.3)
+    K = OBLIQUE + np.diag([0.0, 300.0, 0.0])
+    reading = Sensor(0.5, 8.0, K).read(frame, random)._replace(force=np.zeros(3))
+    model = make_model(turn=np.zeros((1, 3)), by_point=False)
+    follow(frame, model, NOTHING, reading)
+    v = before.R.T @ reading.velocity
+    travel(before, model, NOTHING, v[0] * model.period)
+    before.P[:3], before.P[:, :3] = 0.0, 0.0  # the point is not followed
+    v = before.R.T @ reading.velocity
+    noise = (before.R.T @ reading.velocity_covariance @ before.R)[1:, 1:]
+    rows = np.zeros((2, SIZE))
+    rows[0, 5], rows[1, 4] = v[0], -v[0]
+    gain = before.P @ rows.T @ np.linalg.inv(rows @ before.P @ rows.T + noise)
+    expected = (np.eye(SIZE) - gain @ rows) @ before.P
+    np.testing.assert_allclose(frame.P, expected, rtol=0, atol=1e-12)
+    turned = before.R @ Rotation.from_rotvec((gain @ v[1:])[3:6]).as_matrix()
+    np.testing.assert_allclose(frame.R, turned, rtol=0, atol=1e-12)
+
+
+def test_the_model_that_foresaw_more_weighs_more() -> None:
+    """Weights by Bayes' rule, after a chance to switch, and never quite zero."""
+    P = np.diag(np.array([0.01, 0.01, 0.01, 0.05, 0.05, 0.05, 0.1, 0.1, 0.1, 0.1]) ** 2)
+    switch = np.array([[0.9, 0.1], [0.2, 0.8]])
+    frames = [make_frame(0, P, turning=0.3), make_frame(0, P, turning=0.3)]
+    frames[1].w[:] += [0.0, 3.0, 0.0]
+    numbers = np.array([np.concatenate([part.ravel() for part in frame]) for frame in frames])
+    model = make_model(turn=np.full((2, 3), 0.5), switch=switch)
+    true = moved(frames[0], np.zeros(SIZE))
+    travel(true, model, NOTHING, 0.02)
+    reading = Sensor(0.5, 2.5).read(true, None)
+    likelihood = [follow(frame, model, model.turn[0], reading) for frame in frames]
+    weights = np.array([0.3, 0.7])
+    follow_all(numbers, weights, model, reading, 0.02 * true.R[:, 0], 0.3)
+    before = np.array([0.9 * 0.3 + 0.2 * 0.7, 0.1 * 0.3 + 0.8 * 0.7])
+    expected = before * np.exp(likelihood)
+    np.testing.assert_allclose(weights, expected / expected.sum(), rtol=1e-9)
+    assert likelihood[0] > likelihood[1]
+    for found, frame in zip(numbers, frames, strict=True):
+        np.testing.assert_allclose(as_frame(found).R, frame.R, rtol=0, atol=1e-15)
+        np.testing.assert_allclose(as_frame(found).P, frame.P, rtol=0, atol=1e-15)
+
+
+def test_no_model_is_ever_ruled_out() -> None:
+    frames = [make_frame(0, 1e-8 * np.eye(SIZE), turning=0.3) for _ in range(2)]
+    frames[1].R[:] = frames[1].R @ Rotation.from_rotvec([0.2, 0.2, 0.0]).as_matrix()
+    numbers = np.array([np.concatenate([part.ravel() for part in frame]) for frame in frames])
+    model = make_model(turn=np.full((2, 3), 0.5), switch=np.eye(2))
+    weights = np.array([0.5, 0.5])
+    true = moved(frames[0], np.zeros(SIZE))
+    reading = Sensor(1e-3, 1e-3).read(true, None)
+    follow_all(numbers, weights, model, reading, 0.02 * true.R[:, 0], 0.3)
+    assert weights.sum() == pytest.approx(1, abs=1e-15)
+    assert 0 < weights[1] < 1e-8

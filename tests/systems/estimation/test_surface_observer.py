@@ -1,27 +1,43 @@
-"""The observer as a block: it runs its filter, and lets nothing in or out that is not a number."""
+"""The observer as a block: it runs its filter, and lets nothing in that is not a number."""
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantVectorSource
 
 from chamfer.models.surfaces.graphs import Parabola, Paraboloid
+from chamfer.models.surfaces.rounds import Circle, Sphere
+from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import ParameterError
-from chamfer.systems.estimation.contact_frame_filter import ContactFrameFilter
-from chamfer.systems.estimation.instantaneous_normal import Sample, Status
-from chamfer.systems.estimation.normal_filter import ConstrainedFilter, tangential_deviation
+from chamfer.systems.estimation.contact_frame_filter import (
+    ContactFrameFilter,
+    ContactFrameFilterParams,
+)
+from chamfer.systems.estimation.model_error import ModelErrorParams
+from chamfer.systems.estimation.normal_filter import (
+    ConstrainedFilter,
+    ConstrainedFilterParams,
+    NormalStatus,
+    ResolvedSensingParams,
+    Sample,
+    SensingParams,
+    tangential_deviation,
+)
 from chamfer.systems.estimation.surface_observer import (
     KINDS,
-    Kind,
+    ObserverKind,
+    PredictedNormal,
+    ResolvedSurfaceObserverParams,
+    SettledForce,
     SurfaceObserver,
     SurfaceObserverParams,
     make_filter,
 )
+from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
 
 Array = np.ndarray
 
@@ -31,7 +47,7 @@ class Watching:
 
     def __init__(
         self,
-        params: SurfaceObserverParams,
+        params: ResolvedSurfaceObserverParams,
         normal: Any = None,
         block: SurfaceObserver | None = None,
     ) -> None:
@@ -68,12 +84,14 @@ class Watching:
 
 
 @pytest.fixture(scope="package")
-def make_params(slides: Any) -> Callable[..., SurfaceObserverParams]:
-    def make(d: int, kind: Kind = "adaptive", **changes: Any) -> SurfaceObserverParams:
+def make_params(slides: Any) -> Callable[..., ResolvedSurfaceObserverParams]:
+    def make(
+        d: int, kind: ObserverKind = "adaptive", **changes: Any
+    ) -> ResolvedSurfaceObserverParams:
         fields = {**slides.told(d), "period": 0.0625, **changes}  # exact times
         if kind == "adaptive":
             fields = {"rate_lag": 0.0, **fields}
-        return SurfaceObserverParams(kind=kind, **fields)
+        return ResolvedSurfaceObserverParams(kind=kind, **fields)
 
     return make
 
@@ -96,7 +114,7 @@ def samples(slides: Any) -> Callable[[int], list[Sample]]:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("predicted", [False, True])
 def test_block_does_what_its_filter_does(
-    make_params: Any, samples: Any, d: int, kind: Kind, predicted: bool
+    make_params: Any, samples: Any, d: int, kind: ObserverKind, predicted: bool
 ) -> None:
     params = make_params(d, kind)
     watching, pure = Watching(params), make_filter(params)
@@ -119,11 +137,11 @@ def test_block_does_what_its_filter_does(
         assert watching.read("status")[0] == expected.status
         statuses.add(expected.status)
     if kind != "thesis":
-        assert {Status.MEASURED, Status.HALTED} <= statuses
+        assert {NormalStatus.MEASURED, NormalStatus.HALTED} <= statuses
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_kinds(make_params: Any, kind: Kind) -> None:
+def test_kinds(make_params: Any, kind: ObserverKind) -> None:
     found = make_filter(make_params(3, kind, smallest_radius=0.6, force_noise=0.7))
     params: Any = found._params
     assert (params.smallest_radius, params.force_noise, params.period) == (0.6, 0.7, 0.0625)
@@ -160,15 +178,6 @@ def test_ports_and_what_reaches_it(make_params: Any, d: int) -> None:
     assert not block.HasAnyDirectFeedthrough()
 
 
-def test_before_the_first_sample_it_is_the_initial_normal(make_params: Any) -> None:
-    watching = Watching(make_params(3, initial_deviation=0.2), [0.0, 3.0, 4.0])
-    np.testing.assert_allclose(watching.read("normal"), [0.0, 0.6, 0.8], rtol=0, atol=1e-15)
-    P = watching.read("covariance").reshape(3, 3)
-    np.testing.assert_allclose(P, 0.04 * np.eye(3), rtol=1e-15)
-    assert watching.read("deviation")[0] == pytest.approx(0.2, rel=1e-12)
-    assert watching.read("status")[0] == Status.NO_CONTACT
-
-
 def test_outputs_are_held_over_the_period(make_params: Any, samples: Any) -> None:
     watching = Watching(make_params(2))
     given = samples(2)
@@ -196,58 +205,6 @@ def test_sign_of_the_measured_force(make_params: Any) -> None:
     # A rate of the force on the gripper of -3 N/s along y is a velocity downwards by 0.03 m/s.
     n = np.array([0.03, 0.2]) / math.hypot(0.03, 0.2)
     np.testing.assert_allclose(watching.read("normal"), n, rtol=0, atol=1e-12)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_state_is_in_the_context(make_params: Any, samples: Any, kind: Kind) -> None:
-    # Two contexts of one block, one a few samples behind the other.
-    given, params = samples(2), make_params(2, kind)
-    alone = Watching(params)
-    for sample in given:
-        alone.tick(sample)
-    ahead = Watching(params)
-    behind = Watching(params, block=ahead.block)
-    for k, sample in enumerate(given):
-        ahead.tick(sample)
-        if k >= 7:
-            behind.tick(given[k - 7])
-    assert ahead.everything() == alone.everything()
-    for sample in given[-7:]:
-        behind.tick(sample)
-    assert behind.everything() == alone.everything()
-
-
-def test_same_samples_same_bytes(make_params: Any, samples: Any) -> None:
-    found = []
-    for _ in range(2):
-        watching = Watching(make_params(3))
-        for sample in samples(3):
-            watching.tick(sample)
-        found.append(watching.everything())
-    assert found[0] == found[1]
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.filterwarnings("error")
-def test_nothing_that_is_not_a_number_leaves(make_params: Any, d: int, kind: Kind) -> None:
-    random = np.random.default_rng(1)
-    watching = Watching(make_params(d, kind))
-    ahead, zeros = 0.2 * np.eye(d)[0], np.zeros(d)
-    odd = [
-        Sample(zeros, zeros, zeros, zeros),
-        Sample(zeros, zeros, zeros, ahead),
-        Sample(20 * ahead, zeros, zeros, ahead),
-        Sample(10 * np.eye(d)[-1], -100 * ahead, zeros, ahead),
-        Sample(10 * np.eye(d)[-1], zeros, zeros, ahead),
-        Sample(1e6 * np.eye(d)[-1], 1e3 * ahead, zeros, ahead),
-        Sample(1e-9 * np.eye(d)[-1], zeros, zeros, 1e-9 * ahead),
-    ]
-    for _ in range(100):
-        watching.tick(odd[random.integers(len(odd))])
-        for name in ("normal", "covariance", "deviation", "status"):
-            assert np.all(np.isfinite(watching.read(name)))
-        assert abs(float(np.linalg.norm(watching.read("normal"))) - 1) < 1e-12
 
 
 BAD = pytest.mark.filterwarnings("ignore:invalid value")
@@ -278,7 +235,7 @@ def test_prediction_that_is_not_a_direction(make_params: Any, samples: Any, norm
 
 
 @pytest.mark.parametrize("kind", ["adaptive", "gated"])
-def test_prediction_that_is_not_quite_of_unit_length(make_params: Any, kind: Kind) -> None:
+def test_prediction_that_is_not_quite_of_unit_length(make_params: Any, kind: ObserverKind) -> None:
     # What is turned along with it must not grow from sample to sample.
     watching = Watching(make_params(2, kind), [0.1, 1.0])
     halt = Sample(*(np.zeros(2) for _ in range(4)))
@@ -289,29 +246,159 @@ def test_prediction_that_is_not_quite_of_unit_length(make_params: Any, kind: Kin
     )
 
 
-def test_prediction_that_turns_around(make_params: Any, samples: Any) -> None:
-    for kind in ("adaptive", "gated"):
-        watching = Watching(make_params(2, kind))
-        watching.tick(samples(2)[10], predicted_normal=[0.6, 0.8])
-        with pytest.raises(ParameterError, match="less than a half turn"):
-            watching.tick(samples(2)[11], predicted_normal=[-0.6, -0.8])
+def predicted(surface: Surface, motion: list[float]) -> np.ndarray:
+    block = PredictedNormal(surface)
+    context = block.CreateDefaultContext()
+    block.GetInputPort("nominal_motion").FixValue(context, motion)
+    found: np.ndarray = block.GetOutputPort("predicted_normal").Eval(context)
+    return found
+
+
+def test_it_is_the_normal_of_the_surface_at_the_position() -> None:
+    # y = 0.1 x^2 has the slope 0.4 at x = 2.
+    expected = np.array([-0.4, 1.0]) / np.hypot(0.4, 1.0)
+    at = [2.0, 0.4, 0.0, 0.0]
+    np.testing.assert_allclose(predicted(Parabola(coefficient=0.1), at), expected)
+    expected = np.array([-0.4, 0.6, 1.0]) / np.sqrt(0.16 + 0.36 + 1)
+    paraboloid = Paraboloid(coefficients=(0.1, -0.1))
+    np.testing.assert_allclose(predicted(paraboloid, [2.0, 3.0, 9.0, 0, 0, 0]), expected)
+
+
+def test_off_the_surface_it_is_that_of_the_level_there() -> None:
+    ball = Sphere(centre=(0.0, 0.0, 0.0), radius=1.0)
+    for height in (0.3, 1.0, 5.0):
+        at = [0.0, 0.6 * height, 0.8 * height, 0.0, 0.0, 0.0]
+        np.testing.assert_allclose(predicted(ball, at), [0.0, 0.6, 0.8])
+    bowl = Circle(centre=(0.0, 2.0), radius=2.0, inside=True)
+    np.testing.assert_allclose(predicted(bowl, [0.0, -0.5, 0.0, 0.0]), [0.0, 1.0])
+
+
+def test_a_place_without_a_normal_is_refused() -> None:
+    ball = Sphere(centre=(0.0, 0.0, 0.0), radius=1.0)
+    with pytest.raises(ParameterError, match="a point where the surface has a normal"):
+        predicted(ball, [0.0] * 6)
+
+
+PERIOD = 0.25  # binary, so that the ticks' times are exact
+
+
+def test_hidden_at_the_begin_of_each_contact() -> None:
+    block = SettledForce(2 * PERIOD, dimension=2, period=PERIOD)
+    simulator = Simulator(block)
+    context = simulator.get_mutable_context()
+    block.GetInputPort("measured_force").FixValue(context, [1.0, 2.0])
+    block.GetInputPort("measured_force_rate").FixValue(context, [3.0, 4.0])
+    modes = [APPROACH, CONTACT, CONTACT, CONTACT, LOST, CONTACT, CONTACT, CONTACT, CONTACT]
+    shown = []
+    for k, mode in enumerate(modes):
+        block.GetInputPort("mode").FixValue(context, float(mode))
+        simulator.AdvanceTo(k * PERIOD) if k else None
+        force = block.GetOutputPort("settled_force").Eval(context)
+        rate = block.GetOutputPort("settled_force_rate").Eval(context)
+        assert list(rate) in ([3.0, 4.0], [0.0, 0.0])
+        assert bool(np.any(force)) == bool(np.any(rate))
+        shown.append(bool(np.any(force)))
+        simulator.AdvancePendingEvents()
+    assert shown == [True, False, False, True, True, False, False, True, True]
+
+
+TOLD: dict[str, Any] = {
+    "stiffness": ((150.0, 40.0), (40.0, 80.0)),
+    "force_noise": 0.5,
+    "force_rate_noise": 3.0,
+}
+
+
+def test_softest_direction_decides_the_velocity_noise() -> None:
+    sensing = ResolvedSensingParams(**TOLD).sensing
+    softest = 115 - math.hypot(35, 40)
+    assert sensing.velocity_noise == pytest.approx(3 / softest, rel=1e-12)
+    assert (sensing.force_noise, sensing.force_rate_noise) == (0.5, 3.0)
+    np.testing.assert_allclose(sensing.compliance @ sensing.stiffness, np.eye(2), atol=1e-15)
+
+
+def test_what_is_allowed() -> None:
+    for kind in KINDS:
+        zeros = dict.fromkeys(("force_noise", "force_rate_noise", "initial_deviation"), 0.0)
+        SurfaceObserverParams(kind=kind, **zeros, halt_speed=0.0)
+    ContactFrameFilterParams(**TOLD, models=10, switching=0.0, friction_drift=0.0)
+    # Rounding of a product such as R K R^T is no asymmetry.
+    SensingParams(stiffness=((100.0, 1e-8), (0.0, 100.0)))
+
+
+NOT_SQUARE = "2 x 2 or 3 x 3 finite numbers"
+NOT_DEFINITE = "symmetric and positive definite"
 
 
 @pytest.mark.parametrize(
-    "normal", [[0.0, 0.0], [1.0, 0.0, 0.0], [1.0], [math.nan, 1.0], [math.inf, 0.0], [[0.0, 1.0]]]
+    ("kind", "changes", "allowed"),
+    [
+        *(
+            (SensingParams, {"stiffness": rows}, NOT_SQUARE)
+            for rows in (
+                (),
+                ((100.0, 0.0),),
+                ((100.0, 0.0), (0.0, 100.0, 0.0)),
+                tuple(map(tuple, np.eye(4).tolist())),
+                ((math.nan, 0.0), (0.0, 100.0)),
+            )
+        ),
+        *(
+            (SensingParams, {"stiffness": rows}, NOT_DEFINITE)
+            for rows in (
+                ((100.0, 1.0), (0.0, 100.0)),
+                ((100.0, 0.0), (0.0, 0.0)),
+                ((1.0, 2.0), (2.0, 1.0)),
+                ((1.0, 0.0, 0.0), (0.0, 1.0, 2.0), (0.0, 2.0, 1.0)),
+            )
+        ),
+        (SurfaceObserverParams, {"force_noise": -1.0}, "a finite number >= 0"),
+        (SurfaceObserverParams, {"force_rate_noise": math.nan}, "a finite number >= 0"),
+        (SurfaceObserverParams, {"initial_deviation": -0.1}, "a finite number >= 0"),
+        (SurfaceObserverParams, {"halt_speed": -1e-3}, "a finite number >= 0"),
+        (SurfaceObserverParams, {"smallest_radius": math.inf}, "a finite number > 0"),
+        (SurfaceObserverParams, {"period": 0.0}, "a finite number > 0"),
+        (SurfaceObserverParams, {"kind": "best"}, ", ".join(KINDS)),
+        (SurfaceObserverParams, {"rate_lag": -1.0}, "a finite number >= 0"),
+        (
+            SurfaceObserverParams,
+            {"rate_lag": 0.1, "kind": "thesis"},
+            "null, but for kind=adaptive",
+        ),
+        (
+            SurfaceObserverParams,
+            {"model_error": ModelErrorParams(bias=1.0), "kind": "gated"},
+            "none, but for kind=adaptive",
+        ),
+        (ConstrainedFilterParams, {"weights": "posterior", **TOLD}, "sample, prior"),
+        (ConstrainedFilterParams, {"solver": "bisection", **TOLD}, "closed_form, newton"),
+        (ContactFrameFilterParams, {"models": 0, **TOLD}, "1 to 10"),
+        (ContactFrameFilterParams, {"models": 11, **TOLD}, "1 to 10"),
+        (ContactFrameFilterParams, {"friction_drift": -1e-3, **TOLD}, "a finite number >= 0"),
+        (ContactFrameFilterParams, {"path_radius": 0.0, **TOLD}, "a finite number > 0"),
+        (ContactFrameFilterParams, {"smoothest_radius": math.nan, **TOLD}, "a finite number > 0"),
+        (ContactFrameFilterParams, {"switching": 1.0, **TOLD}, "a probability below 1"),
+        (
+            ContactFrameFilterParams,
+            {"by_point": False, "rate_lag": 0.1, **TOLD},
+            "true with a differenced rate or model errors",
+        ),
+        (ModelErrorParams, {"bias": -1.0}, "a finite number >= 0"),
+        (ModelErrorParams, {"stiffness": 1.0}, "a part below 1"),
+        (ModelErrorParams, {"tare": 1.0}, "0, if there is no bias to be found"),
+        (ModelErrorParams, {"press": 1.0}, "0, if there is no stiffness to be found"),
+        (partial(SettledForce, dimension=2, period=0.1), {"wait": np.inf}, "a finite number >= 0"),
+        (partial(SettledForce, dimension=2, period=0.1), {"wait": -1.0}, "a finite number >= 0"),
+    ],
 )
-def test_initial_normal(make_params: Any, normal: Any) -> None:
+def test_what_is_refused(kind: Any, changes: dict[str, Any], allowed: str) -> None:
+    name, value = next(iter(changes.items()))
     with pytest.raises(ParameterError) as caught:
-        SurfaceObserver(make_params(2), normal)
-    expected = f"initial_normal is {normal!r}, allowed: 2 finite numbers, not all zero"
-    assert str(caught.value) == expected
+        kind(**changes)
+    assert str(caught.value) == str(ParameterError(name, value, allowed))
 
 
-@pytest.mark.parametrize("name", ["measured_force", "nominal_motion", "predicted_normal"])
-def test_wrong_length(make_params: Any, name: str) -> None:
-    # Refused where it is connected, before anything runs.
-    builder = DiagramBuilder()
-    block = builder.AddSystem(SurfaceObserver(make_params(2), np.array([0.0, 1.0])))
-    source = builder.AddSystem(ConstantVectorSource(np.zeros(5)))
-    with pytest.raises((RuntimeError, SystemExit), match=name):
-        builder.Connect(source.get_output_port(), block.GetInputPort(name))
+@pytest.mark.parametrize("normal", [[0.0, 0.0], [0.0, math.nan], [0.0, 0.0, 1.0]])
+def test_initial_normal_is_refused(make_params: Any, normal: list[float]) -> None:
+    with pytest.raises(ParameterError, match=r"^initial_normal is .* allowed: 2 finite numbers"):
+        SurfaceObserver(make_params(2), normal)  # type: ignore[arg-type]

@@ -64,13 +64,6 @@ def test_the_velocity_is_the_command_and_the_wrench_over_the_damping(
     np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
-def test_infinite_damping_does_not_give_way() -> None:
-    stiff = (math.inf, 2.0, math.inf, math.inf, 800.0, math.inf)
-    found = velocity(params(damping=stiff), np.full(6, 0.1), np.full(6, 8.0))
-    np.testing.assert_allclose(found, [0.1, 4.1, 0.1, 0.1, 0.11, 0.1])
-    assert params(damping=stiff).kappa[3] == 0.0
-
-
 def test_a_damping_that_is_set_takes_the_place_of_the_controllers_own() -> None:
     block = AccommodationController(params())
     simulator = Simulator(block)
@@ -144,106 +137,6 @@ def test_with_a_sample_of_delay_the_force_follows_the_closed_form(kappa: float) 
     np.testing.assert_allclose(found, delayed_form(kappa, 30), rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize("speed", [0.01, -0.02])
-@pytest.mark.parametrize("delayed", [False, True])
-def test_a_maintained_velocity_stalls_at_the_damping_times_it(
-    speed: float, *, delayed: bool
-) -> None:
-    found = contact_force(0.25, 80, delayed=delayed, speed=speed)
-    assert found[-1] == pytest.approx(DAMPING * speed, rel=1e-9)
-
-
-@pytest.mark.parametrize("kappa", [0.1, 0.25])
-def test_it_settles_monotonically_up_to_the_bound(kappa: float) -> None:
-    found = contact_force(kappa, 60, delayed=True)
-    assert (np.diff(found) > -1e-12).all()
-    assert found.max() <= DAMPING * SPEED * (1 + 1e-12)
-
-
-def test_it_oscillates_above_the_bound_and_settles() -> None:
-    stall = DAMPING * SPEED
-    found = contact_force(0.6, 150, delayed=True)
-    error = found - stall
-    assert error.max() > 0.1 * stall
-    assert (np.diff(np.sign(error[:40])) != 0).sum() >= 8
-    assert abs(error[-1]) < 1e-6 * stall
-
-
-def test_it_is_unstable_above_one() -> None:
-    error = np.abs(contact_force(1.1, 150, delayed=True) - DAMPING * SPEED)
-    assert error[-10:].max() > 100 * error[:10].max()
-    calm = np.abs(contact_force(0.9, 150, delayed=True) - DAMPING * SPEED)
-    assert calm[-10:].max() < 0.01 * calm[:10].max()
-
-
-def test_a_pressed_tool_without_command_gives_way_until_the_force_is_gone() -> None:
-    found = contact_force(0.25, 80, delayed=True, speed=0.0, begin=0.001)
-    assert found[0] > 10
-    assert abs(found[-1]) < 1e-9
-
-
-def test_kappa_is_that_of_every_axis() -> None:
-    found = params(
-        damping=(1.0, 2.0, 4.0, 800.0, 1600.0, math.inf),
-        stiffness=(3.2, 6.4, 6.4, 6400.0, 3200.0, 1e9),
-    )
-    np.testing.assert_allclose(found.kappa, [0.05, 0.05, 0.025, 0.125, 0.03125, 0.0])
-    np.testing.assert_allclose(np.diag(found.mobility), [1.0, 0.5, 0.25, 1 / 800, 1 / 1600, 0.0])
-
-
-@pytest.mark.parametrize("index", range(6))
-def test_too_little_damping_is_refused_by_the_name_of_its_axis(index: int) -> None:
-    damping, stiffness = [1000.0] * 6, [1000.0] * 6
-    damping[index], stiffness[index] = 399.0, 10_000.0
-    values = {"damping": tuple(damping), "stiffness": tuple(stiffness), "period": 0.01}
-    axis = ("rx", "ry", "rz", "x", "y", "z")[index]
-    with pytest.raises(
-        ParameterError,
-        match=rf"^damping of {axis} is 399.0, allowed: at least k T / 0.25 = 400 against a "
-        rf"stiffness of 10000, or a more compliant wrist$",
-    ):
-        AccommodationParams(**values)
-    AccommodationParams(**values, allow_unstable=True)  # type: ignore[arg-type]
-
-
-def test_the_bound_itself_is_allowed() -> None:
-    AccommodationParams(damping=(400.0,) * 6, stiffness=(10_000.0,) * 6, period=0.01)
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"period": 0.0}, "period is 0.0, allowed: a finite number > 0"),
-        ({"damping": (1.0,) * 5}, "damping is .*, allowed: six numbers"),
-        ({"stiffness": (1.0,) * 7}, "stiffness is .*, allowed: six numbers"),
-        ({"damping": (0.0,) + (1e3,) * 5}, r"damping is \(0.0, .*, allowed: six numbers > 0"),
-        ({"damping": (math.nan,) + (1e3,) * 5}, r"damping is \(nan, .*, allowed: six numbers > 0"),
-        ({"stiffness": (-1.0,) * 6}, r"stiffness is \(-1.0, .*, allowed: six finite numbers >= 0"),
-        ({"stiffness": (math.inf,) * 6}, r"stiffness is \(inf, .*, allowed: six finite numbers"),
-    ],
-)
-@pytest.mark.parametrize("allow_unstable", [False, True])
-def test_parameters_out_of_range_are_refused(
-    values: dict[str, Any], message: str, *, allow_unstable: bool
-) -> None:
-    with pytest.raises(ParameterError, match=message):
-        AccommodationParams(**values, allow_unstable=allow_unstable)
-
-
-@pytest.mark.parametrize("port", ["command", "wrench"])
-@pytest.mark.parametrize("value", [math.nan, -math.inf])
-def test_an_input_that_is_not_finite_is_named(port: str, value: float) -> None:
-    inputs = {"command": np.zeros(6), "wrench": np.zeros(6)}
-    inputs[port][2] = value
-    stiff = params(damping=(math.inf,) * 6)  # 0 times infinity
-    with pytest.raises(ParameterError, match=f"{port} is .*{value}.*, allowed: finite numbers"):
-        velocity(stiff, inputs["command"], inputs["wrench"])
-
-
-def test_the_velocity_is_held_by_the_state() -> None:
-    assert not AccommodationController(AccommodationParams()).HasAnyDirectFeedthrough()
-
-
 # The centre of compliance
 
 FREE = (0.0,) * 6  # stiffness that no centre is too far for
@@ -268,28 +161,14 @@ def test_at_a_remote_centre_the_damping_is_diagonal(
     np.testing.assert_allclose(velocity_at(centre, v), force / damping[3:], atol=1e-9)
 
 
-def test_a_force_at_the_tip_turns_the_tool_about_the_centre() -> None:
-    # Stiff along its axes and soft about them.
-    remote = params(damping=(2.0,) * 3 + (math.inf,) * 3, stiffness=FREE, centre=(0, 0, 0.05))
-    v = remote.mobility @ [0, 0, 0, 8.0, 0, 0]
-    np.testing.assert_allclose(velocity_at((0, 0, 0.05), v), 0.0, atol=1e-15)
-    # Torque 0.05 m x 8 N about -y; the tip goes along with the force.
-    np.testing.assert_allclose(v, [0, -0.05 * 8 / 2, 0, 0.05**2 * 8 / 2, 0, 0], atol=1e-15)
-
-
-def test_a_force_through_the_centre_does_not_turn_the_tool() -> None:
-    remote = params(stiffness=FREE, centre=(0.0, 0.0, -0.03))
-    force = np.array([8.0, -4.0, 2.0])
-    wrench = [*np.cross([0, 0, -0.03], force), *force]
-    np.testing.assert_allclose(remote.mobility @ wrench, [0, 0, 0, *(force / DAMPING)], atol=1e-15)
-
-
 @given(centre=CENTRES, damping=st.tuples(*[st.floats(1, 1e4)] * 6))
 def test_the_mobility_is_symmetric_and_takes_energy(
     centre: tuple[float, ...], damping: tuple[float, ...]
 ) -> None:
     mobility = params(damping=damping, stiffness=FREE, centre=centre).mobility
-    np.testing.assert_allclose(mobility, mobility.T, rtol=1e-12, atol=0)
+    # An entry is a sum, which may cancel: it is as exact as its rounding is to the largest one.
+    floor = 1e-14 * np.abs(mobility).max()
+    np.testing.assert_allclose(mobility, mobility.T, rtol=1e-12, atol=floor)
     assert np.linalg.eigvalsh(mobility).min() > 0
 
 
@@ -329,39 +208,6 @@ def test_a_centre_too_far_is_refused_by_the_largest_eigenvalue() -> None:
         f"T D^-1 K, here {largest_eigenvalue(height):.3g}, is at most 0.25"
     )
     far(height, allow_unstable=True)
-
-
-@pytest.mark.parametrize("centre", [(0.0, 0.0), (0.0, 0.0, math.nan), (math.inf, 0.0, 0.0)])
-def test_a_centre_is_three_finite_numbers(centre: tuple[float, ...]) -> None:
-    with pytest.raises(ParameterError, match=r"^centre is .*, allowed: three finite numbers$"):
-        params(centre=centre)
-
-
-def pressed(loop: AccommodationParams, ticks: int) -> Array:
-    """Force along x of a tool that is pressed by a spring on every axis, a sample late, N."""
-    stiffness = np.diag(loop.stiffness)
-    place, wrench, forces = np.zeros(6), np.zeros(6), []
-    block = AccommodationController(loop)
-    simulator = Simulator(block)
-    context = simulator.get_mutable_context()
-    command = np.array([0, 0, 0, SPEED, 0, 0])
-    block.GetInputPort("command").FixValue(context, command)
-    for i in range(ticks):
-        block.GetInputPort("wrench").FixValue(context, wrench)
-        wrench = -stiffness @ place
-        forces.append(-wrench[3])
-        simulator.AdvanceTo(i * PERIOD)
-        simulator.AdvancePendingEvents()
-        place = place + PERIOD * block.GetOutputPort("velocity").Eval(context)
-    return np.array(forces)
-
-
-def test_it_settles_monotonically_with_a_centre_at_the_bound_and_not_far_beyond() -> None:
-    at = pressed(far(bound()), 200)
-    assert (np.diff(at) > -1e-9).all()
-    assert at[-1] > 0
-    beyond = pressed(far(2.5 * bound(), allow_unstable=True), 200)
-    assert np.diff(beyond).min() < -0.01
 
 
 def test_the_command_that_was_perturbed_is_held_beside_the_velocity() -> None:

@@ -1,4 +1,4 @@
-"""The WAM with a tool: frames, masses, and what the parameters may be."""
+"""An arm with a tool: frames, masses, a wrench on it, and what its joints' friction is there."""
 
 import math
 from dataclasses import replace
@@ -11,16 +11,18 @@ from hypothesis import strategies as st
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex
+from pydrake.multibody.tree import BodyIndex, RotationalInertia, SpatialInertia
+from pydrake.systems.framework import DiagramBuilder
 
 from chamfer.models.arms import wam
-from chamfer.models.validation import ParameterError
 from chamfer.systems.force.arm_model import (
     ArmModel,
     Placement,
+    ToolForce,
     ToolParams,
     TruePose,
     add_arm,
+    tool_friction,
 )
 from chamfer.systems.pose import pose_vector
 
@@ -94,15 +96,6 @@ def test_tool_adds_its_weight_and_inertia(q: Array) -> None:
     np.testing.assert_allclose(tool.mass - without.mass, mass, rtol=0, atol=1e-7)
 
 
-def test_states_do_not_depend_on_what_was_asked_before() -> None:
-    first = MODEL.evaluate(BENT)
-    copies = [np.array(value) for value in first[1:]]
-    MODEL.evaluate(BENT + 0.1)
-    for value, copy, again in zip(first[1:], copies, MODEL.evaluate(BENT)[1:], strict=True):
-        np.testing.assert_array_equal(value, copy)
-        np.testing.assert_array_equal(again, copy)
-
-
 @given(q=poses)
 def test_joint_positions_put_the_tool_there(q: Array) -> None:
     X_WT = RigidTransform(tool_pose(q))
@@ -135,35 +128,61 @@ def test_true_pose_is_that_of_its_body() -> None:
     np.testing.assert_array_equal(block.get_output_port().Eval(context), pose_vector(poses[2]))
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"mass": 0.0}, "mass is 0.0, allowed: a finite number > 0"),
-        (
-            {"centre_of_mass": (0.0, math.nan, 0.0)},
-            "centre_of_mass is (0.0, nan, 0.0), allowed: three finite numbers",
-        ),
-        ({"inertia": (1.0, 1.0)}, "inertia is (1.0, 1.0), allowed: three finite numbers"),
-        (
-            {"inertia": (1.0, 1.0, 2.1)},
-            "inertia is (1.0, 1.0, 2.1), allowed: three numbers > 0, none more than the others'"
-            " sum",
-        ),
-        (
-            {"inertia": (1.0, 1.0, 0.0)},
-            "inertia is (1.0, 1.0, 0.0), allowed: three numbers > 0, none more than the others'"
-            " sum",
-        ),
-    ],
-)
-def test_tools_that_cannot_be(change: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError) as caught:
-        replace(TOOL, **change)
-    assert str(caught.value) == message
+WRENCH = np.array([0.1, -0.2, 0.3, 4.0, -5.0, 6.0])  # N m above N
 
 
-@pytest.mark.parametrize("name", ["position", "rpy"])
-@pytest.mark.parametrize("value", [(0.0, 0.0), (0.0, math.inf, 0.0)])
-def test_placements_are_finite(name: str, value: tuple[float, ...]) -> None:
-    with pytest.raises(ParameterError, match=f"^{name} is .*, allowed: three finite numbers$"):
-        Placement(**{name: value})  # type: ignore[arg-type]
+def two_bodies() -> MultibodyPlant:
+    """Two free bodies, without weight, whose centres of mass are away from their origins."""
+    plant = MultibodyPlant(0.0)
+    plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, 0.0])
+    for name in ("other", "tool"):
+        inertia = SpatialInertia.MakeFromCentralInertia(
+            2.0, np.array([0.0, 0.0, 0.05]), RotationalInertia(0.1, 0.2, 0.25)
+        )
+        plant.AddRigidBody(name, inertia)
+    plant.Finalize()
+    return plant
+
+
+def test_the_wrench_acts_on_the_body_at_its_origin_in_the_worlds_axes() -> None:
+    builder = DiagramBuilder()
+    plant: Any = builder.AddSystem(two_bodies())
+    tool = plant.GetBodyByName("tool")
+    block = builder.AddSystem(ToolForce(tool.index()))
+    builder.Connect(block.get_output_port(), plant.get_applied_spatial_force_input_port())
+    builder.ExportInput(block.GetInputPort("wrench"), "wrench")
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    inside = plant.GetMyMutableContextFromRoot(context)
+    X_WB = RigidTransform(RollPitchYaw(0.3, -0.5, 1.2), [0.4, 0.5, 0.6])
+    plant.SetFreeBodyPose(inside, tool, X_WB)
+    diagram.GetInputPort("wrench").FixValue(context, WRENCH)
+    A_WB = plant.EvalBodySpatialAccelerationInWorld(inside, tool)
+    R, arm = X_WB.rotation().matrix(), X_WB.rotation() @ np.array([0.0, 0.0, 0.05])
+    about = R @ np.diag([0.1, 0.2, 0.25]) @ R.T
+    moment = WRENCH[:3] - np.cross(arm, WRENCH[3:])  # about the centre of mass
+    turning = np.linalg.solve(about, moment)
+    np.testing.assert_allclose(A_WB.rotational(), turning, atol=1e-9)
+    expected = WRENCH[3:] / 2.0 - np.cross(turning, arm)
+    np.testing.assert_allclose(A_WB.translational(), expected, atol=1e-9)
+    still = plant.EvalBodySpatialAccelerationInWorld(inside, plant.GetBodyByName("other"))
+    np.testing.assert_allclose(still.get_coeffs(), 0.0, atol=1e-12)
+
+
+# A slide along x, and a joint about z at a lever of 0.5 m behind the tool: rows rad/s above m/s.
+JACOBIAN = np.zeros((6, 2))
+JACOBIAN[3, 0] = 1.0
+JACOBIAN[2, 1], JACOBIAN[4, 1] = 1.0, 0.5
+
+
+def test_what_one_joint_turns_is_held_by_its_friction_over_the_lever() -> None:
+    found = tool_friction(JACOBIAN, np.array([3.0, 0.2]))
+    assert np.allclose(found.held[[2, 3, 4]], [0.2, 3.0, 0.4])
+    assert np.isinf(found.held[[0, 1, 5]]).all()
+
+
+def test_what_slides_takes_the_power_of_its_joints() -> None:
+    found = tool_friction(JACOBIAN, np.array([3.0, 0.2]))
+    assert np.isclose(found.wound[3], 3.0)
+    # The joint of least norm that makes 1 m/s across turns with 0.5/1.25 rad/s of what it is told.
+    assert np.isclose(found.wound[4], 0.2 * 0.5 / 1.25)

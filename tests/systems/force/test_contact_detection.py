@@ -1,6 +1,5 @@
 """Contact detection: the chart on sequences of forces, and the block."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -59,16 +58,6 @@ def test_states_have_the_numbers_of_the_port() -> None:
     assert chart.initial == "approach"
 
 
-def test_ways_between_the_states() -> None:
-    chart = make_contact_chart(WIDE, DOWN)
-    # Once there was contact, the approach does not come back.
-    assert {name: chart.successors(name) for name in STATES} == {
-        "approach": {"contact"},
-        "contact": {"lost"},
-        "lost": {"contact"},
-    }
-
-
 def test_drawing_has_three_states_and_the_thresholds() -> None:
     graph = chart_graph(make_contact_chart(WIDE, DOWN))
     assert [node.label for node in graph.nodes if node.kind == "state"] == list(STATES)
@@ -79,52 +68,6 @@ def test_drawing_has_three_states_and_the_thresholds() -> None:
         ("state contact", "state lost", "force <= 0.5 N"),
         ("state lost", "state contact", "force > 2 N"),
     }
-
-
-@pytest.mark.parametrize(
-    ("push", "state"),
-    [
-        (-50.0, "approach"),
-        (0.0, "approach"),
-        (2.0, "approach"),
-        (math.nextafter(2.0, 3.0), "contact"),
-        (1e9, "contact"),
-    ],
-)
-def test_more_than_the_threshold_is_contact(push: float, state: str) -> None:
-    assert run(WIDE, [push])[0] == [state]
-
-
-@pytest.mark.parametrize(
-    ("push", "state"),
-    [
-        (math.nextafter(0.5, 1.0), "contact"),
-        (0.5, "lost"),
-        (0.0, "lost"),
-        (-3.0, "lost"),
-    ],
-)
-def test_what_is_not_above_the_release_is_loss(push: float, state: str) -> None:
-    assert run(WIDE, [5.0, push])[0] == ["contact", state]
-
-
-@pytest.mark.parametrize(
-    ("push", "state"), [(2.0, "lost"), (math.nextafter(2.0, 3.0), "contact"), (1.0, "lost")]
-)
-def test_contact_is_made_again_at_the_threshold(push: float, state: str) -> None:
-    assert run(WIDE, [5.0, 0.0, push])[0] == ["contact", "lost", state]
-
-
-between = st.lists(st.floats(0.5, 2.0, exclude_min=True), min_size=1, max_size=40)
-
-
-@given(pushes=between)
-def test_no_chatter_between_the_thresholds(pushes: list[float]) -> None:
-    # Whatever the force does there, the state stays what it was.
-    assert run(WIDE, pushes) == (["approach"] * len(pushes), [-1.0] * len(pushes), 0)
-    assert run(WIDE, [5.0, *pushes])[2] == 1
-    states, _, taken = run(WIDE, [5.0, 0.0, *pushes])
-    assert (set(states[1:]), taken) == ({"lost"}, 2)
 
 
 @given(
@@ -143,19 +86,6 @@ def test_relay_with_hysteresis(pushes: list[float]) -> None:
         decisive = [push for push in pushes[: i + 1] if push > 2.0 or push <= 0.5][-1]
         assert state == ("contact" if decisive > 2.0 else "lost")
         assert time == touched[0] * PERIOD  # of the first contact, for good
-
-
-def test_contact_time_is_that_of_the_first() -> None:
-    states, times, _ = run(WIDE, [0.0, 0.0, 5.0, 0.0, 5.0])
-    assert states == ["approach", "approach", "contact", "lost", "contact"]
-    assert times == [-1.0, -1.0, 0.5, 0.5, 0.5]
-
-
-def test_friction_along_the_surface_is_not_contact() -> None:
-    chart = make_contact_chart(WIDE, DOWN)
-    for force in ((1e3, 0.0), (-1e3, 0.0), (1e3, -2.0), (0.0, 50.0)):
-        snapshot, record = chart.step(chart.start(), Inputs(force), 0.0)
-        assert (snapshot.state, record) == ("approach", None)
 
 
 def test_force_is_taken_along_an_oblique_direction() -> None:
@@ -225,16 +155,6 @@ def test_a_bias_moves_the_thresholds() -> None:
         ContactDetectionParams(detect=0.9).resolved(0.0, 1.0)
 
 
-def test_what_is_given_stays() -> None:
-    given = ContactDetectionParams(detect=0.3, release=0.1, samples=2)
-    assert given.resolved(5.0) == given
-
-
-def test_an_open_threshold_is_refused() -> None:
-    with pytest.raises(ParameterError, match=r"^detect is None"):
-        make_contact_chart(ContactDetectionParams(), DOWN)
-
-
 # The block
 
 
@@ -270,55 +190,3 @@ def test_block_runs_the_chart() -> None:
     assert found[-1] == (CONTACT, 0.5)
     labels = [record.label for record in driven.block.transitions(driven.context)]
     assert labels == ["force > 2 N", "force <= 0.5 N", "force > 2 N"]
-
-
-def test_block_looks_at_its_ticks_only() -> None:
-    driven = Driven(WIDE)
-    driven.tick(0.0, 0.0)
-    driven.block.GetInputPort("measured_force").FixValue(driven.context, [0.0, -9.0])
-    driven.simulator.AdvanceTo(0.2)
-    assert driven.read() == (APPROACH, -1.0)
-    driven.simulator.AdvanceTo(0.3)
-    assert driven.read() == (CONTACT, 0.25)
-
-
-def test_ports() -> None:
-    direction = np.array([0.0, 0.0, -1.0, 0.0])
-    block = ContactDetection(WIDE, direction, period=0.005)
-    assert block.GetInputPort("measured_force").size() == 4
-    assert block.GetOutputPort("state").size() == 1
-    assert block.GetOutputPort("contact_time").size() == 1
-    assert not block.HasAnyDirectFeedthrough()
-    assert block.period == 0.005
-
-
-def test_contexts_are_apart() -> None:
-    driven = Driven(WIDE)
-    driven.tick(0.0, -9.0)
-    assert driven.read() == (CONTACT, 0.0)
-    fresh = driven.block.CreateDefaultContext()
-    assert driven.block.GetOutputPort("state").Eval(fresh)[0] == APPROACH
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"detect": 0.0}, "detect is 0.0, allowed: a finite number > 0"),
-        ({"detect": math.nan}, "detect is nan, allowed: a finite number > 0"),
-        ({"release": -0.1}, "release is -0.1, allowed: a finite number >= 0"),
-        ({"samples": 0}, "samples is 0, allowed: a whole number >= 1"),
-        ({"release": 3.0, "detect": 2.5}, "release is 3.0, allowed: less than detect, 2.5"),
-    ],
-)
-def test_parameters(changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError) as caught:
-        ContactDetectionParams(**changes)
-    assert str(caught.value) == message
-
-
-@pytest.mark.parametrize("direction", [[0.0, 0.0], [math.nan, 1.0]])
-def test_direction_has_to_be_one(direction: list[float]) -> None:
-    with pytest.raises(ParameterError) as caught:
-        ContactDetection(WIDE, np.array(direction), period=PERIOD)
-    message = f"direction is {direction}, allowed: a finite vector other than zero"
-    assert str(caught.value) == message

@@ -1,4 +1,4 @@
-"""Friction compensation: its lag in closed form, and what it does to a plant with friction."""
+"""Friction compensation: its lag in closed form, the joints that move, the base's sensor."""
 
 import math
 from typing import Any
@@ -8,13 +8,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import AffineSystem, ConstantVectorSource
 
+from chamfer.models.arms.adept_wrist import ADEPT_WRIST
+from chamfer.models.arms.arm import Arm
+from chamfer.models.arms.puma_250 import PUMA_250
 from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.arm_dynamics import ArmDynamics, base_wrench, pose
 from chamfer.systems.force.friction_compensation import (
+    BaseWrenchTorque,
     FrictionCompensation,
     FrictionCompensationParams,
+    JointsToMove,
 )
 
 COMMAND = np.array([3.0, -1.0])
@@ -71,97 +75,6 @@ def test_lag_in_closed_form(bandwidth: float, period: float) -> None:
     np.testing.assert_allclose(torques, expected, rtol=0, atol=1e-12)
 
 
-def test_friction_is_made_up_for() -> None:
-    torques = with_ideal_plant(10.0, 200)
-    np.testing.assert_array_equal(torques[0], COMMAND)
-    np.testing.assert_allclose(torques[-1], COMMAND + FRICTION, rtol=0, atol=1e-12)
-    # At its bandwidth of 10 Hz the lag's time constant is 16 ms: 3.2 ticks.
-    reached = (torques[:, 0] - COMMAND[0]) / FRICTION[0]
-    assert reached[3] < 1 - math.exp(-1) < reached[4]
-
-
-def test_links_get_the_command_in_a_sampled_loop() -> None:
-    builder = DiagramBuilder()
-    params = FrictionCompensationParams(bandwidth=20.0)
-    block = builder.AddSystem(FrictionCompensation(params, joints=2, period=PERIOD))
-    command = builder.AddSystem(ConstantVectorSource(COMMAND))
-    # The sensor shows what was transmitted over the last period, torque less friction.
-    links = builder.AddSystem(
-        AffineSystem(
-            A=np.zeros((2, 2)),
-            B=np.eye(2),
-            f0=-FRICTION,
-            C=np.eye(2),
-            D=np.zeros((2, 2)),
-            y0=np.zeros(2),
-            time_period=PERIOD,
-        )
-    )
-    builder.Connect(command.get_output_port(), block.GetInputPort("command"))
-    builder.Connect(links.get_output_port(), block.GetInputPort("base_torque"))
-    builder.Connect(block.GetOutputPort("torque"), links.get_input_port())
-    simulator = Simulator(builder.Build())
-    transmitted = links.GetMyMutableContextFromRoot(simulator.get_mutable_context())
-    transmitted.SetDiscreteState(COMMAND - FRICTION)
-    for ticks in range(60):
-        simulator.AdvanceTo(ticks * PERIOD)
-        simulator.AdvancePendingEvents()
-        # The links step after the compensation's tick of the same instant.
-        left = math.exp(-2 * math.pi * 20.0 * PERIOD * (ticks + 1))
-        np.testing.assert_allclose(
-            transmitted.get_discrete_state_vector().value(),
-            COMMAND - left * FRICTION,
-            rtol=0,
-            atol=1e-12,
-        )
-
-
-def test_follows_a_change_of_the_command_at_once() -> None:
-    driven = Driven(10.0)
-    driven.command(COMMAND)
-    for _ in range(300):
-        driven.tick(driven.torque - FRICTION)
-    np.testing.assert_allclose(
-        driven.command([-8.0, 5.0]), np.array([-8.0, 5.0]) + FRICTION, rtol=0, atol=1e-12
-    )
-
-
-def test_without_friction_nothing_is_added() -> None:
-    driven = Driven(10.0)
-    driven.command(COMMAND)
-    for _ in range(10):
-        np.testing.assert_array_equal(driven.tick(COMMAND), COMMAND)
-
-
-def test_friction_of_one_joint_stays_there() -> None:
-    driven = Driven(10.0, joints=3)
-    driven.command([0.0, 0.0, 0.0])
-    torque = driven.tick([0.0, -0.5, 0.0])
-    assert torque[1] == pytest.approx(0.5 * (1 - math.exp(-0.1 * math.pi)), abs=1e-15)
-    assert torque[0] == torque[2] == 0.0
-
-
-def test_estimate_is_held_between_ticks() -> None:
-    driven = Driven(10.0)
-    driven.command(COMMAND)
-    after = driven.tick(COMMAND - FRICTION)
-    driven.block.GetInputPort("base_torque").FixValue(driven.context, [9.0, 9.0])
-    driven.simulator.AdvanceTo(0.0049)
-    np.testing.assert_array_equal(driven.torque, after)
-
-
-def test_only_the_command_feeds_through() -> None:
-    block = Driven(10.0).block
-    through = {
-        block.get_input_port(i).get_name()
-        for i in range(block.num_input_ports())
-        if block.HasDirectFeedthrough(i, 0)
-    }
-    assert through == {"command"}
-    assert [block.get_input_port(i).size() for i in range(2)] == [2, 2]
-    assert block.GetOutputPort("torque").size() == 2
-
-
 def test_the_estimate_of_a_joint_that_is_to_stand_is_kept() -> None:
     driven = Driven(10.0)
     driven.command(COMMAND)
@@ -179,23 +92,6 @@ def test_the_estimate_of_a_joint_that_is_to_stand_is_kept() -> None:
     assert added[0] > 2 * COMMAND[0]
 
 
-@pytest.mark.parametrize("bad", [math.nan, math.inf])
-def test_base_torque_has_to_be_finite(bad: float) -> None:
-    driven = Driven(10.0)
-    driven.command(COMMAND)
-    with pytest.raises(
-        ParameterError, match=rf"^base_torque is \[1.0, {bad}\], allowed: finite numbers$"
-    ):
-        driven.tick([1.0, bad])
-
-
-@pytest.mark.parametrize("bandwidth", [0.0, math.nan])
-def test_parameters(bandwidth: float) -> None:
-    with pytest.raises(ParameterError) as caught:
-        FrictionCompensationParams(bandwidth=bandwidth)
-    assert str(caught.value) == f"bandwidth is {bandwidth}, allowed: a finite number > 0"
-
-
 def test_only_some_joints_may_be_compensated() -> None:
     params = FrictionCompensationParams(bandwidth=20.0, joints=(1,))
     block = FrictionCompensation(params, joints=2, period=PERIOD)
@@ -211,3 +107,53 @@ def test_only_some_joints_may_be_compensated() -> None:
         wrong = FrictionCompensationParams(bandwidth=20.0, joints=joints)
         with pytest.raises(ParameterError, match=r"^joints is .* different indices below 2"):
             FrictionCompensation(wrong, joints=2, period=PERIOD)
+
+
+Q = np.array([0.3, 1.1, 0.35, -0.4, 0.3, 0.3, 0.0])
+REST = 1e-3
+
+
+def moving(desired: np.ndarray, rest_speed: float = REST) -> list[float]:
+    """Return what the block says at Q, with encoders that say so of joints that move."""
+    block = JointsToMove(ADEPT_WRIST, rest_speed=rest_speed)
+    context = block.CreateDefaultContext()
+    block.GetInputPort("encoders").FixValue(context, [*Q, *np.ones(7)])
+    block.GetInputPort("desired_velocity").FixValue(context, desired)
+    found: list[float] = block.GetOutputPort("moving").Eval(context).tolist()
+    return found
+
+
+def test_down_the_wall_only_the_quill_moves() -> None:
+    assert moving(np.array([0.0, 0.0, -0.02, 0.0, 0.0, 0.0, 0.0])) == [0, 0, 1, 0, 0, 0, 0]
+
+
+@pytest.mark.parametrize("joint", range(7))
+def test_a_joint_moves_from_the_rest_speed_on(joint: int) -> None:
+    jacobian = ADEPT_WRIST.jacobian(Q)
+    for share, expected in ((-1.1, 1.0), (1.1, 1.0), (0.9, 0.0), (0.0, 0.0)):
+        speeds = np.zeros(7)
+        speeds[joint] = share * REST
+        found = moving(jacobian @ speeds)
+        assert found[joint] == expected
+        assert sum(found) == expected
+
+
+@pytest.mark.parametrize("arm", [ADEPT_WRIST, PUMA_250], ids=lambda arm: arm.name)
+@pytest.mark.parametrize("seed", range(4))
+def test_torques_are_those_that_move_the_arm_and_push(arm: Arm, seed: int) -> None:
+    rng, n = np.random.default_rng(seed), arm.num_joints
+    q, v = rng.uniform(-1.5, 1.5, n), rng.uniform(-2, 2, n)
+    force = rng.uniform(-20, 20, 3)
+    dynamics = ArmDynamics(arm)
+    block = BaseWrenchTorque(dynamics)
+    context = block.CreateDefaultContext()
+    chain = dynamics.chain
+    wrench = base_wrench(chain, pose(chain, q), v, np.zeros(n))
+    tip = dynamics.evaluate(q, v).p_WC
+    wrench -= np.append(np.cross(tip, force), force)
+    block.GetInputPort("base_wrench").FixValue(context, wrench)
+    block.GetInputPort("encoders").FixValue(context, np.concatenate([q, v]))
+    state = dynamics.evaluate(q, v)
+    expected = state.bias - state.J_v_WC.T @ force
+    found = block.GetOutputPort("base_torque").Eval(context)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10)

@@ -1,13 +1,16 @@
-"""The hybrid controller's block: ports, ticks, and what it refuses."""
+"""The hybrid controller: its laws from their formulas, its switches, and what it refuses."""
 
 import math
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import MultibodyForces
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import AffineSystem, ConstantVectorSource
 
 from chamfer.models.arms.adept_one import ADEPT_ONE
 from chamfer.models.arms.arm import Arm
@@ -15,7 +18,12 @@ from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.models.arms.puma_250 import PUMA_250
 from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.force.hybrid_controller import HybridController, Law
+from chamfer.systems.force.hybrid_controller import (
+    AccelerationFeedforward,
+    HybridController,
+    HybridControllerParams,
+    Law,
+)
 
 Array = np.ndarray
 
@@ -24,27 +32,6 @@ APPROACH, CONTACT, LOST = 0, 1, 2
 DOWN = np.array([0.0, -1.0])
 ALONG = np.diag([1.0, 0.0])  # P in contact
 FREE = np.eye(2)
-
-
-def test_ports(make_params: Any) -> None:
-    ones = dict.fromkeys(("stiffness", "integral", "damping"), (1.0,) * 4)
-    block = HybridController(ADEPT_ONE, make_params(**ones))
-    sizes = {
-        block.get_input_port(i).get_name(): block.get_input_port(i).size()
-        for i in range(block.num_input_ports())
-    }
-    assert sizes == {
-        "encoders": 8,
-        "desired_position": 4,
-        "desired_force": 4,
-        "measured_force": 4,
-        "selection": 16,
-        "mode": 1,
-        "desired_velocity": 4,
-    }
-    outputs = [block.get_output_port(i).get_name() for i in range(block.num_output_ports())]
-    assert outputs == ["torque", "position_error", "force_error"]
-    assert not block.HasAnyDirectFeedthrough()
 
 
 def test_errors_are_told_before_the_selection(drive: Any, contact: Any) -> None:
@@ -65,96 +52,7 @@ def test_torque_is_held_between_ticks(drive: Any, contact: Any) -> None:
     assert not np.allclose(driven.read("torque"), torque)
 
 
-@pytest.mark.parametrize("period", [0.005, 0.125])
-def test_ticks_at_its_period(drive: Any, contact: Any, period: float) -> None:
-    # The integral of a constant error counts them.
-    driven = drive("transpose", stiffness=(0.0, 0.0), period=period)
-    driven.feed(**contact(selection=FREE, mode=APPROACH))
-    driven.simulator.AdvanceTo(10.5 * period)
-    expected = 11 * period * np.array([200.0, 100.0]) * [0.02, -0.1]
-    np.testing.assert_allclose(contact.tip_force(driven.read("torque")), expected, rtol=1e-12)
-
-
-def test_plant_of_the_same_instant_sees_the_new_torque(make_params: Any, contact: Any) -> None:
-    builder = DiagramBuilder()
-    params = make_params()
-    block = builder.AddSystem(HybridController(PLANAR_TWO_LINK, params))
-    for name, value in contact(selection=FREE, mode=[APPROACH]).items():
-        source = builder.AddSystem(ConstantVectorSource(np.asarray(value, dtype=float).ravel()))
-        builder.Connect(source.get_output_port(), block.GetInputPort(name))
-    keep = builder.AddSystem(
-        AffineSystem(
-            A=np.zeros((2, 2)),
-            B=np.eye(2),
-            f0=np.zeros(2),
-            C=np.eye(2),
-            D=np.zeros((2, 2)),
-            y0=np.zeros(2),
-            time_period=params.period,
-        )
-    )
-    builder.Connect(block.GetOutputPort("torque"), keep.get_input_port())
-    simulator = Simulator(builder.Build())
-    for ticks in range(3):
-        simulator.AdvanceTo(ticks * params.period)
-        simulator.AdvancePendingEvents()
-        seen = keep.get_output_port().Eval(keep.GetMyContextFromRoot(simulator.get_context()))
-        torque = block.GetOutputPort("torque").Eval(
-            block.GetMyContextFromRoot(simulator.get_context())
-        )
-        assert np.abs(torque).max() > 1
-        np.testing.assert_array_equal(seen, torque)
-
-
-def test_contexts_are_apart(drive: Any, contact: Any) -> None:
-    driven = drive()
-    driven.tick(**contact(selection=FREE, mode=APPROACH))
-    first = driven.tick()
-    again = drive()
-    fresh = Simulator(driven.block)
-    for port in range(6):
-        value = driven.block.get_input_port(port).Eval(driven.context)
-        driven.block.get_input_port(port).FixValue(fresh.get_mutable_context(), value)
-    fresh.AdvanceTo(0.25)
-    fresh.AdvancePendingEvents()
-    found = driven.block.GetOutputPort("torque").Eval(fresh.get_context())
-    np.testing.assert_array_equal(found, first)
-    assert not np.any(again.read("torque"))
-
-
 # What is refused
-
-PORTS = {
-    "encoders": 4,
-    "desired_position": 2,
-    "desired_force": 2,
-    "measured_force": 2,
-    "selection": 4,
-    "mode": 1,
-    "desired_velocity": 2,
-}
-
-
-@pytest.mark.filterwarnings("ignore:invalid value")
-@pytest.mark.parametrize("mode", [APPROACH, CONTACT, LOST])
-@pytest.mark.parametrize("bad", [math.nan, -math.inf])
-@pytest.mark.parametrize("port", PORTS)
-def test_inputs_have_to_be_finite(
-    drive: Any, contact: Any, port: str, bad: float, mode: int
-) -> None:
-    for index in range(PORTS[port]):
-        driven = drive()
-        driven.feed(desired_velocity=[0.1, 0.0])
-        driven.tick(**contact(selection=ALONG if mode else FREE, mode=CONTACT if mode else 0))
-        value = driven.block.GetInputPort(port).Eval(driven.context).copy()
-        value[index] = bad
-        driven.feed(mode=mode)
-        with pytest.raises(ParameterError) as caught:
-            driven.tick(**{port: value})
-        message = str(caught.value)
-        assert message == f"{port} is {value.tolist()}, allowed: finite numbers"
-        # What was there is kept.
-        assert np.all(np.isfinite(driven.read("torque")))
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -207,27 +105,6 @@ def test_singular_pose(
     assert str(caught.value) == f"the pose of the {arm.name} is {printed}, allowed: {allowed}"
 
 
-def test_nearly_singular_pose_is_fine(drive: Any) -> None:
-    driven = drive()
-    q = np.array([0.5, 1e-4])
-    torque = driven.tick(encoders=[*q, 0, 0], desired_position=PLANAR_TWO_LINK.endpoint(q))
-    np.testing.assert_allclose(torque, [0, 0], rtol=0, atol=1e-6)
-
-
-def test_gains_have_to_fit_the_arm(make_params: Any) -> None:
-    message = r"^stiffness is \(400.0, 300.0\), allowed: 3 numbers, or one for all$"
-    with pytest.raises(ParameterError, match=message):
-        HybridController(PUMA_250, make_params())
-
-
-def test_one_gain_for_all_joints(drive: Any, contact: Any) -> None:
-    even = {"stiffness": 90.0, "integral": 20.0, "damping": 7.0}
-    one = drive(**even)
-    each = drive(**{name: (value, value) for name, value in even.items()})
-    inputs = contact(selection=ALONG, mode=CONTACT)
-    np.testing.assert_array_equal(one.tick(**inputs), each.tick(**inputs))
-
-
 def test_full_dynamics_go_with_a_model(make_params: Any) -> None:
     full = make_params(full_dynamics=True, inertia=(1.0, 1.0))
     with pytest.raises(ParameterError, match=r"^full_dynamics is True, allowed: true with a mod"):
@@ -237,51 +114,378 @@ def test_full_dynamics_go_with_a_model(make_params: Any) -> None:
         HybridController(PLANAR_TWO_LINK, make_params(), dynamics=dynamics)
 
 
-def test_what_a_scenario_leaves_open_is_refused(make_params: Any) -> None:
-    with pytest.raises(ParameterError, match=r"^feedforward_torque is None, allowed: a value"):
-        HybridController(PLANAR_TWO_LINK, make_params(feedforward_torque=None))
-    full = make_params(full_dynamics=True)
-    with pytest.raises(ParameterError, match=r"^inertia is None, allowed: a value"):
-        HybridController(PLANAR_TWO_LINK, full, dynamics=ArmDynamics(PLANAR_TWO_LINK))
+ARMS = (PLANAR_TWO_LINK, PUMA_250, ADEPT_ONE)
+APPROACH, CONTACT = 0, 1
 
 
-FULL = {"full_dynamics": True}
+class Formulas:
+    """The laws of Figs. 2-1 and 2-2 in a basis of the surface's tangents, tick by tick.
+
+    Shares nothing with the controller but the arm's forward kinematics.
+    """
+
+    def __init__(self, arm: Arm, params: HybridControllerParams) -> None:
+        self.arm, self.params = arm, params
+        self.integral = np.zeros(arm.num_joints)
+        self.force_integral = np.zeros(arm.num_joints)
+
+    def jacobian(self, q: Array) -> Array:
+        step = 1e-30
+        columns = [self.arm.endpoint(q + 1j * step * axis).imag / step for axis in np.eye(len(q))]
+        return np.transpose(columns)
+
+    def tick(self, q: Array, v: Array, x_d: Array, f_d: Array, f_m: Array, n: Array) -> Array:
+        params, T = self.params, self.params.period
+        Kp, Ki, Kd = (np.array(g) for g in (params.stiffness, params.integral, params.damping))
+        J = self.jacobian(q)
+        tangents = np.linalg.svd(n[None])[2][1:].T  # (m, m - 1)
+        e = tangents.T @ (x_d - self.arm.endpoint(q))
+        rate = tangents.T @ J @ v
+        if params.law == "projected":
+            # The least motion of the joints that makes the error, or the rate, good.
+            A = tangents.T @ J
+            e, rate = (A.T @ np.linalg.solve(A @ A.T, part) for part in (e, rate))
+        else:
+            e, rate = tangents @ e, tangents @ rate
+        if params.law == "inverse":
+            e, rate = np.linalg.solve(J, e), np.linalg.solve(J, rate)
+        self.integral = self.integral + Ki * e * T
+        tau = Kp * e + self.integral - Kd * rate
+        if params.law == "transpose":
+            tau = J.T @ tau
+        self.force_integral = self.force_integral + params.force_integral * T * n * (
+            n @ (f_d - f_m)
+        )
+        result: Array = tau + J.T @ (n * (n @ f_d) + self.force_integral)
+        return result
+
+
+def regular_pose(arm: Arm, rng: np.random.Generator) -> Array:
+    """Return joint positions well away from the arm's singular ones."""
+    while True:
+        q = rng.uniform(-2.5, 2.5, arm.num_joints)
+        if np.linalg.cond(arm.jacobian(q)) < 50:
+            return q
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.name)
+@settings(max_examples=12, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_laws_in_contact(drive_arm: Any, arm: Arm, law: Law, seed: int) -> None:
+    rng, n = np.random.default_rng(seed), arm.num_joints
+    params = HybridControllerParams(
+        law=law,
+        stiffness=tuple(rng.uniform(100, 400, n)),
+        integral=tuple(rng.uniform(100, 400, n)),
+        damping=tuple(rng.uniform(10, 60, n)),
+        force_integral=rng.uniform(1, 8),
+        feedforward_torque=(),
+        period=0.125,
+        bumpless=False,
+    )
+    driven, formulas = drive_arm(arm, params), Formulas(arm, params)
+    normal = rng.normal(size=n)
+    normal /= np.linalg.norm(normal)
+    for i in range(5):
+        if i == 3:  # a corner of the surface
+            normal = np.roll(normal, 1)
+        q, v = regular_pose(arm, rng), rng.normal(size=n)
+        x_d = arm.endpoint(q) + 0.1 * rng.normal(size=n)
+        f_d, f_m = 10 * rng.normal(size=(2, n))
+        found = driven.tick(
+            encoders=np.concatenate([q, v]),
+            desired_position=x_d,
+            desired_force=f_d,
+            measured_force=f_m,
+            selection=np.eye(n) - np.outer(normal, normal),
+            mode=CONTACT,
+        )
+        expected = formulas.tick(q, v, x_d, f_d, f_m, normal)
+        np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-9)
+
+
+# Force law
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_damping_of_the_force_domain(drive: Any, contact: Any, law: Law) -> None:
+    velocity = np.linalg.solve(contact.J, [0.3, -0.2])  # of the tip, downwards and along
+    moving = contact(encoders=np.concatenate([contact.q, velocity]))
+    plain, damped = drive(law), drive(law, force_damping=50.0)
+    # In free motion there is none, and at the contact it is not taken up by the offset.
+    for inputs in (contact(selection=FREE, mode=APPROACH), moving):
+        extra = damped.tick(**inputs) - plain.tick(**inputs)
+        expected = contact.J.T @ (50.0 * 0.2 * -DOWN) if inputs is moving else np.zeros(2)
+        np.testing.assert_allclose(extra, expected, atol=1e-9)
+    at_rest = damped.tick(**contact()) - plain.tick(**contact())
+    np.testing.assert_allclose(at_rest, 0, atol=1e-9)
+
+
+# Full dynamics
+
+
+def load(arm: Arm) -> tuple[MultibodyPlant, Any]:
+    plant = MultibodyPlant(0.0)
+    Parser(plant).AddModels(str(arm.urdf))
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
+    plant.Finalize()
+    return plant, plant.CreateDefaultContext()
+
+
+@pytest.mark.parametrize("law", ["inverse", "projected"])
+@pytest.mark.parametrize("arm", [PUMA_250, ADEPT_ONE], ids=lambda arm: arm.name)
+@pytest.mark.parametrize("known", [False, True], ids=["", "gravity fed forward"])
+def test_full_dynamics_give_the_acceleration(
+    drive_arm: Any, arm: Arm, law: Law, known: bool
+) -> None:
+    rng, n = np.random.default_rng(11), arm.num_joints
+    inertia = rng.uniform(0.5, 2.0, n)
+    dynamics = ArmDynamics(arm)
+    start = np.full(n, 0.5)
+    params = HybridControllerParams(
+        law=law,
+        stiffness=tuple(rng.uniform(100, 400, n)),
+        integral=(0.0,) * n,
+        damping=tuple(rng.uniform(10, 60, n)),
+        force_integral=0.0,
+        full_dynamics=True,
+        inertia=tuple(inertia),
+        feedforward_torque=tuple(dynamics.gravity_torque(start)) if known else (),
+    )
+    driven = drive_arm(arm, params, dynamics)
+    plant, context = load(arm)
+    for _ in range(3):
+        q, v, e = regular_pose(arm, rng), rng.normal(size=n), 0.1 * rng.normal(size=n)
+        found = driven.tick(encoders=np.concatenate([q, v]), desired_position=arm.endpoint(q) + e)
+        effort = np.array(params.stiffness) * np.linalg.solve(arm.jacobian(q), e)
+        effort -= np.array(params.damping) * v
+        plant.SetPositionsAndVelocities(context, np.concatenate([q, v]))
+        forces = MultibodyForces(plant)
+        plant.CalcForceElementsContribution(context, forces)
+        expected = plant.CalcInverseDynamics(context, effort / inertia, forces)
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_damping_acts_on_the_error_of_the_rate(drive: Any, contact: Any, law: Law) -> None:
+    # At the desired velocity as at rest; across the surface none is desired, whatever is said.
+    moving = np.concatenate([contact.q, np.linalg.solve(contact.J, [0.3, 0.0])])
+    torque = [
+        drive(law, bumpless=False).tick(**contact(**changes))
+        for changes in (
+            {},
+            {"encoders": moving, "desired_velocity": [0.3, 0.0]},
+            {"encoders": moving, "desired_velocity": [0.3, -2.0]},
+            {"encoders": moving, "desired_velocity": [0.0, 0.0]},
+            {"encoders": moving},
+        )
+    ]
+    rest, followed, across, halted, thesis = torque
+    np.testing.assert_allclose(followed, rest, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(across, followed)
+    np.testing.assert_array_equal(halted, thesis)
+    assert np.abs(thesis - rest).max() > 5.0  # N m
+
+
+APPROACH, CONTACT, LOST = 0, 1, 2
+EXACT = 1e-12
+
+
+# Switches without a jump
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [(APPROACH, CONTACT), (CONTACT, APPROACH), (LOST, CONTACT), (LOST, APPROACH)],
+)
+def test_torque_does_not_jump(drive: Any, contact: Any, law: Law, before: int, after: int) -> None:
+    driven = drive(law)
+    selection = {APPROACH: FREE, CONTACT: ALONG, LOST: ALONG}
+    driven.tick(**contact(selection=FREE, mode=APPROACH))
+    for _ in range(3):
+        torque = driven.tick(selection=selection[before], mode=before)
+    found = driven.tick(selection=selection[after], mode=after)
+    np.testing.assert_allclose(found, torque, rtol=0, atol=EXACT)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_offset_stays_as_it_is_within_a_mode(drive: Any, contact: Any, law: Law) -> None:
+    # From tick to tick the torque changes by what the law without an offset changes.
+    smooth, plain = drive(law), drive(law, bumpless=False)
+    rng = np.random.default_rng(5)
+    found, expected = [], []
+    for mode in [APPROACH] * 2 + [CONTACT] * 6 + [APPROACH] * 3 + [CONTACT] * 3:
+        inputs = contact(
+            encoders=np.concatenate([contact.q + 0.1 * rng.normal(size=2), rng.normal(size=2)]),
+            desired_position=contact.x + 0.1 * rng.normal(size=2),
+            measured_force=rng.normal(size=2),
+            selection=ALONG if mode else FREE,
+            mode=mode,
+        )
+        found.append(smooth.tick(**inputs))
+        expected.append(plain.tick(**inputs))
+    change, wanted = np.diff(found, axis=0), np.diff(expected, axis=0)
+    for switch in (1, 7, 10):
+        np.testing.assert_allclose(change[switch], [0, 0], rtol=0, atol=EXACT)
+        assert np.abs(wanted[switch]).max() > 10  # N m
+        wanted[switch] = 0
+    np.testing.assert_allclose(change, wanted, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_known_torque_is_added(drive: Any, contact: Any, law: Law) -> None:
+    known = np.array([2.0, -1.0])
+    plain = drive(law)
+    fed = drive(law, feedforward_torque=tuple(known))
+    for mode in (APPROACH, CONTACT, CONTACT, LOST, LOST, CONTACT, APPROACH):
+        inputs = contact(mode=mode, selection=ALONG if mode else FREE)
+        expected = plain.tick(**inputs) + known
+        np.testing.assert_allclose(fed.tick(**inputs), expected, rtol=0, atol=1e-10)
+
+
+# Loss of contact
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("away", [0.0, 0.3])  # m/s
+def test_push_is_let_go_and_a_bounce_is_damped(
+    drive: Any, contact: Any, law: Law, away: float
+) -> None:
+    known = np.array([5.0, -3.0])
+    driven = drive(law, creep_damping=70.0, feedforward_torque=tuple(known))
+    for _ in range(4):
+        torque = driven.tick(**contact())
+    before = contact.tip_force(torque - known)
+    assert abs(before[1]) > 1
+    # Moving along the surface as well, at 0.2 m/s; what acts along it stays.
+    moving = np.concatenate([contact.q, np.linalg.solve(contact.J, [0.2, away])])
+    after = contact.tip_force(driven.tick(mode=LOST, encoders=moving) - known)
+    np.testing.assert_allclose(after, [before[0], -70.0 * away], rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("force", [15.0, 4.0, -15.0])
+def test_push_grows_with_the_ramp_at_rest(
+    drive: Any, contact: Any, law: Law, force: float
+) -> None:
+    # Towards where the desired force points, whatever its size.
+    driven = drive(law, integral=(0.0, 0.0), creep_ramp=40.0, period=0.125)
+    driven.tick(**contact(desired_force=force * DOWN))
+    start = contact.tip_force(driven.tick(mode=LOST))
+    for k in range(1, 6):
+        grown = contact.tip_force(driven.tick()) - start
+        expected = math.copysign(40.0 * 0.125 * k, force) * DOWN
+        np.testing.assert_allclose(grown, expected, rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"law": "pinv"}, "law is 'pinv', allowed: inverse, transpose, projected"),
-        ({"creep_speed": 0.0}, "creep_speed is 0.0, allowed: a finite number > 0"),
-        ({"creep_damping": -1.0}, "creep_damping is -1.0, allowed: a finite number > 0"),
-        ({"creep_ramp": math.nan}, "creep_ramp is nan, allowed: a finite number > 0"),
-        ({"period": math.inf}, "period is inf, allowed: a finite number > 0"),
-        ({"force_integral": -1.0}, "force_integral is -1.0, allowed: a finite number >= 0"),
-        ({"force_damping": -1.0}, "force_damping is -1.0, allowed: a finite number >= 0"),
-        ({"integral": (1.0,)}, "integral is (1.0,), allowed: 2 numbers, or one for all"),
-        ({"integral": -1.0}, "integral is -1.0, allowed: finite numbers >= 0"),
-        ({"damping": (1.0, -1.0)}, "damping is (1.0, -1.0), allowed: finite numbers >= 0"),
-        ({"stiffness": (1.0, math.nan)}, "stiffness is (1.0, nan), allowed: finite numbers >= 0"),
-        ({"held_integrators": (0, 2)}, "held_integrators is (0, 2), allowed: indices below 2"),
-        ({"held_integrators": (-1,)}, "held_integrators is (-1,), allowed: indices below 2"),
-        ({**FULL, "inertia": (1.0,)}, "inertia is (1.0,), allowed: 2 numbers"),
-        ({**FULL, "inertia": (1.0, 0.0)}, "inertia is (1.0, 0.0), allowed: finite numbers > 0"),
-        ({"inertia": (1.0, 1.0)}, "inertia is (1.0, 1.0), allowed: None without full dynamics"),
-        (
-            {**FULL, "law": "transpose"},
-            "law is 'transpose', allowed: inverse or projected with full dynamics",
-        ),
-        (
-            {"feedforward_torque": (1.0,)},
-            "feedforward_torque is (1.0,), allowed: 2 numbers, or none",
-        ),
-        (
-            {"feedforward_torque": (1.0, math.nan)},
-            "feedforward_torque is (1.0, nan), allowed: finite numbers",
-        ),
-    ],
+    ("speed", "share"),  # m/s towards the surface; of the ramp
+    [(-9.0, 1.0), (-0.01, 1.0), (0.0, 1.0), (0.02, 0.5), (0.04, 0.0), (0.08, -1.0), (9.0, -1.0)],
 )
-def test_parameters(make_params: Any, changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError) as caught:
-        make_params(**changes).for_joints(2)
-    assert str(caught.value) == message
+def test_push_grows_by_what_is_missing_to_the_creep_speed(
+    drive: Any, contact: Any, speed: float, share: float
+) -> None:
+    driven = drive("projected", integral=(0.0, 0.0), creep_speed=0.04, creep_ramp=40.0)
+    moving = np.concatenate([contact.q, np.linalg.solve(contact.J, speed * DOWN)])
+    driven.tick(**contact(encoders=moving))
+    torques = [driven.tick(mode=LOST) for _ in range(4)]
+    growth = contact.tip_force(np.diff(torques, axis=0).T).T
+    np.testing.assert_allclose(growth, [40.0 * 0.25 * share * DOWN] * 3, rtol=0, atol=1e-10)
+
+
+def test_force_integral_waits_for_contact(drive: Any, contact: Any) -> None:
+    driven = drive(bumpless=False)
+    driven.feed(**contact(desired_position=contact.x))
+    driven.tick()
+    for _ in range(9):
+        driven.tick(mode=LOST, measured_force=[0.0, 0.0])
+    # Two periods in contact, and nothing of the nine between.
+    expected = contact.J.T @ (DOWN * (15.0 + 2 * 3.0 * 4.0 * 0.25))
+    found = driven.tick(mode=CONTACT, measured_force=11 * DOWN)
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_loss_may_be_ignored(drive: Any, contact: Any, law: Law) -> None:
+    # As if it were contact.
+    ignoring, touching = drive(law, loss_mode=False), drive(law)
+    rng = np.random.default_rng(2)
+    for mode in (APPROACH, CONTACT, CONTACT, LOST, LOST, CONTACT, LOST, APPROACH, LOST):
+        inputs = contact(
+            encoders=np.concatenate([contact.q, rng.normal(size=2)]),
+            measured_force=rng.normal(size=2),
+            selection=ALONG if mode else FREE,
+        )
+        found = ignoring.tick(**{**inputs, "mode": mode})
+        expected = touching.tick(**{**inputs, "mode": min(mode, CONTACT)})
+        np.testing.assert_array_equal(found, expected)
+
+
+# Integrators that are held
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_held_integrators_wait_in_contact_only(drive: Any, contact: Any, law: Law) -> None:
+    driven = drive(
+        law,
+        stiffness=(0.0, 0.0),
+        damping=(0.0, 0.0),
+        force_integral=0.0,
+        held_integrators=(0,),
+        bumpless=False,
+    )
+    driven.feed(**contact(selection=ALONG, mode=APPROACH, desired_force=[0.0, 0.0]))
+    e = np.array([0.02, -0.1])
+    P = np.reshape(ALONG, (2, 2))
+    error = {
+        "transpose": P @ e,
+        "inverse": np.linalg.solve(contact.J, P @ e),
+        "projected": np.linalg.pinv(P @ contact.J) @ P @ e,
+    }[law]
+    growth = np.array([200.0, 100.0]) * 0.25 * error
+
+    def integral(torque: Array) -> Array:
+        return contact.tip_force(torque) if law == "transpose" else torque
+
+    first, second = integral(driven.tick()), integral(driven.tick())
+    np.testing.assert_allclose([first, second], [growth, 2 * growth], rtol=1e-12, atol=1e-12)
+    # The same selection, so that nothing but the mode differs.
+    touching = integral(driven.tick(mode=CONTACT))
+    np.testing.assert_allclose(touching, growth * [2, 3], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(
+        integral(driven.tick(mode=LOST)), growth * [2, 4], rtol=1e-12, atol=1e-12
+    )
+    back = integral(driven.tick(mode=APPROACH))
+    np.testing.assert_allclose(back, growth * [3, 5], rtol=1e-12, atol=1e-12)
+
+
+PLACE = np.array([0.4, 0.9, 0.2, -0.3])
+WANTED = np.array([0.5, -0.3, 0.8, 0.2])
+
+
+def feedforward(selection: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+    block = AccelerationFeedforward(ADEPT_ONE, ArmDynamics(ADEPT_ONE), period=0.005)
+    simulator = Simulator(block)
+    context = simulator.get_mutable_context()
+    block.GetInputPort("encoders").FixValue(context, [*PLACE, 1.0, -2.0, 0.1, 0.5])
+    block.GetInputPort("desired_acceleration").FixValue(context, acceleration)
+    block.GetInputPort("selection").FixValue(context, selection.ravel())
+    assert not block.HasAnyDirectFeedthrough()
+    simulator.AdvanceTo(0.001)
+    found: np.ndarray = block.GetOutputPort("torque").Eval(context).copy()
+    return found
+
+
+def test_from_rest_the_arm_accelerates_as_wanted_in_the_position_domain_alone() -> None:
+    # x'' = J M^-1 tau, where nothing else acts.
+    mass = ArmDynamics(ADEPT_ONE, gravity=False).evaluate(PLACE, np.zeros(4)).mass
+    normal = np.array([0.6, 0.8, 0.0, 0.0])
+    for P in (np.eye(4), np.eye(4) - np.outer(normal, normal)):
+        found = ADEPT_ONE.jacobian(PLACE) @ np.linalg.solve(mass, feedforward(P, WANTED))
+        np.testing.assert_allclose(found, P @ WANTED, atol=1e-12)
+
+
+def test_at_constant_speed_there_is_none() -> None:
+    np.testing.assert_array_equal(feedforward(np.eye(4), np.zeros(4)), 0.0)

@@ -8,33 +8,22 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput
 
 from chamfer.models.arms.adept_one import ADEPT_ONE
 from chamfer.models.arms.arm import Arm, Elbow
-from chamfer.models.arms.joint_friction import JointFrictionParams
 from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.models.arms.puma_250 import PUMA_250
-from chamfer.models.surfaces.planes import RippledPlane
-from chamfer.models.surfaces.rounds import Crucible
-from chamfer.models.surfaces.surface import locate
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
 from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
 from chamfer.systems.force.hybrid_controller import (
     HybridController,
     HybridControllerParams,
     HybridMemory,
     Law,
-)
-from chamfer.systems.force.hybrid_stability import (
     Pose,
     free_growth_rate,
     free_loop,
     linear_law,
-    position_map,
     stiffness_eigenvalues,
 )
 from chamfer.systems.force.sampled_loop import NEUTRAL
@@ -94,57 +83,6 @@ def test_nominal_contact_point(elbow: Elbow, other: float) -> None:
     np.testing.assert_allclose(found.imag, 0, atol=1e-12)
 
 
-@pytest.mark.parametrize("elbow", ELBOWS)
-@pytest.mark.parametrize("x", [TOUCH, np.array([0.6, -0.9]), np.array([1.4, -0.3])])
-def test_eigenvalue_by_hand(elbow: Elbow, x: Array) -> None:
-    # Of rank one: the only eigenvalue other than 0 is the trace. Uniform rods of 2 kg and 1 kg.
-    s, c = x.tolist()
-    q1, q2 = PLANAR_TWO_LINK.joint_positions(x, elbow).tolist()
-    c2, s2 = math.cos(q2), math.sin(q2)
-    m22, m12 = 1 / 3, 1 / 3 + c2 / 2
-    m11 = 2 / 3 + 1 / 12 + 5 / 4 + c2
-    inverse_mass = np.array([[m22, -m12], [-m12, m11]]) / (m11 * m22 - m12**2)
-    row = np.array([-c, -math.sin(q1 + q2)])  # of x in J
-    column = np.array([math.cos(q1 + q2), -s]) / s2  # of x in J^-1
-    mass, J = planar(x, elbow)
-    found = stiffness_eigenvalues(mass, J, ALONG, "inverse").sum().real
-    assert found == pytest.approx(row @ inverse_mass @ column, rel=1e-9)
-
-
-def crucible_eigenvalues(elbow: Elbow) -> list[float]:
-    """Return the smallest eigenvalue of the inverse law on a grid in the crucible."""
-    found, crucible = [], Crucible()
-    for px in np.linspace(0.25, 1.75, 25):
-        for py in np.linspace(-1.5, 0.0, 25):
-            x = np.array([px, py])
-            inside = locate(crucible, np.array([px, py, 0.0])).gap > 0
-            if inside and 0.05 < np.linalg.norm(x) < 1.98:
-                values = stiffness_eigenvalues(*planar(x, elbow), ALONG, "inverse")
-                found.append(float(values.real.min()))
-    return found
-
-
-def test_one_elbow_is_good_in_all_of_the_crucible() -> None:
-    found = crucible_eigenvalues("negative")
-    assert len(found) > 300
-    assert min(found) > -1e-9
-
-
-def test_the_other_elbow_is_bad_in_a_part_of_it() -> None:
-    found = np.array(crucible_eigenvalues("positive"))
-    bad = np.mean(found < -1e-6)
-    assert 0.02 < bad < 0.3
-    assert found.min() < -0.623
-
-
-@pytest.mark.parametrize("law", LAWS)
-def test_mirrored_pose(law: Law) -> None:
-    # What one elbow is below the x axis, the other is above.
-    below = stiffness_eigenvalues(*planar(TOUCH, "positive"), ALONG, law)
-    above = stiffness_eigenvalues(*planar(TOUCH * [1, -1], "negative"), ALONG, law)
-    np.testing.assert_allclose(np.sort(above.real), np.sort(below.real), rtol=0, atol=1e-12)
-
-
 @pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.name)
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
@@ -164,20 +102,6 @@ def test_projected_and_transpose_have_no_negative_eigenvalue(arm: Arm, seed: int
         assert expected[1] > 1e-9 * scale > abs(expected[0])  # the normal alone is not held
 
 
-@pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.name)
-def test_everything_or_nothing_under_position_control(arm: Arm) -> None:
-    q, mass, J, _ = random_case(arm, 1)
-    n = len(q)
-    expected = np.sort(1 / np.linalg.eigvalsh(mass))
-    for law in ("inverse", "projected"):
-        np.testing.assert_allclose(position_map(J, np.eye(n), law), np.eye(n), rtol=0, atol=1e-9)
-        found = stiffness_eigenvalues(mass, J, np.eye(n), law)
-        np.testing.assert_allclose(np.sort(found.real), expected, rtol=1e-8)
-    np.testing.assert_array_equal(position_map(J, np.eye(n), "transpose"), J)
-    for law in LAWS:
-        assert not np.any(stiffness_eigenvalues(mass, J, np.zeros((n, n)), law))
-
-
 # The closed loop
 
 
@@ -195,15 +119,6 @@ def test_growth_at_the_contact_point(
     params = make_params(law, period=1e-5)  # as in continuous time
     found = free_growth_rate(*planar(TOUCH, elbow), ALONG, params, np.ones(2))
     assert found == pytest.approx(rate, abs=tolerance)
-
-
-@settings(max_examples=40, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1))
-def test_projected_and_transpose_do_not_grow(seed: int) -> None:
-    _, mass, J, P = random_case(PLANAR_TWO_LINK, seed)
-    for law in ("projected", "transpose"):
-        params = make_params(law, period=1e-5)  # as in continuous time
-        assert free_growth_rate(mass, J, P, params, np.ones(2)) < NEUTRAL
 
 
 def test_free_motion_of_a_diagonal_mass() -> None:
@@ -229,14 +144,6 @@ def test_free_motion_of_a_diagonal_mass() -> None:
     np.testing.assert_allclose(
         np.sort_complex(found), np.sort_complex(np.array(expected)), rtol=1e-7
     )
-
-
-def test_too_much_damping_for_the_period_grows() -> None:
-    # In continuous time more damping never hurts; held over 5 ms it does.
-    case = planar(TOUCH, "negative")
-    for damping, grows in ((60.0, False), (90.0, True)):
-        params = make_params(damping=(damping, damping))
-        assert (free_growth_rate(*case, ALONG, params, np.ones(2)) > NEUTRAL) is grows
 
 
 def ahead(P: Array) -> Array:
@@ -329,54 +236,6 @@ def test_linear_law_is_that_of_the_controller(arm: Arm, law: Law, full: bool, mo
     if mode == LOST:  # it creeps: how that turns with the arm is left out
         expected[:, 2 * n + 1 : 3 * n + 1] = found_all[:, 2 * n + 1 : 3 * n + 1]
     np.testing.assert_allclose(found_all, expected, rtol=1e-5, atol=1e-5 * np.abs(expected).max())
-
-
-def test_run_grows_as_the_poles_say() -> None:
-    # A position error of a tenth of a micrometre, in a P for contact, away from any surface.
-    for elbow, grows in (("positive", True), ("negative", False)):
-        q0 = PLANAR_TWO_LINK.joint_positions(TOUCH, elbow)
-        away = departure(q0, duration=0.3)
-        if grows:
-            late = away[1000:1500]  # 0.2 s to 0.3 s
-            slope = np.polyfit(2e-4 * np.arange(500), np.log(late), 1)[0]
-            params = make_params(period=2e-4)
-            expected = free_growth_rate(*planar(TOUCH, elbow), ALONG, params, np.ones(2))
-            assert slope == pytest.approx(expected, rel=0.03)
-        else:
-            assert away.max() < 1e-6
-
-
-def departure(q0: Array, duration: float) -> Array:
-    """Simulate the inverse law with a tiny error; return the joints' way from q0, rad."""
-    builder = DiagramBuilder()
-    viscous = JointFrictionParams(coulomb=(0.0, 0.0), viscous=(1.0, 1.0))
-    plant = builder.AddSystem(
-        ArmInContact(
-            PLANAR_TWO_LINK,
-            RippledPlane(point=(0.0, 0.0, -9.0)),
-            ArmInContactParams(joint_friction=viscous, gravity=False, step=1e-4, held=2),
-            q0,
-        )
-    )
-    block = builder.AddSystem(HybridController(PLANAR_TWO_LINK, make_params(period=2e-4)))
-    inputs = {
-        "desired_position": TOUCH + np.array([1e-7, 0.0]),
-        "desired_force": np.zeros(2),
-        "measured_force": np.zeros(2),
-        "selection": ALONG.ravel(),
-        "mode": np.array([CONTACT]),
-    }
-    for name, value in inputs.items():
-        source = builder.AddSystem(ConstantVectorSource(value))
-        builder.Connect(source.get_output_port(), block.GetInputPort(name))
-    builder.Connect(plant.GetOutputPort("encoders"), block.GetInputPort("encoders"))
-    builder.Connect(block.GetOutputPort("torque"), plant.GetInputPort("torque"))
-    logger = LogVectorOutput(plant.GetOutputPort("encoders"), builder, 2e-4)
-    simulator = Simulator(builder.Build())
-    simulator.AdvanceTo(duration)
-    q = logger.FindLog(simulator.get_context()).data()[:2].T
-    found: Array = np.linalg.norm(q - q0, axis=1)
-    return found
 
 
 def test_what_overflows_grows_without_bound() -> None:

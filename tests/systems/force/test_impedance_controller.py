@@ -1,25 +1,134 @@
-"""The impedance controller: its law, singular poses, and the block."""
+"""The impedance controller: damping and stability, its law, other arms, what it refuses."""
 
 import math
+import re
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.systems.analysis import Simulator
 from scipy.linalg import null_space
 from scipy.spatial.transform import Rotation
 
-from chamfer.models.arms import wam
+from chamfer.models.arms.urdf_arm import chosen_arm
+from chamfer.models.validation import ParameterError
 from chamfer.systems.force.arm_model import ArmModel, Placement, ToolParams
 from chamfer.systems.force.impedance_controller import (
     ImpedanceController,
     ImpedanceControllerParams,
+    SpringForce,
+    gradient,
+    rotation_vector,
+    stable_damping_ratios,
 )
 from chamfer.systems.pose import pose_vector
 
 Array = np.ndarray
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+# Stability of a sampled mode
+
+
+def one_period(frequency: float, ratio: float, period: float, steps: int) -> float:
+    """Spectral radius over a period with the force held and v before x."""
+    h = period / steps
+    k, d = frequency**2, 2 * ratio * frequency
+    columns = []
+    for x, v in ((1.0, 0.0), (0.0, 1.0)):
+        force = -k * x - d * v
+        for _ in range(steps):
+            v += h * force
+            x += h * v
+        columns.append((x, v))
+    return float(np.abs(np.linalg.eigvals(np.transpose(columns))).max())
+
+
+frequencies = st.floats(1.0, 1000.0)
+steps = st.sampled_from([1, 2, 3, 50])
+
+
+@given(frequency=frequencies, part=st.floats(0.02, 0.98), n=steps, product=st.floats(0.01, 1.4))
+def test_stable_between_the_bounds(frequency: float, part: float, n: int, product: float) -> None:
+    period = product / frequency
+    low, high = stable_damping_ratios(frequency, period)
+    assert low < high
+    assert one_period(frequency, low + part * (high - low), period, n) < 1
+
+
+@given(frequency=frequencies, excess=st.floats(1.01, 3.0), product=st.floats(0.01, 1.4))
+def test_unstable_above_the_upper_bound(frequency: float, excess: float, product: float) -> None:
+    period = product / frequency
+    _, high = stable_damping_ratios(frequency, period)
+    assert one_period(frequency, excess * high, period, 1) > 1
+    # With more steps the bound is 2 Lambda/period less a part of the stiffness' share.
+    for n in (2, 50):
+        exact = (2 - product**2 / (2 * n)) / (2 * product)
+        assert one_period(frequency, excess * exact, period, n) > 1
+        assert high <= exact
+
+
+@given(frequency=frequencies, part=st.floats(0.0, 0.95), product=st.floats(0.1, 1.4))
+def test_unstable_below_the_lower_bound(frequency: float, part: float, product: float) -> None:
+    period = product / frequency
+    low, _ = stable_damping_ratios(frequency, period)
+    assert one_period(frequency, part * low, period, 1000) > 1
+
+
+# Rotation
+
+angles = st.floats(0.0, math.pi)
+
+
+def quaternion(rotation: Rotation) -> Array:
+    return np.asarray(rotation.as_quat(scalar_first=True))
+
+
+def direction(seed: int) -> Array:
+    vector = np.random.default_rng(seed).standard_normal(3)
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+@settings(deadline=None)  # the first call compiles
+@given(seed=seeds, angle=angles, signs=st.tuples(*2 * [st.sampled_from([-1, 1])]))
+def test_rotation_vector_in_the_first_axes(
+    seed: int, angle: float, signs: tuple[int, int]
+) -> None:
+    vector = angle * direction(seed)
+    start = Rotation.random(rng=np.random.default_rng(seed))
+    end = start * Rotation.from_rotvec(vector)
+    found = rotation_vector(signs[0] * quaternion(start), signs[1] * quaternion(end))
+    assert np.linalg.norm(found) <= math.pi + 1e-12
+    if angle < math.pi - 1e-6:
+        np.testing.assert_allclose(found, vector, rtol=0, atol=1e-9)
+    else:
+        turned = (Rotation.from_rotvec(found) * Rotation.from_rotvec(-vector)).magnitude()
+        assert turned < 1e-9
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 1.9e-3, 2.1e-3, 0.3, 1.5, 3.0, math.pi - 1e-6])
+def test_moment_is_the_gradient_of_the_energy(angle: float) -> None:
+    stiffness = np.array([2.0, 5.0, 11.0])
+    vector = angle * direction(3)
+    end = Rotation.from_rotvec(vector)
+
+    def energy(turned: Rotation) -> float:
+        return float(stiffness @ rotation_vector(np.eye(4)[0], quaternion(turned)) ** 2 / 2)
+
+    step = 1e-6
+    # Turned about the axes of the desired pose, in which the moment is told.
+    turns = [Rotation.from_rotvec(step * axis) for axis in np.eye(3)]
+    slope = [(energy(turn * end) - energy(turn.inv() * end)) / (2 * step) for turn in turns]
+    if angle < math.pi - 1e-5:
+        np.testing.assert_allclose(gradient(vector, stiffness * vector), slope, rtol=0, atol=1e-7)
+    assert np.isfinite(gradient(vector, stiffness * vector)).all()
+
 
 TOOL = ToolParams(
     mass=0.3,
@@ -40,7 +149,6 @@ FREE_ELBOW, STIFF_ELBOW = (
     ImpedanceController(MODEL, BENT, replace(UNEQUAL, null_stiffness=stiffness))
     for stiffness in (0.0, 20.0)
 )
-PORTS = {"encoders": 14, "desired_pose": 7, "desired_velocity": 6}
 
 
 def pose_of(rotation: Rotation, position: Array) -> Array:
@@ -100,15 +208,6 @@ def test_torque_is_that_of_equation_1(seed: int) -> None:
     assert not np.any(saturated)
 
 
-def test_arm_is_only_held_at_its_rest_posture() -> None:
-    rest = MODEL.evaluate(BENT)
-    torque, tool_pose, _ = step(
-        CONTROLLER, np.concatenate([BENT, np.zeros(7)]), pose_vector(rest.X_WT)
-    )
-    np.testing.assert_allclose(torque, rest.gravity, rtol=0, atol=1e-10)
-    np.testing.assert_allclose(tool_pose, pose_vector(rest.X_WT), rtol=0, atol=1e-12)
-
-
 @pytest.mark.parametrize("factor", [-1.0, 3.0, 1e-3])
 def test_length_and_sign_of_the_desired_quaternion_do_not_matter(factor: float) -> None:
     encoders, desired, velocity = scene(1)
@@ -150,6 +249,7 @@ def test_damping_and_inertia_of_the_design() -> None:
     np.testing.assert_allclose(-poles.real / np.abs(poles), 0.7, rtol=1e-5)
     found = np.sort(np.abs(poles))[::2]
     np.testing.assert_allclose(CONTROLLER.frequencies, found, rtol=1e-6)
+    np.testing.assert_allclose(CONTROLLER.damping, CONTROLLER.damping.T, rtol=1e-9, atol=1e-9)
     free = null_space(rest.J_V_WT)[:, 0]
     null_inertia = free @ rest.mass @ free
     expected = 2 * 0.7 * math.sqrt(UNEQUAL.null_stiffness * null_inertia)
@@ -178,10 +278,6 @@ def test_torque_is_limited() -> None:
     assert seen == {-1.0, 0.0, 1.0}
 
 
-def test_limits_of_the_arm_are_the_default() -> None:
-    np.testing.assert_array_equal(ImpedanceControllerParams().limits(wam.WAM), wam.TORQUE_LIMITS)
-
-
 def test_quaternion_goes_through_half_a_turn_without_a_jump() -> None:
     model = ArmModel(Placement(rpy=(0.0, 0.0, 2.5)).transform, TOOL)
     controller = ImpedanceController(model, BENT, ImpedanceControllerParams())
@@ -197,20 +293,6 @@ def test_quaternion_goes_through_half_a_turn_without_a_jump() -> None:
     assert scalar.min() < -0.1
     assert scalar.max() > 0.1
     np.testing.assert_allclose(np.linalg.norm(quaternions, axis=1), 1, rtol=0, atol=1e-12)
-
-
-def test_torque_up_to_half_a_turn() -> None:
-    q = np.concatenate([BENT, np.zeros(7)])
-    X_WT = MODEL.evaluate(BENT).X_WT
-    R_WT = Rotation.from_matrix(X_WT.rotation().matrix())
-    params = ImpedanceControllerParams(torque_limits=(1e3,) * 7)
-    controller = ImpedanceController(MODEL, BENT, params)
-    J = MODEL.evaluate(BENT).J_V_WT
-    for angle in (0.5, 2.0, 3.1, math.pi):
-        desired = pose_of(R_WT * Rotation.from_rotvec([0, 0, -angle]), X_WT.translation())
-        torque = step(controller, q, desired)[0] - MODEL.evaluate(BENT).gravity
-        moment, *_ = np.linalg.lstsq(-J.T, torque, rcond=None)
-        assert np.linalg.norm(moment[:3]) == pytest.approx(5.0 * angle, rel=1e-6)
 
 
 SINGULAR = {
@@ -252,20 +334,6 @@ def start(params: ImpedanceControllerParams, **inputs: Array) -> Simulator:
     return simulator
 
 
-def test_ports() -> None:
-    inputs = {
-        CONTROLLER.get_input_port(i).get_name(): CONTROLLER.get_input_port(i).size()
-        for i in range(CONTROLLER.num_input_ports())
-    }
-    assert inputs == PORTS
-    outputs = [
-        (CONTROLLER.get_output_port(i).get_name(), CONTROLLER.get_output_port(i).size())
-        for i in range(CONTROLLER.num_output_ports())
-    ]
-    assert outputs == [("torque", 7), ("tool_pose", 7), ("saturated", 7)]
-    assert not CONTROLLER.HasAnyDirectFeedthrough()
-
-
 def test_outputs_are_the_law_and_held_over_a_period() -> None:
     encoders, desired, velocity = scene(4)
     simulator = start(UNEQUAL, encoders=encoders, desired_pose=desired, desired_velocity=velocity)
@@ -290,9 +358,154 @@ def test_outputs_are_the_law_and_held_over_a_period() -> None:
     )
 
 
-def test_desired_velocity_is_zero_if_not_connected() -> None:
-    encoders, desired, _ = scene(5)
-    simulator = start(UNEQUAL, encoders=encoders, desired_pose=desired)
+def inputs_at_rest() -> dict[str, Array]:
+    return {
+        "encoders": np.concatenate([BENT, np.zeros(7)]),
+        "desired_pose": pose_vector(MODEL.evaluate(BENT).X_WT),
+        "desired_velocity": np.zeros(6),
+    }
+
+
+def run(inputs: dict[str, Array]) -> None:
+    controller = ImpedanceController(MODEL, BENT, ImpedanceControllerParams())
+    simulator = Simulator(controller)
+    for name, value in inputs.items():
+        controller.GetInputPort(name).FixValue(simulator.get_mutable_context(), value)
     simulator.AdvanceTo(0.001)
-    expected = step(CONTROLLER, encoders, desired, np.zeros(6))[0]
-    np.testing.assert_array_equal(read(simulator, "torque"), expected)
+
+
+@pytest.mark.parametrize("quaternion", [0.0, 1e-200])
+def test_desired_quaternion_must_not_be_zero(quaternion: float) -> None:
+    inputs = inputs_at_rest()
+    inputs["desired_pose"][:4] = quaternion
+    message = r"^desired_pose is \[.*, allowed: a quaternion that is not zero$"
+    with pytest.raises(ParameterError, match=message):
+        run(inputs)
+
+
+def at_bound(side: int, factor: float, period: float) -> Callable[[], ImpedanceController]:
+    params = ImpedanceControllerParams(period=period)
+    fastest = ImpedanceController(MODEL, BENT, params).frequencies[-1]
+    ratio = factor * stable_damping_ratios(float(fastest), period)[side]
+    return lambda: ImpedanceController(
+        MODEL, BENT, ImpedanceControllerParams(period=period, damping_ratio=ratio)
+    )
+
+
+@pytest.mark.parametrize("period", [0.001, 0.002, 0.01])
+def test_damping_has_to_be_stable(period: float) -> None:
+    at_bound(1, 0.999, period)()
+    at_bound(0, 1.001, period)()
+    for side, factor in ((1, 1.001), (0, 0.999)):
+        with pytest.raises(ParameterError) as caught:
+            at_bound(side, factor, period)()
+        assert re.match(
+            r"^damping_ratio is [\d.]+, allowed: more than [\d.]+ and less than [\d.]+ for a mode "
+            rf"of \d+ rad/s and a period of {period:g} s \(damping below 2 Lambda/period\)$",
+            str(caught.value),
+        )
+
+
+def test_stiffness_has_to_be_slow_enough_for_the_period() -> None:
+    with pytest.raises(ParameterError, match=r"^period is 0.02, allowed: less than 0.01\d* s for"):
+        ImpedanceController(MODEL, BENT, ImpedanceControllerParams(period=0.02))
+
+
+def test_null_space_has_to_be_stable() -> None:
+    params = ImpedanceControllerParams(null_damping_ratio=300.0)
+    with pytest.raises(ParameterError, match=r"^null_damping_ratio is 300.0, allowed: more than"):
+        ImpedanceController(MODEL, BENT, params)
+
+
+def test_unstable_if_asked_for() -> None:
+    params = ImpedanceControllerParams(damping_ratio=50.0, period=0.05, allow_unstable=True)
+    assert ImpedanceController(MODEL, BENT, params).damping.max() > 0
+
+
+@pytest.mark.parametrize(
+    "straight", [[0] * 7, [1, 1, 1, 0, 1, 1, 1], [1, 0, 1, 1, 1, 0, 1]], ids=str
+)
+def test_rest_posture_must_not_be_singular(straight: list[int]) -> None:
+    message = r"^rest posture is \(.*\), allowed: joint positions at which the .* is 0.05 or more$"
+    with pytest.raises(ParameterError, match=message):
+        ImpedanceController(MODEL, BENT * straight, ImpedanceControllerParams())
+
+
+@pytest.mark.parametrize("q", [BENT + 3, BENT * np.nan, BENT[:6]])
+def test_rest_posture_has_to_be_within_the_ranges(q: Array) -> None:
+    with pytest.raises(ParameterError, match=r"^rest posture is \(.*\), allowed: between \(-2.6"):
+        ImpedanceController(MODEL, q, ImpedanceControllerParams())
+
+
+FILE = Path(__file__).parents[2] / "models/arms/six_joints.urdf"
+LONG_TOOL = ToolParams(
+    mass=0.4,
+    centre_of_mass=(-0.05, 0.02, 0.01),
+    inertia=(1e-3, 1e-3, 1e-3),
+    frame=Placement(position=(0.0, 0.0, 0.1), rpy=(0.0, -1.2, 0.4)),
+)
+BASE = Placement(position=(0.3, -0.2, 0.1), rpy=(0.1, -0.2, 2.5)).transform
+BENT_SIX = np.array([0.2, 0.5, 1.2, -0.6, 0.7, 0.3])
+SIX_PARAMS = ImpedanceControllerParams(
+    stiffness=(300.0, 400.0, 500.0),
+    rotational_stiffness=(20.0, 30.0, 40.0),
+    torque_limits=(1e6,) * 6,
+)
+
+
+@pytest.fixture(scope="module")
+def eight(tmp_path_factory: pytest.TempPathFactory) -> ArmModel:
+    text = FILE.read_text(encoding="utf-8")
+    for name in ("column", "neck"):
+        text = text.replace(f'name="{name}" type="fixed"', f'name="{name}" type="revolute"')
+    path = tmp_path_factory.mktemp("arm") / "eight.urdf"
+    path.write_text(text, encoding="utf-8")
+    return ArmModel(BASE, LONG_TOOL, chosen_arm(str(path), None))
+
+
+def test_eight_joints_go_to_their_rest_posture_without_moving_the_tool(eight: ArmModel) -> None:
+    posture = np.insert(BENT_SIX, [0, 4], [0.1, 0.2])
+    params = replace(SIX_PARAMS, torque_limits=(1e6,) * 8, null_stiffness=8.0)
+    controller = ImpedanceController(eight, posture, params)
+    q = posture + np.linspace(-0.3, 0.3, 8)
+    now = eight.evaluate(q)
+    here = pose_vector(now.X_WT)
+    result = controller.step(here, np.append(q, np.zeros(8)), here)
+    null = result[:8] - now.gravity
+    acceleration = np.linalg.solve(now.mass, null)
+    straight = np.linalg.solve(now.mass, 8.0 * (posture - q))
+    moved = np.linalg.norm(now.J_V_WT @ acceleration) / np.linalg.norm(now.J_V_WT @ straight)
+    assert moved < 1e-4
+    assert acceleration @ (posture - q) > 1.0  # towards the rest posture
+
+
+STIFFNESS = (100.0, 200.0, 400.0)
+R_WD = RollPitchYaw(0.1, -0.2, 0.3).ToRotationMatrix()
+R_WM = RollPitchYaw(-0.2, 0.1, 0.5).ToRotationMatrix()
+P_WD = np.array([0.1, 0.2, 0.3])
+
+
+def springs(p_WT: np.ndarray, p_WM: np.ndarray) -> tuple[np.ndarray, float]:
+    block = SpringForce(STIFFNESS)
+    context = block.CreateDefaultContext()
+    for name, R, p in (
+        ("command", R_WD, P_WD),
+        ("tool_pose", RotationMatrix(), p_WT),
+        ("hole_pose", R_WM, p_WM),
+    ):
+        block.GetInputPort(name).FixValue(context, pose_vector(RigidTransform(R, p)))
+    force = block.GetOutputPort("force").Eval(context)
+    return force, float(block.GetOutputPort("advance").Eval(context)[0])
+
+
+def test_the_springs_are_along_the_commands_axes_the_force_along_the_holes() -> None:
+    off = np.array([0.01, -0.02, 0.005])  # in the command's axes
+    force, _ = springs(P_WD - R_WD @ off, np.zeros(3))
+    expected = R_WM.inverse() @ (R_WD @ (np.array(STIFFNESS) * off))
+    assert force == pytest.approx(expected)
+
+
+def test_the_advance_is_along_the_holes_axis() -> None:
+    p_WM = np.array([0.5, 0.0, 0.1])
+    _, advance = springs(p_WM + R_WM @ np.array([-0.03, 0.004, 0.002]), p_WM)
+    assert advance == pytest.approx(-0.03)

@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.correlation import correlation
 from chamfer.systems.primitives.force_primitives import (
     AXIS_NAMES,
@@ -20,7 +19,6 @@ from chamfer.systems.primitives.force_primitives import (
     Level,
     Obstructed,
     Stick,
-    along,
     velocity,
 )
 from chamfer.systems.primitives.primitive import STILL, Observation, Primitive, Stepped, Vector
@@ -58,27 +56,6 @@ def shown(
     return found
 
 
-# Directions
-
-
-def test_a_direction_is_a_sign_and_an_axis() -> None:
-    values = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
-    assert [along(f"+{name}", values) for name in AXIS_NAMES] == [1, 2, 3, 4, 5, 6]  # type: ignore[arg-type]
-    assert [along(f"-{name}", values) for name in AXIS_NAMES] == [-1, -2, -3, -4, -5, -6]  # type: ignore[arg-type]
-    assert velocity("-z", 0.5) == (0.0, 0.0, 0.0, 0.0, 0.0, -0.5)
-    assert velocity("+ry", 0.5) == (0.0, 0.5, 0.0, 0.0, 0.0, 0.0)
-
-
-@given(direction=st.sampled_from(DIRECTIONS), speed=st.floats(1e-6, 1e3))
-def test_a_velocity_lies_along_its_direction_alone(direction: Direction, speed: float) -> None:
-    found = velocity(direction, speed)
-    assert along(direction, found) == speed
-    assert sum(map(abs, found)) == speed
-
-
-# Guarded move
-
-
 @given(direction=st.sampled_from(DIRECTIONS), force=st.floats(-10, 10), across=st.floats(-99, 99))
 def test_a_guarded_move_ends_at_its_threshold_against_the_motion(
     direction: Direction, force: float, across: float
@@ -110,9 +87,6 @@ def test_a_guarded_move_counts_its_way_from_where_it_began() -> None:
     assert found[0].event == "contact"  # of both, what it was looking for
 
 
-# Stick
-
-
 @given(
     direction=st.sampled_from(DIRECTIONS),
     start=st.sampled_from([0.0, 0.25, -2.0]),
@@ -127,15 +101,6 @@ def test_contact_is_lost_beyond_the_threshold_only(
     (found,) = shown(stick, there, begin=here)
     assert found.event == ("lost" if steps > 32 else None)
     assert found.velocity == (STILL if steps > 32 else velocity(direction, 0.01))
-
-
-def test_a_stick_may_have_no_threshold() -> None:
-    stick = Stick(threshold=math.inf)
-    (found,) = shown(stick, sensed(carriage=six(z=-1e9)), begin=sensed())
-    assert found.event is None
-
-
-# Correlation
 
 
 def dithered(
@@ -157,11 +122,6 @@ WAVE: Final = np.cos(2 * math.pi * np.arange(8 * N) / N)
 ONE = Obstructed(axes=("x",), samples=(N,))
 
 
-def test_a_free_dither_is_never_hindered() -> None:
-    assert dithered(ONE, WAVE, WAVE) is None
-    assert dithered(ONE, WAVE, 0.55 * WAVE) is None
-
-
 def test_a_lagging_dither_is_hindered_after_its_windows() -> None:
     def lagging(degrees: float, windows: int) -> int | None:
         motion = np.cos(2 * math.pi * np.arange(8 * N) / N - math.radians(degrees))
@@ -174,11 +134,6 @@ def test_a_lagging_dither_is_hindered_after_its_windows() -> None:
     assert lagging(51.0, 5) == 5 * N
 
 
-def test_windows_that_are_below_have_to_follow_each_other() -> None:
-    blocked = np.repeat([1, 0, 1, 1, 0, 0, 1, 1], N)  # 1: not hindered
-    assert dithered(ONE, WAVE, blocked * WAVE) == 6 * N
-
-
 def test_a_stop_on_one_side_is_seen_by_the_amplitude_alone() -> None:
     one_sided = np.maximum(WAVE, 0.0)
     blind = Obstructed(axes=("x",), samples=(N,), amplitude_threshold=0.0)
@@ -189,32 +144,12 @@ def test_a_stop_on_one_side_is_seen_by_the_amplitude_alone() -> None:
     assert dithered(strict, WAVE, one_sided) == 2 * N
 
 
-def test_every_axis_has_to_be_hindered_in_windows_of_its_own() -> None:
-    both = Obstructed(axes=("x", "y"), samples=(40, 50), windows=1)
-
-    def end(x: bool, y: bool) -> int | None:
-        waves = [[math.cos(2 * math.pi * (i - 2) / n) for n in (40, 50)] for i in range(200)]
-        senses = [
-            sensed(perturbed=six(x=f, y=g, z=1.0), motion=six(x=f * (not x), y=g * (not y)))
-            for f, g in waves
-        ]
-        events = [one.event for one in shown(both, *senses)]
-        return events.index("hindered") - 1 if "hindered" in events else None
-
-    assert end(True, True) == 50
-    assert end(True, False) is None
-    assert end(False, True) is None
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_bias_and_noise_hinder_nothing_and_hide_nothing(seed: int) -> None:
     noise = 0.6 * np.random.default_rng(seed).normal(size=8 * N) + 1.1
     assert correlation(WAVE[:N], (WAVE + noise)[:N]).value < ONE.threshold  # as eq. (1) says
     assert dithered(ONE, WAVE, WAVE + noise) is None
     assert dithered(ONE, WAVE, 0.15 * WAVE + noise) == 2 * N
-
-
-# Hold
 
 
 @given(
@@ -231,9 +166,6 @@ def test_a_hold_goes_back_to_where_it_began(place: Vector, start: Vector, axes: 
     ]
     np.testing.assert_allclose(found.velocity, expected, atol=1e-12)
     assert found.event is None
-
-
-# Level
 
 
 def levelled(*places: tuple[Vector, Vector]) -> list[str | None]:
@@ -272,71 +204,3 @@ def test_levelling_is_lost_when_it_turns_too_far(axis: str, sign: int) -> None:
         return turn, six(rx=1.0)
 
     assert levelled(at(0.049), at(0.051)) == [None, "lost"]
-
-
-# Parameters and labels
-
-
-@pytest.mark.parametrize(
-    ("primitive", "label"),
-    [
-        (GuardedMove(direction="-rx"), "gmove -rx"),
-        (Stick(), "stick -z"),
-        (Obstructed(), "corr x, y"),
-        (Hold(), "hold rx, ry, rz"),
-        (Level(), "level rx, ry"),
-    ],
-)
-def test_what_a_chart_shows(primitive: Primitive, label: str) -> None:
-    assert primitive.label == label
-
-
-POSITIVE: Final = "a finite number > 0"
-NOT_NEGATIVE: Final = "a finite number >= 0"
-REFUSED: Final[list[tuple[type, dict[str, Any], str]]] = [
-    *[
-        (kind, {"direction": "down"}, f"direction is 'down', allowed: {', '.join(DIRECTIONS)}")
-        for kind in (GuardedMove, Stick)
-    ],
-    (GuardedMove, {"speed": 0.0}, f"speed is 0.0, allowed: {POSITIVE}"),
-    (GuardedMove, {"threshold": -1.0}, f"threshold is -1.0, allowed: {POSITIVE}"),
-    (GuardedMove, {"limit": math.inf}, f"limit is inf, allowed: {POSITIVE}"),
-    (Stick, {"speed": math.nan}, f"speed is nan, allowed: {POSITIVE}"),
-    *[
-        (Stick, {"threshold": x}, f"threshold is {x}, allowed: a number > 0, infinity for none")
-        for x in (0.0, math.nan)
-    ],
-    (Obstructed, {"axes": ()}, "axes is (), allowed: one or more of rx, ry, rz, x, y, z"),
-    (Obstructed, {"axes": ("w",)}, "axes is ('w',), allowed: one or more of rx, ry, rz, x, y, z"),
-    *[
-        (Obstructed, {"samples": x}, f"samples is {x}, allowed: a whole number >= 4 for each axis")
-        for x in ((100,), (100, 3), (100, 100, 100))
-    ],
-    (Obstructed, {"threshold": -0.1}, f"threshold is -0.1, allowed: {NOT_NEGATIVE}"),
-    (
-        Obstructed,
-        {"amplitude_threshold": math.nan},
-        f"amplitude_threshold is nan, allowed: {NOT_NEGATIVE}",
-    ),
-    (Obstructed, {"windows": 0}, "windows is 0, allowed: a whole number >= 1"),
-    (
-        Hold,
-        {"axes": ("x", "q")},
-        "axes is ('x', 'q'), allowed: one or more of rx, ry, rz, x, y, z",
-    ),
-    (Hold, {"gain": 0.0}, f"gain is 0.0, allowed: {POSITIVE}"),
-    (GuardedMove, {"sure": -1.0}, f"sure is -1.0, allowed: {NOT_NEGATIVE}"),
-    (Level, {"axes": ()}, "axes is (), allowed: one or more of rx, ry"),
-    (Level, {"axes": ("rz",)}, "axes is ('rz',), allowed: one or more of rx, ry"),
-    (Level, {"sure": -1.0}, f"sure is -1.0, allowed: {NOT_NEGATIVE}"),
-    (Level, {"torque": 0.0}, f"torque is 0.0, allowed: {POSITIVE}"),
-    (Level, {"limit": math.nan}, f"limit is nan, allowed: {POSITIVE}"),
-    (Level, {"time": -1.0}, f"time is -1.0, allowed: {NOT_NEGATIVE}"),
-]
-
-
-@pytest.mark.parametrize(("kind", "values", "message"), REFUSED)
-def test_refuses(kind: type, values: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError) as refused:
-        kind(**values)
-    assert str(refused.value) == message

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RotationMatrix
 
 from chamfer.models.arms.wrist import tip_displacement, tip_pose
-from chamfer.models.validation import ParameterError
-from chamfer.systems.primitives.force_primitives import AXIS_NAMES, Direction
+from chamfer.systems.primitives.force_primitives import AXIS_NAMES
 from chamfer.systems.primitives.position_primitives import Centre, Held, Place, Way
 from chamfer.systems.primitives.primitive import (
     STILL,
@@ -51,9 +50,6 @@ def followed(
     return places, steps
 
 
-# Place
-
-
 def test_a_place_is_reached_straight_and_no_faster_than_allowed() -> None:
     place = Place(offset=(0.006, 0.0, 0.008), speed=0.02, tolerance=1e-4)
     start = six(rx=0.1, x=0.5, y=-0.2, z=0.3)
@@ -65,9 +61,6 @@ def test_a_place_is_reached_straight_and_no_faster_than_allowed() -> None:
     speeds = np.linalg.norm(np.diff(way, axis=0), axis=1) / PERIOD
     assert speeds[0] == pytest.approx(0.02)
     assert speeds.max() < 0.02 + 1e-9
-
-
-# Centre
 
 
 @settings(deadline=None, max_examples=25)
@@ -94,9 +87,6 @@ def test_centring_ends_with_its_dither() -> None:
     centre = Centre(dither=Dither(cycles=1.0, frequency=1.0), offset=0.5)
     assert any(centre.step(at(), centre.begin(at()), 0.99).velocity)
     assert centre.step(at(), centre.begin(at()), 1.0).velocity == STILL
-
-
-# Way
 
 
 def event_of(way: Way, start: Vector, places: list[Vector]) -> str | None:
@@ -148,9 +138,6 @@ def test_a_way_may_be_a_turn() -> None:
     assert event_of(way, six(rz=1.0), [six(rz=1.11)] * 3) == "done"
 
 
-# Held
-
-
 def test_a_grip_is_checked_by_the_grippers_own_sensor() -> None:
     held, watched = Held(time=0.02), Held(time=math.inf)
     felt, not_felt = at(holding=(1.0,)), at(holding=(0.0,))
@@ -197,52 +184,3 @@ def test_a_grip_is_checked_by_the_weight(
         memory = stepped.memory
         events.append(stepped.event)
     assert events == [None] * 6 + [event]
-
-
-# Labels, events and parameters
-
-DIRECTION: Direction = "+z"
-
-
-@pytest.mark.parametrize(
-    ("primitive", "label", "events"),
-    [
-        (Place(), "place", {"done": 0.0}),
-        (Centre(dither=Dither(axis="y")), "centre y", {}),
-        (
-            Way(direction=DIRECTION, wait=0.25, time=0.5),
-            "way +z",
-            {"done": 0.75, "jammed": 0.75},
-        ),
-        (Held(wait=0.25, time=0.5), "held", {"done": 0.75, "lost": 0.25}),
-        (Held(time=0.5, weight=0.1), "held", {"done": 0.5, "lost": 0.0}),
-        (Held(time=math.inf), "held", {"lost": 0.0}),
-    ],
-)
-def test_what_a_chart_shows_and_may_expect(
-    primitive: Primitive, label: str, events: dict[str, float]
-) -> None:
-    assert (primitive.label, dict(primitive.events)) == (label, events)
-
-
-@pytest.mark.parametrize(
-    ("kind", "values", "message"),
-    [
-        (Place, {"offset": (0.0, 0.0)}, "offset is .*, allowed: three finite numbers"),
-        (Place, {"speed": 0.0}, "speed is 0.0, allowed: a finite number > 0"),
-        (Place, {"tolerance": math.nan}, "tolerance is nan, allowed: a finite number > 0"),
-        (Centre, {"dither": Dither(), "gain": -1.0}, "gain is -1.0, allowed: a finite number > 0"),
-        (Centre, {"dither": Dither(), "offset": math.inf}, "offset is inf, allowed: a finite"),
-        (Way, {"direction": "up"}, "direction is 'up', allowed: -rx"),
-        (Way, {"least": 0.002, "most": 0.001}, "most is 0.001, allowed: a number > least, 0.002"),
-        (Way, {"wait": 0.0}, "wait is 0.0, allowed: a finite number > 0"),
-        (Way, {"beside": (0.0, math.nan)}, "beside is .*, allowed: two finite numbers"),
-        (Held, {"wait": -1.0}, "wait is -1.0, allowed: a finite number >= 0"),
-        (Held, {"weight": -1.0}, "weight is -1.0, allowed: a finite number >= 0"),
-        (Held, {"weight": 0.1, "time": math.inf}, "time is inf, allowed: a finite number, for"),
-        (Held, {"time": 0.0}, "time is 0.0, allowed: a number > 0, infinity to watch"),
-    ],
-)
-def test_refuses(kind: type, values: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError, match=f"^{message}"):
-        kind(**values)

@@ -7,7 +7,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import pytest
 
-from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.primitive import STILL, Observation
 from chamfer.systems.primitives.seating import Press, Seat
 
@@ -15,7 +14,6 @@ PERIOD: Final = 0.01  # s
 DAMPING: Final = 800.0  # N s/m
 WRIST: Final = 2e4  # N/m, as it is believed to be
 _FINE: Final = 20  # steps of the carriage in a tick
-
 Resistance = Callable[[float], float]  # N, of a depth, m
 
 
@@ -98,11 +96,6 @@ def test_what_does_not_give_way_is_jammed_at_the_limit(wrist: float) -> None:
     assert 0.97 * 60.0 <= found.peak < 1.07 * 60.0
 
 
-def test_an_end_stop_before_the_distance_is_jammed() -> None:
-    found = pushed(seat(limit=60.0), contacts(22.0), end=0.0029, start=0.0025)
-    assert (found.event, found.depth) == ("jammed", 0.0029)
-
-
 @pytest.mark.parametrize("wrist", [0.7 * WRIST, WRIST, 1.3 * WRIST])
 @pytest.mark.parametrize("seed", range(3))
 def test_a_stop_gets_the_force_that_needs_no_proof_and_no_more(wrist: float, seed: int) -> None:
@@ -133,13 +126,6 @@ def test_a_steep_lead_in_is_told_from_a_stop(wrist: float, seed: int) -> None:
     assert stop.peak < 1.05 * one.share * 45.0  # where it crept a little into the lead-in
 
 
-def test_it_does_not_end_while_a_soft_spring_gives_way() -> None:
-    spring = pushed(seat(), lambda depth: 4.3e3 * depth, end=0.006)
-    assert spring.event == "done"
-    assert spring.depth == 0.006
-    assert spring.peak < 1.5 * 4.3e3 * 0.006
-
-
 def pushed_spring(rate: float, wrist: float, seed: int, *, harder: float) -> tuple[Pushed, float]:
     """Push a spring of a rate, N/m, that ends at 5.5 mm; with what it pushes with there, N."""
 
@@ -161,18 +147,6 @@ def test_a_spring_is_pushed_to_its_end_though_it_gives_way_slowly(
     assert found.peak < max(1.5 * most, 9.5)
 
 
-def test_a_spring_that_stops_a_push_is_no_end_stop() -> None:
-    found, _ = pushed_spring(6e3, 0.7 * WRIST, 1, harder=0.0)
-    assert found.event == "done"
-    assert found.depth < 0.005
-
-
-def test_in_free_space_it_moves_on_at_its_first_speed() -> None:
-    found = pushed(seat(speed=0.005), lambda depth: 0.0)
-    assert found.event is None
-    assert found.depth == pytest.approx(0.005 * 30, rel=0.01)
-
-
 def test_the_speed_does_not_grow_without_bound_where_no_force_is_felt() -> None:
     stuck, memory = Observation(carriage=STILL, motion=STILL, wrench=STILL), None
     one = seat(fastest=0.05)
@@ -190,44 +164,3 @@ def test_a_press_goes_on_with_what_was_commanded_last() -> None:
     )
     stepped = press.step(before._replace(perturbed=STILL), press.begin(before), 1.0)
     assert (stepped.velocity, stepped.event) == ((0, 0, -0.3, 0, 0, 0), None)
-
-
-def test_what_a_chart_shows() -> None:
-    assert (seat().label, Press().label) == ("seat -z", "press -z")
-    assert (dict(Press().events), dict(seat(window=0.1).events)) == (
-        {},
-        {"done": 0.2, "jammed": 0.2},
-    )
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"direction": "down"}, "direction is 'down', allowed: -rx"),
-        ({"speed": 0.0}, "speed is 0.0, allowed: a finite number > 0"),
-        ({"fastest": -1.0}, "fastest is -1.0, allowed: a finite number > 0"),
-        ({"window": math.nan}, "window is nan, allowed: a finite number > 0"),
-        ({"free": 116.0}, "free is 116.0, allowed: a number > 0, at most the limit, 115; or none"),
-        ({"harder": -0.1}, "harder is -0.1, allowed: 0 to less than share, 1.35"),
-        ({"harder": 1.35}, "harder is 1.35, allowed: 0 to less than share, 1.35"),
-        ({"share": 1.1}, "rise is 1.12, allowed: less than share, 1.1: the end stop"),
-        ({"steepest": 0.0}, "steepest is 0.0, allowed: a finite number > 0"),
-        ({"steep": (2.0, 1.0), "through": 115.0}, r"steep is \(2.0, 1.0\), allowed: two numbers"),
-        ({"through": 20.0}, "through is 20.0, allowed: with steep"),
-        (
-            {"steep": (1.0, 2.0), "through": 20.0, "free": 30.0},
-            "through is 20.0, allowed: 30 to 115, from free to the limit",
-        ),
-        ({"still": 0.0}, "still is 0.0, allowed: a finite number > 0"),
-        ({"stiffness": math.inf}, "stiffness is inf, allowed: a finite number > 0"),
-        ({"limit": 0.0}, "limit is 0.0, allowed: a finite number > 0"),
-        ({"growth": 1.0}, "growth is 1.0, allowed: a finite number > 1"),
-        ({"rise": math.inf}, "rise is inf, allowed: a finite number > 1"),
-        ({"distance": math.inf}, "distance is inf, allowed: a finite number"),
-    ],
-)
-def test_refuses(values: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError, match=f"^{message}"):
-        seat(**values)
-    with pytest.raises(ParameterError, match=r"^direction is 'in'"):
-        Press(direction="in")  # type: ignore[arg-type]

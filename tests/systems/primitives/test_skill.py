@@ -1,4 +1,4 @@
-"""Skills, tick by tick without Drake."""
+"""Skills, tick by tick without Drake, and by the block that runs them."""
 
 import math
 from collections.abc import Mapping
@@ -7,19 +7,14 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import LogVectorOutput
 
 from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.force_primitives import (
-    AXIS_NAMES,
-    GuardedMove,
     Hold,
-    Level,
-    Obstructed,
-    Stick,
 )
-from chamfer.systems.primitives.position_primitives import Centre, Held, Place, Way
 from chamfer.systems.primitives.primitive import (
     EVENTS,
     STILL,
@@ -29,7 +24,7 @@ from chamfer.systems.primitives.primitive import (
     Stepped,
     Vector,
 )
-from chamfer.systems.primitives.seating import Press, Seat
+from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import (
     DONE,
     FAILED,
@@ -38,9 +33,16 @@ from chamfer.systems.primitives.skill import (
     Skill,
     SkillState,
 )
-from chamfer.systems.primitives.skill_chart import SkillChart, SkillMemory, make_skill_chart
-from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
+from chamfer.systems.primitives.skill_machine import (
+    SkillChart,
+    SkillMachine,
+    SkillMemory,
+    make_skill_chart,
+)
+from chamfer.systems.primitives.trajectory_primitives import MoveDx
 from chamfer.systems.statechart.chart import Snapshot, TransitionRecord
+from chamfer.systems.vision.cross_section import CROSS_SECTION_SIZE
+from chamfer.systems.vision.part_detector import DETECTION_SIZE
 
 PERIOD: Final = 0.1  # s
 NOTHING: Final = Observation(STILL, STILL, STILL)
@@ -133,13 +135,6 @@ def ticks(*states: SkillState, **fields: Any) -> Ticks:
     return Ticks(make_skill_chart(skill(*states, **fields)))
 
 
-def test_velocities_add() -> None:
-    a, b = Fake((1.0, 2.0, 3.0, 4.0, 5.0, 6.0)), Fake((0.5, 0.0, 0.0, 0.0, 0.0, -6.0))
-    found = ticks(state("go", a, b, on={"done": DONE})).tick()
-    assert found.memory.velocity == (1.5, 2.0, 3.0, 4.0, 5.0, 0.0)
-    assert (found.state, found.memory.event) == ("go", None)
-
-
 def test_the_first_event_decides_and_nothing_moves_in_its_tick() -> None:
     moving = (1.0,) * 6
     found = ticks(
@@ -176,13 +171,6 @@ def test_a_state_times_out(answer: Any) -> None:
     assert found.memory.reason == ("" if answer else "go: timed out")
 
 
-def test_an_event_in_time_is_no_timeout() -> None:
-    found = ticks(
-        state("go", Fake(STILL, "done", at=2), on={"done": DONE, "timed out": "go"}, timeout=0.3)
-    )
-    assert found.tick(times=4).state == DONE
-
-
 @pytest.mark.parametrize(
     ("answer", "path"),
     [
@@ -207,20 +195,6 @@ def test_it_tries_again_as_often_as_it_may_then_it_fails(answer: Retry, path: li
     assert found.state == FAILED
     assert found.memory.reason == "go: lost"
     assert found.memory.tried("go", "lost") == len(path)
-
-
-def test_retries_count_by_state_and_outcome() -> None:
-    once = {"lost": Retry("a", 1), "jammed": Retry("b", 1), "done": DONE}
-    found = ticks(state("a", Told(), on=once), state("b", Told(), on=once))
-
-    def told(event: Event) -> str:
-        return found.tick(tell(event)).tick(tell()).state
-
-    assert [told("lost"), told("jammed"), told("jammed"), told("lost")] == ["a", "b", "b", "a"]
-    counts = dict(found.memory.retries)
-    assert counts == {(s, e): 1 for s in "ab" for e in ("lost", "jammed")}
-    assert told("lost") == RETRACT
-    assert found.memory.reason == "a: lost"
 
 
 @pytest.mark.parametrize("event", EVENTS)
@@ -251,14 +225,6 @@ def test_a_retract_that_does_not_end_times_out() -> None:
     assert (found.state, found.memory.velocity) == (RETRACT, (1.0,) * 6)
     found.tick()
     assert (found.state, found.memory.velocity) == (FAILED, STILL)
-
-
-def test_final_states_stay_still() -> None:
-    found = ticks(state("go", Fake((1.0,) * 6, "done", at=1), on={"done": DONE}))
-    found.until_final()
-    for event in EVENTS:
-        found.tick(tell(event))
-        assert (found.state, found.memory.velocity, found.memory.event) == (DONE, STILL, None)
 
 
 def test_ways_may_count_from_the_first_begin_of_a_state() -> None:
@@ -308,11 +274,6 @@ def test_the_gripper_is_told_by_states_that_say_so(held: bool) -> None:
     assert told == {**expected, DONE: False}
 
 
-def test_a_failed_skill_keeps_hold() -> None:
-    found = ticks(state("go", Fake(STILL, "lost"), on={"done": DONE}, grip="close")).until_final()
-    assert found.memory.closed
-
-
 def test_a_chart_shows_what_its_states_run() -> None:
     chart = make_skill_chart(
         skill(
@@ -338,69 +299,6 @@ def test_a_chart_shows_what_its_states_run() -> None:
     ]
 
 
-EVERYTHING: Final = make_skill_chart(
-    skill(
-        state(
-            "approach",
-            GuardedMove(),
-            on={"contact": "level", "lost": Retry("approach", 2)},
-            marks=True,
-        ),
-        state("level", Stick(), Level(), on={"done": "search", "lost": "shift"}, timeout=1.0),
-        state("shift", Place(), on={"done": "approach"}, from_mark=True),
-        state(
-            "search",
-            Stick(threshold=math.inf),
-            Dither(axis="x", cycles=1.0),
-            Centre(dither=Dither(axis="x", cycles=1.0)),
-            Obstructed(axes=("x",), samples=(4,)),
-            on={"hindered": "push", "done": Retry("shift", 1)},
-        ),
-        state("push", Stick(), Hold(), on={"lost": "seat"}),
-        state(
-            "seat",
-            Seat(),
-            Press(),
-            Held(time=math.inf),
-            on={"done": "go", "jammed": "go", "lost": "go"},
-        ),
-        state("go", Place(), Way(), on={"done": DONE}, from_mark=True),
-    )
-)
-NUMBERS: Final = st.sampled_from([0.0, 1e-3, -0.02, 5.0, -80.0, 1e6]) | st.floats(-1e6, 1e6)
-SIX: Final = st.tuples(*[NUMBERS] * 6)
-SENSES: Final = st.builds(
-    Observation,
-    carriage=SIX,
-    motion=SIX,
-    wrench=SIX,
-    perturbed=SIX,
-    spread=st.none() | SIX,
-    holding=st.none() | st.tuples(NUMBERS),
-)
-
-
-@settings(deadline=None, max_examples=40)
-@given(
-    senses=st.lists(
-        SENSES,
-        min_size=1,
-        max_size=12,
-    )
-)
-def test_whatever_is_sensed_the_velocity_is_finite(
-    senses: list[Observation],
-) -> None:
-    found = Ticks(EVERYTHING)
-    for one in senses:
-        found.tick(one)
-        assert len(found.memory.velocity) == len(AXIS_NAMES)
-        assert all(map(math.isfinite, found.memory.velocity))
-        if found.state in (DONE, FAILED) or found.memory.event is not None:
-            assert found.memory.velocity == STILL
-        assert (found.memory.reason != "") == (found.state in (RETRACT, FAILED))
-
-
 @pytest.mark.parametrize("port", ["carriage", "motion", "wrench", "perturbed"])
 @pytest.mark.parametrize("value", [math.nan, -math.inf])
 def test_what_is_sensed_has_to_be_finite(port: str, value: float) -> None:
@@ -412,8 +310,95 @@ def test_what_is_sensed_has_to_be_finite(port: str, value: float) -> None:
         found.tick(broken)
 
 
-@settings(deadline=None, max_examples=25)
-@given(one=SENSES)
-def test_every_skill_ends_still(one: Observation) -> None:
-    found = Ticks(EVERYTHING).until_final(one)
-    assert found.memory.velocity == STILL
+@dataclass(frozen=True)
+class Remembering:
+    """Keeps what it is shown."""
+
+    label: str = "remembering"
+    events: ClassVar[Mapping[Event, float]] = dict.fromkeys(EVENTS, 0.0)
+
+    def begin(self, sensed: Observation) -> tuple[Observation, ...]:
+        return ()
+
+    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+        assert isinstance(memory, tuple)
+        seen = (*memory, sensed)
+        return Stepped(seen, (0.5,) * 6, "done" if len(seen) == 3 else None)
+
+
+def test_the_block_shows_what_its_ports_get_and_gives_the_commands() -> None:
+    block = SkillMachine(
+        skill(
+            state("go", Remembering(), on={"done": Retry("again", 1)}, grip="close"),
+            state(
+                "again",
+                Fake((2.0,) * 6, "done", at=1),
+                on={"done": DONE},
+                grip="open",
+                looks=True,
+                tares=True,
+                damping=(0.0, 0.0, 5.0, math.inf, 0.0, 0.0),
+            ),
+        ),
+        parts=2,
+        period=PERIOD,
+    )
+    sizes = {port: block.GetInputPort(port).size() for port in Observation._fields}
+    assert sizes == {
+        **dict.fromkeys(("carriage", "motion", "wrench", "perturbed", "spread"), 6),
+        "holding": 1,
+        "xz_detections": 2 * DETECTION_SIZE,
+        "yz_detections": 2 * DETECTION_SIZE,
+        "cross_section": CROSS_SECTION_SIZE,
+    }
+    builder = DiagramBuilder()
+    builder.AddSystem(block)
+    logs = {}
+    for name in ("velocity", "closed", "looks", "tares", "damping", "retries", "state"):
+        logs[name] = LogVectorOutput(block.GetOutputPort(name), builder, PERIOD)
+    simulator = Simulator(builder.Build())
+    context = block.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    for i, name in enumerate(("carriage", "motion", "wrench", "perturbed")):
+        block.GetInputPort(name).FixValue(context, np.full(6, float(i)))
+    block.GetInputPort("spread").FixValue(context, np.full(6, 0.5))
+    block.GetInputPort("cross_section").FixValue(context, np.full(CROSS_SECTION_SIZE, 9.0))
+    assert block.GetOutputPort("velocity").Eval(context).tolist() == [0.0] * 6
+    assert block.GetOutputPort("closed").Eval(context).tolist() == [0.0]
+    simulator.AdvanceTo(0.05)
+    (seen,) = block.snapshot(context).memory.memories
+    expected = Observation(
+        carriage=(0.0,) * 6,
+        motion=(1.0,) * 6,
+        wrench=(2.0,) * 6,
+        perturbed=(3.0,) * 6,
+        cross_section=(9.0,) * CROSS_SECTION_SIZE,
+        spread=(0.5,) * 6,
+    )
+    assert seen == (expected,)
+    simulator.AdvanceTo(0.65)
+    found = {
+        name: log.FindLog(simulator.get_context()).data()[0].tolist() for name, log in logs.items()
+    }
+    # Published before a tick's update: a value is seen one entry later.
+    assert found["velocity"] == [0.0, 0.5, 0.5, 0.0, 2.0, 0.0, 0.0]
+    assert found["closed"] == [0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]
+    assert found["looks"] == [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0]
+    assert found["retries"] == [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0]
+    assert found["tares"] == found["looks"]
+    logged = logs["damping"].FindLog(simulator.get_context()).data()
+    assert logged[3].tolist() == [0.0, 0.0, 0.0, 0.0, math.inf, math.inf, 0.0]
+    names = [block.chart.state_names[int(i)] for i in found["state"]]
+    assert names == ["go", "go", "go", "go", "again", "again", DONE]
+    assert [record.label for record in block.transitions(context)] == [
+        "done, 1 times at most",
+        "done",
+    ]
+
+
+def test_a_skill_may_begin_with_the_part_in_hand() -> None:
+    block = SkillMachine(
+        skill(state("go", Fake(), on={"done": DONE}), held=True), parts=1, period=PERIOD
+    )
+    context = block.CreateDefaultContext()
+    assert block.GetOutputPort("closed").Eval(context).tolist() == [1.0]
+    assert not block.HasAnyDirectFeedthrough()

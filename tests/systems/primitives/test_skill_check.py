@@ -8,18 +8,17 @@ from typing import Any, Final
 import pytest
 
 from chamfer.models.connectors.d_connector import DConnector
+from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.force_primitives import GuardedMove, Obstructed, Stick
 from chamfer.systems.primitives.primitive import Event, Observation, Primitive, Stepped
 from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import DONE, FAILED, RETRACT, Retry, Skill, SkillState
-from chamfer.systems.primitives.skill_chart import make_skill_chart
-from chamfer.systems.primitives.skill_check import check_forces, check_timing
+from chamfer.systems.primitives.skill_machine import check_forces, check_timing, make_skill_chart
 from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
 from chamfer.systems.statechart.chart import ChartError
 
 PERIOD: Final = 0.01  # s
 SHAKE: Final = Dither(axis="x", frequency=2.0, cycles=4.0)
-WATCH: Final = Obstructed(axes=("x",), samples=(50,))
 
 
 @dataclass(frozen=True)
@@ -106,22 +105,6 @@ def test_a_skill_that_can_t_be_run_is_refused(states: Sequence[SkillState], mess
 
 
 @pytest.mark.parametrize(
-    ("fields", "message"),
-    [
-        ({"retract": []}, "skill 'test': 'retract' runs no primitive"),
-        (
-            {"retract_timeout": math.inf},
-            "skill 'test': the timeout of 'retract' is inf, allowed: a finite number > 0",
-        ),
-    ],
-)
-def test_a_retract_that_can_t_be_run_is_refused(fields: dict[str, Any], message: str) -> None:
-    with pytest.raises(ChartError) as refused:
-        make_skill_chart(skill(GO, **fields))
-    assert str(refused.value) == message
-
-
-@pytest.mark.parametrize(
     ("primitive", "answer", "possible"),
     [
         (GuardedMove(), "done", "contact, lost, timed out"),
@@ -162,29 +145,6 @@ def test_a_timeout_has_to_be_longer_than_what_is_run(
     assert str(refused.value) == (
         f"skill 'test': 'go': the timeout is {timeout:g} s, allowed: more than {message}"
     )
-
-
-def test_what_only_accompanies_need_not_be_done() -> None:
-    long = Dither(cycles=1000.0)
-    make_skill_chart(skill(state("go", Seat(), long, on={"done": DONE}, timeout=2.0)))
-    make_skill_chart(skill(state("go", Stick(), long, on={"lost": DONE}, timeout=2.0)))
-
-
-def test_a_retract_gets_the_time_that_it_takes() -> None:
-    with pytest.raises(ChartError, match=r"^skill 'test': 'retract': the timeout is 1 s, allowed"):
-        make_skill_chart(skill(GO, retract_timeout=1.0))
-
-
-def test_hindrance_is_looked_for_where_there_is_a_dither() -> None:
-    watch = Obstructed(axes=("x", "y"), samples=(50, 50))
-    with pytest.raises(ChartError) as refused:
-        make_skill_chart(skill(state("go", SHAKE, watch, on={"hindered": DONE})))
-    assert str(refused.value) == ("skill 'test': 'go': corr x, y watches y, but no dither is run")
-    turn = Dither(kind="rotary", axis="y")  # is no dither along y
-    with pytest.raises(ChartError, match="watches y, but no dither"):
-        make_skill_chart(skill(state("go", SHAKE, turn, watch, on={"hindered": DONE})))
-    other = Dither(axis="y")
-    make_skill_chart(skill(state("go", SHAKE, other, watch, on={"hindered": DONE})))
 
 
 def marked(*, first: bool, touch: bool, go_to: str = "touch") -> Skill:
@@ -242,19 +202,6 @@ def test_windows_are_a_cycle_of_the_dither(frequency: float, samples: int) -> No
         )
 
 
-def test_windows_have_to_be_over_before_the_timeout() -> None:
-    def timed(timeout: float) -> None:
-        one = state("go", SHAKE, WATCH, on={"hindered": DONE}, timeout=timeout)
-        check_timing(skill(one), PERIOD)
-
-    timed(1.01)
-    with pytest.raises(ChartError) as refused:
-        timed(1.0)
-    assert str(refused.value) == (
-        "skill 'test': 'go': the timeout is 1 s, allowed: more than 1 s, the windows of corr x"
-    )
-
-
 @pytest.mark.parametrize(
     ("primitive", "damping", "told"),
     [
@@ -298,3 +245,18 @@ def test_forces_are_within_reach_and_what_the_connector_stands(
     with pytest.raises(ChartError) as refused:
         check_forces(skill(one), usual, connector)
     assert str(refused.value) == f"skill 'test': 'go': {told}"
+
+
+def test_states_and_retries_refuse_what_they_can_not_mean() -> None:
+    with pytest.raises(ParameterError, match=r"^at_most is 0, allowed: a whole number >= 1$"):
+        Retry("go", 0)
+    for damping in ((1.0,) * 5, (1.0,) * 5 + (-1.0,), (math.nan,) * 6):
+        with pytest.raises(ParameterError, match=r"^damping is .*, allowed: six numbers >= 0, in"):
+            state("go", Fake(), on={}, damping=damping)
+
+
+def test_obstruction_is_looked_for_where_there_is_a_dither() -> None:
+    watch = Obstructed(axes=("x", "y"), samples=(50, 50))
+    turn = Dither(kind="rotary", axis="y")  # is no dither along y
+    with pytest.raises(ChartError, match="corr x, y watches y, but no dither is run"):
+        make_skill_chart(skill(state("go", SHAKE, turn, watch, on={"hindered": DONE})))

@@ -1,3 +1,5 @@
+"""Trajectory primitives: what they cover, how fast, and when they end."""
+
 import math
 from typing import Any
 
@@ -13,10 +15,17 @@ from chamfer.systems.primitives.trajectory_primitives import (
     Axis,
     Dither,
     MoveDx,
+    Spiral,
     TrajectoryPrimitive,
     lissajous,
-    together,
 )
+
+SENSED = Observation(carriage=STILL, motion=STILL, wrench=STILL)
+
+
+def velocity(primitive: Any, time: float) -> np.ndarray:
+    return np.array(primitive.step(SENSED, None, time).velocity)
+
 
 WAY = (0.1, -0.2, 0.3, 0.01, -0.02, 0.03)
 
@@ -24,11 +33,10 @@ WAY = (0.1, -0.2, 0.3, 0.01, -0.02, 0.03)
 def test_movedx_has_one_velocity_until_it_is_done() -> None:
     move = MoveDx(displacement=WAY, duration=2.0)
     for time in (0.0, 1.0, 1.999):
-        np.testing.assert_allclose(move.velocity(time), np.array(WAY) / 2)
-        assert not move.done(time)
+        np.testing.assert_allclose(velocity(move, time), np.array(WAY) / 2)
     for time in (2.0, 2.0 - 1e-12, 5.0):
-        assert not move.velocity(time).any()
-        assert move.done(time)
+        assert not velocity(move, time).any()
+        assert move.step(SENSED, None, time).event == "done"
 
 
 @settings(deadline=None)
@@ -41,25 +49,8 @@ def test_movedx_covers_its_way_when_it_is_sampled_and_held(
     displacement: tuple[float, ...], steps: int, period: float
 ) -> None:
     move = MoveDx(displacement=displacement, duration=steps * period)
-    way = sum(move.velocity(i * period) for i in range(steps + 3)) * period
+    way = sum(velocity(move, i * period) for i in range(steps + 3)) * period
     np.testing.assert_allclose(way, displacement, atol=1e-12)
-
-
-def test_movedx_may_stand_still() -> None:
-    assert not MoveDx(duration=1.0).velocity(0.5).any()
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"duration": 0.0}, "duration is 0.0, allowed: a finite number > 0"),
-        ({"displacement": (0.0,) * 5}, r"displacement is \(0.*\), allowed: six finite numbers"),
-        ({"displacement": (math.nan,) + (0.0,) * 5}, r"displacement is \(nan.*six finite"),
-    ],
-)
-def test_movedx_refuses(values: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError, match=message):
-        MoveDx(**values)
 
 
 @pytest.mark.parametrize(
@@ -76,30 +67,14 @@ def test_movedx_refuses(values: dict[str, Any], message: str) -> None:
 def test_a_dither_moves_one_element(kind: Any, axis: Any, index: int) -> None:
     dither = Dither(kind=kind, axis=axis, amplitude=0.002, frequency=3.0)
     assert dither.index == index
-    assert np.flatnonzero(dither.velocity(0.01)).tolist() == [index]
-
-
-@settings(deadline=None)
-@given(
-    amplitude=st.floats(1e-6, 0.1), frequency=st.floats(0.1, 20.0), phase=st.floats(0.001, 0.999)
-)
-def test_a_dithers_velocity_is_the_derivative_of_its_displacement(
-    amplitude: float, frequency: float, phase: float
-) -> None:
-    dither = Dither(amplitude=amplitude, frequency=frequency, cycles=1.0)
-    w, h = 2 * math.pi * frequency, 1e-5 / frequency
-    time = phase / frequency
-    derivative = amplitude * (math.sin(w * (time + h)) - math.sin(w * (time - h))) / (2 * h)
-    assert dither.velocity(time)[3] == pytest.approx(
-        derivative, rel=1e-6, abs=1e-6 * abs(amplitude) * w
-    )
+    assert np.flatnonzero(velocity(dither, 0.01)).tolist() == [index]
 
 
 def test_a_dither_is_centred_where_it_began() -> None:
     dither = Dither(amplitude=0.002, frequency=2.0, cycles=3.0)
     time = np.linspace(0.0, 1.5 - 1e-8, 6001)
-    velocity = [dither.velocity(t)[3] for t in time]
-    displacement = cumulative_simpson(velocity, x=time, initial=0)
+    rates = [velocity(dither, t)[3] for t in time]
+    displacement = cumulative_simpson(rates, x=time, initial=0)
     assert displacement.max() == pytest.approx(0.002, rel=1e-4)
     assert displacement.min() == pytest.approx(-0.002, rel=1e-4)
     assert displacement.mean() == pytest.approx(0.0, abs=1e-6)
@@ -109,26 +84,10 @@ def test_a_dither_is_centred_where_it_began() -> None:
 def test_a_dither_ends_after_its_cycles() -> None:
     dither = Dither(frequency=4.0, cycles=10.0)
     assert dither.duration == 2.5
-    assert not dither.done(2.499)
-    assert dither.velocity(2.499)[3] != 0
+    assert velocity(dither, 2.499)[3] != 0
     for time in (2.5, 2.5 - 1e-12, 100.0):
-        assert dither.done(time)
-        assert not dither.velocity(time).any()
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"kind": "circular"}, "kind is 'circular', allowed: linear, rotary"),
-        ({"axis": "w"}, "axis is 'w', allowed: x, y, z"),
-        ({"amplitude": math.inf}, "amplitude is inf, allowed: a finite number"),
-        ({"frequency": 0.0}, "frequency is 0.0, allowed: a finite number > 0"),
-        ({"cycles": -1.0}, "cycles is -1.0, allowed: a finite number > 0"),
-    ],
-)
-def test_a_dither_refuses(values: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError, match=message):
-        Dither(**values)
+        assert dither.step(SENSED, None, time).event == "done"
+        assert not velocity(dither, time).any()
 
 
 FIRST = Dither(kind="linear", axis="x", amplitude=0.002, frequency=2.0, cycles=77.0)
@@ -146,15 +105,6 @@ def test_a_lissajous_pattern_closes_after_n_slow_cycles(repeats: int, axis: Axis
     assert (slow.amplitude, fast.amplitude) == (0.002, 0.002)
 
 
-def test_the_faster_dither_may_have_an_amplitude_of_its_own() -> None:
-    slow, fast = lissajous(
-        first=Dither(kind="rotary", axis="z", amplitude=0.02), axis="x", repeats=3
-    )
-    assert (slow.amplitude, fast.amplitude) == (0.02, 0.02)
-    assert (slow.kind, fast.kind) == ("rotary", "rotary")
-    assert (slow.index, fast.index) == (2, 0)
-
-
 @pytest.mark.parametrize(
     ("axis", "repeats", "message"),
     [
@@ -167,15 +117,6 @@ def test_lissajous_refuses(axis: Axis, repeats: int, message: str) -> None:
         lissajous(first=FIRST, axis=axis, repeats=repeats)
 
 
-def test_primitives_together_add_up_and_end_each_on_its_own() -> None:
-    move, dither = MoveDx(displacement=WAY, duration=2.0), Dither(frequency=1.0, cycles=1.0)
-    np.testing.assert_allclose(
-        together([move, dither], 0.2), move.velocity(0.2) + dither.velocity(0.2)
-    )
-    np.testing.assert_allclose(together([move, dither], 1.5), move.velocity(1.5))
-    assert not together([], 0.0).any()
-
-
 def test_the_block_gives_the_velocity_at_its_time() -> None:
     move, dither = MoveDx(displacement=WAY, duration=2.0), Dither(frequency=1.0)
     block = TrajectoryPrimitive(move, dither)
@@ -184,38 +125,40 @@ def test_the_block_gives_the_velocity_at_its_time() -> None:
     for time in (0.0, 0.7, 3.0):  # the cache has to follow the time
         context.SetTime(time)
         np.testing.assert_array_equal(
-            block.GetOutputPort("velocity").Eval(context), together([move, dither], time)
+            block.GetOutputPort("velocity").Eval(context),
+            velocity(move, time) + velocity(dither, time),
         )
 
 
-def at(*place: float) -> Observation:
-    return Observation(carriage=place or STILL, motion=STILL, wrench=STILL)
+PERIOD = 0.001  # s
 
 
-@pytest.mark.parametrize(
-    ("primitive", "label"),
-    [
-        (MoveDx(displacement=(0.0, 0.0, 0.1, -0.1, 0.0, 0.0)), "movedx +rz -x"),
-        (MoveDx(duration=0.25), "wait 0.25 s"),
-        (Dither(kind="linear", axis="y"), "ldither y"),
-        (Dither(kind="rotary", axis="z"), "rdither z"),
-    ],
-)
-def test_what_a_chart_shows(primitive: MoveDx | Dither, label: str) -> None:
-    assert primitive.label == label
+def path_of(spiral: Spiral) -> np.ndarray:
+    """Return the positions of whoever follows its velocity, m, shape (n, 2)."""
+    steps = math.floor(spiral.duration / PERIOD)
+    velocities = [spiral.step(SENSED, None, (i + 0.5) * PERIOD).velocity for i in range(steps)]
+    assert all(velocity[:3] + velocity[5:] == (0.0,) * 4 for velocity in velocities)
+    return np.cumsum(np.array(velocities)[:, 3:5], axis=0) * PERIOD
 
 
-@pytest.mark.parametrize(
-    "primitive", [MoveDx(displacement=WAY, duration=2.0), Dither(frequency=2.0, cycles=4.0)]
-)
-def test_steps_are_the_velocity_until_the_end_and_do_not_follow_what_is_sensed(
-    primitive: MoveDx | Dither,
-) -> None:
-    here = at(*WAY)
-    memory = primitive.begin(here)
-    for time in (0.0, 0.3, 1.99):
-        stepped = primitive.step(here, memory, time)
-        np.testing.assert_array_equal(stepped.velocity, primitive.velocity(time))
-        assert (stepped.event, stepped.memory) == (None, memory)
-    last = primitive.step(at(), memory, 2.0 - 1e-12)
-    assert (last.velocity, last.event) == (STILL, "done")
+def test_it_goes_along_an_archimedean_spiral_at_its_speed() -> None:
+    spiral = Spiral(speed=0.004, pitch=0.0006, radius=0.003)
+    path = path_of(spiral)
+    angle = np.unwrap(np.arctan2(path[:, 1], path[:, 0]))
+    radius = np.hypot(*path.T)
+    later = slice(200, None)
+    expected = spiral.pitch * angle[later] / (2 * math.pi)
+    np.testing.assert_allclose(radius[later], expected, atol=0.01 * spiral.pitch)
+    speed = np.hypot(*np.diff(path, axis=0).T) / PERIOD
+    np.testing.assert_allclose(speed, spiral.speed, rtol=0.01)
+
+
+def test_it_ends_at_its_radius_and_says_so() -> None:
+    spiral = Spiral(speed=0.01, pitch=0.001, radius=0.003)
+    assert math.hypot(*path_of(spiral)[-1]) == pytest.approx(0.003, rel=0.01)
+    # A disc is covered by its area over the pitch.
+    assert spiral.duration * spiral.speed == pytest.approx(math.pi * 0.003**2 / 0.001, rel=0.02)
+    assert spiral.step(SENSED, None, spiral.duration - 0.01).event is None
+    done = spiral.step(SENSED, None, spiral.duration)
+    assert (done.event, done.velocity) == ("done", STILL)
+    assert spiral.events == {"done": spiral.duration}

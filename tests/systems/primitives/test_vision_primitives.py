@@ -1,15 +1,12 @@
 """Vision primitives on ideal detections: pinhole points, sampled, one frame late."""
 
 import math
-import re
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from chamfer.models.cameras.camera import Camera, CameraPlacement
@@ -20,7 +17,7 @@ from chamfer.systems.primitives.vision_primitives import (
     VisRotation,
     VisTranslation,
 )
-from chamfer.systems.primitives.visual_servoing import Servoing, StaticCameras, slowest_root
+from chamfer.systems.primitives.visual_servoing import Servoing, StaticCameras
 from chamfer.systems.vision.part_detection import Detection, Status
 from chamfer.systems.vision.part_detector import pack_detections
 
@@ -117,14 +114,6 @@ def servoing(gain: float) -> Servoing:
     return Servoing(period=FRAME, gain=gain, ends=False)
 
 
-@pytest.mark.parametrize("gain", [0.05, 0.2, 0.25])
-def test_translation_settles_without_overshoot_up_to_a_quarter(gain: float) -> None:
-    primitive = VisTranslation(cameras=TRUE, servoing=servoing(gain), **FAST)
-    way = Loop((0, 0, 0, 0.02, 0.015, 0.02), TARGET).run(primitive, 2.0).way
-    assert (np.diff(way, axis=0) < 1e-5).all()
-    assert way.min() > -2e-5  # perspective couples the axes a little
-
-
 def test_translation_follows_the_recursion_of_one_frame_of_delay() -> None:
     gain = 0.4
     primitive = VisTranslation(axes=("x",), cameras=TRUE, servoing=servoing(gain), **FAST)
@@ -135,62 +124,6 @@ def test_translation_follows_the_recursion_of_one_frame_of_delay() -> None:
         expected.append(expected[-1] - gain * expected[-2])
     np.testing.assert_allclose(way, expected, atol=1e-8)
     assert way.min() < -1e-3  # beyond a quarter it overshoots
-
-
-@pytest.mark.parametrize(("factor", "settles"), [(0.45, True), (0.35, False)])
-def test_translation_diverges_beyond_the_bound(factor: float, settles: bool) -> None:
-    # The focal length is believed too short: the true gain is 0.4 / factor, the bound 1.
-    primitive = VisTranslation(cameras=believed(factor), servoing=servoing(0.4), **FAST)
-    loop = Loop((0, 0, 0, 0.006, 0.001, -0.008), TARGET).run(primitive, 2.5)
-    size = np.linalg.norm(loop.way, axis=1)
-    assert (size[-1] < 0.3 * size[0]) == settles
-    assert (size[-5:].max() > 3 * size[0]) != settles
-
-
-@settings(deadline=None, max_examples=10)
-@given(seed=st.integers(0, 2**32 - 1), angle=st.floats(0, 1.6), factor=st.floats(0.15, 1.5))
-def test_translation_settles_where_the_eigenvalues_say_so(
-    seed: int, angle: float, factor: float
-) -> None:
-    generator = np.random.default_rng(seed)
-    axes = generator.normal(size=(2, 3))
-    axes *= angle / np.linalg.norm(axes, axis=1)[:, np.newaxis]
-    cameras = believed(factor, *(tuple(axis.tolist()) for axis in axes))
-    try:
-        primitive = VisTranslation(cameras=cameras, servoing=servoing(0.2), **FAST)
-    except ParameterError:
-        return  # it refuses cameras that it believes to look the same way
-    middle = [np.array(true("xz").centre)] * 2
-    J = VisTranslation(cameras=TRUE).jacobian(middle)
-    shares = 0.2 * np.linalg.eigvals(np.linalg.pinv(primitive.jacobian(middle)) @ J)
-    root = max(slowest_root(one) for one in shares.tolist())
-    if abs(root - 1) < 0.06:
-        return
-    # Near the middle of the images, where the Jacobians are.
-    loop = Loop((0, 0, 0, 1e-4, -1e-4, 1e-4), (0.0,) * 6).run(primitive, 1.8)
-    size = np.linalg.norm(loop.way, axis=1)
-    assert (size[-1] < size[0]) == (root < 1)
-
-
-@settings(deadline=None, max_examples=6)
-@given(
-    seed=st.integers(0, 2**32 - 1),
-    signs=st.tuples(st.sampled_from((0.8, 1.2)), st.sampled_from((0.8, 1.2))),
-)
-def test_translation_is_done_with_every_calibration_20_percent_and_10_degrees_off(
-    seed: int, signs: tuple[float, float]
-) -> None:
-    generator = np.random.default_rng(seed)
-    turns = generator.normal(size=(2, 3))
-    turns *= math.radians(10) / np.linalg.norm(turns, axis=1)[:, np.newaxis]
-    cameras = StaticCameras(
-        xz=true("xz").miscalibrated(focal_factor=signs[0], turn=tuple(turns[0].tolist())),
-        yz=true("yz").miscalibrated(focal_factor=signs[1], turn=tuple(turns[1].tolist())),
-    )
-    primitive = VisTranslation(cameras=cameras, servoing=Servoing(period=FRAME))
-    loop = Loop((0, 0, 0, 0.02, 0.015, 0.02), TARGET).run(primitive, 4.0)
-    assert loop.event == "done"
-    assert np.linalg.norm(loop.way[-1]) < 5e-4  # 1 px, as the goal is the target itself
 
 
 @pytest.mark.parametrize("axes", [("x",), ("y",), ("z",), ("x", "z"), ("y", "z"), ("x", "y")])
@@ -206,14 +139,6 @@ def test_only_the_chosen_axes_move_and_reach_their_goal(axes: Any) -> None:
             assert loop.way[-1, k] == pytest.approx(0, abs=6e-4)
         else:
             assert loop.way[-1, k] == start[k]
-
-
-def test_vis_xz_does_not_ask_the_other_camera() -> None:
-    cameras = StaticCameras(xz=true("xz"))
-    primitive = VisTranslation(axes=("x", "z"), cameras=cameras)
-    assert primitive.views == ("xz",)
-    with pytest.raises(ParameterError, match=r"^cameras\.yz is None"):
-        VisTranslation(cameras=cameras)
 
 
 def test_offset_goes_to_the_image_by_the_believed_perspective() -> None:
@@ -260,33 +185,6 @@ def test_blind_it_stands_still_and_is_lost(primitive: Any) -> None:
     assert not moves[round(0.42 / FRAME)]
 
 
-@pytest.mark.parametrize("primitive", primitives(), ids=lambda one: one.label)
-def test_without_a_camera_it_is_lost(primitive: Any) -> None:
-    sensed = Observation(STILL, STILL, STILL)
-    memory = primitive.begin(sensed)
-    for k in range(40):
-        memory, velocity, event = primitive.step(sensed, memory, k * TICK)
-        assert velocity == STILL
-        if event is not None:
-            break
-    assert event == "lost"
-    assert k == round(10 * FRAME / TICK)
-
-
-@pytest.mark.parametrize("part", [0, 1])
-def test_a_hidden_tip_is_no_tip_but_its_axis_is_an_axis(part: int) -> None:
-    loop = Loop((0.1, 0.1, 0, 0.02, 0, 0.02), TARGET)
-    vectors = {}
-    for name, vector in loop.detections().items():
-        hidden = np.array(vector)
-        hidden[6 * part : 6 * part + 3] = (Status.OCCLUDED, math.nan, math.nan)
-        vectors[name] = tuple(hidden.tolist())
-    sensed = Observation(STILL, STILL, STILL, **vectors)
-    translation, rotation, _ = primitives()
-    assert translation.step(sensed, translation.begin(sensed), 0.0).velocity == STILL
-    assert np.any(rotation.step(sensed, rotation.begin(sensed), 0.0).velocity)
-
-
 @pytest.mark.parametrize("axes", [("x", "y"), ("x",), ("y",)])
 def test_rotation_aligns_the_axes_in_the_images(axes: Any) -> None:
     primitive = VisRotation(axes=axes, cameras=TRUE, servoing=Servoing(period=FRAME))
@@ -300,23 +198,6 @@ def test_rotation_aligns_the_axes_in_the_images(axes: Any) -> None:
         else:
             assert end[k] == (0.2, -0.15)[k]
     np.testing.assert_array_equal(end[2:], loop.path[0][2:])
-
-
-def test_rotation_settles_without_overshoot_at_a_quarter() -> None:
-    primitive = VisRotation(cameras=TRUE, speed=9.0, servoing=servoing(0.25))
-    loop = Loop((0.1, 0.1, 0, 0, 0, 0), (0.0,) * 6).run(primitive, 1.5)
-    turns = np.array(loop.path)[:, :2]
-    assert (np.diff(turns, axis=0) < 1e-6).all()
-    assert turns.min() > -1e-3
-    assert turns[-1].max() < 1e-3
-
-
-def test_rotation_settles_with_wrong_cameras() -> None:
-    cameras = believed(0.8, (0.1, 0.12, 0.05), (-0.12, 0.1, -0.05))
-    primitive = VisRotation(cameras=cameras, servoing=Servoing(period=FRAME))
-    loop = Loop((0.25, -0.2, 0, 0, 0, 0.01), TARGET).run(primitive, 4.0)
-    assert loop.event == "done"
-    np.testing.assert_allclose(loop.path[-1][:2], 0, atol=0.004)
 
 
 ARM = (0.01, 0.002, -0.04)
@@ -341,44 +222,6 @@ def test_fixed_point_turns_and_stays(view: Any, angle: float, leaning: float) ->
     assert np.abs(pixels - pixels[0]).max() < 0.15
     # The turn alone would take the point 16 px away.
     assert 1000 * abs(angle) * 0.041 / 0.5 > 10
-
-
-def test_fixed_point_with_a_wrong_arm_is_held_by_the_image() -> None:
-    kwargs: Any = {"cameras": believed(0.8, (0.0, 0.1, 0.14)), "angle": 0.2}
-    found = {}
-    for share in (0.0, 0.8):
-        arm = tuple((share * np.array(ARM)).tolist())
-        primitive = FixedPointRotation(lever=arm, servoing=Servoing(period=FRAME), **kwargs)
-        loop = Loop((0, 0, 0, 0.005, 0, 0.04), TARGET, arm=ARM).run(primitive, 4.0)
-        assert loop.event == "done"
-        pixels = true("xz").project(loop.way + loop.target[3:])
-        found[share] = np.abs(pixels - pixels[0]).max()
-        assert np.abs(pixels[-1] - pixels[0]).max() < 0.6
-    # Fed forward it goes a fifth as far.
-    assert found[0.8] < 0.8
-    assert found[0.0] > 3 * found[0.8]
-
-
-@pytest.mark.parametrize(
-    ("kind", "changes", "text"),
-    [
-        (VisTranslation, {"axes": ()}, "axes is (), allowed: some of x, y, z, in this order"),
-        (VisTranslation, {"axes": ("z", "x")}, "axes is ('z', 'x'), allowed: some of x, y, z"),
-        (VisTranslation, {"moved": -1}, "moved is -1, allowed: a whole number >= 0"),
-        (VisTranslation, {"target": 0}, "target is 0, allowed: another part than the moved"),
-        (VisTranslation, {"speed": 0.0}, "speed is 0.0, allowed: a finite number > 0"),
-        (VisTranslation, {"offset": (0.0, math.nan, 0.0)}, "offset is "),
-        (VisRotation, {"axes": ("z",)}, "axes is ('z',), allowed: some of x, y"),
-        (VisRotation, {"tolerance": -1.0}, "tolerance is -1.0, allowed: a finite number > 0"),
-        (FixedPointRotation, {"view": "xy"}, "view is 'xy', allowed: xz, yz"),
-        (FixedPointRotation, {"angle": 2.0}, "angle is 2.0, allowed: less than a quarter turn"),
-        (FixedPointRotation, {"lever": (0.0,)}, "lever is (0.0,), allowed: three finite numbers"),
-        (FixedPointRotation, {"moved": -1}, "moved is -1, allowed: a whole number >= 0"),
-    ],
-)
-def test_errors(kind: Any, changes: dict[str, Any], text: str) -> None:
-    with pytest.raises(ParameterError, match=f"^{re.escape(text)}"):
-        kind(cameras=TRUE, **changes)
 
 
 def test_cameras_that_are_believed_to_look_the_same_way_are_refused() -> None:

@@ -1,4 +1,4 @@
-"""Encoders: counts, and velocities by difference and by a tracking filter."""
+"""Encoders: counts, velocities, homing, and the endpoint's motion."""
 
 import math
 from typing import Any
@@ -12,8 +12,18 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
+from chamfer.models.arms.adept_one import ADEPT_ONE
+from chamfer.models.arms.arm import Arm
+from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
+from chamfer.models.arms.puma_250 import PUMA_250
 from chamfer.models.validation import ParameterError
-from chamfer.systems.sensing.encoders import EncoderParams, Encoders
+from chamfer.systems.sensing.encoders import (
+    EncoderParams,
+    Encoders,
+    EndpointMotion,
+    Homing,
+    HomingParams,
+)
 
 PERIOD = 0.005
 
@@ -58,24 +68,6 @@ def test_a_differenced_velocity_is_the_mean_of_a_period() -> None:
     np.testing.assert_allclose(found[1:, 1], 0.3, atol=1e-9)
 
 
-def test_differenced_counts_give_steps_of_a_count_by_the_period() -> None:
-    params = EncoderParams(counts=7436.0, velocity="differenced", bandwidth=0.0)
-    velocity = follow(params, 0.1, 1.0)[1:, 1]
-    quantum = 1 / 7436 / PERIOD
-    np.testing.assert_allclose(velocity / quantum, np.round(velocity / quantum), atol=1e-6)
-    assert velocity.mean() == pytest.approx(0.1, rel=1e-2)
-    assert np.ptp(velocity) == pytest.approx(quantum, rel=1e-6)
-
-
-def test_the_low_pass_smooths_the_steps() -> None:
-    rough, smooth = (
-        follow(EncoderParams(counts=7436.0, velocity="differenced", bandwidth=one), 0.1, 1.0)
-        for one in (0.0, 10.0)
-    )
-    assert smooth[100:, 1].std() < 0.5 * rough[100:, 1].std()
-    assert smooth[100:, 1].mean() == pytest.approx(0.1, rel=1e-2)
-
-
 def test_a_tracking_filter_has_its_poles_and_no_lag_in_velocity() -> None:
     params = EncoderParams(counts=0.0, velocity="tracked", bandwidth=20.0)
     error = 1 - follow(params, 1.0, 0.5)[:, 1]
@@ -94,25 +86,73 @@ def test_it_starts_at_rest(velocity: Any) -> None:
     np.testing.assert_allclose(found, [0.123, -1.0, 0.0, 0.0], atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("given_", "message"),
-    [
-        ({"counts": -1.0}, "counts is -1.0, allowed: finite numbers >= 0"),
-        ({"counts": (1.0, math.nan)}, "counts is (1.0, nan), allowed: finite numbers >= 0"),
-        ({"velocity": "guessed"}, "velocity is 'guessed', allowed: exact, differenced, tracked"),
-        ({"velocity": "exact", "bandwidth": 3.0}, "bandwidth is 3.0, allowed: 0 with an exact ve"),
-        ({"velocity": "tracked", "bandwidth": 0.0}, "bandwidth is 0.0, allowed: more than 0 Hz"),
-    ],
-)
-def test_parameters(given_: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError) as caught:
-        EncoderParams(**given_)
-    assert str(caught.value).startswith(message)
-
-
 def test_counts_are_for_each_joint() -> None:
     params = EncoderParams(counts=(1.0, 2.0, 3.0), velocity="exact", bandwidth=0.0)
     with pytest.raises(ParameterError, match=r"^counts is .*, allowed: 2 numbers, or one for all"):
         read(params, np.zeros(4))
     assert not params.exact
     assert EncoderParams(counts=0.0, velocity="exact", bandwidth=0.0).exact
+
+
+HOMING_PERIOD = 0.25  # s, a binary fraction
+START = np.array([1.0, -2.0])
+PARAMS = HomingParams(zero_error=(0.1, -0.2), mark_distance=(0.3, -0.3), settle=1.0)
+
+
+def shown(homing: Homing, motions: list[list[float]]) -> tuple[np.ndarray, list[float]]:
+    """Return what is shown a period after each motion, shape (steps, 2n), and whether homed."""
+    simulator = Simulator(homing)
+    context = simulator.get_mutable_context()
+    rows, homed = [], []
+    for motion in motions:
+        homing.GetInputPort("motion").FixValue(context, np.array(motion))
+        simulator.AdvanceTo(context.get_time() + HOMING_PERIOD)
+        rows.append(homing.GetOutputPort("encoders").Eval(context))
+        homed.append(homing.GetOutputPort("homed").Eval(context)[0])
+    return np.array(rows), homed
+
+
+def test_without_marks_zeros_stay_unknown() -> None:
+    rows, homed = shown(Homing(PARAMS, START, period=HOMING_PERIOD), [[1.2, -2.2, 0.5, 0.6]] * 8)
+    # 1.2 and -2.2 are short of the marks at 1.3 and -2.3.
+    assert rows == pytest.approx(np.tile([1.3, -2.4, 0.5, 0.6], (8, 1)))
+    assert not any(homed)
+
+
+def test_zero_is_taken_over_gradually_behind_each_mark() -> None:
+    first = [[1.0, -2.0, 0.0, 0.0], [1.4, -2.0, 0.0, 0.0]]
+    rows, homed = shown(
+        Homing(PARAMS, START, period=HOMING_PERIOD), first + [[1.4, -2.4, 0.0, 0.0]] * 8
+    )
+    errors = rows[:, :2] - np.array([m[:2] for m in first + [[1.4, -2.4]] * 8])
+    assert errors[0] == pytest.approx([0.1, -0.2])
+    assert np.all(np.diff(errors[:, 0]) <= 0)
+    assert np.all(np.diff(errors[:, 1]) >= 0)
+    # Halfway at half the time: the mark was passed in the second step, and in the third.
+    assert errors[3, 0] == pytest.approx(0.1 * (1 - 0.75**3 * (10 - 15 * 0.75 + 6 * 0.75**2)))
+    assert errors[-1] == pytest.approx([0.0, 0.0])
+    assert homed[0] == homed[3] == 0.0
+    assert homed[-1] == 1.0
+
+
+def test_mark_is_passed_once_and_stays_known() -> None:
+    motions = [[1.4, -2.4, 0.0, 0.0]] * 8 + [[1.0, -2.0, 0.0, 0.0]] * 2
+    rows, homed = shown(Homing(PARAMS, START, period=HOMING_PERIOD), motions)
+    assert rows[-1] == pytest.approx([1.0, -2.0, 0.0, 0.0])
+    assert homed[-1] == 1.0
+
+
+@pytest.mark.parametrize("arm", [PLANAR_TWO_LINK, PUMA_250, ADEPT_ONE], ids=lambda arm: arm.name)
+def test_position_and_velocity(arm: Arm) -> None:
+    n, d = arm.num_joints, min(arm.num_coordinates, 3)
+    q, v = np.random.default_rng(0).uniform(-1, 1, (2, n))
+    block = EndpointMotion(arm, dimension=d)
+    context = block.CreateDefaultContext()
+    block.get_input_port().FixValue(context, [*q, *v])
+    x, rate = np.split(block.GetOutputPort("endpoint_motion").Eval(context), 2)
+    np.testing.assert_array_equal(x, arm.endpoint(q))
+    step = 1e-6
+    difference = (arm.endpoint(q + step * v) - arm.endpoint(q - step * v)) / (2 * step)
+    np.testing.assert_allclose(rate, difference, atol=1e-8)
+    nominal = block.GetOutputPort("nominal_motion").Eval(context)
+    np.testing.assert_array_equal(nominal, [*x[:d], *rate[:d]])

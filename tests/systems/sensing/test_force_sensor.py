@@ -1,6 +1,7 @@
-"""The force sensors: signs, cross-talk and its removal, and what filter and converter do."""
+"""Force sensors: signs, cross-talk, filter and converter, the wrench at a tip, the zero."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -11,9 +12,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from pydrake.common import RandomDistribution, RandomGenerator
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import (
-    ConstantVectorSource,
     LogVectorOutput,
     RandomSource,
     TrajectorySource,
@@ -24,12 +24,14 @@ from chamfer.models.arms.adept_one import ADEPT_ONE
 from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.sensing.force_in_world import ForceInWorld
 from chamfer.systems.sensing.force_sensor import (
     BaseSensorParams,
+    ForceInWorld,
     ForceSensor,
     ForceSensorParams,
     LoadCellParams,
+    Tare,
+    WrenchSensorParams,
     base_gauges,
     gauges,
 )
@@ -100,12 +102,6 @@ def test_each_direction_leaks_into_the_others(force: np.ndarray, cross_talk: flo
         -(z + cross_talk * (x + y)),
     ]
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
-
-
-def test_friction_disturbs_the_normal_reading() -> None:
-    # Section 3.3: of 2 N along the surface a tenth is read as normal force.
-    found = read(replace(IDEAL, cross_talk=0.1), (2.0, 0.0, 20.0))
-    assert found[2] == pytest.approx(-20.2, abs=1e-12)
 
 
 @given(force=forces, cross_talk=cross_talks, noise=samples)
@@ -259,50 +255,6 @@ def test_what_is_not_finite_is_stopped(bad: float) -> None:
         read(replace(IDEAL, noise=0.5), (0.0, 0.0, 0.0), (0.5, 0.5, bad))
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"noise": -0.5}, "noise is -0.5, allowed: a finite number >= 0"),
-        ({"full_scale": math.nan}, "full_scale is nan, allowed: a finite number >= 0"),
-        ({"bias": math.inf}, "bias is inf, allowed: a finite number"),
-        ({"cross_talk": 1.0}, "cross_talk is 1.0, allowed: more than -0.5 and less than 1"),
-        ({"cross_talk": -0.5}, "cross_talk is -0.5, allowed: more than -0.5 and less than 1"),
-        ({"cross_talk": math.nan}, "cross_talk is nan, allowed: more than -0.5 and less than 1"),
-        ({"cross_talk": ((1.0,),)}, "cross_talk is ((1.0,),), allowed: a number, or a regular"),
-        ({"cross_talk": 6 * (6 * (1.0,),)}, "cross_talk is ((1.0, 1.0, 1.0, 1.0, 1.0, 1.0), "),
-        ({"position": (0.0, 0.0, 0.1)}, "position is (0.0, 0.0, 0.1), allowed: 0 unless cross_ta"),
-        ({"radius": 0.1}, "radius is 0.1, allowed: 0.05 unless a 6 x 6 cross-talk is undone"),
-    ],
-)
-def test_parameters_of_the_wrist_sensor(changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError) as caught:
-        replace(IDEAL, **changes)
-    assert str(caught.value).startswith(message)
-
-
-def test_the_cells_axis_has_to_be_one() -> None:
-    with pytest.raises(ParameterError, match=r"^axis is \[0.0, 0.0, 0.0\], allowed: a finite ve"):
-        LoadCellParams(axis=(0.0, 0.0, 0.0))
-
-
-def test_what_is_open_is_refused() -> None:
-    with pytest.raises(ParameterError, match=r"^noise is None"):
-        make(replace(IDEAL, noise=None))
-    with pytest.raises(ParameterError, match=r"^delay is 2.0, allowed: at most 1 s"):
-        make(replace(IDEAL, delay=2.0))
-
-
-def test_an_ideal_sensor_has_no_events() -> None:
-    assert make(IDEAL).HasAnyDirectFeedthrough()
-    builder = DiagramBuilder()
-    source = builder.AddSystem(ConstantVectorSource(np.zeros(3)))
-    sensor = builder.AddSystem(make(IDEAL))
-    builder.Connect(source.get_output_port(), sensor.GetInputPort("tool_force"))
-    simulator = Simulator(builder.Build())
-    simulator.AdvanceTo(0.1)
-    assert simulator.get_num_discrete_updates() == 0
-
-
 def test_sensor_under_the_base_reads_moments_and_forces_of_the_base_on_the_arm() -> None:
     params = BaseSensorParams(**{**NOTHING, "bias": 2.0, "resolution": 0.5}, radius=0.1)
     sensor = ForceSensor(params, base_gauges(params), step=STEP, period=PERIOD)
@@ -313,3 +265,104 @@ def test_sensor_under_the_base_reads_moments_and_forces_of_the_base_on_the_arm()
     np.testing.assert_allclose(found, [10.2, -19.8, 0.5, 7.0, 2.0, 302.0], rtol=0, atol=1e-12)
     with pytest.raises(ParameterError, match=r"^tare is 1.0, allowed: 0"):
         BaseSensorParams(tare=1.0)
+
+
+NOTHING: dict[str, Any] = dict.fromkeys(
+    ("noise", "bias", "drift", "bandwidth", "delay", "resolution", "full_scale", "tare"), 0.0
+)
+COUPLED = tuple(map(tuple, (np.eye(6) + 0.01 * np.arange(36).reshape(6, 6)).tolist()))
+UNCOUPLED = tuple(map(tuple, np.eye(6).tolist()))
+WRENCH = np.array([0.1, -0.2, 0.3, 4.0, 5.0, -6.0])  # N m above N
+
+
+def read_wrench(params: WrenchSensorParams, wrench: Any = WRENCH) -> Any:
+    """What the computer makes of a wrench on the tip."""
+    sensor = ForceSensor(params, params.gauges, step=0.001, period=0.01)
+    context = sensor.CreateDefaultContext()
+    sensor.GetInputPort("tool_force").FixValue(context, wrench)
+    return params.undoing @ sensor.GetOutputPort("reading").Eval(context)
+
+
+def six_axes(**fields: Any) -> WrenchSensorParams:
+    return WrenchSensorParams(
+        **{**NOTHING, "cross_talk": UNCOUPLED, "position": (0.0,) * 3, **fields}
+    )
+
+
+@pytest.mark.parametrize("position", [(0.0, 0.0, 0.0), (0.01, -0.02, 0.1)])
+def test_an_ideal_sensor_reads_the_wrench_at_the_tip(position: Any) -> None:
+    np.testing.assert_allclose(read_wrench(six_axes(position=position)), WRENCH, atol=1e-12)
+    decoupled = six_axes(position=position, cross_talk=COUPLED, decoupling=True)
+    np.testing.assert_allclose(read_wrench(decoupled), WRENCH, atol=1e-12)
+
+
+def test_a_sensor_feels_moments_about_its_own_origin() -> None:
+    p = np.array([0.01, -0.02, 0.1])
+    felt = -six_axes(position=tuple(p)).gauges.pick_up @ WRENCH
+    np.testing.assert_allclose(felt[:3], WRENCH[3:])
+    np.testing.assert_allclose(felt[3:], WRENCH[:3] - np.cross(p, WRENCH[3:]))
+    # So a force's bias is a moment at the tip.
+    off = read_wrench(six_axes(position=tuple(p), bias=(1.0, 2.0, 3.0, 0.0, 0.0, 0.0))) - WRENCH
+    np.testing.assert_allclose(off, [*np.cross(p, [1.0, 2.0, 3.0]), 1.0, 2.0, 3.0], atol=1e-12)
+
+
+def test_forces_leak_into_each_other() -> None:
+    channels = np.array(COUPLED) @ np.roll(WRENCH, 3)
+    np.testing.assert_allclose(read_wrench(six_axes(cross_talk=COUPLED)), np.roll(channels, -3))
+
+
+def test_a_bias_is_that_of_every_force_or_of_each_channel() -> None:
+    alike = read_wrench(six_axes(bias=0.5, radius=0.02)) - WRENCH
+    np.testing.assert_allclose(alike, [0.01] * 3 + [0.5] * 3)
+    with pytest.raises(
+        ParameterError, match=r"^bias is \(1\.0, 2\.0\), allowed: one number, or 6$"
+    ):
+        read_wrench(six_axes(bias=(1.0, 2.0)))
+
+
+TARE_PERIOD = 0.25  # s, a binary fraction
+
+
+def runner() -> Callable[..., np.ndarray]:
+    """Return what goes on by a period with inputs, and returns the output before it."""
+    tare = Tare(period=TARE_PERIOD)
+    simulator = Simulator(tare)
+    context: Context = simulator.get_mutable_context()
+
+    def run(force: tuple[float, float, float], *, takes: bool) -> np.ndarray:
+        tare.GetInputPort("force").FixValue(context, np.array(force))
+        tare.GetInputPort("tare").FixValue(context, np.array([float(takes)]))
+        simulator.AdvanceTo(context.get_time() + TARE_PERIOD)
+        shown: np.ndarray = tare.GetOutputPort("tared_force").Eval(context)
+        return shown
+
+    run((0.0, 0.0, 0.0), takes=False)
+    return run
+
+
+def test_mean_is_taken_off_until_the_next_zero() -> None:
+    run = runner()
+    for x in (1.0, 2.0, 6.0):
+        assert run((x, 0.0, -x), takes=True).tolist() == [0.0, 0.0, 0.0]
+    assert run((3.5, 1.0, -3.0), takes=False) == pytest.approx([0.5, 1.0, 0.0])
+    assert run((0.0, 0.0, 0.0), takes=False) == pytest.approx([-3.0, 0.0, 3.0])
+    # A second zero has nothing of the first.
+    run((8.0, 8.0, 8.0), takes=True)
+    run((8.0, 8.0, 8.0), takes=True)
+    assert run((8.0, 8.0, 9.0), takes=False) == pytest.approx([0.0, 0.0, 1.0])
+
+
+def test_spread_is_the_standard_deviation_of_the_readings_of_the_last_zero() -> None:
+    tare = Tare(period=TARE_PERIOD, size=6)
+    simulator = Simulator(tare)
+    context = simulator.get_mutable_context()
+    seen = []
+    for told, x in ((1, 100.0), (1, 104.0), (1, 108.0), (0, 500.0), (1, 7.0), (1, 9.0), (0, 0.0)):
+        tare.GetInputPort("force").FixValue(context, np.array([x, -x, 0, 0, 2 * x, 1.0]))
+        tare.GetInputPort("tare").FixValue(context, np.array([float(told)]))
+        simulator.AdvanceTo(context.get_time() + TARE_PERIOD)
+        seen.append(tare.GetOutputPort("spread").Eval(context).tolist())
+    assert seen[0] == [0.0] * 6
+    assert seen[2] == pytest.approx([4.0, 4.0, 0.0, 0.0, 8.0, 0.0])
+    assert seen[3] == seen[2]
+    assert seen[-1] == pytest.approx([2**0.5, 2**0.5, 0.0, 0.0, 8**0.5, 0.0])

@@ -1,0 +1,479 @@
+"""Many insertions in randomised scenarios: how many succeed, by which search, by which primitives.
+
+What a skill believes is the scenario itself; what truly is differs from trial to trial.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from operator import mul
+from typing import Any, Final, Literal, TypeVar
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.campaign.trial_metrics import prefixed, rate, trial_seed
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column
+from chamfer.analysis.skills.ablation import CHANGES, SkillChange, whole
+from chamfer.analysis.skills.connector_campaign_figures import (
+    plot_ablation,
+    plot_searches,
+    plot_success,
+)
+from chamfer.analysis.skills.insertion_metrics import (
+    INSERTION,
+    InsertionVerdict,
+    failure,
+    insertion_metrics,
+    verdict,
+)
+from chamfer.analysis.skills.skill_run import AXES, run_skill
+from chamfer.diagrams.skills.connector_scenario import (
+    BncConnectorScenario,
+    ConnectorScenario,
+    DConnectorScenario,
+    PegScenario,
+    ResolvedStrategyScenario,
+    Rj45ConnectorScenario,
+    StrategyScenario,
+    resolved_fields,
+)
+from chamfer.diagrams.skills.connector_sight import ResolvedSightSettings, SightSettings
+from chamfer.diagrams.skills.vision_servo import CameraBelief
+from chamfer.models.validation import (
+    ParameterError,
+    require_between,
+    require_not_negative,
+)
+from chamfer.systems.sensing.force_sensor import WrenchSensorParams
+from chamfer.systems.strategies.peg_in_hole import PegInHoleSkillParams, Search
+
+_MOST: Final = 10_000  # trials
+_LEAST: Final = 0.0003  # m, depth of an obstacle that is in a socket, not before it
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScenarioSpread:
+    """By how much trials truly differ from what is believed; all is assumed.
+
+    Draws are uniform within plus and minus a range unless it is said otherwise.
+    """
+
+    lateral: float = 0.002  # m, of the plug over the socket along x and y
+    rotational: float = math.radians(3)  # rad, of the plug in the gripper about x, y and z
+    force_bias: float = 1.0  # N, of the sensor along each axis
+    torque_bias: float = 0.03  # N m, of the sensor about each axis
+    friction: float = 0.5  # share, of what is believed of the connector's
+    wrist_stiffness: float = 0.3  # share, of what is believed of all of the wrist's
+    mating_force: float = 2.0  # factor of the connector's own, either way, log-uniform
+    tight: float = 0.5  # share of trials whose connector has the tightest fit allowed
+    focal: float = 0.1  # share, of each camera's focal length, with sight
+    camera_turn: float = math.radians(5)  # rad, of each camera about each of its axes, with sight
+    obstacles: float = 0.1  # share of trials in which something is in the socket
+    obstacle_short: float = 0.0005  # m, by which an obstacle is short of the mated depth at least
+
+    def __post_init__(self) -> None:
+        names = [one.name for one in fields(self) if one.name != "mating_force"]
+        require_not_negative(self, *names)
+        for name in ("friction", "wrist_stiffness", "focal"):
+            if not (value := getattr(self, name)) < 1:
+                raise ParameterError(name, value, "0 <= share < 1")
+        for name in ("tight", "obstacles"):
+            if not (value := getattr(self, name)) <= 1:
+                raise ParameterError(name, value, "0 to 1")
+        if not 1 <= self.mating_force < math.inf:
+            raise ParameterError("mating_force", self.mating_force, "a finite factor >= 1")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CampaignScenario(ConnectorScenario):
+    """What all campaigns have beside what one insertion has."""
+
+    spread: ScenarioSpread = ScenarioSpread()
+    trials: int = 50  # insertions, each in a randomised scenario of its own
+
+    def __post_init__(self) -> None:
+        require_between(self, 1, _MOST, "trials")
+        super().__post_init__()
+
+
+@dataclass(frozen=True, kw_only=True)
+class DConnectorCampaignScenario(DConnectorScenario, CampaignScenario):
+    """Many insertions of a D connector."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BncConnectorCampaignScenario(BncConnectorScenario, CampaignScenario):
+    """Many insertions of a BNC connector."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rj45ConnectorCampaignScenario(Rj45ConnectorScenario, CampaignScenario):
+    """Many insertions of an RJ45 plug."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PegCampaignScenario(PegScenario, CampaignScenario):
+    """Many insertions of a round peg, and the same scenarios with other searches."""
+
+    compared: tuple[Search, ...] = ("spiral", "tilt")  # searches beside that of the skill
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedCampaignScenario(ResolvedStrategyScenario, CampaignScenario):
+    """Many insertions of a part; nothing is open."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedPegCampaignScenario(ResolvedCampaignScenario):
+    """Many insertions of a round peg, by several searches; nothing is open."""
+
+    skill: PegInHoleSkillParams
+    compared: tuple[Search, ...]
+
+
+_CAMPAIGN: Final[dict[str, Any]] = {
+    # Cameras are believed to be as they are, but for what a trial draws.
+    "sight": SightSettings(xz=CameraBelief(), yz=CameraBelief()),
+    "sensing": "realistic",
+    "sensor": WrenchSensorParams(),
+    "step": 0.002,  # s; peak forces differ by less than 1 % from those at 1 ms
+    "duration": 240.0,  # s, after which a run has made all its retries
+}
+D_CONNECTOR: Final = DConnectorCampaignScenario(**_CAMPAIGN)
+BNC_CONNECTOR: Final = BncConnectorCampaignScenario(
+    # The middle of the errors; the slots are that far from the studs.
+    initial_error=(0.0, 0.0, 0.6, 0.0, 0.0, 0.0),
+    **_CAMPAIGN,
+)
+RJ45_CONNECTOR: Final = Rj45ConnectorCampaignScenario(**_CAMPAIGN)
+ROUND_PEG: Final = PegCampaignScenario(**_CAMPAIGN)
+D_ABLATION: Final = replace(D_CONNECTOR, trials=20)  # by each of the skills
+BNC_ABLATION: Final = replace(BNC_CONNECTOR, trials=20)
+
+S = TypeVar("S", bound=ResolvedCampaignScenario)
+
+
+def resolve_campaign(scenario: StrategyScenario) -> ResolvedCampaignScenario:
+    """Return a campaign of a part; what its trials draw comes on top."""
+    return ResolvedCampaignScenario(**resolved_fields(scenario))
+
+
+def resolve_peg_campaign(scenario: PegCampaignScenario) -> ResolvedPegCampaignScenario:
+    """Return the campaign of the peg, likewise."""
+    return ResolvedPegCampaignScenario(**resolved_fields(scenario))
+
+
+def randomised(scenario: S, seed: int, trial: int) -> S:
+    """Return the randomised scenario of one of a seed's trials.
+
+    What is believed is the scenario itself. Every trial takes the same draws in the same order, so
+    that one spread does not change another's.
+
+    Raises:
+        ParameterError: If an obstacle would have no room in the socket.
+    """
+    random, spread = np.random.default_rng([seed, trial]), scenario.spread
+
+    def off(*ranges: float) -> list[float]:
+        return list(map(mul, ranges, random.uniform(-1.0, 1.0, len(ranges)).tolist()))
+
+    error = off(*[spread.rotational] * 3, *[spread.lateral] * 2, 0.0)
+    bias = off(*[spread.force_bias] * 3, *[spread.torque_bias] * 3)
+    friction, stiffness, force = off(
+        spread.friction, spread.wrist_stiffness, math.log(spread.mating_force)
+    )
+    focal, turns = off(*[spread.focal] * 2), [off(*[spread.camera_turn] * 3) for _ in range(2)]
+    tight, blocked, place = random.uniform(size=3).tolist()
+    own = scenario.connector
+    material = replace(own.material, friction=(1 + friction) * own.material.friction)
+    tolerance = "worst" if tight < spread.tight else own.tolerance
+    connector = replace(own, material=material, tolerance=tolerance).with_mating_force(
+        math.exp(force) * own.mating_force
+    )
+    deepest = connector.mated_depth - spread.obstacle_short
+    if not deepest > _LEAST:
+        allowed = f"less than {connector.mated_depth - _LEAST:.3g} m"
+        raise ParameterError("spread.obstacle_short", spread.obstacle_short, allowed)
+    wrist = replace(
+        scenario.wrist, stiffness=tuple((1 + stiffness) * k for k in scenario.wrist.stiffness)
+    )
+    changes: dict[str, Any] = {
+        "initial_error": tuple(np.add(scenario.initial_error, error).tolist()),
+        "sensor": replace(scenario.sensor, bias=tuple(bias)),
+        "connector": connector,
+        "wrist": wrist,
+    }
+    if scenario.sight is not None:
+        changes["sight"] = _miscalibrated(scenario.sight, focal, turns)
+    if blocked < spread.obstacles:
+        changes["obstacle"] = _LEAST + place * (deepest - _LEAST)
+    return replace(scenario, **changes)
+
+
+def _miscalibrated(
+    sight: ResolvedSightSettings, focal: list[float], turns: list[list[float]]
+) -> ResolvedSightSettings:
+    """Return the cameras, believed to be as they are but for errors."""
+    cameras = {
+        name: replace(
+            getattr(sight, name),
+            focal_factor=getattr(sight, name).focal_factor * (1 + factor),
+            turn=tuple(np.add(getattr(sight, name).turn, turn).tolist()),
+        )
+        for name, factor, turn in zip(("xz", "yz"), focal, turns, strict=True)
+    }
+    return replace(sight, **cameras)
+
+
+# Of a trial: errors, rad and m; the true connector's friction and mating force, N, 1 if
+# it has the tightest fit, and depth of an obstacle, m; stiffness of the true wrist along z, N/m.
+DRAWN: Final = (
+    *(f"initial_{axis}" for axis in AXES),
+    "friction",
+    "mating_force",
+    "tight",
+    "wrist_stiffness",
+    "obstacle",
+)
+# What does not depend on the machine.
+MEASURED: Final = tuple(name for name in INSERTION if name != "real_time_factor")
+
+
+def attempt(
+    scenario: ResolvedCampaignScenario, seed: int, trial: int, change: SkillChange = whole
+) -> Row:
+    """Run one of a seed's trials; it depends on its arguments alone, but for how fast it runs.
+
+    The row has what was drawn, :data:`DRAWN`, what the run measured, the truth about it, and
+    ``reason``, why the plug is not in, empty if it is.
+    """
+    one = randomised(scenario, seed, trial)
+    done = run_skill(change(one.make_skill()), one, seed=trial_seed(seed, trial))
+    truth = verdict(done, one.connector)
+    return {
+        **_draws(one),
+        **insertion_metrics(done, one.connector),
+        **{name: float(value) for name, value in truth._asdict().items()},
+        "reason": failure(done, one.connector),
+    }
+
+
+def _draws(one: ResolvedCampaignScenario) -> dict[str, float | None]:
+    """Return what was drawn of a trial."""
+    return {
+        **{f"initial_{axis}": error for axis, error in zip(AXES, one.initial_error, strict=True)},
+        "friction": one.connector.material.friction,
+        "mating_force": one.connector.mating_force,
+        "tight": float(one.connector.tolerance == "worst"),
+        "wrist_stiffness": one.wrist.stiffness[-1],
+        "obstacle": one.obstacle,
+    }
+
+
+def run_success(scenario: ResolvedCampaignScenario, seed: int, progress: Progress) -> Outcome:
+    """Grasp and insert the connector many times."""
+    attempts = run_each(partial(attempt, scenario, seed), range(scenario.trials), progress)
+    return Outcome(
+        metrics=annotated(success_metrics(attempts)),
+        traces=attempt_rows(attempts),
+        simulated_seconds=math.fsum(attempts.column("duration")),
+    )
+
+
+def success_figures(scenario: ResolvedCampaignScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
+    return {"success": plot_success(outcome, middle=scenario.initial_error)}
+
+
+# A search or what a skill lacks, and the number of a trial.
+VariantTask = tuple[str, int]
+# What the searches are compared by, beside their rates of success, and the skills of an ablation.
+_COMPARED: Final = ("duration", "force.peak_mean", "retries")
+_SHOWN: Final = (
+    "success_rate",
+    "false_done",
+    "duration",
+    "force.peak_share",
+    "torque.peak",
+    "success_rate.low",
+    "success_rate.high",
+)
+WITHOUT_SIGHT: Final = "without_sight"
+
+
+def attempt_each(
+    run: Callable[[VariantTask], Row], names: Sequence[str], trials: int, progress: Progress
+) -> dict[str, Trials[int]]:
+    """Run the same trials of every variant; return them by its name."""
+    tasks = [(name, trial) for name in names for trial in range(trials)]
+    found = run_each(run, tasks, progress).split(names, lambda task: task[0])
+    return {
+        name: Trials(tasks=tuple(trial for _, trial in its.tasks), rows=its.rows)
+        for name, its in found.items()
+    }
+
+
+def _by_search(scenario: ResolvedPegCampaignScenario, seed: int, task: VariantTask) -> Row:
+    search, trial = task
+    skill = replace(scenario.skill, search=search)  # type: ignore[arg-type]
+    return attempt(replace(scenario, skill=skill), seed, trial)
+
+
+def run_searches(scenario: ResolvedPegCampaignScenario, seed: int, progress: Progress) -> Outcome:
+    """Grasp and insert the peg many times with each search; what is asked is the skill's own."""
+    own = scenario.skill.search
+    searches = list(dict.fromkeys((own, *scenario.compared)))
+    attempts = attempt_each(
+        partial(_by_search, scenario, seed), searches, scenario.trials, progress
+    )
+    found = {search: success_metrics(its) for search, its in attempts.items()}
+    metrics = annotated(found[own])
+    for search, its in found.items():
+        metrics |= prefixed(
+            search,
+            {
+                name: metric
+                for name, metric in its.items()
+                if name.startswith("success_rate") or name in _COMPARED
+            },
+        )
+    traces = _stacked(
+        {**attempt_rows(its), "search": np.array([search] * len(its), dtype=np.str_)}
+        for search, its in attempts.items()
+    )
+    return Outcome(metrics=metrics, traces=traces, simulated_seconds=math.fsum(traces["duration"]))
+
+
+def search_figures(scenario: ResolvedPegCampaignScenario, outcome: Outcome) -> dict[str, Figure]:
+    """Return the figures by file name."""
+    rows = outcome.traces
+    own = rows["search"] == scenario.skill.search
+    of_own = replace(outcome, traces={name: values[own] for name, values in rows.items()})
+    figures = {"success": plot_success(of_own, middle=scenario.initial_error)}
+    if not own.all():
+        figures["searches"] = plot_searches(rows)
+    return figures
+
+
+def ablated_skills(scenario: ResolvedCampaignScenario) -> tuple[str, ...]:
+    """Return the names of the skills that differ: the whole one, and what it can lack."""
+    own = scenario.make_skill()
+    blind = replace(scenario, sight=None).make_skill()
+    changed = [name for name, change in CHANGES.items() if name == "whole" or change(own) != own]
+    return (*changed, WITHOUT_SIGHT) if own != blind else tuple(changed)
+
+
+def _by_skill(scenario: ResolvedCampaignScenario, seed: int, task: VariantTask) -> Row:
+    name, trial = task
+    if name == WITHOUT_SIGHT:
+        return attempt(replace(scenario, sight=None), seed, trial)
+    return attempt(scenario, seed, trial, CHANGES[name])
+
+
+def run_ablation(scenario: ResolvedCampaignScenario, seed: int, progress: Progress) -> Outcome:
+    """Insert the connector by every skill, in the same randomised scenarios."""
+    names = ablated_skills(scenario)
+    attempts = attempt_each(partial(_by_skill, scenario, seed), names, scenario.trials, progress)
+    metrics: dict[str, Metric] = {}
+    for name, its in attempts.items():
+        found = success_metrics(its)
+        metrics |= prefixed(name, {key: found[key] for key in _SHOWN})
+    kept = ("success", "false_done", "duration", "force.peak_share", "obstacle", "reason")
+    rows = {name: attempt_rows(its) for name, its in attempts.items()}
+    traces = _stacked(
+        {
+            "skill": np.array([name] * len(its["trial"]), dtype=np.str_),
+            **{key: its[key] for key in ("trial", *kept)},
+        }
+        for name, its in rows.items()
+    )
+    return Outcome(
+        metrics=metrics, traces=traces, simulated_seconds=float(traces["duration"].sum())
+    )
+
+
+def ablation_figures(scenario: ResolvedCampaignScenario, outcome: Outcome) -> dict[str, Figure]:
+    """Return the figures by file name."""
+    return {"ablation": plot_ablation(outcome, ablated_skills(scenario))}
+
+
+def _stacked(tables: Iterable[Table]) -> Table:
+    each = list(tables)
+    return {name: np.concatenate([table[name] for table in each]) for name in each[0]}
+
+
+def annotated(metrics: Mapping[str, Metric]) -> dict[str, Metric]:
+    """Return metrics with what the speed was measured on."""
+    speed = metrics["real_time_factor"]
+    note = f"a core each, the machine's own; {speed.note}"
+    return {**metrics, "real_time_factor": replace(speed, note=note)}
+
+
+def success_metrics(attempts: Trials[int]) -> dict[str, Metric]:
+    """Return how many trials succeed, with the exact 95 % interval, and what they take.
+
+    Successes are those of the trials whose sockets are free. What the skill says is compared with
+    the truth in all of them.
+    """
+    n = len(attempts)
+    free = np.isnan(attempts.column("obstacle"))
+    reasons = [row["reason"] for row in attempts.rows]
+    bad = Counter(why for why, way in zip(reasons, free, strict=True) if why and way)
+    count = int(free.sum())
+    good = count - bad.total()
+    note = f"{good} of {count}" + (f", {n - count} more with an obstacle" if count < n else "")
+    if bad:
+        listed = ", ".join(f"{reason} ({times})" for reason, times in sorted(bad.items()))
+        note += f"; failed: {listed}"
+    metrics = _rate("success_rate", good, count, note)
+    failed = sum(map(bool, reasons))
+    for name, of, what in (
+        ("false_done", n, "runs"),
+        ("false_hindered", int(attempts.column("hindered").sum()), "times that it was told"),
+        ("false_reason", failed, "runs that failed"),
+    ):
+        wrong = int(attempts.column(name).sum())
+        metrics |= _rate(name, wrong, of, f"{wrong} of {of} {what}")
+    for name in ("force.peak", "force.peak_share", "torque.peak"):
+        metrics[name] = _pooled(attempts, name, "largest")
+    for name in ("force.peak", "force.peak_share"):
+        metrics[f"{name}_mean"] = _pooled(attempts, name, "mean")
+    shares = attempts.column("force.peak_share")[free]
+    metrics["force.free_share"] = Metric(
+        value=float(shares.max()) if count else None,
+        unit=INSERTION["force.peak_share"].unit,
+        note=f"force.peak_share of the {count} trials with a free socket, the largest",
+    )
+    for name in ("duration", "retries", "real_time_factor"):
+        metrics[name] = _pooled(attempts, name, "mean")
+    return metrics
+
+
+def _rate(name: str, good: int, count: int, note: str) -> dict[str, Metric]:
+    """Return a share as ``trial_metrics.rate`` does; none of none."""
+    if count:
+        return rate(name, good, count, note)
+    ends = (name, f"{name}.low", f"{name}.high")
+    return {end: Metric(value=None, unit="%", note=note) for end in ends}
+
+
+def _pooled(attempts: Trials[int], name: str, pooled: Literal["largest", "mean"]) -> Metric:
+    values = attempts.column(name).tolist()
+    note = f"{pooled} of {len(values)} trials, {min(values):.4g} to {max(values):.4g}"
+    value = max(values) if pooled == "largest" else math.fsum(values) / len(values)
+    return Metric(value=value, unit=INSERTION[name].unit, note=note)
+
+
+def attempt_rows(attempts: Trials[int]) -> Table:
+    """Return a row for each trial: what was drawn, what it measured, the truth, and the reason."""
+    names = (*DRAWN, *MEASURED, *InsertionVerdict._fields)
+    return {
+        "trial": column(attempts.tasks),
+        **{name: attempts.column(name) for name in names},
+        "reason": np.array([row["reason"] for row in attempts.rows], dtype=np.str_),
+    }

@@ -1,0 +1,205 @@
+"""Campaigns of insertions: success over the initial errors, searches and skills side by side."""
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from chamfer.analysis.drawing.figure_style import (
+    FORCE,
+    FSM,
+    LIMIT,
+    NOTE,
+    PID,
+    PUBLISHED,
+    Style,
+    dress,
+    legend,
+    new_figure,
+)
+from chamfer.analysis.scenario.experiment import Outcome, Table
+
+AIM: Final = 1.5  # of the mating force
+_GOOD: Final[Style] = {"marker": "o", "s": 36, "edgecolor": "white", "linewidth": 0.6}
+_FAILED: Final[Style] = {"marker": "x", "s": 60, "color": "#b00020", "linewidth": 2.0}
+_BARS: Final = 40
+_LISTED: Final = 6  # reasons in the figure
+_STYLES: Final[tuple[Style, ...]] = (FSM, PID, {**PID, "color": "#2a7f3f", "linestyle": ":"})
+_TRIAL: Final[Style] = {"s": 26, "edgecolor": "white", "linewidth": 0.6}
+
+
+def plot_success(outcome: Outcome, *, middle: Sequence[float]) -> Figure:
+    """Draw the trials over their initial errors, rad above m, and peak forces and durations."""
+    rows = outcome.traces
+    figure = new_figure(11.0, 8.0)
+    (lateral, angular), (force, duration) = figure.subplots(2, 2)
+    free = np.isnan(rows["obstacle"])
+    good, failed = free & (rows["success"] > 0), free & ~(rows["success"] > 0)
+    others = "" if free.all() else f"; {(~free).sum()} more with an obstacle"
+    figure.suptitle(
+        f"{good.sum()} of {free.sum()} insertions succeed{_interval(outcome)}{others}",
+        fontsize=12,
+        fontweight="bold",
+    )
+    _errors(
+        lateral,
+        [1e3 * rows[f"initial_{axis}"] for axis in "xy"],
+        good,
+        failed,
+        shade=rows["retries"],
+        shaded="retries",
+    )
+    dress(lateral, title="(a) Lateral errors", x="x / mm", y="y / mm")
+    degrees = [np.rad2deg(rows[f"initial_r{axis}"] - middle[i]) for i, axis in enumerate("xyz")]
+    about = f" beyond {math.degrees(middle[2]):.0f}°" if middle[2] else ""
+    _errors(angular, degrees[:2], good, failed, shade=degrees[2], shaded=f"about z{about} / deg")
+    dress(angular, title="(b) Angular errors", x="about x / deg", y="about y / deg")
+    for text, count in list(_reasons(rows["reason"][free]).items())[:_LISTED]:
+        lateral.scatter([], [], label=f"{text} ({count})", **_FAILED)
+    if failed.any():
+        figure.legend(loc="outside lower left", ncols=2, fontsize=8, frameon=False)
+    _histogram(force, rows["force.peak_share"], AIM)
+    force.axvline(1.0, label="mating force", **LIMIT)
+    force.axvline(AIM, label=f"our aim, {AIM:g} times that", **PUBLISHED)
+    dress(
+        force,
+        title="(c) Largest force of a run over its true mating force",
+        x="force along the insertion / mating force",
+        y="runs",
+    )
+    legend(force, loc="upper right")
+    _histogram(duration, rows["duration"])
+    dress(duration, title="(d) Duration of a run", x="time / s", y="runs")
+    return figure
+
+
+def _interval(outcome: Outcome) -> str:
+    """Return the rate of success with its interval; nothing if there is none."""
+    found = [outcome.metrics[f"success_rate{end}"].value for end in ("", ".low", ".high")]
+    known = [value for value in found if value is not None]
+    if len(known) < len(found):
+        return ""
+    return ": {:.0f} %, 95 % interval {:.1f} to {:.1f} %".format(*known)
+
+
+def _reasons(reasons: NDArray[np.str_]) -> dict[str, int]:
+    """Return how many runs failed for each reason, the most frequent first."""
+    texts, counts = np.unique(reasons[reasons != ""], return_counts=True)
+    order = np.argsort(-counts, kind="stable")
+    return {str(texts[i]): int(counts[i]) for i in order}
+
+
+def _errors(
+    axes: Axes,
+    errors: Sequence[NDArray[np.float64]],
+    good: NDArray[np.bool_],
+    failed: NDArray[np.bool_],
+    *,
+    shade: NDArray[np.float64],
+    shaded: str,
+) -> None:
+    x, y = errors
+    dots = axes.scatter(x[good], y[good], c=shade[good], cmap="viridis", **_GOOD)
+    axes.scatter(x[failed], y[failed], zorder=3, **_FAILED)
+    axes.set_aspect("equal", adjustable="datalim")
+    figure = axes.figure
+    assert isinstance(figure, Figure)
+    if good.any():
+        bar = figure.colorbar(dots, ax=axes, shrink=0.85, ticks=MaxNLocator(integer=True))
+        bar.set_label(shaded, fontsize=8)
+        bar.ax.tick_params(labelsize=8)
+
+
+def _histogram(axes: Axes, values: NDArray[np.float64], least: float = 0.0) -> None:
+    """Draw bars of equal width from zero to the largest value, or to ``least``."""
+    known = values[np.isfinite(values)]
+    if not len(known):
+        axes.text(0.5, 0.5, "no run came to its end", transform=axes.transAxes, **NOTE)
+        return
+    edges = np.linspace(0.0, 1.05 * max(least, float(known.max())), _BARS + 1)
+    axes.hist(known, bins=edges.tolist(), color=FORCE["color"], edgecolor="white", linewidth=0.5)
+    axes.set_xlim(0.0, edges[-1])
+
+
+def plot_searches(rows: Table) -> Figure:
+    """Draw which share of the trials is done after which time, and times against the first's.
+
+    Trials with an obstacle are left out.
+    """
+    free = np.isnan(rows["obstacle"])
+    figure = new_figure(11.0, 4.6)
+    share, pairs = figure.subplots(1, 2)
+    times = {}
+    for search, style in zip(dict.fromkeys(rows["search"].tolist()), _STYLES, strict=False):
+        its = free & (rows["search"] == search)
+        done = np.where(rows["success"][its] > 0, rows["duration"][its], np.inf)
+        times[search] = dict(zip(rows["trial"][its].tolist(), done.tolist(), strict=True))
+        reached = np.sort(done[np.isfinite(done)])
+        steps = 100 * np.arange(len(reached) + 1) / max(len(done), 1)
+        share.step([0.0, *reached], steps, where="post", label=search, **style)
+    share.set_ylim(0.0, 102.0)
+    dress(
+        share,
+        title="(a) Done after",
+        x="time / s",
+        y="share of the trials without an obstacle / %",
+    )
+    legend(share, loc="lower right")
+    (first, its), *rest = times.items()
+    ends = [math.inf, 0.0]
+    for (search, others), style in zip(rest, _STYLES[1:], strict=False):
+        both = np.array([(its[trial], others[trial]) for trial in its if trial in others])
+        both = both[np.isfinite(both).all(axis=1)]
+        if len(both):
+            pairs.scatter(*both.T, label=search, color=style["color"], **_TRIAL)
+            ends = [min(ends[0], both.min()), max(ends[1], both.max())]
+    if ends[1]:
+        line = [0.95 * ends[0], 1.05 * ends[1]]
+        pairs.plot(line, line, label="the same time", **LIMIT)
+        legend(pairs, loc="upper left")
+    pairs.set_aspect("equal", adjustable="datalim")
+    dress(
+        pairs,
+        title="(b) The same randomised scenarios",
+        x=f"time with {first} / s",
+        y="time with another search / s",
+    )
+    return figure
+
+
+def plot_ablation(outcome: Outcome, skills: Sequence[str]) -> Figure:
+    """Draw the rate of success, the duration and the peak force of every skill."""
+    figure = new_figure(11.0, 1.6 + 0.45 * len(skills))
+    rate, duration, force = figure.subplots(1, 3, sharey=True)
+    places = np.arange(len(skills))
+    for place, name in zip(places, skills, strict=True):
+        found = [
+            outcome.metrics[f"{name}.success_rate{end}"].value for end in ("", ".low", ".high")
+        ]
+        known = [one for one in found if one is not None]
+        if len(known) == len(found):
+            middle, low, high = known
+            rate.plot([low, high], [place, place], color=FORCE["color"], linewidth=2)
+            rate.plot([middle], [place], "o", color=FORCE["color"])
+        own = outcome.traces["skill"] == name
+        for axes, values in (
+            (duration, outcome.traces["duration"]),
+            (force, outcome.traces["force.peak_share"]),
+        ):
+            axes.plot(values[own], np.full(own.sum(), place), "|", color=FORCE["color"])
+            axes.plot([values[own].mean()], [place], "o", color=FORCE["color"])
+    rate.set_yticks(places, [name.replace("_", " ") for name in skills])
+    rate.set_ylim(len(skills) - 0.5, -0.5)
+    rate.set_xlim(-3, 103)
+    force.axvline(1.0, **LIMIT)
+    for axes in (duration, force):
+        axes.set_xlim(left=0.0)
+    dress(rate, title="(a) Success, 95 % interval", x="runs with a free way / %", y="")
+    dress(duration, title="(b) Duration, runs and mean", x="time / s", y="")
+    dress(force, title="(c) Peak force, runs and mean", x="force / true mating force", y="")
+    return figure

@@ -1,0 +1,127 @@
+"""What insertions measure, and what a skill says of them against the truth it does not see."""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from chamfer.analysis.campaign.trial_metrics import Quantity, Trial
+from chamfer.analysis.skills.skill_run import SkillResult, SkillStep
+from chamfer.models.connectors.connector import Connector
+from chamfer.systems.primitives.skill import RETRACT
+from chamfer.systems.strategies.grasp_and_transport import GRASPING, TRANSPORT
+
+# What :func:`insertion_metrics` measures.
+INSERTION: Final = {
+    "success": Quantity(""),
+    "duration": Quantity("s"),
+    "depth": Quantity("m"),
+    "force.peak": Quantity("N"),
+    "force.peak_share": Quantity(""),
+    "torque.peak": Quantity("N m"),
+    "retries": Quantity(""),
+    "real_time_factor": Quantity(""),
+}
+MATED: Final = 0.0005  # m, of the mated depth, within which a plug is in
+_LOCKED: Final = 0.3  # rad, of the mated turn, within which it is locked
+_CLEAR: Final = 0.002  # m, over the socket's face, where a plug that is retracted is at least
+
+
+def insertion_metrics(done: SkillResult, connector: Connector) -> Trial:
+    """Return what a run measured.
+
+    ``success`` is 1 if the skill says so and the plug is in, by the truth; ``force.peak`` is the
+    largest true push or pull along the insertion at any step of the plant, its share that of the
+    true mating force, and ``torque.peak`` the largest true torque about an axis, likewise.
+    """
+    traces = done.traces
+    depth = float(traces["depth"][-1])
+    peak = float(done.peaks[-1])
+    return {
+        "success": float(not failure(done, connector)),
+        "duration": float(traces["time"][-1]),
+        "depth": depth,
+        "force.peak": peak,
+        "force.peak_share": peak / connector.mating_force,
+        "torque.peak": float(done.peaks[:3].max()),
+        "retries": float(traces["retries"][-1]),
+        "real_time_factor": round(float(traces["time"][-1]) / done.wall_seconds, 2),
+    }
+
+
+def failure(done: SkillResult, connector: Connector) -> str:
+    """Return why a run is no success; empty if it is one."""
+    if done.outcome == "failed":
+        return done.reason
+    if done.outcome == "running":
+        return f"{done.state}: still running after {done.traces['time'][-1]:g} s"
+    depth, turn = (float(done.traces[name][-1]) for name in ("depth", "turn"))
+    if is_mated(connector, depth, turn):
+        return ""
+    mated = f"mated is {1e3 * connector.mated_depth:.2f} mm"
+    if connector.mated_turn is not None:
+        turned = math.remainder(turn - connector.mated_turn, math.pi)
+        mated += f", it is turned {math.degrees(turned):.0f} degrees from there"
+    return f"said to be done {1e3 * depth:.2f} mm deep, {mated}"
+
+
+def is_mated(connector: Connector, depth: float, turn: float) -> bool:
+    """Return whether a plug is fully in, m, and locked by its turn in the socket about z, rad."""
+    if abs(depth - connector.mated_depth) > MATED:
+        return False
+    if connector.mated_turn is None:
+        return True
+    return abs(math.remainder(turn - connector.mated_turn, math.pi)) < _LOCKED
+
+
+class InsertionVerdict(NamedTuple):
+    """The truth about a run."""
+
+    mated: bool  # at its end
+    false_done: bool  # it says that it is done, and is not mated
+    hindered: int  # how often it found a plug's motion hindered
+    false_hindered: int  # how often of that the plug was not even in the mouth of the socket
+    false_reason: bool  # it failed, and not for the reason that it gives, or is not out
+
+
+def verdict(done: SkillResult, connector: Connector) -> InsertionVerdict:
+    """Return the truth about a run."""
+    depth, turn = done.traces["depth"], done.traces["turn"]
+    mated = is_mated(connector, float(depth[-1]), float(turn[-1]))
+    found = [one for one in done.path if one.outcome == "hindered"]
+    outside = [one for one in found if depth[_row(done, one)] < connector.lead_in]
+    return InsertionVerdict(
+        mated=mated,
+        false_done=done.outcome == "done" and not mated,
+        hindered=len(found),
+        false_hindered=len(outside),
+        false_reason=done.outcome == "failed" and not _truthful(done, connector),
+    )
+
+
+def _truthful(done: SkillResult, connector: Connector) -> bool:
+    """Return whether a skill failed for its reason, and is out of the socket.
+
+    A reason is a state and how it ended, which is where the skill gave up. Up to the lift it says
+    that nothing is held, and in the transport that a part is held no more or seen no more. All
+    else is said of a plug that is held, pulled out in the end, and not mated; what is jammed is at
+    least in the socket's mouth.
+    """
+    given_up = [one for one in done.path if one.target == RETRACT]
+    if not given_up:
+        return False
+    last = given_up[-1]
+    row = _row(done, last)
+    depth, turn, held = (float(done.traces[name][row]) for name in ("depth", "turn", "holding"))
+    if last.source in GRASPING:
+        return held < 0.5
+    if last.source == TRANSPORT and last.outcome == "lost":
+        return True
+    out = float(done.traces["depth"][-1]) < -_CLEAR
+    jammed_outside = last.outcome == "jammed" and depth < 0
+    return held >= 0.5 and out and not is_mated(connector, depth, turn) and not jammed_outside
+
+
+def _row(done: SkillResult, step: SkillStep) -> int:
+    """Return the traces' row at which a state was left."""
+    return int(np.searchsorted(done.traces["time"], step.time - 1e-6))

@@ -1,0 +1,327 @@
+"""A gripper on an unknown surface: led along it (section 5.2), or controlled (section 5.3)."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from chamfer.analysis.campaign.campaign import run_each
+from chamfer.analysis.campaign.trial_metrics import Quantity, over_trials, trial_seed
+from chamfer.analysis.campaign.trial_rows import Row, table_of, with_table
+from chamfer.analysis.contact.contact_figures import note_stability
+from chamfer.analysis.contact.contact_metrics import stability_metrics
+from chamfer.analysis.drawing.figure_style import (
+    BAND,
+    DESIRED,
+    FORCE,
+    NOTE,
+    PUBLISHED,
+    Style,
+    dress,
+    legend,
+    new_figure,
+)
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.analysis.published.hybrid_force_position_observer import OBSERVER
+from chamfer.analysis.report.checks import Published
+from chamfer.analysis.scenario.experiment import Outcome, Progress, Table
+from chamfer.analysis.surface.normal_metrics import (
+    DEVIATIONS,
+    ESTIMATION,
+    TOLERANCE,
+    TRACKING,
+    angle_between,
+    estimation_metrics,
+    normalised_square,
+    tracking_metrics,
+)
+from chamfer.diagrams.surface.surface_estimation import (
+    LARGE_NOISE,
+    NOISE_FREE,
+    SMOOTH,
+    SURFACE_ESTIMATION,
+    EstimationScenario,
+    ResolvedEstimationScenario,
+    make_estimation_diagram,
+    resolve_estimation,
+)
+from chamfer.diagrams.surface.surface_scenario import ResolvedSurfaceScenario
+from chamfer.diagrams.surface.surface_tracking import (
+    SURFACE_CONTROL,
+    SURFACE_CONTROL_ADAPTIVE,
+    SURFACE_CONTROL_NOISE_FREE,
+    ResolvedTrackingScenario,
+    TrackingScenario,
+    make_tracking_diagram,
+    resolve_tracking,
+    tracking_stability,
+)
+from chamfer.systems.estimation.normal_filter import instantaneous_normal
+
+Array = NDArray[np.float64]
+Traces = dict[str, Array]
+
+TRUTH: Final[Style] = {"color": "#111111", "linestyle": (0, (5, 2)), "linewidth": 1.3}
+ESTIMATE: Final[Style] = {"color": "#1b4f9c", "linestyle": "-", "linewidth": 1.3}
+UNCERTAIN: Final[Style] = {"color": "#6fa0e8", "alpha": 0.35, "linewidth": 0}
+SAMPLE: Final[Style] = {"color": "#b5b5b5", "linestyle": "", "marker": ".", "markersize": 2.5}
+_BESIDE = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
+_MARGIN: Final = 6.0  # deg, around estimate and band; single samples may be anywhere
+_OFFSET: Final = {"textcoords": "offset points"}
+
+
+def run_surface(
+    scenario: ResolvedEstimationScenario | ResolvedTrackingScenario, seed: int
+) -> Traces:
+    """Lead the gripper along the surface, or let the controller follow it; return the traces.
+
+    A row is a sample of the observer, with the estimate that is made with it, or a period of the
+    controller. ``time`` s; ``force`` N, the normal component of the true force; ``error`` deg, the
+    estimated normal's; ``band`` deg, three standard deviations; ``nees``, the normalised error
+    squared; ``change`` deg, of the estimate since the start; ``angle``, ``true_angle`` and
+    ``instantaneous`` (a single sample's) deg, of the normals above the x axis (in the plane);
+    ``status``; ``speed`` m/s and ``point_x`` m and so on, of the contact point; ``nominal_x`` m
+    and so on; ``normal_x`` and ``true_normal_x`` and so on; ``measured_force_x`` N and so on, of
+    the gripper on the surface; ``travel`` m, of the contact point along x; where it is controlled,
+    ``effort_x`` N and so on.
+    """
+    if isinstance(scenario, ResolvedTrackingScenario):
+        diagram = make_tracking_diagram(scenario)
+    else:
+        diagram = make_estimation_diagram(scenario)
+    period = scenario.sensor_period
+    # The last sample's estimate shows a row later; rounding must not decide about the last row.
+    samples = math.floor(scenario.duration / period + 1e-9)
+    run = simulate(diagram, duration=(samples + 1.5) * period, step=period, seed=seed)
+    outputs, d = run.outputs, scenario.dimension
+    # What the observer makes of a sample shows up in the next row.
+    normal, deviation = outputs["normal"][1:], outputs["deviation"][1:]
+    covariance = outputs["covariance"][1:].reshape(-1, d, d)
+    contact, force = outputs["contact"][:-1], outputs["contact_force"][:-1]
+    point, velocity, truth = contact[:, :d], contact[:, d : 2 * d], contact[:, 2 * d : 3 * d]
+    first = np.broadcast_to(scenario.up, normal.shape)
+    traces = {
+        "time": run.time[:-1],
+        "force": np.sum(force * truth, axis=1),
+        "error": angle_between(normal, truth),
+        "band": DEVIATIONS * np.degrees(deviation),
+        "nees": normalised_square(normal, truth, covariance),
+        "change": angle_between(normal, first),
+        "status": outputs["status"][1:],
+        "speed": np.linalg.norm(velocity, axis=1),
+        "travel": point[:, 0],
+    }
+    if d == 2:
+        traces["angle"] = np.degrees(np.arctan2(normal[:, 1], normal[:, 0]))
+        traces["true_angle"] = traces["angle"] - traces["error"]
+        traces["instantaneous"] = _instantaneous(scenario, outputs)[:-1]
+    for i, axis in enumerate("xyz"[:d]):
+        traces[f"point_{axis}"] = point[:, i]
+        traces[f"nominal_{axis}"] = outputs["nominal_motion"][:-1, i]
+        traces[f"normal_{axis}"] = normal[:, i]
+        traces[f"true_normal_{axis}"] = truth[:, i]
+        traces[f"measured_force_{axis}"] = outputs["measured_force"][:-1, i]
+        if "effort" in outputs:
+            traces[f"effort_{axis}"] = outputs["effort"][1:, i]
+    return traces
+
+
+def _instantaneous(scenario: ResolvedSurfaceScenario, outputs: dict[str, Array]) -> Array:
+    """Return the angle that each sample alone shows, deg; NaN where it shows none."""
+    sensing = scenario.observer.sensing
+    none = np.zeros(scenario.dimension)
+    angles = []
+    names = ("measured_force", "measured_force_rate", "nominal_motion")
+    logs = (np.ascontiguousarray(outputs[name]) for name in names)
+    for force, rate, motion in zip(*logs, strict=True):
+        v = motion[scenario.dimension :] - sensing.compliance @ rate
+        found, u = instantaneous_normal(-force, v, 1.0, sensing.velocity_noise, none)
+        angles.append(np.degrees(np.arctan2(found[1], found[0])) if np.isfinite(u) else np.nan)
+    return np.array(angles)
+
+
+def run_estimation_trials(
+    scenario: ResolvedEstimationScenario, seed: int, progress: Progress
+) -> Outcome:
+    """Lead the gripper with as many seeds as asked for; the traces are of the first."""
+    return _run_trials(scenario, seed, progress, ESTIMATION)
+
+
+def run_tracking_trials(
+    scenario: ResolvedTrackingScenario, seed: int, progress: Progress
+) -> Outcome:
+    """Control the gripper with as many seeds as asked for; the traces are of the first."""
+    outcome = _run_trials(scenario, seed, progress, TRACKING)
+    margins = stability_metrics(tracking_stability(scenario))
+    return replace(outcome, metrics={**outcome.metrics, **margins})
+
+
+def _run_trials(
+    scenario: ResolvedEstimationScenario | ResolvedTrackingScenario,
+    seed: int,
+    progress: Progress,
+    quantities: Mapping[str, Quantity],
+) -> Outcome:
+    finished = run_each(partial(_run_trial, scenario, seed), range(scenario.trials), progress)
+    first = trial_seed(seed, finished.tasks[0])
+    return Outcome(
+        metrics=over_trials(finished.rows, quantities),
+        traces=table_of(finished.rows[0]) or run_surface(scenario, first),
+        simulated_seconds=len(finished) * scenario.duration,
+    )
+
+
+def _run_trial(
+    scenario: ResolvedEstimationScenario | ResolvedTrackingScenario, seed: int, trial: int
+) -> Row:
+    traces = run_surface(scenario, trial_seed(seed, trial))
+    if isinstance(scenario, ResolvedTrackingScenario):
+        every = round(scenario.observer.period / scenario.controller.period)
+        measured = tracking_metrics(traces, force=scenario.task.force, every=every)
+    else:
+        lead = scenario.lead  # the metrics' windows are of its motion along x
+        moving = traces | {"time": traces["time"] - lead.begins}
+        measured = estimation_metrics(moving, halt=lead.halt)
+    return measured if trial else with_table(measured, traces)
+
+
+def _estimation_figure(
+    experiment: str,
+    default: EstimationScenario,
+    scenario: ResolvedEstimationScenario,
+    outcome: Outcome,
+) -> Mapping[str, Figure]:
+    """Draw a run that is only observed: position of the contact point, and the normal."""
+    published = _published(experiment, scenario == resolve_estimation(default))
+    figure = new_figure(11.0, 6.5)
+    position, normal = figure.subplots(2, 1, sharex=True, height_ratios=(2, 4))
+    _position(position, scenario, outcome.traces)
+    _normal(normal, scenario, outcome.traces, published)
+    halt = scenario.lead.halt
+    if halt < scenario.duration:
+        for axes in (position, normal):
+            axes.axvline(halt, color="#555555", linewidth=0.8, linestyle=":")
+        normal.annotate("halt", (halt, normal.get_ylim()[0]), xytext=(3, 4), **_OFFSET, **NOTE)
+    normal.set_xlim(0, scenario.duration)
+    return {experiment: figure}
+
+
+def _tracking_figure(
+    experiment: str,
+    default: TrackingScenario,
+    scenario: ResolvedTrackingScenario,
+    outcome: Outcome,
+) -> Mapping[str, Figure]:
+    """Draw a controlled run: force, position of the contact point, and the normal."""
+    published = _published(experiment, scenario == resolve_tracking(default))
+    figure = new_figure(11.0, 8.5)
+    force, position, normal = figure.subplots(3, 1, sharex=True, height_ratios=(4, 2, 4))
+    _force(force, scenario, outcome.traces, published)
+    _position(position, scenario, outcome.traces)
+    _normal(normal, scenario, outcome.traces, published)
+    normal.set_xlim(0, scenario.duration)
+    note_stability(figure, outcome)
+    return {experiment: figure}
+
+
+# The figures of each experiment, by file name.
+estimation_figures = partial(_estimation_figure, "surface-estimation", SURFACE_ESTIMATION)
+smooth_figures = partial(_estimation_figure, "surface-estimation-smooth", SMOOTH)
+noise_free_figures = partial(_estimation_figure, "surface-estimation-noise-free", NOISE_FREE)
+large_noise_figures = partial(_estimation_figure, "surface-estimation-large-noise", LARGE_NOISE)
+control_figures = partial(_tracking_figure, "unknown-surface-control", SURFACE_CONTROL)
+control_noise_free_figures = partial(
+    _tracking_figure, "unknown-surface-control-noise-free", SURFACE_CONTROL_NOISE_FREE
+)
+control_adaptive_figures = partial(
+    _tracking_figure, "unknown-surface-control-adaptive", SURFACE_CONTROL_ADAPTIVE
+)
+
+
+def _published(experiment: str, default: bool) -> dict[str, Published]:
+    """Return the published numbers by metric; they are those of the default scenario only."""
+    if not default:
+        return {}
+    return {one.metric: one for one in OBSERVER if one.experiment == experiment}
+
+
+def _force(
+    axes: Axes, scenario: ResolvedTrackingScenario, traces: Table, published: dict[str, Published]
+) -> None:
+    time, desired = traces["time"], scenario.task.force
+    off = TOLERANCE * desired
+    axes.fill_between(
+        time, desired - off, desired + off, label=f"within {100 * TOLERANCE:g} %", **BAND
+    )
+    axes.plot(time, traces["force"], label="true normal force", **FORCE)
+    axes.axhline(desired, label=f"desired, {desired:g} N", **DESIRED)
+    for metric in ("force.min", "force.max"):
+        value = published[metric].value if metric in published else None
+        if value is not None:
+            name = "least" if metric == "force.min" else "largest"
+            axes.axhline(value, label=f"published {name}, {value:g} N", **PUBLISHED)
+    dress(axes, title="Contact force (first seed)", x="", y="force / N")
+    legend(axes, **_BESIDE)
+
+
+def _position(axes: Axes, scenario: ResolvedSurfaceScenario, traces: Table) -> None:
+    colors: Sequence[str] = ("#1b4f9c", "#e07b00", "#2e7d32")
+    for axis, color in zip("xyz"[: scenario.dimension], colors, strict=False):
+        axes.plot(
+            traces["time"],
+            traces[f"nominal_{axis}"],
+            color=color,
+            linewidth=0.9,
+            linestyle=":",
+            label=f"{axis}, nominal",
+        )
+        axes.plot(traces["time"], traces[f"point_{axis}"], color=color, linewidth=1.4, label=axis)
+    dress(axes, title="Contact point", x="", y="position / m")
+    legend(axes, **_BESIDE, ncols=1)
+
+
+def _normal(
+    axes: Axes, scenario: ResolvedSurfaceScenario, traces: Table, published: dict[str, Published]
+) -> None:
+    every = max(1, round(scenario.observer.period / (traces["time"][1] - traces["time"][0])))
+    time, band = traces["time"], traces["band"]
+    if "angle" in traces:
+        estimate, truth = traces["angle"], traces["true_angle"]
+        axes.plot(time[::every], traces["instantaneous"][::every], label="single sample", **SAMPLE)
+        axes.plot(time, truth, label="true normal", **TRUTH)
+        title, unit = "Surface normal", "angle above x / °"
+        low, high = estimate - band, estimate + band
+    else:
+        estimate, truth = traces["error"], np.zeros(len(time))
+        title, unit = "Angle between estimated and true normal", "angle / °"
+        low, high = np.zeros(len(time)), band
+    axes.fill_between(time, low, high, label=f"{DEVIATIONS:g} standard deviations", **UNCERTAIN)
+    axes.plot(time, estimate, label=f"estimate, {scenario.observer.kind}", **ESTIMATE)
+    for metric, window in (("band.equilibrium", (8.0, 14.9)), ("band.mean", (1.0, 15.0))):
+        _published_band(axes, published.get(metric), window, time, truth)
+    if "band.final" in published:
+        _published_band(axes, published["band.final"], (time[-1] - 0.1, time[-1]), time, truth)
+    axes.set_ylim(float(np.min(low)) - _MARGIN, float(np.max(high)) + _MARGIN)
+    dress(axes, title=f"{title} (first seed)", x="time / s", y=unit)
+    legend(axes, **_BESIDE)
+
+
+def _published_band(
+    axes: Axes,
+    published: Published | None,
+    window: tuple[float, float],
+    time: np.ndarray,
+    truth: np.ndarray,
+) -> None:
+    if published is None or not published.value or published.relation != "near":
+        return  # a band of 0 is the line of the truth
+    rows = (time >= window[0]) & (time <= window[1])
+    value = published.value
+    for sign, label in ((1, f"published band, ±{value:g}°"), (-1, None)):
+        axes.plot(time[rows], truth[rows] + sign * value, label=label, **PUBLISHED)

@@ -1,0 +1,304 @@
+"""Insertions: the paper's D connector (Fig. 5) and BNC connector (Fig. 6), a peg, an RJ45 plug.
+
+A scenario as written may leave open what the skill and the controller believe, what the sensor is
+like, and what the grasp needs to know of the plug; :func:`resolve` fills it in.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, Final, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.math import RigidTransform
+
+from chamfer.diagrams.cell.work_cell import ArmSettings
+from chamfer.diagrams.contact.sensing import Sensing, ideal, missing
+from chamfer.diagrams.skills.connector_sight import ResolvedSightSettings, SightSettings
+from chamfer.diagrams.skills.robots import ARM, RobotName
+from chamfer.models.arms.wrist import SIZE, WristParams, tip_pose
+from chamfer.models.connectors.bnc_connector import BncConnector
+from chamfer.models.connectors.connector import Connector
+from chamfer.models.connectors.d_connector import DConnector
+from chamfer.models.connectors.mesh_connector import MeshConnector
+from chamfer.models.connectors.rj45_connector import Rj45Connector
+from chamfer.models.connectors.round_peg import RoundPeg
+from chamfer.models.validation import (
+    ParameterError,
+    require_numbers,
+    require_one_of,
+    require_positive,
+)
+from chamfer.systems.contact.arm_dynamics import GRAVITY
+from chamfer.systems.force.accommodation import AccommodationParams
+from chamfer.systems.force.impedance_controller import ImpedanceControllerParams
+from chamfer.systems.primitives.carriage import PartGripperParams
+from chamfer.systems.primitives.skill import Skill, SkillState
+from chamfer.systems.sensing.force_sensor import WrenchSensorParams
+from chamfer.systems.strategies.bnc_strategy import (
+    BncConnectorSkillParams,
+    make_bnc_connector_skill,
+)
+from chamfer.systems.strategies.d_strategy import DConnectorSkillParams, make_d_connector_skill
+from chamfer.systems.strategies.grasp_and_transport import make_grasp_and_transport
+from chamfer.systems.strategies.peg_in_hole import PegInHoleSkillParams, make_peg_in_hole_skill
+from chamfer.systems.strategies.rj45_strategy import (
+    Rj45ConnectorSkillParams,
+    make_rj45_connector_skill,
+)
+
+Array = NDArray[np.float64]
+StandardConnector = DConnector | BncConnector | RoundPeg | Rj45Connector
+StrategyParams = (
+    DConnectorSkillParams
+    | BncConnectorSkillParams
+    | PegInHoleSkillParams
+    | Rj45ConnectorSkillParams
+)
+
+_NO_CROSS_TALK: Final = tuple(map(tuple, np.eye(6).tolist()))
+# A calibrated six-axis sensor of 200 N: noise with a standard deviation of 0.5 N and 0.01 N m,
+# forces leak into each other by 1 %; the numbers are those at the tool's tip. All is assumed.
+SENSING: Final[Mapping[Sensing, WrenchSensorParams]] = {
+    "ideal": ideal(WrenchSensorParams(cross_talk=_NO_CROSS_TALK)),
+    "realistic": WrenchSensorParams(
+        noise=0.87,
+        bias=1.0,
+        drift=0.02,
+        bandwidth=500.0,
+        delay=1.7e-3,
+        resolution=0.05,
+        full_scale=200.0,
+        tare=0.0,
+        cross_talk=(
+            (1.0, 0.01, 0.01, 0.1, 0.1, 0.1),
+            (0.01, 1.0, 0.01, 0.1, 0.1, 0.1),
+            (0.01, 0.01, 1.0, 0.1, 0.1, 0.1),
+            (2e-4, 2e-4, 2e-4, 1.0, 0.01, 0.01),
+            (2e-4, 2e-4, 2e-4, 0.01, 1.0, 0.01),
+            (2e-4, 2e-4, 2e-4, 0.01, 0.01, 1.0),
+        ),
+        position=(0.0, 0.0, 0.0),
+    ),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConnectorScenario:
+    """What all insertions have in common."""
+
+    robot: RobotName = "carriage"  # what moves the gripper: a carriage with six axes, or a WAM
+    arm: ArmSettings = ARM  # of the WAM
+    impedance: ImpedanceControllerParams = ImpedanceControllerParams(
+        stiffness=(4000.0, 4000.0, 4000.0), rotational_stiffness=(20.0, 20.0, 20.0)
+    )  # of the WAM; assumed
+    wrist: WristParams = WristParams()
+    accommodation: AccommodationParams = AccommodationParams(
+        damping=(1.2, 1.2, 1.2, 800.0, 800.0, 800.0)
+    )  # that turns readily; assumed
+    believed_wrist: WristParams | None = None
+    # as the skill and accommodation take it to be; None: as it truly is
+    sensing: Sensing = "ideal"  # what the sensor leaves open: ideal, or realistic
+    sensor: WrenchSensorParams = WrenchSensorParams(noise=0.17)
+    # at the wrist; where its fields are None, ``sensing`` says them
+    gripper: PartGripperParams = PartGripperParams()
+    initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    # rad above m, pose of the plug in the gripper over the one it is taken to have
+    sight: SightSettings | None = None
+    # None: the plug is in the gripper above the socket from the begin
+    height: float = 0.008  # m, of the plug above the socket after the transport
+    obstacle: float | None = None  # m, depth in the socket at which something is in the way
+    step: float = 0.001  # s, of the plant
+    duration: float = 120.0  # s, after which a run ends at the latest
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "robot", get_args(RobotName))
+        require_one_of(self, "sensing", get_args(Sensing))
+        require_positive(self, "height", "step", "duration")
+        require_numbers(self, SIZE, "initial_error")
+        if self.obstacle is not None and not 0 < self.obstacle < math.inf:
+            raise ParameterError("obstacle", self.obstacle, "a finite number > 0, or none")
+        stated, believed = self.accommodation.stiffness, self.believed_wrist or self.wrist
+        pairs = zip(believed.stiffness, stated, strict=True)
+        if not self.accommodation.allow_unstable and any(k > most for k, most in pairs):
+            raise ParameterError(
+                "wrist.stiffness" if self.believed_wrist is None else "believed_wrist.stiffness",
+                believed.stiffness,
+                f"at most what accommodation.stiffness says, {stated}",
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class StrategyScenario(ConnectorScenario):
+    """The insertion of a part by a strategy of its own."""
+
+    connector: StandardConnector  # plug and socket
+    believed_connector: StandardConnector | None = None
+    # as the skill takes it to be; None: as it is
+    skill: StrategyParams
+
+    LIKE: ClassVar[Mapping[str, str]] = {"believed_connector": "connector"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class DConnectorScenario(StrategyScenario):
+    """The insertion of a D connector."""
+
+    connector: DConnector = DConnector()
+    believed_connector: DConnector | None = None
+    skill: DConnectorSkillParams = DConnectorSkillParams()
+
+
+@dataclass(frozen=True, kw_only=True)
+class BncConnectorScenario(StrategyScenario):
+    """The insertion of a BNC connector."""
+
+    connector: BncConnector = BncConnector()
+    believed_connector: BncConnector | None = None
+    skill: BncConnectorSkillParams = BncConnectorSkillParams()
+
+
+@dataclass(frozen=True, kw_only=True)
+class PegScenario(StrategyScenario):
+    """The insertion of a round peg."""
+
+    connector: RoundPeg = RoundPeg()
+    believed_connector: RoundPeg | None = None
+    skill: PegInHoleSkillParams = PegInHoleSkillParams()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rj45ConnectorScenario(StrategyScenario):
+    """The insertion of an RJ45 plug."""
+
+    connector: Rj45Connector = Rj45Connector()
+    believed_connector: Rj45Connector | None = None
+    skill: Rj45ConnectorSkillParams = Rj45ConnectorSkillParams()
+
+
+@dataclass(frozen=True, kw_only=True)
+class OwnPartScenario(ConnectorScenario):
+    """A part of one's own, for a skill of one's own."""
+
+    connector: MeshConnector
+
+
+ERROR: Final = (0.02, -0.015, 0.03, 0.0012, -0.0015, 0.0)  # rad above m, of the grasp; assumed
+D_CONNECTOR: Final = DConnectorScenario(initial_error=ERROR, sight=SightSettings())
+BNC_CONNECTOR: Final = BncConnectorScenario(
+    # The slots are far from the studs.
+    initial_error=(*ERROR[:2], 0.6, *ERROR[3:]),
+    sight=SightSettings(),
+)
+ROUND_PEG: Final = PegScenario(initial_error=ERROR, sight=SightSettings())
+RJ45_CONNECTOR: Final = Rj45ConnectorScenario(initial_error=ERROR, sight=SightSettings())
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedConnectorScenario(ConnectorScenario):
+    """A part, and all that it is run in; nothing is open."""
+
+    connector: Connector
+    believed_wrist: WristParams
+    sight: ResolvedSightSettings | None
+
+    @property
+    def above(self) -> tuple[float, float, float]:
+        """Where the plug's tip is over the socket's face after the transport, m."""
+        x, y, z = self.initial_error[3:]
+        return x, y, self.height + z
+
+    @property
+    def plug_in_tool(self) -> RigidTransform:
+        """X_TP, how the plug sits in the tool's frame: what the grasp is wrong by."""
+        return tip_pose(np.array([*self.initial_error[:3], 0.0, 0.0, 0.0]))
+
+    @property
+    def start(self) -> Array:
+        """Displacement of the carriage at first, rad above m, shape (6,)."""
+        return self.sight.start if self.sight else np.array([0.0, 0.0, 0.0, *self.above])
+
+    @property
+    def resting(self) -> Array:
+        """Displacement of the plug at first, likewise."""
+        return self.sight.resting if self.sight else self.start
+
+    def make_grasp(self) -> tuple[SkillState, ...]:
+        """Return the states that grasp and transport the plug by sight; none without sight."""
+        if self.sight is None:
+            return ()
+        return make_grasp_and_transport(
+            self.sight.motion,
+            self.sight.believed,
+            self.sight.servoing.with_frames(self.sight.frames.period),
+            above=self.above,
+            then="tare",
+        )
+
+    def make_skill(self) -> Skill:
+        """Return the part's own strategy.
+
+        Raises:
+            ParameterError: If it has none.
+        """
+        raise ParameterError("skill", None, f"a skill, {self.connector.name} has no strategy")
+
+
+_STRATEGIES: Final[Mapping[type, Callable[..., Skill]]] = {
+    DConnectorSkillParams: make_d_connector_skill,
+    BncConnectorSkillParams: make_bnc_connector_skill,
+    PegInHoleSkillParams: make_peg_in_hole_skill,
+    Rj45ConnectorSkillParams: make_rj45_connector_skill,
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedStrategyScenario(ResolvedConnectorScenario):
+    """The insertion of a part by a strategy of its own; nothing is open."""
+
+    connector: StandardConnector
+    believed_connector: StandardConnector
+    skill: StrategyParams
+
+    def make_skill(self) -> Skill:
+        """Return the strategy."""
+        return _STRATEGIES[type(self.skill)](
+            self.skill,
+            self.believed_connector,
+            period=self.accommodation.period,
+            before=self.make_grasp(),
+        )
+
+
+def resolve(scenario: StrategyScenario) -> ResolvedStrategyScenario:
+    """Return the scenario with what is believed, the sensor, and what the grasp has to know."""
+    return ResolvedStrategyScenario(**resolved_fields(scenario))
+
+
+def resolve_own_part(scenario: OwnPartScenario) -> ResolvedConnectorScenario:
+    """Return the scenario with what is believed, the sensor, and what the grasp has to know."""
+    return ResolvedConnectorScenario(**resolved_fields(scenario))
+
+
+def resolved_fields(scenario: ConnectorScenario, **given: Any) -> dict[str, Any]:
+    """Return the fields of a scenario, nothing in them open.
+
+    Args:
+        scenario: As written.
+        given: Fields besides its own, ``connector`` where it has none.
+    """
+    found = {one.name: getattr(scenario, one.name) for one in fields(scenario)} | given
+    connector: Connector = found["connector"]
+    believed: Connector = found.get("believed_connector") or connector
+    if "believed_connector" in found:
+        found["believed_connector"] = believed
+    if (sight := scenario.sight) is not None:
+        weight = 0.0 if scenario.gripper.senses else GRAVITY * believed.mass
+        top = float(connector.plug_outline[:, 2].max())
+        found["sight"] = sight.resolved(top=top, weight=weight)
+    left_open = missing(scenario.sensor, SENSING[scenario.sensing])
+    return found | {
+        "believed_wrist": scenario.believed_wrist or scenario.wrist,
+        "sensor": replace(scenario.sensor, **left_open),  # type: ignore[arg-type]
+    }

@@ -1,0 +1,407 @@
+"""What strategies share: feeling the face first, laying a plug flat, and searching for the mate.
+
+Source: Morrow, Nelson and Khosla, section 4, of the search by two dithers and of what is common
+to all: the sensor's zero, and the way out. The face that is felt first, the alignment by touch and
+the search by a tilted peg are not of the paper; their primitives are. All numbers are assumed.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from chamfer.models.connectors.connector import Connector
+from chamfer.models.validation import ParameterError, require_positive
+from chamfer.systems.primitives.force_primitives import GuardedMove, Hold, Stick
+from chamfer.systems.primitives.position_primitives import Centre, Place, Way
+from chamfer.systems.primitives.primitive import Primitive
+from chamfer.systems.primitives.seating import Seat
+from chamfer.systems.primitives.skill import Outcome, Retry, SkillState
+from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx, lissajous
+
+# Damping of accommodation, 0 for its own. Where nothing is touched nothing has to give way, so
+# that neither bias nor noise moves the tool; on the face it is laid down; gives way to forces
+# alone; goes its way along the face in spite of friction.
+STIFF: Final = (math.inf,) * 6
+_LYING: Final = (0.0,) * 6
+UNTURNED: Final = (math.inf, math.inf, math.inf, 0.0, 0.0, 0.0)
+ALONG: Final = (math.inf, math.inf, math.inf, 1500.0, 1500.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FaceFeelingParams:
+    """Parameters of any insertion that feels the face first."""
+
+    tare_time: float = 0.5  # s, in which the force sensor takes its zero
+    approach_speed: float = 0.01  # m/s, of guarded moves
+    contact_force: float = 4.0  # N, at which guarded moves end
+    approach_limit: float = 0.02  # m, way without contact at which the approach has failed
+    beside: float  # m, along y, of where the face is felt, from where the plug goes in
+    clearance: float = 0.0025  # m, over the face, of motions along it
+    maintained: float = 0.006  # m/s, towards the socket, of what keeps contact (stick)
+    limit_share: float = 2.5
+    # of the believed mating force, at which a push that moves nothing ends: jammed; no cap
+    free_share: float = 0.68
+    # of the believed mating force, that it pushes with whether or not anything moves: 1.36 times
+    # the true one if that is half of what is believed
+    retries: int = 3  # how often a state is tried again
+    out_speed: float = 0.1  # m/s, of a plug that is pulled out: D times it overcomes what holds it
+    retract: float = 0.03  # m, back from the socket after a failure
+
+    def __post_init__(self) -> None:
+        require_positive(self, "tare_time", "approach_speed", "contact_force", "approach_limit")
+        require_positive(self, "beside", "clearance", "maintained", "limit_share")
+        require_positive(self, "free_share")
+        require_positive(self, "out_speed", "retract")
+        if not self.limit_share >= 1:
+            allowed = "a number >= 1: with less than its mating force nothing mates"
+            raise ParameterError("limit_share", self.limit_share, allowed)
+        if not self.free_share <= self.limit_share:
+            allowed = f"at most limit_share, {self.limit_share:g}"
+            raise ParameterError("free_share", self.free_share, allowed)
+        if not (isinstance(self.retries, int) and self.retries >= 1):
+            raise ParameterError("retries", self.retries, "a whole number >= 1")
+
+    @property
+    def hold(self) -> Stick:
+        """Keeps contact, whatever happens."""
+        return Stick(speed=self.maintained, threshold=math.inf)
+
+    def guarded(self, limit: float) -> GuardedMove:
+        """Return a guarded move downwards."""
+        return GuardedMove(speed=self.approach_speed, threshold=self.contact_force, limit=limit)
+
+    def seat(self, connector: Connector, **fields: Any) -> Seat:
+        """Return a push with the forces of a connector, as it is believed to be."""
+        force = connector.mating_force
+        return Seat(limit=self.limit_share * force, free=self.free_share * force, **fields)
+
+    def feel_face(
+        self, *lie: Primitive, timeout: float, damping: tuple[float, ...], then: str
+    ) -> tuple[SkillState, ...]:
+        """Return the states from ``tare`` on that feel the face, beside where the plug goes in.
+
+        There nothing can drop in: how high the plug is on it, with the force that is maintained,
+        is the mark. They end over where the plug goes in, with a new zero of the force sensor.
+
+        Args:
+            lie: What runs while the plug lies on the face, until it is done.
+            timeout: s, of that.
+            damping: Of accommodation on the face.
+            then: The state that follows.
+        """
+        way = (0.0, 0.0, 0.0, 0.0, self.beside, 0.0)
+        return (
+            self._tare("tare", "beside"),
+            SkillState(
+                name="beside",
+                run=[MoveDx(displacement=way, duration=0.5)],
+                on={"done": "touch"},
+                timeout=1.0,
+                damping=STIFF,
+            ),
+            SkillState(
+                name="touch",
+                run=[self.guarded(self.approach_limit)],
+                on={"contact": "lie"},
+                timeout=2 * self.approach_limit / self.approach_speed,
+                damping=damping,
+            ),
+            SkillState(
+                name="lie",
+                run=[self.hold, *lie],
+                on={"done": "above"},
+                timeout=timeout,
+                damping=damping,
+            ),
+            SkillState(
+                name="above",
+                marks=True,
+                from_mark=True,
+                run=[self._above],
+                on={"done": "tare again"},
+                timeout=3.0,
+                damping=STIFF,
+            ),
+            SkillState(
+                name="out",
+                from_mark=True,
+                run=[replace(self._above, speed=self.out_speed)],
+                on={"done": "tare again"},
+                timeout=3.0,
+            ),
+            self._tare("tare again", then),
+        )
+
+    @property
+    def _above(self) -> Place:
+        """Goes over where the plug goes in, from the mark."""
+        return Place(offset=(0.0, -self.beside, self.clearance))
+
+    def _tare(self, name: str, then: str) -> SkillState:
+        return SkillState(
+            name=name,
+            run=[MoveDx(duration=self.tare_time)],
+            on={"done": then},
+            timeout=2 * self.tare_time,
+            tares=True,
+            damping=STIFF,
+        )
+
+    @property
+    def out(self) -> Place:
+        """Pulls the plug out of the socket, and away from it."""
+        return Place(offset=(0.0, 0.0, self.retract), speed=self.out_speed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlugInsertionParams(FaceFeelingParams):
+    """Parameters of an insertion that searches by two dithers, as the paper's connectors do."""
+
+    drop: float  # m, of a plug that drops in
+    search_press: float = 0.006  # m/s, towards the socket, while it is searched for
+    hold_gain: float = 10.0  # 1/s, with which the search keeps the plug upright
+    centring: float = 5.0  # 1/s, with which the search keeps its middle
+    search_amplitude: float = 0.0022  # m, of each dither of the search
+    search_frequency: float = 0.6  # Hz, of the search's slower dither
+    search_repeats: int = 8  # cycles of it until the pattern repeats, N
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "drop", "search_press", "hold_gain", "centring")
+        require_positive(self, "search_amplitude", "search_frequency")
+        if not (isinstance(self.search_repeats, int) and self.search_repeats >= 1):
+            raise ParameterError("search_repeats", self.search_repeats, "a whole number >= 1")
+
+    @property
+    def search(self) -> tuple[Dither, Dither]:
+        """Dithers along x and y that cover a square."""
+        first = Dither(axis="x", amplitude=self.search_amplitude, frequency=self.search_frequency)
+        return lissajous(first=first, axis="y", repeats=self.search_repeats)
+
+    @property
+    def searching(self) -> tuple[Primitive, ...]:
+        """The dithers of the search about where the plug is to go in, from the mark on.
+
+        They are centred, the plug is kept upright, and pressed on until it drops in.
+        """
+        x, y = self.search
+        return (
+            Stick(speed=self.search_press, threshold=self.drop),
+            x,
+            y,
+            Centre(dither=x, gain=self.centring),
+            Centre(dither=y, gain=self.centring, offset=-self.beside),
+            Hold(axes=("rx", "ry"), gain=self.hold_gain),
+        )
+
+
+def pull_test(
+    on: Mapping[Outcome, str | Retry],
+    *,
+    speed: float,
+    force: float,
+    limit: float,
+    timeout: float = 3.0,
+) -> SkillState:
+    """Return the state that pulls at what should hold: ``contact`` at a force, N, if it does."""
+    pull = GuardedMove(direction="+z", speed=speed, threshold=force, limit=limit)
+    return SkillState(name="pull", run=[pull], on=on, timeout=timeout)
+
+
+def settled(hold: Stick, amplitude: float, cycles: float, then: str) -> SkillState:
+    """Return the state that settles a plug by small turns about x and y, rad."""
+    turns = [Dither(kind="rotary", axis="x", amplitude=amplitude, cycles=cycles)]
+    turns.append(replace(turns[0], axis="y"))
+    return SkillState(name="settle", run=[hold, *turns], on={"done": then}, timeout=2 * cycles)
+
+
+def windows(*dithers: Dither, period: float) -> tuple[int, ...]:
+    """Return the samples of a cycle of each dither, between which a period passes, s."""
+    return tuple(round(1 / (dither.frequency * period)) for dither in dithers)
+
+
+def up(way: float, duration: float) -> MoveDx:
+    """Return the motion away from the socket by a way, m, in a time, s."""
+    return MoveDx(displacement=(0.0, 0.0, 0.0, 0.0, 0.0, way), duration=duration)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TouchParams(FaceFeelingParams):
+    """Parameters of an insertion that begins with an alignment by touch.
+
+    A plug that is tilted in its gripper, beside a hole that it nearly fills, tips into it. So it
+    lies down where there is nothing but face, until accommodation has laid it flat; from there on,
+    until it has found its socket, it is turned by nothing.
+    """
+
+    maintained: float = 0.008  # m/s, towards the face, of what keeps contact
+    lie_time: float = 4.0  # s, in which the plug lies down on the face
+    entered: float = 0.001  # m, below the face, of a plug that went into its socket at once
+    drop: float  # m, of a plug that has found its socket
+    push_speed: float  # m/s, of the push at first; D times it is its force at rest
+    end: float = 0.001  # m, before the mated depth, from which on a stop counts as the end
+    short: float = 0.00025  # m, that what is mated may seem to lack of its depth
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "lie_time", "entered", "drop", "push_speed", "end", "short")
+
+    def laid_flat(self, *, then: str) -> tuple[SkillState, ...]:
+        """Return the states from ``tare`` on until the plug is flat, above its socket.
+
+        Args:
+            then: State that follows.
+        """
+        return self.feel_face(
+            MoveDx(duration=self.lie_time),
+            timeout=2 * self.lie_time,
+            damping=_LYING,
+            then=then,
+        )
+
+    def at_depth(self, depth: float, then: str, again: Retry) -> SkillState:
+        """Return the state that looks how deep a plug at rest is, m."""
+        return SkillState(
+            name="depth",
+            from_mark=True,
+            run=[self.hold, Way(least=depth - self.short)],
+            on={"done": then, "jammed": again},
+            timeout=2.0,
+        )
+
+    def touched(self, *, search: str, found: str) -> tuple[SkillState, ...]:
+        """Return the states from ``tare`` on until the plug is on the face over its socket.
+
+        Args:
+            search: State that follows where the plug stands on the face.
+            found: State that follows where it has gone into its socket at once.
+        """
+        return (
+            *self.laid_flat(then="down"),
+            SkillState(
+                name="down",
+                from_mark=True,
+                run=[self.guarded(self.entered)],
+                on={"contact": search, "lost": found},
+                damping=UNTURNED,
+                timeout=2.0,
+            ),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class TiltSearchParams:
+    """Parameters of the search by a tilted peg.
+
+    One point of the rim of a peg that leans is lowest, and for that point the opening is the whole
+    hole, not the clearance: it is in the hole even where the axis is off by much of the radius.
+    The peg slides that way until the point meets the wall, which is its place along that axis; a
+    dither across lets it go to the middle of the wall, which is its place along the other; then it
+    is stood up, pressed to the wall and down all the while.
+
+    Known of old: Bruyninckx, Dutre and De Schutter, "Peg-on-hole", ICRA 1995; Chhatpar and
+    Branicky, "Search strategies for peg-in-hole assemblies with position uncertainty", IROS 2001.
+    """
+
+    angle: float = math.radians(12)  # rad, about x
+    back: float = 0.004  # m, from where the hole is believed: more than the peg is off
+    lean_time: float = 0.6  # s, in which it leans over, in free space
+    speed: float = 0.008  # m/s, along the face, towards the point that is lowest
+    threshold: float = 8.0  # N, along the face, of a wall; more than friction
+    press: float = 0.005  # m/s, against the wall, of what keeps contact
+    amplitude: float = 0.0016  # m, of the dither across
+    cycles: float = 2.0  # of it
+    frequency: float = 1.0  # Hz, of it
+    stand_time: float = 1.5  # s, in which it is stood up
+
+    def __post_init__(self) -> None:
+        require_positive(
+            self, "back", "lean_time", "speed", "threshold", "press", "amplitude", "cycles"
+        )
+        require_positive(self, "frequency", "stand_time")
+        if not 0 < self.angle < math.pi / 6:
+            raise ParameterError("angle", self.angle, "0 < angle < pi/6 rad")
+
+    @property
+    def dither(self) -> Dither:
+        """Across the way that it slides."""
+        return Dither(
+            axis="x", amplitude=self.amplitude, frequency=self.frequency, cycles=self.cycles
+        )
+
+    def states(
+        self, touch: TouchParams, radius: float, *, found: str, again: Retry
+    ) -> tuple[SkillState, ...]:
+        """Return the states from ``lean`` on, which begins over the hole, in free space.
+
+        Args:
+            touch: How it touches.
+            radius: Of the peg, m.
+            found: State that follows a peg in the hole.
+            again: What follows where it is not.
+        """
+        low = radius * math.sin(self.angle)  # of the rim, below its middle
+        lean = (self.angle, 0.0, 0.0, 0.0, self.back, low)
+        wall = Stick(direction="-y", speed=self.press, threshold=math.inf)
+        return (
+            SkillState(
+                name="lean",
+                run=[MoveDx(displacement=lean, duration=self.lean_time)],
+                on={"done": "lower"},
+                damping=STIFF,
+                timeout=2 * self.lean_time,
+            ),
+            SkillState(
+                name="lower",
+                from_mark=True,
+                run=[touch.guarded(low)],
+                on={"contact": "slide", "lost": again},
+                damping=UNTURNED,
+                timeout=2 * (touch.clearance + 2 * low) / touch.approach_speed,
+            ),
+            SkillState(
+                name="slide",
+                run=[
+                    touch.hold,
+                    GuardedMove(
+                        direction="-y",
+                        speed=self.speed,
+                        threshold=self.threshold,
+                        limit=3 * self.back,
+                    ),
+                ],
+                on={"contact": "across", "lost": again},
+                damping=ALONG,
+                timeout=6 * self.back / self.speed,
+            ),
+            SkillState(
+                name="across",
+                run=[touch.hold, wall, self.dither],
+                on={"done": "stand"},
+                damping=ALONG,
+                timeout=2 * self.dither.duration,
+            ),
+            SkillState(
+                name="stand",
+                run=[
+                    touch.hold,
+                    wall,
+                    MoveDx(
+                        displacement=(-self.angle, 0.0, 0.0, 0.0, 0.0, 0.0),
+                        duration=self.stand_time,
+                    ),
+                ],
+                on={"done": "sink"},
+                damping=ALONG,
+                timeout=2 * self.stand_time,
+            ),
+            SkillState(
+                name="sink",
+                from_mark=True,
+                run=[touch.hold, Way(least=touch.entered)],
+                on={"done": found, "jammed": again},
+                damping=UNTURNED,
+                timeout=2.0,
+            ),
+        )

@@ -1,0 +1,137 @@
+"""Eq. (1), measured in five cases and against theory."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.skills.correlation_cases import (
+    CASES,
+    CASES_SCENARIO,
+    figures,
+    resolve_cases,
+    run,
+    theory,
+)
+from chamfer.diagrams.skills.dither_loops import AxisSensorParams, CorrelationScenario, resolve
+from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.spring_constraint import SpringConstraintParams
+from chamfer.systems.force.accommodation import AccommodationParams
+from chamfer.systems.primitives.trajectory_primitives import Dither
+
+SHORT = replace(CASES_SCENARIO, dither=Dither(cycles=6.0))
+
+
+def quiet(fraction: float, doing: str = "") -> None:
+    assert 0 <= fraction <= 1
+
+
+@pytest.fixture(scope="module")
+def outcome() -> Outcome:
+    return run(resolve_cases(SHORT), 0, quiet)
+
+
+@pytest.fixture(scope="module")
+def value(outcome: Outcome) -> Callable[[str], float]:
+    def get(name: str) -> float:
+        measured = outcome.metrics[name].value
+        assert measured is not None
+        return measured
+
+    return get
+
+
+Value = Callable[[str], float]
+
+
+@pytest.mark.parametrize(
+    ("case", "tolerance"),
+    [
+        ("free", 1e-9),
+        ("constrained", 1e-9),
+        ("one_sided", 2e-3),
+        ("noisy", 0.05),
+        ("biased", 1e-9),
+    ],
+)
+def test_measured_against_theory(value: Value, case: str, tolerance: float) -> None:
+    assert value(f"correlation.{case}") == pytest.approx(value(f"theory.{case}"), abs=tolerance)
+
+
+def test_the_free_value_is_that_of_a_hundred_samples(value: Value) -> None:
+    assert value("correlation.free") == pytest.approx(1.2345, abs=5e-5)
+    assert value("amplitude_ratio.free") == 1.0
+
+
+def test_the_correlator_finds_what_is_on_both_sides_alone(value: Value) -> None:
+    found = {case: value(f"hindered.{case}") for case in CASES}
+    assert found == {"constrained": 100.0} | dict.fromkeys(set(CASES) - {"constrained"}, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("frequency", "expected"),
+    [
+        (1.0, 100**2 / 8 * math.tan(math.pi / 100) ** 2),
+        (5.0, 20**2 / 8 * math.tan(math.pi / 20) ** 2),
+        (2.0, 50**2 / 8 * math.sin(math.pi / 50) ** 2),  # no sample is zero
+    ],
+)
+def test_the_theory_of_a_free_tool(frequency: float, expected: float) -> None:
+    scenario = resolve(CorrelationScenario(dither=Dither(frequency=frequency)))
+    assert theory(scenario, "free") == pytest.approx(expected, rel=1e-9)
+    assert theory(scenario, "one_sided") == theory(scenario, "free")
+
+
+def with_sensor(scenario: Any, **sensor: float) -> Any:
+    return replace(scenario, sensor=AxisSensorParams(**sensor))
+
+
+def test_the_theory_has_the_right_limits() -> None:
+    loose = resolve(CorrelationScenario(constraint=SpringConstraintParams(stiffness=0.0)))
+    for case in CASES:
+        assert theory(loose, case) == pytest.approx(theory(loose, "free"))
+    assert theory(with_sensor(loose, noise=1e-6), "noisy") == pytest.approx(theory(loose, "free"))
+    assert theory(with_sensor(loose, noise=1e6), "noisy") == pytest.approx(0.0, abs=1e-4)
+    assert theory(with_sensor(loose, bias=1e6), "biased") == pytest.approx(0.0, abs=1e-4)
+    slow = AccommodationParams(period=0.001)
+    spring = SpringConstraintParams(stiffness=5e3)
+    fine = resolve(CorrelationScenario(accommodation=slow, constraint=spring))
+    continuous = math.pi**2 / 8 / math.hypot(1.0, 5e3 / (800 * 2 * math.pi))
+    assert theory(fine, "constrained") == pytest.approx(continuous, abs=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"dither": Dither(cycles=2.0)}, "dither.cycles is 2.0, allowed: a whole number, 3 to"),
+        ({"dither": Dither(cycles=1e5)}, "dither.cycles is 100000.0, allowed: a whole number, 3"),
+        ({"dither": Dither(cycles=5.5)}, "dither.cycles is 5.5, allowed: a whole number, 3 to"),
+        ({"sensor": AxisSensorParams(bias=-1.0)}, "sensor.bias is -1.0, allowed: a finite numb"),
+        (
+            {"constraint": SpringConstraintParams(sides="one")},
+            "constraint.sides is 'one', allowed: both; cases set it",
+        ),
+        ({"dither": Dither(frequency=0.3)}, "dither.frequency is 0.3, allowed: whose cycles"),
+        ({"dither": Dither(amplitude=0.0)}, "dither.amplitude is 0.0, allowed: a number but 0"),
+        ({"dither": Dither(kind="rotary")}, "dither.kind is 'rotary', allowed: linear"),
+    ],
+)
+def test_a_scenario_refuses(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        resolve_cases(replace(CASES_SCENARIO, **values))
+
+
+def test_the_figure_has_every_case_in_its_place(outcome: Outcome) -> None:
+    *cases, values = figures(resolve_cases(SHORT), outcome)["correlation"].axes
+    for name, axes in zip(CASES, cases, strict=True):
+        lines = {str(one.get_label()): np.asarray(one.get_ydata()) for one in axes.get_lines()}
+        later = 1e3 * outcome.tables["cycles"][f"{name}_later"]
+        np.testing.assert_allclose(lines["motion, third cycle"], later)
+    points = [(np.asarray(one.get_xdata()), one.get_ydata()) for one in values.get_lines()]
+    for i, name in enumerate(CASES):
+        (marked,) = (y for x, y in points if len(x) == 1 and x[0] == i)
+        np.testing.assert_allclose(marked, outcome.metrics[f"theory.{name}"].value)

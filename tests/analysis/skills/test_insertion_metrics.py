@@ -1,0 +1,191 @@
+"""What insertions measure, and what a skill says of itself against what was true."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from chamfer.analysis.skills.insertion_metrics import (
+    INSERTION,
+    failure,
+    insertion_metrics,
+    is_mated,
+    verdict,
+)
+from chamfer.analysis.skills.skill_run import SkillResult, SkillStep
+from chamfer.diagrams.skills.connector_scenario import (
+    D_CONNECTOR,
+    resolve,
+)
+from chamfer.models.connectors.bnc_connector import BncConnector
+from chamfer.models.connectors.d_connector import DConnector
+from chamfer.systems.primitives.carriage import PartGripperParams
+from chamfer.systems.strategies.grasp_and_transport import GRASPING, TRANSPORT
+
+D, BNC = DConnector(), BncConnector()
+MATED = D.mated_depth
+DONE = (
+    SkillStep(0.5, "approach", "level", "contact", "contact"),
+    SkillStep(1.5, "verify", "done", "hindered", "hindered"),
+)
+
+
+def inserted(
+    path: tuple[SkillStep, ...] = DONE, reason: str = "", depth: float = MATED, turn: float = 0.0
+) -> SkillResult:
+    time = np.array([0.0, 1.0, 2.0])
+    traces = {"time": time, "depth": np.array([0.0, 0.001, depth]), "retries": time / 2}
+    traces["turn"] = np.full(3, turn)
+    state = path[-1].target if path else "approach"
+    ended = {"done": "done", "failed": "failed"}.get(state, "running")
+    return SkillResult(
+        outcome=ended,  # type: ignore[arg-type]
+        state=state,
+        reason=reason,
+        path=path,
+        traces=traces,
+        peaks=np.array([0.1, 0.2, 0.0, 99.0, 0.0, 23.0]),
+        wall_seconds=0.5,
+    )
+
+
+def test_metrics_of_a_run() -> None:
+    found = insertion_metrics(inserted(), D)
+    assert set(found) == set(INSERTION)
+    share = found.pop("force.peak_share")  # type: ignore[attr-defined]
+    assert share == pytest.approx(23.0 / D.mating_force)
+    assert found == {
+        "success": 1.0,
+        "duration": 2.0,
+        "depth": MATED,
+        "force.peak": 23.0,  # a force across does not count
+        "torque.peak": 0.2,
+        "retries": 1.0,
+        "real_time_factor": 4.0,
+    }
+
+
+@pytest.mark.parametrize(
+    ("done", "reason"),
+    [
+        (inserted(), ""),
+        (inserted(depth=MATED + 0.0004), ""),
+        (inserted(depth=0.0025), "said to be done 2.50 mm deep, mated is 5.60 mm"),
+        (inserted(depth=MATED + 0.0006), "said to be done 6.20 mm deep, mated is 5.60 mm"),
+        (
+            inserted((SkillStep(1.0, "retract", "failed", "over", "over"),), "push: jammed"),
+            "push: jammed",
+        ),
+        # A plug that is in by chance is no success of a skill that failed.
+        (inserted(DONE[:1]), "level: still running after 2 s"),
+        (inserted(()), "approach: still running after 2 s"),
+    ],
+)
+def test_why_a_run_is_no_success(done: SkillResult, reason: str) -> None:
+    assert failure(done, D) == reason
+    assert insertion_metrics(done, D)["success"] == float(not reason)
+
+
+def test_a_bayonet_that_is_not_locked_is_no_success() -> None:
+    deep = BNC.mated_depth
+    assert failure(inserted(depth=deep, turn=-1.6), BNC) == ""
+    said = failure(inserted(depth=deep, turn=-0.6), BNC)
+    assert said.endswith("deep, mated is 7.26 mm, it is turned 56 degrees from there")
+
+
+OUT = -0.03  # m, depth of a plug that was retracted
+
+
+def ended(*steps: tuple[str, str, str], depths: list[float], **traces: Any) -> SkillResult:
+    """A run with a row per second; a step a second, from 1 s on: source, target, outcome."""
+    n = len(depths)
+    rows: dict[str, Any] = {"holding": np.ones(n), "turn": np.zeros(n)}
+    rows |= {name: np.array(values, dtype=float) for name, values in traces.items()}
+    path = tuple(SkillStep(float(1 + i), *step, step[2]) for i, step in enumerate(steps))
+    last = steps[-1][1]
+    failing = [f"{source}: {how}" for source, target, how in steps if target == "retract"]
+    return SkillResult(
+        outcome=last if last in ("done", "failed") else "running",  # type: ignore[arg-type]
+        state=last,
+        reason=failing[-1] if failing else "",
+        path=path,
+        traces={"time": np.arange(n, dtype=float), "depth": np.array(depths), **rows},
+        peaks=np.zeros(6),
+        wall_seconds=1.0,
+    )
+
+
+def gave_up(
+    state: str, outcome: str, depth: float, end: float = OUT, **traces: Any
+) -> SkillResult:
+    steps = ((state, "retract", outcome), ("retract", "failed", "over"))
+    return ended(*steps, depths=[0.0, depth, end], **traces)
+
+
+@pytest.mark.parametrize(
+    ("connector", "off", "turn", "mated"),
+    [
+        (DConnector(), 0.0, 1.0, True),
+        (DConnector(), -0.0004, 0.0, True),
+        (DConnector(), -0.0006, 0.0, False),
+        (DConnector(), 0.0006, 0.0, False),
+        (BncConnector(), 0.0, -math.pi / 2, True),
+        (BncConnector(), 0.0, math.pi / 2 + 0.1, True),  # by the other stud
+        (BncConnector(), 0.0, 0.0, False),
+        (BncConnector(), 0.0006, -math.pi / 2, False),
+    ],
+)
+def test_mated_is_deep_enough_and_locked(
+    connector: Any, off: float, turn: float, mated: bool
+) -> None:
+    assert is_mated(connector, connector.mated_depth + off, turn) == mated
+
+
+@pytest.mark.parametrize("short", [0.0, 0.0005001, 0.002])
+def test_done_is_false_if_the_plug_is_not_in(short: float) -> None:
+    found = verdict(ended(("verify", "done", "hindered"), depths=[0.0, MATED - short]), D)
+    assert found.mated == (not short)
+    assert found.false_done == bool(short)
+    assert not found.false_reason
+
+
+def test_hindered_is_false_of_a_plug_on_the_face() -> None:
+    steps = (("search", "push", "hindered"), ("push", "search", "jammed"))
+    steps += (("search", "push", "hindered"), ("verify", "done", "hindered"))
+    done = ended(*steps, depths=[0.0, 0.0004, 0.0, 0.0006, MATED])
+    assert D.lead_in == 0.0005
+    found = verdict(done, D)
+    assert (found.hindered, found.false_hindered) == (3, 1)
+
+
+def test_all_that_comes_before_the_transport_is_known() -> None:
+    unfelt = replace(D_CONNECTOR, gripper=PartGripperParams(senses=False))
+    names = [state.name for state in resolve(unfelt).make_grasp()]
+    assert [*GRASPING, TRANSPORT] == names
+
+
+@pytest.mark.parametrize(
+    ("done", "false"),
+    [
+        (gave_up("push", "jammed", 0.003), False),
+        (gave_up("push", "jammed", MATED), True),  # it was in
+        (gave_up("push", "jammed", -0.001), True),  # nothing was touched
+        (gave_up("push", "jammed", 0.003, end=0.003), True),  # it was left there
+        (gave_up("search", "done", 0.0), False),
+        (gave_up("search", "done", 0.0, holding=[1, 0, 0]), True),  # of what was searched with?
+        # A plug that was never held rests on the table, as high as the socket's face.
+        (gave_up("grasp", "lost", 0.0, end=0.0, holding=[0, 0, 0]), False),
+        (gave_up("around 6", "timed out", 0.0, end=0.0, holding=[0, 0, 0]), False),
+        (gave_up("reach", "lost", 0.0, end=0.0, holding=[0, 0, 0]), False),
+        (gave_up("grasp", "lost", 0.0), True),  # it was held
+        (gave_up("lift", "lost", 0.0), True),  # likewise
+        (gave_up("transport", "lost", -0.02, holding=[1, 0, 0]), False),
+        (gave_up("transport", "lost", -0.02), False),  # it was seen no more
+        (gave_up("transport", "timed out", -0.02, holding=[1, 0, 0]), True),
+        (ended(("push", "verify", "done"), depths=[0.0, 0.003]), False),  # it goes on
+    ],
+)
+def test_a_reason_is_false_if_the_truth_contradicts_it(done: SkillResult, false: bool) -> None:
+    assert verdict(done, D).false_reason == false

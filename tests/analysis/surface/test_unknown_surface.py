@@ -1,0 +1,479 @@
+"""Runs on an unknown surface: their traces, what the thesis prints of them, their figures."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from chamfer.analysis.campaign.trial_metrics import trial_seed
+from chamfer.analysis.published.hybrid_force_position import PUBLISHED
+from chamfer.analysis.report.checks import check
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.surface.normal_metrics import (
+    ESTIMATION,
+    TRACKING,
+    estimation_metrics,
+    tracking_metrics,
+)
+from chamfer.analysis.surface.unknown_surface import (
+    Traces,
+    control_figures,
+    estimation_figures,
+    large_noise_figures,
+    noise_free_figures,
+    run_estimation_trials,
+    run_surface,
+    run_tracking_trials,
+    smooth_figures,
+)
+from chamfer.diagrams.surface.surface_estimation import (
+    LARGE_NOISE,
+    NOISE_FREE,
+    SMOOTH,
+    SURFACE_ESTIMATION,
+    EstimationScenario,
+    LeadSettings,
+    resolve_estimation,
+)
+from chamfer.diagrams.surface.surface_scenario import (
+    ObserverSettings,
+    SurfaceSettings,
+    SurfaceShape,
+)
+from chamfer.diagrams.surface.surface_tracking import (
+    SURFACE_CONTROL,
+    SURFACE_CONTROL_ADAPTIVE,
+    SURFACE_CONTROL_NOISE_FREE,
+    TrackingScenario,
+    TrackingTask,
+    resolve_tracking,
+)
+
+SHORT = resolve_estimation(EstimationScenario(duration=3.0, trials=5, lead=LeadSettings(halt=2.0)))
+SHORT_CONTROL = resolve_tracking(TrackingScenario(duration=1.5, trials=4))
+COMMON = {"nees", "time", "force", "error", "band", "change", "status", "speed", "travel"}
+PER_AXIS = {"point", "nominal", "normal", "true_normal", "measured_force"}
+PLANAR = {"angle", "true_angle", "instantaneous"}
+
+
+def quiet(fraction: float, doing: str = "") -> None:
+    assert 0 <= fraction <= 1
+
+
+IN_SPACE = EstimationScenario(duration=0.5, surface=SurfaceSettings(shape="paraboloid"))
+
+
+@pytest.fixture(scope="module")
+def led() -> Traces:
+    return run_surface(SHORT, 3)
+
+
+@pytest.fixture(scope="module")
+def controlled() -> Traces:
+    return run_surface(SHORT_CONTROL, 3)
+
+
+def test_a_row_a_period(led: Traces, controlled: Traces) -> None:
+    np.testing.assert_allclose(led["time"], 0.05 * np.arange(61), atol=1e-12)
+    np.testing.assert_allclose(controlled["time"], 0.005 * np.arange(301), atol=1e-12)
+    columns = {f"{name}_{axis}" for name in PER_AXIS for axis in "xy"} | COMMON | PLANAR
+    assert set(led) == columns
+    assert set(controlled) == columns | {"effort_x", "effort_y"}
+    space = run_surface(resolve_estimation(IN_SPACE), 3)
+    assert set(space) == {f"{name}_{axis}" for name in PER_AXIS for axis in "xyz"} | COMMON
+    for traces in (led, controlled, space):
+        assert {values.shape for values in traces.values()} == {traces["time"].shape}
+    assert next(iter(led)) == "time"
+
+
+def test_the_truth_fits_the_parabola(led: Traces) -> None:
+    x = led["point_x"]
+    np.testing.assert_allclose(led["point_y"], 0.05 * x**2, atol=1e-12)
+    np.testing.assert_allclose(np.tan(np.radians(led["true_angle"])) * 0.1 * x, -1.0 * (x > 0))
+    np.testing.assert_array_equal(led["travel"], x)
+    np.testing.assert_allclose(led["nominal_x"], 0.2 * np.minimum(led["time"], 2.0), atol=1e-12)
+    np.testing.assert_allclose(led["nominal_y"], -0.1, atol=1e-12)
+    speed = np.hypot(np.gradient(x, 0.05), np.gradient(led["point_y"], 0.05))
+    middle = (led["time"] > 0.6) & (led["time"] < 1.9)
+    np.testing.assert_allclose(led["speed"][middle], speed[middle], rtol=1e-3)
+
+
+def test_the_force_is_the_true_one_along_the_true_normal() -> None:
+    traces = run_surface(resolve_estimation(replace(NOISE_FREE, duration=2.0)), 0)
+    n = np.stack([traces["true_normal_x"], traces["true_normal_y"]], axis=1)
+    spring = 100.0 * np.stack(
+        [
+            traces["point_x"] - traces["nominal_x"],
+            traces["point_y"] - traces["nominal_y"],
+        ],
+        axis=1,
+    )
+    np.testing.assert_allclose(traces["force"], np.sum(spring * n, axis=1), atol=1e-9)
+    # What is measured is of the gripper on the surface.
+    np.testing.assert_allclose(traces["measured_force_x"], -spring[:, 0], atol=1e-9)
+    np.testing.assert_allclose(traces["measured_force_y"], -spring[:, 1], atol=1e-9)
+
+
+def test_the_row_has_the_estimate_that_its_sample_made() -> None:
+    traces = run_surface(resolve_estimation(replace(NOISE_FREE, duration=2.0)), 0)
+    sliding = traces["time"] > 0.549
+    # Exact with this sample; the one before would be off by the turning of a period.
+    assert np.abs(traces["error"][sliding]).max() < 1e-9
+    assert np.diff(traces["true_angle"][sliding]).min() > 0.01
+    np.testing.assert_allclose(traces["instantaneous"][sliding], traces["true_angle"][sliding])
+    assert np.all(traces["status"][sliding] == 0)
+    stuck = traces["time"] < 0.499
+    assert np.all(np.isnan(traces["instantaneous"][stuck]))
+    assert np.all(traces["status"][stuck] == 2)
+    assert np.all(traces["speed"][stuck] == 0)
+
+
+def test_the_band_is_of_three_standard_deviations() -> None:
+    useless = replace(SHORT.observer, force_rate_noise=1e12)
+    traces = run_surface(replace(SHORT, observer=useless), 0)
+    # Nothing is learnt from the first sample: the initial 0.1 rad and what the surface may turn.
+    # It sticks, so that only noise of 0.03 m/s an axis seems to move it.
+    turned = 0.1 * 0.05 / 0.75
+    least, most = (3 * np.degrees(np.hypot(0.1, one)) for one in (0.0, turned))
+    assert least < traces["band"][0] < most
+
+
+@pytest.mark.parametrize("shape", ["parabola", "sphere"])
+def test_a_seed_fixes_every_byte(shape: SurfaceShape) -> None:
+    surface = SurfaceSettings(shape=shape)
+    led = resolve_estimation(EstimationScenario(surface=surface, duration=1.0))
+    controlled = resolve_tracking(TrackingScenario(surface=surface, duration=0.5))
+    for scenario in (led, controlled):
+        one, same, other = (run_surface(scenario, seed) for seed in (7, 7, 8))
+        assert {name for name in one if one[name].tobytes() != same[name].tobytes()} == set()
+        unlike = {name for name in one if one[name].tobytes() != other[name].tobytes()}
+        assert {"measured_force_x", "error", "band", "normal_x"} <= unlike
+        if scenario is controlled:
+            assert {"force", "point_x", "nominal_x", "effort_x"} <= unlike
+
+
+def test_metrics_are_those_of_the_seeds_and_traces_of_the_first() -> None:
+    outcome = run_estimation_trials(SHORT, 2, quiet)
+    assert set(outcome.metrics) == set(ESTIMATION)
+    assert outcome.simulated_seconds == pytest.approx(5 * 3.0)
+    runs = [run_surface(SHORT, trial_seed(2, trial)) for trial in range(5)]
+    measured = [estimation_metrics(traces, halt=2.0) for traces in runs]
+    for name, values in runs[0].items():
+        np.testing.assert_array_equal(outcome.traces[name], values)
+    final = np.array([one["band.final"] for one in measured], dtype=float)
+    assert outcome.metrics["band.final"].value == pytest.approx(final.mean())
+    drift = np.array([one["drift_after_halt"] for one in measured], dtype=float)
+    assert outcome.metrics["drift_after_halt"].value == pytest.approx(np.sqrt(np.mean(drift**2)))
+    assert len(set(drift)) == 5
+    assert "5 seeds" in outcome.metrics["drift_after_halt"].note
+
+
+def test_metrics_of_controlled_runs() -> None:
+    scenario = replace(SHORT_CONTROL, task=TrackingTask(force=4.0))
+    outcome = run_tracking_trials(scenario, 0, quiet)
+    loop = {"loop.growth_contact", "loop.gain_margin", "loop.delay_margin"}
+    assert set(outcome.metrics) == set(TRACKING) | loop
+    runs = [run_surface(scenario, trial_seed(0, trial)) for trial in range(4)]
+    measured = [tracking_metrics(traces, force=4.0, every=10) for traces in runs]
+    for name in ("force.min", "force.max", "force.final", "band.mean", "force.within_10"):
+        values = np.array([one[name] for one in measured], dtype=float)
+        assert outcome.metrics[name].value == pytest.approx(values.mean()), name
+    assert outcome.metrics["force.final"].value == pytest.approx(4.0, rel=0.1)
+    errors = np.array([one["error.rms"] for one in measured], dtype=float)
+    assert outcome.metrics["error.rms"].value == pytest.approx(np.sqrt(np.mean(errors**2)))
+
+
+SEEDS = 4
+ESTIMATIONS = {
+    "surface-estimation": SURFACE_ESTIMATION,
+    "surface-estimation-smooth": SMOOTH,
+    "surface-estimation-noise-free": NOISE_FREE,
+    "surface-estimation-large-noise": LARGE_NOISE,
+}
+
+
+@pytest.fixture(scope="module")
+def outcomes() -> dict[str, Outcome]:
+    found = {}
+    for name, scenario in ESTIMATIONS.items():
+        few = resolve_estimation(replace(scenario, trials=min(scenario.trials, SEEDS)))
+        found[name] = run_estimation_trials(few, 0, quiet)
+    return found
+
+
+def value(outcome: Outcome, metric: str) -> float:
+    found = outcome.metrics[metric].value
+    assert found is not None
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ESTIMATIONS)
+def test_what_the_thesis_prints_is_measured(name: str, outcomes: dict[str, Outcome]) -> None:
+    asked = [one for one in PUBLISHED if one.experiment == name]
+    assert asked
+    checks = check(asked, outcomes[name].metrics)
+    assert len(checks) == len(asked)
+    failed = {one.published.metric for one in checks if not one.ok}
+    # With so few seeds the coverage of the first may be on either side of 99 %.
+    known = {
+        "surface-estimation": {"drift_after_halt"},
+        "surface-estimation-smooth": {"coverage"},
+    }.get(name, set())
+    assert failed - ({"coverage"} if name == "surface-estimation" else set()) == known
+    assert all(one.published.note for one in checks if not one.ok)
+
+
+def test_a_sharp_bound_on_the_curvature_gives_six_degrees(outcomes: dict[str, Outcome]) -> None:
+    outcome = outcomes["surface-estimation"]
+    assert value(outcome, "band.equilibrium") == pytest.approx(6.06, abs=0.3)
+    assert value(outcome, "band.mean") == pytest.approx(6.16, abs=0.3)
+    assert value(outcome, "breakaway_time") == pytest.approx(0.5, abs=1e-9)
+    assert value(outcome, "error.rms") == pytest.approx(2.44, abs=0.4)
+    assert value(outcome, "error.bias") == pytest.approx(1.93, abs=0.4)
+    assert value(outcome, "coverage") > 97
+    # As printed the filter drifts while the gripper is at rest: reference 7.4 deg over 200 seeds.
+    assert 3.5 < value(outcome, "drift_after_halt") < 13.0
+
+
+def test_without_noise_the_estimate_is_exact(outcomes: dict[str, Outcome]) -> None:
+    outcome = outcomes["surface-estimation-noise-free"]
+    for metric in ("error.max", "band.mean", "band.final", "band.equilibrium"):
+        assert value(outcome, metric) < 1e-9
+    for metric in ("drift_after_halt", "band_after_halt"):
+        assert value(outcome, metric) == 0
+    assert value(outcome, "estimate.change") == pytest.approx(13.38, abs=0.1)
+    assert value(outcome, "coverage") == 100
+    assert outcome.metrics["coverage"].note == ""  # one seed is enough
+
+
+def test_a_useless_sensor_is_not_used(outcomes: dict[str, Outcome]) -> None:
+    outcome = outcomes["surface-estimation-large-noise"]
+    assert value(outcome, "band.final") == pytest.approx(19.8, abs=0.5)
+    assert value(outcome, "estimate.change") < 0.01
+    assert outcome.traces["time"][-1] == pytest.approx(3.5)
+    # Uncertainty is that of the first estimate until the contact point slides.
+    band = outcome.traces["band"]
+    assert band[9] == pytest.approx(17.3, abs=0.3)
+    assert np.all(np.diff(band) > 0)
+    assert outcome.metrics["drift_after_halt"].value is None
+
+
+@pytest.fixture(scope="module")
+def noise_free() -> Outcome:
+    return run_tracking_trials(resolve_tracking(SURFACE_CONTROL_NOISE_FREE), 0, quiet)
+
+
+@pytest.fixture(scope="module")
+def noisy() -> Outcome:
+    return run_tracking_trials(resolve_tracking(replace(SURFACE_CONTROL, trials=3)), 0, quiet)
+
+
+def test_without_noise_the_force_settles_at_the_desired_one(noise_free: Outcome) -> None:
+    assert value(noise_free, "force.final") == pytest.approx(5.004, abs=2e-3)
+    assert value(noise_free, "force.settling_time") == pytest.approx(0.73, abs=0.03)
+    assert value(noise_free, "force.settling_time_10") == pytest.approx(0.44, abs=0.02)
+    assert value(noise_free, "force.within_10") == 100
+    assert value(noise_free, "error.max") < 0.02
+    assert value(noise_free, "band.mean") < 1e-9
+    assert value(noise_free, "position.travel") == pytest.approx(4.67, abs=0.02)
+
+
+def test_what_the_thesis_prints_without_noise(noise_free: Outcome) -> None:
+    asked = [one for one in PUBLISHED if one.experiment == "unknown-surface-control-noise-free"]
+    assert {one.metric for one in asked} == {"force.settling_time_10", "force.final"}
+    assert all(one.ok for one in check(asked, noise_free.metrics))
+
+
+@pytest.mark.slow
+def test_with_noise_the_thesis_observer_leaves_ten_percent(noisy: Outcome) -> None:
+    assert value(noisy, "force.min") == pytest.approx(4.6, abs=0.15)
+    assert value(noisy, "force.max") == pytest.approx(5.4, abs=0.15)
+    assert value(noisy, "band.mean") == pytest.approx(6.97, abs=0.2)
+    assert value(noisy, "force.within_10") < 100
+    assert value(noisy, "position.travel") == pytest.approx(4.67, abs=0.05)
+    asked = [one for one in PUBLISHED if one.experiment == "unknown-surface-control"]
+    checks = {one.published.metric: one for one in check(asked, noisy.metrics)}
+    assert set(checks) >= {"force.min", "force.max", "force.within_10", "band.mean"}
+    assert all(one.published.note for one in checks.values() if not one.ok)
+
+
+@pytest.mark.slow
+def test_the_adaptive_observer_with_means_keeps_within_ten_percent() -> None:
+    scenario = resolve_tracking(replace(SURFACE_CONTROL_ADAPTIVE, trials=3, duration=4.0))
+    assert scenario.observer.force_noise == pytest.approx(1 / math.sqrt(10))
+    outcome = run_tracking_trials(scenario, 0, quiet)
+    assert value(outcome, "force.within_10") == 100
+    assert value(outcome, "force.min") > 4.6
+    assert value(outcome, "force.max") < 5.35
+    assert value(outcome, "coverage") > 97
+    assert value(outcome, "band.mean") < 2
+
+
+Array = NDArray[np.float64]
+
+LED, CONTROLLED = SURFACE_ESTIMATION, SURFACE_CONTROL
+SPACE = SurfaceSettings(shape="sphere")
+
+
+def outcome(scenario: EstimationScenario | TrackingScenario, **columns: Array) -> Outcome:
+    """A run as it might have been: the normal turns by 12 degrees, the estimate lags by 2."""
+    period = 0.005 if isinstance(scenario, TrackingScenario) else 0.05
+    time = period * np.arange(round(scenario.duration / period) + 1)
+    flat = np.ones_like(time)
+    traces = {
+        "time": time,
+        "force": 5.0 + np.sin(time),
+        "error": -2.0 * flat,
+        "band": 6.0 * flat,
+    }
+    if scenario.dimension == 2:
+        truth = 90.0 + 12.0 * time / scenario.duration
+        traces |= {"angle": truth - 2.0, "true_angle": truth, "instantaneous": truth + 30.0}
+    else:
+        traces["error"] = 2.0 * flat
+    for i, axis in enumerate("xyz"[: scenario.dimension]):
+        traces[f"point_{axis}"] = i + 0.2 * time
+        traces[f"nominal_{axis}"] = i + 0.3 * time
+    return Outcome(metrics={}, traces=traces | columns, simulated_seconds=0.0)
+
+
+FIGURES: dict[str, Callable[..., Mapping[str, Figure]]] = {
+    "surface-estimation": estimation_figures,
+    "surface-estimation-smooth": smooth_figures,
+    "surface-estimation-noise-free": noise_free_figures,
+    "surface-estimation-large-noise": large_noise_figures,
+}
+
+
+def drawn_led(
+    name: str = "surface-estimation", scenario: EstimationScenario = LED, **columns: Array
+) -> Figure:
+    resolved = resolve_estimation(scenario)
+    return FIGURES[name](resolved, outcome(resolved, **columns))[name]
+
+
+def drawn_control(scenario: TrackingScenario = CONTROLLED) -> Figure:
+    resolved = resolve_tracking(scenario)
+    return control_figures(resolved, outcome(resolved))["unknown-surface-control"]
+
+
+def labels(axes: Axes) -> list[str]:
+    return [text.get_text() for text in axes.get_legend().get_texts()]
+
+
+def published(figure: Figure) -> list[str]:
+    return [text for axes in figure.axes for text in labels(axes) if "published" in text]
+
+
+def line(axes: Axes, label: str) -> tuple[Array, Array]:
+    (found,) = (one for one in axes.get_lines() if one.get_label() == label)
+    return np.asarray(found.get_xdata()), np.asarray(found.get_ydata())
+
+
+def edges(axes: Axes, label: str) -> Array:
+    """Corners of a shaded band."""
+    (found,) = (
+        one
+        for one in axes.collections
+        if isinstance(one, PolyCollection) and str(one.get_label()).startswith(label)
+    )
+    return np.asarray(found.get_paths()[0].vertices)
+
+
+def test_truth_estimate_and_band_are_those_of_the_run() -> None:
+    normal = drawn_led().axes[1]
+    time, truth = line(normal, "true normal")
+    np.testing.assert_allclose(truth, 90 + 12 * time / 20)
+    np.testing.assert_allclose(line(normal, "estimate, thesis")[1], truth - 2)
+    np.testing.assert_allclose(line(normal, "single sample")[1], truth + 30)
+    corners = edges(normal, "3 standard deviations")
+    assert corners[:, 1].min() == pytest.approx(88 - 6)
+    assert corners[:, 1].max() == pytest.approx(100 + 6)
+    # Estimate and band are all there, whatever single samples do.
+    low, high = normal.get_ylim()
+    assert low == pytest.approx(88 - 6 - 6)
+    assert high == pytest.approx(100 + 6 + 6)
+    kind = replace(LED, observer=ObserverSettings(kind="adaptive"))
+    assert "estimate, adaptive" in labels(drawn_led(scenario=kind).axes[1])
+
+
+def test_the_halt_is_marked_if_it_is_in_the_run() -> None:
+    def halts(figure: Figure) -> list[float]:
+        return [
+            float(np.asarray(one.get_xdata())[0])
+            for axes in figure.axes
+            for one in axes.get_lines()
+            if len(np.asarray(one.get_xdata())) == 2
+        ]
+
+    figure = drawn_led()
+    assert halts(figure) == [15.0, 15.0]
+    assert [text.get_text() for text in figure.axes[1].texts] == ["halt"]
+    short = drawn_led(scenario=replace(LED, duration=10.0))
+    assert halts(short) == []
+    assert not short.axes[1].texts
+
+
+@pytest.mark.parametrize(
+    ("name", "scenario", "value", "window"),
+    [
+        ("surface-estimation", LED, 6.0, (8.0, 14.9)),
+        ("surface-estimation-smooth", SMOOTH, 3.0, (1.0, 15.0)),
+        ("surface-estimation-large-noise", LARGE_NOISE, 20.0, (3.4, 3.5)),
+    ],
+)
+def test_the_published_band_is_about_the_true_normal_where_it_counts(
+    name: str, scenario: EstimationScenario, value: float, window: tuple[float, float]
+) -> None:
+    figure = drawn_led(name, scenario)
+    assert published(figure) == [f"published band, ±{value:g}°"]
+    normal = figure.axes[1]
+    time, above = line(normal, f"published band, ±{value:g}°")
+    assert (time[0], time[-1]) == (
+        pytest.approx(window[0], abs=0.051),
+        pytest.approx(window[1], abs=0.051),
+    )
+    np.testing.assert_allclose(above, 90 + 12 * time / scenario.duration + value)
+    below = 90 + 12 * time / scenario.duration - value
+    assert any(
+        len(np.asarray(one.get_ydata())) == len(below) and np.allclose(one.get_ydata(), below)
+        for one in normal.get_lines()
+    )
+
+
+def test_published_forces_are_drawn() -> None:
+    figure = drawn_control()
+    forces = ["published least, 4.5 N", "published largest, 5.2 N"]
+    assert published(figure) == [*forces, "published band, ±6°"]
+    for label, value in zip(forces, (4.5, 5.2), strict=True):
+        np.testing.assert_array_equal(line(figure.axes[0], label)[1], value)
+
+
+@pytest.mark.parametrize(
+    ("name", "scenario"),
+    [
+        ("surface-estimation", replace(LED, trials=39)),
+        ("surface-estimation", replace(LED, observer=ObserverSettings(kind="gated"))),
+        ("surface-estimation-noise-free", NOISE_FREE),
+    ],
+)
+def test_published_bands_are_of_the_default_scenario_and_the_experiment(
+    name: str, scenario: EstimationScenario
+) -> None:
+    assert published(drawn_led(name, scenario)) == []
+
+
+def test_a_run_without_contact_can_be_drawn() -> None:
+    nothing = np.full(401, np.nan)
+    figure = drawn_led(true_angle=nothing, error=nothing, instantaneous=nothing)
+    FigureCanvasAgg(figure)
+    figure.canvas.draw()
+    assert np.all(np.isfinite(figure.axes[1].get_ylim()))

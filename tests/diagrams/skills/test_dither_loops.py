@@ -1,0 +1,174 @@
+"""Dithers of a carriage: what they cover, and what the correlator says of them."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from chamfer.analysis.linear.simulate import Run, simulate
+from chamfer.diagrams.skills.dither_loops import (
+    AxisSensorParams,
+    CorrelationScenario,
+    make_correlation_diagram,
+    make_search_diagram,
+    resolve,
+)
+from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.spring_constraint import SpringConstraintParams
+from chamfer.systems.force.accommodation import AccommodationParams
+from chamfer.systems.primitives.correlation import CorrelatorParams
+from chamfer.systems.primitives.trajectory_primitives import Dither, lissajous
+
+
+@pytest.mark.parametrize("repeats", [1, 3])
+def test_a_pattern_ends_where_it_began_and_is_centred(repeats: int) -> None:
+    slow, fast = lissajous(
+        first=Dither(axis="x", amplitude=0.002, frequency=2.0), axis="y", repeats=repeats
+    )
+    step = 1 / (400 * fast.frequency)
+    found = simulate(
+        make_search_diagram([slow, fast], step=step), duration=slow.duration + step / 2, step=step
+    )
+    displacement = found.outputs["displacement"]
+    assert found.time[-1] == pytest.approx(repeats / 2.0)
+    np.testing.assert_allclose(displacement[-1], 0.0, atol=1e-12)
+    np.testing.assert_allclose(displacement[:, [0, 1, 2, 5]], 0.0, atol=0)
+    k = np.arange(len(found.time))
+    for dither in (slow, fast):
+        # The sum of held cosines in closed form: a sine about a centre that is A half off.
+        half = math.pi * dither.frequency * step
+        expected = (
+            0.002 * half * (np.sin(2 * half * k) / math.tan(half) + 1 - np.cos(2 * half * k))
+        )
+        np.testing.assert_allclose(displacement[:, dither.index], expected, atol=1e-12)
+        assert np.mean(displacement[:-1, dither.index]) == pytest.approx(0.002 * half)
+
+
+PERIOD = 1 / 128  # s, binary, so that the ticks' times are exact
+N = 64  # samples of a cycle
+DITHER = Dither(frequency=128 / N, cycles=20.0)
+ACCOMMODATION = AccommodationParams(period=PERIOD)
+FREE: dict[str, Any] = {"sides": "none"}
+
+
+def scenario(
+    *,
+    constraint: dict[str, Any] = FREE,
+    sensor: dict[str, float] | None = None,
+    windows: int = 2,
+    **changes: Any,
+) -> CorrelationScenario:
+    fields: dict[str, Any] = {"dither": DITHER, "accommodation": ACCOMMODATION}
+    return CorrelationScenario(
+        constraint=SpringConstraintParams(**constraint),
+        sensor=AxisSensorParams(**(sensor or {})),
+        correlator=CorrelatorParams(windows=windows),
+        **{**fields, **changes},
+    )
+
+
+def run(made: CorrelationScenario, cycles: int, seed: int = 0) -> Run:
+    """Rows are at the ticks; a row of the motion is what was computed at the one before."""
+    count = cycles * made.samples
+    return simulate(
+        make_correlation_diagram(resolve(made)),
+        duration=(count + 0.5) * made.accommodation.period,
+        step=made.accommodation.period,
+        seed=seed,
+    )
+
+
+def test_a_free_tool_follows_the_command() -> None:
+    found = run(scenario(), 2)
+    command, motion = found.outputs["command"], found.outputs["motion"]
+    k = np.arange(2 * N + 1)
+    expected = 0.001 * 2 * np.pi * DITHER.frequency * np.cos(2 * np.pi * k / N)
+    np.testing.assert_allclose(command, expected, atol=1e-12)
+    np.testing.assert_allclose(motion[1:], command[:-1], atol=1e-15)
+    assert np.ptp(found.outputs["displacement"][:, 3]) == pytest.approx(0.002, rel=0.01)
+    closed = N**2 / 8 * math.tan(math.pi / N) ** 2
+    np.testing.assert_allclose(found.outputs["correlation"][-1], [closed, 1.0, 0.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("stiffness", [2e3, 2e4, 8e4])
+def test_a_constrained_tool_moves_as_the_pulse_transfer_function_says(stiffness: float) -> None:
+    found = run(scenario(constraint={"stiffness": stiffness}), 4)
+    kappa = stiffness * PERIOD / 800.0
+    command = found.outputs["command"]
+    expected = lfilter([1.0, -1.0], [1.0, kappa - 1.0], command[:-1])
+    np.testing.assert_allclose(found.outputs["motion"][1:], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "hindered"),
+    [
+        ({}, False),
+        ({"constraint": {}}, True),
+        ({"constraint": {"stiffness": 100.0}}, False),
+        ({"constraint": {"sides": "none", "stiffness": 1e9}}, False),
+        ({"constraint": {"index": 4}}, False),  # across the dither
+        ({"sensor": {"bias": 2.0}}, False),
+        ({"sensor": {"noise": 2.0}}, False),
+    ],
+)
+def test_hindered_says_whether_it_is(changes: dict[str, Any], *, hindered: bool) -> None:
+    found = run(scenario(**changes), 4).outputs["hindered"]
+    assert bool(found[-1]) is hindered
+    assert not found[: 2 * N].any()
+
+
+def test_noise_and_bias_are_those_of_the_force() -> None:
+    free = run(scenario(), 4).outputs["motion"][1:]
+    biased = run(scenario(sensor={"bias": 4.0}), 4).outputs["motion"][1:]
+    np.testing.assert_allclose(biased - free, 4.0 / 800.0, atol=1e-12)
+    noisy = run(scenario(sensor={"noise": 4.0}), 16, seed=5).outputs["motion"][1:]
+    deviation = np.std(noisy - np.tile(free[:N], 16))
+    assert deviation == pytest.approx(4.0 / 800.0, rel=0.1)
+
+
+@pytest.mark.parametrize(("kind", "axis", "index"), [("rotary", "y", 1), ("linear", "z", 5)])
+def test_everything_is_along_the_axis_of_the_dither(kind: Any, axis: Any, index: int) -> None:
+    dither = replace(DITHER, kind=kind, axis=axis)
+    stiffness, damping = 20.0, ACCOMMODATION.damping[index]
+    hindered = {"stiffness": stiffness}
+    found = run(scenario(dither=dither, constraint=hindered, sensor={"noise": 0.1}), 2)
+    assert np.flatnonzero(np.abs(found.outputs["displacement"]).max(axis=0)).tolist() == [index]
+    quiet = run(scenario(dither=dither, constraint=hindered), 2)
+    expected = lfilter(
+        [1.0, -1.0],
+        [1.0, stiffness * PERIOD / damping - 1.0],
+        quiet.outputs["command"][:-1],
+    )
+    np.testing.assert_allclose(quiet.outputs["motion"][1:], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"sensor": {"noise": math.nan}}, "noise is nan, allowed: a finite number >= 0"),
+        ({"sensor": {"bias": math.inf}}, "bias is inf, allowed: a finite number"),
+        (
+            {"dither": Dither(frequency=3.1)},
+            "dither.frequency is 3.1, allowed: whose cycles are four or more periods of 0.0078125",
+        ),
+        (
+            {"dither": Dither(frequency=128 / 3)},
+            r"dither.frequency is 42.6.*, allowed: whose cycl",
+        ),
+    ],
+)
+def test_a_scenario_refuses(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        scenario(**changes)
+
+
+def test_what_is_open_follows_from_the_dither() -> None:
+    found = resolve(scenario(dither=replace(DITHER, axis="z"), constraint={}))
+    assert (found.constraint.index, found.correlator.samples) == (5, N)
+    assert found.correlator.period == PERIOD
+    given = replace(found, dither=replace(DITHER, frequency=1.0))
+    assert resolve(given) == given
+    assert CorrelationScenario().samples == 100

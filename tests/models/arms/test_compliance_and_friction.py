@@ -1,0 +1,337 @@
+"""Wrist, gripper, joint friction and the Cartesian manipulator, and what they refuse."""
+
+import math
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RigidBody
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import MatrixGain
+from scipy.linalg import expm
+from scipy.signal import cont2discrete
+
+from chamfer.models.arms.arm import JointFrictionParams
+from chamfer.models.arms.cartesian_manipulator import (
+    CartesianManipulatorParams,
+    cartesian_kinematics,
+    sampled_dynamics,
+)
+from chamfer.models.arms.gripper import GripperCompliance
+from chamfer.models.arms.wrist import (
+    ORDER,
+    SIZE,
+    WristParams,
+    add_wrist,
+    in_joint_order,
+    tip_displacement,
+    tip_pose,
+)
+from chamfer.models.validation import ParameterError
+
+Array = NDArray[np.float64]
+
+PARAMS = WristParams(
+    stiffness=(10.0, 20.0, 30.0, 1e3, 2e3, 3e3),
+    damping_ratio=0.5,
+    mass=0.4,
+    inertia=9e-4,
+    centre_of_mass=0.03,
+)
+SIX = st.tuples(*[st.floats(-1.5, 1.5)] * 3, *[st.floats(-1, 1)] * 3)
+
+
+def wrist() -> tuple[MultibodyPlant, RigidBody]:
+    plant = MultibodyPlant(0.001)
+    held = add_wrist(plant, plant.world_frame(), PARAMS)
+    plant.Finalize()
+    assert plant.num_positions(held.instance) == SIZE
+    return plant, held.body
+
+
+@settings(deadline=None, max_examples=30)
+@given(displacement=SIX)
+def test_the_joints_put_the_tip_where_its_pose_is(displacement: tuple[float, ...]) -> None:
+    plant, body = wrist()
+    context = plant.CreateDefaultContext()
+    q = np.array(displacement)
+    plant.SetPositions(context, in_joint_order() @ q)
+    assert plant.EvalBodyPoseInWorld(context, body).IsNearlyEqualTo(tip_pose(q), 1e-9)
+
+
+@given(displacement=SIX)
+def test_a_poses_displacement_is_that_of_which_it_was_made(
+    displacement: tuple[float, ...],
+) -> None:
+    q = np.array(displacement)
+    np.testing.assert_allclose(tip_displacement(tip_pose(q)), q, atol=1e-9)
+
+
+def test_joint_order_is_a_permutation_of_every_block() -> None:
+    single, double = in_joint_order(), in_joint_order(2)
+    assert (single @ np.arange(6.0)).tolist() == [3, 4, 5, 0, 1, 2] == list(ORDER)
+    assert (double @ np.arange(12.0)).tolist() == [3, 4, 5, 0, 1, 2, 9, 10, 11, 6, 7, 8]
+    np.testing.assert_array_equal(double.T @ double, np.eye(12))
+
+
+def test_the_tool_has_its_inertia_about_the_tip_and_no_weight() -> None:
+    plant, body = wrist()
+    inertia = body.default_spatial_inertia()
+    assert inertia.get_mass() == pytest.approx(0.4)
+    np.testing.assert_allclose(inertia.get_com(), [0.0, 0.0, 0.03])
+    about_tip = inertia.CalcRotationalInertia().CopyToFullMatrix3()
+    np.testing.assert_allclose(about_tip, 9e-4 * np.eye(3), atol=1e-12)
+    context = plant.CreateDefaultContext()
+    assert not plant.CalcGravityGeneralizedForces(context).any()
+    assert plant.CalcTotalMass(context) == pytest.approx(0.4)
+
+
+def test_the_law_is_springs_and_dampers_in_joint_order() -> None:
+    # 2 zeta sqrt(k m)
+    rotary = [math.sqrt(k * 9e-4) for k in (10, 20, 30)]
+    linear = [math.sqrt(k * 0.4) for k in (1e3, 2e3, 3e3)]
+    np.testing.assert_allclose(PARAMS.damping, [*rotary, *linear])
+    lack, rates = np.arange(1.0, 7.0), np.arange(2.0, 8.0)
+    forces = PARAMS.law @ in_joint_order(2) @ [*lack, *rates]
+    expected = np.array(PARAMS.stiffness) * lack + np.array(PARAMS.damping) * rates
+    np.testing.assert_allclose(in_joint_order().T @ forces, expected)
+
+
+def free_tip(params: WristParams, step: float, start: Array, steps: int) -> Array:
+    """Positions above rates of a released tip in joint order, shape (steps + 1, 12)."""
+    builder = DiagramBuilder()
+    plant = builder.AddSystem(MultibodyPlant(step))
+    held = add_wrist(plant, plant.world_frame(), params)
+    plant.Finalize()
+    drive = builder.AddSystem(MatrixGain(-params.implicit_law(step)))
+    builder.Connect(plant.get_state_output_port(held.instance), drive.get_input_port())
+    builder.Connect(drive.get_output_port(), plant.get_actuation_input_port(held.instance))
+    simulator = Simulator(builder.Build())
+    context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    plant.SetPositions(context, start)
+    states = []
+    for i in range(steps + 1):
+        simulator.AdvanceTo(i * step)
+        states.append(plant.GetPositionsAndVelocities(context).copy())
+    return np.array(states)
+
+
+@pytest.mark.parametrize("stiffer", [1.0, 100.0])
+@pytest.mark.parametrize("step", [0.001, 0.0023, 0.02])
+def test_no_spring_is_too_stiff_for_a_step(step: float, stiffer: float) -> None:
+    # The mass off the tip couples turn and way: its modes are faster than each axis' own.
+    stiffness = tuple(stiffer * k for k in WristParams().stiffness)
+    params = WristParams(stiffness=stiffness)
+    assert params.centre_of_mass > 0
+    for start in np.diag([1e-3] * 3 + [0.02] * 3):
+        found = free_tip(params, step, start, 60)
+        energy = found[:, :SIZE] ** 2 @ np.diag(params.law[:, :SIZE])
+        assert np.isfinite(found).all()
+        assert energy[-10:].max() < 1e-3 * energy[0]
+
+
+def test_a_short_step_moves_as_springs_and_dampers_do() -> None:
+    params = WristParams(damping_ratio=0.1)
+    step, steps = 2e-5, 2000
+    start = np.array([1e-4, 0.0, 0.0, 0.0, 1e-3, 0.0])
+    mass = np.diag([params.mass] * 3 + [params.inertia] * 3)
+    arm = params.mass * params.centre_of_mass
+    mass[0, 4] = mass[4, 0] = arm  # joint order: x with ry, y with rx
+    mass[1, 3] = mass[3, 1] = -arm
+    stiffness, damping = np.hsplit(params.law, 2)
+    rates = np.block(
+        [[np.zeros((6, 6)), np.eye(6)], [-np.linalg.solve(mass, a) for a in (stiffness, damping)]]
+    )
+    expected = expm(rates * step * steps) @ np.concatenate([start, np.zeros(6)])
+    found = free_tip(params, step, start, steps)[-1]
+    np.testing.assert_allclose(found[:6], expected[:6], atol=0.02 * np.abs(start).max())
+
+
+def test_one_number_an_axis_each_or_a_matrix() -> None:
+    same, own = (
+        GripperCompliance(stiffness=50.0),
+        GripperCompliance(stiffness=(3.0, 4.0), damping=2.0),
+    )
+    assert same.matrix(2) == ((50.0, 0.0), (0.0, 50.0))
+    assert same.matrix(3)[2] == (0.0, 0.0, 50.0)
+    assert same.damping_matrix(2) == ((0.0, 0.0), (0.0, 0.0))
+    assert own.matrix(2) == ((3.0, 0.0), (0.0, 4.0))
+    assert own.damping_matrix(3)[1] == (0.0, 2.0, 0.0)
+    rows = ((3.0, 1.0), (1.0, 4.0))
+    assert GripperCompliance(stiffness=rows).matrix(2) == rows
+
+
+def test_other_dimensions_are_refused() -> None:
+    with pytest.raises(ParameterError, match=r"^stiffness is .*, allowed: .*3 rows$"):
+        GripperCompliance(stiffness=(1.0, 2.0)).matrix(3)
+
+
+FRICTION = JointFrictionParams(coulomb=(2.0, 0.5), breakaway=1.4, stribeck=0.1, viscous=(1.0, 0.0))
+speeds = st.floats(-10.0, 10.0)
+
+
+def test_breakaway_fades_to_coulomb() -> None:
+    np.testing.assert_allclose(FRICTION.dry(np.zeros(2)), [2.8, 0.7], rtol=1e-15)
+    np.testing.assert_allclose(FRICTION.dry(np.full(2, 1e3)), [2.0, 0.5], rtol=1e-15)
+    # At the Stribeck speed 1/e of the excess is left.
+    expected = np.array([2.0, 0.5]) * (1 + 0.4 / math.e)
+    np.testing.assert_allclose(FRICTION.dry(np.array([0.1, -0.1])), expected, rtol=1e-15)
+
+
+@given(slow=speeds, fast=speeds)
+def test_falls_with_the_speed_within_its_limits(slow: float, fast: float) -> None:
+    slow, fast = sorted((slow, fast), key=abs)
+    more, less = FRICTION.dry(np.array([slow, slow])), FRICTION.dry(np.array([fast, fast]))
+    assert np.all(more >= less)
+    assert np.all(less >= FRICTION.coulomb)
+    assert np.all(more <= 1.4 * np.array(FRICTION.coulomb) * (1 + 1e-15))
+    np.testing.assert_array_equal(more, FRICTION.dry(np.array([-slow, -slow])))
+
+
+HEAVY = CartesianManipulatorParams(mass=3.0, damping=7.0)
+
+
+def continuous(params: CartesianManipulatorParams, d: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return A and B of (5-7), written down row by row."""
+    A, B = np.zeros((2 * d, 2 * d)), np.zeros((2 * d, d))
+    for i in range(d):
+        A[i, d + i] = 1.0
+        A[d + i, d + i] = -params.damping / params.mass
+        B[d + i, i] = 1 / params.mass
+    return A, B
+
+
+# Discretisation
+
+
+@pytest.mark.parametrize("step", [1e-4, 1e-3, 0.05, 0.5, 4.0])
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("params", [CartesianManipulatorParams(), HEAVY])
+def test_is_the_zero_order_hold(params: CartesianManipulatorParams, d: int, step: float) -> None:
+    A, B = continuous(params, d)
+    states, inputs = B.shape
+    C, D = np.eye(states), np.zeros((states, inputs))
+    expected_A, expected_B, *_ = cont2discrete((A, B, C, D), step, method="zoh")
+    found = sampled_dynamics(params, step, dimension=d)
+    np.testing.assert_allclose(found.A, expected_A, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(found.B, expected_B, rtol=1e-12, atol=1e-18)
+
+
+@given(exponent=st.floats(-9, 1.3), step=st.sampled_from([1e-3, 1.0]))
+def test_position_is_exact_for_any_damping(exponent: float, step: float) -> None:
+    # (z - 1 + exp(-z)) / z^2 by its series in exact arithmetic: no digit cancels, not even for
+    # almost no damping, and both branches meet.
+    z = 10**exponent
+    exact, term = Fraction(0), Fraction(1, 2)
+    for k in range(3, 120):
+        exact += term
+        term *= -Fraction(z) / k
+    params = CartesianManipulatorParams(mass=1.0, damping=z / step)
+    found = sampled_dynamics(params, step, dimension=2).B[0, 0] / step**2
+    assert found == pytest.approx(float(exact), rel=1e-14, abs=0)
+
+
+# Kinematics
+
+
+@pytest.mark.parametrize(("dimension", "axes"), [(2, ("x", "y")), (3, ("x", "y", "z"))])
+def test_joints_are_the_endpoint(dimension: int, axes: tuple[str, ...]) -> None:
+    kinematics = cartesian_kinematics(dimension)
+    assert kinematics.joint_names == kinematics.coordinates == axes
+    assert kinematics.coordinate_units == ("m",) * dimension
+    assert kinematics.num_joints == kinematics.num_coordinates == dimension
+    q = np.array([0.3, -0.7, 2.0])[:dimension]
+    np.testing.assert_array_equal(kinematics.endpoint(q), q)
+    np.testing.assert_array_equal(kinematics.jacobian(q), np.eye(dimension))
+
+
+FRICTIONS = {"coulomb": (2.0, 0.5), "viscous": (1.0, 0.0)}
+MANY = "finite numbers >= 0, one a joint"
+
+
+@pytest.mark.parametrize(
+    ("make", "values", "message"),
+    [
+        (WristParams, {"mass": 0.0}, "mass is 0.0, allowed: a finite number > 0"),
+        (WristParams, {"inertia": math.nan}, "inertia is nan, allowed: a finite number > 0"),
+        (WristParams, {"damping_ratio": -1.0}, "damping_ratio is -1.0, allowed: a finite number"),
+        (WristParams, {"centre_of_mass": -0.1}, "centre_of_mass is -0.1, allowed: a finite numb"),
+        (WristParams, {"inertia": 2e-4}, "inertia is 0.0002, allowed: more than 2 mass arm^2, 0."),
+        (
+            WristParams,
+            {"stiffness": (1.0,) * 5},
+            "stiffness is (1.0, 1.0, 1.0, 1.0, 1.0), allowed",
+        ),
+        (WristParams, {"stiffness": (0.0,) + (1.0,) * 5}, "stiffness is (0.0, 1.0, 1.0, 1.0, 1.0"),
+        (
+            GripperCompliance,
+            {"stiffness": 0.0},
+            "stiffness is 0.0, allowed: a number > 0, or positive",
+        ),
+        (
+            GripperCompliance,
+            {"stiffness": (1.0, -1.0)},
+            "stiffness is (1.0, -1.0), allowed: a number",
+        ),
+        (GripperCompliance, {"stiffness": math.inf}, "stiffness is inf, allowed: a finite number"),
+        (
+            GripperCompliance,
+            {"stiffness": ((1.0, 2.0), (2.0, 1.0))},
+            "stiffness is ((1.0, 2.0), (2.0",
+        ),
+        (
+            GripperCompliance,
+            {"stiffness": ((1.0, 0.5), (0.4, 1.0))},
+            "stiffness is ((1.0, 0.5), (0.4",
+        ),
+        (
+            GripperCompliance,
+            {"stiffness": ((1.0, 0.5), (0.4,))},
+            "stiffness is ((1.0, 0.5), (0.4,))",
+        ),
+        (
+            GripperCompliance,
+            {"stiffness": (1.0,)},
+            "stiffness is (1.0,), allowed: one number, 2 or 3",
+        ),
+        (
+            GripperCompliance,
+            {"damping": -1.0},
+            "damping is -1.0, allowed: a number >= 0, or positive",
+        ),
+        (
+            GripperCompliance,
+            {"damping": (math.nan, 0.0)},
+            "damping is (nan, 0.0), allowed: a finite ",
+        ),
+        (
+            JointFrictionParams,
+            {"coulomb": (-1.0, 0.0)},
+            f"coulomb is (-1.0, 0.0), allowed: {MANY}",
+        ),
+        (JointFrictionParams, {"coulomb": (1.0, math.inf)}, "coulomb is (1.0, inf), allowed: fin"),
+        (JointFrictionParams, {"coulomb": ()}, f"coulomb is (), allowed: {MANY}"),
+        (
+            JointFrictionParams,
+            {"viscous": (math.nan, 1.0)},
+            "viscous is (nan, 1.0), allowed: fini",
+        ),
+        (JointFrictionParams, {"viscous": (1.0,)}, "viscous is (1.0,), allowed: 2 numbers"),
+        (JointFrictionParams, {"breakaway": 0.99}, "breakaway is 0.99, allowed: a finite number "),
+        (JointFrictionParams, {"stribeck": 0.0}, "stribeck is 0.0, allowed: a finite number > 0"),
+        (CartesianManipulatorParams, {"mass": 0.0}, "mass is 0.0, allowed: a finite number > 0"),
+        (CartesianManipulatorParams, {"damping": -1.0}, "damping is -1.0, allowed: a finite num"),
+        (cartesian_kinematics, {"dimension": 1}, "dimension is 1, allowed: 2, 3"),
+    ],
+)
+def test_bad_parameters_are_named(make: Any, values: dict[str, Any], message: str) -> None:
+    given = {**(FRICTIONS if make is JointFrictionParams else {}), **values}
+    with pytest.raises(ParameterError) as refused:
+        make(**given)
+    assert str(refused.value).startswith(message)

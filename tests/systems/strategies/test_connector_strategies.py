@@ -1,0 +1,419 @@
+"""The strategies of the connectors and the peg, driven without Drake."""
+
+import math
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+import pytest
+
+from chamfer.models.connectors.bnc_connector import BncConnector
+from chamfer.models.connectors.d_connector import DConnector
+from chamfer.models.connectors.rj45_connector import Rj45Connector
+from chamfer.models.connectors.round_peg import RoundPeg
+from chamfer.models.validation import ParameterError
+from chamfer.systems.primitives.force_primitives import GuardedMove, Obstructed
+from chamfer.systems.primitives.position_primitives import Way
+from chamfer.systems.primitives.primitive import STILL
+from chamfer.systems.primitives.seating import Seat
+from chamfer.systems.primitives.skill import DONE, FAILED, RETRACT, Retry
+from chamfer.systems.primitives.skill_machine import targets
+from chamfer.systems.primitives.trajectory_primitives import Dither
+from chamfer.systems.strategies.bnc_strategy import (
+    BncConnectorSkillParams,
+    make_bnc_connector_skill,
+)
+from chamfer.systems.strategies.d_strategy import DConnectorSkillParams, make_d_connector_skill
+from chamfer.systems.strategies.face_and_search import TiltSearchParams
+from chamfer.systems.strategies.grasp_and_transport import GraspAndTransportParams
+from chamfer.systems.strategies.peg_in_hole import PegInHoleSkillParams, make_peg_in_hole_skill
+from chamfer.systems.strategies.rj45_strategy import (
+    Rj45ConnectorSkillParams,
+    make_rj45_connector_skill,
+)
+
+D_PARAMS, BNC_PARAMS, RJ45_PARAMS = (
+    DConnectorSkillParams(),
+    BncConnectorSkillParams(),
+    Rj45ConnectorSkillParams(),
+)
+D, BNC, PEG, RJ45 = DConnector(), BncConnector(), RoundPeg(), Rj45Connector()
+PERIOD: Final = 0.05  # s, that of the drives
+# From "tare" on, where the plug is held.
+TO_D_PUSH: Final = ("done", "done", "contact", "done", "done", "done", "lost", "done", "done")
+TO_SEARCH: Final = ("done", "done", "contact", "done", "done", "done", "contact")
+
+
+FACE = [
+    *[("tare", "done"), ("beside", "done"), ("touch", "contact"), ("lie", "done")],
+    *[("above", "done"), ("tare again", "done")],
+]
+GRASP = [
+    *[("reach", "done"), ("close in", "done"), ("grasp", "done"), ("lift", "done")],
+    ("transport", "done"),
+]
+D_WAY = [
+    *[("search", "lost"), ("settle", "done"), ("feel", "done"), ("push", "done")],
+    *[("rest", "done"), ("verify", "hindered"), ("pull", "contact")],
+]
+BNC_WAY = [
+    *[("enter", "lost"), ("to the studs", "contact"), ("at the studs", "done")],
+    *[("feel", "jammed"), ("find slots", "lost"), ("compress", "done"), ("turn", "done")],
+    *[("click", "done"), ("depth", "done"), ("pull", "contact")],
+]
+RJ45_WAY = [
+    *[("down", "contact"), ("search", "lost"), ("settle", "done"), ("push", "done")],
+    *[("depth", "done"), ("pull", "contact"), ("rest", "done")],
+]
+PEG_WAY = [("down", "contact"), ("search", "lost"), ("insert", "done"), ("depth", "done")]
+TILT_WAY = [
+    *[("lean", "done"), ("lower", "contact"), ("slide", "contact"), ("across", "done")],
+    *[("stand", "done"), ("sink", "done"), ("insert", "done"), ("depth", "done")],
+]
+
+
+@pytest.mark.parametrize(
+    ("make", "params", "part", "way", "give_up"),
+    [
+        (make_d_connector_skill, D_PARAMS, D, D_WAY, "push"),
+        (make_bnc_connector_skill, BNC_PARAMS, BNC, BNC_WAY, "compress"),
+        (make_rj45_connector_skill, RJ45_PARAMS, RJ45, RJ45_WAY, "push"),
+        (make_peg_in_hole_skill, PegInHoleSkillParams(), PEG, PEG_WAY, "insert"),
+        (make_peg_in_hole_skill, PegInHoleSkillParams(search="tilt"), PEG, TILT_WAY, "insert"),
+    ],
+)
+def test_a_strategy_takes_its_recorded_way_and_leaves_every_state(
+    make: Any, params: Any, part: Any, way: Any, give_up: str, grasp_states: Any, make_drive: Any
+) -> None:
+    skill = make(params, part, period=PERIOD, before=grasp_states("tare"))
+    drive = make_drive(skill)
+    for state, outcome in (*GRASP, *FACE, *way):
+        assert drive.state == state
+        drive.make(outcome)
+    assert (drive.state, drive.memory.retries, drive.memory.reason) == (DONE, (), "")
+    assert drive.memory.velocity == STILL
+    # The chart refuses states that can't be reached or left; here, each is left by retracting too.
+    chart = drive.chart
+    retracting = {one.source for one in chart.transitions if one.target == RETRACT}
+    assert retracting == set(chart.state_names) - {RETRACT, DONE, FAILED}
+    for state in skill.states:
+        assert 0 < state.timeout < math.inf
+        for answer in state.on.values():
+            if isinstance(answer, Retry):
+                assert answer.at_most <= params.retries or state.name == "grasp"
+    # What jams is tried again from out of the socket.
+    answers = {state.name: state.on for state in skill.states}
+    assert "out" in targets(answers[give_up]["jammed"])
+    assert answers["out"] == {"done": "tare again"}
+
+
+def held_d(make_drive: Any, *outcomes: str, **changes: Any) -> Any:
+    """Drive a plug that is held_d from the begin through outcomes."""
+    params = DConnectorSkillParams(**changes)
+    drive = make_drive(make_d_connector_skill(params, D, period=PERIOD))
+    for outcome in outcomes:
+        drive.make(outcome)
+    return drive
+
+
+@pytest.mark.parametrize("retries", [1, 2])
+def test_d_retries_are_those_of_the_parameters(retries: int, make_drive: Any) -> None:
+    drive = held_d(make_drive, *TO_D_PUSH, retries=retries)
+    assert drive.make("jammed") == "back off"
+    assert [drive.make("done") for _ in range(2)] == ["free", "push"]
+    for _ in range(retries):
+        assert drive.make("jammed") == "out"
+        for outcome in ("done", "done", "lost", "done", "done"):
+            drive.make(outcome)
+    assert drive.make("jammed") == RETRACT
+    assert drive.memory.reason == "push: jammed"
+    assert drive.end() == FAILED
+
+
+def test_d_the_mark_is_the_face_and_stays(make_drive: Any) -> None:
+    drive = held_d(make_drive, "done", "done")
+    drive.carriage[:] = (0.0, 0.01, 0.0, 0.001, 0.004, -0.0052)
+    assert drive.make("contact") == "lie"
+    assert drive.memory.damping == (math.inf, 0.0, math.inf, math.inf, math.inf, 0.0)
+    assert drive.make("done") == "above"
+    mark = drive.memory.mark
+    assert mark is not None
+    np.testing.assert_allclose(mark.carriage, drive.carriage)
+    for outcome in ("done", "done", "lost", "done", "jammed", "done", "done"):
+        drive.make(outcome)
+    assert (drive.state, drive.memory.mark) == ("search", mark)
+
+
+def test_d_what_the_states_command(make_drive: Any) -> None:
+    drive = held_d(make_drive, *TO_D_PUSH[:7])
+    tilts = 2 * math.pi * D_PARAMS.settle_amplitude
+    np.testing.assert_allclose(
+        drive.memory.velocity, [tilts, tilts, 0, 0, 0, -D_PARAMS.maintained]
+    )
+    drive.make("done")
+    assert drive.memory.velocity == (0, 0, 0, 0, 0, -D_PARAMS.maintained)
+    drive.make("done")
+    shake = 2 * math.pi * 6.25 * D_PARAMS.push_dither
+    np.testing.assert_allclose(drive.memory.velocity, [0, 0, 0, shake, 0, -Seat().speed])
+    drive.make("jammed")
+    while drive.state == "back off":
+        way = drive.way()
+        drive.tick()
+    np.testing.assert_allclose(way, [0, 0, 0, 0, 0, D_PARAMS.back_off], atol=1e-12)
+    for outcome in ("done", "done", "done"):
+        drive.make(outcome)
+    assert drive.state == "verify"
+    drive.make("hindered")
+    assert drive.memory.velocity == (0, 0, 0, 0, 0, D_PARAMS.pull_speed)
+
+
+def test_d_depths_count_from_the_face_of_the_believed_connector(
+    find_primitive: Callable[..., Any],
+) -> None:
+    skill = make_d_connector_skill(D_PARAMS, D)
+    feel, rest = (find_primitive(skill, state, Way) for state in ("feel", "rest"))
+    assert feel.least == pytest.approx(D.pin_depth - D_PARAMS.entry)
+    assert rest.least == pytest.approx(D.mated_depth - D_PARAMS.short)
+    rim = -(D.plug_section.height / 2 + D.lead_in)
+    assert feel.beside == rest.beside == (0.0, rim)
+    push = find_primitive(skill, "push", Seat)
+    assert push.limit == pytest.approx(D_PARAMS.limit_share * D.mating_force)
+    # Where it is hardest it is not seated yet.
+    hardest = D.pin_depth + np.linspace(0, 1e-3, 101)
+    assert push.distance > hardest[D.pin_force(hardest).argmax()] + 3e-4
+
+
+def test_d_dithers_are_watched_over_whole_cycles(find_primitive: Callable[..., Any]) -> None:
+    params = DConnectorSkillParams(search_frequency=0.8)
+    skill = make_d_connector_skill(params, D, period=0.005)
+    for state, cycles in (("search", (250, 214)), ("verify", (286, 286))):
+        assert find_primitive(skill, state, Obstructed).samples == cycles
+    assert find_primitive(skill, "verify", Obstructed).threshold == D_PARAMS.verify_threshold
+    twist = [
+        one
+        for state in skill.states
+        if state.name == "rotary search"
+        for one in state.run
+        if isinstance(one, Dither) and one.kind == "rotary"
+    ]
+    assert [(one.axis, one.amplitude, one.frequency) for one in twist] == [("z", 0.06, 0.12)]
+
+
+def held_bnc(make_drive: Any, *outcomes: str, **changes: Any) -> Any:
+    """Drive a plug that is held_bnc from the begin through outcomes."""
+    params = BncConnectorSkillParams(**changes)
+    drive = make_drive(make_bnc_connector_skill(params, BNC, period=PERIOD))
+    for outcome in outcomes:
+        drive.make(outcome)
+    return drive
+
+
+@pytest.mark.parametrize("turn", ["-rz", "+rz"])
+def test_bnc_what_the_states_command(turn: Any, make_drive: Any) -> None:
+    drive = held_bnc(make_drive, turn=turn)
+    assert drive.memory.closed
+    assert (drive.memory.tares, drive.memory.velocity) == (True, STILL)
+    drive.make("done")
+    assert drive.memory.damping == (math.inf,) * 6
+    drive.make("done")
+    assert drive.memory.damping == (math.inf,) * 5 + (0.0,)
+    assert drive.memory.velocity == (0, 0, 0, 0, 0, -BNC_PARAMS.approach_speed)
+    drive.make("contact")
+    assert drive.memory.velocity == (0, 0, 0, 0, 0, -BNC_PARAMS.maintained)
+    for outcome in ("done", "done", "done"):
+        drive.make(outcome)
+    frequencies = BNC_PARAMS.search_frequency, BNC_PARAMS.search_frequency * 7 / 6
+    slow, fast = (2 * math.pi * f * BNC_PARAMS.search_amplitude for f in frequencies)
+    np.testing.assert_allclose(
+        drive.memory.velocity, [0, 0, 0, slow, fast, -BNC_PARAMS.search_press], atol=1e-12
+    )
+    assert drive.memory.damping == STILL
+    drive.make("lost")
+    assert drive.memory.velocity == (0, 0, 0, 0, 0, -BNC_PARAMS.approach_speed)
+    for outcome in ("contact", "done", "jammed"):
+        drive.make(outcome)
+    sweep = 2 * math.pi * 0.05 * math.pi / 2
+    np.testing.assert_allclose(drive.memory.velocity, [0, 0, sweep, 0, 0, -BNC_PARAMS.maintained])
+    drive.make("lost")
+    pressed = drive.memory.velocity[5]
+    assert pressed < 0
+    drive.make("done")
+    locks = BNC_PARAMS.turn_speed * (1 if turn == "+rz" else -1)
+    assert drive.memory.velocity[:5] == (0, 0, locks, 0, 0)
+    drive.make("done")
+    assert drive.memory.velocity == STILL
+    assert [drive.make("done") for _ in range(2)] == ["depth", "pull"]
+    assert drive.memory.velocity == (0, 0, 0, 0, 0, BNC_PARAMS.pull_speed)
+    drive.make("lost")
+    drive.make("done")
+    assert drive.state == "turn back"
+    assert drive.memory.velocity[2] == -locks
+
+
+def test_bnc_depths_count_from_the_face_of_the_believed_connector(
+    find_primitive: Callable[..., Any],
+) -> None:
+    skill = make_bnc_connector_skill(BNC_PARAMS, BNC)
+    rim = (0.0, -(BNC.bore_radius + BNC.lead_in))
+    at, feel, depth = (
+        find_primitive(skill, state, Way) for state in ("at the studs", "feel", "depth")
+    )
+    assert 2 * BNC_PARAMS.drop < at.least < BNC.setback
+    assert BNC.setback < feel.least < BNC.setback + BNC_PARAMS.drop
+    assert (depth.least + depth.most) / 2 == pytest.approx(BNC.mated_depth)
+    assert at.beside == feel.beside == depth.beside == rim
+    # What lies on the studs' lips, or is only in the slots, has not clicked.
+    click = find_primitive(skill, "click", Way)
+    rise = BNC.turning_depth - BNC.mated_depth
+    assert click.least < rise < BNC.overlap - BNC.mated_depth < click.most
+    assert click.most < BNC.spring_travel
+    again = find_primitive(skill, "compress again", Seat)
+    assert 0 < again.distance < rise  # out of the detents
+    compress = find_primitive(skill, "compress", Seat)
+    assert BNC.mated_depth < compress.distance < BNC.turning_depth
+    assert compress.limit == BNC_PARAMS.limit_share * BNC.mating_force
+
+
+def test_peg_it_is_aligned_beside_the_hole_and_stays_turned_until_it_is_in(
+    make_drive: Any,
+) -> None:
+    drive = make_drive(make_peg_in_hole_skill(PegInHoleSkillParams(), PEG))
+    stiff = {}
+    for outcome in (*TO_SEARCH, "lost"):
+        stiff[drive.state] = [d == math.inf for d in drive.memory.damping or STILL]
+        drive.make(outcome)
+    assert not any(stiff["lie"])
+    for state in ("above", "tare again", "down", "search"):
+        assert stiff[state][:3] == [True] * 3
+    assert not stiff["search"][5]
+    assert drive.state == "insert"
+    assert not any(d == math.inf for d in drive.memory.damping or STILL)
+
+
+@pytest.mark.parametrize("search", ["dithers", "spiral"])
+def test_peg_it_searches_about_the_middle(search: Any, make_drive: Any) -> None:
+    params = PegInHoleSkillParams(search=search)
+    drive = make_drive(make_peg_in_hole_skill(params, PEG))
+    for outcome in TO_SEARCH:
+        drive.make(outcome)
+    way = np.zeros(6)
+    furthest = 0.0
+    while drive.state == "search":
+        way = drive.way()
+        furthest = max(furthest, math.hypot(*way[3:5]))
+        drive.tick()
+    assert drive.state == "out"
+    reach = math.sqrt(2) * params.amplitude if search == "dithers" else params.spiral.radius
+    assert furthest == pytest.approx(reach, rel=0.1)
+
+
+def test_peg_depths_and_limit_are_those_of_the_peg_as_it_is_believed(find_primitive: Any) -> None:
+    params = PegInHoleSkillParams()
+    skill = make_peg_in_hole_skill(params, RoundPeg(depth=0.012, seating_force=8.0))
+    seat: Seat = find_primitive(skill, "insert", Seat)
+    assert (seat.distance, seat.limit) == pytest.approx((0.012 - params.end, 10.0))
+    assert seat.free == pytest.approx(params.free_share * 8.0)
+    assert find_primitive(skill, "depth", Way).least == pytest.approx(0.012 - params.short)
+
+
+def test_rj45_depths_and_forces_fit_the_plug_as_it_is_believed(find_primitive: Any) -> None:
+    weak = RJ45.with_mating_force(RJ45.mating_force / 2)
+    skill = make_rj45_connector_skill(RJ45_PARAMS, weak)
+    seat: Seat = find_primitive(skill, "push", Seat)
+    assert seat.distance == pytest.approx(RJ45.mated_depth - RJ45_PARAMS.end)
+    assert seat.limit == pytest.approx(RJ45_PARAMS.limit_share * weak.mating_force)
+    assert seat.free == pytest.approx(RJ45_PARAMS.free_share * weak.mating_force)
+    depth: Way = find_primitive(skill, "depth", Way)
+    # An obstacle half a millimetre short of the stop is not taken for it.
+    assert RJ45.mated_depth - 0.0005 < depth.least < RJ45.mated_depth
+    pull: GuardedMove = find_primitive(skill, "pull", GuardedMove)
+    assert pull.threshold < weak.retention
+    assert pull.limit > RJ45.latch_play
+
+
+TO_LEAN: Final = ("done", "done", "contact", "done", "done", "done")
+
+
+@pytest.fixture
+def leaning_drive(make_drive: Any) -> Any:
+    """A drive of a skill that leans, at the begin of the leaning."""
+    leaning = make_drive(make_peg_in_hole_skill(PegInHoleSkillParams(search="tilt"), PEG))
+    for outcome in TO_LEAN:
+        leaning.make(outcome)
+    assert leaning.state == "lean"
+    return leaning
+
+
+def way_of(drive: Any) -> np.ndarray:
+    """Return what it commands until the state is left, rad above m."""
+    way = np.zeros(6)
+    state = drive.state
+    while drive.state == state:
+        drive.tick()
+        way = drive.way() if drive.state == state else way
+    return way
+
+
+def test_tilt_it_leans_away_from_where_it_comes_from_at_the_same_height_and_stands_up_again(
+    leaning_drive: Any,
+) -> None:
+    drive, tilt = leaning_drive, TiltSearchParams()
+    angle, low = tilt.angle, PEG.peg_radius * math.sin(tilt.angle)
+    way = way_of(drive)
+    np.testing.assert_allclose(way, [angle, 0, 0, 0, tilt.back, low], rtol=0.05, atol=1e-9)
+    # A turn by +angle about x lowers the rim on the side of -y, which is where it slides to.
+    for outcome in ("contact", "contact", "done"):
+        drive.make(outcome)
+    assert drive.state == "stand"
+    way = way_of(drive)
+    np.testing.assert_allclose(way[:3], [-angle, 0, 0], rtol=0.05, atol=1e-9)
+    assert way[4] < 0
+    assert way[5] < 0
+
+
+def test_tilt_its_point_is_in_the_hole_wherever_the_hole_may_be() -> None:
+    # The lowest point of the rim, with the axis ``back`` off, and 2 mm more either way.
+    tilt = TiltSearchParams()
+    foremost = PEG.peg_radius * math.cos(tilt.angle) - tilt.back
+    for x in (-0.002, 0.002):
+        for y in (-0.002, 0.002):
+            assert math.hypot(x, foremost + y) < PEG.hole_radius - PEG.lead_in
+    # So deep that a round edge does not take it for the wall.
+    assert PEG.peg_radius * math.sin(tilt.angle) > 2 * PEG.lead_in
+
+
+def test_tilt_friction_is_not_taken_for_the_wall() -> None:
+    # Pressed with D v on the face, at twice the friction of the parts.
+    tilt, params = TiltSearchParams(), PegInHoleSkillParams()
+    assert tilt.threshold > 2 * PEG.material.friction * 800.0 * params.maintained
+
+
+@pytest.mark.parametrize(
+    ("params", "name", "value", "allowed"),
+    [
+        (DConnectorSkillParams, "limit_share", 0.9, "a number >= 1: with less than its mating "),
+        (DConnectorSkillParams, "free_share", 3.0, "at most limit_share, 2.5"),
+        (DConnectorSkillParams, "push_dither", -1.0, "a finite number >= 0"),
+        (DConnectorSkillParams, "entry", 0.0, "a finite number > 0"),
+        (BncConnectorSkillParams, "retries", 1.5, "a whole number >= 1"),
+        (BncConnectorSkillParams, "search_repeats", 2.5, "a whole number >= 1"),
+        (BncConnectorSkillParams, "turn", "left", "-rz, +rz"),
+        (BncConnectorSkillParams, "drop", math.nan, "a finite number > 0"),
+        (BncConnectorSkillParams, "harder", 0.0, "a finite number > 0"),
+        (PegInHoleSkillParams, "search", "random", "dithers, spiral, tilt"),
+        (PegInHoleSkillParams, "repeats", 0, "a whole number >= 1"),
+        (PegInHoleSkillParams, "short", math.nan, "a finite number > 0"),
+        (PegInHoleSkillParams, "beside", 0.0, "a finite number > 0"),
+        (Rj45ConnectorSkillParams, "push_growth", 1.0, "a finite number > 1"),
+        (Rj45ConnectorSkillParams, "settle_cycles", -1.0, "a finite number > 0"),
+        (TiltSearchParams, "angle", 0.6, "0 < angle < pi/6 rad"),
+        (TiltSearchParams, "cycles", -1.0, "a finite number > 0"),
+        (GraspAndTransportParams, "mark", 0.0, "a finite number > 0"),
+        (GraspAndTransportParams, "top", math.inf, "a finite number > 0"),
+        (GraspAndTransportParams, "weight", -1.0, "a finite number >= 0"),
+    ],
+)
+def test_refuses(params: Any, name: str, value: Any, allowed: str) -> None:
+    with pytest.raises(ParameterError) as refused:
+        params(**{name: value})
+    assert str(refused.value).startswith(f"{name} is {value!r}, allowed: {allowed}")
