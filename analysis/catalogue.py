@@ -117,7 +117,7 @@ CATALOGUE: Final = Catalogue(
             figure="Fig. 8",
             summary="the plants whose PID loop has the published rise time and overshoot",
             module="chamfer.analysis.servo.plant_identification",
-            scenario="IdentificationScenario",
+            scenario="IDENTIFICATION",
             reduced=("plant.stiffness=[700]",),
         ),
         Entry(
@@ -126,7 +126,7 @@ CATALOGUE: Final = Catalogue(
             figure="Fig. 8",
             summary="PID and FSM loop answer a step of 1 m",
             module="chamfer.analysis.servo.servo_response",
-            scenario="chamfer.diagrams.servo.servo_scenario:StepScenario",
+            scenario="chamfer.diagrams.servo.servo_scenario:STEP",
             resolve="chamfer.diagrams.servo.servo_scenario:resolve",
             run="run_step",
             run_swept="run_step_compiled",
@@ -140,7 +140,7 @@ CATALOGUE: Final = Catalogue(
             figure="Fig. 9",
             summary="PID and FSM loop follow a sinusoid between -1 and 1 m",
             module="chamfer.analysis.servo.servo_response",
-            scenario="chamfer.diagrams.servo.servo_scenario:SinusoidScenario",
+            scenario="chamfer.diagrams.servo.servo_scenario:SINUSOID",
             resolve="chamfer.diagrams.servo.servo_scenario:resolve",
             run="run_sinusoid",
             run_swept="run_sinusoid_compiled",
@@ -187,7 +187,7 @@ CATALOGUE: Final = Catalogue(
             summary="where the FSM settles, reverses and cycles, against the settling theorem",
             study=True,
             module="chamfer.analysis.servo.fsm_stability",
-            scenario="StabilityScenario",
+            scenario="STABILITY",
             diagram="make_diagram",
             reduced=(
                 "map.points=7",
@@ -264,7 +264,7 @@ CATALOGUE: Final = Catalogue(
             "assessed and simulated",
             study=True,
             module="chamfer.analysis.design.design_accuracy",
-            scenario="chamfer.analysis.design.drawn_designs:DrawnDesignsScenario",
+            scenario="DRAWN_DESIGNS",
             reduced=(
                 "designs=2",
                 "trials=1",
@@ -374,7 +374,7 @@ CATALOGUE: Final = Catalogue(
             "designed from one number",
             study=True,
             module="chamfer.analysis.servo.servo_comparison",
-            scenario="chamfer.analysis.servo.comparison_trials:ServoComparisonScenario",
+            scenario="chamfer.analysis.servo.comparison_trials:COMPARISON",
             resolve="chamfer.analysis.servo.comparison_trials:resolve_comparison",
             diagram="make_diagram",
             reduced=(

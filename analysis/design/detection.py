@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from chamfer.analysis.cell.camera_error_runs import with_drawn_errors
-from chamfer.analysis.design.cell_region import target_of
-from chamfer.analysis.design.design_scenario import OFF_AXIS, DesignScenario
+from chamfer.analysis.design.design_scenario import OFF_AXIS, DesignScenario, target_of
 from chamfer.analysis.design.link import Link, at_least
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
 from chamfer.diagrams.cell.cell_cameras import VIEWS

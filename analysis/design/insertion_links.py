@@ -1,6 +1,6 @@
 """What the errors at the touch make of the insertion: reach, wedging, jamming, forces, depth.
 
-Errors are those of the drawn cells (:mod:`chamfer.analysis.design.drawn_errors`), and each link's
+Errors are those of the drawn cells (:mod:`chamfer.analysis.design.settling`), and each link's
 bound is that of the worst one: of n drawn ones it bounds 1 - 3 / n of all, with 95 % confidence.
 """
 
@@ -11,12 +11,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.analysis.design.cell_region import target_of
-from chamfer.analysis.design.design_scenario import DesignScenario
+from chamfer.analysis.design.design_scenario import DesignScenario, target_of
 from chamfer.analysis.design.detection import Sight
-from chamfer.analysis.design.drawn_errors import DrawnErrors
 from chamfer.analysis.design.link import Link, at_most
-from chamfer.analysis.design.settling import ACROSS, arm_at_tool
+from chamfer.analysis.design.settling import ACROSS, DrawnErrors, arm_at_tool
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.planar_limits import sits_on_edge
 from chamfer.models.peg_theory.planar_statics import equilibrium
