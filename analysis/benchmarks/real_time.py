@@ -13,7 +13,7 @@ from pydrake.systems.framework import Diagram
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.diagrams.cell.alignment import make_alignment_diagram
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
-from chamfer.diagrams.cell.cell_cameras import CameraSettings, Renderer
+from chamfer.diagrams.cell.cell_vision import CameraSettings, Renderer
 from chamfer.diagrams.contact.adept_scenarios import (
     AdeptNuggetHoldScenario,
     AdeptNuggetMotionScenario,

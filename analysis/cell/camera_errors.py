@@ -11,16 +11,16 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.campaign import Trials, run_each
-from chamfer.analysis.cell.alignment_trials import AlignmentTrialsScenario, resolve_trials
-from chamfer.analysis.cell.camera_error_answer import answer
-from chamfer.analysis.cell.camera_error_kinds import ERRORS, CameraError
+from chamfer.analysis.cell.alignment_runs import AlignmentTrialsScenario, resolve_trials
 from chamfer.analysis.cell.camera_error_runs import (
     BY_NAME,
     DRAWN,
+    ERRORS,
     LEFT,
     MOMENTS,
     NONE,
     NOT_DRAWN,
+    CameraError,
     Run,
     Still,
     Study,
@@ -28,7 +28,7 @@ from chamfer.analysis.cell.camera_error_runs import (
     reached,
     run_once,
 )
-from chamfer.analysis.cell.camera_errors_figures import plot_drawn, plot_errors
+from chamfer.analysis.cell.camera_errors_figures import answer, plot_drawn, plot_errors
 from chamfer.analysis.published.work_cell import MEAN_ERROR
 from chamfer.analysis.scenario.experiment import (
     Metric,
@@ -42,7 +42,7 @@ from chamfer.diagrams.cell.alignment_scenario import (
     ControllerChoice,
     ControllerKind,
 )
-from chamfer.diagrams.cell.cell_cameras import CameraSettings, Measured
+from chamfer.diagrams.cell.cell_vision import CameraSettings, Measured
 from chamfer.models.validation import ParameterError, require_not_negative, require_positive
 
 Array = NDArray[np.float64]

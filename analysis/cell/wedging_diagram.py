@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.trial_metrics import prefixed
-from chamfer.analysis.cell.alignment_runs import detected_metric
-from chamfer.analysis.cell.alignment_trials import (
+from chamfer.analysis.cell.alignment_runs import (
     SUPPORT_OF_PARTS,
     RepeatabilityScenario,
     align_all,
+    detected_metric,
     margins,
     resolve_repeatability,
 )
@@ -27,11 +27,9 @@ from chamfer.analysis.scenario.experiment import (
     Table,
     column,
 )
-from chamfer.models.peg.peg_and_hole import ColouredParts
-from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.peg_and_hole import ColouredParts, PegHoleGeometry
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory import insertion_statics as simple
-from chamfer.models.peg_theory.planar_limits import two_point_onset
 from chamfer.models.peg_theory.planar_statics import Contact, equilibrium
 from chamfer.models.peg_theory.wedging import (
     Form,
@@ -41,6 +39,7 @@ from chamfer.models.peg_theory.wedging import (
     require_stiff,
     rotation_bounds,
     rotation_margin,
+    two_point_onset,
     wedges,
 )
 from chamfer.models.validation import (

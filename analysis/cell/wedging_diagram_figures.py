@@ -18,7 +18,7 @@ from chamfer.analysis.drawing.figure_style import (
     new_figure,
 )
 from chamfer.analysis.scenario.experiment import Outcome, Table
-from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg_theory.planar_statics import Contact
 
 Array = NDArray[np.float64]

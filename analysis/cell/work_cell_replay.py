@@ -10,7 +10,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from chamfer.analysis.report.replay import record, set_stage
 from chamfer.analysis.scenario.experiment import Outcome, Table
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
-from chamfer.diagrams.cell.cell_cameras import VIEWS
+from chamfer.diagrams.cell.cell_vision import VIEWS
 from chamfer.diagrams.cell.work_cell import ArmName, ArmSettings, WorkCellScenario
 from chamfer.diagrams.cell.work_cell_view import make_work_cell_view
 from chamfer.models.cameras.camera import Camera

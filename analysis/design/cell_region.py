@@ -3,8 +3,8 @@
 import math
 from functools import lru_cache
 
-from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario
-from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.diagrams.insertion.insertion import InsertionScenario
+from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg.support import Support
 from chamfer.models.validation import known
 from chamfer.systems.strategies.insertion_decision import InsertionRegion

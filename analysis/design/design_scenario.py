@@ -3,9 +3,9 @@
 from dataclasses import dataclass, field
 from typing import Final, TypeVar
 
-from chamfer.analysis.cell.alignment_trials import Spread, drawn, require_starts
+from chamfer.analysis.cell.alignment_runs import Spread, drawn, require_starts
 from chamfer.analysis.cell.camera_error_runs import with_drawn_errors
-from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
+from chamfer.diagrams.insertion.insertion import InsertionScenario, resolve
 from chamfer.models.validation import ParameterError
 
 FEWEST: Final = 72  # draws, of which none inside says with 95 % that less than 5 % are

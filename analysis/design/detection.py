@@ -14,10 +14,8 @@ from chamfer.analysis.cell.camera_error_runs import with_drawn_errors
 from chamfer.analysis.design.cell_region import target_of
 from chamfer.analysis.design.design_scenario import OFF_AXIS, DesignScenario
 from chamfer.analysis.design.link import Link, at_least
-from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
-from chamfer.diagrams.cell.cell_cameras import VIEWS
-from chamfer.diagrams.cell.cell_vision import looks_in
-from chamfer.diagrams.cell.start_apart import wrong_pose
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, wrong_pose
+from chamfer.diagrams.cell.cell_vision import VIEWS, looks_in
 from chamfer.diagrams.cell.still_vision import StillVision
 from chamfer.models.peg.peg_and_hole import OF_CONTACT, ColouredParts
 from chamfer.systems.cameras.camera_image import Image, add_noise

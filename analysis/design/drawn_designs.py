@@ -8,7 +8,7 @@ import numpy as np
 
 from chamfer.analysis.design.design_scenario import FEWEST, DesignScenario
 from chamfer.diagrams.cell.work_cell import HoleKind
-from chamfer.diagrams.insertion.insertion_scenario import FEED_SPEED
+from chamfer.diagrams.insertion.insertion import FEED_SPEED
 from chamfer.models.validation import ParameterError, require_one_of, require_positive
 
 _MOST: Final = 10_000

@@ -10,7 +10,7 @@ from chamfer.analysis.design.cell_region import region_of
 from chamfer.analysis.design.design_scenario import DesignScenario
 from chamfer.analysis.design.detection import Sight
 from chamfer.analysis.design.settling import ACROSS, SEEN, loops, metric_axis, metric_gains
-from chamfer.diagrams.cell.six_axis_settings import Kind
+from chamfer.diagrams.cell.alignment_scenario import Kind
 from chamfer.models.validation import known
 from chamfer.systems.servo.compensated_error import (
     CompensatedErrors,

@@ -18,9 +18,8 @@ from chamfer.analysis.design.drawn_errors import DrawnErrors
 from chamfer.analysis.design.link import Link, at_most
 from chamfer.analysis.design.settling import ACROSS, arm_at_tool
 from chamfer.models.peg.support import Support
-from chamfer.models.peg_theory.planar_limits import sits_on_edge
 from chamfer.models.peg_theory.planar_statics import equilibrium
-from chamfer.models.peg_theory.wedging import sliding_bounds, wedging_bounds
+from chamfer.models.peg_theory.wedging import sits_on_edge, sliding_bounds, wedging_bounds
 from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
 from chamfer.systems.strategies.insertion_decision import SURE
 from chamfer.systems.vision.image_plane_error import AXES

@@ -15,9 +15,8 @@ from chamfer.analysis.design.design_scenario import DesignScenario
 from chamfer.analysis.design.detection import Sight
 from chamfer.analysis.design.link import Link, at_most
 from chamfer.diagrams.cell.alignment import SHARES
+from chamfer.diagrams.cell.alignment_scenario import KINDS, Kind, true_pose, wrong_pose
 from chamfer.diagrams.cell.controller_design import arm_responses, small_share
-from chamfer.diagrams.cell.six_axis_settings import KINDS, Kind
-from chamfer.diagrams.cell.start_apart import true_pose, wrong_pose
 from chamfer.diagrams.cell.work_cell import ArmName, ArmSettings, WorkCellScenario
 from chamfer.models.validation import known
 from chamfer.systems.force.tool_friction import tool_friction

@@ -1,4 +1,4 @@
-"""One insertion in the work cell, from pixels on: simulated, and measured against the truth."""
+"""One insertion in the work cell: simulated, measured against the truth, and by planar theory."""
 
 import math
 import time
@@ -13,9 +13,16 @@ from chamfer.analysis.campaign.trial_metrics import Quantity
 from chamfer.analysis.cell.alignment_runs import Traces, alignment_traces, row_before
 from chamfer.analysis.insertion.insertion_runs import median
 from chamfer.analysis.linear.simulate import simulate
-from chamfer.analysis.scenario.experiment import Progress, Table, column
-from chamfer.diagrams.insertion.insertion import TASK, make_insertion_diagram, task_params
-from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario
+from chamfer.analysis.scenario.experiment import Metric, Progress, Table, column
+from chamfer.diagrams.insertion.insertion import (
+    TASK,
+    InsertionScenario,
+    make_insertion_diagram,
+    task_params,
+)
+from chamfer.models.peg.peg_and_hole import PegAndHole
+from chamfer.models.peg_theory.fed_insertion import FeedPrediction, Verdict, predict_feed
+from chamfer.models.peg_theory.wedging import jamming_level
 from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, SEATED, ContactState
 from chamfer.systems.statechart.chart import Chart
 from chamfer.systems.strategies.insertion_chart import STOPPED, make_insertion_chart
@@ -315,3 +322,119 @@ def errors_in_one_plane(traces: Table, row: int) -> tuple[float, float]:
     (y, tilt_y), (z, tilt_z) = ((float(e[row]), float(t[row])) for e, t in planes.values())
     adds = y * tilt_y + z * tilt_z
     return math.hypot(y, z), math.copysign(math.hypot(tilt_y, tilt_z), adds)
+
+
+_UNITS: Final = {
+    "predicted.seated": "",
+    "predicted.force.axial": "N",
+    "predicted.two_point.onset": "m",
+    "predicted.may_wedge": "",
+    "touch.margin": "%",
+}
+_ASIDE: Final = 0.1  # share of an error that may be out of the plane of the theory
+_HELD: Final = "the errors at the touch held, no friction in the joints, quasi-static"
+
+
+def predict(scenario: InsertionScenario, done: CellInsertion) -> dict[str, Metric]:
+    """Return what theory says of the last attempt, and the margin that its touch had."""
+    row = touch_row(done)
+    if row is None:
+        never = "it never touches"
+        return {name: Metric(value=None, unit=unit, note=never) for name, unit in _UNITS.items()}
+    if not (scenario.parts.is_round or _along_faces(done, row)):
+        across = "square parts, and errors in no plane along faces: the theory is planar"
+        return {name: Metric(value=None, unit=unit, note=across) for name, unit in _UNITS.items()}
+    lateral, tilt = errors_in_one_plane(done.traces, row)
+    params = task_params(scenario)
+    found = predict_at(scenario, lateral, tilt)
+    verdict = Verdict(int(found.verdict))
+    axial, onset = float(found.axial), float(found.onset)
+    slides = math.isfinite(axial)
+    margin = 100 * params.region.margin(lateral, abs(tilt))
+    values = {
+        "predicted.seated": (
+            None if verdict is Verdict.MAY else float(verdict is Verdict.SAFE),
+            f"{_HELD}; it may wedge or sit on the edge" if verdict is Verdict.MAY else _HELD,
+        ),
+        "predicted.force.axial": (
+            axial if slides else None,
+            f"largest; {_HELD}" if slides else "no push slides it",
+        ),
+        "predicted.two_point.onset": (
+            onset if math.isfinite(onset) else None,
+            f"l; {_HELD}" if math.isfinite(onset) else "two points never touch",
+        ),
+        "predicted.may_wedge": (float(found.may_wedge), "1: two points may hold it"),
+        "touch.margin": (margin, "of the region free of wedging, the worst signs; < 0: outside"),
+    }
+    return {
+        name: Metric(value=value, unit=_UNITS[name], note=note)
+        for name, (value, note) in values.items()
+    }
+
+
+def _along_faces(done: CellInsertion, row: int) -> bool:
+    """Whether lateral error and tilt are in one of the planes along the faces of square parts."""
+    planes = errors_in_planes(done.traces).values()
+    one, other = (np.abs([float(e[row]), float(t[row])]) for e, t in planes)
+    return bool((one <= _ASIDE * other).all() or (other <= _ASIDE * one).all())
+
+
+def predict_at(scenario: InsertionScenario, lateral: float, tilt: float) -> FeedPrediction:
+    """Return what theory says of errors in one plane, m and rad."""
+
+    def push_at(depth: Array) -> Array:
+        return np.full(np.shape(depth), scenario.insert.push)
+
+    return predict_feed(
+        scenario.parts,
+        scenario.support_at,
+        push_at,
+        lateral,
+        tilt,
+        depth=task_params(scenario).target,
+    )
+
+
+_PUSHED: Final = 0.05  # N, the least push whose direction says something
+_IN_BORE: Final = (ContactState.ONE_POINT, ContactState.TWO_POINT, ContactState.SEATED)
+
+
+class Loads(NamedTuple):
+    """Loads of the support on the peg in one plane, a row a moment."""
+
+    time: Array  # s
+    depth: Array  # l, m
+    force_ratio: Array  # F_x / F_z
+    moment_ratio: Array  # M / (r F_z)
+    level: Array  # in the diagram, 1 on its sides
+
+    @property
+    def size(self) -> int:
+        """How many there are."""
+        return len(self.time)
+
+
+def loads_in_planes(traces: Table, parts: PegAndHole, step: float) -> dict[str, Loads]:
+    """Return the loads in the planes XY and XZ while the peg is pushed in the bore.
+
+    They are what the hole does to the peg, reversed, as medians of 10 ms; the moment is about the
+    middle between the tip's corners.
+    """
+    down = -median(traces["force_x"], step)
+    turning = {"xy": -median(traces["moment_z"], step), "xz": median(traces["moment_y"], step)}
+    l_of = traces["depth"] - parts.chamfer_height
+    pushed = np.isin(traces["contact_state"], _IN_BORE) & (down > _PUSHED) & (l_of > 0)
+    height = parts.peg_chamfer.height
+    found = {}
+    for plane, (lateral, tilt) in errors_in_planes(traces).items():
+        across = -median(traces[f"force_{plane[1]}"], step)
+        x, y = traces["depth"] - height * np.cos(tilt), lateral + height * np.sin(tilt)
+        moment = turning[plane] - (x * across - y * down)
+        force_ratio = across[pushed] / down[pushed]
+        moment_ratio = moment[pushed] / (parts.peg_radius * down[pushed])
+        level = jamming_level(parts, force_ratio, moment_ratio, l_of[pushed])
+        found[plane] = Loads(
+            traces["time"][pushed], l_of[pushed], force_ratio, moment_ratio, level
+        )
+    return found

@@ -23,8 +23,7 @@ from chamfer.analysis.scenario.experiment import (
     Table,
     column,
 )
-from chamfer.diagrams.cell.cell_support import axial_stiffness
-from chamfer.diagrams.cell.work_cell import ArmSettings
+from chamfer.diagrams.cell.work_cell import ArmSettings, axial_stiffness
 from chamfer.diagrams.insertion.blind_feed import (
     BlindFeedScenario,
     FedCellScenario,

@@ -31,7 +31,7 @@ from chamfer.analysis.sight.detection_trials import (
 )
 from chamfer.analysis.sight.drawn_poses import NEAR, WIDE, PoseSpread, Reach, draw_poses
 from chamfer.analysis.sight.picture_quality import PictureQuality
-from chamfer.diagrams.cell.cell_cameras import VIEWS, CellCameras
+from chamfer.diagrams.cell.cell_vision import VIEWS, CellCameras
 from chamfer.diagrams.cell.work_cell import WorkCellScenario
 from chamfer.models.cameras.camera import View
 from chamfer.models.peg.peg_and_hole import OF_CONTACT, ColouredParts

@@ -10,15 +10,17 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, LeafSystem, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource
 
-from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, Compensated
-from chamfer.diagrams.cell.cell_cameras import resolved_cameras
-from chamfer.diagrams.cell.cell_vision import add_cell_vision
+from chamfer.diagrams.cell.alignment_scenario import (
+    AlignmentScenario,
+    Compensated,
+    offset_pose,
+    require_in_view,
+    require_start_apart,
+)
+from chamfer.diagrams.cell.cell_vision import add_cell_vision, resolved_cameras
 from chamfer.diagrams.cell.controller_design import resolve_controllers
-from chamfer.diagrams.cell.in_view import require_in_view
-from chamfer.diagrams.cell.part_shapes import add_part_shapes
-from chamfer.diagrams.cell.resolved_arms import resolve_arms
-from chamfer.diagrams.cell.start_apart import offset_pose, require_start_apart
-from chamfer.diagrams.cell.work_cell import ARMS, ArmName, WorkCell, add_work_cell
+from chamfer.diagrams.cell.work_cell import ARMS, ArmName, WorkCell, add_work_cell, resolve_arms
+from chamfer.diagrams.cell.work_cell_view import add_part_shapes
 from chamfer.models.validation import known
 from chamfer.systems.force.compensated_pose import CompensatedPose
 from chamfer.systems.force.stoppable_motion import StoppableMotion

@@ -15,18 +15,18 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from chamfer.diagrams.cell.cell_support import support_at
-from chamfer.diagrams.cell.resolved_arms import resolve_arms
 from chamfer.diagrams.cell.work_cell import (
     HOLE_ARM,
     PEG_ARM,
     ArmSettings,
     HoleSettings,
     WorkCellScenario,
+    resolve_arms,
+    support_at,
 )
 from chamfer.diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
 from chamfer.models.peg.bore_contact import ContactMaterial, require_resolved_play
-from chamfer.models.peg.part_overlap import require_tilted_apart
+from chamfer.models.peg.part_surfaces import require_tilted_apart
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.peg.support import OpenSupport, Support
 from chamfer.models.validation import (

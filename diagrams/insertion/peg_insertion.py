@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final, Literal, NamedTuple, TypeVar
 
 import numpy as np
+from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import (
     AddMultibodyPlantSceneGraph,
@@ -40,8 +41,8 @@ from chamfer.models.peg.bore_contact import (
     add_peg_contact,
     require_resolved_play,
 )
-from chamfer.models.peg.part_overlap import require_tilted_apart
-from chamfer.models.peg.peg_and_hole import PegAndHole
+from chamfer.models.peg.part_surfaces import part_shape, require_tilted_apart
+from chamfer.models.peg.peg_and_hole import Colour, ColouredParts, PegAndHole
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.wedging import require_stiff
 from chamfer.models.validation import (
@@ -298,3 +299,38 @@ def _desired(scenario: PegInsertionScenario) -> AffineSystem:
     rest = np.concatenate([_at_rest(scenario), np.zeros(n)])
     empty = np.zeros((0, 0))
     return AffineSystem(empty, np.zeros((0, 2)), np.zeros(0), np.zeros((2 * n, 0)), D, rest)
+
+
+_SIDES: Final = 96  # corners of a circle
+_SEE_THROUGH: Final = 0.45  # opacity of the part with the hole
+
+
+class PegInsertionView(NamedTuple):
+    """A diagram that shows an insertion in Meshcat when it publishes."""
+
+    diagram: Diagram
+    plant: MultibodyPlant
+
+
+def make_peg_insertion_view(scenario: PegInsertionScenario, meshcat: Meshcat) -> PegInsertionView:
+    """Build peg and hole, and what draws them."""
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
+    peg = add_sprung_peg(plant, scenario)
+    parts = scenario.parts
+    hole = plant.world_body()
+    for body, name, profile, colour, opacity in (
+        (peg.body, "peg", parts.peg.closed_profile, ColouredParts.peg_colour, 1.0),
+        (hole, "hole", parts.hole.closed_profile, ColouredParts.hole_colour, _SEE_THROUGH),
+    ):
+        shape = part_shape(profile, _SIDES, name, parts.section)
+        plant.RegisterVisualGeometry(body, RigidTransform(), shape, name, _rgba(colour, opacity))
+    plant.Finalize()
+    MeshcatVisualizer.AddToBuilder(
+        builder, scene_graph, meshcat, MeshcatVisualizerParams(prefix="insertion")
+    )
+    return PegInsertionView(builder.Build(), plant)
+
+
+def _rgba(colour: Colour, opacity: float) -> np.ndarray:
+    return np.array([*(channel / 255 for channel in colour), opacity])

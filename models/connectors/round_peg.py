@@ -29,9 +29,7 @@ from chamfer.models.arms.wrist import tip_displacement, tip_pose
 from chamfer.models.connectors.collision_filters import let_touch, of_part
 from chamfer.models.connectors.connector import SETBACK, Material, Piece, Tolerance, add_pieces
 from chamfer.models.connectors.shapes import block, prism, turns
-from chamfer.models.peg.part_presets import PRESETS
-from chamfer.models.peg.peg_and_hole import PegAndHole
-from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.peg_and_hole import PRESETS, PegAndHole, PegHoleGeometry
 from chamfer.models.validation import ParameterError, require_one_of, require_positive
 
 Array = NDArray[np.float64]

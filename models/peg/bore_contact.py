@@ -31,8 +31,7 @@ from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
 from chamfer.models.peg.part_surfaces import rings
-from chamfer.models.peg.peg_and_hole import HolePart, Peg, PegAndHole
-from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.peg_and_hole import HolePart, Peg, PegAndHole, PegHoleGeometry
 from chamfer.models.validation import ParameterError, require_not_negative, require_positive
 
 Array = NDArray[np.float64]

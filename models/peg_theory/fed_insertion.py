@@ -11,11 +11,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg.support import Support
-from chamfer.models.peg_theory.planar_limits import sits_on_edge, two_point_onset
 from chamfer.models.peg_theory.planar_statics import equilibrium
-from chamfer.models.peg_theory.wedging import assembles
+from chamfer.models.peg_theory.wedging import assembles, sits_on_edge, two_point_onset
 
 Array = NDArray[np.float64]
 SupportAt = Callable[[float], Support]  # from the depth of the tip below the mouth, m

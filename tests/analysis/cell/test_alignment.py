@@ -6,12 +6,11 @@ import pytest
 
 from chamfer.analysis.campaign.campaign import parallel
 from chamfer.analysis.cell.alignment import ALIGN, REPEATABILITY
-from chamfer.analysis.cell.alignment_runs import ALIGNMENT
-from chamfer.analysis.cell.alignment_trials import RepeatabilityScenario, drawn
+from chamfer.analysis.cell.alignment_runs import ALIGNMENT, RepeatabilityScenario, drawn
 from chamfer.analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
 from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice
-from chamfer.diagrams.cell.cell_cameras import CameraSettings
+from chamfer.diagrams.cell.cell_vision import CameraSettings
 from chamfer.systems.cameras.camera_image import FrameGrabberParams
 
 SHORT: dict[str, Any] = {"begin": 0.1, "compensation_time": 0.3}

@@ -19,8 +19,7 @@ from chamfer.analysis.cell.alignment_comparison import (
     resolve,
     score,
 )
-from chamfer.analysis.cell.alignment_runs import STOPPED
-from chamfer.analysis.cell.alignment_trials import AlignmentTrialsScenario, drawn
+from chamfer.analysis.cell.alignment_runs import STOPPED, AlignmentTrialsScenario, drawn
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.diagrams.cell.alignment_scenario import ControllerChoice

@@ -5,8 +5,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from chamfer.analysis.cell.alignment_comparison_figures import plot_comparison
-from chamfer.analysis.cell.alignment_trials import AlignmentTrialsScenario
+from chamfer.analysis.cell.alignment_comparison import plot_comparison
+from chamfer.analysis.cell.alignment_runs import AlignmentTrialsScenario
 from chamfer.analysis.scenario.experiment import Outcome
 
 Array = NDArray[np.float64]

@@ -8,13 +8,14 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from chamfer.analysis.cell.alignment_figures import (
+from chamfer.analysis.cell.alignment import (
+    picture,
     plot_alignment,
     plot_pictures,
     plot_repeatability,
+    take_pictures,
 )
-from chamfer.analysis.cell.alignment_pictures import picture, take_pictures
-from chamfer.analysis.cell.alignment_trials import RepeatabilityScenario
+from chamfer.analysis.cell.alignment_runs import RepeatabilityScenario
 from chamfer.analysis.scenario.experiment import Metric, Outcome
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
 from chamfer.models.peg.peg_and_hole import ColouredParts

@@ -5,9 +5,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from chamfer.analysis.cell.alignment_pictures import MOMENTS, picture, take_pictures
+from chamfer.analysis.cell.alignment import MOMENTS, picture, take_pictures
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
-from chamfer.diagrams.cell.cell_cameras import VIEWS, CameraSettings
+from chamfer.diagrams.cell.cell_vision import VIEWS, CameraSettings
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.systems.cameras.camera_image import FrameGrabberParams
 from chamfer.systems.vision.part_appearance import appearances

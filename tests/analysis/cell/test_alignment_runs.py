@@ -25,7 +25,7 @@ from chamfer.analysis.cell.alignment_runs import (
 )
 from chamfer.diagrams.cell.alignment import resolve
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice
-from chamfer.diagrams.cell.cell_cameras import CameraSettings
+from chamfer.diagrams.cell.cell_vision import CameraSettings
 from chamfer.systems.cameras.camera_image import FrameGrabberParams
 from chamfer.systems.vision.image_plane_error import AXES
 

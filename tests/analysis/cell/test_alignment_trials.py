@@ -12,7 +12,7 @@ from scipy import stats
 from chamfer.analysis.campaign.campaign import Trials
 from chamfer.analysis.campaign.trial_metrics import bootstrap_interval
 from chamfer.analysis.cell import alignment_trials
-from chamfer.analysis.cell.alignment_trials import (
+from chamfer.analysis.cell.alignment_runs import (
     AlignmentTrialsScenario,
     RepeatabilityScenario,
     Spread,
@@ -24,9 +24,8 @@ from chamfer.analysis.cell.alignment_trials import (
     statistics,
 )
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
-from chamfer.diagrams.cell.cell_support import wedging_support
-from chamfer.diagrams.cell.resolved_arms import resolve_arms
-from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.diagrams.cell.work_cell import resolve_arms, wedging_support
+from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg.support import OpenSupport, Support
 from chamfer.models.peg_theory.wedging import box_margin, least_margin, rotation_margin, wedges
 from chamfer.models.validation import ParameterError

@@ -10,32 +10,30 @@ import pytest
 
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.cell import camera_error_runs, camera_errors
-from chamfer.analysis.cell.camera_error_answer import answer
-from chamfer.analysis.cell.camera_error_kinds import (
-    ERRORS,
-    CameraError,
-    brightness_ramp,
-    with_error,
-)
 from chamfer.analysis.cell.camera_error_runs import (
     BY_NAME,
     DRAWN,
     DRAWN_ERRORS,
+    ERRORS,
     LEFT,
     MOMENTS,
     NONE,
+    CameraError,
     Run,
     Still,
     Study,
     at_rest,
+    brightness_ramp,
     left,
     reached,
     run_once,
     with_drawn_errors,
+    with_error,
 )
 from chamfer.analysis.cell.camera_errors import CAMERA_ERRORS, CameraErrorsScenario, resolve
+from chamfer.analysis.cell.camera_errors_figures import answer
 from chamfer.analysis.scenario.experiment import Outcome
-from chamfer.diagrams.cell.cell_cameras import VIEWS, CameraSettings
+from chamfer.diagrams.cell.cell_vision import VIEWS, CameraSettings
 from chamfer.models.validation import ParameterError
 
 SCENARIO = resolve(

@@ -4,7 +4,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from chamfer.analysis.cell.vertical_tracking_figures import plot_heights
+from chamfer.analysis.cell.vertical_tracking import plot_heights
 from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.diagrams.cell.alignment import resolve
 from chamfer.diagrams.cell.alignment_scenario import VerticalTrackingScenario

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from chamfer.analysis.cell.alignment import REPEATABILITY
-from chamfer.analysis.cell.alignment_trials import RepeatabilityScenario, resolve_repeatability
+from chamfer.analysis.cell.alignment_runs import RepeatabilityScenario, resolve_repeatability
 from chamfer.analysis.cell.wedging_diagram import (
     WEDGING_DIAGRAM,
     EndsScenario,

@@ -13,7 +13,7 @@ from chamfer.analysis.cell.work_cell_replay import replay_alignment
 from chamfer.analysis.report.replay import open_meshcat
 from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
-from chamfer.diagrams.cell.cell_cameras import VIEWS
+from chamfer.diagrams.cell.cell_vision import VIEWS
 from chamfer.diagrams.cell.work_cell import ARMS, HOLE_ARM
 from chamfer.models.arms import wam
 from chamfer.systems.force.arm_model import ArmModel, Placement

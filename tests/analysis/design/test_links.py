@@ -10,7 +10,7 @@ from chamfer.analysis.design.drawn_errors import first_inside
 from chamfer.analysis.design.insertion_links import Starts, edge_force, region_links, stiffened
 from chamfer.analysis.design.link import at_least, at_most, tightest
 from chamfer.analysis.design.settling import arm_at_tool, loops, start_error
-from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.wedging import rotation_bounds
 from chamfer.systems.strategies.insertion_decision import InsertionRegion

@@ -3,7 +3,7 @@
 import pytest
 
 from chamfer.analysis.insertion.cell_runs import CellInsertion, run_cell_insertion
-from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
+from chamfer.diagrams.insertion.insertion import InsertionScenario, resolve
 from chamfer.systems.strategies.insertion_memory import InsertParams
 
 

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from chamfer.analysis.cell.alignment_runs import true_errors
-from chamfer.analysis.insertion.cell_loads import loads_in_planes
-from chamfer.analysis.insertion.cell_prediction import predict
 from chamfer.analysis.insertion.cell_runs import (
     INSERTION,
     CellInsertion,
@@ -16,12 +14,14 @@ from chamfer.analysis.insertion.cell_runs import (
     errors_in_planes,
     force_medians,
     insertion_metrics,
+    loads_in_planes,
     path_table,
+    predict,
     run_cell_insertion,
     touch_row,
 )
 from chamfer.diagrams.cell.work_cell import HOLE_ARM
-from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
+from chamfer.diagrams.insertion.insertion import InsertionScenario, resolve
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.systems.contact.peg_hole_contact_monitor import ContactState
 from chamfer.systems.pose import POSE_NAMES

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from chamfer.analysis.cell.alignment_pictures import picture
+from chamfer.analysis.cell.alignment import picture
 from chamfer.analysis.insertion.cell_runs import CellInsertion
 from chamfer.analysis.insertion.insertion import run
 from chamfer.analysis.scenario.experiment import Outcome
-from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
+from chamfer.diagrams.insertion.insertion import InsertionScenario, resolve
 
 
 @pytest.fixture(scope="module")

@@ -19,9 +19,9 @@ from chamfer.analysis.insertion.cell_runs import (
 )
 from chamfer.diagrams.cell import cell_vision
 from chamfer.diagrams.cell.alignment_scenario import SixAxisSettings
-from chamfer.diagrams.cell.cell_cameras import CameraSettings
+from chamfer.diagrams.cell.cell_vision import CameraSettings
 from chamfer.diagrams.cell.work_cell import PEG_ARM
-from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
+from chamfer.diagrams.insertion.insertion import InsertionScenario, resolve
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.systems.cameras.camera_image import FrameGrabberParams, write_image

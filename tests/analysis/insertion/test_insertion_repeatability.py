@@ -6,9 +6,11 @@ import pytest
 
 from chamfer.analysis.campaign.campaign import Trials
 from chamfer.analysis.insertion.cell_runs import INSERTION
-from chamfer.analysis.insertion.insertion_repeatability import _saved, _settled, _statistics
-from chamfer.analysis.insertion.insertion_trials import (
+from chamfer.analysis.insertion.insertion_repeatability import (
     InsertionTrialsScenario,
+    _saved,
+    _settled,
+    _statistics,
     in_a_way,
     resolve_insertion_trials,
 )

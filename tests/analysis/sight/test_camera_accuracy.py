@@ -25,7 +25,7 @@ from chamfer.analysis.sight.camera_accuracy import (
 from chamfer.analysis.sight.detection_trials import STATUSES, UNITS
 from chamfer.analysis.sight.drawn_poses import PoseSpread, Reach, draw_poses
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
-from chamfer.diagrams.cell.cell_cameras import VIEWS, camera_placement
+from chamfer.diagrams.cell.cell_vision import VIEWS, camera_placement
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.vtk_camera import missing_graphics

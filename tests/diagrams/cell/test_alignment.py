@@ -20,7 +20,7 @@ from chamfer.diagrams.cell.alignment_scenario import (
     ControllerChoice,
     VerticalTrackingScenario,
 )
-from chamfer.diagrams.cell.cell_cameras import VIEWS, CameraSettings, ViewFrames, ViewSettings
+from chamfer.diagrams.cell.cell_vision import VIEWS, CameraSettings, ViewFrames, ViewSettings
 from chamfer.diagrams.cell.work_cell import HOLE_ARM, PEG_ARM
 from chamfer.models.cameras.camera_model import CameraModel
 from chamfer.models.validation import ParameterError

@@ -18,11 +18,11 @@ from chamfer.diagrams.cell.alignment import make_alignment_diagram, resolve
 from chamfer.diagrams.cell.alignment_scenario import (
     AlignmentScenario,
     ControllerChoice,
+    OpenGains,
     SixAxisPid,
     SixAxisSettings,
 )
-from chamfer.diagrams.cell.cell_cameras import CameraSettings, ViewSettings
-from chamfer.diagrams.cell.six_axis_settings import OpenGains
+from chamfer.diagrams.cell.cell_vision import CameraSettings, ViewSettings
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.cameras.camera_model import CameraModel
 from chamfer.models.peg.peg_and_hole import ColouredParts

@@ -9,7 +9,7 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from chamfer.analysis.linear.simulate import simulate
-from chamfer.diagrams.cell.arm_response import make_response_diagram, step_responses
+from chamfer.diagrams.cell.controller_design import make_response_diagram, step_responses
 from chamfer.diagrams.cell.work_cell import ARMS, HOLE_ARM, PEG_ARM, ArmName, WorkCellScenario
 from chamfer.systems.force.impedance_controller import ImpedanceController
 from chamfer.systems.vision.image_plane_error import AXES

@@ -16,17 +16,17 @@ from chamfer.analysis.linear.simulate import simulate
 from chamfer.diagrams.cell import cell_vision
 from chamfer.diagrams.cell.alignment import make_alignment_diagram, resolve
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
-from chamfer.diagrams.cell.cell_cameras import (
+from chamfer.diagrams.cell.cell_vision import (
     VIEWS,
     CameraSettings,
     Measured,
     ViewFrames,
     ViewSettings,
+    add_cell_vision,
     believed_camera,
     resolved_cameras,
     true_camera,
 )
-from chamfer.diagrams.cell.cell_vision import add_cell_vision
 from chamfer.diagrams.cell.work_cell import ArmName, WorkCellScenario
 from chamfer.models.cameras.camera import Camera, View
 from chamfer.models.cameras.camera_file import CalibratedCamera, CameraFile, camera_text

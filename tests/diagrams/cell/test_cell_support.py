@@ -8,8 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from chamfer.diagrams.cell.cell_support import axial_stiffness, support_at, wedging_support
-from chamfer.diagrams.cell.work_cell import HOLE_ARM, PEG_ARM, WorkCellScenario
+from chamfer.diagrams.cell.work_cell import (
+    HOLE_ARM,
+    PEG_ARM,
+    WorkCellScenario,
+    axial_stiffness,
+    support_at,
+    wedging_support,
+)
 from chamfer.models.cameras.camera import View
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.peg.support import Support

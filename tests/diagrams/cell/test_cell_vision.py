@@ -13,8 +13,12 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.diagrams.cell import cell_vision
-from chamfer.diagrams.cell.cell_cameras import VIEWS, CameraSettings, camera_placement
-from chamfer.diagrams.cell.cell_vision import add_cell_vision
+from chamfer.diagrams.cell.cell_vision import (
+    VIEWS,
+    CameraSettings,
+    add_cell_vision,
+    camera_placement,
+)
 from chamfer.diagrams.cell.work_cell import ArmName, WorkCellScenario
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import ParameterError

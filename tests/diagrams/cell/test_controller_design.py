@@ -10,13 +10,22 @@ from numpy.typing import NDArray
 
 from chamfer.analysis.cell.alignment_runs import run_alignment
 from chamfer.diagrams.cell.alignment import resolve
-from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
-from chamfer.diagrams.cell.arm_response import _step_responses
-from chamfer.diagrams.cell.cell_cameras import CameraSettings, ViewFrames, ViewSettings
+from chamfer.diagrams.cell.alignment_scenario import (
+    KINDS,
+    AlignmentScenario,
+    Kind,
+    OpenAxis,
+    OpenGains,
+    SixAxisPid,
+    SixAxisSettings,
+    VerticalTrackingScenario,
+)
+from chamfer.diagrams.cell.cell_vision import CameraSettings, ViewFrames, ViewSettings
 from chamfer.diagrams.cell.controller_design import (
     MEASUREMENT_ERROR,
     SEEN,
     Responses,
+    _step_responses,
     arm_responses,
     dead_samples,
     design_compensator,
@@ -25,14 +34,6 @@ from chamfer.diagrams.cell.controller_design import (
     of_kind,
     resolve_controllers,
     small_share,
-)
-from chamfer.diagrams.cell.six_axis_settings import (
-    KINDS,
-    Kind,
-    OpenAxis,
-    OpenGains,
-    SixAxisPid,
-    SixAxisSettings,
 )
 from chamfer.diagrams.cell.still_vision import StillVision
 from chamfer.diagrams.cell.work_cell import ArmSettings

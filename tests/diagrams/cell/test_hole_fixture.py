@@ -12,14 +12,19 @@ from hypothesis import strategies as st
 from pydrake.geometry import Meshcat, MeshcatParams
 from pydrake.systems.framework import DiagramBuilder
 
-from chamfer.analysis.cell.alignment_runs import Traces, run_alignment
-from chamfer.analysis.cell.alignment_trials import AlignmentTrialsScenario, Spread, drawn
+from chamfer.analysis.cell.alignment_runs import (
+    AlignmentTrialsScenario,
+    Spread,
+    Traces,
+    drawn,
+    run_alignment,
+)
 from chamfer.analysis.cell.work_cell_replay import replay_alignment
 from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.diagrams.cell.alignment import resolve
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
-from chamfer.diagrams.cell.part_shapes import add_part_shapes
 from chamfer.diagrams.cell.work_cell import HOLE_ARM, ArmSettings, WorkCellScenario, add_work_cell
+from chamfer.diagrams.cell.work_cell_view import add_part_shapes
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.arm_model import Placement
 from chamfer.systems.pose import pose_vector

@@ -9,10 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chamfer.diagrams.cell.alignment import resolve
-from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
-from chamfer.diagrams.cell.in_view import require_fine_enough, require_in_view
-from chamfer.diagrams.cell.resolved_arms import resolve_arms
-from chamfer.diagrams.cell.work_cell import HOLE_ARM, PEG_ARM
+from chamfer.diagrams.cell.alignment_scenario import (
+    AlignmentScenario,
+    VerticalTrackingScenario,
+    require_fine_enough,
+    require_in_view,
+)
+from chamfer.diagrams.cell.work_cell import HOLE_ARM, PEG_ARM, resolve_arms
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.arm_model import Placement

@@ -16,9 +16,8 @@ from chamfer.analysis.cell.alignment_runs import Traces, run_alignment
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.diagrams.cell.alignment import resolve
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
-from chamfer.diagrams.cell.arm_response import make_response_diagram
-from chamfer.diagrams.cell.cell_cameras import VIEWS, CameraSettings
-from chamfer.diagrams.cell.cell_vision import add_cell_vision
+from chamfer.diagrams.cell.cell_vision import VIEWS, CameraSettings, add_cell_vision
+from chamfer.diagrams.cell.controller_design import make_response_diagram
 from chamfer.diagrams.cell.work_cell import HOLE_ARM, PEG_ARM, ArmName, WorkCellScenario
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import ParameterError

@@ -8,9 +8,14 @@ import numpy as np
 import pytest
 
 from chamfer.analysis.insertion.cell_runs import insertion_metrics, run_cell_insertion
-from chamfer.diagrams.cell.resolved_arms import resolve_arms
-from chamfer.diagrams.cell.work_cell import HOLE_ARM, PEG_ARM, ArmSettings, WorkCellScenario
-from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
+from chamfer.diagrams.cell.work_cell import (
+    HOLE_ARM,
+    PEG_ARM,
+    ArmSettings,
+    WorkCellScenario,
+    resolve_arms,
+)
+from chamfer.diagrams.insertion.insertion import InsertionScenario, resolve
 from chamfer.models.validation import ParameterError
 
 PACKAGE = "example-robot-data"

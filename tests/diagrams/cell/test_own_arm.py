@@ -8,13 +8,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from chamfer.analysis.cell.alignment_trials import Spread, drawn
+from chamfer.analysis.cell.alignment_runs import Spread, drawn
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.diagrams.cell.alignment import resolve
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
-from chamfer.diagrams.cell.arm_response import make_response_diagram, step_responses
-from chamfer.diagrams.cell.resolved_arms import require_strong, resolve_arms
-from chamfer.diagrams.cell.work_cell import HOLE_ARM, PEG_ARM, ArmSettings, WorkCellScenario
+from chamfer.diagrams.cell.controller_design import make_response_diagram, step_responses
+from chamfer.diagrams.cell.work_cell import (
+    HOLE_ARM,
+    PEG_ARM,
+    ArmSettings,
+    WorkCellScenario,
+    require_strong,
+    resolve_arms,
+)
 from chamfer.models.arms.wam import DRY_FRICTION, POSTURE, URDF
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.arm_model import Placement

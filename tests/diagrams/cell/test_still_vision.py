@@ -11,9 +11,8 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.diagrams.cell.alignment import make_alignment_diagram, resolve
-from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
-from chamfer.diagrams.cell.cell_cameras import VIEWS, CameraSettings, Measured
-from chamfer.diagrams.cell.start_apart import wrong_pose
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, wrong_pose
+from chamfer.diagrams.cell.cell_vision import VIEWS, CameraSettings, Measured
 from chamfer.diagrams.cell.still_vision import StillVision
 from chamfer.models.cameras.camera import View
 from chamfer.systems.cameras.camera_image import FrameGrabberParams, Image

@@ -10,7 +10,7 @@ from pydrake.systems.analysis import Simulator
 
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.scenario_io import make_scenario
-from chamfer.diagrams.cell.cell_support import support_at
+from chamfer.diagrams.cell.work_cell import support_at
 from chamfer.diagrams.insertion.blind_feed import (
     BlindFeedScenario,
     Plane,

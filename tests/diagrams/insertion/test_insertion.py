@@ -7,10 +7,14 @@ import pytest
 from pydrake.systems.framework import Diagram
 
 from chamfer.diagrams.cell.alignment_scenario import ControllerChoice
-from chamfer.diagrams.cell.cell_support import support_at, wedging_support
-from chamfer.diagrams.cell.work_cell import HOLE_ARM
-from chamfer.diagrams.insertion.insertion import TASK, make_insertion_diagram, task_params
-from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
+from chamfer.diagrams.cell.work_cell import HOLE_ARM, support_at, wedging_support
+from chamfer.diagrams.insertion.insertion import (
+    TASK,
+    InsertionScenario,
+    make_insertion_diagram,
+    resolve,
+    task_params,
+)
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.peg.support import OpenSupport
 from chamfer.models.validation import ParameterError

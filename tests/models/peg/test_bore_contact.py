@@ -62,7 +62,7 @@ def test_in_the_planes_of_insertion_the_parts_are_the_round_ones(
 
 
 def test_two_points_touch_where_the_statics_say() -> None:
-    from chamfer.models.peg_theory.planar_limits import two_points
+    from chamfer.models.peg_theory.wedging import two_points
 
     tilt = 0.05
     found = two_points(PARTS, tilt)

@@ -13,7 +13,7 @@ from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from chamfer.models.peg.bore_contact import ContactMaterial, add_hole_contact, add_peg_contact
-from chamfer.models.peg.part_overlap import TOUCHING, overlap, require_apart
+from chamfer.models.peg.part_surfaces import TOUCHING, overlap, require_apart
 from chamfer.models.peg.peg_and_hole import PegAndHole
 from chamfer.models.validation import ParameterError
 

@@ -2,8 +2,7 @@
 
 import pytest
 
-from chamfer.models.peg.part_presets import PRESETS
-from chamfer.models.peg.peg_and_hole import ColouredParts, PegAndHole
+from chamfer.models.peg.peg_and_hole import PRESETS, ColouredParts, PegAndHole
 
 
 @pytest.mark.parametrize("name", PRESETS)

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.validation import ParameterError
 
 PAPER = PegHoleGeometry()

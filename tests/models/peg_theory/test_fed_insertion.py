@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg.support import Support, in_series
 from chamfer.models.peg_theory.fed_insertion import Verdict, limits, predict_feed
-from chamfer.models.peg_theory.planar_limits import two_point_onset
 from chamfer.models.peg_theory.planar_statics import equilibrium
-from chamfer.models.peg_theory.wedging import rotation_bounds
+from chamfer.models.peg_theory.wedging import rotation_bounds, two_point_onset
 
 Array = NDArray[np.float64]
 PARTS = PegHoleGeometry()

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.insertion_statics import bore_contact, two_point_onset
-from chamfer.models.peg_theory.planar_limits import two_point_onset as exact_onset
 from chamfer.models.peg_theory.planar_statics import equilibrium
+from chamfer.models.peg_theory.wedging import two_point_onset as exact_onset
 
 Held = tuple[PegHoleGeometry, Support]
 

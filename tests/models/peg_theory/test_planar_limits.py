@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from chamfer.models.peg.peg_and_hole import PegAndHole
-from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.peg_and_hole import PegAndHole, PegHoleGeometry
 from chamfer.models.peg.support import Support
-from chamfer.models.peg_theory.planar_limits import (
+from chamfer.models.peg_theory.planar_statics import Contact, equilibrium
+from chamfer.models.peg_theory.wedging import (
     Springs,
     largest_tilt,
     sits_on_edge,
@@ -22,7 +22,6 @@ from chamfer.models.peg_theory.planar_limits import (
     two_points,
     wedging_tilt,
 )
-from chamfer.models.peg_theory.planar_statics import Contact, equilibrium
 
 Array = NDArray[np.float64]
 PARTS = PegHoleGeometry(hole_radius=0.0052, peg_radius=0.005, friction=0.3, chamfer_width=0.001)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.wedging import assembles
 from chamfer.models.validation import ParameterError
