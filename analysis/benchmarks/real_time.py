@@ -12,6 +12,7 @@ from pydrake.systems.framework import Diagram
 
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.diagrams.cell.alignment import make_alignment_diagram
+from chamfer.diagrams.cell.alignment import resolve as resolve_alignment
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
 from chamfer.diagrams.cell.cell_vision import CameraSettings, Renderer
 from chamfer.diagrams.contact.adept_scenarios import (
@@ -59,7 +60,7 @@ def _tracking(kind: Kind) -> Loop:
 
 
 def _alignment(renderer: Renderer) -> Loop:
-    scenario = AlignmentScenario(cameras=CameraSettings(renderer=renderer))
+    scenario = resolve_alignment(AlignmentScenario(cameras=CameraSettings(renderer=renderer)))
     make = partial(make_alignment_diagram, scenario)
     period = scenario.cameras.frames.period
     if renderer == "vtk":

@@ -20,6 +20,7 @@ from chamfer.analysis.cell.alignment_runs import (
     SETTLED,
     STOPPED,
     RepeatabilityScenario,
+    ResolvedRepeatabilityScenario,
     align_all,
     alignment_metrics,
     detected_metric,
@@ -36,7 +37,11 @@ from chamfer.analysis.drawing.figure_style import BAND, PUBLISHED, Style, dress,
 from chamfer.analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column
 from chamfer.diagrams.cell.alignment import resolve
-from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, require_fine_enough
+from chamfer.diagrams.cell.alignment_scenario import (
+    AlignmentScenario,
+    ResolvedAlignmentScenario,
+    require_fine_enough,
+)
 from chamfer.diagrams.cell.cell_vision import VIEWS, looks_in, undistortion_of
 from chamfer.models.peg_theory.wedging import rotation_bounds
 from chamfer.systems.cameras.camera_image import Image, add_noise
@@ -110,7 +115,7 @@ def picture(
 _SPEED = "simulated over wall-clock time, one core, the machine's own"
 
 
-def run(scenario: AlignmentScenario, seed: int, progress: Progress) -> Outcome:
+def run(scenario: ResolvedAlignmentScenario, seed: int, progress: Progress) -> Outcome:
     """Align the parts once."""
     started = time.perf_counter()
     traces = run_alignment(scenario, seed, progress)
@@ -131,7 +136,9 @@ def run(scenario: AlignmentScenario, seed: int, progress: Progress) -> Outcome:
     )
 
 
-def run_repeatability(scenario: RepeatabilityScenario, seed: int, progress: Progress) -> Outcome:
+def run_repeatability(
+    scenario: ResolvedRepeatabilityScenario, seed: int, progress: Progress
+) -> Outcome:
     """Align the parts many times, each with other initial errors and other model errors."""
     finished = align_all(scenario, seed, progress)
     metrics = {
@@ -231,7 +238,7 @@ def repeatability_figures(
     return {"repeatability": plot_repeatability(scenario, outcome)}
 
 
-def resolve_alignment(scenario: AlignmentScenario) -> AlignmentScenario:
+def resolve_alignment(scenario: AlignmentScenario) -> ResolvedAlignmentScenario:
     """Return the scenario with what it leaves open filled in, and checked."""
     resolved = resolve(scenario)
     require_fine_enough(resolved)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import ClassVar, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,6 +17,7 @@ from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.cell.alignment_runs import (
     STOPPED,
     AlignmentTrialsScenario,
+    ResolvedAlignmentTrialsScenario,
     align,
     detected_metric,
     resolve_trials,
@@ -67,8 +68,6 @@ class ComparisonScenario(AlignmentTrialsScenario):
     # rad, candidates for the state machine
     closed_loop: tuple[float, ...] = (0.05, 0.1, 0.15, 0.2, 0.3)  # s, candidates for the PID
 
-    RENAMED: ClassVar[Mapping[str, str]] = {"tuning_runs": "tuning_trials"}
-
     def __post_init__(self) -> None:
         super().__post_init__()
         if not 0 <= self.tuning_trials <= 1000:
@@ -79,16 +78,26 @@ class ComparisonScenario(AlignmentTrialsScenario):
                 raise ParameterError(name, candidates, "one or more finite numbers > 0")
 
 
-def resolve(scenario: ComparisonScenario) -> ComparisonScenario:
+@dataclass(frozen=True, kw_only=True)
+class ResolvedComparisonScenario(ResolvedAlignmentTrialsScenario, ComparisonScenario):
+    """The same with nothing left open."""
+
+
+COMPARISON: Final = ComparisonScenario()
+
+
+def resolve(scenario: ComparisonScenario) -> ResolvedComparisonScenario:
     """Refuse what the comparison sets itself, and what leaves nothing to compare."""
     if scenario.controller != ControllerChoice():
         raise ParameterError("controller.kind", scenario.controller.kind, "fsm; both are run")
     if scenario.compensated == "none":
         raise ParameterError("compensated", "none", "peg, hole, both")
-    return resolve_trials(scenario)
+    return resolve_trials(ResolvedComparisonScenario, scenario)
 
 
-def _candidates(scenario: ComparisonScenario) -> dict[ControllerKind, list[ComparisonScenario]]:
+def _candidates(
+    scenario: ResolvedComparisonScenario,
+) -> dict[ControllerKind, list[ResolvedComparisonScenario]]:
     responses, untuned = arm_responses(scenario), _without_numbers(scenario)
     return {
         "fsm": [
@@ -117,7 +126,7 @@ def _large(element: OpenAxis, small: tuple[float, ...]) -> list[float]:
     return [element.divider * one for one in small]
 
 
-def _without_numbers(scenario: ComparisonScenario) -> ComparisonScenario:
+def _without_numbers(scenario: ResolvedComparisonScenario) -> ResolvedComparisonScenario:
     """Return the scenario with what tuning is to find open again."""
 
     def element(of: OpenAxis) -> OpenAxis:
@@ -136,22 +145,22 @@ def _without_numbers(scenario: ComparisonScenario) -> ComparisonScenario:
     )
 
 
-class Task(NamedTuple):
+class ControllerTrial(NamedTuple):
     """A trial with a controller."""
 
-    scenario: ComparisonScenario
+    scenario: ResolvedComparisonScenario
     trial: int
 
 
-def _align(seed: int, task: Task) -> Row:
+def _align(seed: int, task: ControllerTrial) -> Row:
     return align(task.scenario, seed, task.trial)
 
 
-def _is_of(scenario: ComparisonScenario, task: Task) -> bool:
+def _is_of(scenario: ResolvedComparisonScenario, task: ControllerTrial) -> bool:
     return task.scenario == scenario
 
 
-def score(finished: Trials[Task]) -> float:
+def score(finished: Trials[ControllerTrial]) -> float:
     """Return the mean error of trials, both kinds relative to the published means, summed."""
     if not len(finished):
         return math.inf
@@ -159,7 +168,7 @@ def score(finished: Trials[Task]) -> float:
     return float(np.mean(lateral / MEAN_ERROR[0] + rotational / MEAN_ERROR[1]))
 
 
-def run(scenario: ComparisonScenario, seed: int, progress: Progress) -> Outcome:
+def run(scenario: ResolvedComparisonScenario, seed: int, progress: Progress) -> Outcome:
     """Tune both if asked to, and compare them."""
     tables: dict[str, dict[str, NDArray[np.float64]]] = {}
     chosen = {
@@ -170,7 +179,9 @@ def run(scenario: ComparisonScenario, seed: int, progress: Progress) -> Outcome:
         tuned, tables["tuning"] = _tune(scenario, seed, progress)
         chosen |= tuned
         simulated += len(tables["tuning"]["score"]) * scenario.tuning_trials
-    tasks = [Task(chosen[name], k) for name in CONTROLLERS for k in range(scenario.trials)]
+    tasks = [
+        ControllerTrial(chosen[name], k) for name in CONTROLLERS for k in range(scenario.trials)
+    ]
     finished = run_each(partial(_align, seed), tasks, progress)
     simulated += len(finished)
     found = finished.split(CONTROLLERS, lambda task: task.scenario.controller.kind)
@@ -200,11 +211,13 @@ def run(scenario: ComparisonScenario, seed: int, progress: Progress) -> Outcome:
     )
 
 
-def _numbers(finished: Trials[Task]) -> list[int]:
+def _numbers(finished: Trials[ControllerTrial]) -> list[int]:
     return [task.trial for task in finished.tasks]
 
 
-def _errors(found: Mapping[ControllerKind, Trials[Task]]) -> dict[str, NDArray[np.float64]]:
+def _errors(
+    found: Mapping[ControllerKind, Trials[ControllerTrial]],
+) -> dict[str, NDArray[np.float64]]:
     """Return the courses of all trials' errors, one below the other."""
     columns: dict[str, list[NDArray[np.float64]]] = {}
     for i, name in enumerate(CONTROLLERS):
@@ -222,13 +235,13 @@ def _errors(found: Mapping[ControllerKind, Trials[Task]]) -> dict[str, NDArray[n
 
 
 def _tune(
-    scenario: ComparisonScenario, seed: int, progress: Progress
-) -> tuple[dict[ControllerKind, ComparisonScenario], dict[str, NDArray[np.float64]]]:
+    scenario: ResolvedComparisonScenario, seed: int, progress: Progress
+) -> tuple[dict[ControllerKind, ResolvedComparisonScenario], dict[str, NDArray[np.float64]]]:
     """Return the best candidate of each controller, and every candidate's score."""
     candidates = _candidates(scenario)
     trials = scenario.tuning_trials
     listed = [(name, one) for name in CONTROLLERS for one in candidates[name]]
-    tasks = [Task(one, _TUNING_TRIALS + k) for _, one in listed for k in range(trials)]
+    tasks = [ControllerTrial(one, _TUNING_TRIALS + k) for _, one in listed for k in range(trials)]
     finished = run_each(partial(_align, seed), tasks, progress)
     scores = [score(finished.select(partial(_is_of, one))) for _, one in listed]
     best = {}
@@ -244,7 +257,7 @@ def _tune(
     return best, table
 
 
-def _knob(name: ControllerKind, scenario: ComparisonScenario) -> tuple[float, float]:
+def _knob(name: ControllerKind, scenario: ResolvedComparisonScenario) -> tuple[float, float]:
     """Return what tells candidates apart: small increments, or integral gains."""
     if name == "fsm":
         elements = scenario.compensator.axes
@@ -253,7 +266,7 @@ def _knob(name: ControllerKind, scenario: ComparisonScenario) -> tuple[float, fl
     return laws[0].integral, laws[3].integral
 
 
-def _parameters(scenario: ComparisonScenario) -> dict[str, Metric]:
+def _parameters(scenario: ResolvedComparisonScenario) -> dict[str, Metric]:
     if scenario.controller.kind == "pid":
         pid = scenario.pid
         return {
@@ -273,7 +286,7 @@ def _parameters(scenario: ComparisonScenario) -> dict[str, Metric]:
     }
 
 
-def _settling(finished: Trials[Task]) -> dict[str, Metric]:
+def _settling(finished: Trials[ControllerTrial]) -> dict[str, Metric]:
     of = finished.column("settling_time")
     settled = of[np.isfinite(of)]
     return {
@@ -287,7 +300,7 @@ def _settling(finished: Trials[Task]) -> dict[str, Metric]:
 
 
 def _difference(
-    found: Mapping[ControllerKind, Trials[Task]], name: str, unit: str
+    found: Mapping[ControllerKind, Trials[ControllerTrial]], name: str, unit: str
 ) -> dict[str, Metric]:
     """Return the mean of the trials' differences, FSM minus PID, with its 95 % interval."""
     both = set(_numbers(found["fsm"])) & set(_numbers(found["pid"]))
@@ -303,7 +316,7 @@ def _difference(
     }
 
 
-def figures(scenario: ComparisonScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: ResolvedComparisonScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
     return {"alignment-fsm-vs-pid": plot_comparison(scenario, outcome)}
 
@@ -312,7 +325,7 @@ _CONTROLLERS: Final = ("fsm", "pid")
 _KINDS: Final = (("lateral", "mm", MEAN_ERROR[0]), ("rotational", "mrad", MEAN_ERROR[1]))
 
 
-def plot_comparison(scenario: AlignmentTrialsScenario, outcome: Outcome) -> Figure:
+def plot_comparison(scenario: ResolvedComparisonScenario, outcome: Outcome) -> Figure:
     """Draw every trial and the median over time, and the errors at the end, trial by trial."""
     figure = new_figure(11.0, 7.6)
     panels = figure.subplots(2, 2, width_ratios=(1.5, 1.0))
@@ -336,7 +349,9 @@ def plot_comparison(scenario: AlignmentTrialsScenario, outcome: Outcome) -> Figu
     return figure
 
 
-def _over_time(axes: Axes, scenario: AlignmentTrialsScenario, outcome: Outcome, name: str) -> None:
+def _over_time(
+    axes: Axes, scenario: ResolvedComparisonScenario, outcome: Outcome, name: str
+) -> None:
     table = outcome.tables["errors"]
     for i, controller in enumerate(_CONTROLLERS):
         label, style = LOOPS[controller]

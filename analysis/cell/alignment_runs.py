@@ -21,10 +21,11 @@ from chamfer.analysis.campaign.trial_metrics import Quantity, bootstrap_interval
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.scenario.experiment import Metric, Progress, Table
-from chamfer.diagrams.cell.alignment import make_alignment_diagram, resolve
+from chamfer.diagrams.cell.alignment import make_alignment_diagram, resolve_as
 from chamfer.diagrams.cell.alignment_scenario import (
     KINDS,
     AlignmentScenario,
+    ResolvedAlignmentScenario,
     require_in_view,
     require_start_apart,
 )
@@ -83,7 +84,7 @@ LATE: Final = 0.5  # s, at the end, over which the compensation should not chang
 
 
 def run_alignment(
-    scenario: AlignmentScenario, seed: int, progress: Progress | None = None
+    scenario: ResolvedAlignmentScenario, seed: int, progress: Progress | None = None
 ) -> Traces:
     """Simulate a resolved scenario and return its traces, a row per camera period.
 
@@ -295,7 +296,7 @@ def stopped_metrics(rows: Mapping[str, Array]) -> dict[str, Metric]:
     }
 
 
-def settling_metrics(scenario: AlignmentScenario) -> dict[str, Metric]:
+def settling_metrics(scenario: ResolvedAlignmentScenario) -> dict[str, Metric]:
     """Return the share of the settling theorem's bound that the state machine uses.
 
     More than all of it is warned of. The PID has none.
@@ -352,11 +353,6 @@ def alignment_charts(scenario: AlignmentScenario) -> tuple[Chart[Any, Any], ...]
 
 
 _MOST: Final = 10_000  # trials
-# The support was a part of the parts.
-SUPPORT_OF_PARTS: Final = {
-    **{f"parts.{one.name}": f"support.{one.name}" for one in fields(Support)},
-    "parts.rotational_stiffness": "support.angular_stiffness",
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -368,8 +364,6 @@ class Spread:
     payload: float = 0.5  # relative, of each arm's payload error; assumed
     link_mass: float = 0.02  # relative, of each arm's links; assumed
     joint_friction: float = 0.5  # relative, of each arm's; assumed
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"friction": "joint_friction"}
 
     def __post_init__(self) -> None:
         require_not_negative(self, "lateral", "rotational", "link_mass")
@@ -415,8 +409,6 @@ class AlignmentTrialsScenario(AlignmentScenario):
     spread: Spread = field(default_factory=Spread)
     trials: int = 20  # ten in the paper
 
-    RENAMED: ClassVar[Mapping[str, str]] = {"runs": "trials"}
-
     def __post_init__(self) -> None:
         super().__post_init__()
         if not 1 <= self.trials <= _MOST:
@@ -424,20 +416,27 @@ class AlignmentTrialsScenario(AlignmentScenario):
 
 
 ArmT = TypeVar("ArmT", bound=ArmSettings)
-TrialsT = TypeVar("TrialsT", bound=AlignmentTrialsScenario)
 
 
-def resolve_trials(scenario: TrialsT) -> TrialsT:
-    """Resolve the scenario, once it is sure that every trial has something to see.
+@dataclass(frozen=True, kw_only=True)
+class ResolvedAlignmentTrialsScenario(ResolvedAlignmentScenario, AlignmentTrialsScenario):
+    """The same with nothing left open."""
+
+
+TrialsT = TypeVar("TrialsT", bound=ResolvedAlignmentTrialsScenario)
+
+
+def resolve_trials(kind: type[TrialsT], scenario: AlignmentTrialsScenario) -> TrialsT:
+    """Return a scenario resolved, once it is sure that every trial has something to see.
 
     All trials have the controllers that are designed for its middle.
 
     Raises:
         ParameterError: If a part is out of an image where a compensation could begin.
     """
-    scenario = resolve(scenario)
-    require_starts(scenario, scenario.spread)
-    return scenario
+    resolved = resolve_as(kind, scenario)
+    require_starts(resolved, resolved.spread)
+    return resolved
 
 
 def require_starts(scenario: AlignmentScenario, spread: Spread) -> None:
@@ -468,7 +467,6 @@ class RepeatabilityScenario(AlignmentTrialsScenario):
     support: OpenSupport = field(default_factory=OpenSupport)
     # for the margins; what is left open: of the arms, where two points may begin to wedge
 
-    RENAMED: ClassVar[Mapping[str, str]] = SUPPORT_OF_PARTS
     UNUSED_OF_PARTS: ClassVar[tuple[str, ...]] = ("bore_depth",)
 
     def held(self) -> Support:
@@ -476,10 +474,15 @@ class RepeatabilityScenario(AlignmentTrialsScenario):
         return self.support.over(wedging_support(self))
 
 
-RepeatabilityT = TypeVar("RepeatabilityT", bound=RepeatabilityScenario)
+@dataclass(frozen=True, kw_only=True)
+class ResolvedRepeatabilityScenario(ResolvedAlignmentTrialsScenario, RepeatabilityScenario):
+    """The same with nothing left open."""
 
 
-def resolve_repeatability(scenario: RepeatabilityT) -> RepeatabilityT:
+REPEATABILITY: Final = RepeatabilityScenario()
+
+
+def resolve_repeatability(scenario: RepeatabilityScenario) -> ResolvedRepeatabilityScenario:
     """Fill in the support too.
 
     Raises:
@@ -488,10 +491,10 @@ def resolve_repeatability(scenario: RepeatabilityT) -> RepeatabilityT:
     held = scenario.held()
     require_stiff(scenario.parts, held)
     known = OpenSupport(**{one.name: getattr(held, one.name) for one in fields(held)})
-    return replace(resolve_trials(scenario), support=known)
+    return resolve_trials(ResolvedRepeatabilityScenario, replace(scenario, support=known))
 
 
-def align(scenario: AlignmentTrialsScenario, seed: int, trial: int) -> Row:
+def align(scenario: ResolvedAlignmentTrialsScenario, seed: int, trial: int) -> Row:
     """Run one of a seed's trials; it depends on its arguments alone, but for how long it takes.
 
     Returns:
@@ -511,7 +514,9 @@ def align(scenario: AlignmentTrialsScenario, seed: int, trial: int) -> Row:
     }
 
 
-def align_all(scenario: AlignmentTrialsScenario, seed: int, progress: Progress) -> Trials[int]:
+def align_all(
+    scenario: ResolvedAlignmentTrialsScenario, seed: int, progress: Progress
+) -> Trials[int]:
     """Run as many trials as the scenario asks for; a task is a trial's number."""
     return run_each(partial(align, scenario, seed), range(scenario.trials), progress)
 

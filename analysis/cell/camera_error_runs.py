@@ -13,7 +13,7 @@ from chamfer.analysis.campaign.trial_metrics import trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.cell.alignment_runs import (
     LATE,
-    AlignmentTrialsScenario,
+    ResolvedAlignmentTrialsScenario,
     Traces,
     drawn,
     row_before,
@@ -310,13 +310,13 @@ MOMENTS: Final = ("soon", "late")
 class Study(NamedTuple):
     """What all runs of a study have in common; resolved."""
 
-    scenario: AlignmentTrialsScenario
+    scenario: ResolvedAlignmentTrialsScenario
     behind: float  # m, from the tip
     off_axis: float  # m
     soon: float  # s, since the compensation's begin
 
 
-class Still(NamedTuple):
+class ErrorAtRest(NamedTuple):
     """One error at some sizes, of parts at rest."""
 
     error: str
@@ -324,7 +324,7 @@ class Still(NamedTuple):
     measured: Measured
 
 
-class Run(NamedTuple):
+class ErrorRun(NamedTuple):
     """One run of the loop, with an error or with drawn ones."""
 
     error: str  # or NONE, or DRAWN
@@ -348,7 +348,7 @@ def left(study: Study, pose: Array, hole: Array) -> dict[str, Array]:
     }
 
 
-def at_rest(study: Study, task: Still) -> Row:
+def at_rest(study: Study, task: ErrorAtRest) -> Row:
     """Return where the parts are taken to be aligned, shape (n,); NaN where one is not seen."""
     error = BY_NAME[task.error]
     values: dict[str, list[float]] = {name: [] for name in (*LEFT, "gap_error")}
@@ -383,7 +383,7 @@ def reached(size: Array, left: Array, wanted: float) -> float | None:
     return float(size[k - 1] + share * (size[k] - size[k - 1]))
 
 
-def run_once(study: Study, seed: int, task: Run) -> Row:
+def run_once(study: Study, seed: int, task: ErrorRun) -> Row:
     """Run the loop, and return what is left soon and late; it depends on its arguments alone.
 
     ``seen`` is 0 where nothing was measured in the end: what is left then is of the start, or of
@@ -461,7 +461,7 @@ def _measured(study: Study, traces: Traces) -> dict[str, float | None]:
 
 def _of(
     study: Study, measured: Measured, controller: ControllerKind = "fsm"
-) -> AlignmentTrialsScenario:
+) -> ResolvedAlignmentTrialsScenario:
     scenario = study.scenario
     return replace(
         scenario,

@@ -11,7 +11,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.campaign import Trials, run_each
-from chamfer.analysis.cell.alignment_runs import AlignmentTrialsScenario, resolve_trials
+from chamfer.analysis.cell.alignment_runs import (
+    AlignmentTrialsScenario,
+    ResolvedAlignmentTrialsScenario,
+    resolve_trials,
+)
 from chamfer.analysis.cell.camera_error_runs import (
     BY_NAME,
     DRAWN,
@@ -21,8 +25,8 @@ from chamfer.analysis.cell.camera_error_runs import (
     NONE,
     NOT_DRAWN,
     CameraError,
-    Run,
-    Still,
+    ErrorAtRest,
+    ErrorRun,
     Study,
     at_rest,
     reached,
@@ -97,12 +101,16 @@ class CameraErrorsScenario(AlignmentTrialsScenario):
         """The errors that are tried alone."""
         return tuple(one for one in ERRORS if not self.errors or one.name in self.errors)
 
-    def study(self) -> Study:
-        """Return what all runs have in common."""
-        return Study(self, self.behind, self.off_axis, self.soon)
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedCameraErrorsScenario(ResolvedAlignmentTrialsScenario, CameraErrorsScenario):
+    """The same with nothing left open."""
 
 
-def resolve(scenario: CameraErrorsScenario) -> CameraErrorsScenario:
+CAMERA_ERRORS: Final = CameraErrorsScenario()
+
+
+def resolve(scenario: CameraErrorsScenario) -> ResolvedCameraErrorsScenario:
     """Refuse what the study sets itself."""
     if scenario.controller != ControllerChoice():
         raise ParameterError("controller.kind", scenario.controller.kind, "fsm; see controllers")
@@ -117,17 +125,17 @@ def resolve(scenario: CameraErrorsScenario) -> CameraErrorsScenario:
         # What a motion makes the cameras expect is as late as their images truly are.
         allowed = "0, 0, 0: the errors of time are known on the way"
         raise ParameterError("start_offset", scenario.start_offset, allowed)
-    return resolve_trials(scenario)
+    return resolve_trials(ResolvedCameraErrorsScenario, scenario)
 
 
-def run(scenario: CameraErrorsScenario, seed: int, progress: Progress) -> Outcome:
+def run(scenario: ResolvedCameraErrorsScenario, seed: int, progress: Progress) -> Outcome:
     """Look at parts at rest, and run the loop."""
-    study = scenario.study()
+    study = Study(scenario, scenario.behind, scenario.off_axis, scenario.soon)
     still = _still(scenario, study, partial(_part, progress, 0.0, 0.2))
     tasks = [
         *_alone(scenario),
         *(
-            Run(name, size, controller, measured, trial)
+            ErrorRun(name, size, controller, measured, trial)
             for trial in range(scenario.trials)
             for controller in scenario.controllers
             for measured in scenario.measurements
@@ -153,7 +161,7 @@ def _still(scenario: CameraErrorsScenario, study: Study, progress: Progress) -> 
     """Return a row for each error at each size, as either measurement sees parts at rest."""
     shares = scenario.largest * np.linspace(0.0, 1.0, scenario.points + 1)[1:]
     tasks = [
-        Still(error.name, tuple((shares * error.most).tolist()), measured)
+        ErrorAtRest(error.name, tuple((shares * error.most).tolist()), measured)
         for measured in scenario.measurements
         for error in scenario.alone
         if not error.moving and scenario.points
@@ -171,7 +179,7 @@ def _still(scenario: CameraErrorsScenario, study: Study, progress: Progress) -> 
     }
 
 
-def _alone(scenario: CameraErrorsScenario) -> list[Run]:
+def _alone(scenario: CameraErrorsScenario) -> list[ErrorRun]:
     """Return the runs with one error, and without any, from the scenario's own start."""
     sizes = [
         (one.name, sign * scenario.largest * one.most)
@@ -181,14 +189,14 @@ def _alone(scenario: CameraErrorsScenario) -> list[Run]:
         for sign in ((1, -1) if one.off_axis else (1,))
     ]
     return [
-        Run(name, size, controller, measured)
+        ErrorRun(name, size, controller, measured)
         for controller in scenario.controllers
         for measured in scenario.measurements
         for name, size in [(NONE, 0.0), *sizes]
     ]
 
 
-def _rows(finished: Trials[Run]) -> Table:
+def _rows(finished: Trials[ErrorRun]) -> Table:
     """Return a row a run."""
     tasks = finished.tasks
     trial = [math.nan if task.trial is None else task.trial for task in tasks]

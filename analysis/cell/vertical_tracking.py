@@ -33,20 +33,27 @@ from chamfer.analysis.drawing.figure_style import (
 from chamfer.analysis.published.work_cell import DROOP
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.diagrams.cell.alignment import resolve as resolve_alignment
-from chamfer.diagrams.cell.alignment_scenario import VerticalTrackingScenario
+from chamfer.diagrams.cell.alignment_scenario import (
+    AlignmentScenario,
+    Compensated,
+    ResolvedAlignmentScenario,
+)
 from chamfer.models.validation import ParameterError
 
 RUNS: Final = ("uncompensated", "compensated")
 
 
-def resolve(scenario: VerticalTrackingScenario) -> VerticalTrackingScenario:
+def resolve(scenario: AlignmentScenario) -> ResolvedAlignmentScenario:
     """Refuse what leaves nothing to compare, or to see."""
+    if scenario.axis != "horizontal":
+        allowed = "horizontal, for a peg that goes up to the height of the hole"
+        raise ParameterError("axis", scenario.axis, allowed)
     if scenario.compensated == "none":
         raise ParameterError("compensated", "none", "peg, hole, both; one run goes without")
     return resolve_alignment(scenario)
 
 
-def run(scenario: VerticalTrackingScenario, seed: int, progress: Progress) -> Outcome:
+def run(scenario: ResolvedAlignmentScenario, seed: int, progress: Progress) -> Outcome:
     """Run without and with compensation, and measure the heights that the tip reaches."""
     finished = run_each(partial(_run_one, scenario, seed), RUNS, progress)
     split = finished.split(RUNS, lambda name: name)
@@ -97,12 +104,12 @@ def run(scenario: VerticalTrackingScenario, seed: int, progress: Progress) -> Ou
     )
 
 
-def _run_one(scenario: VerticalTrackingScenario, seed: int, name: str) -> Row:
-    compensated = scenario.compensated if name == "compensated" else "none"
+def _run_one(scenario: ResolvedAlignmentScenario, seed: int, name: str) -> Row:
+    compensated: Compensated = scenario.compensated if name == "compensated" else "none"
     return with_table({}, run_alignment(replace(scenario, compensated=compensated), seed))
 
 
-def figures(scenario: VerticalTrackingScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: ResolvedAlignmentScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw the heights over time."""
     return {"vertical-tracking": plot_heights(scenario, outcome)}
 
@@ -115,7 +122,7 @@ _RUNS: Final = (
 )
 
 
-def plot_heights(scenario: VerticalTrackingScenario, outcome: Outcome) -> Figure:
+def plot_heights(scenario: ResolvedAlignmentScenario, outcome: Outcome) -> Figure:
     """Draw height, error and compensation over time."""
     traces, goal = outcome.traces, scenario.mouth[2]
     time, desired = traces["time"], traces["desired_height"]

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import ClassVar
+from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.trial_metrics import prefixed
 from chamfer.analysis.cell.alignment_runs import (
-    SUPPORT_OF_PARTS,
     RepeatabilityScenario,
+    ResolvedRepeatabilityScenario,
     align_all,
     detected_metric,
     margins,
@@ -70,13 +70,6 @@ class Start:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EndsScenario(RepeatabilityScenario):
-    """Alignments of the diagram's parts, judged by the support that the arms are."""
-
-    trials: int = 10  # section 5
-
-
-@dataclass(frozen=True, kw_only=True)
 class WedgingScenario:
     """The parts, their support, further compliance centres, and three starts to follow.
 
@@ -91,12 +84,11 @@ class WedgingScenario:
     published_mean: Start = Start(lateral=MEAN_ERROR[0], rotation=MEAN_ERROR[1])
     published_worst: Start = Start(lateral=WORST_ERROR[0], rotation=WORST_ERROR[1])
     wedging_prone: Start = Start(lateral=WORST_ERROR[0], rotation=0.05)  # in the box; assumed
-    alignment: EndsScenario | None = field(default_factory=EndsScenario)
-    # whose trials' ends are drawn in, with these parts; null: none
+    alignment: RepeatabilityScenario | None = field(
+        default_factory=lambda: RepeatabilityScenario(trials=10)
+    )  # whose trials' ends are drawn in, with these parts, ten as in section 5; null: none
     depth: float = 0.06  # m, of the bore; assumed
     points: int = 401  # of every curve
-
-    RENAMED: ClassVar[Mapping[str, str]] = SUPPORT_OF_PARTS
 
     def __post_init__(self) -> None:
         require_stiff(self.parts, self.support)
@@ -129,16 +121,26 @@ def _require_of(parts: ColouredParts, aligned: ColouredParts) -> None:
             raise ParameterError(f"alignment.parts.{one.name}", value, f"that of parts, {own!r}")
 
 
-def resolve(scenario: WedgingScenario) -> WedgingScenario:
+@dataclass(frozen=True, kw_only=True)
+class ResolvedWedgingScenario(WedgingScenario):
+    """The same with the alignments resolved, of the diagram's parts."""
+
+    alignment: ResolvedRepeatabilityScenario | None
+
+
+WEDGING: Final = WedgingScenario()
+
+
+def resolve(scenario: WedgingScenario) -> ResolvedWedgingScenario:
     """Resolve the alignments, of the diagram's parts."""
-    if scenario.alignment is None:
-        return scenario
-    with within("alignment"):
-        alignment = resolve_repeatability(replace(scenario.alignment, parts=scenario.parts))
-    return replace(scenario, alignment=alignment)
+    alignment = None
+    if scenario.alignment is not None:
+        with within("alignment"):
+            alignment = resolve_repeatability(replace(scenario.alignment, parts=scenario.parts))
+    return ResolvedWedgingScenario(**vars(scenario) | {"alignment": alignment})
 
 
-def run(scenario: WedgingScenario, seed: int, progress: Progress) -> Outcome:
+def run(scenario: ResolvedWedgingScenario, seed: int, progress: Progress) -> Outcome:
     """Measure the region, the margins of the starts, and their way into the hole."""
     parts, support = scenario.parts, scenario.support
     metrics = {

@@ -3,22 +3,21 @@
 import math
 from functools import lru_cache
 
-from chamfer.diagrams.insertion.insertion import InsertionScenario
+from chamfer.diagrams.insertion.insertion import ResolvedInsertionScenario
 from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg.support import Support
-from chamfer.models.validation import known
 from chamfer.systems.strategies.insertion_decision import InsertionRegion
 
 
-def region_of(scenario: InsertionScenario) -> InsertionRegion:
+def region_of(scenario: ResolvedInsertionScenario) -> InsertionRegion:
     """Return the errors with which the peg finds its hole and does not wedge, as is believed."""
     return _region(scenario.parts, scenario.wedging_support)
 
 
-def target_of(scenario: InsertionScenario) -> float:
+def target_of(scenario: ResolvedInsertionScenario) -> float:
     """Return how deep the tip is to be, m."""
     bore = scenario.parts.bore_depth
-    return min(known("insert.depth", scenario.insert.depth), math.inf if bore is None else bore)
+    return min(scenario.insert.depth, math.inf if bore is None else bore)
 
 
 @lru_cache(maxsize=64)

@@ -6,7 +6,12 @@ from dataclasses import dataclass
 from typing import Final
 
 from chamfer.analysis.design.design import assess, chain
-from chamfer.analysis.design.design_scenario import FEWEST, DesignScenario, resolve_design
+from chamfer.analysis.design.design_scenario import (
+    FEWEST,
+    DesignScenario,
+    ResolvedDesignScenario,
+    resolve_design,
+)
 from chamfer.analysis.design.detection import sight
 from chamfer.analysis.design.drawn_errors import draw_errors
 from chamfer.analysis.design.fields import FIELDS, DesignField
@@ -98,7 +103,7 @@ def changed(scenario: DesignScenario, path: str, value: float) -> DesignScenario
     raise ParameterError("path", path, ", ".join(field.path for field in FIELDS))
 
 
-def _of(resolved: DesignScenario, seed: int) -> Links:
+def _of(resolved: ResolvedDesignScenario, seed: int) -> Links:
     """Return the chain with as few drawn errors as say something."""
     seen = sight(resolved)
     found = chain(resolved, seen, draw_errors(resolved, seen, seed, FEWEST))

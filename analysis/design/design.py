@@ -8,7 +8,7 @@ import scipy  # whose submodules are imported where they are used
 
 from chamfer.analysis.campaign.trial_metrics import CONFIDENCE
 from chamfer.analysis.design.cell_region import target_of
-from chamfer.analysis.design.design_scenario import DesignScenario
+from chamfer.analysis.design.design_scenario import ResolvedDesignScenario
 from chamfer.analysis.design.detection import Sight, sight, sight_links
 from chamfer.analysis.design.drawn_errors import DrawnErrors, draw_errors
 from chamfer.analysis.design.insertion_links import (
@@ -53,7 +53,7 @@ class Design:
         return self.limiting.share
 
 
-def assess(scenario: DesignScenario, seed: int = 0, *, draws: int | None = None) -> Design:
+def assess(scenario: ResolvedDesignScenario, seed: int = 0, *, draws: int | None = None) -> Design:
     """Return what theory says of an insertion; nothing is simulated.
 
     Certain: every link's bound is within its limit, and so are all drawn errors. No: of the drawn
@@ -86,7 +86,7 @@ def assess(scenario: DesignScenario, seed: int = 0, *, draws: int | None = None)
     )
 
 
-def chain(scenario: DesignScenario, seen: Sight, drawn: DrawnErrors) -> tuple[Link, ...]:
+def chain(scenario: ResolvedDesignScenario, seen: Sight, drawn: DrawnErrors) -> tuple[Link, ...]:
     """Return the links from the cameras to the seated peg, of a resolved scenario.
 
     Where no drawn errors become small enough to insert, the chain ends there.
@@ -111,7 +111,7 @@ def interval(inside: int, count: int) -> tuple[float, float]:
 
 
 def _inside(
-    scenario: DesignScenario, seen: Sight, links: tuple[Link, ...], drawn: DrawnErrors
+    scenario: ResolvedDesignScenario, seen: Sight, links: tuple[Link, ...], drawn: DrawnErrors
 ) -> tuple[int, int]:
     """Return how many draws are inside all limits, and how many could go in."""
     begun = (drawn.force <= scenario.insert.force_limit) & drawn.decided

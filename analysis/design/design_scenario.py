@@ -5,7 +5,11 @@ from typing import Final, TypeVar
 
 from chamfer.analysis.cell.alignment_runs import Spread, drawn, require_starts
 from chamfer.analysis.cell.camera_error_runs import with_drawn_errors
-from chamfer.diagrams.insertion.insertion import InsertionScenario, resolve
+from chamfer.diagrams.insertion.insertion import (
+    InsertionScenario,
+    ResolvedInsertionScenario,
+    resolve_as,
+)
 from chamfer.models.validation import ParameterError
 
 FEWEST: Final = 72  # draws, of which none inside says with 95 % that less than 5 % are
@@ -44,18 +48,23 @@ class DesignScenario(InsertionScenario):
                 raise ParameterError(name, getattr(self, name), f"{least} to {most}")
 
 
+@dataclass(frozen=True, kw_only=True)
+class ResolvedDesignScenario(ResolvedInsertionScenario, DesignScenario):
+    """The same with nothing left open."""
+
+
 ScenarioT = TypeVar("ScenarioT", bound=DesignScenario)
 
 
-def resolve_design(scenario: ScenarioT) -> ScenarioT:
+def resolve_design(scenario: DesignScenario) -> ResolvedDesignScenario:
     """Resolve the insertion, once it is sure that every start has something to see.
 
     Raises:
         ParameterError: If a part is out of an image at a start, or the cell can't be built.
     """
-    scenario = resolve(scenario)
-    require_starts(scenario, scenario.spread)
-    return scenario
+    resolved = resolve_as(ResolvedDesignScenario, scenario)
+    require_starts(resolved, resolved.spread)
+    return resolved
 
 
 def drawn_design(scenario: ScenarioT, seed: int, trial: int) -> ScenarioT:

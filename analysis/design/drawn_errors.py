@@ -7,11 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.analysis.design.cell_region import region_of
-from chamfer.analysis.design.design_scenario import DesignScenario
+from chamfer.analysis.design.design_scenario import ResolvedDesignScenario
 from chamfer.analysis.design.detection import Sight
 from chamfer.analysis.design.settling import ACROSS, SEEN, loops, metric_axis, metric_gains
 from chamfer.diagrams.cell.alignment_scenario import Kind
-from chamfer.models.validation import known
 from chamfer.systems.servo.compensated_error import (
     CompensatedErrors,
     Law,
@@ -42,7 +41,9 @@ class DrawnErrors(NamedTuple):
         return np.isfinite(self.time)
 
 
-def draw_errors(scenario: DesignScenario, seen: Sight, seed: int, draws: int) -> DrawnErrors:
+def draw_errors(
+    scenario: ResolvedDesignScenario, seen: Sight, seed: int, draws: int
+) -> DrawnErrors:
     """Return the errors of drawn starts, models and pictures as the parts touch.
 
     Every axis is a loop of its own: linear arms behind the play of their dry friction, measured
@@ -84,7 +85,7 @@ def draw_errors(scenario: DesignScenario, seen: Sight, seed: int, draws: int) ->
     )
 
 
-def _law(scenario: DesignScenario) -> Law:
+def _law(scenario: ResolvedDesignScenario) -> Law:
     if scenario.compensated == "none":
         return no_law
     if scenario.controller.kind == "fsm":
@@ -92,7 +93,9 @@ def _law(scenario: DesignScenario) -> Law:
     return pid_law([metric_gains(scenario, kind) for kind in _KINDS])
 
 
-def _until_touch(scenario: DesignScenario, errors: CompensatedErrors) -> tuple[Array, Array]:
+def _until_touch(
+    scenario: ResolvedDesignScenario, errors: CompensatedErrors
+) -> tuple[Array, Array]:
     """Run the loops until all draws touch, or it is too late to decide.
 
     Returns:
@@ -100,7 +103,7 @@ def _until_touch(scenario: DesignScenario, errors: CompensatedErrors) -> tuple[A
     """
     decide, insert, period = scenario.decide, scenario.insert, scenario.cameras.frames.period
     running = insert.compensation == "running"
-    feed = scenario.gap / known("insert.speed", insert.speed)
+    feed = scenario.gap / insert.speed
     approach = math.ceil((insert.pause + feed) / period) if running else 0
     waits = {"margin": decide.timeout, "wait": scenario.compensation_time, "at_once": 0.0}
     last = math.floor(waits[decide.kind] / period)

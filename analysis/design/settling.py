@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 
 from chamfer.analysis.cell.alignment_runs import true_errors
 from chamfer.analysis.design.cell_region import region_of
-from chamfer.analysis.design.design_scenario import DesignScenario
+from chamfer.analysis.design.design_scenario import ResolvedDesignScenario
 from chamfer.analysis.design.detection import Sight
 from chamfer.analysis.design.link import Link, at_most
 from chamfer.diagrams.cell.alignment import SHARES
 from chamfer.diagrams.cell.alignment_scenario import KINDS, Kind, true_pose, wrong_pose
 from chamfer.diagrams.cell.controller_design import arm_responses, small_share
 from chamfer.diagrams.cell.work_cell import ArmName, ArmSettings, WorkCellScenario
-from chamfer.models.validation import known
 from chamfer.systems.force.tool_friction import tool_friction
 from chamfer.systems.pose import pose_vector
 from chamfer.systems.servo.compensator import AxisParams
@@ -58,7 +57,7 @@ class Loop(NamedTuple):
     reach: float  # likewise, to both sides
 
 
-def arm_at_tool(scenario: DesignScenario, arm: ArmName) -> ArmAtTool:
+def arm_at_tool(scenario: ResolvedDesignScenario, arm: ArmName) -> ArmAtTool:
     """Return what dry friction, the most that is drawn, and unknown masses are at an arm's tool.
 
     The arm is at rest on its springs: deflections are those of the wrench over the stiffness.
@@ -92,14 +91,14 @@ def _arm_at_tool(scenario: WorkCellScenario, arm: ArmName, more_friction: float)
 
 
 @lru_cache(maxsize=32)
-def loops(scenario: DesignScenario) -> dict[str, Loop]:
+def loops(scenario: ResolvedDesignScenario) -> dict[str, Loop]:
     """Return the loop of every axis across, from what is resolved.
 
     Both arms share the compensation as the diagram does. Friction is a play: a spring of the
     stiffness against what the joints hold, so that at 5 N m/rad the wrist's friction is worth
     some ten milliradians.
     """
-    shares = SHARES[known("compensated", scenario.compensated)]
+    shares = SHARES[scenario.compensated]
     responses = arm_responses(scenario)
     at_tool = {arm: arm_at_tool(scenario, arm) for arm in scenario.arms}
     stiffness = (*scenario.impedance.stiffness, *scenario.impedance.rotational_stiffness)
@@ -132,7 +131,7 @@ def loops(scenario: DesignScenario) -> dict[str, Loop]:
     return found
 
 
-def start_error(scenario: DesignScenario) -> Array:
+def start_error(scenario: ResolvedDesignScenario) -> Array:
     """Return the true error, desired minus actual, that commands and bases make, shape (6,).
 
     Of the middle of the starts, in AXES' order along and about the hole's axes, m and rad.
@@ -148,7 +147,7 @@ def start_error(scenario: DesignScenario) -> Array:
     return np.concatenate([way, turn])
 
 
-def settled(scenario: DesignScenario, seen: Sight) -> Array:
+def settled(scenario: ResolvedDesignScenario, seen: Sight) -> Array:
     """Return the bound on the true error that is left of every axis, m and rad, shape (6,).
 
     At rest the measured error is inside the state machine's dead zone, by the settling theorem,
@@ -171,7 +170,7 @@ def settled(scenario: DesignScenario, seen: Sight) -> Array:
     return found
 
 
-def metric_axis(scenario: DesignScenario, kind: Kind) -> AxisParams:
+def metric_axis(scenario: ResolvedDesignScenario, kind: Kind) -> AxisParams:
     """Return one of the state machine's elements in m and rad instead of pixels."""
     axis: AxisParams = getattr(scenario.compensator, kind).closed
     if kind == "rotational":
@@ -180,7 +179,7 @@ def metric_axis(scenario: DesignScenario, kind: Kind) -> AxisParams:
     return replace(axis, dead_zone=pixel * axis.dead_zone, large_error=pixel * axis.large_error)
 
 
-def metric_gains(scenario: DesignScenario, kind: Kind) -> PidGains:
+def metric_gains(scenario: ResolvedDesignScenario, kind: Kind) -> PidGains:
     """Return one of the PID laws for errors in m and rad instead of pixels."""
     gains: PidGains = getattr(scenario.pid, kind).closed
     pixel = scenario.cameras.pixel_size if kind == "lateral" else 1.0
@@ -190,7 +189,7 @@ def metric_gains(scenario: DesignScenario, kind: Kind) -> PidGains:
     return replace(gains, **more)
 
 
-def settling_links(scenario: DesignScenario, seen: Sight) -> list[Link]:
+def settling_links(scenario: ResolvedDesignScenario, seen: Sight) -> list[Link]:
     """Return the links of the compensation: that it rests, how near, and how far it has to go."""
     left, region = settled(scenario, seen), region_of(scenario)
     lateral, tilt = (
@@ -233,7 +232,7 @@ def _padded(plant: SettlingPlant, length: int) -> Array:
 
 
 def _moved(
-    scenario: DesignScenario, at_tool: Mapping[ArmName, ArmAtTool], arm: ArmName
+    scenario: ResolvedDesignScenario, at_tool: Mapping[ArmName, ArmAtTool], arm: ArmName
 ) -> tuple[Array, Array]:
     """Return where unknown masses move a tool to, and how unsure that is, m and rad, (6,)."""
     settings: ArmSettings = getattr(scenario, arm)

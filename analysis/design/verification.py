@@ -10,7 +10,7 @@ from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_metrics import trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.design.design import Design, interval
-from chamfer.analysis.design.design_scenario import DesignScenario, drawn_design
+from chamfer.analysis.design.design_scenario import ResolvedDesignScenario, drawn_design
 from chamfer.analysis.insertion.cell_runs import ending, insertion_metrics, run_cell_insertion
 from chamfer.analysis.scenario.experiment import Progress
 
@@ -32,7 +32,7 @@ class Verified:
     warning: str  # that the prediction is contradicted, in a sentence; "": it is not
 
 
-def insert_drawn(scenario: DesignScenario, seed: int, trial: int) -> Row:
+def insert_drawn(scenario: ResolvedDesignScenario, seed: int, trial: int) -> Row:
     """Simulate one insertion with drawn errors; it depends on its arguments alone.
 
     Returns:
@@ -50,7 +50,7 @@ def insert_drawn(scenario: DesignScenario, seed: int, trial: int) -> Row:
 
 
 def verify(
-    scenario: DesignScenario, design: Design, trials: int, seed: int, progress: Progress
+    scenario: ResolvedDesignScenario, design: Design, trials: int, seed: int, progress: Progress
 ) -> Verified:
     """Simulate insertions with drawn errors, and put them beside the prediction.
 

@@ -16,7 +16,7 @@ from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.scenario.experiment import Metric, Progress, Table, column
 from chamfer.diagrams.insertion.insertion import (
     TASK,
-    InsertionScenario,
+    ResolvedInsertionScenario,
     make_insertion_diagram,
     task_params,
 )
@@ -65,7 +65,7 @@ _CONTACT: Final = ("state", "depth", "loss")
 _MOUTH, _TIP, _BOTTOM = (FEATURES.index(name) for name in ("mouth", "tip", "bottom"))
 
 
-class Step(NamedTuple):
+class TaskTransition(NamedTuple):
     """A transition that the task took."""
 
     time: float  # s
@@ -78,7 +78,7 @@ class CellInsertion(NamedTuple):
     """A finished run; the traces have a row a step of the plant."""
 
     traces: Traces
-    path: tuple[Step, ...]
+    path: tuple[TaskTransition, ...]
     states: tuple[str, ...]  # names of the chart's states, by their numbers
     cpu_seconds: float
 
@@ -100,7 +100,7 @@ class CellInsertion(NamedTuple):
 
 
 def run_cell_insertion(
-    scenario: InsertionScenario,
+    scenario: ResolvedInsertionScenario,
     seed: int,
     progress: Progress | None = None,
     *,
@@ -158,7 +158,7 @@ def run_cell_insertion(
         traces[f"measured_{name}_uncertainty"] = outputs["measured"][:, 2 + i]
     assert run.final is not None
     context = task.GetMyContextFromRoot(run.final)
-    path = tuple(Step(*one[:4]) for one in task.transitions(context))
+    path = tuple(TaskTransition(*one[:4]) for one in task.transitions(context))
     return CellInsertion(traces, path, task.chart.state_names, cpu)
 
 
@@ -168,7 +168,7 @@ def force_medians(traces: Table, step: float) -> tuple[Array, Array]:
     return -x, np.hypot(y, z)
 
 
-def target_depth(scenario: InsertionScenario) -> float:
+def target_depth(scenario: ResolvedInsertionScenario) -> float:
     """Return how deep the tip is to be, m."""
     return task_params(scenario).target
 
@@ -191,7 +191,9 @@ def touch_row(done: CellInsertion) -> int | None:
     return int(rows[0]) if len(rows) else None
 
 
-def insertion_metrics(done: CellInsertion, scenario: InsertionScenario) -> dict[str, float | None]:
+def insertion_metrics(
+    done: CellInsertion, scenario: ResolvedInsertionScenario
+) -> dict[str, float | None]:
     """Measure a run, see :data:`INSERTION`; a value is None where it is undefined."""
     traces, values = done.traces, dict[str, float | None].fromkeys(INSERTION)
     moments, depth = traces["time"], traces["depth"]
@@ -241,7 +243,7 @@ def insertion_metrics(done: CellInsertion, scenario: InsertionScenario) -> dict[
 
 
 def _stopped(
-    done: CellInsertion, axial: Array, scenario: InsertionScenario
+    done: CellInsertion, axial: Array, scenario: ResolvedInsertionScenario
 ) -> dict[str, float | None]:
     """Return what held the peg of the last attempt that was stopped, by the truth.
 
@@ -268,7 +270,7 @@ def _stopped(
     }
 
 
-def ending(done: CellInsertion, scenario: InsertionScenario) -> str:
+def ending(done: CellInsertion, scenario: ResolvedInsertionScenario) -> str:
     """Return how a run ended, in a few words."""
     metrics = insertion_metrics(done, scenario)
     depth = f"{1e3 * float(done.traces['depth'][-1]):.1f} mm deep"
@@ -283,7 +285,7 @@ def ending(done: CellInsertion, scenario: InsertionScenario) -> str:
     return f"not over after {done.traces['time'][-1]:.4g} s, in {done.state}"
 
 
-def path_table(path: Sequence[Step]) -> Table:
+def path_table(path: Sequence[TaskTransition]) -> Table:
     """Return the columns of the transitions taken, as the chart's drawing wants them."""
     names = {
         name: np.array([getattr(one, of) for one in path], dtype=np.str_)
@@ -297,7 +299,7 @@ def path_table(path: Sequence[Step]) -> Table:
     return {"time": column([one.time for one in path]), **names}
 
 
-def insertion_charts(scenario: InsertionScenario) -> tuple[Chart[Any, Any], ...]:
+def insertion_charts(scenario: ResolvedInsertionScenario) -> tuple[Chart[Any, Any], ...]:
     """Return the task's chart; the compensator's are those of the alignment."""
     return (make_insertion_chart(task_params(scenario)),)
 
@@ -335,7 +337,7 @@ _ASIDE: Final = 0.1  # share of an error that may be out of the plane of the the
 _HELD: Final = "the errors at the touch held, no friction in the joints, quasi-static"
 
 
-def predict(scenario: InsertionScenario, done: CellInsertion) -> dict[str, Metric]:
+def predict(scenario: ResolvedInsertionScenario, done: CellInsertion) -> dict[str, Metric]:
     """Return what theory says of the last attempt, and the margin that its touch had."""
     row = touch_row(done)
     if row is None:
@@ -380,7 +382,7 @@ def _along_faces(done: CellInsertion, row: int) -> bool:
     return bool((one <= _ASIDE * other).all() or (other <= _ASIDE * one).all())
 
 
-def predict_at(scenario: InsertionScenario, lateral: float, tilt: float) -> FeedPrediction:
+def predict_at(scenario: ResolvedInsertionScenario, lateral: float, tilt: float) -> FeedPrediction:
     """Return what theory says of errors in one plane, m and rad."""
 
     def push_at(depth: Array) -> Array:
@@ -400,7 +402,7 @@ _PUSHED: Final = 0.05  # N, the least push whose direction says something
 _IN_BORE: Final = (ContactState.ONE_POINT, ContactState.TWO_POINT, ContactState.SEATED)
 
 
-class Loads(NamedTuple):
+class PlanarLoads(NamedTuple):
     """Loads of the support on the peg in one plane, a row a moment."""
 
     time: Array  # s
@@ -415,7 +417,7 @@ class Loads(NamedTuple):
         return len(self.time)
 
 
-def loads_in_planes(traces: Table, parts: PegAndHole, step: float) -> dict[str, Loads]:
+def loads_in_planes(traces: Table, parts: PegAndHole, step: float) -> dict[str, PlanarLoads]:
     """Return the loads in the planes XY and XZ while the peg is pushed in the bore.
 
     They are what the hole does to the peg, reversed, as medians of 10 ms; the moment is about the
@@ -434,7 +436,7 @@ def loads_in_planes(traces: Table, parts: PegAndHole, step: float) -> dict[str, 
         force_ratio = across[pushed] / down[pushed]
         moment_ratio = moment[pushed] / (parts.peg_radius * down[pushed])
         level = jamming_level(parts, force_ratio, moment_ratio, l_of[pushed])
-        found[plane] = Loads(
+        found[plane] = PlanarLoads(
             traces["time"][pushed], l_of[pushed], force_ratio, moment_ratio, level
         )
     return found

@@ -78,6 +78,9 @@ class Variation(NamedTuple):
     accuracy: float | None = None  # of CENIC; None: the scenario's own steps
 
 
+CONVERGENCE: Final = ConvergenceScenario()
+
+
 def resolve(scenario: ConvergenceScenario) -> ConvergenceScenario:
     """Resolve the insertion."""
     return replace(scenario, insertion=resolve_peg_insertion(scenario.insertion))

@@ -39,7 +39,12 @@ from chamfer.analysis.insertion.cell_runs import (
 from chamfer.analysis.insertion.peg_insertion import STATES
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table
 from chamfer.diagrams.cell.alignment_scenario import require_fine_enough
-from chamfer.diagrams.insertion.insertion import InsertionScenario, resolve, task_params
+from chamfer.diagrams.insertion.insertion import (
+    InsertionScenario,
+    ResolvedInsertionScenario,
+    resolve,
+    task_params,
+)
 from chamfer.models.peg_theory.wedging import jamming_vertices, rotation_bounds
 from chamfer.systems.contact.peg_hole_contact_monitor import SEATED, ContactState
 
@@ -73,7 +78,7 @@ _NOTES = {
 }
 
 
-def run(scenario: InsertionScenario, seed: int, progress: Progress) -> Outcome:
+def run(scenario: ResolvedInsertionScenario, seed: int, progress: Progress) -> Outcome:
     """Insert the peg once."""
 
     def told(fraction: float, doing: str = "") -> None:
@@ -92,7 +97,7 @@ def run(scenario: InsertionScenario, seed: int, progress: Progress) -> Outcome:
     )
 
 
-def _metrics(scenario: InsertionScenario, done: CellInsertion) -> dict[str, Metric]:
+def _metrics(scenario: ResolvedInsertionScenario, done: CellInsertion) -> dict[str, Metric]:
     metrics = over_trials([insertion_metrics(done, scenario)], INSERTION)
     insert = scenario.insert
     cap = f"at a cap of {insert.push:g} N"
@@ -114,7 +119,7 @@ def _metrics(scenario: InsertionScenario, done: CellInsertion) -> dict[str, Metr
     return metrics | settling_metrics(scenario) | predict(scenario, done)
 
 
-def _moments(scenario: InsertionScenario, done: CellInsertion) -> dict[str, int]:
+def _moments(scenario: ResolvedInsertionScenario, done: CellInsertion) -> dict[str, int]:
     """Return the rows of the traces of which there are pictures."""
     before = row_before(done.traces["time"], scenario.begin)
     touch = touch_row(done)
@@ -122,7 +127,7 @@ def _moments(scenario: InsertionScenario, done: CellInsertion) -> dict[str, int]
     return dict(zip(_MOMENTS, (before, last if touch is None else touch, last), strict=True))
 
 
-def figures(scenario: InsertionScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: ResolvedInsertionScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
     (chart,) = insertion_charts(scenario)
     result = outcome.metrics["seated.said"].note
@@ -139,7 +144,7 @@ def figures(scenario: InsertionScenario, outcome: Outcome) -> Mapping[str, Figur
     }
 
 
-def resolve_insertion(scenario: InsertionScenario) -> InsertionScenario:
+def resolve_insertion(scenario: InsertionScenario) -> ResolvedInsertionScenario:
     """Return the scenario with what it leaves open filled in, and checked."""
     resolved = resolve(scenario)
     require_fine_enough(resolved)
@@ -166,7 +171,9 @@ _SHORTEST: Final = 0.012  # of the time, a state whose name is written
 _FEW: Final = 150  # loads of a plane that are drawn
 
 
-def plot_course(scenario: InsertionScenario, outcome: Outcome, states: Sequence[str]) -> Figure:
+def plot_course(
+    scenario: ResolvedInsertionScenario, outcome: Outcome, states: Sequence[str]
+) -> Figure:
     """Draw errors, depth and forces over time, with the task's and the contact's states.
 
     Args:
@@ -276,7 +283,7 @@ def _contact_legend(figure: Figure, traces: Table) -> None:
         )
 
 
-def plot_loads(scenario: InsertionScenario, outcome: Outcome) -> Figure:
+def plot_loads(scenario: ResolvedInsertionScenario, outcome: Outcome) -> Figure:
     """Draw tip and tilt into the wedging diagram, the loads into the jamming diagram."""
     figure = new_figure(12.5, 6.0)
     wedging, jamming = figure.subplots(1, 2)
@@ -285,7 +292,7 @@ def plot_loads(scenario: InsertionScenario, outcome: Outcome) -> Figure:
     return figure
 
 
-def _wedging(axes: Axes, scenario: InsertionScenario, outcome: Outcome) -> None:
+def _wedging(axes: Axes, scenario: ResolvedInsertionScenario, outcome: Outcome) -> None:
     parts, traces = scenario.parts, outcome.traces
     limit = parts.chamfer_limit
     x = np.linspace(-limit, limit, 201)
@@ -327,7 +334,7 @@ def _wedging(axes: Axes, scenario: InsertionScenario, outcome: Outcome) -> None:
     axes.set_ylim(-_MRAD * tallest, _MRAD * tallest)
 
 
-def _jamming(axes: Axes, scenario: InsertionScenario, outcome: Outcome) -> None:
+def _jamming(axes: Axes, scenario: ResolvedInsertionScenario, outcome: Outcome) -> None:
     parts = scenario.parts
     for ratio, colour in _RATIOS:
         corners = jamming_vertices(parts, ratio * parts.wedging_depth)

@@ -136,6 +136,9 @@ def _grid(largest: float, points: int) -> list[float]:
     return np.linspace(-largest, largest, points).tolist() if points > 1 else [0.0]
 
 
+INSERTION_MAP: Final = InsertionMapScenario()
+
+
 def resolve(scenario: InsertionMapScenario) -> InsertionMapScenario:
     """Resolve the cell."""
     return replace(scenario, cell=resolve_fed_cell(scenario.cell))

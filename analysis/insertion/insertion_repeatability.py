@@ -17,7 +17,7 @@ from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.cell.alignment_runs import (
     AlignmentTrialsScenario,
     drawn,
-    resolve_trials,
+    require_starts,
     row_before,
 )
 from chamfer.analysis.drawing.figure_style import LIMIT, Style, dress, legend, new_figure
@@ -29,12 +29,17 @@ from chamfer.analysis.insertion.cell_runs import (
     run_cell_insertion,
 )
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
-from chamfer.diagrams.insertion.insertion import InsertionScenario, resolve, task_params
+from chamfer.diagrams.insertion.insertion import (
+    InsertionScenario,
+    ResolvedInsertionScenario,
+    resolve_as,
+    task_params,
+)
 from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
 
 Way = Literal["wait", "frozen", "frozen_wait", "settling"]
-Task = tuple[int, str]  # of a trial, and of a way or none
+TrialInAWay = tuple[int, str]  # of a trial, and of a way or none
 
 AS_IT_IS: Final = ""  # the way of the scenario itself
 _SETTLES: Final = 1.5  # s, after which what is frozen rests
@@ -61,14 +66,28 @@ class InsertionTrialsScenario(InsertionScenario, AlignmentTrialsScenario):
             raise ParameterError("beside", self.beside, f"some of {', '.join(known)}, or none")
 
 
-def resolve_insertion_trials(scenario: InsertionTrialsScenario) -> InsertionTrialsScenario:
+@dataclass(frozen=True, kw_only=True)
+class ResolvedInsertionTrialsScenario(ResolvedInsertionScenario, InsertionTrialsScenario):
+    """The same with nothing left open."""
+
+
+INSERTION_REPEATABILITY: Final = InsertionTrialsScenario()
+
+
+def resolve_insertion_trials(scenario: InsertionTrialsScenario) -> ResolvedInsertionTrialsScenario:
     """Resolve the insertions, once it is sure that every trial has something to see."""
-    return resolve(resolve_trials(scenario))
+    resolved = resolve_as(ResolvedInsertionTrialsScenario, scenario)
+    require_starts(resolved, resolved.spread)
+    return resolved
 
 
-def in_a_way(scenario: InsertionTrialsScenario, way: str) -> InsertionTrialsScenario:
+def in_a_way(
+    scenario: ResolvedInsertionTrialsScenario, way: str
+) -> ResolvedInsertionTrialsScenario:
     """Return the scenario with what a way does differently."""
-    changes: dict[str, Callable[[InsertionTrialsScenario], InsertionTrialsScenario]] = {
+    changes: dict[
+        str, Callable[[ResolvedInsertionTrialsScenario], ResolvedInsertionTrialsScenario]
+    ] = {
         AS_IT_IS: lambda one: one,
         "wait": _waits,
         "frozen": _freezes,
@@ -78,22 +97,22 @@ def in_a_way(scenario: InsertionTrialsScenario, way: str) -> InsertionTrialsScen
     return changes[way](scenario)
 
 
-def _waits(scenario: InsertionTrialsScenario) -> InsertionTrialsScenario:
+def _waits(scenario: ResolvedInsertionTrialsScenario) -> ResolvedInsertionTrialsScenario:
     return replace(scenario, decide=replace(scenario.decide, kind="wait"))
 
 
-def _freezes(scenario: InsertionTrialsScenario) -> InsertionTrialsScenario:
+def _freezes(scenario: ResolvedInsertionTrialsScenario) -> ResolvedInsertionTrialsScenario:
     insert = replace(scenario.insert, compensation="frozen", freeze_depth=None)
     return replace(scenario, insert=insert)
 
 
-def _pauses(scenario: InsertionTrialsScenario) -> InsertionTrialsScenario:
+def _pauses(scenario: ResolvedInsertionTrialsScenario) -> ResolvedInsertionTrialsScenario:
     return replace(scenario, insert=replace(scenario.insert, pause=_SETTLES))
 
 
 def insert_all(
-    scenario: InsertionTrialsScenario, seed: int, progress: Progress
-) -> dict[str, Trials[Task]]:
+    scenario: ResolvedInsertionTrialsScenario, seed: int, progress: Progress
+) -> dict[str, Trials[TrialInAWay]]:
     """Run every trial in every way, and return the trials by way."""
     ways = (AS_IT_IS, *scenario.beside)
     tasks = [(trial, way) for trial in range(scenario.trials) for way in ways]
@@ -101,11 +120,11 @@ def insert_all(
     return finished.split(ways, _way_of)
 
 
-def _way_of(task: Task) -> str:
+def _way_of(task: TrialInAWay) -> str:
     return task[1]
 
 
-def insert_one(scenario: InsertionTrialsScenario, seed: int, task: Task) -> Row:
+def insert_one(scenario: ResolvedInsertionTrialsScenario, seed: int, task: TrialInAWay) -> Row:
     """Run one of a seed's trials in one way; it depends on its arguments alone.
 
     Returns:
@@ -152,7 +171,7 @@ _QUANTILE: Final = 95  # %
 _SETTLING: Final = "settling"
 
 
-def run(scenario: InsertionTrialsScenario, seed: int, progress: Progress) -> Outcome:
+def run(scenario: ResolvedInsertionTrialsScenario, seed: int, progress: Progress) -> Outcome:
     """Insert the peg many times, in every way."""
     found = insert_all(scenario, seed, progress)
     metrics: dict[str, Metric] = {}
@@ -195,7 +214,7 @@ def run(scenario: InsertionTrialsScenario, seed: int, progress: Progress) -> Out
     )
 
 
-def _statistics(trials: Trials[Task]) -> dict[str, Metric]:
+def _statistics(trials: Trials[TrialInAWay]) -> dict[str, Metric]:
     n = len(trials)
     seated = trials.column("seated")
     first, said = trials.column("seated.first"), trials.column("seated.said")
@@ -246,7 +265,7 @@ def _metric(value: float, unit: str, note: str) -> Metric:
     return Metric(value=value, unit=unit, note=note)
 
 
-def _saved(early: Trials[Task], late: Trials[Task]) -> dict[str, Metric]:
+def _saved(early: Trials[TrialInAWay], late: Trials[TrialInAWay]) -> dict[str, Metric]:
     """Return what deciding early saves, over pairs of one start that were both seated."""
     waited = {
         task[0]: row["time_to_seated"] for task, row in zip(late.tasks, late.rows, strict=True)
@@ -274,7 +293,7 @@ def _saved(early: Trials[Task], late: Trials[Task]) -> dict[str, Metric]:
     }
 
 
-def _settled_statistics(trials: Trials[Task]) -> dict[str, Metric]:
+def _settled_statistics(trials: Trials[TrialInAWay]) -> dict[str, Metric]:
     """Return the errors as the compensation froze after its time, and when they rest."""
     metrics = {}
     for name, unit in (("lateral_error", "m"), ("rotational_error", "rad")):
@@ -291,7 +310,7 @@ def _settled_statistics(trials: Trials[Task]) -> dict[str, Metric]:
     return metrics
 
 
-def figures(scenario: InsertionTrialsScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: ResolvedInsertionTrialsScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
     return {"insertion-repeatability": plot_insertions(scenario, outcome)}
 
@@ -306,7 +325,7 @@ _SAFE: Final = 5.0  # N
 _MM: Final = 1e3
 
 
-def plot_insertions(scenario: InsertionTrialsScenario, outcome: Outcome) -> Figure:
+def plot_insertions(scenario: ResolvedInsertionTrialsScenario, outcome: Outcome) -> Figure:
     """Draw every trial in every way."""
     figure = new_figure(12.0, 8.4)
     courses, times, forces, touches = figure.subplots(2, 2).ravel()
@@ -368,7 +387,7 @@ def plot_insertions(scenario: InsertionTrialsScenario, outcome: Outcome) -> Figu
     return figure
 
 
-def _name(scenario: InsertionTrialsScenario, way: str) -> str:
+def _name(scenario: ResolvedInsertionTrialsScenario, way: str) -> str:
     if way != AS_IT_IS:
         return way.replace("_", ", ")
     return f"{scenario.decide.kind.replace('_', ' ')}, {scenario.insert.compensation}"

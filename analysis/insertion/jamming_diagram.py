@@ -84,6 +84,9 @@ class Loads(NamedTuple):
     seated: bool
 
 
+JAMMING: Final = JammingScenario()
+
+
 def resolve(scenario: JammingScenario) -> JammingScenario:
     """Resolve the insertion."""
     return replace(scenario, insertion=resolve_peg_insertion(scenario.insertion))

@@ -1,7 +1,7 @@
 """What the alignment by sight is: arms, cameras, controllers, and the starts that it admits."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
 from typing import ClassVar, Final, Literal, get_args
 
@@ -16,7 +16,7 @@ from chamfer.diagrams.cell.cell_vision import (
     camera_placement,
     true_camera,
 )
-from chamfer.diagrams.cell.work_cell import HOLE_ARM, ArmName, HoleSettings, WorkCellScenario
+from chamfer.diagrams.cell.work_cell import HOLE_ARM, ArmName, WorkCellScenario
 from chamfer.models.cameras.camera import Camera, View
 from chamfer.models.cameras.camera_model import CameraModel
 from chamfer.models.peg.part_surfaces import require_apart, rings
@@ -126,7 +126,6 @@ class AlignmentScenario(WorkCellScenario):
     begin: float = 1.5  # s, of the compensation; until then impedance control alone
     compensation_time: float = 2.5  # s, how long the compensation lasts; section 5
 
-    RENAMED: ClassVar[Mapping[str, str]] = {"controller": "controller.kind"}
     UNUSED_OF_PARTS: ClassVar[tuple[str, ...]] = OF_CONTACT
 
     def __post_init__(self) -> None:
@@ -159,29 +158,26 @@ class AlignmentScenario(WorkCellScenario):
 
 
 @dataclass(frozen=True, kw_only=True)
-class VerticalTrackingScenario(AlignmentScenario):
-    """The peg's tip goes up to the hole's height, 10 cm away from it (Fig. 11).
+class ResolvedAlignmentScenario(AlignmentScenario):
+    """The same with cameras, arms and controllers filled in: what diagrams take."""
 
-    The way is not published: assumed.
-    """
+    compensated: Compensated
+    meeting_point: Vector3
 
-    compensated: Compensated | None = "peg"
-    hole: HoleSettings = replace(HOLE_ARM, payload_error=0.0)  # exactly at the height, section 5
-    impedance: ImpedanceControllerParams = field(
-        default_factory=lambda: ImpedanceControllerParams(stiffness=(700.0, 700.0, 700.0))
-    )  # about 700 N/m, section 5
-    gap: float = 0.1  # m, section 5
-    initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    start_offset: Vector3 = (0.0, 0.0, -0.03)
-    begin: float = 0.1
-    compensation_time: float = 3.9
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.axis != "horizontal":
-            allowed = "horizontal, for a peg that goes up to the height of the hole"
-            raise ParameterError("axis", self.axis, allowed)
-
+BY_SIGHT: Final = AlignmentScenario()
+# The peg's tip goes up to the hole's height, 10 cm away from it (Fig. 11). The way is not
+# published: assumed.
+VERTICAL_TRACKING: Final = AlignmentScenario(
+    compensated="peg",
+    hole=replace(HOLE_ARM, payload_error=0.0),  # exactly at the height, section 5
+    impedance=ImpedanceControllerParams(stiffness=(700.0, 700.0, 700.0)),  # N/m, section 5
+    gap=0.1,  # m, section 5
+    initial_error=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    start_offset=(0.0, 0.0, -0.03),
+    begin=0.1,
+    compensation_time=3.9,
+)
 
 _WAY: Final = np.linspace(1.0, 0.0, 21)  # of the start's offset, where the peg is looked at
 

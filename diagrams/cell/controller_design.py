@@ -24,9 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
-from pydrake.systems.framework import Diagram, DiagramBuilder
-from pydrake.systems.primitives import TrajectorySource
-from pydrake.trajectories import PiecewisePolynomial
 
 from chamfer.diagrams.cell.alignment_scenario import (
     KINDS,
@@ -34,14 +31,15 @@ from chamfer.diagrams.cell.alignment_scenario import (
     Kind,
     OpenAxis,
     OpenGains,
+    ResolvedAlignmentScenario,
     SixAxisPid,
     SixAxisSettings,
 )
 from chamfer.diagrams.cell.cell_vision import VIEWS, CellCameras
-from chamfer.diagrams.cell.work_cell import ArmName, WorkCellScenario, add_holders, add_work_cell
+from chamfer.diagrams.cell.work_cell import ArmName, WorkCellScenario, add_holders
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.plants.linear_response import free_response
-from chamfer.models.validation import ParameterError, known, within
+from chamfer.models.validation import ParameterError, within
 from chamfer.systems.cameras.camera_image import FrameGrabberParams
 from chamfer.systems.force.compensated_pose import compensate
 from chamfer.systems.force.impedance_controller import ImpedanceController
@@ -187,37 +185,7 @@ def _jacobian(function: Callable[[Array], Array], at: Array) -> Array:
     return np.column_stack(columns)
 
 
-def make_response_diagram(
-    scenario: WorkCellScenario, arm: ArmName, axis: str, *, amplitude: float, begin: float
-) -> Diagram:
-    """Build one arm that holds its nominal pose until one axis of the command makes a step.
-
-    It exports ``true_pose``, shape (7,), of the tool.
-
-    Args:
-        scenario: The cell.
-        arm: Which arm.
-        axis: One of :data:`chamfer.systems.vision.image_plane_error.AXES`, of the hole's axes.
-        amplitude: Of the step, m or rad.
-        begin: s, when.
-    """
-    builder = DiagramBuilder()
-    ports = add_work_cell(builder, scenario, arms=(arm,)).arms[arm]
-    before = pose_vector(scenario.nominal_pose(arm))
-    moved = np.reshape(amplitude * np.eye(len(AXES))[AXES.index(axis)], (2, 3))
-    after = compensate(before, (moved @ scenario.hole_axes.matrix().T).ravel())
-    step = PiecewisePolynomial.ZeroOrderHold(
-        [0.0, begin, 2 * begin], np.column_stack([before, after, after])
-    )
-    command = builder.AddNamedSystem("command", TrajectorySource(step))
-    builder.Connect(command.get_output_port(), ports.desired_pose)
-    builder.ExportOutput(ports.true_pose, "true_pose")
-    diagram = builder.Build()
-    diagram.set_name(f"Response of the {arm}'s arm along {axis}")
-    return diagram
-
-
-ScenarioT = TypeVar("ScenarioT", bound=AlignmentScenario)
+ResolvedT = TypeVar("ResolvedT", bound=ResolvedAlignmentScenario)
 
 SEEN: Final[dict[Kind, tuple[str, ...]]] = {
     "lateral": ("x", "y", "z"),
@@ -269,12 +237,12 @@ def measurement_error(scenario: AlignmentScenario, kind: Kind) -> float:
     return MEASUREMENT_ERROR[kind] * max(noise / FrameGrabberParams.noise, 1.0) * short
 
 
-def arm_responses(scenario: AlignmentScenario) -> tuple[Responses, ...]:
+def arm_responses(scenario: ResolvedAlignmentScenario) -> tuple[Responses, ...]:
     """Return the response along every axis that the cameras see, of each arm that compensates.
 
     Gains are in pixels per m, or 1. Where none compensates it is that of the peg's arm.
     """
-    chosen = known("compensated", scenario.compensated)
+    chosen = scenario.compensated
     arms = scenario.arms if chosen == "both" else _ALONE[chosen]
     period = scenario.cameras.frames.period
     dead = np.ones(dead_samples(scenario))
@@ -297,7 +265,7 @@ def of_kind(responses: Sequence[Responses], kind: Kind) -> list[SettlingPlant]:
     return [plants[axis] for plants in responses for axis in SEEN[kind]]
 
 
-def resolve_controllers(scenario: ScenarioT) -> ScenarioT:
+def resolve_controllers(scenario: ResolvedT) -> ResolvedT:
     """Fill in what of the compensator and of the PID is open.
 
     Raises:
@@ -370,7 +338,7 @@ def design_pid(
     return SixAxisPid(lateral=law("lateral"), rotational=law("rotational"))
 
 
-def small_share(scenario: AlignmentScenario, kind: Kind) -> float:
+def small_share(scenario: ResolvedAlignmentScenario, kind: Kind) -> float:
     """Return the share of the settling theorem's bound that a resolved scenario's elements use.
 
     It is the largest of all axes and arms; infinity where the dead zone is within the measurement

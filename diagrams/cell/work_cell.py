@@ -22,7 +22,7 @@ below 0.03 N m, 0.1 N across and 0.4 N along the peg, and two-point forces are 2
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, ClassVar, Final, Literal, NamedTuple, TypeVar, get_args
+from typing import Any, Final, Literal, NamedTuple, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,7 @@ from pydrake.multibody.tree import (
     SpatialInertia,
     UnitInertia,
 )
-from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort, System
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
 from chamfer.models.arms.arm_choice import chosen_arm
@@ -67,7 +67,8 @@ from chamfer.systems.force.impedance_controller import (
     ImpedanceController,
     ImpedanceControllerParams,
 )
-from chamfer.systems.pose import pose_vector
+from chamfer.systems.ports import require_ports
+from chamfer.systems.pose import POSE_SIZE, pose_vector
 
 Array = NDArray[np.float64]
 ArmName = Literal["peg", "hole"]
@@ -106,8 +107,6 @@ class ArmSettings:
     # N m, Coulomb, of each joint, unknown to the controller; 0: none; None: the model's
     rotor_inertia: tuple[float, ...] | None = None
     # kg m^2, of each motor as seen at its joint; None: the model's
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"friction": "joint_friction"}
 
     def __post_init__(self) -> None:
         require_not_negative(self, "payload_error")
@@ -209,6 +208,8 @@ class WorkCellScenario:
             raise ParameterError("gap", self.gap, "a finite number")
         if self.hole.kind == "fixture":
             names = [one.name for one in fields(ArmSettings)]
+            if not self.hole.payload_error:
+                names.remove("payload_error")  # nothing to know of
             require_same(self.hole, type(self).hole, "hole", *names, why="a fixture is no arm")
         period = self.impedance.period
         steps = round(period / self.step)
@@ -265,7 +266,7 @@ class ArmPorts(NamedTuple):
     tool_pose: OutputPort  # as the controller takes it to be
     saturated: OutputPort
     true_pose: OutputPort  # of the tool frame, shape (7,); for logs alone
-    controller: ImpedanceController
+    controller: System
     instance: ModelInstanceIndex
 
 
@@ -286,6 +287,7 @@ def add_work_cell(
     arms: tuple[ArmName, ...] = ARMS,
     start: dict[ArmName, RigidTransform] | None = None,
     add_parts: AddParts | None = None,
+    controllers: Mapping[ArmName, System] | None = None,
 ) -> WorkCell:
     """Add the arms, in one plant, and their controllers; desired poses are left to be connected.
 
@@ -298,6 +300,13 @@ def add_work_cell(
         start: X_WT of tools that do not start, at rest, at their nominal poses.
         add_parts: Called with the plant, before it is finalized, and the tools' bodies, to add
             the parts' geometry.
+        controllers: A user's own, in the place of an arm's impedance law. With n joints it needs
+            the inputs ``encoders`` (2n,), rad and rad/s, ``desired_pose`` (7,) and
+            ``desired_velocity`` (6,), and the outputs ``torque`` (n,), N m, ``tool_pose`` (7,)
+            and ``saturated`` (n,).
+
+    Raises:
+        ParameterError: If a controller has other ports.
     """
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
     plant.set_name("arms")
@@ -311,7 +320,17 @@ def add_work_cell(
     for arm, instance in instances.items():
         model = getattr(scenario, arm).known_arm()
         q = scenario.rest_posture(arm)
-        controller = ImpedanceController(model, q, scenario.impedance)
+        controller = (controllers or {}).get(arm)
+        if controller is None:
+            controller = ImpedanceController(model, q, scenario.impedance)
+        else:
+            n = len(q)
+            require_ports(
+                f"{arm} controller",
+                controller,
+                inputs={"encoders": 2 * n, "desired_pose": POSE_SIZE, "desired_velocity": 6},
+                outputs={"torque": n, "tool_pose": POSE_SIZE, "saturated": n},
+            )
         if start is not None and arm in start:
             q = model.joint_positions(start[arm], q)
         plant.SetDefaultPositions(instance, q)
@@ -381,7 +400,7 @@ def connect_arm(
     plant: MultibodyPlant,
     arm: str,
     instance: ModelInstanceIndex,
-    controller: ImpedanceController,
+    controller: System,
 ) -> ArmPorts:
     """Add an arm's controller and its drives; the plant is finalized."""
     builder.AddNamedSystem(f"{arm} impedance control", controller)

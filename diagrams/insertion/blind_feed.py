@@ -144,9 +144,8 @@ def make_blind_feed_diagram(scenario: BlindFeedScenario) -> Diagram:
 
     Outputs: ``<arm>.true_pose``, those of
     :class:`chamfer.systems.contact.peg_hole_contact_monitor.PegHoleContactMonitor` as
-    ``contact.<name>``.
+    ``contact.<name>``. The scenario is resolved.
     """
-    scenario = resolve_fed_cell(scenario)
     builder = DiagramBuilder()
     X_WT = scenario.start()
     cell, contact = add_cell_in_contact(

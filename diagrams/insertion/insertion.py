@@ -1,12 +1,13 @@
 """From pixels to a seated peg: the alignment by sight, and a chart that inserts (section 5)."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import ClassVar, Final, Self, TypeVar
 
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import Adder
 
 from chamfer.diagrams.cell.alignment import (
@@ -18,8 +19,8 @@ from chamfer.diagrams.cell.alignment import (
     export_arm,
     start_pose,
 )
-from chamfer.diagrams.cell.alignment import resolve as resolve_alignment
-from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.alignment import resolve_as as resolve_alignment_as
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, ResolvedAlignmentScenario
 from chamfer.diagrams.cell.cell_vision import add_cell_vision
 from chamfer.diagrams.cell.work_cell import (
     ARMS,
@@ -41,7 +42,11 @@ from chamfer.systems.force.feed_offset import FeedOffset
 from chamfer.systems.force.spring_force import SpringForce
 from chamfer.systems.servo.measurement_selector import MeasurementSelector
 from chamfer.systems.strategies.insertion_decision import DecisionParams, InsertionRegion
-from chamfer.systems.strategies.insertion_memory import InsertionTaskParams, InsertParams
+from chamfer.systems.strategies.insertion_memory import (
+    InsertionTaskParams,
+    InsertParams,
+    ResolvedInsertParams,
+)
 from chamfer.systems.strategies.insertion_task import InsertionTask
 from chamfer.systems.vision.image_plane_error import AXES
 
@@ -117,13 +122,24 @@ class InsertionScenario(AlignmentScenario):
         return max(self.begin, self.motion_time) if self.moves else self.begin
 
 
-ScenarioT = TypeVar("ScenarioT", bound=InsertionScenario)
+@dataclass(frozen=True, kw_only=True)
+class ResolvedInsertionScenario(ResolvedAlignmentScenario, InsertionScenario):
+    """The same with the contact's facets and the feed filled in too: what diagrams take."""
+
+    insert: ResolvedInsertParams
 
 
-def resolve(scenario: ScenarioT) -> ScenarioT:
+INSERTION_BY_SIGHT: Final = InsertionScenario()
+ResolvedT = TypeVar("ResolvedT", bound=ResolvedInsertionScenario)
+
+
+def resolve(scenario: InsertionScenario) -> ResolvedInsertionScenario:
     """Fill in the contact's facets and the feed, once the parts are in view."""
-    scenario = resolve_alignment(scenario)
-    require_strong(scenario, scenario.insert.push)
+    return resolve_as(ResolvedInsertionScenario, scenario)
+
+
+def resolve_as(kind: type[ResolvedT], scenario: InsertionScenario) -> ResolvedT:
+    """Return a scenario resolved, as the resolved class of its own kind."""
     insert, parts = scenario.insert, scenario.parts
     depth, speed, feed = insert.depth, insert.speed, insert.feed
     if depth is None:
@@ -133,17 +149,22 @@ def resolve(scenario: ScenarioT) -> ScenarioT:
     if feed is None:
         # Stopped at the mouth the arms' springs take the rest of the way to reach the push.
         feed = scenario.gap + depth + insert.push / axial_stiffness(scenario)
-    return replace(
+    found = replace(
         scenario,
         contact=scenario.contact.over(parts),
-        insert=replace(insert, depth=depth, speed=speed, feed=feed),
+        insert=ResolvedInsertParams(
+            **vars(insert) | {"depth": depth, "speed": speed, "feed": feed}
+        ),
     )
+    resolved = resolve_alignment_as(kind, found)
+    require_strong(resolved, insert.push)
+    return resolved
 
 
 TASK = "insertion task"
 
 
-def task_params(scenario: InsertionScenario) -> InsertionTaskParams:
+def task_params(scenario: ResolvedInsertionScenario) -> InsertionTaskParams:
     """Return the parameters of the task's chart, of a resolved scenario."""
     parts = scenario.parts
     axes = (scenario.compensator if scenario.controller.kind == "fsm" else scenario.pid).axes
@@ -162,15 +183,28 @@ def task_params(scenario: InsertionScenario) -> InsertionTaskParams:
     )
 
 
-def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
+def make_insertion_diagram(
+    scenario: ResolvedInsertionScenario,
+    *,
+    controller: System | None = None,
+    arm_controllers: Mapping[ArmName, System] | None = None,
+) -> Diagram:
     """Return the work cell with the vision loop closed, the parts in contact, and the task.
 
     Outputs: those of :func:`chamfer.diagrams.cell.alignment.make_alignment_diagram`,
     ``<arm>.command`` before the feed; ``feed``, ``attempts``, ``measured`` (errors of the
     decision), ``sensed_force``, ``sensed_depth``, ``trouble`` and ``state`` of the task; and
     ``contact.*``, the truth of the contact.
+
+    Args:
+        scenario: Resolved.
+        controller: A user's own, in the place of the state machine or the PID laws, with the ports
+            that :func:`chamfer.diagrams.cell.alignment.make_alignment_diagram` names.
+        arm_controllers: Of each arm likewise in the place of its impedance law.
+
+    Raises:
+        ParameterError: If a controller has other ports.
     """
-    scenario = resolve(scenario)
     params = task_params(scenario)
     there = scenario.there
     builder = DiagramBuilder()
@@ -184,6 +218,7 @@ def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
         material=scenario.contact,
         start=start,
         add_parts=partial(add_part_shapes, there),
+        controllers=arm_controllers,
     )
     motions = {arm: add_motion(builder, scenario, arm) for arm in ARMS}
     error = add_cell_vision(
@@ -197,7 +232,7 @@ def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
     )
     gate = builder.AddNamedSystem("error gate", MeasurementSelector(len(AXES)))
     watch = add_divergence_watch(builder, scenario)
-    controller = add_controller(builder, scenario)
+    controller = add_controller(builder, scenario, controller)
     peg_joints, hole_joints = (getattr(scenario, arm).arm.num_joints for arm in ARMS)
     task = builder.AddNamedSystem(
         TASK, InsertionTask(params, peg_joints=peg_joints, hole_joints=hole_joints)

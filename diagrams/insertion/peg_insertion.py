@@ -144,6 +144,9 @@ class PegInsertionScenario(FeedScenario):
         require_tilted_apart(self.parts, self.tilt, self.gap)
 
 
+PEG_INSERTION: Final = PegInsertionScenario()
+
+
 class SprungPeg(NamedTuple):
     """What was added to a plant."""
 
@@ -165,14 +168,13 @@ def make_peg_insertion_diagram(
     """Return the peg on its support, the hole, and the feed.
 
     Args:
-        scenario: Parameters.
+        scenario: Resolved.
         continuous: Leave the steps to an integrator, as CENIC; the scenario's step and
             approximation of contact do not count.
 
     Outputs: ``joints``, positions above velocities of :data:`JOINTS`, shape (10,); ``drives``, N
     and N m, of feed and springs on the peg, shape (5,); those of :class:`PegHoleContactMonitor`.
     """
-    scenario = resolve_peg_insertion(scenario)
     builder = DiagramBuilder()
     step = 0.0 if continuous else scenario.step
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, step)

@@ -165,7 +165,7 @@ class _Guards:
         return tick.memory.load(tick.inputs)[0] >= self._params.insert.push
 
     def fed(self, tick: InsertionTick) -> bool:
-        return _fed(tick) >= self._params.feed - TIME_TOLERANCE
+        return _fed(tick) >= self._params.insert.feed - TIME_TOLERANCE
 
     def rested(self, tick: InsertionTick) -> bool:
         return tick.time_in_state >= self._params.insert.rest - TIME_TOLERANCE
@@ -237,7 +237,7 @@ class _Actions:
         insert, memory = self._params.insert, tick.memory
         freeze = math.inf if insert.freeze_depth is None else insert.freeze_depth
         waits = tick.time_in_state < insert.pause - TIME_TOLERANCE
-        return self._observe(tick, 0.0 if waits else self._params.speed)._replace(
+        return self._observe(tick, 0.0 if waits else self._params.insert.speed)._replace(
             compensates=(
                 insert.compensation == "running"
                 and memory.depth(tick.inputs) < freeze
@@ -252,7 +252,7 @@ class _Actions:
     def withdraw(self, tick: InsertionTick) -> InsertionMemory:
         """Go back to where the feed began, and further as long as the hole holds the peg."""
         memory, insert, fed = tick.memory, self._params.insert, _fed(tick)
-        speed = self._params.speed
+        speed = self._params.insert.speed
         pull = -memory.load(tick.inputs)[0]
         if memory.depth(tick.inputs) > 0:
             rate = -speed if pull < insert.pull else 0.0
@@ -267,7 +267,11 @@ class _Actions:
     def stop(self, tick: InsertionTick) -> InsertionMemory:
         """Stop, but take a push or a pull away."""
         insert, load = self._params.insert, tick.memory.load(tick.inputs)[0]
-        rate = math.copysign(self._params.speed, -load) if abs(load) > insert.hold_force else 0.0
+        rate = (
+            math.copysign(self._params.insert.speed, -load)
+            if abs(load) > insert.hold_force
+            else 0.0
+        )
         return self._observe(tick, rate)._replace(compensates=False)
 
     def note_stop(self, tick: InsertionTick) -> InsertionMemory:

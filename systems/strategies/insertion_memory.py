@@ -7,7 +7,6 @@ from typing import Final, Literal, NamedTuple, get_args
 
 from chamfer.models.validation import (
     ParameterError,
-    known,
     require_not_negative,
     require_one_of,
     require_positive,
@@ -109,11 +108,20 @@ class InsertParams:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ResolvedInsertParams(InsertParams):
+    """The same with nothing left open."""
+
+    speed: float
+    depth: float
+    feed: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class InsertionTaskParams:
     """Parameters of :class:`chamfer.systems.strategies.insertion_task.InsertionTask`."""
 
     decide: DecisionParams
-    insert: InsertParams  # resolved
+    insert: ResolvedInsertParams
     region: InsertionRegion
     chamfer_height: float  # m, of both chamfers: above it the peg is at the mouth
     bottom: float = math.inf  # m, of a blind hole, below its mouth
@@ -128,17 +136,7 @@ class InsertionTaskParams:
     @property
     def target(self) -> float:
         """Depth of the tip that is wanted, m."""
-        return min(known("insert.depth", self.insert.depth), self.bottom)
-
-    @property
-    def speed(self) -> float:
-        """Of the feed, m/s."""
-        return known("insert.speed", self.insert.speed)
-
-    @property
-    def feed(self) -> float:
-        """How far the feed goes, m."""
-        return known("insert.feed", self.insert.feed)
+        return min(self.insert.depth, self.bottom)
 
 
 class InsertionInputs(NamedTuple):

@@ -1,0 +1,65 @@
+"""What comes in at a block's ports, and whether a user's own block has those that are wanted."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import Context, InputPort, PortDataType, System
+
+from chamfer.models.validation import ParameterError
+
+Array = NDArray[np.float64]
+
+
+def finite(name: str, value: Array) -> Array:
+    """Return a vector if all of it is finite.
+
+    Raises:
+        ParameterError: If it is not; it stops what would hang or crash an integrator.
+    """
+    if not all(map(math.isfinite, value.tolist())):
+        raise ParameterError(name, value.tolist(), "finite numbers")
+    return value
+
+
+def finite_input(port: InputPort, context: Context) -> Array:
+    """Return what comes in at a vector port, checked as :func:`finite` does."""
+    return finite(port.get_name(), port.Eval(context))
+
+
+def require_ports(
+    name: str, system: System, *, inputs: Mapping[str, int], outputs: Mapping[str, int]
+) -> None:
+    """Raise unless a system has the vector ports that are wanted, by name with their sizes.
+
+    Further ports may be there, inputs if the system can do without them.
+
+    Args:
+        name: What the system is given as, "controller".
+        system: A user's own.
+        inputs: Sizes by name.
+        outputs: Sizes by name.
+
+    Raises:
+        ParameterError: Saying which port is wanted and which ones are there.
+    """
+    there = {
+        "input": [system.get_input_port(i) for i in range(system.num_input_ports())],
+        "output": [system.get_output_port(i) for i in range(system.num_output_ports())],
+    }
+    for kind, wanted in (("input", inputs), ("output", outputs)):
+        sizes = {
+            port.get_name(): port.size()
+            for port in there[kind]
+            if port.get_data_type() == PortDataType.kVectorValued
+        }
+        for port, size in wanted.items():
+            if sizes.get(port) != size:
+                found = ", ".join(f"{one} ({sizes[one]})" for one in sizes) or "none"
+                raise ParameterError(
+                    name,
+                    type(system).__name__,
+                    f"a system with the vector {kind} port {port} of size {size}; "
+                    f"its vector {kind} ports and their sizes are: {found}",
+                )
