@@ -1,17 +1,17 @@
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from chamfer.analysis.campaign.campaign import parallel
-from chamfer.analysis.cell.alignment import ALIGN, REPEATABILITY
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.cell.alignment_runs import ALIGNMENT, RepeatabilityScenario, drawn
 from chamfer.analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice
-from chamfer.diagrams.cell.cell_vision import CameraSettings
-from chamfer.systems.cameras.camera_image import FrameGrabberParams
+
+ALIGN, REPEATABILITY = map(load, select(CATALOGUE.entries, ["alignment", "repeatability"]))
 
 SHORT: dict[str, Any] = {"begin": 0.1, "compensation_time": 0.3}
 ONE = AlignmentScenario(**SHORT)
@@ -22,15 +22,6 @@ def quiet(fraction: float, doing: str = "") -> None:
     assert 0 <= fraction <= 1
 
 
-def contents(outcome: Outcome) -> dict[str, bytes]:
-    tables = {"traces": outcome.traces, **outcome.tables}
-    return {
-        f"{table}.{name}": np.asarray(values).tobytes()
-        for table, columns in tables.items()
-        for name, values in columns.items()
-    }
-
-
 def value(outcome: Outcome, name: str) -> float:
     measured = outcome.metrics[name].value
     assert measured is not None
@@ -39,12 +30,14 @@ def value(outcome: Outcome, name: str) -> float:
 
 @pytest.fixture(scope="module")
 def one() -> Outcome:
-    return ALIGN.run(ALIGN.resolve(ONE), 0, quiet)
+    with pytest.warns(UserWarning, match="larger at the end than at the begin"):  # it is short
+        return ALIGN.run(ALIGN.resolve(ONE), 0, quiet)
 
 
 @pytest.fixture(scope="module")
 def many() -> Outcome:
-    return REPEATABILITY.run(REPEATABILITY.resolve(MANY), 0, quiet)
+    with pytest.warns(UserWarning, match="^in 1 of 2 trials the true error is larger"):
+        return REPEATABILITY.run(REPEATABILITY.resolve(MANY), 0, quiet)
 
 
 def test_metrics_of_one_run(one: Outcome) -> None:
@@ -70,27 +63,6 @@ def test_traces_and_pictures_of_one_run(one: Outcome) -> None:
         assert np.isfinite(values).all(), name
     assert set(one.tables) == {"pictures"}
     assert {len(values) for values in one.tables["pictures"].values()} == {320 * 240}
-
-
-def test_another_seed_gives_other_pictures(one: Outcome) -> None:
-    other = contents(ALIGN.run(ALIGN.resolve(ONE), 1, quiet))
-    assert other["traces.error_z"] != contents(one)["traces.error_z"]
-    assert other["pictures.xz_before_red"] != contents(one)["pictures.xz_before_red"]
-
-
-def test_blank_cameras_are_blind_and_move_nothing() -> None:
-    cameras = CameraSettings(frames=FrameGrabberParams(miss=1.0))
-    with pytest.warns(UserWarning, match=r"^the cameras never saw both parts, nothing was comp"):
-        outcome = ALIGN.run(ALIGN.resolve(replace(ONE, cameras=cameras)), 0, quiet)
-    assert value(outcome, "detected") == 0
-    assert outcome.metrics["detected"].note.endswith("both parts, nothing was compensated")
-    assert value(outcome, "blind") == 1
-    assert value(outcome, "compensation.lateral") == 0
-    assert value(outcome, "compensation.rotational") == 0
-    assert outcome.metrics["vision.lateral_error"].value is None
-    assert value(outcome, "lateral_error") > 0.005
-    for values in outcome.traces.values():
-        assert np.isfinite(values).all()
 
 
 def test_the_pid_takes_its_place() -> None:
@@ -173,27 +145,6 @@ def test_rows_are_the_trials(many: Outcome) -> None:
         np.testing.assert_allclose(table["time"][of], np.arange(33) / 80)
         assert table["lateral_error"][of][-1] == rows["lateral_error"][k]
         assert table["rotational_error"][of][-1] == rows["rotational_error"][k]
-
-
-def test_a_run_of_many_is_a_run_by_itself(many: Outcome) -> None:
-    trial = drawn(REPEATABILITY.resolve(MANY), MANY.spread, 0, 1)
-    names = [field.name for field in fields(AlignmentScenario)]
-    alone = AlignmentScenario(**{name: getattr(trial, name) for name in names})
-    outcome = ALIGN.run(alone, 1, quiet)
-    assert value(outcome, "lateral_error") == many.traces["lateral_error"][1]
-    assert value(outcome, "vision.lateral_error") == many.traces["vision.lateral_error"][1]
-
-
-@pytest.mark.slow
-def test_the_number_of_workers_does_not_matter() -> None:
-    scenario = REPEATABILITY.resolve(replace(MANY, trials=2))
-    alone = REPEATABILITY.run(scenario, 2, quiet)
-    with parallel(2):
-        together = REPEATABILITY.run(scenario, 2, quiet)
-    assert contents(together) == contents(alone)
-    for name, metric in alone.metrics.items():
-        if name != "real_time_factor":
-            assert repr(together.metrics[name]) == repr(metric)
 
 
 @pytest.mark.slow

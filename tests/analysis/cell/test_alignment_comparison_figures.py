@@ -53,34 +53,6 @@ def thick(axes: Axes, label: str) -> Array:
     return np.asarray(found.get_ydata())
 
 
-def test_labels_have_units(figure: Figure) -> None:
-    assert [axes.get_ylabel() for axes in figure.axes] == [
-        "error / mm",
-        "error / mm",
-        "error / mrad",
-        "error / mrad",
-    ]
-    for axes in figure.axes[::2]:
-        assert axes.get_xlabel() == "time since the compensation's begin / s"
-        assert axes.get_xlim() == (-0.25, 2.5)
-    for axes in figure.axes[1::2]:
-        assert [text.get_text() for text in axes.get_xticklabels()] == ["FSM", "PID"]
-        assert axes.get_title(loc="left")[3:] == " After 2.5 s, same starts joined"
-    assert [axes.get_title(loc="left")[:3] for axes in figure.axes] == ["(a)", "(b)", "(c)", "(d)"]
-
-
-def test_legends_name_everything_once_and_lie_on_no_curve(figure: Figure) -> None:
-    for axes in figure.axes[::2]:
-        legend = axes.get_legend()
-        names = [text.get_text() for text in legend.get_texts()]
-        assert names == ["FSM", "PID", "published mean, FSM"]
-        box = legend.get_window_extent()
-        for one in axes.get_lines():
-            points = axes.transData.transform(np.asarray(one.get_xydata()))
-            if len(points) > 2:
-                assert not box.count_contains(points)
-
-
 def test_runs_are_thin_and_the_median_is_thick(figure: Figure) -> None:
     for axes, kind in zip(figure.axes[::2], SIZES, strict=True):
         for i, label in enumerate(("FSM", "PID")):
@@ -100,8 +72,3 @@ def test_ends_of_the_same_start_are_joined(figure: Figure) -> None:
         lines = [np.asarray(one.get_ydata()) for one in axes.get_lines()]
         np.testing.assert_allclose(lines[:3], ends)
         np.testing.assert_allclose(lines[3:5], ends.T)
-
-
-def test_the_published_mean_is_that_of_its_kind(figure: Figure) -> None:
-    for axes, published in zip(figure.axes, (2.5, 2.5, 22.0, 22.0), strict=True):
-        np.testing.assert_allclose(thick(axes, "published mean, FSM"), published)

@@ -102,23 +102,9 @@ def drawn(figure: Figure) -> Figure:
     return figure
 
 
-def labels(axes: Axes | Figure) -> list[str]:
-    legend = axes.legends[0] if isinstance(axes, Figure) else axes.get_legend()
-    return [] if legend is None else [text.get_text() for text in legend.get_texts()]
-
-
 def line(axes: Axes, label: str) -> tuple[Array, Array]:
     (found,) = (one for one in axes.get_lines() if one.get_label() == label)
     return np.asarray(found.get_xdata()), np.asarray(found.get_ydata())
-
-
-def curves(axes: Axes) -> list[Array]:
-    """Every line's points in the picture, without those that go straight across."""
-    return [
-        axes.transData.transform(np.asarray(one.get_xydata()))
-        for one in axes.get_lines()
-        if len(np.asarray(one.get_xdata())) > 2
-    ]
 
 
 def test_before_and_after_of_both_cameras(outcome: Outcome) -> None:
@@ -149,84 +135,6 @@ def test_before_and_after_of_both_cameras(outcome: Outcome) -> None:
             assert (v1 - v0) / (u1 - u0) == pytest.approx(np.tan(part.angle))
             on_axis = v0 + (part.point[0] - u0) * np.tan(part.angle)
             assert on_axis == pytest.approx(part.point[1])
-
-
-def test_a_part_that_is_not_seen_has_no_marks(outcome: Outcome) -> None:
-    table = {name: np.full_like(of, 200) for name, of in outcome.tables["pictures"].items()}
-    grey = Outcome(metrics={}, traces={}, simulated_seconds=0.0, tables={"pictures": table})
-    for axes in drawn(plot_pictures(SCENARIO, grey)).axes:
-        assert not axes.get_lines()
-
-
-@pytest.mark.slow
-def test_labels_have_units(compensation: Figure, repeated: Figure) -> None:
-    assert [axes.get_ylabel() for axes in compensation.axes] == [
-        "error / mm",
-        "error / mrad",
-        "added / mm",
-        "element",
-        "added / mm",
-        "element",
-    ]
-    for axes in compensation.axes[-2:]:
-        assert axes.get_xlabel() == "time / s; shaded: impedance control alone"
-    assert [axes.get_title(loc="left")[:3] for axes in compensation.axes] == [
-        f"({one})" for one in "abcdef"
-    ]
-    assert "peg's arm" in compensation.axes[2].get_title(loc="left")
-    assert "hole's arm" in compensation.axes[5].get_title(loc="left")
-    lateral, rotational, ends = repeated.axes
-    assert lateral.get_ylabel() == "error / mm"
-    assert rotational.get_ylabel() == "error / mrad"
-    assert lateral.get_xlabel() == "time since the compensation's begin / s"
-    assert ends.get_xlabel() == "lateral error / mm"
-    assert ends.get_ylabel() == "rotational error / mrad"
-    assert lateral.get_title(loc="left") == "(a) True lateral error, 3 trials"
-    assert ends.get_title(loc="left") == "(c) After 2.5 s, in the wedging diagram"
-
-
-def test_legends_name_everything_once(compensation: Figure, repeated: Figure) -> None:
-    for axes in compensation.axes[:2]:
-        assert labels(axes) == ["published mean of ten runs", "counted as settled"]
-    for axes in compensation.axes[2::2]:
-        assert labels(axes) == ["X", "Y", "Z"]
-    for axes in compensation.axes[3::2]:
-        assert labels(axes) == ["w - 1", "x", "y", "z"]
-    assert labels(repeated) == [
-        "free of wedging",
-        "exact side",
-        "simple side",
-        "published limit: the box",
-        "ends of the trials",
-        "95 % intervals of the means",
-        "published mean of ten runs",
-        "published largest of ten runs",
-    ]
-
-
-def test_no_legend_lies_on_a_curve(compensation: Figure, repeated: Figure) -> None:
-    for axes in (*compensation.axes, *repeated.axes[:2]):
-        box = axes.get_legend().get_window_extent()
-        for points in curves(axes):
-            assert not box.count_contains(points)
-    box = repeated.legends[0].get_window_extent()
-    for axes in repeated.axes:
-        assert not box.overlaps(axes.get_window_extent())
-        assert not box.overlaps(axes.xaxis.label.get_window_extent())
-    assert box.x0 >= 0
-    assert box.x1 <= repeated.bbox.width
-    assert box.y0 >= 0
-
-
-def test_titles_fit(compensation: Figure, repeated: Figure) -> None:
-    for figure in (compensation, repeated):
-        boxes = [
-            axes._left_title.get_window_extent()  # type: ignore[attr-defined]
-            for axes in figure.axes
-        ]
-        for i, box in enumerate(boxes):
-            assert box.x1 <= figure.bbox.width
-            assert not any(box.overlaps(other) for other in boxes[:i])
 
 
 def test_errors_in_millimetres_and_milliradians(compensation: Figure, outcome: Outcome) -> None:
@@ -261,13 +169,6 @@ def test_compensation_is_what_was_added_since_the_start(compensation: Figure) ->
             assert y[-1] == pytest.approx(element, abs=1e-12)
 
 
-def test_the_time_without_compensation_is_shaded(compensation: Figure) -> None:
-    for axes in compensation.axes:
-        shades = [one for one in axes.patches if one.get_facecolor()[:3] == (242 / 255,) * 3]
-        (extents,) = (one.get_extents().transformed(axes.transData.inverted()) for one in shades)
-        assert (extents.x0, extents.x1) == pytest.approx((0.0, 1.5))
-
-
 def test_every_run_over_time_and_at_its_end(repeated: Figure) -> None:
     lateral, rotational, ends = repeated.axes
     for axes, first in ((lateral, 3.0), (rotational, 20.0)):
@@ -292,17 +193,3 @@ def test_every_run_over_time_and_at_its_end(repeated: Figure) -> None:
     (box,) = (one for one in ends.patches if one.get_label() == "95 % intervals of the means")
     got: Any = box.get_bbox()
     np.testing.assert_allclose(got.extents, [0.03, 2.0, 0.09, 6.0])
-
-
-def test_one_run_has_no_interval() -> None:
-    figure = drawn(plot_repeatability(RepeatabilityScenario(trials=1), runs(1)))
-    assert "95 % intervals of the means" not in labels(figure)
-
-
-def test_large_errors_stay_in_view() -> None:
-    far = runs(2)
-    far.traces["lateral_error"][:] = [0.001, 0.009]  # type: ignore[index]
-    far.traces["rotational_error"][:] = [0.01, 0.12]  # type: ignore[index]
-    ends = drawn(plot_repeatability(RepeatabilityScenario(trials=2), far)).axes[2]
-    assert ends.get_xlim()[1] > 9.0
-    assert ends.get_ylim()[1] > 120.0

@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -91,23 +89,3 @@ def test_a_row_is_a_pixel() -> None:
     )
     assert column < camera.width / 2
     assert abs(level - camera.height / 2) < 20
-
-
-def test_noise_is_the_seed_s() -> None:
-    noisy = replace(CLEAN, cameras=CameraSettings())
-    found = traces((0.001, 0.0), (0.0, 0.0))
-    first, again, other = (take_pictures(noisy, found, seed) for seed in (3, 3, 4))
-    clean = take_pictures(CLEAN, found, 3)
-    for name, values in first.items():
-        assert values.tobytes() == again[name].tobytes()
-        assert values.tobytes() != other[name].tobytes()
-        grey = values.astype(float) - clean[name]
-        assert np.std(grey) == pytest.approx(4.0, abs=0.5)
-
-
-def test_a_compensation_from_the_very_begin_is_pictured_from_the_first_row() -> None:
-    found = traces((0.0, 0.004), (0.0, 0.0))
-    for name in ("peg_true_y", "peg_true_z"):
-        found[name][1:BEGIN] = np.nan
-    table = take_pictures(replace(CLEAN, begin=1e-12), found, 0)
-    assert tips(CLEAN, table, "xz", "before")[1] == pytest.approx(8.0, abs=1.0)

@@ -25,8 +25,6 @@ from chamfer.analysis.cell.alignment_runs import (
 )
 from chamfer.diagrams.cell.alignment import resolve
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice
-from chamfer.diagrams.cell.cell_vision import CameraSettings
-from chamfer.systems.cameras.camera_image import FrameGrabberParams
 from chamfer.systems.vision.image_plane_error import AXES
 
 Array = NDArray[np.float64]
@@ -65,13 +63,6 @@ def test_true_errors_of_any_two_poses(peg: Any, hole: Any) -> None:
     turned = (Rotation.from_rotvec(found.turn[0]) * R_WT).apply(X)
     if between < math.pi - 1e-6:  # opposite axes leave the turn open
         np.testing.assert_allclose(turned, R_WM.apply(X), atol=1e-9)
-
-
-def test_aligned_parts_have_no_error() -> None:
-    pose = vector((0.3, -0.2, 0.9), (0.1, 0.2, 0.3))[np.newaxis]
-    found = true_errors(pose, pose)
-    for values in (found.gap, found.way, found.turn, found.lateral, found.rotational):
-        np.testing.assert_allclose(values, 0.0, atol=1e-15)
 
 
 def test_a_turn_about_its_own_axis_does_not_matter() -> None:
@@ -303,13 +294,6 @@ def test_the_share_of_the_theorem_s_bound() -> None:
     assert found.note.endswith("the dead zone is within it")
 
 
-def test_a_compensation_from_the_very_begin_is_measured_from_the_first_row() -> None:
-    scenario = resolve(AlignmentScenario(begin=1e-12))
-    given = traces(lateral_error=lambda t: 0.01 - 0.002 * t)
-    found = alignment_metrics(given, scenario)
-    assert found["uncompensated.lateral_error"] == pytest.approx(0.01)
-
-
 def test_charts_are_those_of_the_state_machine() -> None:
     names = [chart.name for chart in alignment_charts(SCENARIO)]
     assert names == ["trajectory compensator", "compensation of one axis"]
@@ -343,36 +327,6 @@ def test_traces_of_a_run(short: dict[str, Array]) -> None:
     assert short["hole_y"][0] == pytest.approx(0.0)
 
 
-def test_nothing_is_compensated_before_the_begin(short: dict[str, Array]) -> None:
-    before = short["time"] < SHORT.begin - 1e-9
-    assert not short["valid"][before].any()
-    assert short["valid"][~before].all()
-    for axis in AXES:
-        assert not short[f"compensation_{axis}"][before].any()
-    # What it does not see of a turn about X is not compensated.
-    assert not short["compensation_roll"].any()
-    # Desired minus actual: the peg is too far to the left and too low, and is moved back.
-    assert short["compensation_y"][-1] < -1e-3
-    assert short["compensation_z"][-1] > 1e-3
-    assert short["compensation_pitch"][-1] < -0.01
-    assert short["compensation_yaw"][-1] > 0.01
-    # Both arms take half of it.
-    half = short["compensation_z"][-1] / 2
-    assert short["peg_z"][-1] - short["peg_z"][0] == pytest.approx(half)
-    assert short["hole_z"][-1] - short["hole_z"][0] == pytest.approx(-half)
-
-
-def test_vision_agrees_with_the_truth_it_never_sees(short: dict[str, Array]) -> None:
-    # An image is two periods old when its error is logged.
-    seen = np.flatnonzero(short["valid"])
-    for axis, scale in (("y", 5e-4), ("z", 5e-4), ("pitch", 1.0), ("yaw", 1.0)):
-        measured = scale * short[f"error_{axis}"][seen]
-        lag = min(
-            float(np.abs(measured - short[f"true_{axis}"][seen - k]).max()) for k in (0, 1, 2)
-        )
-        assert lag < (3e-4 if scale < 1 else 5e-3)
-
-
 def test_detected_is_the_share_of_frames_since_the_begin(short: dict[str, Array]) -> None:
     valid = np.where(short["time"] < SHORT.begin - 1e-9, 0.0, 1.0)
     valid[-3:] = 0.0
@@ -386,20 +340,3 @@ def test_trials_that_never_see_are_counted() -> None:
         metric = detected_metric(np.array([0.0, 60.0, 0.0]))
     assert (metric.value, metric.unit) == (20.0, "%")
     assert ", mean of 3 trials, 0 to 60; in 2 of 3 trials" in metric.note
-
-
-def test_blank_images_leave_the_error_and_say_so() -> None:
-    blank = CameraSettings(frames=FrameGrabberParams(miss=1.0))
-    scenario = resolve(AlignmentScenario(begin=0.1, compensation_time=0.15, cameras=blank))
-    found = run_alignment(scenario, 0)
-    measured = alignment_metrics(found, scenario)
-    assert measured["blind"] == 1.0
-    assert measured["detected"] == 0.0
-    assert measured["compensation.lateral"] == measured["compensation.rotational"] == 0.0
-    assert measured["vision.lateral_error"] is None
-    assert not found["valid"].any()
-
-
-def test_another_seed_gives_other_images(short: dict[str, Array]) -> None:
-    other = run_alignment(SHORT, 1)
-    assert other["error_y"].tobytes() != short["error_y"].tobytes()  # the images' noise

@@ -7,17 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy import stats
 
 from chamfer.analysis.campaign.campaign import Trials
 from chamfer.analysis.campaign.trial_metrics import bootstrap_interval
-from chamfer.analysis.cell import alignment_trials
 from chamfer.analysis.cell.alignment_runs import (
     AlignmentTrialsScenario,
     RepeatabilityScenario,
     Spread,
-    align,
-    align_all,
     drawn,
     margins,
     resolve_repeatability,
@@ -85,51 +81,6 @@ def test_within_the_ranges(seed: int, **ranges: float) -> None:
                 assert getattr(now, field.name) is getattr(was, field.name)
 
 
-def test_the_ranges_are_used_up_to_both_ends() -> None:
-    spread = Spread(lateral=0.01, rotational=0.1)
-    errors = np.array([drawn(SCENARIO, spread, 0, k).initial_error for k in range(300)])
-    for i, edge in ((1, 0.01), (2, 0.01), (4, 0.1), (5, 0.1)):
-        assert errors[:, i].max() == pytest.approx(edge, rel=0.05)
-        assert errors[:, i].min() == pytest.approx(-edge, rel=0.05)
-        uniform = stats.kstest(errors[:, i], stats.uniform(-edge, 2 * edge).cdf)
-        assert uniform.pvalue > 0.001
-    assert np.abs(np.corrcoef(errors[:, [1, 2, 4, 5]].T) - np.eye(4)).max() < 0.2
-
-
-def test_model_errors_are_independent_and_used_up_to_both_ends() -> None:
-    spread = Spread()
-    rows = []
-    for k in range(300):
-        trial = drawn(SCENARIO, spread, 0, k)
-        rows.append(
-            [
-                value
-                for now, was in ((trial.peg, SCENARIO.peg), (trial.hole, SCENARIO.hole))
-                for value in (
-                    now.payload_error / was.payload_error - 1,
-                    now.mass_scale - 1,
-                    now.joint_friction[0] / was.joint_friction[0] - 1,
-                )
-            ]
-        )
-    errors = np.array(rows)
-    edges = 2 * [spread.payload, spread.link_mass, spread.joint_friction]
-    np.testing.assert_allclose(errors.max(axis=0), edges, rtol=0.05)
-    np.testing.assert_allclose(errors.min(axis=0), np.negative(edges), rtol=0.05)
-    assert np.abs(np.corrcoef(errors.T) - np.eye(6)).max() < 0.25
-
-
-def test_no_spread_is_the_scenario_itself() -> None:
-    assert drawn(SCENARIO, NONE, 5, 7) == SCENARIO
-
-
-def test_starts_are_spread_about_the_scenario_s_initial_error() -> None:
-    off = (0.001, 0.002, 0.003, 0.0, 0.04, 0.05)
-    found = drawn(replace(SCENARIO, initial_error=off), Spread(), 5, 7).initial_error
-    centred = drawn(SCENARIO, Spread(), 5, 7).initial_error
-    assert np.subtract(found, centred) == pytest.approx(off)
-
-
 def differences(spread: Spread) -> set[str]:
     base = SCENARIO
     found = drawn(base, spread, 1, 1)
@@ -154,12 +105,6 @@ def differences(spread: Spread) -> set[str]:
 )
 def test_each_range_changes_its_own_field(name: str, changes: set[str]) -> None:
     assert differences(replace(NONE, **{name: 0.3})) == changes
-
-
-def test_a_range_does_not_change_what_the_others_draw() -> None:
-    both = drawn(SCENARIO, Spread(), 2, 3)
-    alone = drawn(SCENARIO, replace(NONE, joint_friction=0.5), 2, 3)
-    assert alone.peg.joint_friction == both.peg.joint_friction
 
 
 @pytest.mark.parametrize(
@@ -198,16 +143,6 @@ def test_the_interval_is_of_what_the_trials_measured(values: list[float]) -> Non
     assert found["lateral_error.mean"].note == f"{len(values)} trials"
 
 
-def test_one_trial_has_no_interval() -> None:
-    found = statistics(finished(rotational_error=[0.01]), "rotational_error", "rad")
-    assert found["rotational_error.mean"].value == found["rotational_error.max"].value == 0.01
-    for end in ("low", "high"):
-        metric = found[f"rotational_error.mean_{end}"]
-        assert metric.value is not None
-        assert math.isnan(metric.value)  # which the result file turns into null and the note
-        assert metric.note == "one trial has no interval"
-
-
 def test_margins_are_the_worst_run_s() -> None:
     lateral, rotational = [0.001, 0.003, 0.0002], [0.04, 0.005, 0.07]
     found = margins(finished(lateral_error=lateral, rotational_error=rotational), PARTS, SUPPORT)
@@ -230,24 +165,6 @@ def test_margins_are_the_worst_run_s() -> None:
     assert found["wedging"].value == pytest.approx(100 / 3)
 
 
-def test_other_parts_leave_other_margins() -> None:
-    runs = finished(lateral_error=[0.001], rotational_error=[0.02])
-    tight = PegHoleGeometry(peg_radius=0.0099)
-    for name in ("box_margin.rotation", "parallelogram_margin"):
-        assert (
-            margins(runs, tight, SUPPORT)[name].value < margins(runs, PARTS, SUPPORT)[name].value
-        )
-
-
-def test_the_exact_margin_depends_on_the_chamfers_angle() -> None:
-    runs = finished(lateral_error=[0.003], rotational_error=[0.02])
-    steep = replace(PARTS, chamfer_angle=1.0)
-    found = [
-        margins(runs, parts, SUPPORT)["parallelogram_margin"].value for parts in (PARTS, steep)
-    ]
-    assert found[0] != found[1]
-
-
 def test_of_the_signs_the_worse_one_counts() -> None:
     runs = finished(lateral_error=[0.003], rotational_error=[0.056])
     below = replace(SUPPORT, centre_distance=-0.05)  # errors of opposite signs add
@@ -268,26 +185,3 @@ def test_the_support_is_that_of_the_arms_unless_it_is_said() -> None:
     soft = RepeatabilityScenario(support=OpenSupport(angular_stiffness=0.005))
     with pytest.raises(ParameterError, match=r"^support\.angular_stiffness is 0\.005, allowed: >"):
         resolve_repeatability(soft)
-
-
-def test_every_trial_is_run_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[tuple[Any, int]] = []
-    given: list[tuple[AlignmentScenario, int]] = []
-
-    def fake(scenario: AlignmentScenario, seed: int) -> dict[str, Any]:
-        given.append((scenario, seed))
-        return {"time": np.zeros(1), "lateral_error": np.ones(1), "rotational_error": np.ones(1)}
-
-    monkeypatch.setattr(alignment_trials, "run_alignment", fake)
-    monkeypatch.setattr(
-        alignment_trials, "alignment_metrics", lambda traces, scenario: {"lateral_error": 1.0}
-    )
-    scenario = AlignmentTrialsScenario(trials=3)
-    found = align_all(scenario, 8, lambda done, doing="": seen.append((done, 0)))
-    assert found.tasks == (0, 1, 2)
-    drawn_each = [drawn(scenario, scenario.spread, 8, trial) for trial in range(3)]
-    assert [scenario for scenario, _ in given] == drawn_each
-    assert len({seed for _, seed in given}) == 3  # the cameras' noise differs too
-    assert seen[-1][0] == 1.0
-    align(scenario, 8, 1)
-    assert given[-1] == given[1]

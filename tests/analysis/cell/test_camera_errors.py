@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from chamfer.analysis.campaign.trial_rows import Row
-from chamfer.analysis.cell import camera_error_runs, camera_errors
+from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.cell import camera_errors
 from chamfer.analysis.cell.camera_error_runs import (
     BY_NAME,
     DRAWN,
@@ -19,22 +20,22 @@ from chamfer.analysis.cell.camera_error_runs import (
     MOMENTS,
     NONE,
     CameraError,
-    Run,
-    Still,
+    ErrorAtRest,
+    ErrorRun,
     Study,
     at_rest,
-    brightness_ramp,
     left,
     reached,
-    run_once,
     with_drawn_errors,
     with_error,
 )
-from chamfer.analysis.cell.camera_errors import CAMERA_ERRORS, CameraErrorsScenario, resolve
+from chamfer.analysis.cell.camera_errors import CameraErrorsScenario, resolve
 from chamfer.analysis.cell.camera_errors_figures import answer
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.diagrams.cell.cell_vision import VIEWS, CameraSettings
 from chamfer.models.validation import ParameterError
+
+CAMERA_ERRORS = load(select(CATALOGUE.entries, ["camera-errors"])[0])
 
 SCENARIO = resolve(
     CameraErrorsScenario(
@@ -45,7 +46,7 @@ SCENARIO = resolve(
         measurements=("image", "metric"),
     )
 )
-STUDY = SCENARIO.study()
+STUDY = Study(SCENARIO, 0.1, 0.02, 2.5)
 CHANGING = [error for error in ERRORS if error.change is not None]
 
 
@@ -104,12 +105,6 @@ def test_errors_add_up() -> None:
     assert twice.cameras.xz.true.distortion == (-0.2, 0.0, 0.0, 0.0, 0.0)
 
 
-def test_light_from_one_side() -> None:
-    image = np.full((11, 4, 3), 100, np.uint8)
-    found = brightness_ramp(0.5)(image)
-    np.testing.assert_array_equal(found[[0, 5, 10], 0, 0], [75, 100, 125])
-
-
 def test_drawn_errors_are_bounded_and_those_of_the_trial() -> None:
     first, again, other = (
         with_drawn_errors(SCENARIO, 3, trial, 0.5, STUDY.off_axis) for trial in (0, 0, 1)
@@ -160,35 +155,20 @@ def test_the_size_at_which_an_error_is_reached(
 
 
 def test_at_rest_distortion_turns_and_a_lost_part_is_nowhere() -> None:
-    row = at_rest(STUDY, Still("distortion_off_axis", (-0.5, -1.0), "image"))
+    row = at_rest(STUDY, ErrorAtRest("distortion_off_axis", (-0.5, -1.0), "image"))
     np.testing.assert_allclose(row["rotational_error"], [0.0094, 0.0188], rtol=0.1)
     np.testing.assert_allclose(row["behind_error"], 0.1 * row["rotational_error"], rtol=0.2)
-    lost = at_rest(STUDY, Still("tilt_in_place", (0.5,), "metric"))
+    lost = at_rest(STUDY, ErrorAtRest("tilt_in_place", (0.5,), "metric"))
     assert np.isnan(lost["rotational_error"]).all()
-
-
-def test_a_camera_that_looks_away_is_told() -> None:
-    row = run_once(STUDY, 0, Run("tilt_in_place", 0.5, "fsm", "image"))
-    assert row["seen"] == 0
-    assert row["late.lateral_error"] is None
-
-
-def test_a_camera_that_the_diagram_refuses_is_no_lost_part(monkeypatch: Any) -> None:
-    def refuses(*_: object) -> None:
-        raise ParameterError("cameras.xz.true.tilt", (9.0, 9.0), "less")
-
-    monkeypatch.setattr(camera_error_runs, "run_alignment", refuses)
-    with pytest.raises(ParameterError, match=r"cameras\.xz\.true\.tilt is"):
-        run_once(STUDY, 0, Run("roll", 0.1, "fsm", "image"))
 
 
 class Loop:
     """Takes the place of runs: an error leaves its place in the list, in mm and mrad."""
 
     def __init__(self) -> None:
-        self.asked: list[Run] = []
+        self.asked: list[ErrorRun] = []
 
-    def __call__(self, study: Study, seed: int, task: Run) -> Row:
+    def __call__(self, study: Study, seed: int, task: ErrorRun) -> Row:
         self.asked.append(task)
         place = (
             1
@@ -306,12 +286,12 @@ def test_parts_that_are_lost_at_every_size_are_never_said_harmless(
 ) -> None:
     monkeypatch.setattr(camera_errors, "run_once", Loop())
     scenario = replace(SCENARIO, errors=("position_down", "roll"), measurements=("image",))
-    study = partial(at_rest, scenario.study())
+    study = partial(at_rest, Study(scenario, 0.1, 0.02, 2.5))
     sizes = (0.1, 0.2)  # of 0.02 m at most
     for lost in (("position_down",), ("position_down", "roll")):
 
-        def rest(_: Study, task: Still, lost: tuple[str, ...] = lost) -> Row:
-            found = study(Still("position_down", sizes, task.measured))
+        def rest(_: Study, task: ErrorAtRest, lost: tuple[str, ...] = lost) -> Row:
+            found = study(ErrorAtRest("position_down", sizes, task.measured))
             assert np.isnan(found["rotational_error"]).all()
             seen = study(task)
             return found if task.error in lost else seen
@@ -330,13 +310,3 @@ def test_parts_that_are_lost_at_every_size_are_never_said_harmless(
         assert metric.note == "never seen"
         assert value(outcome, "position_down.image.rest.lost_at") == sizes[0]
         CAMERA_ERRORS.plot(scenario, outcome)
-
-
-def test_errors_that_only_show_in_motion_are_run_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(camera_errors, "run_once", Loop())
-    scenario = replace(SCENARIO, errors=("latency",))
-    outcome = CAMERA_ERRORS.run(scenario, 0, quiet)
-    assert not len(outcome.tables["still"]["size"])
-    assert outcome.metrics["answer"].value == 0
-    assert "by later images" in outcome.metrics["answer"].note
-    assert set(CAMERA_ERRORS.plot(scenario, outcome)) == {"camera-errors", "camera-errors-drawn"}

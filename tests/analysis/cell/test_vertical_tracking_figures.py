@@ -7,9 +7,9 @@ from matplotlib.figure import Figure
 from chamfer.analysis.cell.vertical_tracking import plot_heights
 from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.diagrams.cell.alignment import resolve
-from chamfer.diagrams.cell.alignment_scenario import VerticalTrackingScenario
+from chamfer.diagrams.cell.alignment_scenario import VERTICAL_TRACKING
 
-SCENARIO = resolve(VerticalTrackingScenario())
+SCENARIO = resolve(VERTICAL_TRACKING)
 TIME = np.arange(321) / 80
 GOAL = np.interp(TIME, [0.0, 2.0], [0.128, 0.158])
 LIFT = np.interp(TIME, [0.1, 1.2], [0.0, 0.0015])
@@ -30,22 +30,9 @@ def figure() -> Figure:
     return made
 
 
-def labels(axes: Axes) -> list[str]:
-    return [text.get_text() for text in axes.get_legend().get_texts()]
-
-
 def end(axes: Axes, label: str) -> float:
     (found,) = (one for one in axes.get_lines() if one.get_label() == label)
     return float(np.asarray(found.get_ydata())[-1])
-
-
-def test_labels_have_units(figure: Figure) -> None:
-    height, error = figure.axes
-    assert height.get_ylabel() == "height / mm"
-    assert error.get_ylabel() == "error / mm"
-    assert error.get_xlabel() == "time / s"
-    assert height.get_title(loc="left") == "(a) Height of the peg's tip"
-    assert error.get_title(loc="left").endswith("goal 158 mm")
 
 
 def test_curves_are_in_millimetres(figure: Figure) -> None:
@@ -62,24 +49,3 @@ def test_curves_are_in_millimetres(figure: Figure) -> None:
     zone = SCENARIO.compensator.axes[0].dead_zone * 0.5
     assert (low, high) == pytest.approx((-zone, zone))
     assert error.get_xlim() == (0.0, 4.0)
-
-
-def test_legends_name_everything_once(figure: Figure) -> None:
-    height, error = figure.axes
-    runs = ["without compensation", "with compensation by sight"]
-    assert labels(height) == ["desired", *runs]
-    assert labels(error) == [
-        "dead zone",
-        "published: 1.5 mm low",
-        *runs,
-        "compensation added",
-    ]
-
-
-def test_no_legend_lies_on_a_curve(figure: Figure) -> None:
-    for axes in figure.axes:
-        box = axes.get_legend().get_window_extent()
-        for one in axes.get_lines():
-            points = axes.transData.transform(np.asarray(one.get_xydata()))
-            if len(points) > 2:
-                assert not box.count_contains(points)

@@ -6,19 +6,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from chamfer.analysis.cell.alignment import REPEATABILITY
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.cell.alignment_runs import RepeatabilityScenario, resolve_repeatability
 from chamfer.analysis.cell.wedging_diagram import (
-    WEDGING_DIAGRAM,
-    EndsScenario,
     Start,
     WedgingScenario,
 )
-from chamfer.analysis.cell.wedging_diagram_figures import STARTS
 from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
 from chamfer.analysis.report.checks import check
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.diagrams.cell.alignment_scenario import ControllerChoice
 from chamfer.models.peg.peg_and_hole import ColouredParts
@@ -26,6 +23,10 @@ from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.planar_statics import Contact, equilibrium
 from chamfer.models.peg_theory.wedging import rotation_bounds
 from chamfer.models.validation import ParameterError
+
+WEDGING_DIAGRAM, REPEATABILITY = map(
+    load, select(CATALOGUE.entries, ["wedging-diagram", "repeatability"])
+)
 
 SCENARIO = WedgingScenario(alignment=None)
 
@@ -87,13 +88,6 @@ def test_metrics(outcome: Outcome, name: str, expected: float, unit: str) -> Non
     assert outcome.metrics[name].unit == unit
 
 
-def test_the_wedging_prone_start_is_in_the_box(outcome: Outcome) -> None:
-    assert value(outcome, "wedging_prone.box_margin.rotation") > 0
-    assert value(outcome, "wedging_prone.box_margin.lateral") > 0
-    assert value(outcome, "wedging_prone.margin") < 0
-    assert value(outcome, "wedging_prone.onset_ratio") < 1
-
-
 def test_traces_follow_the_peg_down_the_chamfer_into_the_bore(outcome: Outcome) -> None:
     traces = outcome.traces
     assert set(traces) == {"start", "depth", "force", "tilt", "contact"}
@@ -134,35 +128,6 @@ def test_boundaries_of_every_compliance_centre(outcome: Outcome) -> None:
     assert table["centre_distance"][0] == 0.1  # the parts' own comes first
 
 
-def test_aligned_parts_go_in_without_chamfer_or_force() -> None:
-    aligned = replace(SCENARIO, published_mean=Start(lateral=0.0, rotation=0.0), points=5)
-    outcome = WEDGING_DIAGRAM.run(aligned, 0, quiet)
-    of = outcome.traces["start"] == 0
-    assert np.all(outcome.traces["force"][of] == 0.0)
-    assert value(outcome, "published_mean.chamfer_force") == 0.0
-    onset = outcome.metrics["published_mean.onset"]
-    assert onset.value is not None
-    assert math.isnan(onset.value)  # which the result file turns into null and the note
-    assert onset.note == "two points never touch"
-
-
-def test_the_largest_error_does_not_enter_by_a_narrower_chamfer() -> None:
-    narrow = replace(SCENARIO, parts=ColouredParts(chamfer_width=0.0029), points=5)
-    outcome = WEDGING_DIAGRAM.run(narrow, 0, quiet)
-    assert value(outcome, "published_mean.enters") == 1.0
-    assert value(outcome, "published_worst.enters") == 0.0
-
-
-def test_starts_are_in_the_figure_s_order() -> None:
-    assert list(STARTS) == ["published_mean", "published_worst", "wedging_prone"]
-    assert SCENARIO.starts() == (
-        Start(lateral=0.0025, rotation=0.022),
-        Start(lateral=0.0032, rotation=0.040),
-        Start(lateral=0.0032, rotation=0.050),
-    )
-    assert SCENARIO.parts == ColouredParts()
-
-
 @pytest.mark.parametrize(
     ("values", "message"),
     [
@@ -192,7 +157,7 @@ def test_starts_are_finite(name: str) -> None:
 
 
 SHORT: dict[str, Any] = {"trials": 2, "begin": 0.1, "compensation_time": 0.1}
-BRIEF = EndsScenario(**SHORT)
+BRIEF = RepeatabilityScenario(**SHORT)
 
 
 @pytest.fixture(scope="module")
@@ -208,7 +173,7 @@ def test_without_alignments_nothing_is_simulated(outcome: Outcome) -> None:
     assert outcome.simulated_seconds == 0.0
     assert set(outcome.tables) == {"boundaries"}
     assert not [name for name in outcome.metrics if name.startswith("aligned.")]
-    assert WedgingScenario().alignment == EndsScenario(trials=10)
+    assert WedgingScenario().alignment == RepeatabilityScenario(trials=10)
 
 
 @pytest.mark.slow
@@ -252,12 +217,6 @@ def test_without_alignments_nobody_sees_the_parts() -> None:
         replace(SCENARIO, parts=ColouredParts(peg_length=0.07))
 
 
-@pytest.mark.parametrize("name", ["lateral_stiffness", "angular_stiffness", "centre_distance"])
-def test_the_support_is_a_part_of_its_own(name: str) -> None:
-    with pytest.raises(UserError, match=rf"^parts\.{name} is now support\.{name}$"):
-        make_scenario(WedgingScenario(), settings=[f"parts.{name}=1.0"])
-
-
 def test_a_support_that_turns_over_is_refused() -> None:
     with pytest.raises(
         UserError, match=r"^support\.angular_stiffness is 0\.01, allowed: > 0\.0174"
@@ -272,8 +231,3 @@ def test_a_start_that_no_push_slides_has_no_peak() -> None:
     assert peak.value is None
     assert peak.note.startswith("no push slides it at ")
     WEDGING_DIAGRAM.plot(SCENARIO, outcome)
-
-
-def test_the_parts_are_defined_once() -> None:
-    with pytest.raises(UserError, match=r"^alignment\.parts\.friction is 0\.1, .*parts, 0\.45$"):
-        make_scenario(WedgingScenario(), settings=["alignment.parts.friction=0.1"])

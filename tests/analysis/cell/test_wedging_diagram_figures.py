@@ -7,11 +7,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from chamfer.analysis.cell.wedging_diagram import WEDGING_DIAGRAM, WedgingScenario
+from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.cell.wedging_diagram import WedgingScenario
 from chamfer.analysis.cell.wedging_diagram_figures import STARTS, plot_wedging
-from chamfer.analysis.scenario.experiment import Outcome
-from chamfer.models.peg.peg_and_hole import ColouredParts
-from chamfer.models.peg.support import Support
+from chamfer.analysis.scenario.experiment import Outcome, load, select
+
+WEDGING_DIAGRAM = load(select(CATALOGUE.entries, ["wedging-diagram"])[0])
 
 Array = NDArray[np.float64]
 SCENARIO = WedgingScenario(points=51, alignment=None)
@@ -47,47 +48,6 @@ def labels(axes: Axes) -> list[str]:
 def line(axes: Axes, label: str) -> tuple[Array, Array]:
     (found,) = (one for one in axes.get_lines() if one.get_label() == label)
     return np.asarray(found.get_xdata()), np.asarray(found.get_ydata())
-
-
-def test_labels_have_units(figure: Figure) -> None:
-    whole, near, force = figure.axes
-    for axes in (whole, near):
-        assert axes.get_xlabel() == "initial lateral error / mm"
-        assert axes.get_ylabel() == "initial rotation / mrad"
-    assert "mm" in force.get_xlabel()
-    assert force.get_ylabel() == "insertion force / N"
-    assert [axes.get_title(loc="left")[:3] for axes in figure.axes] == ["(a)", "(b)", "(c)"]
-
-
-def test_the_legend_names_everything_once(figure: Figure) -> None:
-    whole, near, force = figure.axes
-    assert labels(whole) == [
-        "reach of chamfers of 4 mm, assumed",
-        "exact sides, $L_g$ 100 mm",
-        "simple sides, $L_g$ 100 mm",
-        "simple sides, $L_g$ 0 mm",
-        "simple sides, $L_g$ 30 mm",
-        *(label for label, _ in STARTS.values()),
-        "published limits: the no-wedge box",
-    ]
-    assert labels(near) == []  # as (a)
-    assert len(labels(force)) == 4
-
-
-def test_nothing_lies_on_anything_else(figure: Figure) -> None:
-    legends = [axes.get_legend() for axes in figure.axes]
-    boxes = [legend.get_window_extent() for legend in legends if legend is not None]
-    assert len(boxes) == 2
-    assert not boxes[0].overlaps(boxes[1])
-    for box in boxes:
-        assert box.y0 >= 0
-        assert box.x1 <= figure.bbox.width
-        for axes in figure.axes:
-            assert not box.overlaps(axes.get_window_extent())
-            assert not box.overlaps(axes.xaxis.label.get_window_extent())
-    for axes in figure.axes:
-        title = axes._left_title.get_window_extent()  # type: ignore[attr-defined]
-        assert title.x1 <= figure.bbox.width
 
 
 def test_sides_in_millimetres_and_milliradians(figure: Figure, outcome: Outcome) -> None:
@@ -139,16 +99,3 @@ def test_ends_of_simulated_runs_are_drawn_and_in_view(outcome: Outcome) -> None:
             assert low < values.min()
             assert high > values.max()
     assert "simulated alignments" in labels(figure.axes[0])
-
-
-def test_other_parts_can_be_drawn() -> None:
-    wide, remote = (
-        ColouredParts(chamfer_width=0.018, outer_radius=0.02),
-        Support(centre_distance=0.0),
-    )
-    scenario = replace(SCENARIO, parts=wide, support=remote, centre_distances=())
-    figure = drawn(WEDGING_DIAGRAM.plot(scenario, run(scenario))["wedging-diagram"])
-    assert labels(figure.axes[0])[0] == "reach of chamfers of 18 mm, assumed"
-    x, _ = line(figure.axes[0], "exact sides, $L_g$ 0 mm")
-    assert x[-1] == pytest.approx(19.814)
-    assert figure.axes[0].get_xlim()[1] > 19.814

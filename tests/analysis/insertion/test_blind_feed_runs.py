@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from chamfer.analysis.insertion.blind_feed_runs import (
@@ -19,7 +18,6 @@ from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, ContactState
 from chamfer.systems.pose import pose_vector
 
-Array = NDArray[np.float64]
 SCENARIO = BlindFeedScenario(speed=0.1, step=0.002)  # released after 1.4 s
 ROWS = 1000
 _ON = {ContactState.CHAMFER: "chamfer", ContactState.FACE: "face"}
@@ -92,25 +90,6 @@ def test_pressing_on_the_bottom_is_no_force_of_the_insertion() -> None:
     found = measured(SCENARIO, run)
     assert found["force.axial"] == pytest.approx(2.0)
     assert found["force.raw_peak"] == pytest.approx(2.0)
-
-
-@pytest.mark.slow
-def test_a_peg_beside_the_mouth_is_left_there_at_the_end_of_the_feed() -> None:
-    scenario = BlindFeedScenario(
-        lateral=0.007,
-        tilt=0.0,
-        depth=0.004,
-        feed=0.01,
-        gap=0.002,
-        speed=0.1,
-        rest=0.05,
-        step=0.002,
-        contact=ContactMaterial(facets=32),
-    )
-    run = feed_blind(scenario)
-    assert outcome(scenario, run) == FeedOutcome.MISSED
-    assert scenario.released < run.time[-1] < scenario.duration - 0.05
-    assert run.normal[-1, FEATURES.index("face")] > 0.1
 
 
 def test_a_feed_ends_on_the_bottom_of_a_blind_hole() -> None:

@@ -15,14 +15,11 @@ from chamfer.analysis.insertion.cell_runs import (
     force_medians,
     insertion_metrics,
     loads_in_planes,
-    path_table,
     predict,
     run_cell_insertion,
     touch_row,
 )
-from chamfer.diagrams.cell.work_cell import HOLE_ARM
 from chamfer.diagrams.insertion.insertion import InsertionScenario, resolve
-from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.systems.contact.peg_hole_contact_monitor import ContactState
 from chamfer.systems.pose import POSE_NAMES
 from chamfer.systems.strategies.insertion_decision import DecisionParams
@@ -141,12 +138,6 @@ def test_loads_are_those_of_a_peg_that_slides(
         assert np.isfinite(loads.level).all()
 
 
-def test_the_path_is_a_table(done: CellInsertion) -> None:
-    table = path_table(done.path)
-    assert list(table["target"]) == [one.target for one in done.path]
-    assert list(table["outcome"]) == list(table["label"])
-
-
 @pytest.mark.slow
 def test_halving_the_step_changes_nothing_that_matters(
     scenario: InsertionScenario, done: CellInsertion, measured: Values
@@ -164,29 +155,6 @@ def test_halving_the_step_changes_nothing_that_matters(
         ("depth", 1e-3),
     ):
         assert values[name] == pytest.approx(measured[name], abs=tolerance), name
-
-
-@pytest.mark.slow
-def test_the_hole_may_be_a_fixture(quick: InsertionScenario) -> None:
-    fixed = resolve(replace(quick, hole=replace(HOLE_ARM, kind="fixture")))
-    run = run_cell_insertion(fixed, seed=0)
-    assert insertion_metrics(run, fixed)["seated"] == 1
-    assert ending(run, fixed).startswith("seated, ")
-
-
-@pytest.mark.slow
-def test_on_the_bottom_of_a_blind_hole_it_is_seated(quick: InsertionScenario) -> None:
-    blind = resolve(
-        replace(
-            quick,
-            parts=ColouredParts(bore_depth=0.015),
-            insert=replace(quick.insert, bottom_force=1.5),
-        )
-    )
-    run = run_cell_insertion(blind, seed=0)
-    values = insertion_metrics(run, blind)
-    assert values["seated"] == values["seated.said"] == 1
-    assert values["depth"] == pytest.approx(0.015, abs=5e-4)
 
 
 def test_before_the_advance_a_run_may_end(quick: InsertionScenario) -> None:

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.insertion.contact_convergence import (
-    CONTACT_CONVERGENCE,
     MEASURED,
     PARAMETERS,
     ConvergenceScenario,
@@ -17,7 +17,10 @@ from chamfer.analysis.insertion.contact_convergence import (
     variations,
 )
 from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.experiment import load, select
 from chamfer.analysis.scenario.scenario_io import make_scenario
+
+CONTACT_CONVERGENCE = load(select(CATALOGUE.entries, ["contact-convergence"])[0])
 
 SCENARIO = resolve(ConvergenceScenario())
 

@@ -44,13 +44,6 @@ def test_it_measures_what_it_promises(outcome: Outcome) -> None:
     assert "cap of 8 N" in outcome.metrics["wedged"].note
 
 
-def test_every_step_is_a_row(outcome: Outcome) -> None:
-    time = outcome.traces["time"]
-    assert np.diff(time) == pytest.approx(0.002)
-    assert {len(values) for values in outcome.traces.values()} == {len(time)}
-    assert outcome.simulated_seconds == time[-1]
-
-
 def test_the_pictures_are_before_at_the_touch_and_at_the_end(
     quick: InsertionScenario, outcome: Outcome
 ) -> None:

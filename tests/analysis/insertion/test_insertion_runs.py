@@ -12,7 +12,6 @@ from chamfer.analysis.insertion.insertion_runs import (
     insert_by_cenic,
     is_seated,
     measure,
-    median,
     predict,
 )
 from chamfer.analysis.scenario.experiment import Metric
@@ -77,16 +76,6 @@ def test_peak_and_onset_are_those_of_exact_statics(
     assert metrics["pull_out.force"].note == "it is in"
 
 
-def test_half_the_step_gives_the_same() -> None:
-    found = []
-    for step in (0.002, 0.001):
-        scenario = replace(at(5.0), step=step)
-        found.append(measure(scenario, insert(scenario)))
-    for name, tolerance in (("force.axial", 0.01), ("two_point.onset", 0.02)):
-        here, there = (value(one, name) for one in found)
-        assert here == pytest.approx(there, rel=tolerance)
-
-
 def test_a_peg_that_no_push_slides_is_held_at_the_cap_and_without_it() -> None:
     scenario = replace(at(9.0), speed=0.06, step=0.002)
     metrics = measure(scenario, insert(scenario))
@@ -133,16 +122,6 @@ def test_cenic_agrees_in_depth_force_and_onset() -> None:
     first = float(run.depth[np.flatnonzero(run.two_point)[0]]) - SPRUNG.parts.chamfer_height
     onset = value(predict(at(5.0)), "predicted.two_point.onset")
     assert first == pytest.approx(onset, abs=1e-4)
-
-
-def test_medians_are_of_10_ms() -> None:
-    force = np.zeros(100)
-    force[40:44] = 9.0  # 4 ms
-    force[60:80] = 3.0
-    found = median(force, 0.001)
-    assert found[:55].max() == 0.0
-    assert found.max() == 3.0
-    assert median(np.arange(5.0), 0.02).tolist() == [0, 1, 2, 3, 4]
 
 
 def synthetic(scenario: PegInsertionScenario, push: list[float], depth: list[float]) -> Insertion:

@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from chamfer.analysis.cell.alignment_runs import Spread, drawn
-from chamfer.analysis.linear.simulate import simulate
 from chamfer.diagrams.cell.alignment import resolve
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
-from chamfer.diagrams.cell.controller_design import make_response_diagram, step_responses
+from chamfer.diagrams.cell.controller_design import step_responses
 from chamfer.diagrams.cell.work_cell import (
     HOLE_ARM,
     PEG_ARM,
@@ -25,13 +23,11 @@ from chamfer.models.arms.wam import DRY_FRICTION, POSTURE, URDF
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.arm_model import Placement
 from chamfer.systems.force.impedance_controller import ImpedanceControllerParams
-from chamfer.systems.vision.image_plane_error import AXES
 
 FILE = Path(__file__).parents[2] / "models/arms/six_joints.urdf"
 BASE = Placement(position=(-0.75, 0.0, 0.0))
 PEG = replace(PEG_ARM, model=str(FILE), base=BASE)
 FIXTURE = replace(HOLE_ARM, kind="fixture")
-SEVEN = ImpedanceControllerParams(torque_limits=(50.0,) * 7)
 CELL = WorkCellScenario(peg=PEG, hole=FIXTURE)
 
 
@@ -69,43 +65,10 @@ def test_what_is_given_is_kept() -> None:
     )
 
 
-def test_friction_is_drawn_from_the_model_s() -> None:
-    trial = drawn(AlignmentScenario(peg=PEG, hole=FIXTURE), Spread(joint_friction=0.5), 0, 1)
-    ratio = trial.peg.arm.dry_friction[0] / 0.2
-    assert trial.peg.arm.dry_friction == pytest.approx((0.2 * ratio, 0, 0.15 * ratio, 0, 0, 0))
-    assert ratio != 1
-
-
-@pytest.mark.parametrize("axis", ["y", "yaw"])
-def test_the_linear_response_is_that_of_the_simulation(axis: str) -> None:
-    known = replace(PEG, payload_error=0.0, joint_friction=(0.0,) * 6)
-    cell = replace(CELL, peg=known)
-    step = 1e-4
-    diagram = make_response_diagram(cell, "peg", axis, amplitude=step, begin=0.1)
-    pose = simulate(diagram, duration=0.6, step=0.05).outputs["true_pose"]
-    k = AXES.index(axis)
-    moved = pose[:, 4 + k] - pose[0, 4 + k] if k < 3 else 2 * (pose[:, k - 2] - pose[0, k - 2])
-    responses = step_responses(cell, "peg")
-    assert responses.gain[k] == pytest.approx(1.0, abs=1e-6)
-    left = responses.undelivered[k][np.arange(50, 250, 25) - 1]
-    np.testing.assert_allclose(1 - moved[4:] / step, left, atol=0.01)  # of a period's time
-    assert left[0] > 0.2
-
-
 def test_the_controller_is_designed_for_the_arm() -> None:
     own, wam = resolved().compensator, resolve(AlignmentScenario(hole=FIXTURE)).compensator
     assert own.lateral.dead_zone > wam.lateral.dead_zone  # a heavier arm is slower
     assert own.lateral.dead_zone < 2 * wam.lateral.dead_zone
-
-
-def test_two_arms_of_different_kinds() -> None:
-    other = replace(HOLE_ARM, model=str(FILE), base=replace(HOLE_ARM.base, position=(0.75, 0, 0)))
-    both = resolve_arms(WorkCellScenario(hole=other))
-    assert both.peg.arm.num_joints == 7
-    assert both.hole.arm.num_joints == 6
-    assert both.hole.arm.dry_friction[0] == 0.2
-    with pytest.raises(ParameterError, match=r"^impedance.torque_limits is .*: 6 finite numbers"):
-        resolve_arms(replace(both, impedance=SEVEN))
 
 
 # What is refused, in one line

@@ -6,8 +6,9 @@ from typing import Any
 import pytest
 
 from chamfer.diagrams.cell.alignment import resolve
-from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, require_start_apart
 from chamfer.diagrams.cell.work_cell import HOLE_ARM, PEG_ARM
+from chamfer.diagrams.insertion.insertion import InsertionScenario
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.arm_model import Placement
@@ -74,10 +75,8 @@ def test_parts_that_are_apart(cell: AlignmentScenario, change: dict[str, Any]) -
 
 
 def test_the_bottom_of_a_blind_bore_is_material() -> None:
-    class Touching(AlignmentScenario):
-        UNUSED_OF_PARTS = ()
-
     parts = ColouredParts(bore_depth=0.02)
-    resolve(Touching(initial_error=NO_ERROR, parts=parts, gap=-0.0199))
+    touching = InsertionScenario(initial_error=NO_ERROR, parts=parts, gap=-0.0199)
+    require_start_apart(touching)
     with pytest.raises(ParameterError, match=r"^gap is -0\.0201, .* they overlap by 0\.1 mm$"):
-        resolve(Touching(initial_error=NO_ERROR, parts=parts, gap=-0.0201))
+        require_start_apart(replace(touching, gap=-0.0201))

@@ -57,22 +57,6 @@ def test_only_the_peg_against_the_hole_can_touch() -> None:
         assert names == ["peg", "wedge"]
 
 
-def test_a_material_keeps_its_facets() -> None:
-    diagram, _ = build(0.03, material=ContactMaterial(facets=32))
-    inspector = diagram.GetSubsystemByName("geometry").model_inspector()
-    assert len(inspector.GetCollisionCandidates()) == 32
-
-
-def test_at_a_distance_nothing_touches() -> None:
-    diagram, _ = build(0.03)
-    simulator = Simulator(diagram)
-    simulator.AdvanceTo(0.01)
-    context = simulator.get_context()
-    assert read(diagram, context, "state") == ContactState.NONE
-    assert not read(diagram, context, "wrench").any()
-    assert read(diagram, context, "depth") == pytest.approx(-0.03, abs=1e-4)
-
-
 @pytest.mark.parametrize("kind", get_args(HoleKind))
 def test_a_peg_in_the_bore_is_pushed_back_by_the_wall_that_it_leans_on(kind: HoleKind) -> None:
     diagram, found = build(-0.02, replace(HOLE_ARM, kind=kind))  # in the bore, in line

@@ -1,7 +1,6 @@
 """The sprung peg, its feed, and starts that are none."""
 
 import math
-import re
 from dataclasses import replace
 from typing import Any
 
@@ -16,16 +15,8 @@ from chamfer.diagrams.insertion.peg_insertion import (
     make_peg_insertion_diagram,
     resolve_peg_insertion,
 )
-from chamfer.models.peg.bore_contact import ContactMaterial
-from chamfer.models.validation import ParameterError
 
 SCENARIO = PegInsertionScenario()
-
-
-def test_facets_are_resolved_from_the_clearance_and_else_kept() -> None:
-    assert resolve_peg_insertion(SCENARIO).contact.facets == 64
-    coarse = replace(SCENARIO, contact=ContactMaterial(facets=32))
-    assert resolve_peg_insertion(coarse) == coarse
 
 
 @pytest.mark.parametrize(
@@ -55,7 +46,7 @@ def test_mistakes_are_said_in_one_line(setting: str, message: str) -> None:
 
 
 def test_the_peg_starts_in_front_of_the_mouth_as_it_is_off() -> None:
-    diagram = make_peg_insertion_diagram(SCENARIO)
+    diagram = make_peg_insertion_diagram(resolve_peg_insertion(SCENARIO))
     context = diagram.CreateDefaultContext()
     x, y, z, rz, ry = diagram.GetOutputPort("joints").Eval(context)[:5]
     L_g = SCENARIO.support.centre_distance
@@ -65,7 +56,7 @@ def test_the_peg_starts_in_front_of_the_mouth_as_it_is_off() -> None:
 
 
 def run_to(scenario: PegInsertionScenario, time: float) -> dict[str, Any]:
-    diagram = make_peg_insertion_diagram(scenario)
+    diagram = make_peg_insertion_diagram(resolve_peg_insertion(scenario))
     simulator = Simulator(diagram)
     simulator.AdvanceTo(time)
     return {
@@ -96,9 +87,3 @@ def test_mirrored_errors_give_the_mirrored_motion() -> None:
     there = run_to(replace(short, lateral=-short.lateral, tilt=-short.tilt), 0.12)
     np.testing.assert_allclose(here["wrench"][4], -there["wrench"][4], rtol=1e-3)
     np.testing.assert_allclose(here["joints"][1], -there["joints"][1], atol=2e-6)
-
-
-def test_facets_that_are_no_facets() -> None:
-    message = re.escape("facets is 30, allowed: a multiple of 4 up to 4096, or null")
-    with pytest.raises(ParameterError, match=f"^{message}$"):
-        replace(SCENARIO, contact=replace(SCENARIO.contact, facets=30))

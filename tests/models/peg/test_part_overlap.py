@@ -1,18 +1,12 @@
 """Whether peg and hole part overlap, against the shapes that collide in a simulation."""
 
 from dataclasses import replace
-from functools import lru_cache
 
-import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
-from pydrake.multibody.tree import SpatialInertia
-from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from chamfer.models.peg.bore_contact import ContactMaterial, add_hole_contact, add_peg_contact
 from chamfer.models.peg.part_surfaces import TOUCHING, overlap, require_apart
 from chamfer.models.peg.peg_and_hole import PegAndHole
 from chamfer.models.validation import ParameterError
@@ -57,50 +51,6 @@ def test_the_rim_of_a_tilted_peg_is_ahead_of_its_tip(tilt: float) -> None:
     wide = replace(PARTS, outer_radius=0.05)
     assert overlap(wide, at(-ahead - 1e-5, aside, tilt)) == 0.0
     assert overlap(wide, at(-ahead + 1e-4, aside, tilt)) == pytest.approx(1e-4, abs=1e-5)
-
-
-@lru_cache
-def collision(parts: PegAndHole) -> tuple[Diagram, MultibodyPlant]:
-    builder = DiagramBuilder()
-    plant, _ = AddMultibodyPlantSceneGraph(builder, 0.001)
-    material = ContactMaterial(facets=128)
-    body = plant.AddRigidBody("peg", SpatialInertia.SolidSphereWithMass(0.1, 0.01))
-    add_peg_contact(plant, body, RigidTransform(), parts, material)
-    add_hole_contact(plant, plant.world_body(), RigidTransform(), parts, material)
-    plant.Finalize()
-    return builder.Build(), plant
-
-
-def deepest(parts: PegAndHole, X_MT: RigidTransform) -> float:
-    """How deep what collides is in each other, m."""
-    diagram, plant = collision(parts)
-    root = diagram.CreateDefaultContext()
-    context = plant.GetMyContextFromRoot(root)
-    plant.SetFreeBodyPose(context, plant.GetBodyByName("peg"), X_MT)
-    query = plant.get_geometry_query_input_port().Eval(context)
-    return max((pair.depth for pair in query.ComputePointPairPenetration()), default=0.0)
-
-
-@pytest.mark.slow
-@settings(deadline=None, max_examples=150)
-@given(
-    blind=st.booleans(),
-    x=st.floats(-0.02, 0.06),
-    off=st.tuples(st.floats(-0.03, 0.03), st.floats(-0.03, 0.03)),
-    near=st.booleans(),
-    turn=st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5)),
-)
-def test_it_overlaps_where_a_simulation_says_so(
-    blind: bool, x: float, off: tuple[float, float], near: bool, turn: tuple[float, float]
-) -> None:
-    parts = BLIND if blind else PARTS
-    scale = 0.05 if near else 1.0
-    X_MT = RigidTransform(
-        RollPitchYaw(0.0, *(scale * np.array(turn))), [x, *(scale * np.array(off))]
-    )
-    true = deepest(parts, X_MT)
-    assume(not 0 < true < 1e-4)  # facets and points know it no better
-    assert (overlap(parts, X_MT) > (1e-6 if true else 4e-5)) == (true > 0)
 
 
 def test_what_is_said() -> None:

@@ -12,10 +12,6 @@ def test_presets_are_parts_that_fit(name: str) -> None:
     assert parts.bore_length < parts.peg_length
 
 
-def test_the_papers_parts_are_the_default() -> None:
-    assert PegAndHole(**PRESETS["paper"]) == PegAndHole()  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize(
     ("name", "diameter", "bore"),
     [

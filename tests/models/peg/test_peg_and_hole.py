@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chamfer.models.peg.part_surfaces import part_mesh, rings
+from chamfer.models.peg.part_surfaces import part_mesh
 from chamfer.models.peg.peg_and_hole import (
     ColouredParts,
     HolePart,
@@ -17,11 +17,6 @@ from chamfer.models.peg.peg_and_hole import (
 from chamfer.models.validation import ParameterError
 
 PEG, HOLE = PegAndHole().peg, PegAndHole().hole
-
-
-def test_published_dimensions() -> None:
-    assert PEG.radius == 0.009779
-    assert HOLE.radius == 0.010035
 
 
 def test_profile_of_the_peg_ends_with_a_chamfer_at_the_tip() -> None:
@@ -34,19 +29,6 @@ def test_profiles_of_the_hole_part_begin_at_the_mouth() -> None:
     assert hole.mouth_radius == pytest.approx(0.012)
     np.testing.assert_allclose(hole.outside, [[0, 0.02], [0.05, 0.02]])
     np.testing.assert_allclose(hole.bore, [[0, 0.012], [0.002, 0.01], [0.05, 0.01]])
-
-
-@pytest.mark.parametrize("sides", [3, 16, 127])
-def test_rings_have_the_area_of_the_circles(sides: int) -> None:
-    profile = np.array([[0.1, 0.5], [-0.3, 2.0]])
-    points = rings(profile, sides)
-    assert points.shape == (2, sides, 3)
-    for ring, (x, radius) in zip(points, profile, strict=True):
-        np.testing.assert_array_equal(ring[:, 0], x)
-        y, z = ring[:, 1], ring[:, 2]
-        area = np.sum(y * np.roll(z, -1) - z * np.roll(y, -1)) / 2
-        assert area == pytest.approx(math.pi * radius**2, rel=1e-12)
-        np.testing.assert_allclose(ring[:, 1:].mean(axis=0), 0, atol=1e-12)
 
 
 def triangles(text: str) -> tuple[np.ndarray, np.ndarray]:
@@ -120,14 +102,6 @@ def test_a_chamfer_of_another_angle_has_another_height() -> None:
     np.testing.assert_allclose(peg.profile, [[-0.05, 0.01], [-height, 0.01], [0, 0.008]])
     hole = replace(HOLE, chamfer=0.001, chamfer_angle=math.pi / 6)
     np.testing.assert_allclose(hole.bore[1], [0.001 / math.sqrt(3), hole.radius])
-
-
-def test_parts_without_chamfers_have_no_edge_twice() -> None:
-    sharp = PegAndHole(chamfer_width=0.0)
-    assert sharp.peg.profile.shape == sharp.hole.bore.shape == (2, 2)
-    corners, _ = triangles(part_mesh(sharp.peg.closed_profile, 100))
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    np.testing.assert_allclose(across.sum(axis=0), 0, atol=1e-15)
 
 
 def test_a_blind_bore_ends_in_the_material() -> None:

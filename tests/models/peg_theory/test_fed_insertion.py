@@ -87,10 +87,3 @@ def test_two_points_touch_where_the_support_of_that_depth_says_so() -> None:
         again = two_point_onset(PARTS, support, lateral[k], tilt[k])
         assert found.onset[k] == pytest.approx(float(again), abs=3e-5)
     assert np.isnan(found.onset[2])
-
-
-def test_of_a_peg_beside_the_mouth_there_is_no_force() -> None:
-    found = predict_feed(PARTS, support_at, plenty, 0.006, 0.05, depth=DEPTH)
-    assert np.isinf(found.axial)
-    assert np.isnan(found.onset)
-    assert not found.may_wedge

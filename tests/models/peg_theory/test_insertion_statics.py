@@ -1,6 +1,5 @@
 """Force and tilt on the way into the hole."""
 
-import dataclasses
 import math
 import re
 
@@ -70,29 +69,6 @@ def test_worked_example() -> None:
     assert depth[force.argmax()] == pytest.approx(0.0274, abs=1e-4)
 
 
-def test_order_of_the_states() -> None:
-    depth = np.linspace(0.0, 0.06, 601)
-    contact = bore_contact(*PAPER, *START, depth).contact
-    onset = two_point_onset(*PAPER, *START)
-    expected = np.where(depth < onset, Contact.MOUTH, Contact.TWO_POINT)
-    np.testing.assert_array_equal(contact, expected)
-
-
-@pytest.mark.parametrize("start", [START, (0.003, -0.1), (-0.0001, 0.05), (0.0, -0.05)])
-@pytest.mark.parametrize("held", [PAPER, OTHER])
-def test_force_and_tilt_are_continuous_where_a_second_point_touches(
-    held: Held, start: tuple[float, float]
-) -> None:
-    parts, _ = held
-    onset = float(two_point_onset(*held, *start))
-    before, after = (bore_contact(*held, *start, onset + step) for step in (-1e-9, 1e-9))
-    assert before.contact in (Contact.MOUTH, Contact.TIP)
-    assert after.contact == Contact.TWO_POINT
-    np.testing.assert_allclose(before.normal_forces, after.normal_forces, atol=1e-4)
-    assert before.tilt == pytest.approx(float(after.tilt), abs=1e-7)
-    assert onset * abs(after.tilt) == pytest.approx(2 * parts.clearance, rel=1e-6)
-
-
 def test_which_side_touches() -> None:
     cases = {
         (0.003, 0.022): (Contact.MOUTH, [MOUTH_RIGHT]),
@@ -151,18 +127,6 @@ def test_every_state_is_in_balance_and_in_the_hole(
         support.angular_stiffness * (got.tilt - theta0), abs=1e-6 * (1 + total)
     )
     assert got.insertion_force == pytest.approx(parts.friction * total)
-
-
-@given(held=holdings, eps0=errors, theta0=tilts, depth=depths)
-def test_mirroring(held: Held, eps0: float, theta0: float, depth: float) -> None:
-    here, there = (bore_contact(*held, sign * eps0, sign * theta0, depth) for sign in (1.0, -1.0))
-    assert here.insertion_force == pytest.approx(float(there.insertion_force), abs=1e-7)
-    assert here.tilt == pytest.approx(-float(there.tilt), abs=1e-9)
-    assert here.tip == pytest.approx(-float(there.tip), abs=1e-9)
-    swapped = there.normal_forces[[MOUTH_LEFT, MOUTH_RIGHT, TIP_LEFT, TIP_RIGHT]]
-    np.testing.assert_allclose(here.normal_forces, swapped, atol=1e-6)
-    onset, mirrored = (two_point_onset(*held, s * eps0, s * theta0) for s in (1.0, -1.0))
-    np.testing.assert_array_equal(onset, mirrored)
 
 
 # Onset of two-point contact and the wedging diagram.
@@ -280,12 +244,6 @@ def test_depth_in_the_bore(depth: float) -> None:
     message = re.escape(f"depth is {depth!r}, allowed: finite numbers >= 0")
     with pytest.raises(ParameterError, match=f"^{message}$"):
         bore_contact(*PAPER, 0.0, 0.0, depth)
-
-
-def test_results_are_frozen() -> None:
-    got = bore_contact(*PAPER, 0.0, 0.0, 0.01)
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        got.tilt = np.zeros(1)  # type: ignore[misc]
 
 
 def test_roots_of_quadratics() -> None:
