@@ -25,8 +25,12 @@ from chamfer.models.peg_theory.fed_insertion import FeedPrediction, Verdict, pre
 from chamfer.models.peg_theory.wedging import jamming_level
 from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, SEATED, ContactState
 from chamfer.systems.statechart.chart import Chart
-from chamfer.systems.strategies.insertion_chart import STOPPED, make_insertion_chart
-from chamfer.systems.strategies.insertion_memory import WORDS, Trouble
+from chamfer.systems.strategies.insertion_chart import (
+    STOPPED,
+    WORDS,
+    Trouble,
+    make_insertion_chart,
+)
 from chamfer.systems.strategies.insertion_task import InsertionTask
 
 Array = NDArray[np.float64]

@@ -48,16 +48,6 @@ from chamfer.diagrams.insertion.insertion import (
 from chamfer.models.peg_theory.wedging import jamming_vertices, rotation_bounds
 from chamfer.systems.contact.peg_hole_contact_monitor import SEATED, ContactState
 
-# Close, nearly aligned, fast, not deep.
-REDUCED = (
-    "begin=0.2",
-    "gap=0.01",
-    "initial_error=[0, 0.001, -0.001, 0, 0.01, -0.01]",
-    "insert.depth=0.015",
-    "insert.speed=0.06",
-    "insert.rest=0.05",
-    "duration=2",
-)
 _MOMENTS = ("before", "touch", "end")
 _NOTES = {
     "seated": f"1: {100 * SEATED:g} % of the commanded depth, or on the bottom, at the end",

@@ -41,12 +41,12 @@ from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
 from chamfer.systems.force.feed_offset import FeedOffset
 from chamfer.systems.force.spring_force import SpringForce
 from chamfer.systems.servo.measurement_selector import MeasurementSelector
-from chamfer.systems.strategies.insertion_decision import DecisionParams, InsertionRegion
-from chamfer.systems.strategies.insertion_memory import (
+from chamfer.systems.strategies.insertion_chart import (
     InsertionTaskParams,
     InsertParams,
     ResolvedInsertParams,
 )
+from chamfer.systems.strategies.insertion_decision import DecisionParams, InsertionRegion
 from chamfer.systems.strategies.insertion_task import InsertionTask
 from chamfer.systems.vision.image_plane_error import AXES
 

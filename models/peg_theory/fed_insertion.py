@@ -142,11 +142,7 @@ def largest_push(
     eps0, theta0 = np.broadcast_arrays(
         np.asarray(lateral, dtype=np.float64), np.asarray(tilt, dtype=np.float64)
     )
-    largest = np.zeros(eps0.shape)
-    for tip in np.linspace(0.0, depth, looks)[1:].tolist():
-        found = equilibrium(parts, support_at(tip), eps0, theta0, tip - parts.chamfer_height)
-        largest = np.maximum(largest, found.insertion_force)
-    return largest
+    return _forces(parts, support_at, None, eps0, theta0, depth, looks)[0]
 
 
 def _reach(parts: PegHoleGeometry, theta0: Array) -> Array:
@@ -159,18 +155,20 @@ def _reach(parts: PegHoleGeometry, theta0: Array) -> Array:
 def _forces(
     parts: PegHoleGeometry,
     support_at: SupportAt,
-    push_at: PushAt,
+    push_at: PushAt | None,
     eps0: Array,
     theta0: Array,
     depth: float,
+    looks: int = _FORCES,
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return the largest push on the way, N, and whether there is more all along."""
     largest, enough = np.zeros_like(eps0), np.ones(eps0.shape, dtype=bool)
-    for tip in np.linspace(0.0, depth, _FORCES)[1:].tolist():
+    for tip in np.linspace(0.0, depth, looks)[1:].tolist():
         found = equilibrium(parts, support_at(tip), eps0, theta0, tip - parts.chamfer_height)
         force = found.insertion_force
         largest = np.maximum(largest, force)
-        enough &= force < push_at(np.array(tip))
+        if push_at is not None:
+            enough &= force < push_at(np.array(tip))
     return largest, enough
 
 

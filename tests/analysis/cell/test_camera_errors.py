@@ -29,8 +29,7 @@ from chamfer.analysis.cell.camera_error_runs import (
     with_drawn_errors,
     with_error,
 )
-from chamfer.analysis.cell.camera_errors import CameraErrorsScenario, resolve
-from chamfer.analysis.cell.camera_errors_figures import answer
+from chamfer.analysis.cell.camera_errors import CameraErrorsScenario, answer, resolve
 from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.diagrams.cell.cell_vision import VIEWS, CameraSettings
 from chamfer.models.validation import ParameterError

@@ -1,10 +1,15 @@
-"""An insertion in the cell: what it does, and what is measured of it."""
+"""Insertions in the work cell: measured, told, and with faults."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from pydrake.common.value import Value
+from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.sensors import ImageRgba8U
 
+from chamfer.analysis.cell.alignment import picture
 from chamfer.analysis.cell.alignment_runs import true_errors
 from chamfer.analysis.insertion.cell_runs import (
     INSERTION,
@@ -19,7 +24,17 @@ from chamfer.analysis.insertion.cell_runs import (
     run_cell_insertion,
     touch_row,
 )
+from chamfer.analysis.insertion.insertion import run
+from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.diagrams.cell import cell_vision
+from chamfer.diagrams.cell.cell_vision import CameraSettings
 from chamfer.diagrams.insertion.insertion import InsertionScenario, resolve
+from chamfer.models.cameras.camera import Camera
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.systems.cameras.camera_image import FrameGrabberParams, write_image
+from chamfer.systems.cameras.part_poses import PosePorts
+from chamfer.systems.cameras.picture_formation import SensorParams
+from chamfer.systems.cameras.software_camera import render
 from chamfer.systems.contact.peg_hole_contact_monitor import ContactState
 from chamfer.systems.pose import POSE_NAMES
 from chamfer.systems.strategies.insertion_decision import DecisionParams
@@ -173,3 +188,165 @@ def test_before_the_advance_a_run_may_end(quick: InsertionScenario) -> None:
     assert values["seated"] == 0
     assert values["touch.lateral_error"] is None
     assert ending(run, paused).startswith("not over after 0.")
+
+
+@pytest.fixture(scope="module")
+def outcome(quick: InsertionScenario, done: CellInsertion) -> Outcome:
+    """Of the quick insertion, which is run but once."""
+
+    def ran(scenario: InsertionScenario, seed: int, told: object) -> CellInsertion:
+        assert (scenario, seed) == (resolve(quick), 0)
+        return done
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("chamfer.analysis.insertion.insertion.run_cell_insertion", ran)
+        return run(resolve(quick), 0, lambda fraction, doing="": None)
+
+
+def test_it_measures_what_it_promises(outcome: Outcome) -> None:
+    promised = {
+        "seated": "",
+        "depth": "m",
+        "force.axial": "N",
+        "force.lateral": "N",
+        "force.raw_peak": "N",
+        "time_to_seated": "s",
+        "touch.lateral_error": "m",
+        "touch.rotational_error": "rad",
+        "two_point.onset": "m",
+        "predicted.seated": "",
+        "predicted.force.axial": "N",
+        "predicted.two_point.onset": "m",
+    }
+    found = {name: outcome.metrics[name].unit for name in promised}
+    assert found == promised
+    assert outcome.metrics["seated.said"].note.startswith("seated, 2")
+    assert "cap of 8 N" in outcome.metrics["wedged"].note
+
+
+def test_the_pictures_are_before_at_the_touch_and_at_the_end(
+    quick: InsertionScenario, outcome: Outcome
+) -> None:
+    gaps = []
+    for moment in ("before", "touch", "end"):
+        image = picture(quick, outcome.tables["pictures"], "xy", moment).astype(int)
+        red, blue = image[:, :, 0] - image[:, :, 2], image[:, :, 2] - image[:, :, 0]
+        left = [np.argmax((colour > 80).any(axis=0)) for colour in (red, blue)]
+        between = (left[1] - left[0]) * quick.cameras.pixel_size
+        gaps.append(between - quick.parts.peg_length)
+    assert gaps == pytest.approx([quick.gap, 0.0, -outcome.traces["depth"][-1]], abs=0.0025)
+
+
+Run = tuple[CellInsertion, InsertionScenario]
+
+
+def run_of_insertion_faults(scenario: InsertionScenario) -> Run:
+    resolved = resolve(scenario)
+    return run_cell_insertion(resolved, seed=0), resolved
+
+
+def hardest(done: CellInsertion, scenario: InsertionScenario) -> float:
+    """The largest contact force, N, of 10 ms."""
+    return float(np.hypot(*force_medians(done.traces, scenario.step)).max())
+
+
+def assert_ended(found: Run, state: str, words: str) -> None:
+    """It is not seated, does not say so, says why, stays below the limit, and stands still."""
+    done, scenario = found
+    values = insertion_metrics(done, scenario)
+    assert done.state == state
+    assert values["seated"] == values["seated.said"] == 0
+    assert words in ending(done, scenario)
+    assert hardest(done, scenario) < scenario.insert.force_limit
+    assert done.traces["feed"][-1] == pytest.approx(done.traces["feed"][-20], abs=0.001)
+
+
+# Cameras
+
+
+class PegVanishes(LeafSystem):
+    """A software camera that does not see the peg any more once it is in the hole."""
+
+    def __init__(self, parts: ColouredParts, camera: Camera, *, sensor: SensorParams) -> None:
+        super().__init__()
+        poses = PosePorts(self)
+
+        def calc(context: Context, output: Any) -> None:
+            X_WT, X_WM = poses.read(context)
+            assert X_WT is not None
+            assert X_WM is not None
+            gone = (X_WM.inverse() @ X_WT).translation()[0] > 0.008
+            write_image(output, render(parts, camera, None if gone else X_WT, X_WM))
+
+        model = Value(ImageRgba8U(camera.width, camera.height, 0))
+        self.DeclareAbstractOutputPort("image", model.Clone, calc, poses.tickets())
+
+
+@pytest.mark.slow
+def test_a_part_that_is_lost_in_contact_stops_it(
+    quick: InsertionScenario, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cell_vision, "SoftwareCamera", PegVanishes)
+    deep = replace(quick, insert=replace(quick.insert, depth=0.04))
+    found = run_of_insertion_faults(deep)
+    assert_ended(found, "blind", "stopped: the cameras see no parts")
+    assert found[0].traces["depth"][-1] > 0.008
+
+
+def test_without_frames_nothing_moves(quick: InsertionScenario) -> None:
+    cameras = CameraSettings(frames=FrameGrabberParams(miss=1.0))
+    done, scenario = run_of_insertion_faults(replace(quick, cameras=cameras))
+    assert_ended((done, scenario), "blind", "stopped: the cameras see no parts")
+    assert not done.traces["feed"].any()
+
+
+# Arms
+
+
+# Parts
+
+
+@pytest.fixture(scope="module")
+def thick(quick: InsertionScenario) -> Run:
+    """A peg that is thicker than its hole, tried twice."""
+    insert = replace(quick.insert, attempts=2)
+    return run_of_insertion_faults(replace(quick, peg_excess=0.0003, insert=insert))
+
+
+@pytest.mark.slow
+def test_a_peg_that_is_too_thick_does_not_enter(thick: Run) -> None:
+    assert_ended(
+        thick, "gave_up", "gave up after 2 attempts: stuck at the mouth, the peg does not"
+    )
+    done, scenario = thick
+    assert done.traces["depth"].max() < scenario.parts.chamfer_height
+    values = insertion_metrics(done, scenario)
+    assert values["wedged"] == values["jammed"] == 0  # that is said of the bore
+
+
+@pytest.fixture(scope="module")
+def wedge(quick: InsertionScenario) -> Run:
+    """A peg that leans much further than the limit, inserted at once and frozen."""
+    insert = replace(quick.insert, compensation="frozen")
+    return run_of_insertion_faults(
+        replace(
+            quick,
+            initial_error=(0.0, 0.002, 0.0, 0.0, 0.0, -0.1),
+            decide=DecisionParams(kind="at_once"),
+            insert=insert,
+        )
+    )
+
+
+@pytest.mark.slow
+def test_a_wedge_is_told_and_pulled_out(wedge: Run) -> None:
+    done, scenario = wedge
+    assert_ended(wedge, "gave_up", "gave up after 1 attempt: wedged")
+    values = insertion_metrics(done, scenario)
+    assert (values["wedged"], values["jammed"]) == (1, 0)
+    pull = values["pull_out.force"]
+    assert pull is not None
+    assert 3 < pull < scenario.insert.force_limit
+    assert done.traces["depth"][-1] < 0  # it came out
+    assert values["depth"] == done.traces["depth"].max()
+    assert done.traces["depth"].max() == pytest.approx(0.010, abs=0.002)

@@ -14,16 +14,16 @@ from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg.support import Support
 from chamfer.models.validation import ParameterError
 from chamfer.systems.statechart.chart import Snapshot
-from chamfer.systems.strategies.insertion_chart import make_insertion_chart
-from chamfer.systems.strategies.insertion_decision import DecisionParams, InsertionRegion
-from chamfer.systems.strategies.insertion_memory import (
+from chamfer.systems.strategies.insertion_chart import (
     InsertionInputs,
     InsertionMemory,
     InsertionTaskParams,
     InsertParams,
     ResolvedInsertParams,
     Trouble,
+    make_insertion_chart,
 )
+from chamfer.systems.strategies.insertion_decision import DecisionParams, InsertionRegion
 
 PERIOD = 1 / 80
 GAP = 0.03
