@@ -15,7 +15,7 @@ from chamfer.analysis.benchmarks.engine import Source, installed
 from chamfer.analysis.insertion.insertion_runs import insert, measure
 from chamfer.analysis.insertion.insertion_runs import predict as statics
 from chamfer.diagrams.insertion.peg_insertion import (
-    CarriageSupport,
+    FeedSupport,
     PegInsertionScenario,
     resolve_peg_insertion,
 )
@@ -66,7 +66,7 @@ def cell(lateral: float, degrees: float) -> PegInsertionScenario:
                 hole_length=0.02,
                 outer_radius=0.012,
             ),
-            support=CarriageSupport(
+            support=FeedSupport(
                 lateral_stiffness=1 / (1 / _WRIST + 1 / _SERVO),
                 angular_stiffness=1.5,
                 centre_distance=0.04,

@@ -50,7 +50,7 @@ _TUNING_TRIALS: Final = 1_000_000  # from here on: none of the comparison is amo
 
 
 @dataclass(frozen=True, kw_only=True)
-class ComparisonScenario(AlignmentTrialsScenario):
+class AlignmentComparisonScenario(AlignmentTrialsScenario):
     """Both controllers from the same starts, with the same model errors.
 
     How both are tuned: each has one number for the lateral and one for the rotational axes from
@@ -79,25 +79,27 @@ class ComparisonScenario(AlignmentTrialsScenario):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ResolvedComparisonScenario(ResolvedAlignmentTrialsScenario, ComparisonScenario):
+class ResolvedAlignmentComparisonScenario(
+    ResolvedAlignmentTrialsScenario, AlignmentComparisonScenario
+):
     """The same with nothing left open."""
 
 
-COMPARISON: Final = ComparisonScenario()
+COMPARISON: Final = AlignmentComparisonScenario()
 
 
-def resolve(scenario: ComparisonScenario) -> ResolvedComparisonScenario:
+def resolve(scenario: AlignmentComparisonScenario) -> ResolvedAlignmentComparisonScenario:
     """Refuse what the comparison sets itself, and what leaves nothing to compare."""
     if scenario.controller != ControllerChoice():
         raise ParameterError("controller.kind", scenario.controller.kind, "fsm; both are run")
     if scenario.compensated == "none":
         raise ParameterError("compensated", "none", "peg, hole, both")
-    return resolve_trials(ResolvedComparisonScenario, scenario)
+    return resolve_trials(ResolvedAlignmentComparisonScenario, scenario)
 
 
 def _candidates(
-    scenario: ResolvedComparisonScenario,
-) -> dict[ControllerKind, list[ResolvedComparisonScenario]]:
+    scenario: ResolvedAlignmentComparisonScenario,
+) -> dict[ControllerKind, list[ResolvedAlignmentComparisonScenario]]:
     responses, untuned = arm_responses(scenario), _without_numbers(scenario)
     return {
         "fsm": [
@@ -126,7 +128,9 @@ def _large(element: OpenAxis, small: tuple[float, ...]) -> list[float]:
     return [element.divider * one for one in small]
 
 
-def _without_numbers(scenario: ResolvedComparisonScenario) -> ResolvedComparisonScenario:
+def _without_numbers(
+    scenario: ResolvedAlignmentComparisonScenario,
+) -> ResolvedAlignmentComparisonScenario:
     """Return the scenario with what tuning is to find open again."""
 
     def element(of: OpenAxis) -> OpenAxis:
@@ -148,7 +152,7 @@ def _without_numbers(scenario: ResolvedComparisonScenario) -> ResolvedComparison
 class ControllerTrial(NamedTuple):
     """A trial with a controller."""
 
-    scenario: ResolvedComparisonScenario
+    scenario: ResolvedAlignmentComparisonScenario
     trial: int
 
 
@@ -156,7 +160,7 @@ def _align(seed: int, task: ControllerTrial) -> Row:
     return align(task.scenario, seed, task.trial)
 
 
-def _is_of(scenario: ResolvedComparisonScenario, task: ControllerTrial) -> bool:
+def _is_of(scenario: ResolvedAlignmentComparisonScenario, task: ControllerTrial) -> bool:
     return task.scenario == scenario
 
 
@@ -168,7 +172,7 @@ def score(finished: Trials[ControllerTrial]) -> float:
     return float(np.mean(lateral / MEAN_ERROR[0] + rotational / MEAN_ERROR[1]))
 
 
-def run(scenario: ResolvedComparisonScenario, seed: int, progress: Progress) -> Outcome:
+def run(scenario: ResolvedAlignmentComparisonScenario, seed: int, progress: Progress) -> Outcome:
     """Tune both if asked to, and compare them."""
     tables: dict[str, dict[str, NDArray[np.float64]]] = {}
     chosen = {
@@ -235,8 +239,10 @@ def _errors(
 
 
 def _tune(
-    scenario: ResolvedComparisonScenario, seed: int, progress: Progress
-) -> tuple[dict[ControllerKind, ResolvedComparisonScenario], dict[str, NDArray[np.float64]]]:
+    scenario: ResolvedAlignmentComparisonScenario, seed: int, progress: Progress
+) -> tuple[
+    dict[ControllerKind, ResolvedAlignmentComparisonScenario], dict[str, NDArray[np.float64]]
+]:
     """Return the best candidate of each controller, and every candidate's score."""
     candidates = _candidates(scenario)
     trials = scenario.tuning_trials
@@ -257,7 +263,9 @@ def _tune(
     return best, table
 
 
-def _knob(name: ControllerKind, scenario: ResolvedComparisonScenario) -> tuple[float, float]:
+def _knob(
+    name: ControllerKind, scenario: ResolvedAlignmentComparisonScenario
+) -> tuple[float, float]:
     """Return what tells candidates apart: small increments, or integral gains."""
     if name == "fsm":
         elements = scenario.compensator.axes
@@ -266,7 +274,7 @@ def _knob(name: ControllerKind, scenario: ResolvedComparisonScenario) -> tuple[f
     return laws[0].integral, laws[3].integral
 
 
-def _parameters(scenario: ResolvedComparisonScenario) -> dict[str, Metric]:
+def _parameters(scenario: ResolvedAlignmentComparisonScenario) -> dict[str, Metric]:
     if scenario.controller.kind == "pid":
         pid = scenario.pid
         return {
@@ -316,7 +324,9 @@ def _difference(
     }
 
 
-def figures(scenario: ResolvedComparisonScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(
+    scenario: ResolvedAlignmentComparisonScenario, outcome: Outcome
+) -> Mapping[str, Figure]:
     """Return the figures by file name."""
     return {"alignment-fsm-vs-pid": plot_comparison(scenario, outcome)}
 
@@ -325,7 +335,7 @@ _CONTROLLERS: Final = ("fsm", "pid")
 _KINDS: Final = (("lateral", "mm", MEAN_ERROR[0]), ("rotational", "mrad", MEAN_ERROR[1]))
 
 
-def plot_comparison(scenario: ResolvedComparisonScenario, outcome: Outcome) -> Figure:
+def plot_comparison(scenario: ResolvedAlignmentComparisonScenario, outcome: Outcome) -> Figure:
     """Draw every trial and the median over time, and the errors at the end, trial by trial."""
     figure = new_figure(11.0, 7.6)
     panels = figure.subplots(2, 2, width_ratios=(1.5, 1.0))
@@ -350,7 +360,7 @@ def plot_comparison(scenario: ResolvedComparisonScenario, outcome: Outcome) -> F
 
 
 def _over_time(
-    axes: Axes, scenario: ResolvedComparisonScenario, outcome: Outcome, name: str
+    axes: Axes, scenario: ResolvedAlignmentComparisonScenario, outcome: Outcome, name: str
 ) -> None:
     table = outcome.tables["errors"]
     for i, controller in enumerate(_CONTROLLERS):

@@ -30,7 +30,7 @@ from chamfer.diagrams.cell.alignment_scenario import (
     require_start_apart,
 )
 from chamfer.diagrams.cell.controller_design import measurement_error, small_share
-from chamfer.diagrams.cell.work_cell import ARMS, ArmSettings, wedging_support
+from chamfer.diagrams.cell.work_cell import ARMS, CellArmSettings, wedging_support
 from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg.support import OpenSupport, Support
 from chamfer.models.peg_theory.wedging import (
@@ -415,7 +415,7 @@ class AlignmentTrialsScenario(AlignmentScenario):
             raise ParameterError("trials", self.trials, f"1 to {_MOST}")
 
 
-ArmT = TypeVar("ArmT", bound=ArmSettings)
+ArmT = TypeVar("ArmT", bound=CellArmSettings)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -43,7 +43,7 @@ ScenarioT = TypeVar("ScenarioT", bound=AlignmentScenario)
 _WARM: Final = (1.0, 0.0, -1.0)  # of red, green and blue: a lamp instead of daylight
 
 
-class CameraError(NamedTuple):
+class AssumedCameraError(NamedTuple):
     """An error of cameras that nobody knows of."""
 
     name: str
@@ -58,7 +58,9 @@ class CameraError(NamedTuple):
     picture: Callable[[float], Callable[[Image], Image]] | None = None  # of parts at rest alone
 
 
-def with_error(scenario: ScenarioT, error: CameraError, size: float, off_axis: float) -> ScenarioT:
+def with_error(
+    scenario: ScenarioT, error: AssumedCameraError, size: float, off_axis: float
+) -> ScenarioT:
     """Return a resolved scenario whose cameras have an error; its controllers stay as they are.
 
     Args:
@@ -196,12 +198,14 @@ def _shutter(sensor: SensorParams, size: float) -> SensorParams:
     return replace(sensor, exposure=sensor.exposure + size)
 
 
-ERRORS: Final[tuple[CameraError, ...]] = (
-    CameraError("focal_length", "", 0.3, "focal length", _focal(1.0, 1.0)),
-    CameraError("pixel_aspect", "", 0.02, "aspect of the pixels", _focal(0.5, -0.5)),
-    CameraError("principal_point", "pixels", 20.0, "principal point", _true(_principal_point)),
-    CameraError("distortion", "", -1.25, "distortion k1 of parts on the axis", _lens(0)),
-    CameraError(
+ERRORS: Final[tuple[AssumedCameraError, ...]] = (
+    AssumedCameraError("focal_length", "", 0.3, "focal length", _focal(1.0, 1.0)),
+    AssumedCameraError("pixel_aspect", "", 0.02, "aspect of the pixels", _focal(0.5, -0.5)),
+    AssumedCameraError(
+        "principal_point", "pixels", 20.0, "principal point", _true(_principal_point)
+    ),
+    AssumedCameraError("distortion", "", -1.25, "distortion k1 of parts on the axis", _lens(0)),
+    AssumedCameraError(
         "distortion_off_axis",
         "",
         -1.25,
@@ -209,7 +213,7 @@ ERRORS: Final[tuple[CameraError, ...]] = (
         _lens(0),
         off_axis=True,
     ),
-    CameraError(
+    AssumedCameraError(
         "higher_distortion_off_axis",
         "",
         -30.0,
@@ -217,7 +221,7 @@ ERRORS: Final[tuple[CameraError, ...]] = (
         _lens(1),
         off_axis=True,
     ),
-    CameraError(
+    AssumedCameraError(
         "decentring_off_axis",
         "",
         0.02,
@@ -225,23 +229,25 @@ ERRORS: Final[tuple[CameraError, ...]] = (
         _lens(2),
         off_axis=True,
     ),
-    CameraError("position_along", "m", 0.15, "a place nearer to the parts", _moved(2)),
-    CameraError("position_across", "m", 0.03, "a place to the right", _moved(0)),
-    CameraError("position_down", "m", 0.02, "a place further down", _moved(1)),
-    CameraError("tilt_in_place", "rad", 0.05, "tilt in place", _true(_tilt)),
-    CameraError("tilt_aimed", "rad", 0.3, "tilt with the aim kept", _true(_aim)),
-    CameraError("roll", "rad", 0.15, "roll", _true(_roll)),
-    CameraError("vignetting", "", 0.5, "vignetting", _sensor(_vignetting), signed=False),
-    CameraError("white_balance", "", 0.2, "warm light", _sensor(_warm)),
-    CameraError("shading", "", 0.5, "light from one side", picture=brightness_ramp),
-    CameraError("pixel_size", "m", 5e-4, "larger pixels", _coarse, moving=True, signed=False),
-    CameraError(
+    AssumedCameraError("position_along", "m", 0.15, "a place nearer to the parts", _moved(2)),
+    AssumedCameraError("position_across", "m", 0.03, "a place to the right", _moved(0)),
+    AssumedCameraError("position_down", "m", 0.02, "a place further down", _moved(1)),
+    AssumedCameraError("tilt_in_place", "rad", 0.05, "tilt in place", _true(_tilt)),
+    AssumedCameraError("tilt_aimed", "rad", 0.3, "tilt with the aim kept", _true(_aim)),
+    AssumedCameraError("roll", "rad", 0.15, "roll", _true(_roll)),
+    AssumedCameraError("vignetting", "", 0.5, "vignetting", _sensor(_vignetting), signed=False),
+    AssumedCameraError("white_balance", "", 0.2, "warm light", _sensor(_warm)),
+    AssumedCameraError("shading", "", 0.5, "light from one side", picture=brightness_ramp),
+    AssumedCameraError(
+        "pixel_size", "m", 5e-4, "larger pixels", _coarse, moving=True, signed=False
+    ),
+    AssumedCameraError(
         "exposure", "s", 1 / 80, "an open shutter", _sensor(_shutter), moving=True, signed=False
     ),
-    CameraError(
+    AssumedCameraError(
         "latency", "periods", 6.0, "later images", _frames("latency"), moving=True, signed=False
     ),
-    CameraError(
+    AssumedCameraError(
         "latency_of_one",
         "periods",
         5.0,
@@ -251,7 +257,7 @@ ERRORS: Final[tuple[CameraError, ...]] = (
         moving=True,
         signed=False,
     ),
-    CameraError(
+    AssumedCameraError(
         "period",
         "s",
         1 / 30 - 1 / 80,
@@ -260,7 +266,7 @@ ERRORS: Final[tuple[CameraError, ...]] = (
         moving=True,
         signed=False,
     ),
-    CameraError(
+    AssumedCameraError(
         "period_of_one",
         "s",
         1 / 30 - 1 / 80,
@@ -270,7 +276,7 @@ ERRORS: Final[tuple[CameraError, ...]] = (
         moving=True,
         signed=False,
     ),
-    CameraError(
+    AssumedCameraError(
         "clock_offset",
         "s",
         1 / 160,
@@ -280,10 +286,10 @@ ERRORS: Final[tuple[CameraError, ...]] = (
         moving=True,
         signed=False,
     ),
-    CameraError(
+    AssumedCameraError(
         "dropped_frames", "", 0.1, "dropped frames", _frames("miss"), moving=True, signed=False
     ),
-    CameraError(
+    AssumedCameraError(
         "noise", "grey levels", 8.0, "more noise", _frames("noise"), moving=True, signed=False
     ),
 )

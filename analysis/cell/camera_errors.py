@@ -25,7 +25,7 @@ from chamfer.analysis.cell.camera_error_runs import (
     MOMENTS,
     NONE,
     NOT_DRAWN,
-    CameraError,
+    AssumedCameraError,
     ErrorAtRest,
     ErrorRun,
     Study,
@@ -106,7 +106,7 @@ class CameraErrorsScenario(AlignmentTrialsScenario):
                 raise ParameterError(field, (), "one or more")
 
     @property
-    def alone(self) -> tuple[CameraError, ...]:
+    def alone(self) -> tuple[AssumedCameraError, ...]:
         """The errors that are tried alone."""
         return tuple(one for one in ERRORS if not self.errors or one.name in self.errors)
 
@@ -238,7 +238,7 @@ def _metrics(scenario: CameraErrorsScenario, still: Table, runs: Table) -> dict[
     return metrics
 
 
-def _at_rest_metrics(error: CameraError, rows: Table) -> dict[str, Metric]:
+def _at_rest_metrics(error: AssumedCameraError, rows: Table) -> dict[str, Metric]:
     """Return what an error alone does where nothing moves: bias, sensitivity, and how much."""
     size = np.abs(rows["size"])
     seen = np.isfinite(rows["rotational_error"])
@@ -376,7 +376,7 @@ def plot_errors(scenario: CameraErrorsScenario, outcome: Outcome) -> Figure:
     return figure
 
 
-def _sized(error: CameraError, share: float) -> str:
+def _sized(error: AssumedCameraError, share: float) -> str:
     both = error.off_axis
     sign = "\N{PLUS-MINUS SIGN}" if both else "" if error.most > 0 else "\N{MINUS SIGN}"
     return f"{sign}{share * abs(error.most):.3g} {error.unit}".rstrip()
@@ -390,7 +390,7 @@ def _first(outcome: Outcome) -> tuple[Table, Table]:
     return {name: of[mine] for name, of in runs.items()}, {n: of[rest] for n, of in still.items()}
 
 
-def _weight(error: CameraError, runs: Table, still: Table) -> float:
+def _weight(error: AssumedCameraError, runs: Table, still: Table) -> float:
     """Return by what errors are sorted: the angle that is left at rest, or else late."""
     value = _rest(error, "rotational_error", still)
     if np.isfinite(value):
@@ -399,7 +399,7 @@ def _weight(error: CameraError, runs: Table, still: Table) -> float:
     return float("-inf") if row is None else float(runs["late.rotational_error"][row]) * 1e-6
 
 
-def _rest(error: CameraError, kind: str, still: Table) -> float:
+def _rest(error: AssumedCameraError, kind: str, still: Table) -> float:
     of = still["error"] == error.name
     values = still[kind][of]
     known = values[np.isfinite(values)]
@@ -416,7 +416,7 @@ def _row(name: str, runs: Table) -> int | None:
 def _tornado(
     axes: Axes,
     scenario: CameraErrorsScenario,
-    errors: list[CameraError],
+    errors: list[AssumedCameraError],
     kind: str,
     runs: Table,
     still: Table,
@@ -501,7 +501,7 @@ _SLOW: Final = 1.3  # times what is left without errors, beyond which a run is s
 class Bias(NamedTuple):
     """What an error does to parts at rest, at the largest size at which they are found."""
 
-    error: CameraError
+    error: AssumedCameraError
     size: float  # without a sign
     lateral: float  # m, at the tip
     rotational: float  # rad
@@ -515,7 +515,7 @@ class Bias(NamedTuple):
         return f"{self.error.says} of {size:.3g} {self.error.unit}".rstrip()
 
 
-def answer(errors: Sequence[CameraError], still: Table, runs: Table) -> Metric:
+def answer(errors: Sequence[AssumedCameraError], still: Table, runs: Table) -> Metric:
     """Return how many errors alone make the published angle, and in the note what the study says.
 
     Of the first controller and measurement that were run.
@@ -531,7 +531,7 @@ def answer(errors: Sequence[CameraError], still: Table, runs: Table) -> Metric:
     return Metric(value=float(reach), unit="", note=" ".join(text for text in said if text))
 
 
-def _bias(error: CameraError, still: Table) -> Bias | None:
+def _bias(error: AssumedCameraError, still: Table) -> Bias | None:
     of = (still["error"] == error.name) & np.isfinite(still["rotational_error"])
     if not of.any():
         return None
@@ -581,7 +581,7 @@ def _biased(biases: Sequence[Bias]) -> str:
     return " ".join(said)
 
 
-def _slow(errors: Sequence[CameraError], runs: Table) -> str:
+def _slow(errors: Sequence[AssumedCameraError], runs: Table) -> str:
     """Say which errors leave more soon than late, beyond what is left without any."""
     (none,) = np.flatnonzero(runs["error"] == NONE)
     found = []
@@ -605,7 +605,7 @@ def _slow(errors: Sequence[CameraError], runs: Table) -> str:
     return f"{said} Hardly anything is lost by {_listed(same)}.".strip() if same else said
 
 
-def _blind(errors: Sequence[CameraError], still: Table, runs: Table) -> str:
+def _blind(errors: Sequence[AssumedCameraError], still: Table, runs: Table) -> str:
     lost = set(runs["error"][runs["seen"] < 1].tolist())
     lost |= set(still["error"][~np.isfinite(still["rotational_error"])].tolist())
     found = [one.says for one in errors if one.name in lost]

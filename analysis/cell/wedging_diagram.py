@@ -68,7 +68,7 @@ _REACH = 2.0  # clearances above the chamfer, where a tilted peg touches it firs
 
 
 @dataclass(frozen=True, kw_only=True)
-class Start:
+class InitialErrors:
     """Initial errors; of one sign they add."""
 
     lateral: float  # m, eps0, across the axis
@@ -90,9 +90,11 @@ class WedgingScenario:
     support: Support = field(default_factory=Support)
     # of the paper's figure and its errors, and not what the cell's arms are to the peg
     centre_distances: tuple[float, ...] = (0.0, 0.03)  # m, L_g, more regions to draw; assumed
-    published_mean: Start = Start(lateral=MEAN_ERROR[0], rotation=MEAN_ERROR[1])
-    published_worst: Start = Start(lateral=WORST_ERROR[0], rotation=WORST_ERROR[1])
-    wedging_prone: Start = Start(lateral=WORST_ERROR[0], rotation=0.05)  # in the box; assumed
+    published_mean: InitialErrors = InitialErrors(lateral=MEAN_ERROR[0], rotation=MEAN_ERROR[1])
+    published_worst: InitialErrors = InitialErrors(lateral=WORST_ERROR[0], rotation=WORST_ERROR[1])
+    wedging_prone: InitialErrors = InitialErrors(
+        lateral=WORST_ERROR[0], rotation=0.05
+    )  # in the box; assumed
     alignment: RepeatabilityScenario | None = field(
         default_factory=lambda: RepeatabilityScenario(trials=10)
     )  # whose trials' ends are drawn in, with these parts, ten as in section 5; null: none
@@ -117,7 +119,7 @@ class WedgingScenario:
         if not 2 <= self.points <= _MOST_POINTS:
             raise ParameterError("points", self.points, f"2 to {_MOST_POINTS}")
 
-    def starts(self) -> tuple[Start, ...]:
+    def starts(self) -> tuple[InitialErrors, ...]:
         """Return the starts in the order of ``STARTS``."""
         return tuple(getattr(self, name) for name in STARTS)
 
@@ -207,7 +209,7 @@ def run(scenario: ResolvedWedgingScenario, seed: int, progress: Progress) -> Out
     )
 
 
-def _measure(scenario: WedgingScenario, start: Start, path: Table) -> dict[str, Metric]:
+def _measure(scenario: WedgingScenario, start: InitialErrors, path: Table) -> dict[str, Metric]:
     parts, support = scenario.parts, scenario.support
     errors = start.lateral, start.rotation
     box = box_margin(parts, *errors)
@@ -259,7 +261,7 @@ def _measure(scenario: WedgingScenario, start: Start, path: Table) -> dict[str, 
     }
 
 
-def _insertion(scenario: WedgingScenario, start: Start) -> dict[str, Array]:
+def _insertion(scenario: WedgingScenario, start: InitialErrors) -> dict[str, Array]:
     """Return the way down the chamfer, at negative depths, and into the bore.
 
     The force is NaN where no push slides the peg.

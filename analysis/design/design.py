@@ -21,7 +21,7 @@ from chamfer.analysis.design.insertion_links import (
 )
 from chamfer.analysis.design.link import Link, tightest
 from chamfer.analysis.design.settling import settling_links
-from chamfer.models.peg_theory.fed_insertion import Verdict as Planar
+from chamfer.models.peg_theory.fed_insertion import FeedVerdict as Planar
 from chamfer.models.peg_theory.fed_insertion import largest_push, limits
 
 Verdict = Literal["certain", "likely", "no"]

@@ -17,7 +17,7 @@ from chamfer.analysis.design.link import Link, at_most
 from chamfer.diagrams.cell.alignment import SHARES
 from chamfer.diagrams.cell.alignment_scenario import KINDS, Kind, true_pose, wrong_pose
 from chamfer.diagrams.cell.controller_design import arm_responses, small_share
-from chamfer.diagrams.cell.work_cell import ArmName, ArmSettings, WorkCellScenario
+from chamfer.diagrams.cell.work_cell import ArmName, CellArmSettings, WorkCellScenario
 from chamfer.systems.force.tool_friction import tool_friction
 from chamfer.systems.pose import pose_vector
 from chamfer.systems.servo.compensator import AxisParams
@@ -76,7 +76,7 @@ def arm_at_tool(scenario: ResolvedDesignScenario, arm: ArmName) -> ArmAtTool:
 
 @lru_cache(maxsize=64)
 def _arm_at_tool(scenario: WorkCellScenario, arm: ArmName, more_friction: float) -> ArmAtTool:
-    settings: ArmSettings = getattr(scenario, arm)
+    settings: CellArmSettings = getattr(scenario, arm)
     model = settings.known_arm()
     state = model.evaluate(scenario.rest_posture(arm))
     axes = scenario.hole_axes.matrix()
@@ -235,7 +235,7 @@ def _moved(
     scenario: ResolvedDesignScenario, at_tool: Mapping[ArmName, ArmAtTool], arm: ArmName
 ) -> tuple[Array, Array]:
     """Return where unknown masses move a tool to, and how unsure that is, m and rad, (6,)."""
-    settings: ArmSettings = getattr(scenario, arm)
+    settings: CellArmSettings = getattr(scenario, arm)
     one, spread = at_tool[arm], scenario.spread
     middle = one.payload + (settings.mass_scale - 1) * one.links
     off = spread.payload * one.payload, settings.mass_scale * spread.link_mass * one.links

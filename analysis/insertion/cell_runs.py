@@ -21,14 +21,14 @@ from chamfer.diagrams.insertion.insertion import (
     task_params,
 )
 from chamfer.models.peg.peg_and_hole import PegAndHole
-from chamfer.models.peg_theory.fed_insertion import FeedPrediction, Verdict, predict_feed
+from chamfer.models.peg_theory.fed_insertion import FeedPrediction, FeedVerdict, predict_feed
 from chamfer.models.peg_theory.wedging import jamming_level
 from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, SEATED, ContactState
 from chamfer.systems.statechart.chart import Chart
 from chamfer.systems.strategies.insertion_chart import (
     STOPPED,
     WORDS,
-    Trouble,
+    InsertionTrouble,
     make_insertion_chart,
 )
 from chamfer.systems.strategies.insertion_task import InsertionTask
@@ -280,7 +280,7 @@ def ending(done: CellInsertion, scenario: ResolvedInsertionScenario) -> str:
     depth = f"{1e3 * float(done.traces['depth'][-1]):.1f} mm deep"
     if done.state == "seated":
         return f"seated, {depth}" if metrics["seated"] else f"said to be seated, but {depth}"
-    trouble = WORDS[Trouble(int(done.traces["trouble"][-1]))]
+    trouble = WORDS[InsertionTrouble(int(done.traces["trouble"][-1]))]
     if done.state == "gave_up":
         attempts = int(done.traces["attempts"][-1])
         return f"gave up after {attempts} attempt{'s' * (attempts != 1)}: {trouble}"
@@ -353,14 +353,14 @@ def predict(scenario: ResolvedInsertionScenario, done: CellInsertion) -> dict[st
     lateral, tilt = errors_in_one_plane(done.traces, row)
     params = task_params(scenario)
     found = predict_at(scenario, lateral, tilt)
-    verdict = Verdict(int(found.verdict))
+    verdict = FeedVerdict(int(found.verdict))
     axial, onset = float(found.axial), float(found.onset)
     slides = math.isfinite(axial)
     margin = 100 * params.region.margin(lateral, abs(tilt))
     values = {
         "predicted.seated": (
-            None if verdict is Verdict.MAY else float(verdict is Verdict.SAFE),
-            f"{_HELD}; it may wedge or sit on the edge" if verdict is Verdict.MAY else _HELD,
+            None if verdict is FeedVerdict.MAY else float(verdict is FeedVerdict.SAFE),
+            f"{_HELD}; it may wedge or sit on the edge" if verdict is FeedVerdict.MAY else _HELD,
         ),
         "predicted.force.axial": (
             axial if slides else None,

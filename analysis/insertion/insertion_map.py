@@ -30,7 +30,7 @@ from chamfer.analysis.scenario.experiment import (
     Table,
     column,
 )
-from chamfer.diagrams.cell.work_cell import ArmSettings, axial_stiffness
+from chamfer.diagrams.cell.work_cell import CellArmSettings, axial_stiffness
 from chamfer.diagrams.insertion.blind_feed import (
     BlindFeedScenario,
     FedCellScenario,
@@ -38,7 +38,12 @@ from chamfer.diagrams.insertion.blind_feed import (
     make_blind_feed_diagram,
     resolve_fed_cell,
 )
-from chamfer.models.peg_theory.fed_insertion import FeedPrediction, Verdict, limits, predict_feed
+from chamfer.models.peg_theory.fed_insertion import (
+    FeedPrediction,
+    FeedVerdict,
+    limits,
+    predict_feed,
+)
 from chamfer.models.validation import (
     ParameterError,
     require_not_negative,
@@ -74,7 +79,7 @@ class FeedOutcome(IntEnum):
     MISSED = 4  # beside the mouth
 
 
-class Errors(NamedTuple):
+class PlaneErrors(NamedTuple):
     """How the peg is off in a plane of insertion."""
 
     lateral: float  # m, of the tip, to +y or +z of the mouth's frame
@@ -89,7 +94,7 @@ class BlindFeed(NamedTuple):
     state: Array  # of ContactState
     wrench: Array  # N m above N, of the hole on the peg, shape (n, 6)
     normal: Array  # N, by feature, shape (n, 5)
-    touch: dict[Plane, Errors] | None  # as the parts touch first; None: they never do
+    touch: dict[Plane, PlaneErrors] | None  # as the parts touch first; None: they never do
 
 
 def feed_blind(scenario: BlindFeedScenario) -> BlindFeed:
@@ -103,7 +108,7 @@ def feed_blind(scenario: BlindFeedScenario) -> BlindFeed:
     poses = [diagram.GetOutputPort(f"{arm}.true_pose") for arm in ("peg", "hole")]
     rows = np.zeros((round(scenario.duration / scenario.step) + 2, sum(n for _, n in _PORTS)))
     time: list[float] = []
-    touch: list[dict[Plane, Errors]] = []
+    touch: list[dict[Plane, PlaneErrors]] = []
 
     def record(context: Context) -> EventStatus:
         if time and context.get_time() < time[-1] + scenario.step / 2:
@@ -136,13 +141,13 @@ def feed_blind(scenario: BlindFeedScenario) -> BlindFeed:
     )
 
 
-def errors_in(peg: Array, hole: Array) -> dict[Plane, Errors]:
+def errors_in(peg: Array, hole: Array) -> dict[Plane, PlaneErrors]:
     """Return the errors of a tip's pose and a mouth's, shape (7,) each, in both planes."""
     X_MT = pose_from_vector(hole).inverse() @ pose_from_vector(peg)
     axis, tip = X_MT.rotation().matrix()[:, 0], X_MT.translation()
     planes: tuple[Plane, ...] = ("xy", "xz")
     return {
-        plane: Errors(float(tip[k]), -math.atan2(axis[k], axis[0]))
+        plane: PlaneErrors(float(tip[k]), -math.atan2(axis[k], axis[0]))
         for k, plane in enumerate(planes, start=1)
     }
 
@@ -194,7 +199,7 @@ def measured(scenario: BlindFeedScenario, run: BlindFeed) -> dict[str, float | N
     }
 
 
-ArmT = TypeVar("ArmT", bound=ArmSettings)
+ArmT = TypeVar("ArmT", bound=CellArmSettings)
 
 _MOST: Final = 101  # points along an axis
 _RASTER: Final = 161  # points along an axis of the drawn region
@@ -430,12 +435,12 @@ def confusion(traces: Table) -> dict[str, Metric]:
     verdict, outcome = traces["predicted_verdict"], traces["outcome"]
     seated = outcome == FeedOutcome.SEATED
     metrics = {}
-    for said in Verdict:
+    for said in FeedVerdict:
         for became in FeedOutcome:
             metrics[f"confusion.{said.name.lower()}.{became.name.lower()}"] = Metric(
                 value=float(np.sum((verdict == said) & (outcome == became))), unit="", note="cells"
             )
-    safe, sure = verdict == Verdict.SAFE, verdict != Verdict.MAY
+    safe, sure = verdict == FeedVerdict.SAFE, verdict != FeedVerdict.MAY
     right = np.where(safe, seated, ~seated)[sure]
     edge = (traces["predicted_may_sit_on_edge"] > 0) & (traces["predicted_inside"] > 0)
     metrics |= {
@@ -465,7 +470,7 @@ def confusion(traces: Table) -> dict[str, Metric]:
 
 def _differences(traces: Table) -> dict[str, Metric]:
     """Return how far forces and onsets are from theory's where a safe cell is seated."""
-    chosen = (traces["predicted_verdict"] == Verdict.SAFE) & (
+    chosen = (traces["predicted_verdict"] == FeedVerdict.SAFE) & (
         traces["outcome"] == FeedOutcome.SEATED
     )
     force = traces["force_axial"] - traces["predicted_force_axial"]
@@ -520,7 +525,7 @@ def _same_cell(start: BlindFeedScenario, other: BlindFeedScenario) -> bool:
 def _overall(table: Mapping[str, Array]) -> dict[str, Metric]:
     """Return success over the drawn cells of each verdict, with its interval."""
     metrics: dict[str, Metric] = {}
-    for said in Verdict:
+    for said in FeedVerdict:
         of = table["predicted_verdict"] == said
         draws, seated = int(table["draws"][of].sum()), int(table["seated"][of].sum())
         if draws:
@@ -535,9 +540,9 @@ def figures(scenario: InsertionMapScenario, outcome: Outcome) -> Mapping[str, Fi
 
 
 _REGION: Final = {
-    Verdict.SAFE: ("#c9e7cf", "theory: goes in"),
-    Verdict.MAY: ("#fbeebc", "theory: may wedge, or sit on the edge"),
-    Verdict.STOPPED: ("#e3e3e3", "theory: stopped, or beside the mouth"),
+    FeedVerdict.SAFE: ("#c9e7cf", "theory: goes in"),
+    FeedVerdict.MAY: ("#fbeebc", "theory: may wedge, or sit on the edge"),
+    FeedVerdict.STOPPED: ("#e3e3e3", "theory: stopped, or beside the mouth"),
 }
 _OUTCOMES: Final[dict[FeedOutcome, Style]] = {
     FeedOutcome.SEATED: {"marker": "o", "color": "#14733a", "label": "seated"},
@@ -606,7 +611,7 @@ def _draw_map(axes: Axes, plane: Plane, outcome: Outcome) -> None:
         axes.scatter(lateral[of], tilt[of], s=size, zorder=3, **style)
     off = wrong(cells)
     axes.scatter(lateral[off], tilt[off], s=5 * size, zorder=4, **_WRONG)
-    safe = cells["predicted_verdict"] == Verdict.SAFE
+    safe = cells["predicted_verdict"] == FeedVerdict.SAFE
     failed = int(np.sum(safe & (cells["outcome"] != FeedOutcome.SEATED)))
     dress(
         axes,
@@ -630,7 +635,9 @@ def wrong(cells: Table) -> np.ndarray:
     """Say where theory is sure, and the opposite happens."""
     seated = cells["outcome"] == FeedOutcome.SEATED
     said = cells["predicted_verdict"]
-    found: np.ndarray = ((said == Verdict.SAFE) & ~seated) | ((said == Verdict.STOPPED) & seated)
+    found: np.ndarray = ((said == FeedVerdict.SAFE) & ~seated) | (
+        (said == FeedVerdict.STOPPED) & seated
+    )
     return found
 
 
@@ -652,7 +659,9 @@ def _draw_table(axes: Axes, traces: Table) -> None:
     for i, (said, (colour, _)) in enumerate(_REGION.items()):
         axes.axhspan(i - 0.5, i + 0.5, color=colour, linewidth=0)
         for k, one in enumerate(_OUTCOMES):
-            wrong = said != Verdict.MAY and (said == Verdict.SAFE) != (one == FeedOutcome.SEATED)
+            wrong = said != FeedVerdict.MAY and (said == FeedVerdict.SAFE) != (
+                one == FeedOutcome.SEATED
+            )
             axes.text(
                 k,
                 i,
@@ -669,12 +678,12 @@ def _draw_force(axes: Axes, traces: Table) -> None:
     """Draw the simulated push over the predicted one."""
     seated = traces["outcome"] == FeedOutcome.SEATED
     largest = 1.0
-    for said, label in ((Verdict.SAFE, "goes in"), (Verdict.MAY, "may")):
+    for said, label in ((FeedVerdict.SAFE, "goes in"), (FeedVerdict.MAY, "may")):
         of = seated & (traces["predicted_verdict"] == said)
         force = traces["predicted_force_axial"][of], traces["force_axial"][of]
         if of.any():
             largest = max(largest, *(float(np.nanmax(one, initial=0.0)) for one in force))
-        colour = "#14733a" if said == Verdict.SAFE else "#c79a00"
+        colour = "#14733a" if said == FeedVerdict.SAFE else "#c79a00"
         axes.plot(*force, "o", markersize=3.5, color=colour, alpha=0.8, label=f"theory: {label}")
     axes.plot([0, largest], [0, largest], color="#555555", linewidth=1.0, label="equal")
     dress(

@@ -15,8 +15,8 @@ from chamfer.analysis.drawing.figure_style import LIMIT, Style, dress, legend, n
 from chamfer.analysis.insertion.insertion_runs import WINDOW, Insertion, insert, is_seated, median
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.diagrams.insertion.peg_insertion import (
-    CarriageSupport,
     FeedScenario,
+    FeedSupport,
     PegInsertionScenario,
     resolve_peg_insertion,
 )
@@ -44,7 +44,7 @@ class JammingScenario:
 
     insertion: FeedScenario = field(
         default_factory=lambda: FeedScenario(
-            support=CarriageSupport(centre_distance=0.3),
+            support=FeedSupport(centre_distance=0.3),
             depth=0.03,
             gap=0.002,
             speed=0.04,

@@ -47,7 +47,7 @@ SHARES: Final[dict[Compensated, dict[ArmName, float]]] = {
 _GROWS_FROM: Final = 10.0
 
 
-class Motion(NamedTuple):
+class DesiredMotion(NamedTuple):
     """A desired motion before the compensation."""
 
     pose: OutputPort
@@ -157,7 +157,9 @@ def start_pose(scenario: AlignmentScenario) -> RigidTransform:
     return offset_pose(scenario, 1.0)
 
 
-def add_motion(builder: DiagramBuilder, scenario: AlignmentScenario, arm: ArmName) -> Motion:
+def add_motion(
+    builder: DiagramBuilder, scenario: AlignmentScenario, arm: ArmName
+) -> DesiredMotion:
     """Add where an arm should be, over time."""
     goal = scenario.nominal_pose(arm)
     if arm == "peg" and scenario.moves:
@@ -170,13 +172,13 @@ def add_motion(builder: DiagramBuilder, scenario: AlignmentScenario, arm: ArmNam
                 scenario.cameras.frames.period,
             ),
         )
-        return Motion(
+        return DesiredMotion(
             motion.GetOutputPort("desired_pose"),
             motion.GetOutputPort("desired_velocity"),
             motion.GetInputPort("stop"),
         )
     pose = builder.AddNamedSystem(f"{arm} desired pose", ConstantVectorSource(pose_vector(goal)))
-    return Motion(pose.get_output_port(), None, None)
+    return DesiredMotion(pose.get_output_port(), None, None)
 
 
 def add_divergence_watch(builder: DiagramBuilder, scenario: AlignmentScenario) -> DivergenceWatch:
@@ -219,7 +221,7 @@ def add_command(
     builder: DiagramBuilder,
     scenario: ResolvedAlignmentScenario,
     arm: ArmName,
-    motion: Motion,
+    motion: DesiredMotion,
     compensation: OutputPort,
 ) -> OutputPort:
     """Add an arm's command: where it should be, its error, and its share of the compensation.

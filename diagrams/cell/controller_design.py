@@ -3,7 +3,7 @@
 The settling theorem (:mod:`chamfer.systems.servo.settling`) and SIMC ask for a plant's gain and
 step response. The plant of the alignment is an arm under impedance control as the cameras see it:
 from a step of one axis of its commanded pose to pixels, or rad, with the images' dead time. It is
-that without dry friction, which the theorem admits as a play, and which takes time only.
+that without dry friction, which the theorem admits as a backlash, and which takes time only.
 
 What is held, whatever the cameras are, is how fast errors are compensated: the increment per
 period, and the PID's closed loop. How small a dead zone can be follows. With the default cameras

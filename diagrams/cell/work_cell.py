@@ -90,7 +90,7 @@ _MEETING_POINTS: Final[dict[InsertionAxis, Vector3]] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class ArmSettings:
+class CellArmSettings:
     """An arm, its tool, and what its controller does not know about it."""
 
     model: str = "wam"  # wam, or path of a URDF with six or more revolute joints
@@ -145,7 +145,7 @@ class ArmSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HoleSettings(ArmSettings):
+class HoleSettings(CellArmSettings):
     """What holds the hole: an arm as the other one, or a fixture, which has none of its fields."""
 
     kind: HoleKind = "arm"  # or fixture: the hole is fixed in the world
@@ -158,7 +158,7 @@ class HoleSettings(ArmSettings):
 # kg; calibrated: with the dry friction the peg stays 1.5 mm low at 700 N/m (Fig. 11).
 _PAYLOAD_ERROR: Final = 0.0865
 
-PEG_ARM: Final = ArmSettings(
+PEG_ARM: Final = CellArmSettings(
     base=Placement(position=(-0.8, 0.0, 0.0)),
     tool=ToolParams(
         mass=0.25,
@@ -190,7 +190,7 @@ class WorkCellScenario:
     The rest posture of each arm, at which it also starts, puts its tool at its nominal pose.
     """
 
-    peg: ArmSettings = PEG_ARM
+    peg: CellArmSettings = PEG_ARM
     hole: HoleSettings = HOLE_ARM
     parts: ColouredParts = field(default_factory=ColouredParts)
     impedance: ImpedanceControllerParams = field(default_factory=ImpedanceControllerParams)
@@ -207,7 +207,7 @@ class WorkCellScenario:
         if not math.isfinite(self.gap):
             raise ParameterError("gap", self.gap, "a finite number")
         if self.hole.kind == "fixture":
-            names = [one.name for one in fields(ArmSettings)]
+            names = [one.name for one in fields(CellArmSettings)]
             if not self.hole.payload_error:
                 names.remove("payload_error")  # nothing to know of
             require_same(self.hole, type(self).hole, "hole", *names, why="a fixture is no arm")
@@ -248,7 +248,7 @@ class WorkCellScenario:
         Raises:
             ParameterError: If the arm doesn't reach it.
         """
-        settings: ArmSettings = getattr(self, arm)
+        settings: CellArmSettings = getattr(self, arm)
         try:
             return settings.known_arm().joint_positions(self.nominal_pose(arm), settings.near)
         except ParameterError as error:
@@ -366,7 +366,7 @@ def add_holders(
 
 
 def add_simulated_arm(
-    plant: MultibodyPlant, arm: str, settings: ArmSettings
+    plant: MultibodyPlant, arm: str, settings: CellArmSettings
 ) -> ModelInstanceIndex:
     """Add an arm, at its true base, with what its controller does not know."""
     X_WB = settings.base.transform @ settings.base_error.transform
@@ -445,7 +445,7 @@ def resolve_arms(scenario: ScenarioT) -> ScenarioT:
             limits that are given are of another number of joints.
     """
     for arm in scenario.arms:
-        settings: ArmSettings = getattr(scenario, arm)
+        settings: CellArmSettings = getattr(scenario, arm)
         with within("impedance"):
             scenario.impedance.limits(settings.arm)
         posture = scenario.rest_posture(arm) if settings.near is None else settings.near
@@ -475,7 +475,7 @@ def require_strong(scenario: WorkCellScenario, push: float) -> None:
         return
     wrench = np.concatenate([np.zeros(3), push * scenario.hole_axes.matrix()[:, 0]])
     for name in scenario.arms:
-        settings: ArmSettings = getattr(scenario, name)
+        settings: CellArmSettings = getattr(scenario, name)
         arm = settings.arm
         state = settings.known_arm().evaluate(scenario.rest_posture(name))
         force = wrench if name == "peg" else -wrench

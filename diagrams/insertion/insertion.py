@@ -11,7 +11,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, Syste
 from pydrake.systems.primitives import Adder
 
 from chamfer.diagrams.cell.alignment import (
-    Motion,
+    DesiredMotion,
     add_command,
     add_controller,
     add_divergence_watch,
@@ -33,7 +33,11 @@ from chamfer.diagrams.cell.work_cell import (
 )
 from chamfer.diagrams.cell.work_cell_view import add_part_shapes
 from chamfer.diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
-from chamfer.models.peg.bore_contact import ContactMaterial, require_resolved_play, resolved_speed
+from chamfer.models.peg.bore_contact import (
+    ContactMaterial,
+    require_resolved_clearance,
+    resolved_speed,
+)
 from chamfer.models.peg.peg_and_hole import ColouredParts, Peg
 from chamfer.models.peg.support import OpenSupport, Support
 from chamfer.models.validation import ParameterError, require_positive
@@ -90,7 +94,7 @@ class InsertionScenario(AlignmentScenario):
             allowed = f"less than the peg's length, {self.parts.peg_length:g} m"
             raise ParameterError("insert.depth", depth, allowed)
         if self.insert.speed is not None:
-            require_resolved_play(self.parts, self.insert.speed, self.step)
+            require_resolved_clearance(self.parts, self.insert.speed, self.step)
         if not (
             math.isfinite(self.peg_excess)
             and self.parts.peg_chamfer.width
@@ -286,7 +290,7 @@ def _add_advance(
     scenario: InsertionScenario,
     cell: WorkCell,
     commands: dict[ArmName, OutputPort],
-    motion: Motion,
+    motion: DesiredMotion,
     task: InsertionTask,
 ) -> None:
     """Add the feed along the hole's commanded axis, and what the arm knows of its way and load."""

@@ -39,7 +39,7 @@ from chamfer.models.peg.bore_contact import (
     ContactMaterial,
     add_hole_contact,
     add_peg_contact,
-    require_resolved_play,
+    require_resolved_clearance,
 )
 from chamfer.models.peg.part_surfaces import part_shape, require_tilted_apart
 from chamfer.models.peg.peg_and_hole import Colour, ColouredParts, PegAndHole
@@ -68,7 +68,7 @@ _SIZE: Final = 0.005  # m, of such a body
 
 
 @dataclass(frozen=True, kw_only=True)
-class CarriageSupport(Support):
+class FeedSupport(Support):
     """The support with what Whitney's theory does not need."""
 
     axial_stiffness: float = 2e4  # N/m, of feed and support along the axis; assumed
@@ -88,7 +88,7 @@ class FeedScenario:
     """
 
     parts: PegAndHole = field(default_factory=PegAndHole)
-    support: CarriageSupport = field(default_factory=CarriageSupport)
+    support: FeedSupport = field(default_factory=FeedSupport)
     speed: float = 0.02  # m/s, of the feed; assumed
     force_cap: float = 40.0  # N, the hardest push of the feed; assumed
     depth: float = 0.03  # m, commanded, of the tip below the mouth; assumed
@@ -108,7 +108,7 @@ class FeedScenario:
         if not self.depth <= self.parts.peg_length:
             allowed = f"at most the peg's length, {self.parts.peg_length} m"
             raise ParameterError("depth", self.depth, allowed)
-        require_resolved_play(self.parts, self.speed, self.step)
+        require_resolved_clearance(self.parts, self.speed, self.step)
 
     @property
     def way(self) -> float:

@@ -21,7 +21,7 @@ from pydrake.systems.primitives import (
     PassThrough,
 )
 
-from chamfer.diagrams.cell.work_cell import ArmSettings
+from chamfer.diagrams.cell.work_cell import CellArmSettings
 from chamfer.diagrams.contact.sensing import Sensing
 from chamfer.diagrams.skills.connector_plant import (
     STEP,
@@ -62,7 +62,7 @@ class ConnectorScenario:
     """What all insertions have in common."""
 
     robot: RobotName = "carriage"  # what moves the gripper: a carriage with six axes, or a WAM
-    arm: ArmSettings = ARM  # of the WAM
+    arm: CellArmSettings = ARM  # of the WAM
     impedance: ImpedanceControllerParams = field(
         default_factory=lambda: ImpedanceControllerParams(
             stiffness=(4000.0, 4000.0, 4000.0), rotational_stiffness=(20.0, 20.0, 20.0)

@@ -24,7 +24,7 @@ _FORCES: Final = 41  # depths at which forces are computed
 _ONSETS: Final = 21  # depths for whose support the onset of two points is
 
 
-class Verdict(IntEnum):
+class FeedVerdict(IntEnum):
     """What theory says."""
 
     SAFE = 0  # it goes in
@@ -41,16 +41,16 @@ class Limits(NamedTuple):
 
     @property
     def verdict(self) -> NDArray[np.int64]:
-        """Of :class:`Verdict`, where there is push enough."""
+        """Of :class:`FeedVerdict`, where there is push enough."""
         safe = self.inside & ~self.on_edge
-        found = np.where(safe, Verdict.SAFE, Verdict.MAY)
-        return np.where(self.misses, Verdict.STOPPED, found).astype(np.int64)
+        found = np.where(safe, FeedVerdict.SAFE, FeedVerdict.MAY)
+        return np.where(self.misses, FeedVerdict.STOPPED, found).astype(np.int64)
 
 
 class FeedPrediction(NamedTuple):
     """What theory says of several starts, each of their shape."""
 
-    verdict: NDArray[np.int64]  # of :class:`Verdict`
+    verdict: NDArray[np.int64]  # of :class:`FeedVerdict`
     limits: Limits
     axial: Array  # N, the largest push that slides the peg down to the depth; infinite: none does
     onset: Array  # l, m, at which two points touch first; NaN: they do not
@@ -113,7 +113,7 @@ def predict_feed(
     axial, enough = _forces(parts, support_at, push_at, eps0, theta0, depth)
     onset = _onset(parts, support_at, eps0, theta0, depth)
     return FeedPrediction(
-        verdict=np.where(enough, within.verdict, Verdict.STOPPED).astype(np.int64),
+        verdict=np.where(enough, within.verdict, FeedVerdict.STOPPED).astype(np.int64),
         limits=within,
         axial=np.where(within.misses, np.inf, axial),
         onset=np.where(within.misses, np.nan, onset),

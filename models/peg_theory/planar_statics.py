@@ -36,16 +36,16 @@ _FAR: Final = 1.0  # m, to the ends of the parts that are not part of the theory
 _SIDE: Final = (1.0, 0.0)
 
 
-class Pose(NamedTuple):
+class PlanarPose(NamedTuple):
     """Where the peg is; arrays of one shape."""
 
     x: Array  # m, of the tip
     z: Array  # m, likewise
     tilt: Array  # rad
 
-    def mirrored(self) -> "Pose":
+    def mirrored(self) -> "PlanarPose":
         """Return the pose with left and right exchanged."""
-        return Pose(-self.x, self.z, -self.tilt)
+        return PlanarPose(-self.x, self.z, -self.tilt)
 
     def point(self, u: float, v: float | Array) -> tuple[Array, Array]:
         """Return the place of a point u across and v along the peg from the tip's middle."""
@@ -92,7 +92,7 @@ def mirrored(closing: Closing) -> Closing:
     return close
 
 
-def moment(centre_distance: float | Array, pose: Pose, at: Pressed) -> Array:
+def moment(centre_distance: float | Array, pose: PlanarPose, at: Pressed) -> Array:
     """Return the clockwise moment, m, of a unit of a contact's force about the centre."""
     centre = pose.point(0.0, centre_distance)
     turning: Array = (at.z - centre[1]) * at.across - (at.x - centre[0]) * at.up
@@ -124,7 +124,7 @@ def _corner_on_hole(
 ) -> tuple[Array, Pressed]:
     """Press a corner of the peg on a face of the hole through the bore's edge."""
     n, down = face
-    u, v = Pose(np.zeros_like(z), z, tilt).point(*corner)
+    u, v = PlanarPose(np.zeros_like(z), z, tilt).point(*corner)
     x = parts.hole_radius + v * down / n - u
     mu, ones = parts.friction, np.ones_like(x)
     return x, Pressed(x + u, v, (-n + mu * down) * ones, (down + mu * n) * ones)
@@ -143,7 +143,7 @@ def _edge_on_peg(
     # The normal out of the peg and the way up along its face, in the world.
     out = n * c - down * s, -n * s - down * c
     along = down * c + n * s, -down * s + n * c
-    u, v = Pose(np.zeros_like(z), z, tilt).point(*_corner(parts))
+    u, v = PlanarPose(np.zeros_like(z), z, tilt).point(*_corner(parts))
     x = edge[0] + (edge[1] - v) * out[1] / out[0] - u
     mu, ones = parts.friction, np.ones_like(x)
     at = Pressed(edge[0] * ones, edge[1] * ones, -out[0] + mu * along[0], -out[1] + mu * along[1])
@@ -177,7 +177,7 @@ def closing_mouth_on_chamfer(
     return _edge_on_peg(parts, z, tilt, _mouth(parts), _facing(parts.peg_chamfer))
 
 
-def gap(parts: PegHoleGeometry, pose: Pose) -> Array:
+def gap(parts: PegHoleGeometry, pose: PlanarPose) -> Array:
     """Return how far the peg is from the right side of the hole, negative where they overlap.
 
     Both are convex: it is the largest distance that a face of either one has to the other.
@@ -284,7 +284,9 @@ def equilibrium(
     )
 
 
-def leverage(centre_distance: float | Array, pose: Pose, mouth: Pressed, across: Pressed) -> Array:
+def leverage(
+    centre_distance: float | Array, pose: PlanarPose, mouth: Pressed, across: Pressed
+) -> Array:
     """Return the lever, m, with which a push at the centre slides a peg on two opposite points.
 
     That is the determinant of their forces across and their moments, about l for small tilts
@@ -335,7 +337,7 @@ class _Candidate(NamedTuple):
     tilt: Array
 
 
-def _spring(start: _Start, pose: Pose) -> Array:
+def _spring(start: _Start, pose: PlanarPose) -> Array:
     """Return the force of the support across, to the right, N."""
     L_g = start.support.centre_distance
     off: Array = start.eps0 + L_g * np.sin(start.theta0) - pose.point(0.0, L_g)[0]
@@ -362,7 +364,7 @@ def _mirror(one: _Candidate) -> _Candidate:
 
 
 def _free(start: _Start) -> _Candidate:
-    pose = Pose(start.eps0, start.z, start.theta0)
+    pose = PlanarPose(start.eps0, start.z, start.theta0)
     room = _room(start.parts)
     fits = (gap(start.parts, pose) >= -room) & (gap(start.parts, pose.mirrored()) >= -room)
     none = np.zeros_like(start.eps0)
@@ -375,13 +377,13 @@ def _single(start: _Start, contact: Contact, closing: Closing) -> _Candidate:
     def off(tilt: Array) -> Array:
         """Return by how much a contact that balances the force misses the moment."""
         x, at = closing(start.parts, start.z, tilt)
-        pose = Pose(x, start.z, tilt)
+        pose = PlanarPose(x, start.z, tilt)
         turned: Array = support.angular_stiffness * (start.theta0 - tilt) * at.across
         return turned - _spring(start, pose) * moment(support.centre_distance, pose, at)
 
     tilt = _secant(off, start.theta0, start.theta0 + 1e-3)
     x, at = closing(start.parts, start.z, tilt)
-    pose = Pose(x, start.z, tilt)
+    pose = PlanarPose(x, start.z, tilt)
     normal = -_spring(start, pose) / at.across
     return _valid(start, contact, pose, [(normal, at)], other_side=False)
 
@@ -391,7 +393,7 @@ def _flat(start: _Start, contact: Contact, one: Closing, other: Closing) -> _Can
     upright = np.zeros_like(start.theta0)
     x, first = one(start.parts, start.z, upright)
     _, second = other(start.parts, start.z, upright)
-    pose = Pose(x, start.z, upright)
+    pose = PlanarPose(x, start.z, upright)
     return _valid(start, contact, pose, _shared(start, pose, first, second), other_side=False)
 
 
@@ -413,7 +415,7 @@ def _two_point(start: _Start) -> _Candidate:
     tilt = np.where((tilt > 0) & (tilt < _STEEPEST), tilt, np.nan)
     x, first = closing_mouth(parts, z, tilt)
     _, second = across(parts, z, tilt)
-    pose = Pose(x, z, tilt)
+    pose = PlanarPose(x, z, tilt)
     slides = leverage(start.support.centre_distance, pose, first, second) > 0
     pose = pose._replace(x=np.where(slides, x, np.nan))
     pressed = _shared(start, pose, first, second)
@@ -421,7 +423,7 @@ def _two_point(start: _Start) -> _Candidate:
 
 
 def _shared(
-    start: _Start, pose: Pose, first: Pressed, second: Pressed
+    start: _Start, pose: PlanarPose, first: Pressed, second: Pressed
 ) -> list[tuple[Array, Pressed]]:
     """Return the normal forces of two contacts that balance the support."""
     m1, m2 = (moment(start.support.centre_distance, pose, at) for at in (first, second))
@@ -436,7 +438,7 @@ def _shared(
 def _valid(
     start: _Start,
     contact: Contact,
-    pose: Pose,
+    pose: PlanarPose,
     pressed: list[tuple[Array, Pressed]],
     *,
     other_side: bool,

@@ -34,7 +34,7 @@ from numpy.typing import ArrayLike, NDArray
 from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.planar_statics import (
-    Pose,
+    PlanarPose,
     Pressed,
     closing_mouth,
     closing_tip,
@@ -77,7 +77,7 @@ class TwoPoints(NamedTuple):
     """The peg on the mouth's right and the left wall, at several tilts."""
 
     depth: Array  # l, m
-    pose: Pose
+    pose: PlanarPose
     mouth: Pressed
     across: Pressed
 
@@ -89,7 +89,7 @@ def two_points(parts: PegHoleGeometry, tilt: ArrayLike) -> TwoPoints:
     x, _ = mirrored(closing_tip)(parts, ground, theta)  # at any height
     z = (x - closing_mouth(parts, ground, theta)[0]) / np.tan(theta)
     depth = -z - parts.peg_chamfer.height
-    pose = Pose(x, tip_height(parts, depth), theta)
+    pose = PlanarPose(x, tip_height(parts, depth), theta)
     _, mouth = closing_mouth(parts, pose.z, theta)
     _, across = mirrored(closing_tip)(parts, pose.z, theta)
     return TwoPoints(depth, pose, mouth, across)

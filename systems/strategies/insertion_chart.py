@@ -32,7 +32,7 @@ Frame = tuple[float, ...]
 _MOST_ATTEMPTS: Final = 100
 
 
-class Trouble(IntEnum):
+class InsertionTrouble(IntEnum):
     """What stopped an attempt, as far as the chart can tell."""
 
     NONE = 0
@@ -47,15 +47,17 @@ class Trouble(IntEnum):
 
 
 WORDS: Final = {
-    Trouble.NONE: "",
-    Trouble.WEDGED: "wedged",
-    Trouble.JAMMED: "jammed",
-    Trouble.AT_MOUTH: "stuck at the mouth, the peg does not enter: too thick, or on an edge",
-    Trouble.BEFORE_MOUTH: "the arm did not get to the mouth",
-    Trouble.SHORT: "not deep enough at the end of the feed",
-    Trouble.BESIDE: "on its way to miss the mouth",
-    Trouble.HELD: "held in the hole, could not be pulled out",
-    Trouble.NOT_ALIGNED: "not aligned in time",
+    InsertionTrouble.NONE: "",
+    InsertionTrouble.WEDGED: "wedged",
+    InsertionTrouble.JAMMED: "jammed",
+    InsertionTrouble.AT_MOUTH: (
+        "stuck at the mouth, the peg does not enter: too thick, or on an edge"
+    ),
+    InsertionTrouble.BEFORE_MOUTH: "the arm did not get to the mouth",
+    InsertionTrouble.SHORT: "not deep enough at the end of the feed",
+    InsertionTrouble.BESIDE: "on its way to miss the mouth",
+    InsertionTrouble.HELD: "held in the hole, could not be pulled out",
+    InsertionTrouble.NOT_ALIGNED: "not aligned in time",
 }
 
 
@@ -74,7 +76,7 @@ class InsertParams:
     # m, of the tip below the mouth, from which on a running one is frozen; None: never
     pause: float = 0.0  # s, from the decision to the advance
     speed: float | None = None
-    # m/s, of the feed; None: derived, 0.02, assumed, or as much slower as the play asks for
+    # m/s, of the feed; None: derived, 0.02, assumed, or as much slower as the clearance asks for
     depth: float | None = None
     # m, commanded, of the tip below the mouth; None: derived, to where the bore ends
     feed: float | None = None  # m, most; None: derived, until the push can be reached at the mouth
@@ -177,7 +179,7 @@ class InsertionMemory(NamedTuple):
     stopped: float = 0.0  # m, depth at which the attempt was stopped
     came_out: float = 0.0  # m, that it came out as the push was taken away
     pull: float = 0.0  # N, strongest, as it was withdrawn
-    trouble: Trouble = Trouble.NONE
+    trouble: InsertionTrouble = InsertionTrouble.NONE
     sensed_force: Vector3 = (0.0, 0.0, 0.0)  # N, tared, along the hole's axes
     sensed_depth: float = 0.0  # m, of the tip below the mouth
     errors: MeasuredErrors = MeasuredErrors(0.0, 0.0, 0.0, 0.0)
@@ -461,9 +463,9 @@ class _Actions:
 
     def note_stop(self, tick: InsertionTick) -> InsertionMemory:
         stuck = tick.memory.load(tick.inputs)[0] >= self._params.insert.push
-        trouble = Trouble.JAMMED if stuck else Trouble.SHORT
+        trouble = InsertionTrouble.JAMMED if stuck else InsertionTrouble.SHORT
         if self._guards.off_mouth(tick):
-            trouble = Trouble.BESIDE
+            trouble = InsertionTrouble.BESIDE
         return tick.memory._replace(stopped=tick.memory.depth(tick.inputs), trouble=trouble)
 
     def note_release(self, tick: InsertionTick) -> InsertionMemory:
@@ -472,26 +474,26 @@ class _Actions:
 
     def miss(self, tick: InsertionTick) -> InsertionMemory:
         stopped = tick.memory.depth(tick.inputs)
-        return tick.memory._replace(stopped=stopped, trouble=Trouble.BESIDE)
+        return tick.memory._replace(stopped=stopped, trouble=InsertionTrouble.BESIDE)
 
     def judge(self, tick: InsertionTick) -> InsertionMemory:
         """Say what held the peg, now that it is known how hard it came out."""
         memory, params = tick.memory, self._params
         trouble = memory.trouble
-        if trouble is not Trouble.BESIDE:
+        if trouble is not InsertionTrouble.BESIDE:
             if memory.stopped < _BEFORE:
-                trouble = Trouble.BEFORE_MOUTH
+                trouble = InsertionTrouble.BEFORE_MOUTH
             elif memory.came_out < _SLIPS and memory.pull > params.insert.held_force:
-                trouble = Trouble.WEDGED
+                trouble = InsertionTrouble.WEDGED
             elif memory.stopped < params.chamfer_height + _SLIPS:
-                trouble = Trouble.AT_MOUTH
+                trouble = InsertionTrouble.AT_MOUTH
         return memory._replace(trouble=trouble)
 
     def hold(self, tick: InsertionTick) -> InsertionMemory:
-        return tick.memory._replace(trouble=Trouble.HELD)
+        return tick.memory._replace(trouble=InsertionTrouble.HELD)
 
     def late(self, tick: InsertionTick) -> InsertionMemory:
-        return tick.memory._replace(trouble=Trouble.NOT_ALIGNED)
+        return tick.memory._replace(trouble=InsertionTrouble.NOT_ALIGNED)
 
 
 def _fed(tick: InsertionTick) -> float:

@@ -19,7 +19,7 @@ from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.cell import alignment_comparison
 from chamfer.analysis.cell.alignment_comparison import (
     CONTROLLERS,
-    ComparisonScenario,
+    AlignmentComparisonScenario,
     ControllerTrial,
     plot_comparison,
     resolve,
@@ -34,7 +34,7 @@ from chamfer.systems.servo.settling import SettlingPlant
 
 ALIGNMENT_COMPARISON = load(select(CATALOGUE.entries, ["alignment-fsm-vs-pid"])[0])
 
-OPEN = ComparisonScenario(
+OPEN = AlignmentComparisonScenario(
     trials=3,
     tuning_trials=2,
     small_lateral=(2e-5, 3e-5),
@@ -248,7 +248,7 @@ def test_rows_and_errors_over_time(cell: Cell) -> None:
 )
 def test_scenarios_that_are_none(values: dict[str, Any], message: str) -> None:
     with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
-        ComparisonScenario(**values)
+        AlignmentComparisonScenario(**values)
 
 
 def test_there_has_to_be_something_to_compare() -> None:

@@ -19,7 +19,7 @@ from chamfer.analysis.cell.camera_error_runs import (
     LEFT,
     MOMENTS,
     NONE,
-    CameraError,
+    AssumedCameraError,
     ErrorAtRest,
     ErrorRun,
     Study,
@@ -57,7 +57,9 @@ def quiet(fraction: float, doing: str = "") -> None:
 
 
 @pytest.mark.parametrize("error", CHANGING, ids=lambda error: error.name)
-def test_an_error_of_no_size_is_none_and_one_of_some_size_is_one(error: CameraError) -> None:
+def test_an_error_of_no_size_is_none_and_one_of_some_size_is_one(
+    error: AssumedCameraError,
+) -> None:
     zero = with_error(SCENARIO, error, 0.0, 0.0)
     assert zero.cameras == SCENARIO.cameras
     some = with_error(SCENARIO, error, error.most, 0.0)
@@ -69,7 +71,7 @@ def test_an_error_of_no_size_is_none_and_one_of_some_size_is_one(error: CameraEr
 
 
 @pytest.mark.parametrize("error", CHANGING, ids=lambda error: error.name)
-def test_nobody_believes_in_an_error(error: CameraError) -> None:
+def test_nobody_believes_in_an_error(error: AssumedCameraError) -> None:
     some = with_error(SCENARIO, error, error.most, 0.0)
     for view in VIEWS:
         same = some.cameras.view(view).believed == SCENARIO.cameras.view(view).believed

@@ -16,7 +16,7 @@ from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.cell.alignment_runs import RepeatabilityScenario, resolve_repeatability
 from chamfer.analysis.cell.wedging_diagram import (
     STARTS,
-    Start,
+    InitialErrors,
     WedgingScenario,
     plot_wedging,
 )
@@ -233,7 +233,7 @@ def test_a_support_that_turns_over_is_refused() -> None:
 
 
 def test_a_start_that_no_push_slides_has_no_peak() -> None:
-    stuck = Start(lateral=0.0, rotation=0.1)
+    stuck = InitialErrors(lateral=0.0, rotation=0.1)
     outcome = WEDGING_DIAGRAM.run(replace(SCENARIO, wedging_prone=stuck), 0, quiet)
     peak = outcome.metrics["wedging_prone.peak_force"]
     assert peak.value is None

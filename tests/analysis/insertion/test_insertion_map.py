@@ -29,7 +29,7 @@ from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.diagrams.insertion.blind_feed import BlindFeedScenario
 from chamfer.models.peg.bore_contact import ContactMaterial
 from chamfer.models.peg.peg_and_hole import ColouredParts
-from chamfer.models.peg_theory.fed_insertion import Verdict
+from chamfer.models.peg_theory.fed_insertion import FeedVerdict
 from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, ContactState
 from chamfer.systems.pose import pose_vector
 
@@ -86,7 +86,7 @@ def test_a_fixture_has_no_model_to_be_wrong() -> None:
     assert found[0].peg != found[1].peg
 
 
-def cells(*rows: tuple[Verdict, FeedOutcome, bool]) -> dict[str, np.ndarray]:
+def cells(*rows: tuple[FeedVerdict, FeedOutcome, bool]) -> dict[str, np.ndarray]:
     verdict, outcome, edge = (np.array(one, dtype=float) for one in zip(*rows, strict=True))
     return {
         "predicted_verdict": verdict,
@@ -98,13 +98,13 @@ def cells(*rows: tuple[Verdict, FeedOutcome, bool]) -> dict[str, np.ndarray]:
 
 def test_failures_and_agreement_are_counted_where_theory_is_sure() -> None:
     traces = cells(
-        (Verdict.SAFE, FeedOutcome.SEATED, False),
-        (Verdict.SAFE, FeedOutcome.SEATED, False),
-        (Verdict.SAFE, FeedOutcome.WEDGED, False),
-        (Verdict.MAY, FeedOutcome.SEATED, True),
-        (Verdict.MAY, FeedOutcome.ON_EDGE, True),
-        (Verdict.STOPPED, FeedOutcome.MISSED, False),
-        (Verdict.STOPPED, FeedOutcome.SEATED, False),
+        (FeedVerdict.SAFE, FeedOutcome.SEATED, False),
+        (FeedVerdict.SAFE, FeedOutcome.SEATED, False),
+        (FeedVerdict.SAFE, FeedOutcome.WEDGED, False),
+        (FeedVerdict.MAY, FeedOutcome.SEATED, True),
+        (FeedVerdict.MAY, FeedOutcome.ON_EDGE, True),
+        (FeedVerdict.STOPPED, FeedOutcome.MISSED, False),
+        (FeedVerdict.STOPPED, FeedOutcome.SEATED, False),
     )
     found = {name: metric.value for name, metric in confusion(traces).items()}
     assert found["predicted_safe.cells"] == 3
@@ -120,7 +120,7 @@ def test_failures_and_agreement_are_counted_where_theory_is_sure() -> None:
 
 
 def test_theory_that_is_never_sure_agrees_with_nothing() -> None:
-    found = confusion(cells((Verdict.MAY, FeedOutcome.SEATED, True)))
+    found = confusion(cells((FeedVerdict.MAY, FeedOutcome.SEATED, True)))
     assert found["agreement"].value is None
 
 
@@ -154,8 +154,8 @@ def test_a_map_of_one_cell_and_a_draw() -> None:
     assert outcome.metrics["drawn.safe.success_rate"].value == 100
     probability = outcome.tables["probability"]
     assert probability["low"][0] == pytest.approx(2.5)  # of one draw
-    assert outcome.tables["region"]["verdict"].min() == Verdict.SAFE
-    assert outcome.tables["region"]["verdict"].max() == Verdict.STOPPED
+    assert outcome.tables["region"]["verdict"].min() == FeedVerdict.SAFE
+    assert outcome.tables["region"]["verdict"].max() == FeedVerdict.STOPPED
     assert math.isfinite(outcome.traces["touch_lateral_error"][0])
     assert set(INSERTION_MAP.plot(scenario, outcome)) == {"insertion-map"}
 

@@ -24,7 +24,7 @@ from chamfer.analysis.insertion.jamming_diagram import (
 from chamfer.analysis.scenario.experiment import Metric, Outcome, load, select
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.diagrams.insertion.peg_insertion import (
-    CarriageSupport,
+    FeedSupport,
     PegInsertionScenario,
     resolve_peg_insertion,
 )
@@ -41,9 +41,7 @@ SPRUNG = resolve_peg_insertion(
             chamfer_width=0.001,
             outer_radius=0.012,
         ),
-        support=CarriageSupport(
-            lateral_stiffness=521.7, angular_stiffness=1.5, centre_distance=0.04
-        ),
+        support=FeedSupport(lateral_stiffness=521.7, angular_stiffness=1.5, centre_distance=0.04),
         lateral=0.0,
         speed=0.03,
         depth=0.011,

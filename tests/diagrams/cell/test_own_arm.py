@@ -16,7 +16,7 @@ from chamfer.diagrams.cell.controller_design import step_responses
 from chamfer.diagrams.cell.work_cell import (
     HOLE_ARM,
     PEG_ARM,
-    ArmSettings,
+    CellArmSettings,
     WorkCellScenario,
     require_strong,
     resolve_arms,
@@ -40,7 +40,7 @@ def resolved() -> AlignmentScenario:
     return resolve(AlignmentScenario(peg=PEG, hole=FIXTURE))
 
 
-def changed(tmp_path: Path, old: str, new: str) -> ArmSettings:
+def changed(tmp_path: Path, old: str, new: str) -> CellArmSettings:
     text = FILE.read_text(encoding="utf-8")
     assert old in text
     path = tmp_path / "arm.urdf"
@@ -151,7 +151,7 @@ ARMS = {
 }
 
 
-def arm(name: str) -> ArmSettings:
+def arm(name: str) -> CellArmSettings:
     path, tool_frame, joints = ARMS[name]
     return replace(
         PEG_ARM, model=file(path), tool_frame=tool_frame, joint_friction=(0.1,) * joints

@@ -38,10 +38,10 @@ SCENARIO = PegInsertionScenario()
         ("support.rotational_stiffness=1", "support.rotational_stiffness is now support.angular"),
         ("tilt=0.9", "tilt is 0.9, allowed: between -pi/4 and pi/4"),
         ("force_cap=0", "force_cap is 0.0, allowed: a finite number > 0"),
-        ("step=0.03", "step is 0.03, allowed: at most 0.0256 s: a feed by the play"),
+        ("step=0.03", "step is 0.03, allowed: at most 0.0256 s: a feed by the clearance"),
         (
             "speed=5",
-            "step is 0.001, allowed: at most 0.0001024 s: a feed by the play",
+            "step is 0.001, allowed: at most 0.0001024 s: a feed by the clearance",
         ),
         ("approximation=tamsi", "approximation is 'tamsi', allowed: lagged, similar, sap"),
     ],
@@ -160,7 +160,10 @@ def test_downwards_the_peg_is_off_along_the_axes_of_the_hole(plane: Plane, k: in
     [
         ("feed=0.04", "feed is 0.04, allowed: more than gap + depth, 0.046 m"),
         ("step=0.05", "step is 0.05, allowed: "),
-        ("speed=0.6", "step is 0.001, allowed: at most 0.000853333 s: a feed by the play, 0.0005"),
+        (
+            "speed=0.6",
+            "step is 0.001, allowed: at most 0.000853333 s: a feed by the clearance of both sides, 0.0005",
+        ),
         ("gap=-0.01", "gap is -0.01, allowed: a finite number > 0"),
         ("tilt=0.9", "tilt is 0.9, allowed: between -pi/4 and pi/4"),
         (

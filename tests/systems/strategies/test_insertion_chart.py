@@ -18,9 +18,9 @@ from chamfer.systems.strategies.insertion_chart import (
     InsertionInputs,
     InsertionMemory,
     InsertionTaskParams,
+    InsertionTrouble,
     InsertParams,
     ResolvedInsertParams,
-    Trouble,
     make_insertion_chart,
 )
 from chamfer.systems.strategies.insertion_decision import DecisionParams, InsertionRegion
@@ -162,7 +162,7 @@ def test_errors_that_are_unsure_are_not_inside() -> None:
 
     world = World(error=noisy)
     assert run(params({"timeout": 1.0}), world) == ["approach", "align", "decide", "gave_up"]
-    assert world.log[-1][2].trouble is Trouble.NOT_ALIGNED
+    assert world.log[-1][2].trouble is InsertionTrouble.NOT_ALIGNED
 
 
 def test_to_wait_takes_its_time_whatever_the_errors_are() -> None:
@@ -192,17 +192,20 @@ def test_a_pause_comes_before_the_advance() -> None:
 @pytest.mark.parametrize(
     ("world", "trouble"),
     [
-        (World(stop=0.02), Trouble.JAMMED),
-        (World(stop=0.012, holds=4.0), Trouble.WEDGED),
-        (World(stop=0.0035), Trouble.AT_MOUTH),
-        (World(stop=0.0049), Trouble.AT_MOUTH),  # a millimetre below the chamfers still is
-        (World(stop=0.0051), Trouble.JAMMED),
-        (World(stop=-0.02), Trouble.BEFORE_MOUTH),
+        (World(stop=0.02), InsertionTrouble.JAMMED),
+        (World(stop=0.012, holds=4.0), InsertionTrouble.WEDGED),
+        (World(stop=0.0035), InsertionTrouble.AT_MOUTH),
+        (
+            World(stop=0.0049),
+            InsertionTrouble.AT_MOUTH,
+        ),  # a millimetre below the chamfers still is
+        (World(stop=0.0051), InsertionTrouble.JAMMED),
+        (World(stop=-0.02), InsertionTrouble.BEFORE_MOUTH),
     ],
     ids=lambda value: getattr(value, "name", None),
 )
 def test_what_is_stuck_is_tried_again_and_given_up_with_a_reason(
-    world: World, trouble: Trouble
+    world: World, trouble: InsertionTrouble
 ) -> None:
     task = params(attempts=3)
     assert run(task, world) == [*OUT, *AGAIN, *AGAIN, "gave_up"]
@@ -217,7 +220,7 @@ def test_it_is_pulled_beyond_the_gap_if_it_has_to_be() -> None:
     world = World(stop=0.006, holds=7.5)
     assert run(params(attempts=1, speed=0.05), world) == [*OUT, "gave_up"]
     memory = world.log[-1][2]
-    assert memory.trouble is Trouble.WEDGED
+    assert memory.trouble is InsertionTrouble.WEDGED
     assert memory.pull == pytest.approx(7.5, abs=SPRING * 0.05 * PERIOD)
     assert min(one.feed for *_, one in world.log) < -0.001
     assert memory.feed == 0
@@ -229,7 +232,7 @@ def test_what_cannot_be_pulled_out_is_left() -> None:
     task = params()
     assert run(task, world) == [*OUT, "gave_up"]
     memory = world.log[-1][2]
-    assert memory.trouble is Trouble.HELD
+    assert memory.trouble is InsertionTrouble.HELD
     assert memory.pull == pytest.approx(task.insert.pull, abs=SPRING * 0.2 * PERIOD * 2)
     assert abs(memory.sensed_force[0]) <= task.insert.hold_force  # and not pulled for ever
 
@@ -239,14 +242,14 @@ def test_a_feed_that_ends_early_is_short() -> None:
     task = params(feed=0.06, attempts=1)
     expected = ["approach", "align", "decide", "insert", "check", "release", "back_off", "gave_up"]
     assert run(task, world) == expected
-    assert world.log[-1][2].trouble is Trouble.SHORT
+    assert world.log[-1][2].trouble is InsertionTrouble.SHORT
 
 
 def test_a_peg_beside_the_mouth_does_not_touch() -> None:
     world = World(error=lambda time: GOOD if time < 0.12 else BAD)
     path = run(params({"timeout": 1.0}, attempts=1), world, longest=3.0)
     assert path == ["approach", "align", "decide", "insert", "back_off", "gave_up"]
-    assert world.log[-1][2].trouble is Trouble.BESIDE
+    assert world.log[-1][2].trouble is InsertionTrouble.BESIDE
     assert max(memory.sensed_depth for *_, memory in world.log) < 0
 
 
@@ -255,7 +258,7 @@ def test_a_peg_that_went_by_the_hole_is_not_seated() -> None:
     world = World(error=lambda time: GOOD if time < 0.12 else BAD)
     path = run(params(speed=1.5, attempts=1), world, longest=3.0)
     assert path == [*OUT[:4], "check", *OUT[4:], "gave_up"]
-    assert world.log[-1][2].trouble is Trouble.BESIDE
+    assert world.log[-1][2].trouble is InsertionTrouble.BESIDE
     assert max(memory.sensed_depth for *_, memory in world.log) > 0.04
 
 
