@@ -14,20 +14,17 @@ from scipy.spatial.transform import Rotation
 from chamfer.analysis.campaign.campaign import parallel
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.cell.alignment import (
-    MOMENTS,
     picture,
     plot_alignment,
     plot_pictures,
-    plot_repeatability,
     take_pictures,
 )
 from chamfer.analysis.cell.alignment_runs import ALIGNMENT, RepeatabilityScenario, drawn
 from chamfer.analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
 from chamfer.analysis.scenario.experiment import Metric, Outcome, load, select
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice
-from chamfer.diagrams.cell.cell_vision import VIEWS, CameraSettings
+from chamfer.diagrams.cell.cell_vision import CameraSettings
 from chamfer.models.peg.peg_and_hole import ColouredParts
-from chamfer.models.peg_theory.wedging import rotation_bounds
 from chamfer.systems.cameras.camera_image import FrameGrabberParams
 from chamfer.systems.vision.part_appearance import appearances
 from chamfer.systems.vision.part_detection import detect_parts
@@ -187,7 +184,6 @@ LOOKS = appearances(ColouredParts(), 0.0005)
 Array = NDArray[np.float64]
 
 SCENARIO = AlignmentScenario()
-MANY_ALIGNMENT_FIGURES = RepeatabilityScenario(trials=3)
 TIME = np.arange(321) / 80
 
 
@@ -248,11 +244,6 @@ def outcome() -> Outcome:
 @pytest.fixture(scope="module")
 def compensation(outcome: Outcome) -> Figure:
     return drawn_of_alignment_figures(plot_alignment(SCENARIO, outcome))
-
-
-@pytest.fixture(scope="module")
-def repeated() -> Figure:
-    return drawn_of_alignment_figures(plot_repeatability(MANY_ALIGNMENT_FIGURES, runs(3)))
 
 
 def drawn_of_alignment_figures(figure: Figure) -> Figure:
@@ -328,40 +319,6 @@ def test_compensation_is_what_was_added_since_the_start(compensation: Figure) ->
             assert y[-1] == pytest.approx(element, abs=1e-12)
 
 
-def test_every_run_over_time_and_at_its_end(repeated: Figure) -> None:
-    lateral, rotational, ends = repeated.axes
-    for axes, first in ((lateral, 3.0), (rotational, 20.0)):
-        found = [one for one in axes.get_lines() if one.get_label().startswith("_")]
-        assert len(found) == 3
-        for k, one in enumerate(found, start=1):
-            x, y = np.asarray(one.get_xdata()), np.asarray(one.get_ydata())
-            assert x[0] == -1.5
-            assert y[0] == pytest.approx(first * k)
-        assert axes.get_xlim() == (-0.25, 2.5)
-    x, y = line(ends, "ends of the trials")
-    np.testing.assert_allclose(x, [0.03, 0.06, 0.09])
-    np.testing.assert_allclose(y, [2.0, 4.0, 6.0])
-    assert [one.item() for one in line(ends, "published mean of ten runs")] == [2.5, 22.0]
-    assert [one.item() for one in line(ends, "published largest of ten runs")] == [3.2, 40.0]
-    x, y = line(ends, "exact side")
-    np.testing.assert_allclose(
-        y,
-        1e3
-        * rotation_bounds(MANY_ALIGNMENT_FIGURES.parts, MANY_ALIGNMENT_FIGURES.held(), x / 1e3)[1],
-    )
-    x, y = line(ends, "simple side")
-    np.testing.assert_allclose(
-        y,
-        1e3
-        * rotation_bounds(
-            MANY_ALIGNMENT_FIGURES.parts, MANY_ALIGNMENT_FIGURES.held(), x / 1e3, "simple"
-        )[1],
-    )
-    (box,) = (one for one in ends.patches if one.get_label() == "95 % intervals of the means")
-    got: Any = box.get_bbox()
-    np.testing.assert_allclose(got.extents, [0.03, 2.0, 0.09, 6.0])
-
-
 CLEAN = AlignmentScenario(cameras=CameraSettings(frames=FrameGrabberParams(noise=0.0)))
 BEGIN = 120  # the first row of the compensation
 PIXEL = 0.0005  # m
@@ -412,29 +369,3 @@ def test_the_tips_are_where_the_poses_say() -> None:
         way = tips(CLEAN, table, view, moment)
         assert way[1] == pytest.approx(down, abs=1.0)
         assert way[0] == pytest.approx(60.0, abs=1.5)
-
-
-def test_a_row_is_a_pixel() -> None:
-    table = take_pictures(CLEAN, traces_of_alignment_pictures((0.0, 0.0), (0.0, 0.0)), 0)
-    assert len(table) == len(VIEWS) * len(MOMENTS) * 3
-    camera = CLEAN.camera("xz")
-    for values in table.values():
-        assert values.dtype == np.uint8
-        assert values.shape == (camera.width * camera.height,)
-    image = picture(CLEAN, table, "xy", "after")
-    assert image.shape == (camera.height, camera.width, 3)
-    assert image.dtype == np.uint8
-    np.testing.assert_array_equal(
-        image[3, 7],
-        [
-            table[f"xy_after_{channel}"][3 * camera.width + 7]
-            for channel in ("red", "green", "blue")
-        ],
-    )
-    # The peg is red and on the left, the hole's part blue.
-    level, column = (
-        int(one)
-        for one in np.argwhere(image[:, :, 0].astype(int) - image[:, :, 2] > 90).mean(axis=0)
-    )
-    assert column < camera.width / 2
-    assert abs(level - camera.height / 2) < 20

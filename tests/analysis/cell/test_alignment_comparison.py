@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -301,29 +300,3 @@ def figure() -> Figure:
     FigureCanvasAgg(made)
     made.canvas.draw()
     return made
-
-
-def thick(axes: Axes, label: str) -> Array:
-    (found,) = (one for one in axes.get_lines() if one.get_label() == label)
-    return np.asarray(found.get_ydata())
-
-
-def test_runs_are_thin_and_the_median_is_thick(figure: Figure) -> None:
-    for axes, kind in zip(figure.axes[::2], SIZES, strict=True):
-        for i, label in enumerate(("FSM", "PID")):
-            np.testing.assert_allclose(thick(axes, label), 1e3 * errors(kind, i, 1))
-        thin = [
-            np.asarray(one.get_ydata())
-            for one in axes.get_lines()
-            if one.get_label().startswith("_")
-        ]
-        expected = [1e3 * errors(kind, i, run) for i in range(2) for run in range(RUNS)]
-        np.testing.assert_allclose(thin, expected)
-
-
-def test_ends_of_the_same_start_are_joined(figure: Figure) -> None:
-    for axes, kind in zip(figure.axes[1::2], SIZES, strict=True):
-        ends = 1e3 * np.array([[errors(kind, i, run)[-1] for i in range(2)] for run in range(3)])
-        lines = [np.asarray(one.get_ydata()) for one in axes.get_lines()]
-        np.testing.assert_allclose(lines[:3], ends)
-        np.testing.assert_allclose(lines[3:5], ends.T)

@@ -25,7 +25,6 @@ from chamfer.analysis.report.checks import check
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.analysis.scenario.scenario_io import make_scenario
-from chamfer.diagrams.cell.alignment_scenario import ControllerChoice
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.planar_statics import Contact, equilibrium
@@ -200,24 +199,6 @@ def test_simulated_alignments_end_in_the_diagram(aligned: Outcome) -> None:
         np.testing.assert_array_equal(arms[f"exact_{bound}"], of)
     for name in ("box_margin.lateral", "box_margin.rotation", "margin", "wedging"):
         assert aligned.metrics[f"aligned.{name}"] == alone.metrics[name]
-
-
-@pytest.mark.slow
-def test_alignments_are_of_the_diagram_s_parts() -> None:
-    parts = ColouredParts(peg_radius=0.0095)
-    pid = ControllerChoice(kind="pid")  # on which each part of a pixel tells
-    scenario = replace(SCENARIO, alignment=replace(BRIEF, controller=pid), points=5)
-    one, other = (run(replace(scenario, parts=each)) for each in (SCENARIO.parts, parts))
-    # The peg that is seen is another one, and its margins are.
-    ends = [outcome.tables["ends"]["lateral_error"] for outcome in (other, one)]
-    assert (ends[0] != ends[1]).all()
-    np.testing.assert_allclose(*ends, rtol=0.05)
-    name = "aligned.box_margin.rotation"
-    assert value(other, name) > value(one, name)
-    same = RepeatabilityScenario(parts=parts, controller=pid, **SHORT)
-    alone = REPEATABILITY.run(REPEATABILITY.resolve(same), 3, quiet)
-    np.testing.assert_array_equal(ends[0], alone.traces["lateral_error"])
-    assert other.metrics[name] == alone.metrics["box_margin.rotation"]
 
 
 def test_without_alignments_nobody_sees_the_parts() -> None:

@@ -153,25 +153,6 @@ def test_loads_are_those_of_a_peg_that_slides(
         assert np.isfinite(loads.level).all()
 
 
-@pytest.mark.slow
-def test_halving_the_step_changes_nothing_that_matters(
-    scenario: InsertionScenario, done: CellInsertion, measured: Values
-) -> None:
-    half = replace(scenario, step=scenario.step / 2)
-    fine = run_cell_insertion(half, seed=0)
-    values = insertion_metrics(fine, half)
-    assert [one.target for one in fine.path] == [one.target for one in done.path]
-    for name, tolerance in (
-        ("time_to_seated", 0.03),
-        ("touch.lateral_error", 5e-5),
-        ("touch.rotational_error", 1e-3),
-        ("force.axial", 0.3),
-        ("force.lateral", 0.15),
-        ("depth", 1e-3),
-    ):
-        assert values[name] == pytest.approx(measured[name], abs=tolerance), name
-
-
 def test_before_the_advance_a_run_may_end(quick: InsertionScenario) -> None:
     paused = resolve(
         replace(

@@ -267,26 +267,6 @@ def test_only_images_reach_the_controller(
     }
 
 
-@pytest.mark.parametrize("arm", ["peg", "hole"])
-def test_impedance_control_knows_encoders_and_commands_alone(arm: str) -> None:
-    diagram = diagram_of("fsm", "image", True, "software")
-    block = diagram.GetSubsystemByName(f"{arm} impedance control")
-    known = {
-        end[0].get_input_port(end[1]).get_name(): (
-            start[0].get_name(),
-            start[0].get_output_port(start[1]).get_name(),
-        )
-        for end, start in diagram.connection_map().items()
-        if end[0] is block
-    }
-    velocity = {"desired_velocity": ("peg desired motion", "desired_velocity")}
-    assert known == {
-        "encoders": ("arms", f"{arm}_arm::wam_state"),
-        "desired_pose": (f"{arm} command", "pose"),
-        **(velocity if arm == "peg" else {}),
-    }
-
-
 @pytest.mark.parametrize(
     ("start", "end"),
     [

@@ -16,7 +16,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.diagrams.cell import cell_vision
-from chamfer.diagrams.cell.alignment import make_alignment_diagram, resolve
+from chamfer.diagrams.cell.alignment import resolve
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
 from chamfer.diagrams.cell.cell_vision import (
     VIEWS,
@@ -90,39 +90,6 @@ def read(
 
 
 # How old the images are
-
-
-@pytest.mark.parametrize(("latency", "offset"), [(0, 0.005), (1, 0.0), (2, 0.005)])
-def test_a_motion_as_desired_is_no_error(latency: int, offset: float) -> None:
-    frames = FrameGrabberParams(noise=0.0, latency=latency, offset=offset)
-    # 112 mm/s at most: in a period the tip goes on by 2.8 pixels, in 5 ms by 1.1.
-    error, valid = read(
-        CameraSettings(frames=frames),
-        CELL.nominal_pose("peg"),
-        start=np.array([0.0, 0.0, -0.03]),
-        begin=0.0,
-        duration=0.5,
-    )
-    # Nothing is seen before the first image is there, and from then on all.
-    first = latency + 1
-    assert not valid[:first].any()
-    assert valid[first:].all()
-    assert np.abs(error[first:, 1:]).max() < 0.05
-    assert np.abs(error[first:, 0]).max() < 0.06  # of the detection, also at rest
-    assert np.abs(error[first:, 3:]).max() < 2e-4
-
-
-@pytest.mark.parametrize("offset", [0.0, 0.005])
-@pytest.mark.parametrize("latency", [0, 1, 3])
-def test_the_images_that_nobody_looks_at_are_missed_by_nobody(latency: int, offset: float) -> None:
-    frames = FrameGrabberParams(noise=0.0, latency=latency, offset=offset)
-    begin = 0.3
-    _, valid = read(
-        CameraSettings(frames=frames), CELL.nominal_pose("peg"), begin=begin, duration=0.4
-    )
-    first = round(begin / PERIOD)
-    assert not valid[:first].any()
-    assert valid[first:].all()
 
 
 # What is measured
@@ -306,12 +273,6 @@ def settings(measured: Measured = "image", **views: ViewSettings) -> CameraSetti
     return CameraSettings(measured=measured, frames=STILL, **views)  # type: ignore[arg-type]
 
 
-def same(one: Outputs, other: Outputs) -> bool:
-    return one.keys() == other.keys() and all(
-        value.tobytes() == other[name].tobytes() for name, value in one.items()
-    )
-
-
 # Believed as it is true
 
 
@@ -433,24 +394,6 @@ def deceived(monkeypatch: pytest.MonkeyPatch) -> None:
     Deceived.believed = tuple(CELL_STAND[view] for view in VIEWS)
     Deceived.made = 0
     monkeypatch.setattr(cell_vision, "SoftwareCamera", Deceived)
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("deceived")
-@pytest.mark.parametrize("measured", METHODS)
-def test_true_cameras_reach_nothing_but_the_images(measured: Measured) -> None:
-    scenario = resolve(AlignmentScenario(begin=0.2, compensation_time=0.2))
-    runs = []
-    for true in (CameraModel(), WRONG):
-        cameras = replace(settings(measured, **both(true=true)), frames=FrameGrabberParams())
-        diagram = make_alignment_diagram(replace(scenario, cameras=cameras))
-        runs.append(dict(simulate(diagram, duration=0.4, step=PERIOD).outputs))
-    assert np.abs(runs[0]["compensation"]).max() > 1e-3
-    assert same(*runs)
-    # The same where cameras are believed to be wrong does change what is made of the images.
-    wrong = replace(settings(measured, **both(believed=WRONG)), frames=FrameGrabberParams())
-    diagram = make_alignment_diagram(replace(scenario, cameras=wrong))
-    assert not same(dict(simulate(diagram, duration=0.4, step=PERIOD).outputs), runs[0])
 
 
 @pytest.mark.usefixtures("deceived")

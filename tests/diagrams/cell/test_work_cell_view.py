@@ -89,25 +89,3 @@ def test_parts_have_their_sizes_and_colours_in_the_tools_frames(
     rgba = inspector(view).GetIllustrationProperties(part).GetProperty("phong", "diffuse").rgba
     np.testing.assert_allclose(rgba[:3], np.array(colour) / 255, atol=1e-6)
     assert rgba[3] == 1.0 if arm == "peg" else 0 < rgba[3] < 1
-
-
-@pytest.mark.parametrize(
-    ("arm", "far_end", "radius"),
-    [
-        ("peg", -PARTS.peg_length, PARTS.peg_radius),
-        ("hole", PARTS.hole_length, PARTS.outer_radius),
-    ],
-)
-def test_a_holder_reaches_from_the_flange_around_the_part(
-    view: WorkCellView, arm: ArmName, far_end: float, radius: float
-) -> None:
-    holder = shapes(view, arm)["holder"]
-    shape, X_TR = inspector(view).GetShape(holder), inspector(view).GetPoseInFrame(holder)
-    half = np.array([0.0, 0.0, shape.length() / 2])
-    ends = [X_TR @ -half, X_TR @ half]
-    p_TF = getattr(SCENARIO, arm).tool.frame.transform.inverse().translation()
-    np.testing.assert_allclose(ends[0], p_TF, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(ends[1][1:], 0.0, rtol=0, atol=1e-12)
-    assert 0 < abs(ends[1][0]) < abs(far_end)  # it hides a bit of the part, but not its tip
-    assert np.sign(ends[1][0]) == np.sign(far_end)
-    assert shape.radius() > radius

@@ -12,10 +12,6 @@ from hypothesis import strategies as st
 from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.insertion_statics import (
-    MOUTH_LEFT,
-    MOUTH_RIGHT,
-    TIP_LEFT,
-    TIP_RIGHT,
     bore_contact,
     chamfer_depth,
     cross_chamfer,
@@ -69,39 +65,6 @@ def test_worked_example() -> None:
     force = bore_contact(*PAPER, *START, depth).insertion_force
     assert force.max() == pytest.approx(4.4, abs=0.01)
     assert depth[force.argmax()] == pytest.approx(0.0274, abs=1e-4)
-
-
-def test_which_side_touches() -> None:
-    cases = {
-        (0.003, 0.022): (Contact.MOUTH, [MOUTH_RIGHT]),
-        (-0.003, -0.022): (Contact.MOUTH, [MOUTH_LEFT]),
-        (0.003, -0.06): (Contact.TIP, [TIP_RIGHT]),
-        (-0.003, 0.06): (Contact.TIP, [TIP_LEFT]),
-        (0.0001, 0.001): (Contact.NONE, []),
-        (0.003, -0.0117): (Contact.ALONG_WALL, [MOUTH_RIGHT, TIP_RIGHT]),
-        (-0.003, 0.0117): (Contact.ALONG_WALL, [MOUTH_LEFT, TIP_LEFT]),
-    }
-    for start, (contact, pressed) in cases.items():
-        got = bore_contact(*PAPER, *start, 0.005)
-        assert got.contact == contact, start
-        assert np.flatnonzero(got.normal_forces).tolist() == pressed
-    deep = bore_contact(*PAPER, [0.003, -0.003], [0.022, -0.022], 0.03)
-    np.testing.assert_array_equal(deep.normal_forces[0] > 0, [True, False, False, True])
-    np.testing.assert_array_equal(deep.normal_forces[1] > 0, [False, True, True, False])
-
-
-def test_a_peg_along_the_wall_is_upright_and_in_balance() -> None:
-    eps0, theta0, depth = 0.003, -0.0117, 0.005
-    got = bore_contact(*PAPER, eps0, theta0, depth)
-    assert got.contact == Contact.ALONG_WALL
-    assert got.tilt == pytest.approx(0.0, abs=1e-12)
-    assert got.tip == pytest.approx(PAPER[0].clearance)
-    centre_moved = eps0 + 0.1 * theta0 - PAPER[0].clearance
-    push = got.normal_forces[MOUTH_RIGHT] + got.normal_forces[TIP_RIGHT]
-    assert push == pytest.approx(400 * centre_moved)
-    friction = 0.45 * push * PAPER[0].peg_radius
-    turning = 0.095 * got.normal_forces[MOUTH_RIGHT] + 0.1 * got.normal_forces[TIP_RIGHT]
-    assert turning - friction == pytest.approx(-5.0 * theta0)
 
 
 @given(held=holdings, eps0=errors, theta0=tilts, depth=depths)
@@ -225,20 +188,6 @@ def test_entry_needs_a_chamfer_and_an_upright_peg() -> None:
     # The chamfer tilts a peg further, or upright.
     assert not enters(*OTHER, 0.003, limit - 1e-3)
     assert enters(*OTHER, -0.003, limit - 1e-3)
-
-
-def test_inputs_are_broadcast() -> None:
-    eps0, depth = np.linspace(-0.004, 0.004, 5)[:, None], np.linspace(0.0, 0.04, 9)
-    got = bore_contact(*OTHER, eps0, 0.02, depth)
-    assert got.normal_forces.shape == (5, 9, 4)
-    for i in range(5):
-        for j in range(9):
-            one = bore_contact(*OTHER, eps0[i, 0], 0.02, depth[j])
-            assert got.contact[i, j] == one.contact
-            for name in ("insertion_force", "tilt", "tip"):
-                here = getattr(got, name)[i, j]
-                assert here == pytest.approx(float(getattr(one, name)), rel=1e-9, abs=1e-12)
-    assert two_point_onset(*OTHER, eps0, np.zeros(3)).shape == (5, 3)
 
 
 @pytest.mark.parametrize("depth", [-1e-9, math.nan, math.inf])
