@@ -442,10 +442,6 @@ def resolve_trials(kind: type[TrialsT], scenario: AlignmentTrialsScenario) -> Tr
 def require_starts(scenario: AlignmentScenario, spread: Spread) -> None:
     """Refuse a spread of which a start has nothing to see, or parts in each other.
 
-    Args:
-        scenario: Resolved.
-        spread: Of its starts.
-
     Raises:
         ParameterError: It names ``spread.lateral``.
     """

@@ -164,13 +164,7 @@ _FEW: Final = 150  # loads of a plane that are drawn
 def plot_course(
     scenario: ResolvedInsertionScenario, outcome: Outcome, states: Sequence[str]
 ) -> Figure:
-    """Draw errors, depth and forces over time, with the task's and the contact's states.
-
-    Args:
-        scenario: Of the run.
-        outcome: Its traces.
-        states: Names of the chart's states.
-    """
+    """Draw errors, depth and forces over time, with the task's and the contact's states."""
     figure = new_figure(11.0, 12.0)
     grid = figure.add_gridspec(6, 1, height_ratios=(0.35, 1, 1, 1, 1, 0.8))
     first = figure.add_subplot(grid[0])

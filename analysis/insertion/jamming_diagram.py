@@ -215,13 +215,7 @@ _FEW: Final = 60  # loads of a kind that are drawn
 def plot_jamming(
     parts: PegHoleGeometry, depth_ratios: Sequence[float], outcome: Outcome
 ) -> Figure:
-    """Draw the loads at several depths, and the level of all loads over the depth.
-
-    Args:
-        parts: Peg and hole.
-        depth_ratios: lambda of the parallelograms.
-        outcome: With a row a load.
-    """
+    """Draw the loads at several depths, and the level of all loads over the depth."""
     figure = new_figure(12.0, 5.6)
     diagram, levels = figure.subplots(1, 2)
     traces = outcome.traces

@@ -91,7 +91,7 @@ def plot_peg_insertion(scenario: PegInsertionScenario, outcome: Outcome) -> Figu
         (above, force, predicted["axial"], "(a) Force against the insertion"),
         (below, traces["force_y_median"][fed], predicted["lateral"], "(b) Force across"),
     ):
-        _states(axes, l_of, traces["state"][fed])
+        shade_states(axes, l_of, traces["state"][fed])
         axes.plot(l_of, measured, label="simulated, median of 10 ms", **FORCE)
         axes.plot(predicted["depth"] * _MM, of, label="exact statics", **_EXACT)
         dress(axes, title=title, x="depth l in the bore / mm", y="force / N")
@@ -105,7 +105,7 @@ def plot_peg_insertion(scenario: PegInsertionScenario, outcome: Outcome) -> Figu
     return figure
 
 
-def _states(axes: Axes, depth: Array, state: Array) -> None:
+def shade_states(axes: Axes, depth: Array, state: Array) -> None:
     """Shade the depths by contact state."""
     ends = np.flatnonzero(np.diff(state)) + 1
     named = set()

@@ -290,13 +290,7 @@ def design_compensator(
     responses: Sequence[Responses],
     increments: Mapping[Kind, float],
 ) -> SixAxisSettings:
-    """Return the state machine's elements, what is given kept.
-
-    Args:
-        scenario: Its compensator is what is given.
-        responses: From :func:`arm_responses`.
-        increments: That are wanted, m and rad.
-    """
+    """Return the state machine's elements, what is given kept."""
 
     def element(kind: Kind) -> OpenAxis:
         given: OpenAxis = getattr(scenario.compensator, kind)
@@ -316,13 +310,7 @@ def design_compensator(
 def design_pid(
     scenario: AlignmentScenario, responses: Sequence[Responses], closed_loop: float
 ) -> SixAxisPid:
-    """Return the baseline's gains by SIMC, what is given kept.
-
-    Args:
-        scenario: Its PID is what is given.
-        responses: From :func:`arm_responses`.
-        closed_loop: s, wanted time constant.
-    """
+    """Return the baseline's gains by SIMC, what is given kept."""
 
     def law(kind: Kind) -> OpenGains:
         given: OpenGains = getattr(scenario.pid, kind)

@@ -102,12 +102,7 @@ class WorkCellView(NamedTuple):
 
 
 def make_work_cell_view(scenario: WorkCellScenario, meshcat: Meshcat) -> WorkCellView:
-    """Build what holds the parts, as shapes without contact, and what draws it.
-
-    Args:
-        scenario: Where the arms are and what they hold.
-        meshcat: Where to draw.
-    """
+    """Build what holds the parts, as shapes without contact, and what draws it."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
     instances, tools = add_holders(plant, scenario)

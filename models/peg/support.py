@@ -1,9 +1,7 @@
 """The compliant support of a part: springs across and about one point of the part's axis."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 from chamfer.models.validation import require_finite, require_positive
 
@@ -20,8 +18,6 @@ class Support:
     lateral_stiffness: float = 400.0  # N/m, K_x, across the axis; section 5
     angular_stiffness: float = 5.0  # N m/rad, K_theta, about the centre; section 5
     centre_distance: float = 0.1  # m, L_g, from tip to compliance centre; assumed, not published
-
-    RENAMED: ClassVar[Mapping[str, str]] = {"rotational_stiffness": "angular_stiffness"}
 
     def __post_init__(self) -> None:
         require_positive(self, "lateral_stiffness", "angular_stiffness")
@@ -49,8 +45,6 @@ class OpenSupport:
     lateral_stiffness: float | None = None  # N/m, K_x, across the axis; None: from the arms
     angular_stiffness: float | None = None  # N m/rad, K_theta, about the centre; None: likewise
     centre_distance: float | None = None  # m, L_g, from tip to compliance centre; None: likewise
-
-    RENAMED: ClassVar[Mapping[str, str]] = Support.RENAMED
 
     def __post_init__(self) -> None:
         self.over(Support())

@@ -1,5 +1,8 @@
 """What the planar theory says of a peg that is fed blindly: it goes in, it may, or it does not.
 
+Arguments are those of :mod:`chamfer.models.peg_theory.wedging`; ``support_at`` and ``push_at``
+take the depth of the tip below the mouth, m, as ``depth`` is here too.
+
 The support is that of the arms in series, which softens as the parts slide into each other: the
 statics take it at every depth, the limits to wedging at the depth at which a peg wedges first.
 """
@@ -64,14 +67,7 @@ class FeedPrediction(NamedTuple):
 def limits(
     parts: PegHoleGeometry, support_at: SupportAt, lateral: ArrayLike, tilt: ArrayLike
 ) -> Limits:
-    """Return the limits to wedging, sliding, the chamfers' reach and the edge.
-
-    Args:
-        parts: Peg and hole.
-        support_at: What holds the peg at a depth of the tip.
-        lateral: eps0, m, of the tip.
-        tilt: theta0, rad.
-    """
+    """Return the limits to wedging, sliding, the chamfers' reach and the edge."""
     eps0 = np.asarray(lateral, dtype=np.float64)
     theta0 = np.asarray(tilt, dtype=np.float64)
     at_wedging = support_at(parts.wedging_depth + parts.chamfer_height)
@@ -97,14 +93,6 @@ def predict_feed(
     rim can't sit on the bore's edge, and which needs less push than there is. Stopped is one that
     lands beside the mouth, or needs more. The theory knows neither friction in the support's own
     joints nor what happens across its plane.
-
-    Args:
-        parts: Peg and hole.
-        support_at: What holds the peg at a depth of the tip.
-        push_at: How hard the feed can push at depths of the tip.
-        lateral: eps0, m, of the tip.
-        tilt: theta0, rad.
-        depth: Of the tip, m, to which the peg is to go.
     """
     eps0, theta0 = np.broadcast_arrays(
         np.asarray(lateral, dtype=np.float64), np.asarray(tilt, dtype=np.float64)
@@ -129,16 +117,7 @@ def largest_push(
     depth: float,
     looks: int = 9,
 ) -> Array:
-    """Return the largest push that slides pegs down to a depth, N; infinite: none does.
-
-    Args:
-        parts: Peg and hole.
-        support_at: What holds the peg at a depth of the tip.
-        lateral: eps0, m, of the tip.
-        tilt: theta0, rad.
-        depth: Of the tip, m.
-        looks: At how many depths.
-    """
+    """Return the largest push that slides pegs down to a depth, N; infinite: none does."""
     eps0, theta0 = np.broadcast_arrays(
         np.asarray(lateral, dtype=np.float64), np.asarray(tilt, dtype=np.float64)
     )

@@ -248,13 +248,6 @@ def equilibrium(
     Of several sliding equilibria the one with the least force is taken: it is the one that the
     peg is in before two points touch, the others are reached by turning it by force.
 
-    Args:
-        parts: Peg and hole.
-        support: What holds the peg.
-        lateral: eps0, m, of the tip.
-        rotation: theta0, rad.
-        depth: l, m.
-
     Raises:
         ParameterError: If the depth is not finite.
     """

@@ -14,6 +14,10 @@ line between them lies in both friction cones, ``lambda <= 1``, they can hold th
 force: it may wedge. That is so where two points touch at a tilt of
 ``theta_w = (R - r) / (mu r) = (c 2 R) / (mu 2 r)`` or more. It does not say that the peg has to.
 
+Arguments of all functions of the theory: ``parts`` are peg and hole, ``support`` holds the peg,
+``lateral`` is eps0 in m, ``rotation`` or ``tilt`` theta0 in rad, ``depth`` l in m. Arrays
+broadcast.
+
 Sources: D. E. Whitney, Quasi-static assembly of compliantly supported rigid parts, J. Dyn. Syst.
 Meas. Control 104 (1982); Ruybal, Lumia and Wood, section 2, Fig. 2 and section 4.
 
@@ -129,14 +133,7 @@ def largest_tilt(
     lateral: ArrayLike,
     limit: ArrayLike,
 ) -> Array:
-    """Return the largest theta0, rad, for which the tilt at the onset stays below a limit.
-
-    Args:
-        parts: Peg and hole.
-        springs: What holds the peg.
-        lateral: eps0, m.
-        limit: rad, of the tilt of a peg that leans right.
-    """
+    """Return the largest theta0, rad, for which the tilt at the onset stays below a limit."""
     end = parts.mouth_tilt_limit
     share = np.linspace(0.0, 1.0, _GRID) ** 2
     low = np.asarray(limit, dtype=np.float64)[..., None]
@@ -172,11 +169,6 @@ def sits_on_edge(
     the errors; only the support may turn it upright, with a force beyond the planar one, or over.
     The rim of a square peg is straight across the plane, and as wide as it is upright: it does
     not.
-
-    Args:
-        parts: Peg and hole.
-        lateral: eps0, m, of the tip.
-        rotation: theta0, rad.
     """
     eps0, theta0 = np.broadcast_arrays(
         np.asarray(lateral, dtype=np.float64), np.asarray(rotation, dtype=np.float64)
@@ -208,14 +200,7 @@ def _onset(parts: PegHoleGeometry, support: Support, eps0: Array, theta0: Array)
 def initial_tilt(
     parts: PegHoleGeometry, springs: Springs, lateral: ArrayLike, onset: ArrayLike
 ) -> Array:
-    """Return theta0, rad, of a peg whose two points, mouth right and tip left, touch at a tilt.
-
-    Args:
-        parts: Peg and hole.
-        springs: What holds the peg.
-        lateral: eps0, m.
-        onset: Tilt at the onset, rad, > 0.
-    """
+    """Return theta0, rad, of a peg whose two points, mouth right and tip left, touch at a tilt."""
     K_x, K_theta, L_g = springs
     at = two_points(parts, onset)
     tilt, rest = at.pose.tilt, at.pose.point(0.0, L_g)[0] - np.asarray(lateral, dtype=np.float64)
@@ -283,12 +268,6 @@ def rotation_bounds(
     The *simple* form is Whitney's parallelogram, :func:`wedging_bounds` alone. The *exact* one
     is the narrower of :func:`wedging_bounds` and :func:`sliding_bounds`.
 
-    Args:
-        parts: Peg and hole.
-        support: What holds the peg.
-        lateral: eps0, m, of any shape.
-        form: Which of the two.
-
     Returns:
         Lower and upper bound, each of the shape of ``lateral``.
     """
@@ -310,12 +289,6 @@ def wedging_bounds(
     simple sides are 3 to 7 % too narrow: the normal at the mouth tilts with the peg, which makes
     it harder to hold. Of 150 random pegs (R 4 to 15 mm, clearance 1 to 4 %, mu 0.1 to 0.5) they
     are 14 % too narrow in the middle, and from 45 % too narrow to 2 % too wide in nine of ten.
-
-    Args:
-        parts: Peg and hole.
-        support: What holds the peg.
-        lateral: eps0, m, of any shape.
-        form: Which of the two.
 
     Returns:
         Lower and upper bound, each of the shape of ``lateral``.
@@ -380,15 +353,7 @@ def rotation_margin(
 def least_margin(
     parts: PegHoleGeometry, support: Support, lateral: float, rotation: float, form: Form = "exact"
 ) -> tuple[float, float]:
-    """Return the smallest margin to wedging over all compliance centres, and that L_g, m.
-
-    Args:
-        parts: Peg and hole.
-        support: Whose stiffnesses count, and not its own centre.
-        lateral: eps0, m.
-        rotation: theta0, rad.
-        form: Of the region's sides.
-    """
+    """Return the smallest margin to wedging over all compliance centres, and that L_g, m."""
     # From far below the distance at which the slope is largest to far beyond it.
     low, high = -5.0, 5.0
     for _ in range(_ZOOMS):
@@ -428,12 +393,6 @@ def jamming_level(
     the contacts have stored: at less depth the same loads can be held by a peg that is wedged.
     While it slides at rest with its load, as on a soft support, the load is on the sides; the
     exact statics have it up to 8 % inside at a tilt of 5 degrees, as the mouth's normal tilts.
-
-    Args:
-        parts: Peg and hole.
-        force_ratio: ``F_x / F_z``, the load to the right over that down, F_z > 0.
-        moment_ratio: ``M / (r F_z)``, M about the tip, counter-clockwise.
-        depth: l, m, > 0.
     """
     depth_ratio = _depth_ratio(parts, depth)
     across = np.asarray(force_ratio, dtype=np.float64)

@@ -35,7 +35,6 @@ SCENARIO = PegInsertionScenario()
         ("depth=0.07", "depth is 0.07, allowed: at most the peg's length, 0.06 m"),
         ("parts.peg_radius=0.0101", "parts.peg_radius is 0.0101, allowed: less than the hole's"),
         ("support.angular_stiffness=0.01", "support.angular_stiffness is 0.01, allowed: > 0.017"),
-        ("support.rotational_stiffness=1", "support.rotational_stiffness is now support.angular"),
         ("tilt=0.9", "tilt is 0.9, allowed: between -pi/4 and pi/4"),
         ("force_cap=0", "force_cap is 0.0, allowed: a finite number > 0"),
         ("step=0.03", "step is 0.03, allowed: at most 0.0256 s: a feed by the clearance"),
