@@ -23,6 +23,7 @@ from chamfer.diagrams.cell.cell_vision import add_cell_vision, resolved_cameras
 from chamfer.diagrams.cell.controller_design import resolve_controllers
 from chamfer.diagrams.cell.work_cell import ARMS, ArmName, WorkCell, add_work_cell, resolve_arms
 from chamfer.diagrams.cell.work_cell_view import add_part_shapes
+from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.systems.force.compensated_pose import CompensatedPose
 from chamfer.systems.force.stoppable_motion import StoppableMotion
 from chamfer.systems.ports import require_ports
@@ -30,6 +31,7 @@ from chamfer.systems.pose import pose_vector
 from chamfer.systems.servo.compensator import CompensatorParams, TrajectoryCompensator
 from chamfer.systems.servo.divergence_watch import DivergenceParams, DivergenceWatch, Watched
 from chamfer.systems.servo.sampled_pid import SampledPid, SampledPidParams
+from chamfer.systems.vision.cell_error import CellError
 from chamfer.systems.vision.image_plane_error import AXES
 
 ResolvedT = TypeVar("ResolvedT", bound=ResolvedAlignmentScenario)
@@ -110,23 +112,14 @@ def make_alignment_diagram(
     """
     builder = DiagramBuilder()
     connect = builder.Connect
-    start: dict[ArmName, RigidTransform] = {"peg": start_pose(scenario)} if scenario.moves else {}
     cell = add_work_cell(
         builder,
         scenario,
-        start=start,
+        start=start_poses(scenario),
         add_parts=partial(add_part_shapes, scenario),
         controllers=arm_controllers,
     )
-    motions = {arm: add_motion(builder, scenario, arm) for arm in ARMS}
-    error = add_cell_vision(
-        builder,
-        scenario,
-        scenario.cameras,
-        poses=cell.true_poses,
-        begin=scenario.begin,
-        desired={arm: motions[arm].pose for arm in ARMS} if scenario.moves else None,
-    )
+    motions, error = add_sight(builder, scenario, cell)
     watch = add_divergence_watch(builder, scenario)
     controller = add_controller(builder, scenario, controller)
     for name in ("error", "valid", "blind"):
@@ -140,21 +133,54 @@ def make_alignment_diagram(
             connect(command, cell.arms[arm].desired_pose)
             if (velocity := motions[arm].velocity) is not None:
                 connect(velocity, cell.arms[arm].desired_velocity)
-        export_arm(builder, cell, arm)
-        if (stop := motions[arm].stop) is not None:
-            connect(watch.GetOutputPort("stop"), stop)
-    for name in ("error", "valid", "age", "blind"):
-        builder.ExportOutput(error.GetOutputPort(name), name)
-    builder.ExportOutput(watch.GetOutputPort("diverged"), "diverged")
-    builder.ExportOutput(compensation, "compensation")
+    export_alignment(builder, cell, motions, error, watch, compensation)
     diagram = builder.Build()
     diagram.set_name("Alignment by sight")
     return diagram
 
 
-def start_pose(scenario: AlignmentScenario) -> RigidTransform:
-    """Return where the peg's motion begins."""
-    return offset_pose(scenario, 1.0)
+def start_poses(scenario: AlignmentScenario) -> dict[ArmName, RigidTransform]:
+    """Return where tools start that do not start at their nominal poses."""
+    return {"peg": offset_pose(scenario, 1.0)} if scenario.moves else {}
+
+
+def add_sight(
+    builder: DiagramBuilder,
+    scenario: AlignmentScenario,
+    cell: WorkCell,
+    parts_there: ColouredParts | None = None,
+) -> tuple[dict[ArmName, DesiredMotion], CellError]:
+    """Add the arms' desired motions, and the cameras that measure what the peg lacks."""
+    motions = {arm: add_motion(builder, scenario, arm) for arm in ARMS}
+    error = add_cell_vision(
+        builder,
+        scenario,
+        scenario.cameras,
+        poses=cell.true_poses,
+        begin=scenario.begin,
+        desired={arm: motions[arm].pose for arm in ARMS} if scenario.moves else None,
+        parts_there=parts_there,
+    )
+    return motions, error
+
+
+def export_alignment(
+    builder: DiagramBuilder,
+    cell: WorkCell,
+    motions: dict[ArmName, DesiredMotion],
+    error: CellError,
+    watch: DivergenceWatch,
+    compensation: OutputPort,
+) -> None:
+    """Export what shows an alignment, and let the watch stop the motions."""
+    for arm in ARMS:
+        export_arm(builder, cell, arm)
+        if (stop := motions[arm].stop) is not None:
+            builder.Connect(watch.GetOutputPort("stop"), stop)
+    for name in ("error", "valid", "age", "blind"):
+        builder.ExportOutput(error.GetOutputPort(name), name)
+    builder.ExportOutput(watch.GetOutputPort("diverged"), "diverged")
+    builder.ExportOutput(compensation, "compensation")
 
 
 def add_motion(
@@ -166,7 +192,7 @@ def add_motion(
         motion = builder.AddNamedSystem(
             "peg desired motion",
             StoppableMotion(
-                start_pose(scenario).translation(),
+                start_poses(scenario)["peg"].translation(),
                 goal,
                 scenario.motion_time,
                 scenario.cameras.frames.period,

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import ClassVar, Final, Self, TypeVar
 
-from pydrake.math import RigidTransform
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import Adder
 
@@ -15,13 +14,12 @@ from chamfer.diagrams.cell.alignment import (
     add_command,
     add_controller,
     add_divergence_watch,
-    add_motion,
-    export_arm,
-    start_pose,
+    add_sight,
+    export_alignment,
+    start_poses,
 )
 from chamfer.diagrams.cell.alignment import resolve_as as resolve_alignment_as
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, ResolvedAlignmentScenario
-from chamfer.diagrams.cell.cell_vision import add_cell_vision
 from chamfer.diagrams.cell.work_cell import (
     ARMS,
     ArmName,
@@ -213,27 +211,17 @@ def make_insertion_diagram(
     there = scenario.there
     builder = DiagramBuilder()
     connect = builder.Connect
-    start: dict[ArmName, RigidTransform] = {"peg": start_pose(scenario)} if scenario.moves else {}
     cell, contact = add_cell_in_contact(
         builder,
         scenario,
         there.parts,
         seated_depth=SEATED * params.target,
         material=scenario.contact,
-        start=start,
+        start=start_poses(scenario),
         add_parts=partial(add_part_shapes, there),
         controllers=arm_controllers,
     )
-    motions = {arm: add_motion(builder, scenario, arm) for arm in ARMS}
-    error = add_cell_vision(
-        builder,
-        scenario,
-        scenario.cameras,
-        poses=cell.true_poses,
-        begin=scenario.begin,
-        desired={arm: motions[arm].pose for arm in ARMS} if scenario.moves else None,
-        parts_there=there.parts,
-    )
+    motions, error = add_sight(builder, scenario, cell, there.parts)
     gate = builder.AddNamedSystem("error gate", MeasurementSelector(len(AXES)))
     watch = add_divergence_watch(builder, scenario)
     controller = add_controller(builder, scenario, controller)
@@ -262,13 +250,7 @@ def make_insertion_diagram(
     for arm in ARMS:
         if arm in cell.arms:
             connect(cell.arms[arm].saturated, task.GetInputPort(f"{arm}_saturated"))
-        export_arm(builder, cell, arm)
-        if (stop := motions[arm].stop) is not None:
-            connect(watch.GetOutputPort("stop"), stop)
-    for name in ("error", "valid", "age", "blind"):
-        builder.ExportOutput(error.GetOutputPort(name), name)
-    builder.ExportOutput(watch.GetOutputPort("diverged"), "diverged")
-    builder.ExportOutput(compensation, "compensation")
+    export_alignment(builder, cell, motions, error, watch, compensation)
     for name, of in (
         ("feed", "feed"),
         ("attempts", "attempts"),
