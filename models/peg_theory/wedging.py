@@ -400,13 +400,6 @@ def jamming_level(
     return np.maximum(np.abs(parts.friction * across), np.abs(turned) / depth_ratio)
 
 
-def jams(
-    parts: PegHoleGeometry, force_ratio: ArrayLike, moment_ratio: ArrayLike, depth: ArrayLike
-) -> NDArray[np.bool_]:
-    """Say which loads of the support can't push the peg further, see :func:`jamming_level`."""
-    return jamming_level(parts, force_ratio, moment_ratio, depth) >= 1
-
-
 def jamming_vertices(parts: PegHoleGeometry, depth: float) -> Array:
     """Return the corners (``F_x / F_z``, ``M / (r F_z)``) of the loads that slide, shape (4, 2).
 

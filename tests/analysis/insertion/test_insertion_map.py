@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.insertion.insertion_map import (
-    INSERTION_MAP,
     BlindFeed,
     DrawnCells,
     FeedOutcome,
@@ -18,6 +18,7 @@ from chamfer.analysis.insertion.insertion_map import (
     drawn_cells,
     errors_in,
     feed_blind,
+    figures,
     measured,
     outcome,
     push_at,
@@ -25,6 +26,7 @@ from chamfer.analysis.insertion.insertion_map import (
     wrong,
 )
 from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.experiment import select
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.diagrams.insertion.blind_feed import BlindFeedScenario
 from chamfer.models.peg.bore_contact import ContactMaterial
@@ -144,7 +146,11 @@ def test_mistakes_are_said_in_one_line(setting: str, message: str) -> None:
 
 @pytest.mark.slow
 def test_a_map_of_one_cell_and_a_draw() -> None:
-    settings = [one for one in INSERTION_MAP.reduced if not one.startswith("drawn")]
+    settings = [
+        one
+        for one in select(CATALOGUE.entries, ["insertion-map"])[0].reduced
+        if not one.startswith("drawn")
+    ]
     settings += ["drawn.points=1", "drawn.draws=1"]
     scenario = make_scenario(SCENARIO, settings=settings)
     outcome = run(scenario, 0, lambda fraction, doing="": None)
@@ -157,7 +163,7 @@ def test_a_map_of_one_cell_and_a_draw() -> None:
     assert outcome.tables["region"]["verdict"].min() == FeedVerdict.SAFE
     assert outcome.tables["region"]["verdict"].max() == FeedVerdict.STOPPED
     assert math.isfinite(outcome.traces["touch_lateral_error"][0])
-    assert set(INSERTION_MAP.plot(scenario, outcome)) == {"insertion-map"}
+    assert set(figures(scenario, outcome)) == {"insertion-map"}
 
 
 SCENARIO_BLIND_FEED_RUNS = BlindFeedScenario(speed=0.1, step=0.002)  # released after 1.4 s

@@ -20,8 +20,8 @@ from chamfer.models.peg_theory.wedging import (
     assembles,
     box_margin,
     chamfer_needed,
+    jamming_level,
     jamming_vertices,
-    jams,
     largest_tilt,
     least_margin,
     require_stiff,
@@ -254,7 +254,7 @@ def test_jamming_diagram(parts: PegHoleGeometry, ratio: float) -> None:
     sides = (corners + np.roll(corners, -1, axis=0)) / 2
     near = np.concatenate([0.99 * sides, 1.01 * sides, 0.99 * corners, 1.01 * corners])
     loads = np.concatenate([np.column_stack([across, turned]), near])
-    said = jams(parts, loads[:, 0], loads[:, 1], depth)
+    said = jamming_level(parts, loads[:, 0], loads[:, 1], depth) >= 1
     held = [held_by_contacts(parts, (load[0], load[1]), depth) for load in loads]
     np.testing.assert_array_equal(said, held)
     assert 10 < np.sum(said) < len(loads) - 10
@@ -266,10 +266,10 @@ def test_jamming_vertices_are_the_corners_of_the_loads_that_slide() -> None:
     expected = [[-1 / 0.3, 4.4], [-1 / 0.3, 1.0], [1 / 0.3, -4.4], [1 / 0.3, -1.0]]
     np.testing.assert_allclose(corners, expected, rtol=1e-12)
     np.testing.assert_array_equal(
-        jams(OTHER_WEDGING_FRICTION_CONES, *(0.999 * corners).T, depth), [False] * 4
+        jamming_level(OTHER_WEDGING_FRICTION_CONES, *(0.999 * corners).T, depth) >= 1, [False] * 4
     )
     np.testing.assert_array_equal(
-        jams(OTHER_WEDGING_FRICTION_CONES, *(1.001 * corners).T, depth), [True] * 4
+        jamming_level(OTHER_WEDGING_FRICTION_CONES, *(1.001 * corners).T, depth) >= 1, [True] * 4
     )
     # Counter-clockwise.
     following = np.roll(corners, -1, axis=0)
@@ -281,7 +281,7 @@ def test_jamming_vertices_are_the_corners_of_the_loads_that_slide() -> None:
 def test_jamming_needs_a_depth(depth: float) -> None:
     message = re.escape(f"depth is {depth!r}, allowed: finite numbers > 0")
     with pytest.raises(ParameterError, match=f"^{message}$"):
-        jams(PAPER_WEDGING_FRICTION_CONES, 0.0, 0.0, depth)
+        jamming_level(PAPER_WEDGING_FRICTION_CONES, 0.0, 0.0, depth)
     with pytest.raises(ParameterError, match=f"^{message}$"):
         jamming_vertices(PAPER_WEDGING_FRICTION_CONES, depth)
 
