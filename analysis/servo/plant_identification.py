@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,18 +13,19 @@ from scipy.optimize import root
 
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.drawing.figure_style import PID, PUBLISHED, dress, legend, new_figure
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.published.fsm_visual_servoing import OVERSHOOT, RISE_TIME
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
-from chamfer.analysis.servo.plant_identification_figures import plot_family
-from chamfer.analysis.servo.step_metrics import StepMetrics, step_metrics
+from chamfer.analysis.servo.response_metrics import StepMetrics, step_metrics
 from chamfer.diagrams.servo.servo_loops import make_pid_loop
 from chamfer.diagrams.servo.servo_scenario import PlantParams, StepScenario
-from chamfer.models.plants.spring_mass_damper import SpringMassDamperParams
+from chamfer.models.plants.servo_plant import SpringMassDamperParams
 from chamfer.models.validation import ParameterError, require_positive
 from chamfer.systems.servo.pid import PidParams
 
 _STEPS = 3000  # of a run
+_PAPERS_STIFFNESS = 700.0  # N/m, K_p of section 5
 _PERIODS = 34.0  # rise times in a run, long after the response has settled
 
 
@@ -50,6 +52,9 @@ class IdentificationScenario:
 
     def __post_init__(self) -> None:
         require_positive(self, "rise_time", "overshoot")
+
+
+IDENTIFICATION: Final = IdentificationScenario()
 
 
 def identify(
@@ -135,5 +140,19 @@ def _plant(logs: NDArray[np.float64], stiffness: float) -> SpringMassDamperParam
 
 
 def figures(scenario: IdentificationScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    return {"plant-identification": plot_family(outcome)}
+    """Draw mass, damping and damping ratio of the family over the stiffness."""
+    table = outcome.traces
+    figure = new_figure(10.0, 3.6)
+    panels = figure.subplots(1, 3)
+    for axes, name, title, label in zip(
+        panels,
+        ("mass", "damping", "damping_ratio"),
+        ("(a) Mass", "(b) Damping", "(c) Damping ratio"),
+        ("mass / kg", "damping / (N s/m)", "damping ratio"),
+        strict=True,
+    ):
+        axes.plot(table["stiffness"], table[name], marker="o", ms=4, label="identified", **PID)
+        axes.axvline(_PAPERS_STIFFNESS, label="the paper's stiffness", **PUBLISHED)
+        dress(axes, title=title, x="stiffness / (N/m)", y=label)
+    legend(panels[0], loc="upper left")
+    return {"plant-identification": figure}

@@ -12,14 +12,13 @@ from chamfer.analysis.servo.comparison_trials import (
     CONDITIONS,
     CONTROLLERS,
     CRITERIA,
-    ServoComparisonScenario,
+    ResolvedServoComparisonScenario,
 )
-from chamfer.models.validation import known
 
 _SHOWN: Final = 10  # trials
 
 
-def plot_comparison(scenario: ServoComparisonScenario, outcome: Outcome) -> Figure:
+def plot_comparison(scenario: ResolvedServoComparisonScenario, outcome: Outcome) -> Figure:
     """Draw the error's course under each condition, and the criteria with their intervals."""
     figure = new_figure(11.0, 10.0)
     parts: Any = figure.subfigures(2, 1, height_ratios=[1.6, 1.0])
@@ -38,10 +37,14 @@ def plot_comparison(scenario: ServoComparisonScenario, outcome: Outcome) -> Figu
 
 
 def _draw_courses(
-    axes: Axes, scenario: ServoComparisonScenario, outcome: Outcome, number: int, condition: str
+    axes: Axes,
+    scenario: ResolvedServoComparisonScenario,
+    outcome: Outcome,
+    number: int,
+    condition: str,
 ) -> None:
     table = outcome.tables["courses"]
-    tolerance = 1e3 * known("tolerance", scenario.tolerance)
+    tolerance = 1e3 * scenario.tolerance
     axes.axhspan(-tolerance, tolerance, label="tolerance", **BAND)
     axes.axvline(
         scenario.settling_time,
