@@ -73,8 +73,7 @@ CASES = {
         computation_jitter=0.0,
     ),
     "Adept, gripper without damping": near(
-        replace(ADEPT_NUGGET_HOLD, gripper=GripperCompliance(stiffness=2e4)),
-        force_damping=300.0,
+        replace(ADEPT_NUGGET_HOLD, gripper=GripperCompliance(stiffness=2e4)), force_damping=300.0
     ),
 }
 

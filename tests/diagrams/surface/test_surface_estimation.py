@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram, LeafSystem
-from scipy.optimize import brentq
 
 from chamfer.analysis.linear.simulate import simulate
-from chamfer.analysis.surface.unknown_surface import run_surface
 from chamfer.diagrams.surface.surface_estimation import (
     NOISE_FREE,
     EstimationScenario,
@@ -25,14 +23,9 @@ from chamfer.diagrams.surface.surface_scenario import (
     SurfaceSettings,
     SurfaceShape,
 )
-from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.validation import ParameterError
 from chamfer.systems.estimation.normal_filter import Sample
-from chamfer.systems.estimation.surface_observer import (
-    KINDS,
-    ObserverKind,
-    make_filter,
-)
+from chamfer.systems.estimation.surface_observer import KINDS, ObserverKind, make_filter
 from chamfer.systems.sensing.force_rate import ForceRateParams, ForceRateSensorParams
 
 Array = NDArray[np.float64]
@@ -91,27 +84,6 @@ def test_what_is_true_comes_to_the_observer_through_the_force_sensor_only(
     )
 
 
-@pytest.mark.parametrize(("shape", "d"), [("parabola", 2), ("sphere", 3)])
-def test_signals_are_exported(shape: SurfaceShape, d: int) -> None:
-    scenario = EstimationScenario(surface=SurfaceSettings(shape=shape))
-    diagram = make_estimation_diagram(resolve_estimation(scenario))
-    sizes = {
-        port.get_name(): port.size()
-        for port in map(diagram.get_output_port, range(diagram.num_output_ports()))
-    }
-    assert sizes == {
-        "normal": d,
-        "covariance": d * d,
-        "deviation": 1,
-        "status": 1,
-        "measured_force": d,
-        "measured_force_rate": d,
-        "contact": 3 * d + 1,
-        "contact_force": d,
-        "nominal_motion": 2 * d,
-    }
-
-
 def test_the_predicted_surface_is_the_observers_own() -> None:
     diagram = make_estimation_diagram(resolve_estimation(EstimationScenario(observer=SEEN)))
     block = diagram.GetSubsystemByName(PREDICTION)
@@ -144,51 +116,6 @@ def test_the_gripper_is_led_and_halts(shape: SurfaceShape, speed: float) -> None
 
 
 # The contact on y = a x^2 in closed form.
-
-
-def slid_to(x: float, a: float, mu: float, depth: float) -> float:
-    """Where the contact point is that is dragged to +x: (p - x_nom) . (t + mu n) = 0."""
-
-    def along(s: float) -> float:
-        return (s - x) * (1 - 2 * a * mu * s) + (a * s * s + depth) * (2 * a * s + mu)
-
-    return float(brentq(along, 0.0, x, xtol=1e-14))
-
-
-@pytest.mark.parametrize(("a", "mu"), [(0.05, 1.0), (0.1, 0.4), (-0.005, 0.6)])
-def test_sticking_and_sliding_follow_the_closed_form(a: float, mu: float) -> None:
-    scenario = replace(
-        QUIET,
-        surface=SurfaceSettings(coefficients=(a,)),
-        friction=SurfaceFriction(coefficient=mu),
-    )
-    found = outputs(scenario, 14.9, 0.05)
-    names = ("point_x", "point_y", "velocity_x", "velocity_y", "normal_x", "normal_y", "mode")
-    columns = dict(zip(names, found["contact"].T, strict=True))
-    time, x = found["time"], 0.2 * found["time"]
-    breaks = 0.1 * mu / 0.2  # K x = mu K depth
-    s = np.array([0.0 if t <= breaks else slid_to(0.2 * t, a, mu, 0.1) for t in time])
-    point = np.stack([s, a * s * s], axis=1)
-    normal = np.stack([-2 * a * s, np.ones_like(s)], axis=1)
-    normal /= np.linalg.norm(normal, axis=1)[:, np.newaxis]
-    force = 100.0 * (point - np.stack([x, np.full_like(x, -0.1)], axis=1))
-    np.testing.assert_allclose(columns["point_x"], point[:, 0], atol=1e-9)
-    np.testing.assert_allclose(columns["point_y"], point[:, 1], atol=1e-9)
-    np.testing.assert_allclose(columns["normal_x"], normal[:, 0], atol=1e-9)
-    np.testing.assert_allclose(columns["normal_y"], normal[:, 1], atol=1e-9)
-    np.testing.assert_allclose(found["contact_force"], force, atol=1e-7)
-    np.testing.assert_allclose(found["measured_force"], -force, atol=1e-7)
-    # The rates, by differences of the closed form.
-    late = time > breaks + 0.06
-    h = 1e-5
-    ahead, behind = (
-        np.array([slid_to(0.2 * (t + by), a, mu, 0.1) for t in time[late]]) for by in (h, -h)
-    )
-    speed = (ahead - behind) / (2 * h)
-    np.testing.assert_allclose(columns["velocity_x"][late], speed, atol=1e-6)
-    rate = 100.0 * (np.stack([speed, 2 * a * s[late] * speed], axis=1) - [0.2, 0.0])
-    np.testing.assert_allclose(found["measured_force_rate"][late], -rate, atol=1e-4)
-    assert np.all(columns["velocity_x"][time < breaks - 1e-9] == 0)
 
 
 def test_the_end_of_the_slide_is_where_the_reference_has_it() -> None:
@@ -256,34 +183,6 @@ def test_the_loop_gives_the_filter_each_sample_once_and_in_its_order(
             found["covariance"][k + 1], estimate.covariance.ravel(), atol=1e-12
         )
         assert found["status"][k + 1] == estimate.status
-
-
-def test_without_noise_the_normal_is_exact_while_the_point_slides() -> None:
-    traces = run_surface(resolve_estimation(QUIET), 0)
-    sliding = (traces["time"] > 0.549) & (traces["time"] < 14.97)
-    assert np.abs(traces["error"][sliding]).max() < 1e-9
-    assert traces["band"][sliding].max() < 1e-9
-    resting = traces["time"] < 0.499
-    np.testing.assert_array_equal(traces["change"][resting], 0)
-    assert traces["speed"][10] > 0 == traces["speed"][9]  # at 0.5 s
-
-
-@pytest.mark.parametrize("shape", ["paraboloid", "sphere"])
-@pytest.mark.parametrize(("kind", "bound"), [("thesis", 6.0), ("adaptive", 2.5)])
-def test_observers_track_in_space(shape: SurfaceShape, kind: ObserverKind, bound: float) -> None:
-    scenario = EstimationScenario(
-        surface=SurfaceSettings(shape=shape),
-        lead=LeadSettings(sideways=0.3),
-        observer=ObserverSettings(kind=kind),
-        duration=8.0,
-    )
-    traces = run_surface(resolve_estimation(scenario), 0)
-    late = traces["time"] > 3.0
-    assert math.sqrt(np.mean(traces["error"][late] ** 2)) < bound
-    assert np.mean(traces["error"][late] <= traces["band"][late]) > 0.95
-    assert traces["travel"][-1] > 0.7
-    turned = np.degrees(np.arccos(traces["true_normal_z"][-1]))
-    assert turned > 5.0  # so that standing still would not do
 
 
 def test_gripper_may_hover_and_be_pressed_before() -> None:

@@ -197,20 +197,14 @@ GAINS = TrackingScenario().controller
             ),
             "observer.stiffness is ((1.0, 0.0), (0.0, 1.0)), allowed: 3 rows of 3 numbers",
         ),
-        (
-            lambda: LeadSettings(speed=0.0),
-            "speed is 0.0, allowed: a finite number other than 0",
-        ),
+        (lambda: LeadSettings(speed=0.0), "speed is 0.0, allowed: a finite number other than 0"),
         (
             lambda: LeadSettings(speed=float("-inf")),
             "speed is -inf, allowed: a finite number other than 0",
         ),
         (lambda: LeadSettings(depth=-0.1), "depth is -0.1, allowed: a finite number >= 0"),
         (lambda: LeadSettings(halt=0.0), "halt is 0.0, allowed: a finite number > 0"),
-        (
-            lambda: LeadSettings(sideways=float("nan")),
-            "sideways is nan, allowed: a finite number",
-        ),
+        (lambda: LeadSettings(sideways=float("nan")), "sideways is nan, allowed: a finite number"),
         (
             wrong(force_delay=0.07),
             "force_delay is 0.07, allowed: whole periods of the sensor, 0.05",

@@ -136,21 +136,6 @@ def test_a_square_peg_has_its_clearance_along_both_faces_at_once() -> None:
         assert in_square(reach * y, reach * z) == pytest.approx(beyond, rel=1e-3)
 
 
-def test_a_square_peg_turns_until_its_corners_touch() -> None:
-    # r (cos + sin) = R
-    limit = math.asin(SQUARE.hole_radius / SQUARE.peg_radius / math.sqrt(2)) - math.pi / 4
-    for sign in (1.0, -1.0):
-        assert in_square(0.0, 0.0, sign * 0.99 * limit) == 0.0
-        assert in_square(0.0, 0.0, sign * 1.05 * limit) > 0.0
-
-
-def test_a_blind_square_bore_is_closed_into_its_corners() -> None:
-    blind = replace(SQUARE, bore_depth=0.03)
-    facets = facets_needed(SQUARE)
-    assert deepest(at(0.03 - 1e-5), blind, facets) == 0.0
-    assert deepest(at(0.03 + 1e-5), blind, facets) == pytest.approx(1e-5, rel=1e-3)
-
-
 def test_facets_of_square_parts_are_not_to_be_chosen() -> None:
     with pytest.raises(ParameterError, match=r"contact.facets is 64, allowed: null of square"):
         ContactMaterial(facets=64).over(SQUARE)

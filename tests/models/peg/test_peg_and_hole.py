@@ -8,12 +8,7 @@ import numpy as np
 import pytest
 
 from chamfer.models.peg.part_surfaces import part_mesh, rings
-from chamfer.models.peg.peg_and_hole import (
-    ColouredParts,
-    HolePart,
-    Peg,
-    PegAndHole,
-)
+from chamfer.models.peg.peg_and_hole import ColouredParts, HolePart, Peg, PegAndHole
 from chamfer.models.validation import ParameterError
 
 PEG, HOLE = PegAndHole().peg, PegAndHole().hole
@@ -95,11 +90,7 @@ def test_mesh_is_closed_faces_outwards_and_has_the_volume(part: str) -> None:
         (replace(PEG, radius=0.1), {"chamfer": 0.07}, "less than the length, 0.06 m"),
         (HOLE, {"radius": math.inf}, "a finite number > 0"),
         (HOLE, {"depth": 0.0}, "a finite number > 0"),
-        (
-            replace(HOLE, outer_radius=0.5),
-            {"chamfer": 0.1},
-            "less than the depth, 0.04 m",
-        ),
+        (replace(HOLE, outer_radius=0.5), {"chamfer": 0.1}, "less than the depth, 0.04 m"),
         (
             replace(HOLE, radius=0.01),
             {"outer_radius": 0.011},
@@ -166,9 +157,3 @@ def test_parts_are_refused_by_their_own_names(name: str, value: object, allowed:
         assert caught.value.name == "chamfer_width"
     else:
         assert str(caught.value) == f"{name} is {value!r}, allowed: {allowed}"
-
-
-@pytest.mark.parametrize("angle", [0.0, math.pi / 2, 2.0])
-def test_a_chamfer_is_no_face_and_no_side(angle: float) -> None:
-    with pytest.raises(ParameterError, match=r"^peg_chamfer_angle is .*: between 0 and pi/2$"):
-        PegAndHole(peg_chamfer_angle=angle)

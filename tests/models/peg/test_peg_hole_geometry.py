@@ -38,11 +38,6 @@ def test_lengths_of_the_parts() -> None:
     assert OTHER.wedging_depth * OTHER.rotation_limit == pytest.approx(2 * OTHER.clearance)
 
 
-def test_peg_and_hole_share_the_chamfers() -> None:
-    assert OTHER.peg_chamfer.width == OTHER.hole_chamfer.width == 0.0015
-    assert OTHER.chamfer_height == pytest.approx(0.003 * math.tan(0.9))
-
-
 @pytest.mark.parametrize(
     ("name", "value", "allowed"),
     [
@@ -67,10 +62,3 @@ def test_errors(name: str, value: float, allowed: str) -> None:
     message = re.escape(f"{name} is {value!r}, allowed: {allowed}")
     with pytest.raises(ParameterError, match=f"^{message}$"):
         dataclasses.replace(PAPER, **{name: value})
-
-
-def test_parts_are_frozen_and_by_keyword() -> None:
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        PAPER.friction = 0.5  # type: ignore[misc]
-    with pytest.raises(TypeError):
-        PegHoleGeometry(0.01)  # type: ignore[misc]

@@ -21,10 +21,6 @@ def test_two_arms_of_the_reference(depth: float) -> None:
     assert got.centre_distance == pytest.approx(depth / 2)
 
 
-def test_half_a_radian_per_metre_at_the_wedging_depth() -> None:
-    assert in_series(ARM, ARM, 0.0125).tilt_per_error == pytest.approx(0.5, abs=0.01)
-
-
 def compliance(support: Support, height: float) -> NDArray[np.float64]:
     """Return lateral and angular motion of the tip for a unit of force and of moment there."""
     a = height

@@ -9,7 +9,6 @@ from chamfer.models.peg.support import Support, in_series
 from chamfer.models.peg_theory.fed_insertion import Verdict, limits, predict_feed
 from chamfer.models.peg_theory.planar_limits import two_point_onset
 from chamfer.models.peg_theory.planar_statics import equilibrium
-from chamfer.models.peg_theory.wedging import rotation_bounds
 
 Array = NDArray[np.float64]
 PARTS = PegHoleGeometry()
@@ -45,16 +44,6 @@ def test_what_theory_says() -> None:
     found = predict_feed(PARTS, support_at, plenty, lateral, tilt, depth=DEPTH)
     assert found.verdict.tolist() == list(expected)
     assert limits(PARTS, support_at, lateral, tilt).verdict.tolist() == list(expected)
-
-
-@pytest.mark.slow
-def test_the_limit_to_wedging_is_that_of_the_support_at_the_wedging_depth() -> None:
-    support = support_at(PARTS.wedging_depth + PARTS.chamfer_height)
-    _, upper = rotation_bounds(PARTS, support, 0.001)
-    tilt = float(upper) + np.array([-1e-4, 1e-4])
-    found = predict_feed(PARTS, support_at, plenty, 0.001, tilt, depth=DEPTH)
-    assert found.verdict.tolist() == [Verdict.SAFE, Verdict.MAY]
-    assert found.may_wedge.tolist() == [False, True]
 
 
 @pytest.mark.slow

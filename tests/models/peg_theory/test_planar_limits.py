@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from chamfer.models.peg.peg_and_hole import PegAndHole
@@ -24,7 +23,6 @@ from chamfer.models.peg_theory.planar_limits import (
 )
 from chamfer.models.peg_theory.planar_statics import Contact, equilibrium
 
-Array = NDArray[np.float64]
 PARTS = PegHoleGeometry(hole_radius=0.0052, peg_radius=0.005, friction=0.3, chamfer_width=0.001)
 SUPPORT = Support(lateral_stiffness=521.7, angular_stiffness=1.5, centre_distance=0.04)
 
@@ -94,24 +92,6 @@ def test_beyond_the_sliding_tilt_no_push_slides_the_peg(lateral: float) -> None:
         assert (Contact.STUCK in got.contact.tolist()) == stuck
 
 
-def test_sliding_ends_a_little_below_what_whitney_allows() -> None:
-    springs, limit = Springs.of(SUPPORT), sliding_tilt(PARTS, SUPPORT)
-    found = [math.degrees(float(largest_tilt(PARTS, springs, at, limit))) for at in (0.0, 1e-3)]
-    assert found == pytest.approx([6.85, 6.37], abs=0.01)
-
-
-@settings(max_examples=15, deadline=None)
-@given(eps0=st.floats(-0.0011, 0.0011), theta0=st.floats(-0.11, 0.11))
-def test_onset_is_where_two_points_touch_first(eps0: float, theta0: float) -> None:
-    onset = float(two_point_onset(PARTS, SUPPORT, eps0, theta0))
-    if math.isnan(onset) or onset > 0.05:
-        return
-    around = onset + np.array([-2e-5, 2e-5])
-    before, after = equilibrium(PARTS, SUPPORT, eps0, theta0, around).contact.tolist()
-    assert before not in (Contact.TWO_POINT, Contact.STUCK)
-    assert after in (Contact.TWO_POINT, Contact.STUCK)
-
-
 @settings(max_examples=15, deadline=None)
 @given(eps0=st.floats(-0.0011, 0.0011), limit=st.floats(0.03, 0.2))
 def test_the_largest_tilt_is_that_whose_onset_is_at_the_limit(eps0: float, limit: float) -> None:
@@ -139,34 +119,6 @@ def test_where_a_tilted_rim_may_sit_on_the_edge(
     lateral: float, rotation: float, expected: bool
 ) -> None:
     assert sits_on_edge(PegHoleGeometry(), lateral, rotation) == expected
-
-
-def test_a_tilted_circle_rests_in_a_cone_where_the_condition_says() -> None:
-    """The distance of the rim from the cone, all around, by hand."""
-    parts, lean = PegHoleGeometry(), 0.05
-    angle = parts.hole_chamfer.angle
-    rest = parts.peg_radius * math.sin(lean) / math.tan(angle)
-    around = np.linspace(0.0, math.pi, 181)
-    touching = []
-    for share in (0.8, 1.0, 1.2):
-        x = share * rest + parts.peg_radius * math.cos(lean) * np.cos(around)
-        y = parts.peg_radius * np.sin(around)
-        height = parts.peg_radius * math.sin(lean) * np.cos(around)  # the side of the offset
-        room = height / math.tan(angle) - np.hypot(x, y)
-        touching.append(math.degrees(around[np.argmin(room)]))
-    assert touching[0] == pytest.approx(180.0)  # the lower side
-    assert touching[1] == pytest.approx(90.0, abs=3.0)  # left and right
-    assert touching[2] == pytest.approx(0.0)  # the higher side
-
-
-def test_never_two_points_without_tilt() -> None:
-    assert math.isnan(two_point_onset(PARTS, Support(centre_distance=0.0), 0.0, 0.0))
-
-
-def test_inputs_are_broadcast() -> None:
-    found = two_point_onset(PARTS, SUPPORT, np.zeros((3, 1)), np.linspace(0.02, 0.1, 4))
-    assert found.shape == (3, 4)
-    assert np.all(np.diff(found[0]) < 0)
 
 
 def test_a_square_rim_does_not_sit_on_the_edge() -> None:

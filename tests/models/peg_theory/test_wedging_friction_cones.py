@@ -95,15 +95,6 @@ def test_jamming_diagram(parts: PegHoleGeometry, ratio: float) -> None:
     assert 10 < np.sum(said) < len(loads) - 10
 
 
-def test_a_peg_that_may_wedge_can_be_held_against_any_load_that_slides() -> None:
-    depth = 0.8 * PAPER.wedging_depth
-    corners = jamming_vertices(PAPER, depth)
-    for weight in np.linspace(0.05, 0.95, 7):
-        load = 0.9 * (weight * corners[0] + (1 - weight) * corners[2])
-        assert not jams(PAPER, load[0], load[1], depth)
-        assert held_by_contacts(PAPER, (load[0], load[1]), depth)
-
-
 def test_jamming_vertices_are_the_corners_of_the_loads_that_slide() -> None:
     depth = 1.7 * OTHER.wedging_depth
     corners = jamming_vertices(OTHER, depth)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from chamfer.systems.contact.stick_slip import Conditions, mobility_of, natural_map, solve
+from chamfer.systems.contact.stick_slip import Conditions, solve
 
 H = 1e-4  # s
 SCALE = 1e-3  # rad/s or m/s
@@ -124,50 +124,3 @@ def test_corners_are_solved() -> None:
                 sticking += 1
         both_stick += sticking == POINTS
     assert both_stick > 20
-
-
-def test_motion_does_not_depend_on_where_the_solution_starts() -> None:
-    rng = np.random.default_rng(0)
-    for seed in range(100):
-        problem = corner(seed)
-        _, *cold, impulse = solved(problem, np.zeros(N + 6))
-        size = 10 ** rng.uniform(-3, 0) * np.max(np.abs(impulse))
-        error, *warm, _ = solved(problem, impulse + rng.normal(size=N + 6) * size)
-        assert error < 1e-7
-        np.testing.assert_allclose(warm[0], cold[0], rtol=0, atol=1e-6 * SCALE)
-        np.testing.assert_allclose(warm[1], cold[1], rtol=0, atol=1e-6 * SCALE * H)
-
-
-def test_slope_of_the_natural_map() -> None:
-    rng = np.random.default_rng(0)
-    for seed in range(30):
-        problem = corner(seed)
-        conditions, free, slack = problem
-        _, _, _, impulse = solved(problem, np.zeros(N + 6))
-        impulse += rng.normal(size=N + 6) * np.max(np.abs(impulse))
-        mobility, slope = mobility_of(conditions), np.empty((N + 6, N + 6))
-
-        def lack(
-            at: np.ndarray,
-            conditions: Conditions = conditions,
-            free: np.ndarray = free,
-            slack: np.ndarray = slack,
-            mobility: np.ndarray = mobility,
-            slope: np.ndarray = slope,
-        ) -> np.ndarray:
-            velocity, stretch = (
-                free + conditions.reach.T @ at,
-                slack + conditions.yielding @ at[N:],
-            )
-            found = np.empty(N + 6)
-            natural_map(conditions, velocity, stretch, at, mobility, 0.1, found, slope)
-            return found
-
-        way = rng.normal(size=N + 6)
-        way *= 1e-8 * np.max(np.abs(impulse)) / np.max(np.abs(way))
-        difference = lack(impulse + way) - lack(impulse - way)
-        lack(impulse)
-        expected = 2 * slope @ way
-        np.testing.assert_allclose(
-            difference, expected, rtol=0, atol=1e-5 * np.max(np.abs(expected))
-        )

@@ -78,18 +78,6 @@ def test_breakaway_of_the_thesis(step: float) -> None:
     np.testing.assert_allclose(first.velocity, [0.2 / (1 + 2 * 10 / 100 / 10), 0], atol=1e-13)
 
 
-def test_end_of_the_thesis_slide() -> None:
-    touch = THESIS_CASE.follow(thesis_motion, [0.0, 0.4, *np.arange(0.5, 14.99, 0.05), 15.0])[-1]
-    np.testing.assert_allclose(touch.point, [2.378, 0.283], atol=5e-4)
-    np.testing.assert_allclose(touch.force, [-62.2, 38.3], atol=5e-2)
-    angle = math.degrees(math.atan2(touch.normal[1], touch.normal[0]))
-    assert angle == pytest.approx(103.38, abs=5e-3)
-    # The nominal endpoint has stopped.
-    assert touch.mode == STICK
-    np.testing.assert_array_equal(touch.velocity, 0)
-    np.testing.assert_array_equal(touch.force_rate, 0)
-
-
 def held_x(case: Case, nominal: np.ndarray, direction: int, low: float, high: float) -> float:
     """Return x of the point where a slide towards +-x just holds, from the cone's side."""
     surface = case.surface
@@ -153,37 +141,6 @@ def test_slide_over_waves_with_a_skew_stiffness(direction: int, step: float) -> 
 # Flat surfaces: closed forms
 
 
-@given(
-    mu=st.floats(0, 1.5),
-    depth=st.floats(0.01, 0.2),
-    sink=st.floats(-0.05, 0.05),
-    speed=st.floats(-0.5, 0.5),
-    stiff=st.tuples(st.floats(50, 200), st.floats(-30, 30), st.floats(50, 200)),
-)
-def test_flat_surface(
-    mu: float, depth: float, sink: float, speed: float, stiff: tuple[float, float, float]
-) -> None:
-    a, b, c = stiff
-    case = Case(FLAT, SurfaceFriction(coefficient=mu), np.array([[a, b], [b, c]]))
-    start = advance(FLAT, case.friction, case.stiffness, None, np.array([0, -depth]), np.zeros(2))
-    # Landed without tangential force: a x = b * -depth.
-    np.testing.assert_allclose(start.point, [-b * depth / a, 0], atol=1e-15)
-    np.testing.assert_allclose(start.force, [0, (c - b * b / a) * depth], atol=1e-12)
-    # To one side as far as the tip of the cone, and then as far again.
-    sign = math.copysign(1.0, speed)
-    far = np.array([sign * 3.0, -depth])
-    touch = advance(FLAT, case.friction, case.stiffness, start, far, np.array([speed, -sink]))
-    # F = K (x - far, depth) with F_x = -sign mu F_y; the normal force is positive there.
-    cone = a + sign * mu * b
-    x = far[0] - (b + sign * mu * c) * depth / cone
-    if not cone > 1 or (b * (x - far[0]) + c * depth) < 1e-3 or sign * (x - start.point[0]) < 0:
-        return
-    np.testing.assert_allclose(touch.point, [x, 0], atol=1e-12)
-    v = speed + (b + sign * mu * c) * -sink / cone if speed or sink else 0.0
-    expected = v if sign * v > 1e-9 or mu <= 1e-9 else 0.0
-    np.testing.assert_allclose(touch.velocity, [expected, 0], atol=1e-8)
-
-
 def test_reversal_sticks_until_friction_has_turned_round() -> None:
     case = Case(FLAT, SurfaceFriction(coefficient=0.5), SOFT)
 
@@ -230,27 +187,6 @@ def test_contact_is_lost_and_made_again() -> None:
     assert times[returned] == pytest.approx(1.5 * math.pi, abs=0.011)
     assert touches[returned].force[0] == pytest.approx(0, abs=1e-13)
     assert touches[returned].point[0] == pytest.approx(0.2 * times[returned], abs=1e-13)
-
-
-def test_hangs_on_a_ball_until_the_pull_leaves_the_cone() -> None:
-    """The nominal endpoint outside of the material still presses the tip to a round surface."""
-    case = Case(Circle(centre=(0.0, -1.0), radius=1.0), SurfaceFriction(coefficient=20.0), SOFT)
-    start = case.follow(lambda _: ((0.0, -0.01), (0.0, 0.0)), [0.0])[0]
-    hanging = case.follow(lambda _: ((0.3, -0.04), (0.0, 0.0)), [0.0], start)[0]
-    assert case.surface.level(np.array([0.3, -0.04])) > 0
-    assert hanging.mode == STICK
-    np.testing.assert_allclose(hanging.force, [-30, 4], atol=1e-12)
-    lost = case.follow(lambda _: ((0.3, 0.01), (0.0, 0.0)), [0.0], hanging)[0]
-    assert lost.mode == FREE
-
-
-def test_contact_lost_in_a_bowl_is_made_on_its_other_side() -> None:
-    case = Case(Circle(centre=(0.0, 1.0), radius=1.0, inside=True), ROUGH, SOFT)
-    left = case.follow(lambda _: ((-1.01, 1.0), (0.0, 0.0)), [0.0])[0]
-    np.testing.assert_allclose(left.point, [-1, 1], atol=1e-14)
-    right = case.follow(lambda _: ((1.02, 1.0), (0.0, 0.0)), [0.0], left)[0]
-    np.testing.assert_allclose(right.point, [1, 1], atol=1e-14)
-    np.testing.assert_allclose(right.force, [-2, 0], atol=1e-12)
 
 
 # Friction that changes on the way
@@ -404,20 +340,6 @@ def test_laws(surface: Surface, seed: int, friction: SurfaceFriction, skew: bool
 
 
 # Without friction
-
-
-@pytest.mark.parametrize("surface", SURFACES[1::2], ids=NAMES[1::2])
-def test_frictionless_motion(surface: Surface) -> None:
-    d = surface.dimension
-    case = Case(surface, SurfaceFriction(coefficient=0.0), SKEW[-d:, -d:])
-
-    def motion(t: float) -> tuple[Sequence[float], Sequence[float]]:
-        return [0.1 * t] * (d - 1) + [-0.08], [0.1] * (d - 1) + [0.0]
-
-    before, now, after = case.follow(motion, [0.5 - 1e-5, 0.5, 0.5 + 1e-5])
-    assert now.mode == SLIP
-    np.testing.assert_allclose(now.force - (now.force @ now.normal) * now.normal, 0, atol=1e-11)
-    np.testing.assert_allclose(now.velocity, (after.point - before.point) / 2e-5, atol=1e-8)
 
 
 # Space

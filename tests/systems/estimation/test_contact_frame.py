@@ -92,12 +92,6 @@ def test_rotation(seed: int, exponent: float) -> None:
     np.testing.assert_allclose(rotation(vector), expected, rtol=0, atol=1e-12)
 
 
-def test_rotation_of_no_and_of_a_half_turn() -> None:
-    np.testing.assert_array_equal(rotation(np.zeros(3)), np.eye(3))
-    half = rotation(np.array([0.0, 0.0, math.pi]))
-    np.testing.assert_allclose(half, np.diag([-1.0, -1.0, 1.0]), rtol=0, atol=1e-15)
-
-
 @settings(deadline=None)
 @given(seed=seeds, variance=st.floats(-8, 4).map(lambda exponent: 10.0**exponent))
 def test_one_scalar_as_in_a_kalman_filter(
@@ -284,18 +278,6 @@ def test_unknown_direction_is_taken_from_the_motion() -> None:
     assert begins(frame, make_model(), direction, 0.0)
     head(frame, make_model(), np.ones(3), direction, 0.0)
     np.testing.assert_allclose(frame.R[:, 0], direction, rtol=0, atol=1e-12)
-
-
-def test_in_the_plane_a_reversed_path_has_a_certain_direction() -> None:
-    P = np.zeros((SIZE, SIZE))
-    P[4, 4] = 0.01
-    frame = as_frame(np.zeros(NUMBERS))
-    frame.R[:], frame.P[:] = np.eye(3), P
-    head(frame, make_model(), np.array([0.0, 0.8, 0.0]), np.array([-0.02, 0.0, 0.005]), 0.3)
-    np.testing.assert_allclose(frame.R, np.diag([-1.0, -1.0, 1.0]), rtol=0, atol=1e-15)
-    expected = P.copy()
-    expected[7, 7] = 0.64
-    np.testing.assert_allclose(frame.P, expected, rtol=0, atol=1e-15)
 
 
 def test_mixture_of_one_is_its_normal(random_covariance: Callable[..., Array]) -> None:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from chamfer.models.surfaces.graphs import Parabola, Paraboloid
-from chamfer.models.surfaces.rounds import Circle
 from chamfer.systems.contact.sliding_contact import SLIP
 from chamfer.systems.estimation.contact_frame import NUMBERS, as_frame
 from chamfer.systems.estimation.contact_frame_filter import (
@@ -168,43 +167,6 @@ def test_what_cannot_be_wrong_is_not_sought() -> None:
     assert found.factor(memory) == 1.0
     assert found.covariance(memory)[0, 0] == 0.3**2
     assert found.delay(memory) == (0.05, 0.05)
-
-
-@pytest.mark.slow
-def test_late_force_is_put_where_the_gripper_was(slides: Any, make: Make) -> None:
-    ball = Circle(centre=(0.0, -1.0), radius=1.0, inside=False)
-    slide = slides.make(ball, slides.lead(2, speed=0.1, depth=0.3), 6.0)
-    late = [
-        sample._replace(
-            force=slide.samples[max(k - 4, 0)].force,
-            force_rate=slide.samples[max(k - 4, 0)].force_rate,
-        )
-        for k, sample in enumerate(slide.samples)
-    ]
-    quiet = {"force_noise": 0.01, "force_rate_noise": 0.05}
-    slid = np.flatnonzero(slide.modes == SLIP)[20:]
-    error = [
-        float(np.mean(slides.angles(slides.follow(filter_, late).normals, slide.normals)[slid]))
-        for filter_ in (make(2, **quiet), make(2, **quiet, delay=0.2))
-    ]
-    assert error[1] < 0.2 * error[0]
-    # The normal turns with the speed over the radius, or what the filter takes it for.
-    sure, unsure = (
-        slides.follow(make(2, **quiet, delay=0.2, delay_deviation=one), late).deviations[slid]
-        for one in (0.0, 0.05)
-    )
-    added = np.sqrt(unsure**2 - sure**2)
-    assert 0.05 * 0.1 < added.mean() < 2.5 * 0.05 * 0.1
-
-
-def test_normal_of_a_lost_surface_is_at_worst_unknown(slides: Any, make: Make) -> None:
-    zeros, v = np.zeros(2), np.array([0.2, 0.0])
-    observer = make(2)
-    memory = observer.start(np.array([0.0, 1.0]))
-    for k in range(400):
-        memory, *found = observer.update(memory, Sample(zeros, zeros, 0.01 * k * v, v))
-    deviation = math.sqrt(found[1][0, 0])
-    assert deviation == pytest.approx(math.pi / math.sqrt(12), rel=1e-12)
 
 
 def test_rate_that_lags_shows_no_motion_where_the_gripper_turns_round(

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
 
-from chamfer.analysis.drawing.chart_graph import chart_graph
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.contact_detection import (
     APPROACH,
@@ -21,7 +20,6 @@ from chamfer.systems.force.contact_detection import (
     Inputs,
     make_contact_chart,
 )
-from chamfer.systems.statechart.chart_design import not_connected, not_local, not_used, replay
 
 # Binary fractions, so that the ticks' times are exact.
 PERIOD = 0.25
@@ -58,18 +56,6 @@ def test_states_have_the_numbers_of_the_port() -> None:
     assert chart.initial == "approach"
 
 
-def test_drawing_has_three_states_and_the_thresholds() -> None:
-    graph = chart_graph(make_contact_chart(WIDE, DOWN))
-    assert [node.label for node in graph.nodes if node.kind == "state"] == list(STATES)
-    arrows = {(edge.source, edge.target, edge.label) for edge in graph.edges}
-    assert arrows == {
-        ("start", "state approach", ""),
-        ("state approach", "state contact", "force > 2 N"),
-        ("state contact", "state lost", "force <= 0.5 N"),
-        ("state lost", "state contact", "force > 2 N"),
-    }
-
-
 @given(
     pushes=st.lists(
         st.one_of(st.floats(-4, 4), st.sampled_from([0.5, 2.0])), min_size=1, max_size=60
@@ -94,15 +80,6 @@ def test_force_is_taken_along_an_oblique_direction() -> None:
         oblique = np.array([30.0, 40.0])
         chart = make_contact_chart(replace(WIDE, detect=detect), oblique)
         assert chart.step(chart.start(), Inputs((1.0, 1.0)), 0.0)[0].state == state
-
-
-def test_chart_meets_the_design_criteria() -> None:
-    chart = make_contact_chart(WIDE, DOWN)
-    inputs = [Inputs((0.0, -push)) for push in (0.0, 3.0, 1.0, 0.0, 1.0, 3.0)]
-    # The approach comes once: a contact that was lost is sought in a mode of its own.
-    assert {end for _, end in not_connected(chart)} == {"approach"}
-    assert not_local(chart, inputs, period=PERIOD) == ()
-    assert not_used(chart, replay(chart, inputs, period=PERIOD)) == ()
 
 
 @given(

@@ -74,13 +74,6 @@ def test_unstable_above_the_upper_bound(frequency: float, excess: float, product
         assert high <= exact
 
 
-@given(frequency=frequencies, part=st.floats(0.0, 0.95), product=st.floats(0.1, 1.4))
-def test_unstable_below_the_lower_bound(frequency: float, part: float, product: float) -> None:
-    period = product / frequency
-    low, _ = stable_damping_ratios(frequency, period)
-    assert one_period(frequency, part * low, period, 1000) > 1
-
-
 # Rotation
 
 angles = st.floats(0.0, math.pi)
@@ -206,15 +199,6 @@ def test_torque_is_that_of_equation_1(seed: int) -> None:
     np.testing.assert_allclose(torque, gravity - J.T @ wrench + null, rtol=0, atol=2e-3)
     np.testing.assert_allclose(np.abs(tool_pose), np.abs(pose_vector(X_WT)), rtol=0, atol=1e-12)
     assert not np.any(saturated)
-
-
-@pytest.mark.parametrize("factor", [-1.0, 3.0, 1e-3])
-def test_length_and_sign_of_the_desired_quaternion_do_not_matter(factor: float) -> None:
-    encoders, desired, velocity = scene(1)
-    other = np.concatenate([factor * desired[:4], desired[4:]])
-    expected = step(CONTROLLER, encoders, desired, velocity)[0]
-    found = step(CONTROLLER, encoders, other, velocity)[0]
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10)
 
 
 @settings(deadline=None)

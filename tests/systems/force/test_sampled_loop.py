@@ -38,18 +38,6 @@ def as_control(system: Sampled) -> control.StateSpace:
     return control.ss(*system, PERIOD)
 
 
-@pytest.mark.parametrize("parts", [0, 1, 3, 4, 7, 8, 10])
-def test_an_input_acts_after_the_delay(parts: int) -> None:
-    # Quarter periods: with an input held over four of them a delay is a whole number of steps.
-    fine = held(PLANT, period=PERIOD / 4)
-    rng = np.random.default_rng(0)
-    inputs = rng.normal(size=(12, 2))
-    late = np.vstack([np.zeros((parts, 2)), np.repeat(inputs, 4, axis=0)])[:48]
-    expected = responses(fine, late)[::4]
-    found = responses(held(PLANT, period=PERIOD, delay=parts * PERIOD / 4), inputs)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
-
-
 @pytest.mark.parametrize("parts", [0, 1, 4, 6, 8])
 @pytest.mark.parametrize("behind", [0, 1, 3, 4, 5, 8, 9])
 def test_an_output_shows_what_was(parts: int, behind: int) -> None:
@@ -129,7 +117,3 @@ def test_a_loop_that_is_unstable_or_never_so() -> None:
     assert gain_margin(lambda factor: -1.0) is None
     assert gain_margin(lambda factor: 1.0) is None
     assert delay_margin(lambda delay: -1.0, PERIOD) is None
-
-
-def test_what_overflows_grows_without_bound() -> None:
-    assert growth_rate(np.array([[np.nan]]), PERIOD) == math.inf

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.force.selection import Selection, position_selection, require_projection, unit
+from chamfer.systems.force.selection import Selection, position_selection, require_projection
 
 EXACT = 1e-14
 
@@ -31,10 +31,6 @@ def test_domains_share_out_the_space(normal: np.ndarray) -> None:
     np.testing.assert_allclose(P @ F, np.zeros_like(P), rtol=0, atol=EXACT)
     np.testing.assert_array_equal(P, P.T)
     assert np.trace(F) == pytest.approx(1, abs=EXACT)
-
-
-def test_unit_has_length_one_and_keeps_the_direction() -> None:
-    np.testing.assert_allclose(unit(np.array([-3e5, 4e5])), [-0.6, 0.8], rtol=0, atol=EXACT)
 
 
 @pytest.mark.parametrize(

@@ -135,13 +135,6 @@ def test_zero_is_taken_over_gradually_behind_each_mark() -> None:
     assert homed[-1] == 1.0
 
 
-def test_mark_is_passed_once_and_stays_known() -> None:
-    motions = [[1.4, -2.4, 0.0, 0.0]] * 8 + [[1.0, -2.0, 0.0, 0.0]] * 2
-    rows, homed = shown(Homing(PARAMS, START, period=HOMING_PERIOD), motions)
-    assert rows[-1] == pytest.approx([1.0, -2.0, 0.0, 0.0])
-    assert homed[-1] == 1.0
-
-
 @pytest.mark.parametrize("arm", [PLANAR_TWO_LINK, PUMA_250, ADEPT_ONE], ids=lambda arm: arm.name)
 def test_position_and_velocity(arm: Arm) -> None:
     n, d = arm.num_joints, min(arm.num_coordinates, 3)

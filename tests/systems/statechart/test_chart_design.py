@@ -96,12 +96,6 @@ def test_states_that_a_run_skips_are_not_used() -> None:
     assert not_used(chart, replay(chart, ["", "x"], period=0.5)) == ("c",)
 
 
-def test_an_initial_state_that_the_first_tick_leaves_for_good_is_not_used() -> None:
-    chart = ring()
-    assert not_used(chart, replay(chart, ["x", "y"], period=0.5)) == ("a",)
-    assert not_used(chart, replay(chart, ["", "x", "y"], period=0.5)) == ()
-
-
 def test_states_that_cannot_be_reached_again_are_not_connected() -> None:
     chart = make_chart(
         [State(name=name) for name in "abcd"],
@@ -110,13 +104,7 @@ def test_states_that_cannot_be_reached_again_are_not_connected() -> None:
         way("c", "d", "x"),
         way("d", "c", "y"),
     )
-    assert not_connected(chart) == (
-        ("b", "a"),
-        ("c", "a"),
-        ("c", "b"),
-        ("d", "a"),
-        ("d", "b"),
-    )
+    assert not_connected(chart) == (("b", "a"), ("c", "a"), ("c", "b"), ("d", "a"), ("d", "b"))
 
 
 def test_final_state_has_to_be_reachable_but_not_left() -> None:
@@ -144,26 +132,8 @@ def test_final_state_has_to_be_reachable_but_not_left() -> None:
 
 def test_timeout_is_a_connection() -> None:
     chart = make_chart(
-        [
-            State(name="a"),
-            State(name="b"),
-            State(name="c", timeout=1.0, on_timeout="a"),
-        ],
+        [State(name="a"), State(name="b"), State(name="c", timeout=1.0, on_timeout="a")],
         way("a", "b", "x"),
         way("b", "c", "x"),
     )
     assert not_connected(chart) == ()
-
-
-def test_a_method_of_one_object_that_two_states_run_is_shared() -> None:
-    class Counter:
-        def act(self, tick: Tick[str, int]) -> int:
-            return tick.memory + 1
-
-    counter = Counter()
-    chart = make_chart(
-        [State(name="a", during=counter.act), State(name="b", during=counter.act)],
-        way("a", "b", "x"),
-        way("b", "a", "y"),
-    )
-    assert not_local(chart, ["x", "y"], period=0.5) == ("a", "b")

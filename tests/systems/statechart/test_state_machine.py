@@ -118,25 +118,6 @@ def test_outputs_are_those_of_the_initial_memory_before_the_first_tick() -> None
     assert not block.snapshot(context).started
 
 
-def test_outputs_are_held_between_ticks() -> None:
-    builder = DiagramBuilder()
-    block = builder.AddSystem(make_block(period=0.25))
-    ramp = builder.AddSystem(
-        TrajectorySource(PiecewisePolynomial.FirstOrderHold([0.0, 2.0], [[0.0, 2.0]]))
-    )
-    builder.Connect(ramp.get_output_port(), block.GetInputPort("signal"))
-    simulator = Simulator(builder.Build())
-    context = block.GetMyContextFromRoot(simulator.get_context())
-    for k in range(6):
-        for part in (0.01, 0.1, 0.24):
-            advance(simulator, k * 0.25 + part)
-            assert block.GetOutputPort("command").Eval(context)[0] == pytest.approx(10 * k * 0.25)
-
-
-def test_outputs_do_not_feed_through() -> None:
-    assert not make_block().HasAnyDirectFeedthrough()
-
-
 # In a loop with a discrete plant
 
 
@@ -178,25 +159,6 @@ def test_plant_of_the_same_instant_sees_the_new_output(steps: int) -> None:
 
 
 # Contexts
-
-
-def test_clone_continues_on_its_own() -> None:
-    block = make_block()
-    original = fed(block, 0.5)
-    advance(original, 0.6)
-    clone = Simulator(block, original.get_context().Clone())
-    block.GetInputPort("signal").FixValue(clone.get_mutable_context(), [3.0])
-    advance(clone, 1.0)
-    advance(original, 1.0)
-
-    alone = fed(make_block(), 0.5)
-    advance(alone, 1.0)
-    assert block.snapshot(original.get_context()) == block.snapshot(alone.get_context())
-    assert block.transitions(original.get_context()) == ()
-    continued = block.snapshot(clone.get_context())
-    assert (continued.state, continued.entered_at) == ("high", 0.75)
-    assert continued.memory.ticks == (0.0, 0.25, 0.5, 0.75, 1.0)
-    assert [record.time for record in block.transitions(clone.get_context())] == [0.75]
 
 
 def test_clone_keeps_the_log_of_its_past() -> None:
@@ -285,24 +247,6 @@ def test_optional_port_that_is_not_connected_reads_as_none(request_value: Signal
         block.GetInputPort("request").FixValue(context, request_value)
     advance(simulator, 0.0)
     assert block.snapshot(context).memory.last == Inputs((0.1, 0.2, 0.3), request_value)
-
-
-def test_port_that_has_to_be_connected_is_named() -> None:
-    simulator = Simulator(make_block())
-    with pytest.raises(RuntimeError, match=r"required InputPort\[0\] \(signal\)"):
-        advance(simulator, 0.0)
-
-
-def test_output_of_the_wrong_size_names_both_sizes() -> None:
-    block = StateMachine(
-        Chart("c", states=[State(name="a")], transitions=[], memory=None),
-        inputs=Inputs,
-        sizes={"signal": 1, "request": 1},
-        outputs={"pair": MachineOutput(size=2, read=lambda memory: (1.0,))},
-        period=1.0,
-    )
-    with pytest.raises(IndexError, match=r"size 1 does not match .* size 2"):
-        block.GetOutputPort("pair").Eval(block.CreateDefaultContext())
 
 
 # What construction rejects

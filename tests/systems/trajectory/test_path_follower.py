@@ -119,16 +119,6 @@ def test_interrupted_at_speed_it_comes_to_the_new_segment() -> None:
     assert found.progress[201] < 1.0 == found.progress[-1]
 
 
-def test_halted_it_leaves_for_another_segment_from_rest() -> None:
-    # The speed before the halt is none of the new segment's.
-    slew = Segment(1.0, SLEW, A, B, duration=1.5, via_height=0.6)
-    halted = run([(slew, False, 150), (slew, True, 100)])
-    there = tuple(halted.position[-1].tolist())
-    after = run([(slew, False, 150), (slew, True, 100), (hold(there, 2.0), False, 100)])
-    assert np.abs(after.position[250:] - there).max() < 1e-9
-    assert after.progress[-1] == 1
-
-
 def test_a_start_elsewhere_is_made_good_smoothly() -> None:
     away = (A[0] + 0.004, *A[1:])
     found = run([(WAY, False, 700)], start=away)
