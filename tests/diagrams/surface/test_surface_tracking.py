@@ -12,7 +12,7 @@ from pydrake.systems.framework import BasicVector, Context, Diagram, LeafSystem
 from scipy.optimize import brentq
 
 from chamfer.analysis.linear.simulate import simulate
-from chamfer.analysis.surface.unknown_surface import Traces, run_surface
+from chamfer.analysis.surface.unknown_surface import run_surface
 from chamfer.diagrams.surface.surface_estimation import EstimationScenario
 from chamfer.diagrams.surface.surface_scenario import (
     THESIS,
@@ -34,7 +34,6 @@ from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.hybrid_controller import HybridController
 from chamfer.systems.force.surface_motion import SurfaceMotion
-from chamfer.systems.sensing.force_rate import ForceRateSensorParams
 
 Array = NDArray[np.float64]
 Wire = tuple[str, str, str, str]
@@ -235,16 +234,10 @@ def independent(plan: Plan, duration: float) -> tuple[Array, Array, Array]:
     return time, normal_force, point
 
 
-@pytest.mark.parametrize(
-    "plan",
-    [
-        Plan(),
-        Plan(
-            a=0.1, mu=0.5, mass=1.0, damping=15.0, gain=150.0, integral=2.0, force=4.0, speed=0.3
-        ),
-    ],
-)
-def test_the_noise_free_loop_agrees_with_an_independent_simulation(plan: Plan) -> None:
+def test_the_noise_free_loop_agrees_with_an_independent_simulation() -> None:
+    plan = Plan(
+        a=0.1, mu=0.5, mass=1.0, damping=15.0, gain=150.0, integral=2.0, force=4.0, speed=0.3
+    )
     scenario = replace(
         QUIET,
         surface=SurfaceSettings(coefficients=(plan.a,)),
@@ -263,23 +256,20 @@ def test_the_noise_free_loop_agrees_with_an_independent_simulation(plan: Plan) -
     np.testing.assert_allclose(traces["point_x"][:rows], point, atol=2e-3)
 
 
-@pytest.fixture(scope="module")
-def quiet() -> Traces:
-    return run_surface(resolve_tracking(QUIET), 0)
+def test_the_other_way_round_it_goes_to_the_other_side() -> None:
+    ahead, back = (
+        run_surface(
+            resolve_tracking(replace(QUIET, task=TrackingTask(speed=speed), duration=1.0)), 0
+        )
+        for speed in (0.5, -0.5)
+    )
+    assert ahead["point_x"][-1] > 0.1
+    np.testing.assert_allclose(back["point_x"], -ahead["point_x"], atol=1e-9)
+    np.testing.assert_allclose(back["force"], ahead["force"], atol=1e-8)
 
 
-def test_the_other_way_round_it_goes_to_the_other_side(quiet: Traces) -> None:
-    scenario = replace(QUIET, task=TrackingTask(speed=-0.5), duration=3.0)
-    traces = run_surface(resolve_tracking(scenario), 0)
-    rows = len(traces["time"])
-    np.testing.assert_allclose(traces["point_x"], -quiet["point_x"][:rows], atol=1e-9)
-    np.testing.assert_allclose(traces["force"], quiet["force"][:rows], atol=1e-8)
-
-
-@pytest.mark.parametrize("shape", ["paraboloid", "sphere"])
-def test_the_loop_runs_in_space(shape: SurfaceShape) -> None:
-    surface = SurfaceSettings(shape=shape)
-    quiet = replace(QUIET, surface=surface, duration=3.0)
+def test_the_loop_runs_in_space() -> None:
+    quiet = replace(QUIET, surface=SurfaceSettings(shape="sphere"), duration=2.0)
     traces = run_surface(resolve_tracking(quiet), 0)
     late = traces["time"] > 1.0
     np.testing.assert_allclose(traces["force"][late], 5.0, atol=0.25)
@@ -287,15 +277,8 @@ def test_the_loop_runs_in_space(shape: SurfaceShape) -> None:
     assert traces["error"][200::10].max() < 0.05
     assert np.median(traces["error"][200::10]) < 1e-9
     # n x z in the plane is n x y in space: both go to +x.
-    assert traces["travel"][-1] > 1.0
+    assert traces["travel"][-1] > 0.5
     np.testing.assert_allclose(traces["point_y"], 0, atol=1e-9)
-    noisy = replace(
-        quiet, sensor=ForceRateSensorParams(), observer=ObserverSettings(kind="adaptive")
-    )
-    traces = run_surface(resolve_tracking(noisy), 1)
-    np.testing.assert_allclose(traces["force"][late], 5.0, atol=0.6)
-    assert math.sqrt(np.mean(traces["error"][late] ** 2)) < 4.0
-    assert np.mean(traces["error"][late] <= traces["band"][late]) > 0.95
 
 
 def test_the_observer_may_be_given_means() -> None:
@@ -316,7 +299,7 @@ def flat(force_integral: float, *, allow: bool = False) -> TrackingScenario:
     return replace(scenario, controller=control)
 
 
-@pytest.mark.parametrize(("force_integral", "late"), [(10.0, 0.0), (20.0, 0.0), (10.0, 0.04)])
+@pytest.mark.parametrize(("force_integral", "late"), [(20.0, 0.0), (10.0, 0.04)])
 def test_the_force_swings_as_the_poles_say(force_integral: float, late: float) -> None:
     scenario = replace(flat(force_integral, allow=True), force_delay=late)
     period = scenario.controller.period

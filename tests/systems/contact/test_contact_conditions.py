@@ -84,7 +84,7 @@ def motion(found: Conditions, velocity: np.ndarray, stretch: np.ndarray) -> np.n
 
 def test_corners_are_solved() -> None:
     both_stick = 0
-    for seed in range(400):
+    for seed in range(150):
         problem = corner(seed)
         conditions, free, slack = problem
         error, velocity, stretch, impulse = solved(problem, np.zeros(N + 6))
@@ -123,4 +123,4 @@ def test_corners_are_solved() -> None:
             elif push[0] > 0.0:
                 sticking += 1
         both_stick += sticking == POINTS
-    assert both_stick > 20
+    assert both_stick > 7

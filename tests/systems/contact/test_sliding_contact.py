@@ -94,7 +94,7 @@ def held_x(case: Case, nominal: np.ndarray, direction: int, low: float, high: fl
     return brentq(miss, low, high, xtol=1e-15, rtol=1e-15)
 
 
-@pytest.mark.parametrize("step", [0.5, 0.05, 0.01])
+@pytest.mark.parametrize("step", [0.5, 0.05])
 def test_slide_is_exact_for_any_step(step: float) -> None:
     times = np.arange(0, 14.99, step)
     for time, touch in zip(times, THESIS_CASE.follow(thesis_motion, times), strict=True):
@@ -105,8 +105,7 @@ def test_slide_is_exact_for_any_step(step: float) -> None:
 
 
 @pytest.mark.parametrize("direction", [1, -1])
-@pytest.mark.parametrize("step", [0.04, 0.01])
-def test_slide_over_waves_with_a_skew_stiffness(direction: int, step: float) -> None:
+def test_slide_over_waves_with_a_skew_stiffness(direction: int) -> None:
     case = Case(
         Wave(amplitude=0.01, wavelength=0.9),
         SurfaceFriction(coefficient=0.5, ripple=0.05, wavelength=0.7),
@@ -117,7 +116,7 @@ def test_slide_over_waves_with_a_skew_stiffness(direction: int, step: float) -> 
         depth, rate = -0.1 - 0.01 * math.sin(t), -0.01 * math.cos(t)
         return (direction * 0.2 * t, depth), (direction * 0.2, rate)
 
-    times = np.arange(0, 6, step)
+    times = np.arange(0, 6, 0.04)
     touches = case.follow(motion, times)
     slides = 0
     for time, touch in zip(times, touches, strict=True):
@@ -192,8 +191,8 @@ def test_contact_is_lost_and_made_again() -> None:
 # Friction that changes on the way
 
 
-@pytest.mark.parametrize("step", [0.01, 0.001])
-def test_drop_of_the_friction_makes_the_point_jump(step: float) -> None:
+def test_drop_of_the_friction_makes_the_point_jump() -> None:
+    step = 0.01
     friction = SurfaceFriction(coefficient=1.0, jump=-0.6, jump_at=0.3, jump_width=0.002)
     case = Case(THESIS, friction, SOFT)
     times = np.arange(0, 4, step)
@@ -216,7 +215,7 @@ def test_drop_of_the_friction_makes_the_point_jump(step: float) -> None:
     assert jumps == 1
 
 
-@pytest.mark.parametrize("step", [0.3, 0.17, 0.05])
+@pytest.mark.parametrize("step", [0.3, 0.17])
 def test_the_first_of_several_places_where_friction_holds(step: float) -> None:
     friction = SurfaceFriction(coefficient=0.8, ripple=0.3, wavelength=0.1)
     case = Case(FLAT, friction, SOFT)
@@ -321,7 +320,7 @@ def check(case: Case, touch: Touch, position: np.ndarray, velocity: np.ndarray) 
 
 @pytest.mark.parametrize("surface", SURFACES, ids=NAMES)
 @given(seed=seeds, friction=st.sampled_from(FRICTIONS), skew=st.booleans())
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=4, deadline=None)
 def test_laws(surface: Surface, seed: int, friction: SurfaceFriction, skew: bool) -> None:
     d = surface.dimension
     case = Case(surface, friction, SKEW[-d:, -d:] if skew else 100 * np.eye(d))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
-from chamfer.models.surfaces.rounds import Circle, Sphere
+from chamfer.models.surfaces.rounds import Sphere
 from chamfer.models.surfaces.surface import Surface
 from chamfer.systems.contact.sliding_contact import FREE, SLIP
 from chamfer.systems.estimation.contact_frame import NUMBERS, as_frame
@@ -23,7 +23,6 @@ from chamfer.systems.estimation.normal_filter import NormalStatus, Sample, rotat
 
 Array = np.ndarray
 VARYING = SurfaceFriction(coefficient=0.5, ripple=0.3)
-BOWL = Circle(centre=(0.0, 2.0), radius=2.0, inside=True)
 HOLLOW = Sphere(centre=(0.0, 0.0, 2.0), radius=2.0, inside=True)
 
 
@@ -39,27 +38,22 @@ def make_filter(slides: Any) -> Callable[..., ContactFrameFilter]:
 @pytest.mark.parametrize(
     ("surface", "assumed", "known"),
     [  # largest errors, deg: with the noise of section 5.2.2 assumed, and with none
-        (Parabola(), 0.8, 0.002),
         (Wave(wavelength=2.0), 2.5, 0.002),
-        (BOWL, 2.5, 0.002),
-        (Paraboloid(), 0.8, 0.002),
         (HOLLOW, 2.8, 0.002),
         # Across a twisted path the force's direction tells the normal, taken as good to 0.02 rad.
         (Paraboloid(coefficients=(0.2, -0.2)), 2.8, 1.6),
         (WavySheet(wavelengths=(2.0, 2.0)), 3.5, 0.9),
     ],
 )
-@pytest.mark.parametrize("friction", [SurfaceFriction(), VARYING])
 def test_samples_without_noise(
     slides: Any,
     make_filter: Callable[..., ContactFrameFilter],
     surface: Surface,
     assumed: float,
     known: float,
-    friction: SurfaceFriction,
 ) -> None:
     d = surface.dimension
-    slide = slides.make(surface, slides.lead(d, heading=0.7), 6.0, friction=friction)
+    slide = slides.make(surface, slides.lead(d, heading=0.7), 6.0, friction=VARYING)
     counted = slide.modes == SLIP
     counted[:20] = False
     assert np.count_nonzero(counted) > 80
@@ -195,7 +189,7 @@ def test_lost_contact(slides: Any, make_filter: Callable[..., ContactFrameFilter
     free = np.flatnonzero(slide.modes == FREE)
     assert len(free) > 40
     first, last = free[5], free[-1]  # as long as there is a force the point shows a path
-    for seed in range(3):
+    for seed in range(1):
         found = slides.follow(make_filter(d), slides.disturb(slide.samples, seed))
         assert np.count_nonzero(found.statuses[first : last + 1] == NormalStatus.NO_CONTACT) > 30
         gone = found.statuses[first : last + 1] == NormalStatus.NO_CONTACT
@@ -251,34 +245,19 @@ def test_prediction_turns_estimate_and_covariance_along(
 
 Make = Callable[..., ContactFrameFilter]
 
-VARYING = SurfaceFriction(coefficient=0.5, ripple=0.3)
-BOWL = Circle(centre=(0.0, 2.0), radius=2.0, inside=True)
-HOLLOW = Sphere(centre=(0.0, 0.0, 2.0), radius=2.0, inside=True)
-
 
 @pytest.mark.parametrize(
     ("surface", "rms", "coverage"),
     [  # deg; about a sixth more than measured
-        (Parabola(), 1.15, 0.995),
         (Wave(wavelength=2.0), 1.95, 0.99),
-        (BOWL, 2.1, 0.99),
-        (Paraboloid(), 1.8, 0.995),
         (Paraboloid(coefficients=(0.2, -0.2)), 2.6, 0.96),
-        (HOLLOW, 2.6, 0.97),
-        (WavySheet(wavelengths=(2.0, 2.0)), 2.6, 0.985),
     ],
 )
-@pytest.mark.parametrize("friction", [SurfaceFriction(), VARYING])
 def test_error_and_band_along_a_surface(
-    slides: Any,
-    make_filter: Make,
-    surface: Surface,
-    friction: SurfaceFriction,
-    rms: float,
-    coverage: float,
+    slides: Any, make_filter: Make, surface: Surface, rms: float, coverage: float
 ) -> None:
     d = surface.dimension
-    slide = slides.make(surface, slides.lead(d, heading=0.7), 6.0, friction=friction)
+    slide = slides.make(surface, slides.lead(d, heading=0.7), 6.0, friction=VARYING)
     found = slides.noisy(make_filter(d), slide, seeds=6)
     assert found.rms < rms
     assert found.coverage >= coverage
@@ -286,14 +265,8 @@ def test_error_and_band_along_a_surface(
     assert found.band < 4 * 1.3 * found.rms
 
 
-@pytest.mark.parametrize("speed", [0.05, 0.09])
-@pytest.mark.parametrize(
-    "surface", [Parabola(coefficient=0.15), Paraboloid(coefficients=(0.15, 0.15))]
-)
-def test_slow_slide_below_the_gate_is_measured(
-    slides: Any, make_filter: Make, surface: Surface, speed: float
-) -> None:
-    d = surface.dimension
+def test_slow_slide_below_the_gate_is_measured(slides: Any, make_filter: Make) -> None:
+    surface, speed, d = Paraboloid(coefficients=(0.15, 0.15)), 0.09, 3
     slide = slides.make(surface, slides.lead(d, speed=speed, heading=0.4), 1.2 / speed)
     found = slides.follow(make_filter(d), slides.disturb(slide.samples, 0))
     measured = np.count_nonzero(found.statuses == NormalStatus.MEASURED)

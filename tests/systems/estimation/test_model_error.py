@@ -88,7 +88,7 @@ def test_tare_finds_the_bias(slides: Any, make: Make) -> None:
     samples = [s._replace(force=s.force + bias) for s in [*tare, *slide.samples]]
     slid = np.flatnonzero(slide.modes == SLIP)[20:]
     careful = make(3, bias=1.5, tare=1.0)
-    for seed in range(3):
+    for seed in range(1):
         noisy = slides.disturb(samples, seed)
         found = slides.follow(careful, noisy)
         assert set(found.statuses[:20]) == {NormalStatus.NO_CONTACT}
@@ -133,8 +133,7 @@ def calibrate(
     return found, memory
 
 
-@pytest.mark.parametrize("factor", [0.75, 1.0, 1.4])
-@pytest.mark.parametrize("late", [0.0, 0.05, 0.1])
+@pytest.mark.parametrize(("factor", "late"), [(0.75, 0.0), (1.4, 0.1)])
 def test_calibration_finds_what_is_wrong_as_surely_as_it_says(factor: float, late: float) -> None:
     bias = np.array([1.0, -2.0, 0.5])
     square = np.zeros(3)

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq, minimize
 
 from chamfer.models.surfaces.friction import SurfaceFriction
-from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
-from chamfer.models.surfaces.rounds import Circle, Sphere
+from chamfer.models.surfaces.graphs import Paraboloid, Wave
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.sliding_contact import SLIP
@@ -151,7 +150,7 @@ def multiplier_of(case: Case) -> float:
 
 
 @pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(3))
 def test_no_gain_of_unit_length_has_a_smaller_trace(
     draw: Callable[..., Case], d: int, seed: int
 ) -> None:
@@ -213,7 +212,7 @@ def test_gain_gives_the_same(draw: Callable[..., Case], seed: int, d: int) -> No
 
 
 @pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 class TestSpecialCases:
     def test_agreement(self, draw: Callable[..., Case], d: int, seed: int) -> None:
         case = draw(seed, d)._replace(measured=draw(seed, d).normal)
@@ -310,7 +309,7 @@ def test_a_long_run_as_printed(slides: Any, d: int, solver: Any) -> None:
     random = np.random.default_rng(d)
     n, P = np.eye(d)[-1], 0.15**2 * np.eye(d)
     memory = observer.start(n)
-    for _ in range(300):
+    for _ in range(100):
         force = 10 * (np.eye(d)[-1] + 0.3 * random.standard_normal(d))
         sample = Sample(
             force, 5 * random.standard_normal(d), np.zeros(d), 0.3 * random.standard_normal(d)
@@ -467,23 +466,14 @@ def test_tangential_deviation() -> None:
 @pytest.mark.parametrize(
     "surface",
     [
-        Parabola(),
         Wave(wavelength=2.0),
-        Circle(centre=(0.0, 2.0), radius=2.0, inside=True),
         Paraboloid(coefficients=(0.05, -0.2)),
-        Sphere(centre=(0.0, 0.0, 2.0), radius=2.0, inside=True),
-        WavySheet(wavelengths=(2.0, 3.0)),
     ],
 )
-@pytest.mark.parametrize(
-    "friction", [SurfaceFriction(), SurfaceFriction(coefficient=0.5, ripple=0.3)]
-)
 @pytest.mark.parametrize("gated", [False, True])
-def test_exact_without_noise(
-    slides: Any, surface: Surface, friction: SurfaceFriction, gated: bool
-) -> None:
+def test_exact_without_noise(slides: Any, surface: Surface, gated: bool) -> None:
     # Section 5.2.2, Fig. 5-5: the estimate is exact and P zero, whatever the friction.
-    d = surface.dimension
+    d, friction = surface.dimension, SurfaceFriction(coefficient=0.5, ripple=0.3)
     slide = slides.make(surface, slides.lead(d, heading=0.4), 6.0, friction=friction)
     found = slides.follow(
         ConstrainedFilter(
