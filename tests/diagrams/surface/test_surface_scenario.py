@@ -7,9 +7,6 @@ import numpy as np
 import pytest
 
 from chamfer.diagrams.surface.surface_estimation import (
-    LARGE_NOISE,
-    NOISE_FREE,
-    SMOOTH,
     EstimationScenario,
     LeadSettings,
     resolve_estimation,
@@ -28,7 +25,6 @@ from chamfer.diagrams.surface.surface_tracking import (
     resolve_tracking,
 )
 from chamfer.models.arms.gripper import GripperCompliance
-from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
 from chamfer.models.surfaces.rounds import Circle, Sphere
 from chamfer.models.surfaces.surface import normal
@@ -91,26 +87,6 @@ def test_the_observer_is_told_what_gripper_and_sensor_have_unless_it_is_told_oth
         once = resolve_estimation(replace(scenario, observer=observer))
         assert vars(once.observer) == vars(THESIS) | known | other
         assert resolve_estimation(once) == once
-
-
-def test_the_scenarios_of_the_figures() -> None:
-    fig_3, fig_4 = EstimationScenario(), SMOOTH
-    fig_5, fig_6 = NOISE_FREE, LARGE_NOISE
-    for scenario in (fig_3, fig_4, fig_5, fig_6):
-        assert scenario.surface.make() == Parabola(coefficient=0.05)
-        assert scenario.friction == SurfaceFriction(coefficient=1.0)
-        assert scenario.lead == LeadSettings(depth=0.1, speed=0.2, halt=15.0)
-        assert (scenario.gripper.stiffness, scenario.observer.kind) == (100.0, "thesis")
-    assert [s.observer.smallest_radius for s in (fig_3, fig_4, fig_5, fig_6)] == [
-        0.75,
-        10.0,
-        0.75,
-        0.75,
-    ]
-    loud = ForceRateSensorParams(force_noise=1.0, force_rate_noise=5.0)
-    assert fig_3.sensor == fig_4.sensor == fig_6.sensor == loud
-    assert fig_5.sensor == ForceRateSensorParams(force_noise=0.0, force_rate_noise=0.0)
-    assert (fig_6.observer.force_noise, fig_6.observer.force_rate_noise) == (1000.0, 5000.0)
 
 
 def wrong_surface(**values: Any) -> Any:

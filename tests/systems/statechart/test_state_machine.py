@@ -4,12 +4,10 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder
-from pydrake.systems.primitives import LinearSystem, LogVectorOutput, TrajectorySource
-from pydrake.trajectories import PiecewisePolynomial
+from pydrake.systems.primitives import LinearSystem
 
 from chamfer.models.validation import ParameterError
 from chamfer.systems.statechart.chart import Chart, State, Tick, Transition, TransitionRecord
@@ -175,32 +173,6 @@ def test_clone_keeps_the_log_of_its_past() -> None:
 
     assert targets(original.get_context()) == ["high"]
     assert targets(clone.get_context()) == ["high", "low"]
-
-
-def test_one_diagram_gives_the_same_bytes_again() -> None:
-    builder = DiagramBuilder()
-    block = builder.AddSystem(make_block(period=1 / 80))
-    times = np.linspace(0.0, 1.0, 23)
-    source = builder.AddSystem(
-        TrajectorySource(PiecewisePolynomial.CubicShapePreserving(times, [3 * np.sin(9 * times)]))
-    )
-    builder.Connect(source.get_output_port(), block.GetInputPort("signal"))
-    loggers = [
-        LogVectorOutput(block.GetOutputPort(name), builder, 1 / 160)
-        for name in ("command", "state")
-    ]
-    diagram = builder.Build()
-
-    def run() -> tuple[list[bytes], tuple[TransitionRecord, ...]]:
-        simulator = Simulator(diagram, diagram.CreateDefaultContext())
-        simulator.AdvanceTo(1.0)
-        context = simulator.get_context()
-        logs = [logger.FindLog(context).data().tobytes() for logger in loggers]
-        return logs, block.transitions(block.GetMyContextFromRoot(context))
-
-    first = run()
-    assert len(first[1]) >= 2
-    assert run() == first
 
 
 # The log

@@ -11,8 +11,8 @@ from chamfer.models.validation import ParameterError
 from chamfer.systems.trajectory.paths import Path, path_of
 from chamfer.systems.trajectory.profiles import Trapezoid, quintic
 from chamfer.systems.trajectory.segment import LINE as STRAIGHT
+from chamfer.systems.trajectory.segment import SIZE, Segment, circle, segment_of
 from chamfer.systems.trajectory.segment import SLEW as FAST
-from chamfer.systems.trajectory.segment import Segment, circle
 
 START = (0.3, -0.2, 0.5, 0.1, 0.0, 0.2, 0.3)
 GOAL = (0.4, 0.2, 0.4, 1.1, 0.1, 0.0, 0.2)
@@ -76,14 +76,6 @@ def test_middle_is_at_speed(segment: Segment, speed: float) -> None:
         assert np.linalg.norm(velocity[:3]) == pytest.approx(speed, rel=1e-12)
 
 
-def test_circle_keeps_its_radius() -> None:
-    way = path(CIRCLE)
-    radius = math.dist(START[:2], CIRCLE.centre[:2])
-    for time in np.linspace(0.0, way.duration, 11):
-        position, _ = way.at(float(time))
-        assert math.dist(position[:2], CIRCLE.centre[:2]) == pytest.approx(radius, rel=1e-14)
-
-
 def test_turning_is_limited_too() -> None:
     # 0.01 m of way, 1 rad of turn: it is the turn that takes the time.
     goal = (0.31, -0.2, 0.5, 1.1, 0.0, 0.2, 0.3)
@@ -109,10 +101,6 @@ def test_slew_is_high_while_it_goes_across() -> None:
     assert np.abs(jerk).max() < 20
 
 
-def test_standing_still_takes_no_time() -> None:
-    assert path(LINE._replace(goal=START)).duration == 0.0
-
-
 @pytest.mark.parametrize(
     ("segment", "message"),
     [
@@ -131,3 +119,34 @@ def test_kind_that_is_none() -> None:
     message = r"^kind is 7, allowed: 0 \(hold\), 1 \(line\), 2 \(circle\) or 3 \(slew\)$"
     with pytest.raises(ParameterError, match=message):
         path(LINE._replace(kind=7))
+
+
+SEGMENT_START, SEGMENT_GOAL = (
+    (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0),
+    (7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0),
+)
+
+
+def test_vector_and_back() -> None:
+    segment = Segment(
+        5.0, FAST, SEGMENT_START, SEGMENT_GOAL, (0.1, 0.2, 0.3), 0.4, 0.5, 0.6, 0.7, 0.8, 0.9
+    )
+    vector = segment.vector()
+    assert len(vector) == SIZE
+    assert len(set(vector)) == SIZE - 2  # 3 and 5 stand twice
+    assert segment_of(vector) == segment
+
+
+def test_refuses_another_size_and_what_is_no_number() -> None:
+    allowed = rf"segment is .*, allowed: {SIZE} finite numbers"
+    for vector in ((0.0,) * (SIZE - 1), (math.nan,) * SIZE):
+        with pytest.raises(ParameterError, match=allowed):
+            segment_of(vector)
+
+
+def test_circle_turns_the_yaw_with_the_place() -> None:
+    start = (0.6, 0.1, 0.4, 0.2, 0.0, 0.0, 0.3)
+    centre = (0.5, 0.1, 0.0)
+    found = circle(start, 1.0, centre=centre, turn=math.pi / 2, rise=0.05, speed=0.1)
+    assert found.goal == pytest.approx((0.5, 0.2, 0.45, 0.2 + math.pi / 2, 0.0, 0.0, 0.3))
+    assert segment_of(found.vector()) == found

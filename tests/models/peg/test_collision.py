@@ -3,13 +3,16 @@
 import math
 import re
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pytest
-from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from chamfer.models.peg.bore_contact import (
     ContactMaterial,
@@ -18,14 +21,15 @@ from chamfer.models.peg.bore_contact import (
     facets_needed,
     sagitta,
 )
+from chamfer.models.peg.part_overlap import TOUCHING, overlap, require_apart
 from chamfer.models.peg.peg_and_hole import PegAndHole
 from chamfer.models.validation import ParameterError
 
 PARTS = PegAndHole()
 
 
-def deepest(X_MT: RigidTransform, parts: PegAndHole = PARTS, facets: int = 64) -> float:
-    """Return the deepest penetration of a peg at a pose, m; 0 where nothing touches."""
+@lru_cache
+def colliding(parts: PegAndHole, facets: int) -> tuple[Diagram, MultibodyPlant]:
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlantSceneGraph(builder, 1e-3)
     peg = plant.AddRigidBody("peg", SpatialInertia.SolidSphereWithMass(1.0, 0.01))
@@ -33,10 +37,15 @@ def deepest(X_MT: RigidTransform, parts: PegAndHole = PARTS, facets: int = 64) -
     add_peg_contact(plant, peg, RigidTransform(), parts, material)
     add_hole_contact(plant, plant.world_body(), RigidTransform(), parts, material)
     plant.Finalize()
-    diagram = builder.Build()
+    return builder.Build(), plant
+
+
+def deepest(X_MT: RigidTransform, parts: PegAndHole = PARTS, facets: int = 64) -> float:
+    """Return the deepest penetration of a peg at a pose, m; 0 where nothing touches."""
+    diagram, plant = colliding(parts, facets)
     context = diagram.CreateDefaultContext()
     own = plant.GetMyContextFromRoot(context)
-    plant.SetFreeBodyPose(own, peg, X_MT)
+    plant.SetFreeBodyPose(own, plant.GetBodyByName("peg"), X_MT)
     query = plant.get_geometry_query_input_port().Eval(own)
     return max((one.depth for one in query.ComputePointPairPenetration()), default=0.0)
 
@@ -141,3 +150,95 @@ def test_facets_of_square_parts_are_not_to_be_chosen() -> None:
         ContactMaterial(facets=64).over(SQUARE)
     material = ContactMaterial().over(SQUARE)
     assert material.over(SQUARE) == material
+
+
+BLIND = PegAndHole(bore_depth=0.03)
+
+
+def pitched(x: float, y: float = 0.0, pitch: float = 0.0) -> RigidTransform:
+    return RigidTransform(RollPitchYaw(0.0, pitch, 0.0), [x, y, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("X_MT", "deep"),
+    [
+        (pitched(-0.001), 0.0),
+        (pitched(0.02), 0.0),  # in the bore, in line
+        (pitched(0.02, 0.000255), 0.0),
+        (pitched(0.02, 0.001), 0.001 - PARTS.clearance),
+        (pitched(0.001, 0.003), 0.0),  # in the mouth's chamfer
+        (pitched(0.0, 0.02), 0.0),  # flat on the face, or beside it
+        (pitched(0.001, 0.006), 0.001),  # in the front face
+        (pitched(0.02, 0.0239), 0.0),  # beside the part
+        (pitched(0.02, 0.0237), 0.014 + PARTS.peg_radius - 0.0237),
+        (pitched(0.2), 0.0),  # out of the back
+    ],
+)
+def test_parallel_parts(X_MT: RigidTransform, deep: float) -> None:
+    assert overlap(PARTS, X_MT) == pytest.approx(deep, abs=5e-5)
+
+
+@pytest.mark.parametrize("depth", [0.0299, 0.0301])
+def test_a_blind_bore_ends(depth: float) -> None:
+    assert overlap(BLIND, pitched(depth)) == pytest.approx(max(depth - 0.03, 0.0), abs=1e-9)
+    assert overlap(PARTS, pitched(depth)) == 0.0
+
+
+@given(tilt=st.floats(0.02, 0.3))
+def test_the_rim_of_a_tilted_peg_is_ahead_of_its_tip(tilt: float) -> None:
+    ahead = PARTS.leading(tilt)
+    aside = 0.02  # before the face of a part that is wide
+    wide = replace(PARTS, outer_radius=0.05)
+    assert overlap(wide, pitched(-ahead - 1e-5, aside, tilt)) == 0.0
+    assert overlap(wide, pitched(-ahead + 1e-4, aside, tilt)) == pytest.approx(1e-4, abs=1e-5)
+
+
+@pytest.mark.slow
+@settings(deadline=None, max_examples=150)
+@given(
+    blind=st.booleans(),
+    x=st.floats(-0.02, 0.06),
+    off=st.tuples(st.floats(-0.03, 0.03), st.floats(-0.03, 0.03)),
+    near=st.booleans(),
+    turn=st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5)),
+)
+def test_it_overlaps_where_a_simulation_says_so(
+    blind: bool, x: float, off: tuple[float, float], near: bool, turn: tuple[float, float]
+) -> None:
+    parts = BLIND if blind else PARTS
+    scale = 0.05 if near else 1.0
+    X_MT = RigidTransform(
+        RollPitchYaw(0.0, *(scale * np.array(turn))), [x, *(scale * np.array(off))]
+    )
+    true = deepest(X_MT, parts, facets=128)
+    assume(not 0 < true < 1e-4)  # facets and points know it no better
+    assert (overlap(parts, X_MT) > (1e-6 if true else 4e-5)) == (true > 0)
+
+
+def test_what_is_said() -> None:
+    require_apart(PARTS, pitched(-1e-9), "gap", 0.0)
+    assert overlap(PARTS, pitched(0.5 * TOUCHING, 0.006)) > 0
+    require_apart(PARTS, pitched(0.5 * TOUCHING, 0.006), "gap", 0.0)
+    with pytest.raises(ParameterError) as caught:
+        require_apart(PARTS, pitched(0.001, 0.006), "gap", -0.001)
+    assert str(caught.value) == (
+        "gap is -0.001, allowed: one with which peg and hole part are apart; they overlap by 1 mm"
+    )
+
+
+@pytest.mark.parametrize(
+    ("p", "roll", "deep"),
+    [
+        ((0.02, 0.00025, -0.00025), 0.0, 0.0),
+        ((0.02, 0.0, 0.001), 0.0, 0.001 - PARTS.clearance),
+        ((0.02, 0.0, 0.0), 0.1, 0.000671),  # r (cos + sin) - R
+        ((0.001, 0.011, 0.011), 0.0, 0.001),  # in the face, which reaches into the corners
+        ((0.02, 0.0239, 0.0239), 0.0, 0.0),  # beside the part
+    ],
+)
+def test_square_parts_overlap_at_their_faces(
+    p: tuple[float, float, float], roll: float, deep: float
+) -> None:
+    square = PegAndHole(section="square")
+    X_MT = RigidTransform(RollPitchYaw(roll, 0.0, 0.0), p)
+    assert overlap(square, X_MT) == pytest.approx(deep, abs=1e-5)

@@ -1,5 +1,6 @@
 """Dimensions of the peg and the hole part, and the shapes made from them."""
 
+import dataclasses
 import math
 import re
 from dataclasses import replace
@@ -7,16 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chamfer.models.peg.part_surfaces import part_mesh, rings
+from chamfer.models.peg.part_presets import PRESETS
+from chamfer.models.peg.part_surfaces import around, part_mesh, radius_of, rings
 from chamfer.models.peg.peg_and_hole import ColouredParts, HolePart, Peg, PegAndHole
+from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
 from chamfer.models.validation import ParameterError
 
 PEG, HOLE = PegAndHole().peg, PegAndHole().hole
-
-
-def test_published_dimensions() -> None:
-    assert PEG.radius == 0.009779
-    assert HOLE.radius == 0.010035
 
 
 def test_profile_of_the_peg_ends_with_a_chamfer_at_the_tip() -> None:
@@ -121,16 +119,6 @@ def test_parts_without_chamfers_have_no_edge_twice() -> None:
     np.testing.assert_allclose(across.sum(axis=0), 0, atol=1e-15)
 
 
-def test_a_blind_bore_ends_in_the_material() -> None:
-    hole = replace(HOLE, bore_depth=0.03)
-    R, C, Ro = hole.radius, hole.chamfer, hole.outer_radius
-    corners, _ = triangles(part_mesh(hole.closed_profile, 200))
-    one, two, three = corners[:, 0], corners[:, 1], corners[:, 2]
-    volume = np.sum(one * np.cross(two - one, three - one)) / 6
-    expected = math.pi * (Ro**2 * 0.04 - R**2 * (0.03 - C)) - frustum(R + C, R, C)
-    assert volume == pytest.approx(expected, rel=1e-3)
-
-
 def test_chamfers_are_shared_between_peg_and_hole() -> None:
     parts = PegAndHole(chamfer_width=0.003, peg_chamfer_share=0.25, peg_chamfer_angle=1.0)
     assert (parts.peg.chamfer, parts.hole.chamfer) == pytest.approx((0.00075, 0.00225))
@@ -157,3 +145,125 @@ def test_parts_are_refused_by_their_own_names(name: str, value: object, allowed:
         assert caught.value.name == "chamfer_width"
     else:
         assert str(caught.value) == f"{name} is {value!r}, allowed: {allowed}"
+
+
+SQUARE = PegAndHole(section="square")
+
+
+def test_rings_of_squares_have_their_faces_in_y_and_z() -> None:
+    (ring,) = rings(np.array([[0.1, 2.0]]), 96, "square")
+    assert ring.tolist() == [[0.1, 2, 2], [0.1, -2, 2], [0.1, -2, -2], [0.1, 2, -2]]
+
+
+@pytest.mark.parametrize("section", ["round", "square"])
+def test_points_around_have_radius_one(section: str) -> None:
+    points = np.insert(around(96, section), 0, 5.0, axis=1)  # type: ignore[arg-type]
+    np.testing.assert_allclose(radius_of(points, section), 1.0)  # type: ignore[arg-type]
+    assert np.abs(points[:, 1:]).max() == pytest.approx(1.0)
+
+
+def test_the_mesh_of_a_square_peg_is_closed_and_flat() -> None:
+    peg = replace(SQUARE.peg, radius=0.01, chamfer=0.0, length=0.05)
+    rows = [line.split() for line in part_mesh(peg.closed_profile, 96, "square").splitlines()]
+    points = np.array([row[1:] for row in rows if row[0] == "v"], dtype=float)
+    normals = np.array([row[1:] for row in rows if row[0] == "vn"], dtype=float)
+    volume = 0.0
+    for row in rows:
+        if row[0] == "f":
+            corners = [tuple(map(int, one.split("//"))) for one in row[1:]]
+            a, b, c = (points[point - 1] for point, _ in corners)
+            volume += float(a @ np.cross(b, c)) / 6
+            face = np.cross(b - a, c - a)
+            if np.linalg.norm(face) > 1e-12:  # none at the axis
+                for _, normal in corners:
+                    np.testing.assert_allclose(normals[normal - 1], face / np.linalg.norm(face))
+    assert volume == pytest.approx(0.02**2 * 0.05)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_presets_are_parts_that_fit(name: str) -> None:
+    parts = ColouredParts(**PRESETS[name])  # type: ignore[arg-type]
+    assert 0 < parts.clearance_ratio < 0.05
+    assert parts.bore_length < parts.peg_length
+
+
+def test_the_papers_parts_are_the_default() -> None:
+    assert PegAndHole(**PRESETS["paper"]) == PegAndHole()  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("name", "diameter", "bore"),
+    [
+        ("nist-12.675mm", 12.675e-3, 12.70e-3),
+        ("factory-8mm", 7.986e-3, 8.1e-3),
+        ("nist-16mm", 16e-3, 16.1e-3),
+    ],
+)
+def test_published_diameters(name: str, diameter: float, bore: float) -> None:
+    parts = PegAndHole(**PRESETS[name])  # type: ignore[arg-type]
+    assert 2 * parts.peg_radius == pytest.approx(diameter)
+    assert 2 * parts.hole_radius == pytest.approx(bore)
+
+
+def test_scaled_parts_have_the_same_shape() -> None:
+    parts = ColouredParts(bore_depth=0.03).scaled(0.0020070, 0.01)
+    assert parts.hole_radius == 0.0020070
+    assert parts.clearance_ratio == pytest.approx(0.01)
+    assert parts.friction == ColouredParts.friction
+    for name, length in (("peg_length", 0.012), ("bore_depth", 0.006), ("chamfer_width", 8e-4)):
+        assert getattr(parts, name) == pytest.approx(length)
+
+
+PAPER = PegHoleGeometry()
+# Every number differs from the paper's, so that no two can be mixed up unseen.
+OTHER = PegHoleGeometry(
+    hole_radius=0.012, peg_radius=0.0117, friction=0.3, chamfer_width=0.003, chamfer_angle=0.9
+)
+
+
+def test_published_numbers() -> None:
+    assert PAPER.clearance_ratio == pytest.approx(0.0255107, abs=5e-8)
+    assert PAPER.rotation_limit == pytest.approx(0.05817, abs=5e-6)
+    assert PAPER.lateral_limit == pytest.approx(0.019814, abs=5e-7)
+    # Section 4 writes the limit as (c 2R) / (mu 2r), which is not c / mu.
+    c, R, r, mu = PAPER.clearance_ratio, 0.010035, 0.009779, 0.45
+    assert PAPER.rotation_limit == pytest.approx(c * 2 * R / (mu * 2 * r), rel=1e-12)
+    assert PAPER.rotation_limit != pytest.approx(c / mu, rel=0.02)
+
+
+def test_lengths_of_the_parts() -> None:
+    assert OTHER.clearance == pytest.approx(3e-4)
+    assert OTHER.friction_radius == pytest.approx(0.3 * 0.0117)
+    assert OTHER.wedging_depth == pytest.approx(2 * 0.3 * 0.0117)
+    assert OTHER.chamfer_limit == pytest.approx(0.0033)
+    assert OTHER.lateral_limit == pytest.approx(0.0237)
+    # A peg that leans by that much just spans the mouth.
+    assert 2 * 0.0117 / math.cos(OTHER.mouth_tilt_limit) == pytest.approx(2 * 0.012)
+    # Two points touch at theta_w where lambda is one.
+    assert OTHER.wedging_depth * OTHER.rotation_limit == pytest.approx(2 * OTHER.clearance)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "allowed"),
+    [
+        *(
+            (name, value, "a finite number > 0")
+            for value in (0.0, -1.0, math.nan, math.inf)
+            for name in ("hole_radius", "peg_radius", "friction")
+        ),
+        *(
+            ("chamfer_width", value, "a finite number >= 0")
+            for value in (-1e-9, math.nan, math.inf)
+        ),
+        ("peg_radius", 0.010035, "less than the hole's radius, 0.010035"),
+        ("peg_radius", 0.02, "less than the hole's radius, 0.010035"),
+        ("chamfer_angle", 0.0, "between 0 and pi/2"),
+        ("chamfer_angle", math.pi / 2, "between 0 and pi/2"),
+        ("chamfer_angle", math.nan, "between 0 and pi/2"),
+        ("chamfer_width", 0.02, "with less than the peg's radius, 0.009779, on the peg"),
+    ],
+)
+def test_errors_of_peg_hole_geometry(name: str, value: float, allowed: str) -> None:
+    message = re.escape(f"{name} is {value!r}, allowed: {allowed}")
+    with pytest.raises(ParameterError, match=f"^{message}$"):
+        dataclasses.replace(PAPER, **{name: value})
