@@ -89,60 +89,63 @@ def test_defaults_resolve_and_are_stable(scenario: HybridScenario) -> None:
     assert resolved == scenario
 
 
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"step": 3e-5}, "step is 3e-05, allowed: a whole part of the period, 0.005"),
-        ({"step": 0.0026}, "step is 0.0026, allowed: a whole part of the period, 0.005"),
-        ({"step": 0.01}, "step is 0.01, allowed: a whole part of the period, 0.005"),
-        ({"step": 0.0}, "step is 0.0, allowed: a finite number > 0"),
-        ({"step": math.nan}, "step is nan, allowed: a finite number > 0"),
-        ({"duration": 0.049}, "duration is 0.049, allowed: 10 to 1000000 periods of 0.005 s"),
-        ({"duration": 5001.0}, "duration is 5001.0, allowed: 10 to 1000000 periods"),
-        ({"duration": math.inf}, "duration is inf, allowed: a finite number > 0"),
-        ({"measure_after": -1.0}, "measure_after is -1.0, allowed: a finite number >= 0"),
-        ({"measure_after": math.nan}, "measure_after is nan, allowed: a finite number >= 0"),
-        ({"trials": 0}, "trials is 0, allowed: 1 to 1000"),
-        ({"trials": 1001}, "trials is 1001, allowed: 1 to 1000"),
-    ],
-)
-def test_bad_values_of_a_run_are_named(values: dict[str, Any], message: str) -> None:
-    assert refusal(lambda: PlanarScenario(**values)).startswith(message)
-
-
-@pytest.mark.parametrize(
-    ("part", "values", "message"),
-    [
-        (
-            "task",
-            {"start": (1.0, 0.0, 0.0), "direction": (0.0, -1.0, 0.0), "along": (1.0, 0.0, 0.0)},
-            "task.start is (1.0, 0.0, 0.0), allowed: 2 numbers",
-        ),
-        ("task", {"force": 0.0}, "force is 0.0, allowed: a finite number > 0"),
-        ("task", {"nugget_mass": 0.0}, "nugget_mass is 0.0, allowed: a finite number > 0"),
-        ("task", {"kick_time": -1.0}, "kick_time is -1.0, allowed: a finite number > 0"),
-        ("task", {"kick_speed": 0.0}, "kick_speed is 0.0, allowed: a finite number > 0"),
-        ("arm", {"elbow": "up"}, "elbow is 'up', allowed: negative, positive"),
-        (
-            "arm",
-            {"joint_friction": JointFrictionParams(coulomb=(1.0,), viscous=(1.0,))},
-            "arm.joint_friction.coulomb is (1.0,), allowed: 2 numbers",
-        ),
-        (
-            "controller",
-            {"stiffness": (1.0,)},
-            "controller.stiffness is (1.0,), allowed: 2 numbers, or one for all",
-        ),
-        ("controller", {"held_integrators": (2,)}, "controller.held_integrators is (2,), allo"),
-    ],
-)
-def test_bad_values_of_a_part_are_named(part: str, values: dict[str, Any], message: str) -> None:
-    assert refusal(lambda: changed(PLANAR_HOLD, part, **values)).startswith(message)
+PLANAR = PLANAR_HOLD
 
 
 @pytest.mark.parametrize(
     ("scenario", "part", "values", "message"),
     [
+        (PLANAR, None, {"step": 3e-5}, "step is 3e-05, allowed: a whole part of the period"),
+        (PLANAR, None, {"step": 0.0026}, "step is 0.0026, allowed: a whole part of the period"),
+        (PLANAR, None, {"step": 0.01}, "step is 0.01, allowed: a whole part of the period"),
+        (PLANAR, None, {"step": 0.0}, "step is 0.0, allowed: a finite number"),
+        (PLANAR, None, {"step": math.nan}, "step is nan, allowed: a finite number"),
+        (PLANAR, None, {"duration": 0.049}, "duration is 0.049, allowed: 10 to 1000000 periods"),
+        (PLANAR, None, {"duration": 5001.0}, "duration is 5001.0, allowed: 10 to 1000000 periods"),
+        (PLANAR, None, {"duration": math.inf}, "duration is inf, allowed: a finite number"),
+        (
+            PLANAR,
+            None,
+            {"measure_after": -1.0},
+            "measure_after is -1.0, allowed: a finite number >=",
+        ),
+        (
+            PLANAR,
+            None,
+            {"measure_after": math.nan},
+            "measure_after is nan, allowed: a finite number >=",
+        ),
+        (PLANAR, None, {"trials": 0}, "trials is 0, allowed: 1 to 1000"),
+        (PLANAR, None, {"trials": 1001}, "trials is 1001, allowed: 1 to 1000"),
+        (
+            PLANAR,
+            "task",
+            {"start": (1.0, 0.0, 0.0), "direction": (0.0, -1.0, 0.0), "along": (1.0, 0.0, 0.0)},
+            "task.start is (1.0, 0.0, 0.0), allowed: 2 numbers",
+        ),
+        (PLANAR, "task", {"force": 0.0}, "force is 0.0, allowed: a finite number"),
+        (PLANAR, "task", {"nugget_mass": 0.0}, "nugget_mass is 0.0, allowed: a finite number"),
+        (PLANAR, "task", {"kick_time": -1.0}, "kick_time is -1.0, allowed: a finite number"),
+        (PLANAR, "task", {"kick_speed": 0.0}, "kick_speed is 0.0, allowed: a finite number"),
+        (PLANAR, "arm", {"elbow": "up"}, "elbow is 'up', allowed: negative, positive"),
+        (
+            PLANAR,
+            "arm",
+            {"joint_friction": JointFrictionParams(coulomb=(1.0,), viscous=(1.0,))},
+            "arm.joint_friction.coulomb is (1.0,), allowed: 2 numbers",
+        ),
+        (
+            PLANAR,
+            "controller",
+            {"stiffness": (1.0,)},
+            "controller.stiffness is (1.0,), allowed: 2 numbers, or one for all",
+        ),
+        (
+            PLANAR,
+            "controller",
+            {"held_integrators": (2,)},
+            "controller.held_integrators is (2,), allo",
+        ),
         (ADEPT_NUGGET_HOLD, "surface", {"tilt": 2.0}, "tilt is 2.0, allowed: less than"),
         (ADEPT_NUGGET_HOLD, "task", {"distance": -1.0}, "distance is -1.0, allowed: a fin"),
         (
@@ -171,10 +174,13 @@ def test_bad_values_of_a_part_are_named(part: str, values: dict[str, Any], messa
         ),
     ],
 )
-def test_bad_values_in_space_are_named(
-    scenario: HybridScenario, part: str, values: dict[str, Any], message: str
+def test_bad_values_are_named(
+    scenario: HybridScenario, part: str | None, values: dict[str, Any], message: str
 ) -> None:
-    assert refusal(lambda: changed(scenario, part, **values)).startswith(message)
+    def make() -> HybridScenario:
+        return changed(scenario, part, **values) if part else replace(scenario, **values)
+
+    assert refusal(make).startswith(message)
 
 
 POSITIVE = changed(PLANAR_HOLD, "arm", elbow="positive")

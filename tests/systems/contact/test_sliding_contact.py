@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem
-from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
+from pydrake.systems.framework import Context
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -414,18 +412,6 @@ EVEN = ((100.0, 0.0, 0.0), (0.0, 100.0, 0.0), (0.0, 0.0, 100.0))
 PORTS = ("contact_force", "contact_force_rate", "contact")
 
 
-class Gripper(LeafSystem):
-    """Gives a nominal motion as a function of time."""
-
-    def __init__(self, motion: Callable[[float], np.ndarray]) -> None:
-        super().__init__()
-
-        def calc(context: Context, vector: BasicVector) -> None:
-            vector.SetFromVector(motion(context.get_time()))
-
-        self.DeclareVectorOutputPort("motion", len(motion(0.0)), calc, {self.time_ticket()})
-
-
 def flat_motion(t: float) -> np.ndarray:
     """Land, slide to the right and back, and leave."""
     depth, rate = -0.1 * math.sin(t), -0.1 * math.cos(t)
@@ -435,29 +421,6 @@ def flat_motion(t: float) -> np.ndarray:
 def spatial_motion(t: float) -> np.ndarray:
     x, y = 0.3 * math.sin(t), 0.2 * math.sin(2 * t)
     return np.array([x, y, -0.1, 0.3 * math.cos(t), 0.4 * math.cos(2 * t), 0.0])
-
-
-def run(
-    surface: Surface,
-    params: SlidingContactParams,
-    motion: Callable[[float], np.ndarray],
-    end: float,
-    log_period: float,
-) -> tuple[np.ndarray, dict[str, np.ndarray], SlidingContact]:
-    builder = DiagramBuilder()
-    gripper = builder.AddSystem(Gripper(motion))
-    contact = builder.AddSystem(SlidingContact(surface, params))
-    builder.Connect(gripper.GetOutputPort("motion"), contact.GetInputPort("nominal_motion"))
-    sinks: dict[str, VectorLogSink] = {
-        name: LogVectorOutput(contact.GetOutputPort(name), builder, log_period) for name in PORTS
-    }
-    diagram = builder.Build()
-    simulator = Simulator(diagram)
-    simulator.Initialize()
-    simulator.AdvanceTo(end)
-    logs = {name: sink.FindLog(simulator.get_context()) for name, sink in sinks.items()}
-    times = logs["contact"].sample_times().copy()
-    return times, {name: log.data().T.copy() for name, log in logs.items()}, contact
 
 
 def row(touch: Touch) -> np.ndarray:
@@ -480,18 +443,22 @@ def test_block_is_the_pure_function_step_by_step(
     friction = SurfaceFriction(coefficient=0.4, ripple=0.1)
     step = 1 / 64
     params = SlidingContactParams(stiffness=stiffness, friction=friction, step=step)
-    times, logs, _ = run(surface, params, motion, 5.0, step)
+    contact = SlidingContact(surface, params)
+    assert contact.GetUniquePeriodicDiscreteUpdateAttribute().period_sec() == step
+    context = contact.CreateDefaultContext()
     d, previous, modes = surface.dimension, None, set()
-    for i, time in enumerate(times):
-        nominal = motion(time)
+    for i in range(321):
+        nominal = motion(i * step)
         previous = advance(
             surface, friction, np.array(stiffness), previous, nominal[:d], nominal[d:]
         )
         modes.add(previous.mode)
-        np.testing.assert_allclose(logs["contact"][i], row(previous), atol=1e-8)
-        np.testing.assert_allclose(logs["contact_force"][i], previous.force, atol=1e-9)
-        np.testing.assert_allclose(logs["contact_force_rate"][i], previous.force_rate, atol=1e-6)
-    assert len(times) == 321
+        set_motion(contact, context, nominal)
+        force, rate, packed = outputs(contact, context)
+        np.testing.assert_allclose(packed, row(previous), atol=1e-8)
+        np.testing.assert_allclose(force, previous.force, atol=1e-9)
+        np.testing.assert_allclose(rate, previous.force_rate, atol=1e-6)
+        context.SetDiscreteState(contact.EvalUniquePeriodicDiscreteUpdate(context))
     assert modes >= ({FREE, STICK, SLIP} if d == 2 else {STICK, SLIP})
 
 
@@ -506,7 +473,7 @@ def outputs(contact: SlidingContact, context: Context) -> list[np.ndarray]:
     return [contact.GetOutputPort(name).Eval(context).copy() for name in PORTS]
 
 
-def set_motion(contact: SlidingContact, context: Context, values: list[float]) -> None:
+def set_motion(contact: SlidingContact, context: Context, values: Sequence[float]) -> None:
     contact.GetInputPort("nominal_motion").FixValue(context, values)
 
 

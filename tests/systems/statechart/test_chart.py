@@ -341,6 +341,7 @@ def test_random_chart_is_deterministic_and_resumes_from_any_snapshot(
 # What construction rejects
 
 
+AB = [noting("a"), noting("b")]
 BACK_AND_FORTH = (on("x", "a", "b"), on("y", "b", "a"))
 
 
@@ -352,25 +353,21 @@ BACK_AND_FORTH = (on("x", "a", "b"), on("y", "b", "a"))
         ([noting("")], [], ": '' can't be a state's name"),
         ([noting(ANY)], [], ": '*' can't be a state's name"),
         (
-            [noting("a"), noting("b")],
+            AB,
             [*BACK_AND_FORTH, on("z", "a", "c")],
             ": the transition a -> c names 'c', valid states: a, b",
         ),
         (
-            [noting("a"), noting("b")],
+            AB,
             [*BACK_AND_FORTH, on("z", "c", "a")],
             ": the transition c -> a names 'c', valid states: a, b",
         ),
         (
-            [noting("a"), noting("b")],
+            AB,
             [*BACK_AND_FORTH, on("z", "a", ANY)],
             ": the transition a -> * names '*', valid states: a, b",
         ),
-        (
-            [noting("a"), noting("b")],
-            [*BACK_AND_FORTH, on("", "a", "b")],
-            ": the transition a -> b has no label",
-        ),
+        (AB, [*BACK_AND_FORTH, on("", "a", "b")], ": the transition a -> b has no label"),
         (
             [noting("a"), noting("b"), noting("c")],
             [*BACK_AND_FORTH, on("z", "c", "a")],
@@ -381,11 +378,7 @@ BACK_AND_FORTH = (on("x", "a", "b"), on("y", "b", "a"))
             [*BACK_AND_FORTH, on("z", "c", "d"), on("z", "d", "c")],
             ": state 'c' can't be reached",
         ),
-        (
-            [noting("a"), noting("b")],
-            [on("x", "a", "b")],
-            ": state 'b' can't be left and isn't final",
-        ),
+        (AB, [on("x", "a", "b")], ": state 'b' can't be left and isn't final"),
         (
             [noting("a"), noting("b", timeout=1.0, on_timeout="b")],
             [on("x", "a", "b"), on("s", "b", "b")],
