@@ -23,7 +23,6 @@ from chamfer.models.peg_theory.insertion_statics import (
     chamfer_depth,
     cross_chamfer,
     enters,
-    quadratic_roots,
     two_point_onset,
 )
 from chamfer.models.peg_theory.planar_statics import Contact
@@ -243,17 +242,6 @@ def test_depth_in_the_bore(depth: float) -> None:
     message = re.escape(f"depth is {depth!r}, allowed: finite numbers >= 0")
     with pytest.raises(ParameterError, match=f"^{message}$"):
         bore_contact(*PAPER, 0.0, 0.0, depth)
-
-
-def test_roots_of_quadratics() -> None:
-    first, second = quadratic_roots(
-        [1.0, 2.0, 0.0, 1.0], [-3.0, 8.0, 2.0, 0.0], [2.0, 6.0, -5.0, 1.0]
-    )
-    got = [sorted(pair) for pair in np.column_stack([first, second])[:2].tolist()]
-    np.testing.assert_allclose(got, [[1.0, 2.0], [-3.0, -1.0]])
-    assert 2.5 in (first[2], second[2])
-    assert np.isnan(first[3])
-    assert np.isnan(second[3])
 
 
 # Every number differs from the paper's, so that no two can be mixed up unseen.

@@ -174,47 +174,6 @@ def test_fall_on_the_table_only_loses_energy(
     np.testing.assert_allclose(found.drift(), 0.0, rtol=0, atol=1e-6 * lost[-1])
 
 
-SLIDES = [
-    pytest.param(
-        PLANAR_TWO_LINK,
-        PLANAR_TWO_LINK.joint_positions(np.array([0.9, -1.494]), "negative"),
-        (0.6, -0.3),
-        Crucible(),
-        id="planar",
-    ),
-    pytest.param(
-        ADEPT_ONE,
-        ADEPT_ONE.joint_positions(np.array([0.5, 0.3, 0.205, 0.0]), "positive"),
-        (0.3, -0.3, 0.0, 0.1),
-        RippledPlane(point=(0.5, 0.3, 0.2), tilt=0.02, ripple=5e-5),
-        id="adept",
-    ),
-]
-
-
-@pytest.mark.parametrize(("stiffness", "most"), [(3e4, 1e-5), (1e6, 1e-4)])
-@pytest.mark.parametrize(("arm", "q", "v", "surface"), SLIDES)
-def test_sliding_and_bouncing_without_friction_keeps_the_energy(
-    simulate: Any,
-    arm: Arm,
-    q: np.ndarray,
-    v: tuple[float, ...],
-    surface: Surface,
-    stiffness: float,
-    most: float,
-) -> None:
-    settings = params(arm.num_joints, contact=ContactParams(stiffness=stiffness, damping=0.0))
-    dynamics = ArmDynamics(arm)
-    start = dynamics.evaluate(q, np.zeros(arm.num_joints))
-    down = [0.0, -15.0, 0.0] if arm is PLANAR_TWO_LINK else [0.0, 0.0, 0.0]
-    torque = start.J_v_WC.T @ down
-    found = simulate(arm, q, settings, 0.7, surface, torque=torque, velocity=np.array(v))
-    assert np.count_nonzero(found.signal("impact_speed")) > 1
-    assert found.stored("elastic").max() > 0.01 * found.turned_over()
-    assert np.max(np.abs(found.drift())) < most * found.turned_over()
-    assert np.max(np.abs(found.signal("dissipated"))) < 1e-12
-
-
 def test_window_holds_peaks_until_the_next(simulate: Any) -> None:
     settings = params(3, contact=ContactParams(damping=20.0), step=1e-4, held=10)
     single = simulate(PUMA_250, PUMA_Q, settings, 0.1, TABLE)

@@ -239,21 +239,6 @@ def test_the_first_of_several_places_where_friction_holds(step: float) -> None:
         assert after == pytest.approx(xs[int(np.argmax(held))], abs=1.1e-6)
 
 
-def test_rise_of_the_friction_sticks() -> None:
-    friction = SurfaceFriction(coefficient=0.4, jump=0.6, jump_at=0.3, jump_width=1e-3)
-    case = Case(FLAT, friction, SOFT)
-    touches = case.follow(lambda t: ((0.2 * t, -0.1), (0.2, 0.0)), np.arange(0, 4, 0.01))
-    x = np.array([touch.point[0] for touch in touches])
-    assert np.all(np.diff(x) >= 0)
-    # In the rise it creeps: k (v_nom - v) = N mu'(x) v.
-    creeping = [t for t in touches if t.mode == SLIP and abs(t.point[0] - 0.3) < 1e-3]
-    assert len(creeping) > 10
-    for touch in creeping:
-        rise = 0.3 / 1e-3 / math.cosh((touch.point[0] - 0.3) / 1e-3) ** 2
-        assert touch.velocity[0] == pytest.approx(0.2 / (1 + 0.1 * rise), rel=1e-9)
-    assert x[-1] == pytest.approx(0.2 * 3.99 - 0.1, abs=1e-9)
-
-
 SKEW = np.array([[120.0, 20.0, 10.0], [20.0, 90.0, -15.0], [10.0, -15.0, 100.0]])
 VARIED = SurfaceFriction(coefficient=0.6, ripple=0.15, wavelength=0.8)
 FLAT, FLAT_SHEET = Parabola(coefficient=0.0), Paraboloid(coefficients=(0.0, 0.0))

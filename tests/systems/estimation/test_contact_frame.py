@@ -269,17 +269,6 @@ def test_turn_that_is_no_error_begins_a_path(sign: float, of: str) -> None:
         assert begins(frame, make_model(), step, deviation) == expected
 
 
-def test_unknown_direction_is_taken_from_the_motion() -> None:
-    # However little it is off: an error of an angle is not linear.
-    P = np.eye(SIZE)
-    frame = make_frame(4, P)
-    t, b, _ = frame.R.T.copy()
-    direction = math.cos(0.7) * t + math.sin(0.7) * b
-    assert begins(frame, make_model(), direction, 0.0)
-    head(frame, make_model(), np.ones(3), direction, 0.0)
-    np.testing.assert_allclose(frame.R[:, 0], direction, rtol=0, atol=1e-12)
-
-
 def test_mixture_of_one_is_its_normal(random_covariance: Callable[..., Array]) -> None:
     # A rotation r takes n to n + r_b t - r_t b; here by sampling.
     random = np.random.default_rng(5)

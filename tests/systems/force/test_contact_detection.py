@@ -59,24 +59,6 @@ def test_states_have_the_numbers_of_the_port() -> None:
     assert chart.initial == "approach"
 
 
-@given(
-    pushes=st.lists(
-        st.one_of(st.floats(-4, 4), st.sampled_from([0.5, 2.0])), min_size=1, max_size=60
-    )
-)
-def test_relay_with_hysteresis(pushes: list[float]) -> None:
-    # The same told without a chart: the last push outside of the band decides.
-    states, times, _ = run(WIDE, pushes)
-    touched = [i for i, push in enumerate(pushes) if push > 2.0]
-    for i, (state, time) in enumerate(zip(states, times, strict=True)):
-        if not touched or i < touched[0]:
-            assert (state, time) == ("approach", -1.0)
-            continue
-        decisive = [push for push in pushes[: i + 1] if push > 2.0 or push <= 0.5][-1]
-        assert state == ("contact" if decisive > 2.0 else "lost")
-        assert time == touched[0] * PERIOD  # of the first contact, for good
-
-
 def test_force_is_taken_along_an_oblique_direction() -> None:
     # (3, 4) / 5: a force (1, 1) pushes with 7 / 5 N.
     for detect, state in ((1.39, "contact"), (1.41, "approach")):
@@ -87,7 +69,7 @@ def test_force_is_taken_along_an_oblique_direction() -> None:
 
 @given(
     samples=st.integers(1, 4),
-    pushes=st.lists(st.sampled_from([0.0, 1.0, 3.0]), min_size=1, max_size=40),
+    pushes=st.lists(st.sampled_from([0.0, 0.5, 1.0, 2.0, 3.0]), min_size=1, max_size=40),
 )
 def test_a_state_ends_with_so_many_readings_in_a_row(samples: int, pushes: list[float]) -> None:
     states, times, _ = run(replace(WIDE, samples=samples), pushes)
