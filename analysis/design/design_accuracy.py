@@ -6,6 +6,7 @@ from functools import partial
 from typing import Final, get_args
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -13,10 +14,12 @@ from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_metrics import rate, trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.design.design import Verdict, assess, interval
-from chamfer.analysis.design.design_accuracy_figures import plot_accuracy
+from chamfer.analysis.design.design_figures import VERDICTS as COLOURS
 from chamfer.analysis.design.design_scenario import resolve_design
 from chamfer.analysis.design.drawn_designs import DrawnDesignsScenario
 from chamfer.analysis.design.verification import insert_drawn
+from chamfer.analysis.drawing.figure_kit import draw_counts
+from chamfer.analysis.drawing.figure_style import dress, legend, new_figure
 from chamfer.analysis.scenario.experiment import (
     Metric,
     Outcome,
@@ -193,3 +196,48 @@ def _share(name: str, good: int, count: int, note: str) -> dict[str, Metric]:
 def figures(scenario: DrawnDesignsScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
     return {"accuracy": plot_accuracy(outcome.traces, outcome.metrics)}
+
+
+_BECAME: Final = ("all", "some", "none")
+_MARKERS: Final = {"certain": "o", "likely": "s", "no": "X"}
+_MOST_MARGIN: Final = 1.5  # that is drawn, to both sides
+
+
+def plot_accuracy(traces: Table, metrics: Mapping[str, Metric]) -> Figure:
+    """Draw the confusion table, and the seated share over the margin and the predicted share."""
+    figure = new_figure(12.0, 4.4)
+    table, margin, share = figure.subplots(1, 3, width_ratios=[0.9, 1.2, 1.0])
+    counts = [
+        [round(metrics[f"confusion.{said}.{became}"].value or 0.0) for became in _BECAME]
+        for said in VERDICTS
+    ]
+    dress(table, title="Designs", x="", y="")
+    table.grid(False)
+    called, seated = [f"called\n{one}" for one in VERDICTS], [f"{one} seated" for one in _BECAME]
+    draw_counts(table, np.array(counts), called, seated)
+    # That of a link without bound is undefined.
+    bounded = np.clip(np.nan_to_num(traces["margin"], nan=-np.inf), -_MOST_MARGIN, _MOST_MARGIN)
+    for axes, over, line, title, x in (
+        (margin, bounded, [0, 0], "the smallest margin", "smallest margin / of what is allowed"),
+        (share, traces["share"], [0, 1], "the predicted share", "drawn errors inside / share"),
+    ):
+        _seated(axes, traces, over)
+        axes.plot(line, [0, 1], color="#555555", linewidth=0.8)
+        y = "seated / share of the insertions"
+        dress(axes, title=f"Seated, over {title}", x=x, y=y)
+    if len(margin.get_legend_handles_labels()[0]):
+        legend(margin, loc="center right")
+    return figure
+
+
+def _seated(axes: Axes, traces: Table, over: NDArray[np.float64]) -> None:
+    simulated = traces["trials"] > 0
+    for said, colour in COLOURS.items():
+        of = simulated & (traces["verdict"] == said)
+        if not of.any():
+            continue
+        seated = traces["seated"][of] / traces["trials"][of]
+        ends = np.maximum([seated - traces["low"][of], traces["high"][of] - seated], 0.0)
+        look = {"color": colour, "marker": _MARKERS[said], "linestyle": "", "capsize": 2}
+        axes.errorbar(over[of], seated, yerr=ends, elinewidth=0.8, label=said, **look)
+    axes.set_ylim(-0.05, 1.05)

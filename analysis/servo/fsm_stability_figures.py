@@ -1,12 +1,15 @@
 """The map of what settles, and the limit cycles beyond it."""
 
+from typing import Final
+
 import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from chamfer.analysis.drawing.figure_style import FSM, PUBLISHED, dress, legend, new_figure
+from chamfer.analysis.drawing.figure_kit import Curve, ReferenceLine, draw_lines
+from chamfer.analysis.drawing.figure_style import FSM, PUBLISHED, Style, dress, legend, new_figure
 from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.diagrams.servo.servo_scenario import StepScenario, fsm_axis
 
@@ -16,6 +19,14 @@ _VERDICTS = (
     ("cycles", "#5a2d00"),
     ("not finished", "#ffffff"),
 )
+_PREDICTED: Final[Style] = {
+    "color": "#333333",
+    "linestyle": "--",
+    "marker": "s",
+    "ms": 5,
+    "mfc": "white",
+}
+_SIMULATED: Final[Style] = FSM | {"marker": "o", "ms": 4}
 
 
 def plot_map(scenario: StepScenario, outcome: Outcome) -> Figure:
@@ -75,29 +86,21 @@ def plot_limit_cycles(outcome: Outcome) -> Figure:
         (left, "frequency", 1.0, "(a) Frequency of the limit cycle", "frequency / (rad/s)"),
         (right, "amplitude", 1e3, "(b) Amplitude of the limit cycle", "amplitude / mm"),
     ):
-        axes.plot(
+        draw_lines(
+            axes,
             cycles["share"],
-            scale * cycles[f"predicted_{name}"],
-            marker="s",
-            ms=5,
-            mfc="white",
-            label="describing function",
-            color="#333333",
-            linestyle="--",
+            [
+                Curve(scale * cycles[f"predicted_{name}"], "describing function", _PREDICTED),
+                Curve(scale * cycles[f"measured_{name}"], "simulation", _SIMULATED),
+            ],
+            title=title,
+            y=unit,
+            over="increment / that of the bound",
+            levels=[ReferenceLine(1.0, "bound of the settling theorem", PUBLISHED, upright=True)],
         )
-        axes.plot(
-            cycles["share"],
-            scale * cycles[f"measured_{name}"],
-            marker="o",
-            ms=4,
-            label="simulation",
-            **FSM,
-        )
-        axes.axvline(1.0, label="bound of the settling theorem", **PUBLISHED)
         axes.set_xscale("log")
         axes.margins(y=0.15)
         axes.set_ylim(bottom=0)
-        dress(axes, title=title, x="increment / that of the bound", y=unit)
         axes.set_xticks([1, 2, 5, 10], ["1", "2", "5", "10"])
     legend(left, loc="lower left")
     return figure

@@ -12,10 +12,11 @@ from scipy.optimize import root
 
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.drawing.figure_kit import Curve, ReferenceLine, draw_lines
+from chamfer.analysis.drawing.figure_style import PID, PUBLISHED, new_figure
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.published.fsm_visual_servoing import OVERSHOOT, RISE_TIME
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
-from chamfer.analysis.servo.plant_identification_figures import plot_family
 from chamfer.analysis.servo.step_metrics import StepMetrics, step_metrics
 from chamfer.diagrams.servo.servo_loops import make_pid_loop
 from chamfer.diagrams.servo.servo_scenario import PlantParams, StepScenario
@@ -24,6 +25,12 @@ from chamfer.models.validation import ParameterError, require_positive
 from chamfer.systems.servo.pid import PidParams
 
 _STEPS = 3000  # of a run
+_PAPERS_STIFFNESS = 700.0  # N/m, K_p of section 5
+_SHOWN = (
+    ("mass", "(a) Mass", "mass / kg"),
+    ("damping", "(b) Damping", "damping / (N s/m)"),
+    ("damping_ratio", "(c) Damping ratio", "damping ratio"),
+)
 _PERIODS = 34.0  # rise times in a run, long after the response has settled
 
 
@@ -136,4 +143,17 @@ def _plant(logs: NDArray[np.float64], stiffness: float) -> SpringMassDamperParam
 
 def figures(scenario: IdentificationScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
-    return {"plant-identification": plot_family(outcome)}
+    table, figure = outcome.traces, new_figure(10.0, 3.6)
+    paper = ReferenceLine(_PAPERS_STIFFNESS, "the paper's stiffness", PUBLISHED, upright=True)
+    for axes, (name, title, y) in zip(figure.subplots(1, 3), _SHOWN, strict=True):
+        draw_lines(
+            axes,
+            table["stiffness"],
+            [Curve(table[name], "identified", PID | {"marker": "o", "ms": 4})],
+            title=title,
+            y=y,
+            over="stiffness / (N/m)",
+            levels=[paper],
+            key="upper left" if name == "mass" else None,
+        )
+    return {"plant-identification": figure}

@@ -4,8 +4,13 @@ import pytest
 from chamfer.analysis.campaign.trial_metrics import trial_seed
 from chamfer.analysis.design import design_accuracy
 from chamfer.analysis.design.design import interval
-from chamfer.analysis.design.design_accuracy import REFUSED, accuracy, insert_once, run
-from chamfer.analysis.design.design_accuracy_figures import plot_accuracy
+from chamfer.analysis.design.design_accuracy import (
+    REFUSED,
+    accuracy,
+    insert_once,
+    plot_accuracy,
+    run,
+)
 from chamfer.analysis.design.drawn_designs import DrawnDesignsScenario
 from chamfer.analysis.report.fingerprint import digest
 from chamfer.analysis.scenario.experiment import Table
