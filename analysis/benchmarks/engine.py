@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from chamfer.analysis.servo.step_metrics import step_metrics
-from chamfer.diagrams.servo.servo_scenario import StepScenario, fsm_axis, resolve
+from chamfer.analysis.servo.response_metrics import step_metrics
+from chamfer.diagrams.servo.servo_scenario import STEP, ResolvedServoScenario, fsm_axis, resolve
 from chamfer.systems.servo.compiled_compensator import compensate
 
 Samples = NDArray[np.float64]
@@ -32,7 +32,7 @@ _PID_STEP: Final = 1e-3  # s, of the output of the PID loop
 class LoopCase:
     """A resolved step scenario as the plain numbers that the other engines' models take."""
 
-    scenario: StepScenario
+    scenario: ResolvedServoScenario
     duration: float  # s
 
     @property
@@ -86,7 +86,7 @@ class LoopCase:
 
 def make_case(duration: float = _DURATION) -> LoopCase:
     """Return the default step scenario over a duration, s."""
-    scenario = resolve(replace(StepScenario(), duration=duration))
+    scenario = resolve(replace(STEP, duration=duration))
     return LoopCase(scenario=scenario, duration=duration)
 
 

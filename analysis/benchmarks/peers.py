@@ -49,7 +49,7 @@ def chamfer(case: LoopCase, loop: LoopName) -> list[LoopEngine]:
 
 def compiled(case: LoopCase, loop: LoopName) -> list[LoopEngine]:
     """Return what a trial of a map or a sweep takes: FSM loops by the thousand, PID one by one."""
-    scenario = replace(case.scenario, step=case.period)
+    scenario = case.scenario
     axis = fsm_axis(scenario, "position")
     # The first trial is the case, the others have other increments.
     axes = [
@@ -63,7 +63,9 @@ def compiled(case: LoopCase, loop: LoopName) -> list[LoopEngine]:
         return output[:, -1]
 
     def run_fsm(_model: None) -> Samples:
-        first: Samples = run_fsm_trials(scenario, "position", axes=axes).actual_trajectory[0]
+        first: Samples = run_fsm_trials(
+            scenario, "position", duration=case.duration, step=case.period, axes=axes
+        ).actual_trajectory[0]
         return first
 
     pid = LoopEngine(

@@ -1,19 +1,139 @@
 """What to change: how the tightest margin goes with each field, and what makes a cell certain."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import Final
 
 from chamfer.analysis.design.design import assess, chain
-from chamfer.analysis.design.design_scenario import FEWEST, DesignScenario, resolve_design
+from chamfer.analysis.design.design_scenario import (
+    FEWEST,
+    DesignScenario,
+    ResolvedDesignScenario,
+    resolve_design,
+)
 from chamfer.analysis.design.detection import sight
-from chamfer.analysis.design.drawn_errors import draw_errors
-from chamfer.analysis.design.fields import FIELDS, DesignField
 from chamfer.analysis.design.link import Link, tightest
+from chamfer.analysis.design.settling import draw_errors
 from chamfer.analysis.scenario.experiment import Progress
 from chamfer.analysis.scenario.scenario_overrides import overrides
 from chamfer.models.validation import ParameterError
+
+
+@dataclass(frozen=True)
+class DesignField:
+    """A field, and the range in which it is looked for a change."""
+
+    path: str
+    unit: str
+    meaning: str
+    low: float = 0.1  # least factor of its value that is tried
+    high: float = 10.0  # largest factor
+    read: Callable[[DesignScenario], float] | None = None  # None: the field of that path
+    write: Callable[[DesignScenario, float], DesignScenario] | None = None  # likewise
+
+    def get(self, scenario: DesignScenario) -> float:
+        """Return its value in a resolved scenario."""
+        if self.read is not None:
+            return self.read(scenario)
+        return float(attrgetter(self.path)(scenario))
+
+    def set(self, scenario: DesignScenario, value: float) -> DesignScenario:
+        """Return a scenario whose open fields are open still with another value of it."""
+        if self.write is not None:
+            return self.write(scenario, value)
+        return _with(scenario, self.path, value)
+
+
+def _with(scenario: DesignScenario, path: str, value: object) -> DesignScenario:
+    owner, _, name = path.rpartition(".")
+    if not owner:
+        return replace(scenario, **{name: value})  # type: ignore[arg-type]
+    return _with(scenario, owner, replace(attrgetter(owner)(scenario), **{name: value}))
+
+
+def _scaled(path: str) -> Callable[[DesignScenario, float], DesignScenario]:
+    """Return what sets the third of three stiffnesses, and scales the others with it."""
+
+    def write(scenario: DesignScenario, value: float) -> DesignScenario:
+        x, y, z = attrgetter(path)(scenario)
+        return _with(scenario, path, (x * value / z, y * value / z, value))
+
+    return write
+
+
+def _with_clearance(scenario: DesignScenario, value: float) -> DesignScenario:
+    radius = scenario.parts.hole_radius - value
+    if not radius > 0:
+        raise ParameterError("parts.peg_radius", radius, "> 0")
+    return _with(scenario, "parts.peg_radius", radius)
+
+
+def _joint_friction(scenario: DesignScenario) -> float:
+    return max(scenario.peg.arm.dry_friction)
+
+
+def _with_joint_friction(scenario: DesignScenario, value: float) -> DesignScenario:
+    """Scale the dry friction of all joints so that the largest of the peg's arm is a value."""
+    factor = value / _joint_friction(scenario)
+    for name in scenario.arms:
+        friction = tuple(factor * one for one in getattr(scenario, name).arm.dry_friction)
+        scenario = _with(scenario, f"{name}.joint_friction", friction)
+    return scenario
+
+
+FIELDS: Final[tuple[DesignField, ...]] = (
+    DesignField(
+        "impedance.stiffness",
+        "N/m",
+        "stiffness of the arms",
+        read=lambda scenario: scenario.impedance.stiffness[2],
+        write=_scaled("impedance.stiffness"),
+    ),
+    DesignField(
+        "impedance.rotational_stiffness",
+        "N m/rad",
+        "rotational stiffness of the arms",
+        read=lambda scenario: scenario.impedance.rotational_stiffness[2],
+        write=_scaled("impedance.rotational_stiffness"),
+    ),
+    DesignField(
+        "support.centre_distance",
+        "m",
+        "centre of compliance above the tip",
+        read=lambda scenario: scenario.wedging_support.centre_distance,
+    ),
+    DesignField(
+        "compensator.lateral.dead_zone", "pixels", "dead zone of the lateral compensation"
+    ),
+    DesignField("compensator.lateral.increment", "m", "increment of the lateral compensation"),
+    DesignField(
+        "compensator.rotational.dead_zone", "rad", "dead zone of the rotational compensation"
+    ),
+    DesignField(
+        "compensator.rotational.increment", "rad", "increment of the rotational compensation"
+    ),
+    DesignField("cameras.pixel_size", "m", "size of a pixel", 0.2, 5.0),
+    DesignField("cameras.distance", "m", "distance, and with it the focal length", 0.2, 5.0),
+    DesignField("cameras.frames.noise", "grey levels", "noise of the images"),
+    DesignField("parts.chamfer_width", "m", "width of the chamfers"),
+    DesignField("parts.clearance", "m", "clearance, by the peg's radius", write=_with_clearance),
+    DesignField("parts.friction", "", "friction of the parts"),
+    DesignField("insert.speed", "m/s", "speed of the feed"),
+    DesignField("insert.push", "N", "hardest push"),
+    DesignField("insert.force_limit", "N", "force that stops all"),
+    DesignField("spread.lateral", "m", "lateral error of the starts"),
+    DesignField("spread.rotational", "rad", "tilt of the starts"),
+    DesignField("peg.payload_error", "kg", "unknown payload of the peg's arm"),
+    DesignField(
+        "peg.joint_friction",
+        "N m",
+        "dry friction of the joints",
+        read=_joint_friction,
+        write=_with_joint_friction,
+    ),
+)
 
 _STEP: Final = 0.1  # of a field, to either side, for the sensitivity
 _LOOKS: Final = 5  # factors to either side at which a field is tried
@@ -98,7 +218,7 @@ def changed(scenario: DesignScenario, path: str, value: float) -> DesignScenario
     raise ParameterError("path", path, ", ".join(field.path for field in FIELDS))
 
 
-def _of(resolved: DesignScenario, seed: int) -> Links:
+def _of(resolved: ResolvedDesignScenario, seed: int) -> Links:
     """Return the chain with as few drawn errors as say something."""
     seen = sight(resolved)
     found = chain(resolved, seen, draw_errors(resolved, seen, seed, FEWEST))

@@ -1,15 +1,31 @@
-"""What is asked of a design, answered: its chain, what to change, a map, simulated insertions."""
+"""What is asked of a design, answered, and the folder with the document, the page and the map."""
 
+import math
+import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Final
 
-from chamfer.analysis.design.changes import Change, changes
-from chamfer.analysis.design.design import Design, assess
-from chamfer.analysis.design.design_map import DesignMap, MapAxis, map_design
+import numpy as np
+
+from chamfer.analysis.design.changes import Change, changes, smallest_change
+from chamfer.analysis.design.design import Design, Verified, assess, verify
+from chamfer.analysis.design.design_map import DesignMap, MapAxis, map_design, plot_map
+from chamfer.analysis.design.design_page import design_page
 from chamfer.analysis.design.design_scenario import DesignScenario, resolve_design
-from chamfer.analysis.design.verification import Verified, verify
+from chamfer.analysis.design.design_words import described
+from chamfer.analysis.report.results import (
+    RESULT,
+    SCENARIO,
+    json_text,
+    save_figures,
+    versions,
+    write_whole,
+)
+from chamfer.analysis.report.traces import write_table
 from chamfer.analysis.scenario.experiment import Progress
+from chamfer.analysis.scenario.scenario_io import scenario_text, sha256, unstructure
 
 # What is done, and up to which share of the whole it is told to be.
 _CHANGES: Final = "changes"
@@ -72,3 +88,123 @@ def answer(
         map=map_design(given, axes, seed, stage(_MAP)) if axes else None,
         verified=verify(scenario, design, trials, seed, stage(_INSERTIONS)) if trials else None,
     )
+
+
+PAGE: Final = "design.html"
+
+
+def folder_name(name: str) -> str:
+    """Return the name of the folder of a design."""
+    return f"design-{name}"
+
+
+def design_document(
+    name: str, answer: Answer, *, overrides: Sequence[str], wall_seconds: float
+) -> dict[str, Any]:
+    """Return what ``result.json`` holds; numbers are in SI units, null where not finite.
+
+    Args:
+        name: Of what is designed.
+        answer: What was found.
+        overrides: The settings that make the design of the default one.
+        wall_seconds: s, that it took.
+    """
+    design = answer.design
+    plain = unstructure(answer.scenario)
+    least = smallest_change(answer.changes or ())
+    return {
+        "design": name,
+        "paper": "fsm-visual-servoing",
+        "figure": "section 5",
+        "seed": answer.seed,
+        "verdict": design.verdict,
+        "limiting_link": design.limiting_link,
+        "margin": _finite(design.margin),
+        "share": {
+            "value": design.share,
+            "low": design.share_low,
+            "high": design.share_high,
+            "draws": design.draws,
+        },
+        "links": [{**_plain(link), "share": _finite(link.share)} for link in design.links],
+        "changes": None if answer.changes is None else [_plain(one) for one in answer.changes],
+        "smallest_change": None if least is None else _plain(least),
+        "map": None if answer.map is None else _map_document(answer.map),
+        "verified": None if answer.verified is None else _plain(answer.verified),
+        "scenario": plain,
+        "scenario_sha256": sha256(plain),
+        "overrides": list(overrides),
+        "versions": versions(),
+        "wall_seconds": round(wall_seconds, 4),
+        "command": _command(name, answer, overrides),
+        "figures": [] if answer.map is None else [f"{_MAP}.{end}" for end in ("svg", "png")],
+        "page": PAGE,
+    }
+
+
+def write_design(folder: Path, answer: Answer, document: dict[str, Any]) -> None:
+    """Write a design's folder as a whole.
+
+    Raises:
+        OSError: If it can't be written.
+    """
+    figures = {} if answer.map is None else {_MAP: plot_map(answer.map)}
+
+    def fill(staging: Path) -> None:
+        (staging / SCENARIO).write_text(scenario_text(answer.scenario), encoding="utf-8")
+        save_figures(staging, figures)
+        if answer.map is not None:
+            write_table(staging / f"{_MAP}.parquet", answer.map.table())
+        drawn = staging / f"{_MAP}.svg"
+        figure = drawn.read_bytes() if figures else None
+        page = design_page(document, described(answer.scenario), figure)
+        (staging / PAGE).write_text(page, encoding="utf-8")
+        (staging / RESULT).write_text(json_text(document), encoding="utf-8")
+
+    write_whole(folder, fill, last=RESULT)
+
+
+def _map_document(found: DesignMap) -> dict[str, Any]:
+    kinds, counts = _unique(found.verdict.ravel().tolist())
+    return {
+        **{
+            name: {"path": one.path, "unit": one.unit, "from": one.values[0], "to": one.values[-1]}
+            for name, one in (("x", found.x), ("y", found.y))
+        },
+        "points": [len(found.x.values), len(found.y.values)],
+        "computed": int(found.computed.sum()),
+        "verdicts": dict(zip(kinds, counts, strict=True)),
+        "table": f"{_MAP}.parquet",
+    }
+
+
+def _unique(values: Sequence[str]) -> tuple[list[str], list[int]]:
+    kinds = sorted(set(values))
+    return kinds, [values.count(kind) for kind in kinds]
+
+
+def _command(name: str, answer: Answer, overrides: Sequence[str]) -> str:
+    words = ["chamfer", "design", name]
+    for override in overrides:
+        words += ["--set", override]
+    if answer.changes is None:
+        words.append("--no-changes")
+    if answer.map is not None:
+        axes = (answer.map.x, answer.map.y)
+        words += ["--map", *(f"{one.path}:{one.values[0]!r}:{one.values[-1]!r}" for one in axes)]
+    if answer.verified is not None:
+        words += ["--verify", str(answer.verified.trials + answer.verified.failed_trials)]
+    if answer.seed:
+        words += ["--seed", str(answer.seed)]
+    return shlex.join(words)
+
+
+def _plain(value: Any) -> dict[str, Any]:
+    """Return a dataclass's fields as JSON can hold them."""
+    return {field.name: _finite(getattr(value, field.name)) for field in fields(value)}
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -60,12 +60,16 @@ def _design(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     from chamfer.analysis.command.fields_command import print_fields
     from chamfer.analysis.command.output_folder import require_writable
     from chamfer.analysis.command.running import given_scenario, named_failures
-    from chamfer.analysis.design.design_answer import answer
-    from chamfer.analysis.design.design_document import design_document, folder_name, write_design
+    from chamfer.analysis.design.design import MOST_TRIALS
+    from chamfer.analysis.design.design_answer import (
+        answer,
+        design_document,
+        folder_name,
+        write_design,
+    )
     from chamfer.analysis.design.design_map import POINTS, parse_map
     from chamfer.analysis.design.design_scenario import DesignScenario, resolve_design
     from chamfer.analysis.design.design_words import design_text
-    from chamfer.analysis.design.verification import MOST_TRIALS
     from chamfer.analysis.report.console import say
     from chamfer.analysis.report.report import write_report
     from chamfer.analysis.report.results import RESULT, json_text

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Link:
     """One link; its two numbers in its own unit."""
 
@@ -33,30 +33,16 @@ def at_most(
 ) -> Link:
     """Return a link whose bound has to be below what is allowed."""
     margin = -math.inf if math.isinf(bound) else float(allowed - bound)
-    return Link(
-        name=name,
-        bound=float(bound),
-        allowed=float(allowed),
-        margin=margin,
-        unit=unit,
-        source=source,
-        by_design=by_design,
-    )
+    bound, allowed = float(bound), float(allowed)
+    return Link(name, bound, allowed, margin, unit, source, by_design)
 
 
 def at_least(
     name: str, bound: float, allowed: float, unit: str, source: str, *, by_design: bool = False
 ) -> Link:
     """Return a link whose bound has to be above what is needed."""
-    return Link(
-        name=name,
-        bound=float(bound),
-        allowed=float(allowed),
-        margin=float(bound - allowed),
-        unit=unit,
-        source=source,
-        by_design=by_design,
-    )
+    bound, allowed = float(bound), float(allowed)
+    return Link(name, bound, allowed, bound - allowed, unit, source, by_design)
 
 
 def tightest(links: Iterable[Link]) -> Link:

@@ -1,4 +1,7 @@
-"""What the compensation leaves of the errors, and how soon: the settling theorem's part."""
+"""What the compensation leaves of the errors, and how soon: by theorem, and of drawn cells.
+
+Drawn are the loops of all axes, all draws at once, until the parts touch.
+"""
 
 import math
 from collections.abc import Mapping
@@ -10,22 +13,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.analysis.cell.alignment_runs import true_errors
-from chamfer.analysis.design.cell_region import region_of
-from chamfer.analysis.design.design_scenario import DesignScenario
+from chamfer.analysis.design.design_scenario import ResolvedDesignScenario, region_of
 from chamfer.analysis.design.detection import Sight
 from chamfer.analysis.design.link import Link, at_most
 from chamfer.diagrams.cell.alignment import SHARES
+from chamfer.diagrams.cell.alignment_scenario import KINDS, Kind, true_pose, wrong_pose
 from chamfer.diagrams.cell.controller_design import arm_responses, small_share
-from chamfer.diagrams.cell.six_axis_settings import KINDS, Kind
-from chamfer.diagrams.cell.start_apart import true_pose, wrong_pose
-from chamfer.diagrams.cell.work_cell import ArmName, ArmSettings, WorkCellScenario
-from chamfer.models.validation import known
+from chamfer.diagrams.cell.work_cell import ArmName, CellArmSettings, WorkCellScenario
 from chamfer.systems.force.arm_model import tool_friction
 from chamfer.systems.pose import pose_vector
+from chamfer.systems.servo.compensated_error import (
+    CompensatedErrors,
+    Law,
+    fsm_law,
+    no_law,
+    pid_law,
+)
 from chamfer.systems.servo.compensator import AxisParams
 from chamfer.systems.servo.sampled_pid import PidGains
 from chamfer.systems.servo.settling import SettlingPlant
-from chamfer.systems.strategies.insertion_decision import SURE
+from chamfer.systems.strategies.insertion_decision import SURE, InsertionRegion
 from chamfer.systems.vision.cell_error import AXES
 
 Array = NDArray[np.float64]
@@ -59,7 +66,7 @@ class Loop(NamedTuple):
     reach: float  # likewise, to both sides
 
 
-def arm_at_tool(scenario: DesignScenario, arm: ArmName) -> ArmAtTool:
+def arm_at_tool(scenario: ResolvedDesignScenario, arm: ArmName) -> ArmAtTool:
     """Return what dry friction, the most that is drawn, and unknown masses are at an arm's tool.
 
     The arm is at rest on its springs: deflections are those of the wrench over the stiffness.
@@ -78,7 +85,7 @@ def arm_at_tool(scenario: DesignScenario, arm: ArmName) -> ArmAtTool:
 
 @lru_cache(maxsize=64)
 def _arm_at_tool(scenario: WorkCellScenario, arm: ArmName, more_friction: float) -> ArmAtTool:
-    settings: ArmSettings = getattr(scenario, arm)
+    settings: CellArmSettings = getattr(scenario, arm)
     model = settings.known_arm()
     state = model.evaluate(scenario.rest_posture(arm))
     axes = scenario.hole_axes.matrix()
@@ -93,14 +100,14 @@ def _arm_at_tool(scenario: WorkCellScenario, arm: ArmName, more_friction: float)
 
 
 @lru_cache(maxsize=32)
-def loops(scenario: DesignScenario) -> dict[str, Loop]:
+def loops(scenario: ResolvedDesignScenario) -> dict[str, Loop]:
     """Return the loop of every axis across, from what is resolved.
 
     Both arms share the compensation as the diagram does. Friction is a play: a spring of the
     stiffness against what the joints hold, so that at 5 N m/rad the wrist's friction is worth
     some ten milliradians.
     """
-    shares = SHARES[known("compensated", scenario.compensated)]
+    shares = SHARES[scenario.compensated]
     responses = arm_responses(scenario)
     at_tool = {arm: arm_at_tool(scenario, arm) for arm in scenario.arms}
     stiffness = (*scenario.impedance.stiffness, *scenario.impedance.rotational_stiffness)
@@ -133,7 +140,7 @@ def loops(scenario: DesignScenario) -> dict[str, Loop]:
     return found
 
 
-def start_error(scenario: DesignScenario) -> Array:
+def start_error(scenario: ResolvedDesignScenario) -> Array:
     """Return the true error, desired minus actual, that commands and bases make, shape (6,).
 
     Of the middle of the starts, in AXES' order along and about the hole's axes, m and rad.
@@ -149,7 +156,7 @@ def start_error(scenario: DesignScenario) -> Array:
     return np.concatenate([way, turn])
 
 
-def settled(scenario: DesignScenario, seen: Sight) -> Array:
+def settled(scenario: ResolvedDesignScenario, seen: Sight) -> Array:
     """Return the bound on the true error that is left of every axis, m and rad, shape (6,).
 
     At rest the measured error is inside the state machine's dead zone, by the settling theorem,
@@ -172,7 +179,7 @@ def settled(scenario: DesignScenario, seen: Sight) -> Array:
     return found
 
 
-def metric_axis(scenario: DesignScenario, kind: Kind) -> AxisParams:
+def metric_axis(scenario: ResolvedDesignScenario, kind: Kind) -> AxisParams:
     """Return one of the state machine's elements in m and rad instead of pixels."""
     axis: AxisParams = getattr(scenario.compensator, kind).closed
     if kind == "rotational":
@@ -181,7 +188,7 @@ def metric_axis(scenario: DesignScenario, kind: Kind) -> AxisParams:
     return replace(axis, dead_zone=pixel * axis.dead_zone, large_error=pixel * axis.large_error)
 
 
-def metric_gains(scenario: DesignScenario, kind: Kind) -> PidGains:
+def metric_gains(scenario: ResolvedDesignScenario, kind: Kind) -> PidGains:
     """Return one of the PID laws for errors in m and rad instead of pixels."""
     gains: PidGains = getattr(scenario.pid, kind).closed
     pixel = scenario.cameras.pixel_size if kind == "lateral" else 1.0
@@ -191,7 +198,7 @@ def metric_gains(scenario: DesignScenario, kind: Kind) -> PidGains:
     return replace(gains, **more)
 
 
-def settling_links(scenario: DesignScenario, seen: Sight) -> list[Link]:
+def settling_links(scenario: ResolvedDesignScenario, seen: Sight) -> list[Link]:
     """Return the links of the compensation: that it rests, how near, and how far it has to go."""
     left, region = settled(scenario, seen), region_of(scenario)
     lateral, tilt = (
@@ -234,11 +241,137 @@ def _padded(plant: SettlingPlant, length: int) -> Array:
 
 
 def _moved(
-    scenario: DesignScenario, at_tool: Mapping[ArmName, ArmAtTool], arm: ArmName
+    scenario: ResolvedDesignScenario, at_tool: Mapping[ArmName, ArmAtTool], arm: ArmName
 ) -> tuple[Array, Array]:
     """Return where unknown masses move a tool to, and how unsure that is, m and rad, (6,)."""
-    settings: ArmSettings = getattr(scenario, arm)
+    settings: CellArmSettings = getattr(scenario, arm)
     one, spread = at_tool[arm], scenario.spread
     middle = one.payload + (settings.mass_scale - 1) * one.links
     off = spread.payload * one.payload, settings.mass_scale * spread.link_mass * one.links
     return middle, np.abs(off[0]) + np.abs(off[1])
+
+
+_KINDS: Final[tuple[Kind, ...]] = tuple(kind for kind, axes in ACROSS.items() for _ in axes)
+_AT_A_TIME: Final = 40  # ticks, after which it is asked whether all draws are over
+
+
+class DrawnErrors(NamedTuple):
+    """What becomes of drawn errors, shape (draws,) each."""
+
+    force: Array  # N, of the peg's springs as the arms begin
+    time: Array  # s, of the decision since the cameras count; infinite: there is none
+    lateral: Array  # m, as the parts touch; NaN where it is not decided
+    tilt: Array  # rad, likewise, of the lateral error's sign where they add
+
+    @property
+    def decided(self) -> NDArray[np.bool_]:
+        """Whether an insertion begins."""
+        return np.isfinite(self.time)
+
+
+def draw_errors(
+    scenario: ResolvedDesignScenario, seen: Sight, seed: int, draws: int
+) -> DrawnErrors:
+    """Return the errors of drawn starts, models and pictures as the parts touch.
+
+    Every axis is a loop of its own: linear arms behind the play of their dry friction, measured
+    with the cameras' bias of either sign and their noise. What couples the axes is left out.
+    """
+    generator = np.random.default_rng([seed, 0])
+    of = [loops(scenario)[axis] for axis in SEEN]
+    spread = np.array([[getattr(scenario.spread, kind)] for kind in _KINDS])
+    shape = (len(of), draws)
+    commanded = spread * generator.uniform(-1.0, 1.0, shape)
+    others = np.array([[loop.reach] for loop in of]) - spread
+    middle = np.array([[loop.middle] for loop in of])
+    numbers = [AXES.index(axis) for axis in SEEN]
+    bias = seen.bias[numbers][:, np.newaxis] * generator.choice([-1.0, 1.0], shape)
+    errors = CompensatedErrors(
+        _law(scenario),
+        [loop.plant for loop in of],
+        middle - commanded + others * generator.uniform(-1.0, 1.0, shape),
+        play=np.array([loop.play for loop in of]),
+        place=generator.uniform(-1.0, 1.0, shape),
+        period=scenario.cameras.frames.period,
+        bias=bias,
+        spread=seen.spread[numbers],
+        generator=generator,
+    )
+    time, left = _until_touch(scenario, errors)
+    if scenario.insert.compensation == "frozen":
+        # What friction has wound up comes out.
+        wound = np.array([[loop.wound] for loop in of])
+        left = left + wound * generator.uniform(-1.0, 1.0, shape)
+    y, z, pitch, yaw = left
+    initial = np.array(scenario.initial_error)[[AXES.index(axis) for axis in SEEN[:2]]]
+    pull = np.array(scenario.impedance.stiffness)[1:, np.newaxis]
+    return DrawnErrors(
+        force=np.linalg.norm(pull * (initial[:, np.newaxis] + commanded[:2]), axis=0),
+        time=time,
+        lateral=np.hypot(y, z),
+        tilt=np.copysign(np.hypot(pitch, yaw), z * pitch - y * yaw),
+    )
+
+
+def _law(scenario: ResolvedDesignScenario) -> Law:
+    if scenario.compensated == "none":
+        return no_law
+    if scenario.controller.kind == "fsm":
+        return fsm_law([metric_axis(scenario, kind) for kind in _KINDS])
+    return pid_law([metric_gains(scenario, kind) for kind in _KINDS])
+
+
+def _until_touch(
+    scenario: ResolvedDesignScenario, errors: CompensatedErrors
+) -> tuple[Array, Array]:
+    """Run the loops until all draws touch, or it is too late to decide.
+
+    Returns:
+        Time of the decision, s, shape (draws,), and the true errors at the touch, (4, draws).
+    """
+    decide, insert, period = scenario.decide, scenario.insert, scenario.cameras.frames.period
+    running = insert.compensation == "running"
+    feed = scenario.gap / insert.speed
+    approach = math.ceil((insert.pause + feed) / period) if running else 0
+    waits = {"margin": decide.timeout, "wait": scenario.compensation_time, "at_once": 0.0}
+    last = math.floor(waits[decide.kind] / period)
+    region = region_of(scenario)
+    at = np.full(errors.true.shape[2], math.inf if decide.kind == "margin" else float(last))
+    while len(errors.true) <= min(last + approach, float(at.max()) + approach):
+        before = max(len(errors.true) - decide.frames + 1, 0)
+        errors.advance(min(_AT_A_TIME, last + approach + 1 - len(errors.true)))
+        if math.isinf(at.max()):
+            new = errors.measured[before : last + 1]
+            at = np.minimum(at, before + first_inside(region, new, decide.frames, decide.margin))
+    touch = at + approach
+    decided = np.isfinite(at)
+    rows = np.where(decided, touch, 0).astype(np.int64)
+    left = errors.true[rows, :, np.arange(len(rows))].T
+    return period * at, np.where(decided, left, np.nan)
+
+
+def first_inside(region: InsertionRegion, measured: Array, frames: int, margin: float) -> Array:
+    """Return the tick at which the chart decides, shape (draws,); infinite: at none.
+
+    Args:
+        region: It goes by.
+        measured: Errors across and about, m and rad, shape (ticks, 4, draws).
+        frames: Over which it takes the mean and the standard deviation.
+        margin: Of the region, that is wanted.
+    """
+    if len(measured) < frames:
+        return np.full(measured.shape[2], math.inf)
+    sums = [
+        np.concatenate([np.zeros((1, *one.shape[1:])), one.cumsum(axis=0)])
+        for one in (measured, measured**2)
+    ]
+    total, squares = (one[frames:] - one[:-frames] for one in sums)
+    mean = total / frames
+    variance = np.maximum(squares - frames * mean**2, 0.0) / (frames - 1)
+    y, z, pitch, yaw = mean.transpose(1, 0, 2)
+    lateral = np.hypot(y, z) + SURE * np.sqrt(variance[:, :2].sum(axis=1))
+    tilt = np.hypot(pitch, yaw) + SURE * np.sqrt(variance[:, 2:].sum(axis=1))
+    margins = region.margins(lateral, tilt)
+    inside = margins >= margin
+    first = np.argmax(inside, axis=0) + frames - 1.0
+    return np.where(inside.any(axis=0), first, math.inf)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import Final, NamedTuple
 
@@ -14,14 +14,21 @@ from chamfer.analysis.campaign.trial_metrics import trial_seed
 from chamfer.analysis.campaign.trial_rows import Row, with_table
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.scenario.experiment import Progress
-from chamfer.diagrams.servo.comparison_loop import Controller, make_compared_diagram
-from chamfer.diagrams.servo.comparison_scenario import ComparedLoopScenario, resolve_compared
+from chamfer.diagrams.servo.comparison_loop import (
+    ComparedLoopScenario,
+    ControllerKind,
+    ResolvedComparedLoopScenario,
+    make_compared_diagram,
+    resolve_compared,
+)
 from chamfer.models.plants.servo_plant import ServoPlantParams, transfer_function
-from chamfer.models.validation import ParameterError, known
+from chamfer.models.validation import ParameterError
+from chamfer.systems.servo.compensator import AxisParams
+from chamfer.systems.servo.sampled_pid import PidGains
 
 Array = NDArray[np.float64]
 
-CONTROLLERS: Final[tuple[Controller, ...]] = ("fsm", "pid")
+CONTROLLERS: Final[tuple[ControllerKind, ...]] = ("fsm", "pid")
 CONDITIONS: Final = {
     "nominal": "no disturbance",
     "noise": "more noise",
@@ -99,22 +106,53 @@ class ServoComparisonScenario(ComparedLoopScenario):
             raise ParameterError("trials", self.trials, f"1 to {_MOST}")
 
 
-def resolve_comparison(scenario: ServoComparisonScenario) -> ServoComparisonScenario:
+COMPARISON: Final = ServoComparisonScenario()
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedDisturbances(Disturbances):
+    """What controllers meet, with nothing left open."""
+
+    noise: float = field()
+    friction: float = field()
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedServoComparisonScenario(ServoComparisonScenario):
+    """Many steps, with both controllers designed."""
+
+    tolerance: float = field()
+    fsm: AxisParams = field()
+    pid: PidGains = field()
+    duration: float = field()
+    disturbance: ResolvedDisturbances = field()
+
+    @property
+    def loop(self) -> ResolvedComparedLoopScenario:
+        """One loop, without disturbance."""
+        names = (one.name for one in fields(ResolvedComparedLoopScenario))
+        return ResolvedComparedLoopScenario(**{name: getattr(self, name) for name in names})
+
+
+def resolve_comparison(scenario: ServoComparisonScenario) -> ResolvedServoComparisonScenario:
     """Return the scenario with both controllers, and what they meet."""
-    scenario = resolve_compared(scenario)
-    disturbance, bound = scenario.disturbance, scenario.camera.measurement.bound
+    loop, disturbance = resolve_compared(scenario), scenario.disturbance
+    bound = scenario.camera.measurement.bound
     noise, friction = disturbance.noise, disturbance.friction
     if noise is None:
-        noise = _NOISE * (bound or known("tolerance", scenario.tolerance) / 10)
+        noise = _NOISE * (bound or loop.tolerance / 10)
     if friction is None:
-        friction = _FRICTION * known("tolerance", scenario.tolerance)
-    return replace(scenario, disturbance=replace(disturbance, noise=noise, friction=friction))
+        friction = _FRICTION * loop.tolerance
+    met = ResolvedDisturbances(**vars(disturbance) | {"noise": noise, "friction": friction})
+    return ResolvedServoComparisonScenario(
+        **vars(loop), disturbance=met, spread=scenario.spread, trials=scenario.trials
+    )
 
 
 def drawn(
-    scenario: ServoComparisonScenario, seed: int, trial: int
-) -> dict[str, ComparedLoopScenario]:
-    """Return what a trial of a resolved scenario runs, by :data:`CONDITIONS`.
+    scenario: ResolvedServoComparisonScenario, seed: int, trial: int
+) -> dict[str, ResolvedComparedLoopScenario]:
+    """Return what a trial runs, by :data:`CONDITIONS`.
 
     A plant that was identified is another one in every trial, one that may as well be behind the
     measurement. The controllers stay those that are designed for the scenario's own plant.
@@ -126,43 +164,43 @@ def drawn(
         plant = replace(plant, identified=plant.identified.drawn(generator))
     amplitude = scenario.desired.amplitude * (1 + scenario.spread.step * height)
     nominal = replace(
-        scenario, plant=plant, desired=replace(scenario.desired, amplitude=amplitude)
+        scenario.loop, plant=plant, desired=replace(scenario.desired, amplitude=amplitude)
     )
     off = scenario.disturbance
     model = transfer_function(plant).scaled(
         gain=1 + math.copysign(off.plant, gain), time=1 + math.copysign(off.plant, time)
     )
     another = ServoPlantParams(**model._asdict())
-    noisy = replace(scenario.camera, noise=known("disturbance.noise", off.noise))
+    noisy = replace(scenario.camera, noise=off.noise)
     blind = replace(scenario.camera, lost=off.lost)
-    friction = known("disturbance.friction", off.friction)
     return {
         "nominal": nominal,
         "noise": replace(nominal, camera=noisy),
-        "friction": replace(nominal, friction=friction),
+        "friction": replace(nominal, friction=off.friction),
         "lost": replace(nominal, camera=blind),
         "plant": replace(nominal, plant=another),
         "all": replace(
-            nominal, plant=another, friction=friction, camera=replace(noisy, lost=off.lost)
+            nominal, plant=another, friction=off.friction, camera=replace(noisy, lost=off.lost)
         ),
     }
 
 
-def compare_all(scenario: ServoComparisonScenario, seed: int, progress: Progress) -> Trials[int]:
-    """Run every trial of a resolved scenario."""
+def compare_all(
+    scenario: ResolvedServoComparisonScenario, seed: int, progress: Progress
+) -> Trials[int]:
+    """Run every trial."""
     return run_each(partial(_compare, scenario, seed), range(scenario.trials), progress)
 
 
-def _compare(scenario: ServoComparisonScenario, seed: int, trial: int) -> Row:
+def _compare(scenario: ResolvedServoComparisonScenario, seed: int, trial: int) -> Row:
     row: dict[str, float | None] = {}
     courses: dict[str, list[Array]] = {"condition": [], "controller": [], "time": [], "error": []}
     for i, (condition, world) in enumerate(drawn(scenario, seed, trial).items()):
         for j, controller in enumerate(CONTROLLERS):
-            duration, step = known("duration", world.duration), world.camera.period / _SAMPLES
             run = simulate(
                 make_compared_diagram(world, controller),
-                duration=duration,
-                step=step,
+                duration=world.duration,
+                step=world.camera.period / _SAMPLES,
                 seed=trial_seed(seed, trial),
             )
             error = world.desired.amplitude - run.outputs["position"]
@@ -171,7 +209,7 @@ def _compare(scenario: ServoComparisonScenario, seed: int, trial: int) -> Row:
                 error,
                 run.outputs["command"],
                 height=world.desired.amplitude,
-                tolerance=known("tolerance", world.tolerance),
+                tolerance=world.tolerance,
             )
             row |= {f"{condition}.{controller}.{name}": one for name, one in measured.items()}
             seen = slice(None, None, _SAMPLES)

@@ -1,8 +1,9 @@
 """When the FSM settles: theorem, simulation, describing function, and the paper's criteria."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -14,16 +15,8 @@ from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, colu
 from chamfer.analysis.servo import loop_margins
 from chamfer.analysis.servo.compensator_criteria import axis_machine, gore_findings
 from chamfer.analysis.servo.fsm_stability_figures import plot_limit_cycles, plot_map
+from chamfer.analysis.servo.response_metrics import FINAL_PART
 from chamfer.analysis.servo.servo_runs import run_loops
-from chamfer.analysis.servo.settling_map import (
-    CYCLES,
-    SETTLES,
-    TICKS,
-    UNFINISHED,
-    classify,
-    oscillation,
-)
-from chamfer.analysis.servo.step_metrics import FINAL_PART
 from chamfer.diagrams.servo.compiled_loop import run_fsm_trials
 from chamfer.diagrams.servo.servo_loops import make_pid_loop, make_servo_diagram
 from chamfer.diagrams.servo.servo_scenario import (
@@ -37,16 +30,19 @@ from chamfer.diagrams.servo.servo_scenario import (
     resolve,
     settling_plant,
 )
-from chamfer.models.plants.spring_mass_damper import SpringMassDamperParams
+from chamfer.models.plants.servo_plant import SpringMassDamperParams
 from chamfer.models.validation import ParameterError, require_positive
 from chamfer.systems.servo.compensator import AxisParams
 from chamfer.systems.servo.describing_function import predict_limit_cycle
 from chamfer.systems.servo.desired_trajectory import Step
 from chamfer.systems.servo.pid import PidParams
+from chamfer.systems.servo.servo_plant import make_spring_mass_damper
 from chamfer.systems.servo.settling import allowed_large_error, guarantee
-from chamfer.systems.servo.spring_mass_damper import make_spring_mass_damper
 from chamfer.systems.statechart.finite_machine import tarraf_properties
 
+SETTLES, REVERSES, CYCLES, UNFINISHED = 0, 1, 2, 3  # verdicts of the map
+TICKS = 320  # of a trial
+_QUIET = 0.25  # of a trial, at its end, without an action: it has come to rest
 _SHARES = tuple(np.geomspace(0.8, 12.0, 12).tolist())  # of the bound, for the limit cycles
 _SEARCH_DURATION = 2.5  # s
 _WITHOUT_OVERSHOOT = 1.005  # of the step, what counts as none
@@ -106,6 +102,9 @@ class StabilityScenario:
             fsm=FsmParams(**vars(self.fsm)),
             camera=self.camera,
         )
+
+
+STABILITY: Final = StabilityScenario()
 
 
 def run(scenario: StabilityScenario, seed: int, progress: Progress) -> Outcome:
@@ -265,10 +264,10 @@ def _criteria(scenario: StepScenario, seed: int) -> dict[str, Metric]:
             fsm=scenario.fsm,
         )
     )
-    every = round((sinusoid.fsm.period) / (sinusoid.step or sinusoid.fsm.period))
+    every = round(sinusoid.fsm.period / sinusoid.step)
     traces = run_loops(sinusoid, ("fsm_compensation",), seed=seed).traces
     errors = (traces["desired_trajectory"] - traces["fsm_compensation.actual_trajectory"])[::every]
-    fig3_axis, period = fsm_axis(sinusoid, "position"), sinusoid.fsm.period
+    fig3_axis, period = sinusoid.axis, sinusoid.fsm.period
     for name, folded in (("gore_criteria", False), ("folded.gore_criteria", True)):
         findings = gore_findings(fig3_axis, errors.tolist(), period, folded=folded)
         metrics[name] = Metric(value=2 - len(findings), unit="", note="; ".join(findings))
@@ -299,7 +298,7 @@ def _velocity_search(
     step = period / 8 if rate < 500 else period
     progress(0.0, f"force to velocity at {rate} Hz")
     response = run_fsm_trials(
-        replace(rule, duration=_SEARCH_DURATION, step=step), "velocity", axes=axes, seed=seed
+        rule, "velocity", duration=_SEARCH_DURATION, step=step, axes=axes, seed=seed
     ).actual_trajectory
     end = response[:, int((1 - FINAL_PART) * response.shape[1]) :]
     error = np.abs(height - end).max(axis=1)
@@ -320,6 +319,90 @@ def _velocity_search(
         f"{prefix}.increment": Metric(value=axes[best].increment, unit="N"),
         f"{prefix}.large_error": Metric(value=axes[best].large_error, unit="m"),
     }
+
+
+def classify(
+    axes: Sequence[AxisParams], scenario: StepScenario, *, trials: int, seed: int
+) -> NDArray[np.int64]:
+    """Simulate settings from rest at random large errors and say what each does.
+
+    The initial errors are uniform between one and one and a half times the large error, so that
+    both increments are used and the last small one falls anywhere in the dead zone.
+
+    Args:
+        axes: The settings, n of them.
+        scenario: Its plant, in the position form, and its camera.
+        trials: Initial errors per setting.
+        seed: For the initial errors and the camera's noise.
+
+    Returns:
+        The worst of each setting's trials, shape (n,): SETTLES, REVERSES (and then settles),
+        CYCLES, or UNFINISHED where a trial was too short to tell.
+    """
+    generator = np.random.default_rng(seed)
+    errors = np.array([axis.large_error for axis in axes])[:, None] * generator.uniform(
+        1.0, 1.5, (len(axes), trials)
+    )
+    period = scenario.fsm.period
+    increments = run_fsm_trials(
+        scenario,
+        "position",
+        duration=TICKS * period,
+        step=period,
+        axes=[axis for axis in axes for _ in range(trials)],
+        amplitudes=errors.ravel(),
+        feedforward=False,
+        seed=seed,
+    ).increment
+    reversed_ = np.any(increments < 0, axis=1)
+    acting = np.any(increments[:, int((1 - _QUIET) * TICKS) :] != 0, axis=1)
+    verdict = np.where(
+        reversed_, np.where(acting, CYCLES, REVERSES), np.where(acting, UNFINISHED, SETTLES)
+    )
+    worst: NDArray[np.int64] = verdict.reshape(errors.shape).max(axis=1).astype(np.int64)
+    return worst
+
+
+@dataclass(frozen=True, kw_only=True)
+class Oscillation:
+    """The steady oscillation of one axis; NaN where it came to rest."""
+
+    frequency: NDArray[np.float64]  # rad/s, shape (n,)
+    amplitude: NDArray[np.float64]  # half of peak to peak, shape (n,)
+
+
+def oscillation(
+    axes: Sequence[AxisParams], scenario: StepScenario, *, seed: int = 0
+) -> Oscillation:
+    """Simulate settings from rest at their large error and measure how they keep oscillating.
+
+    Plant, in the position form, and camera are the scenario's.
+    """
+    period = scenario.fsm.period
+    errors = np.array([axis.large_error for axis in axes])
+    run = run_fsm_trials(
+        scenario,
+        "position",
+        duration=4 * TICKS * period,
+        step=period / 8,
+        axes=axes,
+        amplitudes=errors,
+        feedforward=False,
+        seed=seed,
+    )
+    late = run.time >= run.time[-1] / 2
+    time = run.time[late]
+    acting = np.any(run.increment[:, 2 * TICKS :], axis=1)
+    frequency, amplitude = np.full(len(axes), np.nan), np.full(len(axes), np.nan)
+    for i in np.flatnonzero(acting):
+        error = errors[i] - run.actual_trajectory[i, late]
+        middle = error - (error.max() + error.min()) / 2
+        rising = np.flatnonzero((middle[:-1] < 0) & (middle[1:] >= 0))
+        if len(rising) > 1:
+            lasted = time[rising[-1]] - time[rising[0]]
+            frequency[i] = 2 * np.pi * (len(rising) - 1) / lasted
+            amplitude[i] = float(np.ptp(error)) / 2
+    return Oscillation(frequency=frequency, amplitude=amplitude)
 
 
 def make_diagram(scenario: StabilityScenario) -> Diagram:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -17,10 +18,10 @@ from chamfer.analysis.drawing.figure_style import PID, PUBLISHED, new_figure
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.published.fsm_visual_servoing import OVERSHOOT, RISE_TIME
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
-from chamfer.analysis.servo.step_metrics import StepMetrics, step_metrics
+from chamfer.analysis.servo.response_metrics import StepMetrics, step_metrics
 from chamfer.diagrams.servo.servo_loops import make_pid_loop
 from chamfer.diagrams.servo.servo_scenario import PlantParams, StepScenario
-from chamfer.models.plants.spring_mass_damper import SpringMassDamperParams
+from chamfer.models.plants.servo_plant import SpringMassDamperParams
 from chamfer.models.validation import ParameterError, require_positive
 from chamfer.systems.servo.pid import PidParams
 
@@ -57,6 +58,9 @@ class IdentificationScenario:
 
     def __post_init__(self) -> None:
         require_positive(self, "rise_time", "overshoot")
+
+
+IDENTIFICATION: Final = IdentificationScenario()
 
 
 def identify(

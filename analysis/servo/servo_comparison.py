@@ -39,14 +39,12 @@ from chamfer.analysis.servo.comparison_trials import (
     CONDITIONS,
     CONTROLLERS,
     CRITERIA,
-    ServoComparisonScenario,
+    ResolvedServoComparisonScenario,
     compare_all,
 )
 from chamfer.analysis.servo.loop_margins import as_metrics, loop_margins
-from chamfer.diagrams.servo.comparison_loop import make_compared_diagram
-from chamfer.diagrams.servo.comparison_scenario import sampled_response
+from chamfer.diagrams.servo.comparison_loop import make_compared_diagram, sampled_response
 from chamfer.models.plants.servo_plant import transfer_function
-from chamfer.models.validation import known
 from chamfer.systems.servo.compensator import AxisParams
 from chamfer.systems.servo.settling import guarantee
 
@@ -66,7 +64,7 @@ class Difference(NamedTuple):
     pid: float  # mean
 
 
-def run(scenario: ServoComparisonScenario, seed: int, progress: Progress) -> Outcome:
+def run(scenario: ResolvedServoComparisonScenario, seed: int, progress: Progress) -> Outcome:
     """Undo many steps with both controllers under every disturbance."""
     trials = compare_all(scenario, seed, progress)
     found = differences(scenario, trials)
@@ -78,7 +76,7 @@ def run(scenario: ServoComparisonScenario, seed: int, progress: Progress) -> Out
         "pid.better": Metric(
             value=counts["pid"], unit="", note=f"of {len(found)} differences, as fsm.better"
         ),
-        **_design(scenario),
+        **design_metrics(scenario),
     }
     for condition in CONDITIONS:
         for controller in CONTROLLERS:
@@ -95,19 +93,16 @@ def run(scenario: ServoComparisonScenario, seed: int, progress: Progress) -> Out
             },
         },
         tables={"courses": _courses(trials)},
-        simulated_seconds=len(trials)
-        * len(CONDITIONS)
-        * len(CONTROLLERS)
-        * known("duration", scenario.duration),
+        simulated_seconds=len(trials) * len(CONDITIONS) * len(CONTROLLERS) * scenario.duration,
     )
 
 
-def _design(scenario: ServoComparisonScenario) -> dict[str, Metric]:
+def design_metrics(scenario: ResolvedServoComparisonScenario) -> dict[str, Metric]:
     """Return what both controllers are, and what theory says of them."""
-    axis, gains = known("fsm", scenario.fsm), known("pid", scenario.pid)
+    axis, gains = scenario.fsm, scenario.pid
     period = scenario.camera.period
     bound = scenario.camera.measurement.bound
-    tolerance = known("tolerance", scenario.tolerance)
+    tolerance = scenario.tolerance
     share = f"{100 * tolerance / scenario.desired.amplitude:.3g} % of the step"
     metrics = {
         "tolerance": Metric(
@@ -123,11 +118,11 @@ def _design(scenario: ServoComparisonScenario) -> dict[str, Metric]:
         "pid.integral": Metric(value=gains.integral, unit="1/s"),
     }
     metrics |= _guaranteed(scenario, axis, bound)
-    exact = replace(scenario, camera=replace(scenario.camera, resolution=0.0, noise=0.0))
+    exact = replace(scenario.loop, camera=replace(scenario.camera, resolution=0.0, noise=0.0))
     loop = to_control(
         make_compared_diagram(exact, "pid"),
         input="controller PID::error",
-        at=known("duration", scenario.duration),
+        at=scenario.duration,
         period=period,
     )
     metrics |= as_metrics("pid", loop_margins(loop))
@@ -147,7 +142,7 @@ def _design(scenario: ServoComparisonScenario) -> dict[str, Metric]:
 
 
 def _guaranteed(
-    scenario: ServoComparisonScenario, axis: AxisParams, bound: float
+    scenario: ResolvedServoComparisonScenario, axis: AxisParams, bound: float
 ) -> dict[str, Metric]:
     """Return what the settling theorem says of the state machine."""
     if not axis.dead_zone > bound:
@@ -200,16 +195,15 @@ def _statistics(trials: Trials[int], name: str) -> dict[str, Metric]:
     )
 
 
-def differences(scenario: ServoComparisonScenario, trials: Trials[int]) -> tuple[Difference, ...]:
+def differences(
+    scenario: ResolvedServoComparisonScenario, trials: Trials[int]
+) -> tuple[Difference, ...]:
     """Return where controllers differ, by every criterion under every condition.
 
     A difference counts if the 95 % interval of its mean over the pairs of trials does not hold 0,
     and if it is large enough to matter. A step that does not settle takes the whole run.
     """
-    tolerance, duration = (
-        known("tolerance", scenario.tolerance),
-        known("duration", scenario.duration),
-    )
+    tolerance, duration = scenario.tolerance, scenario.duration
     unit = {"settling_time": scenario.settling_time, "overshoot": 1.0}
     found = []
     for criterion in CRITERIA:
@@ -229,11 +223,13 @@ def differences(scenario: ServoComparisonScenario, trials: Trials[int]) -> tuple
     return tuple(found)
 
 
-def answer(scenario: ServoComparisonScenario, found: tuple[Difference, ...], trials: int) -> str:
+def answer(
+    scenario: ResolvedServoComparisonScenario, found: tuple[Difference, ...], trials: int
+) -> str:
     """Return which controller is better for what, in a sentence."""
     task = (
         f"{1e3 * scenario.desired.amplitude:.3g} mm to within "
-        f"{1e3 * known('tolerance', scenario.tolerance):.3g} mm in {scenario.settling_time:.3g} s"
+        f"{1e3 * scenario.tolerance:.3g} mm in {scenario.settling_time:.3g} s"
     )
     parts = []
     for controller in CONTROLLERS:
@@ -276,12 +272,12 @@ def _courses(trials: Trials[int]) -> Table:
     }
 
 
-def make_diagram(scenario: ServoComparisonScenario) -> Diagram:
+def make_diagram(scenario: ResolvedServoComparisonScenario) -> Diagram:
     """Return the wiring, for the block diagram."""
-    return make_compared_diagram(scenario, "fsm")
+    return make_compared_diagram(scenario.loop, "fsm")
 
 
-def figures(scenario: ServoComparisonScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: ResolvedServoComparisonScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
     figure = new_figure(11.0, 10.0)
     parts: Any = figure.subfigures(2, 1, height_ratios=[1.6, 1.0])
@@ -301,7 +297,7 @@ def figures(scenario: ServoComparisonScenario, outcome: Outcome) -> Mapping[str,
 
 
 def _draw_courses(
-    axes: Axes, scenario: ServoComparisonScenario, table: Table, condition: int
+    axes: Axes, scenario: ResolvedServoComparisonScenario, table: Table, condition: int
 ) -> None:
     """Draw the error over time under one of the conditions."""
     lines = []
@@ -312,7 +308,7 @@ def _draw_courses(
             mine &= table["trial"] == trial
             label, thin = None if k else name, {**style, "linewidth": 0.9}
             lines.append(Curve(1e3 * table["error"][mine], label, thin, table["time"][mine]))
-    tolerance = 1e3 * known("tolerance", scenario.tolerance)
+    tolerance = 1e3 * scenario.tolerance
     asked = {"color": "#999999", "linewidth": 0.8, "linestyle": ":"}
     draw_lines(
         axes,

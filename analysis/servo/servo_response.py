@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,23 +10,33 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
 
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
-from chamfer.analysis.servo import step_metrics, tracking_metrics
+from chamfer.analysis.servo.response_metrics import (
+    TrackingMetrics,
+    step_metrics,
+    tracking_metrics,
+)
 from chamfer.analysis.servo.servo_response_figures import plot_sinusoid, plot_step
-from chamfer.analysis.servo.servo_runs import ServoRun, pid_response, run_loops
+from chamfer.analysis.servo.servo_runs import (
+    ServoRun,
+    pid_response,
+    run_compiled_loops,
+    run_loops,
+)
 from chamfer.diagrams.servo.servo_loops import make_servo_diagram
 from chamfer.diagrams.servo.servo_scenario import (
-    ServoScenario,
+    ResolvedServoScenario,
     SinusoidScenario,
-    StepScenario,
-    fsm_axis,
     resolve,
 )
+from chamfer.models.plants.servo_plant import Form
 from chamfer.models.validation import ParameterError
 from chamfer.systems.servo.compensator import (
+    AxisParams,
     CompensatorParams,
     make_axis_chart,
     make_compensator_chart,
 )
+from chamfer.systems.servo.desired_trajectory import Sinusoid
 from chamfer.systems.statechart.chart import Chart
 
 _STEP_LOOPS = ("pid", "fsm", "fsm_velocity", "fsm_feedforward", "pid_position", "pid_command")
@@ -36,20 +45,17 @@ _SWEEP = tuple(np.geomspace(0.1, 5.0, 9).tolist())  # rad/s
 _TRANSIENT = 0.1  # of the first period
 
 
-def run_step(scenario: StepScenario, seed: int, progress: Progress) -> Outcome:
+def run_step(scenario: ResolvedServoScenario, seed: int, progress: Progress) -> Outcome:
     """Run Fig. 8: a step, on the plants that the paper and the hardware have."""
     return _measure_step(scenario, run_loops(scenario, _STEP_LOOPS, seed=seed, progress=progress))
 
 
-def run_step_compiled(scenario: StepScenario, seed: int, progress: Progress) -> Outcome:
+def run_step_compiled(scenario: ResolvedServoScenario, seed: int, progress: Progress) -> Outcome:
     """Do the same for a point of a sweep."""
-    # Loading the compiler takes longer than one run, which has no use for it.
-    from chamfer.analysis.servo.compiled_runs import run_compiled_loops
-
     return _measure_step(scenario, run_compiled_loops(scenario, _STEP_LOOPS, seed=seed))
 
 
-def _measure_step(scenario: StepScenario, run: ServoRun) -> Outcome:
+def _measure_step(scenario: ResolvedServoScenario, run: ServoRun) -> Outcome:
     if scenario.desired.amplitude == 0:
         raise ParameterError("desired.amplitude", 0.0, "a finite number other than 0")
     reference = scenario.desired.amplitude
@@ -62,16 +68,15 @@ def _measure_step(scenario: StepScenario, run: ServoRun) -> Outcome:
             time, actual = pid_response(scenario, run, name)
         else:
             time, actual = run.traces["time"], run.traces[f"{name}.actual_trajectory"]
-        measured = step_metrics.step_metrics(time, actual, reference)
-        metrics |= step_metrics.as_metrics(name, measured, "m")
+        metrics |= step_metrics(time, actual, reference).as_metrics(name, "m")
         if name.startswith("pid"):
             metrics[f"{name}.growth_rate"] = Metric(value=0.0, unit="1/s", note="stable")
-    metrics |= _compensator_metrics(scenario)
-    metrics["fsm.slope_ratio"] = _slope_ratio(scenario, run)
-    return _outcome(scenario, run, metrics)
+    metrics |= _compensator_metrics(scenario.axis, scenario.plant.form)
+    metrics["fsm.slope_ratio"] = _slope_ratio(scenario.axis, reference, run)
+    return Outcome(metrics=metrics, traces=run.traces, simulated_seconds=scenario.duration)
 
 
-def run_sinusoid(scenario: SinusoidScenario, seed: int, progress: Progress) -> Outcome:
+def run_sinusoid(scenario: ResolvedServoScenario, seed: int, progress: Progress) -> Outcome:
     """Run Fig. 9: a sinusoid, and the error over its frequency."""
     run = run_loops(
         scenario,
@@ -82,16 +87,16 @@ def run_sinusoid(scenario: SinusoidScenario, seed: int, progress: Progress) -> O
     return _measure_sinusoid(scenario, run, seed, progress)
 
 
-def run_sinusoid_compiled(scenario: SinusoidScenario, seed: int, progress: Progress) -> Outcome:
+def run_sinusoid_compiled(
+    scenario: ResolvedServoScenario, seed: int, progress: Progress
+) -> Outcome:
     """Do the same for a point of a sweep."""
-    from chamfer.analysis.servo.compiled_runs import run_compiled_loops
-
     run = run_compiled_loops(scenario, _SINUSOID_LOOPS, seed=seed)
     return _measure_sinusoid(scenario, run, seed, progress)
 
 
 def _measure_sinusoid(
-    scenario: SinusoidScenario, run: ServoRun, seed: int, progress: Progress
+    scenario: ResolvedServoScenario, run: ServoRun, seed: int, progress: Progress
 ) -> Outcome:
     if scenario.desired.amplitude == 0:
         raise ParameterError("desired.amplitude", 0.0, "a finite number other than 0")
@@ -100,7 +105,7 @@ def _measure_sinusoid(
         if name in run.growth:
             metrics |= _unstable(name, run.growth[name], "error_rms", "m")
             continue
-        metrics |= tracking_metrics.as_metrics(name, _tracking(scenario, run, name), "m")
+        metrics |= _tracking(scenario.frequency, run, name).as_metrics(name, "m")
     metrics |= {
         "error_rms_ratio": _ratio(metrics, "fsm.error_rms", "pid.error_rms"),
         "error_rms_ratio_compensation": _ratio(
@@ -111,50 +116,52 @@ def _measure_sinusoid(
             metrics, "fsm.transient_error_rms", "pid.transient_error_rms"
         ),
     }
-    metrics |= _compensator_metrics(scenario)
+    metrics |= _compensator_metrics(scenario.axis, scenario.plant.form)
     sweep = _sweep(scenario, seed, progress)
     for name in ("fsm", "fsm_compensation"):
         metrics[f"{name}.better_below"] = _crossover(sweep, name)
-    outcome = _outcome(scenario, run, metrics)
-    return replace(outcome, tables={"frequencies": sweep})
+    return Outcome(
+        metrics=metrics,
+        traces=run.traces,
+        simulated_seconds=scenario.duration,
+        tables={"frequencies": sweep},
+    )
 
 
-def _tracking(
-    scenario: SinusoidScenario, run: ServoRun, name: str
-) -> tracking_metrics.TrackingMetrics:
-    period = 2 * math.pi / scenario.desired.frequency
-    return tracking_metrics.tracking_metrics(
+def _tracking(frequency: float, run: ServoRun, name: str) -> TrackingMetrics:
+    period = 2 * math.pi / frequency
+    return tracking_metrics(
         run.traces["time"],
         run.traces["desired_trajectory"],
         run.traces[f"{name}.actual_trajectory"],
-        frequency=scenario.desired.frequency,
+        frequency=frequency,
         transient=_TRANSIENT * period,
         steady=period,
     )
 
 
 def _sweep(
-    scenario: SinusoidScenario, seed: int, progress: Progress
+    scenario: ResolvedServoScenario, seed: int, progress: Progress
 ) -> dict[str, NDArray[np.float64]]:
-    from chamfer.analysis.servo.compiled_runs import run_compiled_loops
-
     loops = ("pid", "fsm", "fsm_compensation")
     rows: dict[str, list[float]] = {"frequency": [], **{name: [] for name in loops}}
     for i, frequency in enumerate(_SWEEP):
         progress(0.3 + 0.7 * i / len(_SWEEP), f"{frequency:.2g} rad/s")
+        desired = Sinusoid(amplitude=scenario.desired.amplitude, frequency=frequency)
         at = resolve(
-            replace(
-                scenario,
-                desired=replace(scenario.desired, frequency=frequency),
-                duration=None,
-                step=None,
+            SinusoidScenario(
+                desired=desired,
+                plant=scenario.plant,
+                pid=scenario.pid,
+                fsm=scenario.fsm,
+                camera=scenario.camera,
             )
         )
         run = run_compiled_loops(at, loops, seed=seed)
         rows["frequency"].append(frequency)
         for name in loops:
             unstable = name in run.growth
-            rows[name].append(math.nan if unstable else _tracking(at, run, name).error_rms)
+            rows[name].append(math.nan if unstable else _tracking(frequency, run, name).error_rms)
     return {name: column(values) for name, values in rows.items()}
 
 
@@ -188,21 +195,19 @@ def _ratio(metrics: Mapping[str, Metric], over: str, under: str) -> Metric:
     return Metric(value=a / b, unit="")
 
 
-def _compensator_metrics(scenario: ServoScenario) -> dict[str, Metric]:
-    axis = fsm_axis(scenario, scenario.plant.form)
-    unit = "m" if scenario.plant.form == "position" else "N"
+def _compensator_metrics(axis: AxisParams, form: Form) -> dict[str, Metric]:
+    unit = "m" if form == "position" else "N"
     return {
         "fsm.increment": Metric(value=axis.increment, unit=unit),
         "fsm.large_error": Metric(value=axis.large_error, unit="m"),
     }
 
 
-def _slope_ratio(scenario: ServoScenario, run: ServoRun) -> Metric:
+def _slope_ratio(axis: AxisParams, height: float, run: ServoRun) -> Metric:
     """Compare the response's slope while the error is large with that while it is small."""
-    axis = fsm_axis(scenario, scenario.plant.form)
     time, error = (
         run.traces["time"],
-        abs(scenario.desired.amplitude) - np.abs(run.traces["fsm.actual_trajectory"]),
+        abs(height) - np.abs(run.traces["fsm.actual_trajectory"]),
     )
     moving = np.flatnonzero(error < axis.dead_zone)
     until = int(moving[0]) if len(moving) else len(error)
@@ -214,33 +219,27 @@ def _slope_ratio(scenario: ServoScenario, run: ServoRun) -> Metric:
     return Metric(value=float(np.median(far) / np.median(near)), unit="")
 
 
-def _outcome(scenario: ServoScenario, run: ServoRun, metrics: Mapping[str, Metric]) -> Outcome:
-    return Outcome(
-        metrics=metrics, traces=run.traces, simulated_seconds=scenario.duration or math.nan
-    )
-
-
-def make_diagram(scenario: ServoScenario) -> Diagram:
+def make_diagram(scenario: ResolvedServoScenario) -> Diagram:
     """Return the wiring, for the block diagram."""
     return make_servo_diagram(scenario)
 
 
 def make_charts(
-    scenario: ServoScenario,
+    scenario: ResolvedServoScenario,
 ) -> tuple[Chart[Any, Any], ...]:
     """Return the state charts."""
-    axis = fsm_axis(scenario, scenario.plant.form)
+    axis = scenario.axis
     return (
         make_compensator_chart(CompensatorParams(axes=(axis,), period=scenario.fsm.period)),
         make_axis_chart(axis),
     )
 
 
-def step_figures(scenario: StepScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def step_figures(scenario: ResolvedServoScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
     return {"step-response": plot_step(scenario, outcome)}
 
 
-def sinusoid_figures(scenario: SinusoidScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def sinusoid_figures(scenario: ResolvedServoScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
     return {"sinusoid-response": plot_sinusoid(scenario, outcome)}

@@ -14,14 +14,14 @@ from chamfer.analysis.drawing.figure_kit import (
 from chamfer.analysis.drawing.figure_style import DESIRED, LOOPS, NOTE, PUBLISHED, new_figure
 from chamfer.analysis.published.fsm_visual_servoing import OVERSHOOT, RISE_TIME
 from chamfer.analysis.scenario.experiment import Outcome
-from chamfer.diagrams.servo.servo_scenario import SinusoidScenario, StepScenario, resolve
+from chamfer.diagrams.servo.servo_scenario import STEP, ResolvedServoScenario, resolve
 
 _SWEPT = ("pid", "fsm", "fsm_compensation")
 _OTHERS = ("fsm_feedforward", "fsm_velocity", "pid_position", "pid_command")
 _ERROR, _RESPONSE = "desired minus actual / mm", "trajectory / m"
 
 
-def plot_step(scenario: StepScenario, outcome: Outcome) -> Figure:
+def plot_step(scenario: ResolvedServoScenario, outcome: Outcome) -> Figure:
     """Draw Fig. 8: the responses, the PID's rise, the errors at the end, the other plants."""
     figure = new_figure()
     overview, rise, errors, others = figure.subplots(2, 2).ravel()
@@ -46,7 +46,7 @@ def plot_step(scenario: StepScenario, outcome: Outcome) -> Figure:
     return figure
 
 
-def _step_rise(axes: Axes, scenario: StepScenario, outcome: Outcome) -> None:
+def _step_rise(axes: Axes, scenario: ResolvedServoScenario, outcome: Outcome) -> None:
     traces, metrics = outcome.traces, outcome.metrics
     time, lines = traces["time"], _responses(outcome, "pid", "fsm")
     rise = metric_value(metrics, "pid.rise_time")
@@ -57,7 +57,7 @@ def _step_rise(axes: Axes, scenario: StepScenario, outcome: Outcome) -> None:
         return
     final = scenario.desired.amplitude - (metrics["pid.steady_state_error"].value or 0.0)
     levels = [ReferenceLine(final, None, {"color": "#999999", "linewidth": 0.8})]
-    if scenario == resolve(StepScenario()):  # the published values are of no other
+    if scenario == resolve(STEP):  # the published values are of no other
         peak = final * (1 + OVERSHOOT / 100)
         levels.append(ReferenceLine(peak, f"published overshoot {OVERSHOOT:g} %", PUBLISHED))
         response = traces["pid.actual_trajectory"]
@@ -81,7 +81,7 @@ def _step_rise(axes: Axes, scenario: StepScenario, outcome: Outcome) -> None:
     axes.text(8e3 * rise, 0.95 * final, f"final {final:.3f} m ", ha="right", fontsize=8)
 
 
-def plot_sinusoid(scenario: SinusoidScenario, outcome: Outcome) -> Figure:
+def plot_sinusoid(scenario: ResolvedServoScenario, outcome: Outcome) -> Figure:
     """Draw Fig. 9: the responses, the errors, and the error over the frequency."""
     figure = new_figure(10.0, 7.5)
     panels = figure.subplot_mosaic([["response", "response"], ["error", "sweep"]])
@@ -94,9 +94,7 @@ def plot_sinusoid(scenario: SinusoidScenario, outcome: Outcome) -> Figure:
     zone, lines = _dead_zone(scenario), _errors(outcome, "pid", "fsm")
     draw_lines(error, time, lines, title="(b) Error", y=_ERROR, bands=[zone], key="upper right")
     loops, marked = {name: LOOPS[name] for name in _SWEPT}, {"marker": "o", "ms": 3}
-    here = ReferenceLine(
-        scenario.desired.frequency, "frequency of (a), (b)", DESIRED, upright=True
-    )
+    here = ReferenceLine(scenario.frequency, "frequency of (a), (b)", DESIRED, upright=True)
     draw_lines(
         panels["sweep"],
         sweep["frequency"],
@@ -115,7 +113,7 @@ def _desired(outcome: Outcome, label: str | None = "desired") -> Curve:
     return Curve(outcome.traces["desired_trajectory"], label, DESIRED)
 
 
-def _dead_zone(scenario: StepScenario | SinusoidScenario) -> FilledBand:
+def _dead_zone(scenario: ResolvedServoScenario) -> FilledBand:
     zone = 1e3 * scenario.fsm.dead_zone
     return FilledBand(-zone, zone, "dead zone")
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +12,15 @@ from pydrake.systems.primitives import LinearSystem
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.scenario.experiment import Progress
 from chamfer.diagrams.servo.servo_loops import LOOPS, make_pid_loop, make_servo_diagram
-from chamfer.diagrams.servo.servo_scenario import RADIANS_PER_STEP, ServoScenario
+from chamfer.diagrams.servo.servo_scenario import RADIANS_PER_STEP, ResolvedServoScenario
 from chamfer.models.plants.linear_response import fastest_mode
-from chamfer.models.plants.spring_mass_damper import Form
+from chamfer.models.plants.servo_plant import Form
 from chamfer.models.validation import ParameterError
 from chamfer.systems.exact_discretisation import fuse
 
 SIGNALS = ("desired_trajectory", "controller", "actual_trajectory")
 _MOST_STEPS = 5_000_000
+_LARGEST_ROUNDING = 1e-2  # of a loop, of the exponents of its response at its end
 _LARGEST_GROWTH = 6.0  # e-foldings of an unstable loop that are simulated
 
 
@@ -32,14 +34,18 @@ class ServoRun:
 
 
 def run_loops(
-    scenario: ServoScenario, loops: Sequence[str], *, seed: int, progress: Progress | None = None
+    scenario: ResolvedServoScenario,
+    loops: Sequence[str],
+    *,
+    seed: int,
+    progress: Progress | None = None,
 ) -> ServoRun:
-    """Simulate loops of a resolved scenario, exactly and on the same times.
+    """Simulate loops, exactly and on the same times.
 
     Each runs on its own, so that all FSM loops see the same noise of the camera. The traces of an
     unstable loop end, with NaN, after at most six e-foldings.
     """
-    duration, step = scenario.duration or 0.0, scenario.step or 0.0
+    duration, step = scenario.duration, scenario.step
     machines: dict[str, NDArray[np.float64]] = {}
     names = [name for name in loops if LOOPS[name].controller == "FSM"]
     for i, name in enumerate(names):
@@ -53,26 +59,45 @@ def run_loops(
         machines["desired_trajectory"] = run.outputs[f"{name}.desired_trajectory"]
         if progress is not None:
             progress((i + 1) / len(names))
-    return add_pid_loops(
+    return _with_pid_loops(
         scenario, loops, machines, lambda form: fuse(make_pid_loop(scenario, form))
     )
 
 
-def add_pid_loops(
-    scenario: ServoScenario,
+def run_compiled_loops(
+    scenario: ResolvedServoScenario, loops: Sequence[str], *, seed: int
+) -> ServoRun:
+    """Do what :func:`run_loops` does, without Drake's simulator: for the points of a sweep."""
+    # Loading the compiler takes longer than one run, which has no use for it.
+    from chamfer.diagrams.servo.compiled_loop import fuse_pid_loop, run_fsm_trials
+
+    machines: dict[str, NDArray[np.float64]] = {}
+    for name in loops:
+        loop = LOOPS[name]
+        if loop.controller == "FSM":
+            run = run_fsm_trials(
+                scenario,
+                loop.form or scenario.plant.form,
+                duration=scenario.duration,
+                step=scenario.step,
+                feedforward=loop.feedforward,
+                seed=seed,
+            )
+            machines["time"] = run.time
+            machines["desired_trajectory"] = run.desired_trajectory[0]
+            machines[f"{name}.controller"] = run.controller[0]
+            machines[f"{name}.actual_trajectory"] = run.actual_trajectory[0]
+    return _with_pid_loops(scenario, loops, machines, partial(fuse_pid_loop, scenario))
+
+
+def _with_pid_loops(
+    scenario: ResolvedServoScenario,
     loops: Sequence[str],
     machines: Mapping[str, NDArray[np.float64]],
     fused: Callable[[Form], LinearSystem],
 ) -> ServoRun:
-    """Solve the PID loops among the loops.
-
-    Args:
-        scenario: What all of them follow.
-        loops: All loops, in the order of the traces.
-        machines: The traces of the FSM loops, with time and desired trajectory.
-        fused: Makes a PID loop, as one block, with a form of the plant.
-    """
-    duration, step = scenario.duration or 0.0, scenario.step or 0.0
+    """Solve the PID loops among the loops, beside the traces of the FSM loops."""
+    duration, step = scenario.duration, scenario.step
     traces = {name: machines[name] for name in ("time", "desired_trajectory")}
     growth = {}
     pid_loops = {}
@@ -81,6 +106,7 @@ def add_pid_loops(
             traces |= {f"{name}.{signal}": machines[f"{name}.{signal}"] for signal in SIGNALS[1:]}
             continue
         loop = pid_loops[name] = fused(LOOPS[name].form or scenario.plant.form)
+        _require_exact(name, loop, duration)
         rate = growth_rate(loop)
         if rate > 0:
             growth[name] = rate
@@ -93,7 +119,7 @@ def add_pid_loops(
 
 
 def pid_response(
-    scenario: ServoScenario, run: ServoRun, name: str
+    scenario: ResolvedServoScenario, run: ServoRun, name: str
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return times and actual trajectory of a PID loop, fine enough for its fastest mode.
 
@@ -102,7 +128,7 @@ def pid_response(
     Raises:
         ParameterError: If it takes too many steps.
     """
-    duration, step = scenario.duration or 0.0, scenario.step or 0.0
+    duration, step = scenario.duration, scenario.step
     loop = run.pid_loops[name]
     initial = loop.CreateDefaultContext().get_continuous_state_vector().CopyToVector()
     fastest = fastest_mode(loop.A(), loop.C()[-1], initial)
@@ -117,6 +143,18 @@ def pid_response(
         )
     fine = simulate(loop, duration=duration, step=finer)
     return fine.time, fine.outputs["y0"][:, -1]
+
+
+def _require_exact(name: str, loop: LinearSystem, duration: float) -> None:
+    """Refuse a loop of which rounding leaves nothing: poles and response would be made up."""
+    fastest = float(np.abs(loop.A()).max())
+    most = _LARGEST_ROUNDING / (np.finfo(np.float64).eps * duration)
+    if not fastest <= most:
+        raise ParameterError(
+            f"the largest coefficient of {name}",
+            fastest,
+            f"at most {most:.4g}, gains and plant make the loop overflow",
+        )
 
 
 def growth_rate(loop: LinearSystem) -> float:

@@ -20,7 +20,7 @@ from pydrake.systems.primitives import LinearSystem, LogVectorOutput, RandomSour
 from scipy.linalg import block_diag
 
 from chamfer.diagrams.servo.servo_scenario import ServoScenario, fsm_axis, has_feedforward
-from chamfer.models.plants.spring_mass_damper import Form
+from chamfer.models.plants.servo_plant import Form, plant_blocks
 from chamfer.models.validation import ParameterError
 from chamfer.systems.compiled import compiled
 from chamfer.systems.exact_discretisation import count_samples
@@ -28,7 +28,7 @@ from chamfer.systems.servo.compensator import AxisParams
 from chamfer.systems.servo.compiled_compensator import compensate
 from chamfer.systems.servo.desired_trajectory import make_desired_trajectory
 from chamfer.systems.servo.pid import make_pid
-from chamfer.systems.servo.spring_mass_damper import make_spring_mass_damper
+from chamfer.systems.servo.servo_plant import make_spring_mass_damper
 from chamfer.systems.vision.measured_error import seen
 
 Array = NDArray[np.float64]
@@ -51,6 +51,8 @@ def run_fsm_trials(
     scenario: ServoScenario,
     form: Form,
     *,
+    duration: float,
+    step: float,
     axes: Sequence[AxisParams] | None = None,
     amplitudes: Array | None = None,
     feedforward: bool | None = None,
@@ -59,9 +61,10 @@ def run_fsm_trials(
     """Run Fig. 7 for many settings of the compensator and heights of the desired trajectory.
 
     Args:
-        scenario: Plant, camera, period, trajectory, duration and step, which are the same for
-            all; resolved, so that duration and step are given.
+        scenario: Plant, camera, period and trajectory, which are the same for all.
         form: Of the plant.
+        duration: s, of a trial.
+        step: s, of the outputs; the FSM's period is a multiple of it.
         axes: A setting per trial, n of them; None: the scenario's, once.
         amplitudes: Of the desired trajectory, m, shape (n,); None: the scenario's for all.
         feedforward: As of :func:`chamfer.diagrams.servo.servo_loops.make_fsm_loop`.
@@ -79,7 +82,11 @@ def run_fsm_trials(
     )
     if feedforward is None:
         feedforward = has_feedforward(scenario)
-    step, rows, substeps = _grid(scenario)
+    period = scenario.fsm.period
+    substeps = round(period / step)
+    if substeps < 1 or abs(substeps * step - period) > 1e-9 * period:
+        raise ParameterError("step", step, f"the FSM's period, {period:g} s, over a whole number")
+    rows = count_samples(duration, step)
     camera = scenario.measurement
     ticks = -(-(rows - 1) // substeps)
     samples = _camera_noise(scenario, len(axes), ticks, seed) if camera.noise else np.empty((0, 0))
@@ -117,16 +124,6 @@ def run_fsm_trials(
         actual_trajectory=actual,
         increment=increment,
     )
-
-
-def _grid(scenario: ServoScenario) -> tuple[float, int, int]:
-    duration, step, period = scenario.duration, scenario.step, scenario.fsm.period
-    if duration is None or step is None:
-        raise ParameterError("duration and step", (duration, step), "those of a resolved scenario")
-    substeps = round(period / step)
-    if substeps < 1 or abs(substeps * step - period) > 1e-9 * period:
-        raise ParameterError("step", step, f"the FSM's period, {period:g} s, over a whole number")
-    return step, count_samples(duration, step), substeps
 
 
 def _trajectory_and_plant(
@@ -240,22 +237,22 @@ def fuse_pid_loop(scenario: ServoScenario, form: Form) -> LinearSystem:
     """
     trajectory = make_desired_trajectory(scenario.desired)
     pid = make_pid(scenario.pid)
-    m, b, k = scenario.plant.mass, scenario.plant.damping, scenario.plant.stiffness
+    blocks = plant_blocks(scenario.plant, form)
     start = trajectory.CreateDefaultContext().get_continuous_state_vector().CopyToVector()
     # The force balance is added up as in the diagram: the matrix exponential of a stiff loop
     # answers to the last digits of its argument.
-    motion, rate = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0 / m]])
+    motion, rate = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0 / blocks.mass]])
     matrix = block_diag(trajectory.A(), pid.A(), motion)
     of_trajectory, of_pid, of_plant = slice(0, len(start)), slice(-4, -2), slice(-2, None)
     desired, force, actual, environment = np.zeros((4, 1, len(matrix)))
     desired[:, of_trajectory] = trajectory.C()
-    actual[:, -1 if form == "velocity" else -2] = 1.0
-    environment[:, of_plant] = [-k, -b]
+    actual[:, of_plant] = blocks.output
+    environment[:, of_plant] = blocks.reaction
     error = desired - actual
     force[:, of_pid] = pid.C()
     force += pid.D() * error
     matrix[of_pid] += pid.B() @ error
-    matrix[of_plant] += rate @ ((k * force if form == "position" else force) + environment)
+    matrix[of_plant] += rate @ (blocks.input_gain * force + environment)
     loop = LinearSystem(
         A=matrix,
         B=np.zeros((len(matrix), 0)),

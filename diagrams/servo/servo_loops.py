@@ -9,21 +9,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
-import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder, System
-from pydrake.systems.primitives import Adder, Gain, LinearSystem, MatrixGain
+from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, System
+from pydrake.systems.primitives import Adder, Gain
 
 from chamfer.diagrams.servo.servo_scenario import ServoScenario, fsm_axis, has_feedforward
-from chamfer.models.plants.spring_mass_damper import Form, SpringMassDamperParams
+from chamfer.models.plants.servo_plant import Form
+from chamfer.models.validation import ParameterError
 from chamfer.systems.exact_discretisation import discretise
+from chamfer.systems.ports import require_ports
 from chamfer.systems.servo.compensator import CompensatorParams, TrajectoryCompensator
 from chamfer.systems.servo.desired_trajectory import make_desired_trajectory
 from chamfer.systems.servo.pid import make_pid
+from chamfer.systems.servo.servo_plant import make_plant
 from chamfer.systems.vision.measured_error import add_measured_error
 
 
 @dataclass(frozen=True)
-class Loop:
+class ServoLoop:
     """Which controller drives which form of the plant."""
 
     controller: Literal["PID", "FSM"]
@@ -33,28 +35,29 @@ class Loop:
 
 
 LOOPS: Final = {
-    "pid": Loop("PID", "velocity", "PID loop"),
-    "fsm": Loop("FSM", None, "FSM loop"),
-    "fsm_feedforward": Loop("FSM", None, "FSM loop with feedforward", True),
-    "fsm_compensation": Loop("FSM", None, "FSM loop, compensation only", False),
-    "fsm_velocity": Loop("FSM", "velocity", "FSM loop, force to velocity"),
-    "pid_position": Loop("PID", "compliance", "PID loop, force to position"),
-    "pid_command": Loop("PID", "position", "PID loop, commanded position to position"),
+    "pid": ServoLoop("PID", "velocity", "PID loop"),
+    "fsm": ServoLoop("FSM", None, "FSM loop"),
+    "fsm_feedforward": ServoLoop("FSM", None, "FSM loop with feedforward", True),
+    "fsm_compensation": ServoLoop("FSM", None, "FSM loop, compensation only", False),
+    "fsm_velocity": ServoLoop("FSM", "velocity", "FSM loop, force to velocity"),
+    "pid_position": ServoLoop("PID", "compliance", "PID loop, force to position"),
+    "pid_command": ServoLoop("PID", "position", "PID loop, commanded position to position"),
 }
 
 
 def make_servo_diagram(
     scenario: ServoScenario,
     *,
-    loops: Sequence[str] = ("pid", "fsm"),
+    loops: Sequence[str] | None = None,
     signals: Sequence[str] = ("actual_trajectory",),
     step: float | None = None,
+    controller: LeafSystem | None = None,
 ) -> Diagram:
     """Build loops of :data:`LOOPS` side by side.
 
     Args:
         scenario: What they follow and with which parameters.
-        loops: Which loops.
+        loops: Which loops; None: ``pid`` and ``fsm``, or the latter alone with a controller.
         signals: Which outputs of each are exported, as ``<loop>.<signal>``:
             ``desired_trajectory``, ``controller`` (force N or compensation m),
             ``actual_trajectory``.
@@ -62,15 +65,33 @@ def make_servo_diagram(
             paper's figures. Otherwise the linear parts, a whole PID loop or the FSM's plant and
             trajectory, take exact steps of that size; the FSM's period has to be a multiple of
             it, best by a power of two.
+        controller: A user's own in place of the law of the one loop. Its ports are vectors of
+            size 1: the input ``error``, m, desired minus actual trajectory, which an FSM loop
+            shows as the camera measures it, NaN while it has seen nothing; the output
+            ``compensation``, N or, with a plant in position form, m. With feedforward the input
+            ``desired_trajectory``, m, and the output ``command``, m, have to be there too.
+
+    Raises:
+        ParameterError: If the controller has other ports, or there is not one loop for it.
     """
+    if loops is None:
+        loops = ("pid", "fsm") if controller is None else ("fsm",)
+    if controller is not None and len(loops) != 1:
+        raise ParameterError("loops", tuple(loops), "one, in which the controller is put")
     builder = DiagramBuilder()
     for name in loops:
         loop = LOOPS[name]
         form = loop.form or scenario.plant.form
         if loop.controller == "PID":
-            diagram = make_pid_loop(scenario, form, step=step)
+            diagram = make_pid_loop(scenario, form, step=step, controller=controller)
         else:
-            diagram = make_fsm_loop(scenario, form, feedforward=loop.feedforward, step=step)
+            diagram = make_fsm_loop(
+                scenario,
+                form,
+                feedforward=loop.feedforward,
+                step=step,
+                controller=controller,
+            )
         diagram.set_name(loop.title)
         builder.AddSystem(diagram)
         for signal in signals:
@@ -80,25 +101,45 @@ def make_servo_diagram(
     return servo
 
 
-def make_pid_loop(scenario: ServoScenario, form: Form, *, step: float | None = None) -> Diagram:
-    """Build Fig. 6: the PID of eq. (2), which sees the continuous error, and a plant."""
+def make_pid_loop(
+    scenario: ServoScenario,
+    form: Form,
+    *,
+    step: float | None = None,
+    controller: LeafSystem | None = None,
+) -> Diagram:
+    """Build Fig. 6: the PID of eq. (2), which sees the continuous error, and a plant.
+
+    With a user's own controller only trajectory and plant take exact steps.
+    """
+    own = controller is not None
+
+    def linear(system: System) -> System:
+        return discretise(system, step) if own and step is not None else system
+
     builder = DiagramBuilder()
     desired = builder.AddNamedSystem(
-        "desired trajectory", make_desired_trajectory(scenario.desired)
+        "desired trajectory", linear(make_desired_trajectory(scenario.desired))
     )
     vision = builder.AddNamedSystem("computer vision", _make_continuous_error())
-    controller = builder.AddNamedSystem("controller PID", make_pid(scenario.pid))
-    plant = builder.AddNamedSystem("plant", make_plant(scenario.plant, form))
-    builder.Connect(desired.get_output_port(), vision.GetInputPort("desired_trajectory"))
-    builder.Connect(plant.get_output_port(), vision.GetInputPort("actual_trajectory"))
-    builder.Connect(vision.get_output_port(), controller.get_input_port())
-    builder.Connect(controller.get_output_port(), plant.get_input_port())
-    builder.ExportOutput(desired.get_output_port(), "desired_trajectory")
-    builder.ExportOutput(controller.get_output_port(), "controller")
-    builder.ExportOutput(plant.get_output_port(), "actual_trajectory")
+    if controller is None:
+        law = builder.AddNamedSystem("controller PID", make_pid(scenario.pid))
+        error, force = law.get_input_port(), law.get_output_port()
+    else:
+        require_ports("controller", controller, inputs={"error": 1}, outputs={"compensation": 1})
+        law = builder.AddNamedSystem("controller", controller)
+        error, force = law.GetInputPort("error"), law.GetOutputPort("compensation")
+    plant = builder.AddNamedSystem("plant", linear(make_plant(scenario.plant, form)))
+    builder.Connect(desired.get_output_port(0), vision.GetInputPort("desired_trajectory"))
+    builder.Connect(plant.get_output_port(0), vision.GetInputPort("actual_trajectory"))
+    builder.Connect(vision.get_output_port(), error)
+    builder.Connect(force, plant.get_input_port(0))
+    builder.ExportOutput(desired.get_output_port(0), "desired_trajectory")
+    builder.ExportOutput(force, "controller")
+    builder.ExportOutput(plant.get_output_port(0), "actual_trajectory")
     loop = builder.Build()
     loop.set_name("PID loop")
-    return loop if step is None else discretise(loop, step)
+    return loop if step is None or own else discretise(loop, step)
 
 
 def make_fsm_loop(
@@ -107,6 +148,7 @@ def make_fsm_loop(
     *,
     feedforward: bool | None = None,
     step: float | None = None,
+    controller: LeafSystem | None = None,
 ) -> Diagram:
     """Build Fig. 7: the state machine, which sees the camera's error, and a plant.
 
@@ -115,6 +157,7 @@ def make_fsm_loop(
     """
     if feedforward is None:
         feedforward = has_feedforward(scenario)
+    feedforward = feedforward and form == "position"
 
     def linear(system: System) -> System:
         return system if step is None else discretise(system, step)
@@ -124,66 +167,34 @@ def make_fsm_loop(
         "desired trajectory", linear(make_desired_trajectory(scenario.desired))
     )
     vision = add_measured_error(builder, scenario.measurement)
-    controller = builder.AddNamedSystem(
-        "controller FSM",
-        TrajectoryCompensator(
-            CompensatorParams(axes=(fsm_axis(scenario, form),), period=scenario.fsm.period)
-        ),
-    )
+    if controller is None:
+        axis = fsm_axis(scenario, form)
+        law = TrajectoryCompensator(CompensatorParams(axes=(axis,), period=scenario.fsm.period))
+        law = builder.AddNamedSystem("controller FSM", law)
+    else:
+        fed = (("desired_trajectory", "command"),) if feedforward else ()
+        require_ports(
+            "controller",
+            controller,
+            inputs={"error": 1} | {wanted: 1 for wanted, _ in fed},
+            outputs={"compensation": 1} | {wanted: 1 for _, wanted in fed},
+        )
+        law = builder.AddNamedSystem("controller", controller)
     plant = builder.AddNamedSystem("plant", linear(make_plant(scenario.plant, form)))
-    command = controller.GetOutputPort("compensation")
-    if feedforward and form == "position":
-        builder.Connect(desired.get_output_port(0), controller.GetInputPort("desired_trajectory"))
-        command = controller.GetOutputPort("command")
+    command = law.GetOutputPort("compensation")
+    if feedforward:
+        builder.Connect(desired.get_output_port(0), law.GetInputPort("desired_trajectory"))
+        command = law.GetOutputPort("command")
     builder.Connect(desired.get_output_port(0), vision.GetInputPort("desired_trajectory"))
     builder.Connect(plant.get_output_port(0), vision.GetInputPort("actual_trajectory"))
-    builder.Connect(vision.GetOutputPort("error"), controller.GetInputPort("error"))
+    builder.Connect(vision.GetOutputPort("error"), law.GetInputPort("error"))
     builder.Connect(command, plant.get_input_port(0))
     builder.ExportOutput(desired.get_output_port(0), "desired_trajectory")
-    builder.ExportOutput(controller.GetOutputPort("compensation"), "controller")
+    builder.ExportOutput(law.GetOutputPort("compensation"), "controller")
     builder.ExportOutput(plant.get_output_port(0), "actual_trajectory")
     loop = builder.Build()
     loop.set_name("FSM loop")
     return loop
-
-
-def make_plant(params: SpringMassDamperParams, form: Form) -> Diagram:
-    """Build the inner loop of Fig. 5: A(s) moves the mass, B(s) is what the environment answers.
-
-    It has the same transfer function as :func:`chamfer.systems.servo.spring_mass_damper.\
-make_spring_mass_damper`: A(s) is the free mass, force N to (position m, velocity m/s); B(s) the
-    reaction of spring and damper. In the position form the stiffness K_p of eq. (1) turns the
-    commanded position into a force.
-    """
-    m, b, k = params.mass, params.damping, params.stiffness
-    builder = DiagramBuilder()
-    balance = builder.AddNamedSystem("force balance", Adder(2, 1))
-    motion = builder.AddNamedSystem(
-        "impedance control A(s)",
-        LinearSystem(
-            A=np.array([[0.0, 1.0], [0.0, 0.0]]),
-            B=np.array([[0.0], [1.0 / m]]),
-            C=np.eye(2),
-            D=np.zeros((2, 1)),
-        ),
-    )
-    environment = builder.AddNamedSystem("environment B(s)", MatrixGain(D=np.array([[-k, -b]])))
-    row = [0.0, 1.0] if form == "velocity" else [1.0, 0.0]
-    actual = builder.AddNamedSystem("actual trajectory", MatrixGain(D=np.array([row])))
-    if form == "position":
-        stiffness = builder.AddNamedSystem("stiffness K_p", Gain(k, 1))
-        builder.Connect(stiffness.get_output_port(), balance.get_input_port(0))
-        builder.ExportInput(stiffness.get_input_port(), "commanded_trajectory")
-    else:
-        builder.ExportInput(balance.get_input_port(0), "force")
-    builder.Connect(environment.get_output_port(), balance.get_input_port(1))
-    builder.Connect(balance.get_output_port(), motion.get_input_port())
-    builder.Connect(motion.get_output_port(), environment.get_input_port())
-    builder.Connect(motion.get_output_port(), actual.get_input_port())
-    builder.ExportOutput(actual.get_output_port(), "actual_trajectory")
-    plant = builder.Build()
-    plant.set_name("plant")
-    return plant
 
 
 def _make_continuous_error() -> Diagram:

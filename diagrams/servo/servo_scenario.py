@@ -2,12 +2,12 @@
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from typing import Final
 
 import numpy as np
 
 from chamfer.models.plants.linear_response import fastest_mode
-from chamfer.models.plants.spring_mass_damper import Form, SpringMassDamperParams
+from chamfer.models.plants.servo_plant import Form, SpringMassDamperParams
 from chamfer.models.validation import (
     ParameterError,
     require_one_of,
@@ -17,6 +17,7 @@ from chamfer.models.validation import (
 from chamfer.systems.servo.compensator import AxisParams, AxisThresholds, OpenAxisParams
 from chamfer.systems.servo.desired_trajectory import Sinusoid, Step
 from chamfer.systems.servo.pid import PidParams
+from chamfer.systems.servo.servo_plant import make_spring_mass_damper
 from chamfer.systems.servo.settling import (
     SettlingPlant,
     allowed_increment,
@@ -24,7 +25,6 @@ from chamfer.systems.servo.settling import (
     approach_time,
     sample_plant,
 )
-from chamfer.systems.servo.spring_mass_damper import make_spring_mass_damper
 from chamfer.systems.vision.measured_error import CameraErrorParams, MeasuredErrorParams
 
 RADIANS_PER_STEP = 0.05  # of the fastest mode: a peak between two steps is 0.03 % higher at most
@@ -113,21 +113,52 @@ class ServoScenario:
             return MeasuredErrorParams(period=self.fsm.period, **vars(self.camera))
 
 
-ScenarioT = TypeVar("ScenarioT", bound=ServoScenario)
-
-
 @dataclass(frozen=True, kw_only=True)
 class StepScenario(ServoScenario):
-    """Fig. 8."""
+    """Fig. 8: what is followed is a step."""
 
     desired: Step = field(default_factory=Step)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SinusoidScenario(ServoScenario):
-    """Fig. 9."""
+    """Fig. 9: what is followed is a sinusoid."""
 
     desired: Sinusoid = field(default_factory=Sinusoid)
+
+
+STEP: Final = StepScenario()
+SINUSOID: Final = SinusoidScenario()
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedFsmParams(FsmParams):
+    """The state machine compensator with nothing left open; no limit means no bound."""
+
+    increment: float = field()
+    large_error: float = field()
+    feedforward: bool = field()
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedServoScenario(ServoScenario):
+    """A desired trajectory and the loops that follow it, with nothing left open."""
+
+    fsm: ResolvedFsmParams = field()
+    duration: float = field()
+    step: float = field()
+
+    @property
+    def axis(self) -> AxisParams:
+        """The compensator's parameters on the plant of the scenario's own form."""
+        return fsm_axis(self, self.plant.form)
+
+    @property
+    def frequency(self) -> float:
+        """Of the sinusoid, rad/s."""
+        if isinstance(self.desired, Step):
+            raise ParameterError("desired", "a step", "a sinusoid")
+        return self.desired.frequency
 
 
 def settling_plant(scenario: ServoScenario, form: Form) -> SettlingPlant:
@@ -195,14 +226,13 @@ def has_feedforward(scenario: ServoScenario) -> bool:
     return isinstance(scenario.desired, Sinusoid) and scenario.plant.form == "position"
 
 
-def resolve(scenario: ScenarioT) -> ScenarioT:
+def resolve(scenario: ServoScenario) -> ResolvedServoScenario:
     """Return the scenario with every open value filled in.
 
     Raises:
         ParameterError: If the step does not meet the ticks or is too long, or the run would be
             too long to be stored.
     """
-    fsm = scenario.fsm
     axis = fsm_axis(scenario, scenario.plant.form)
     step = _step(scenario)
     duration = scenario.duration or _duration(scenario, axis)
@@ -212,26 +242,38 @@ def resolve(scenario: ScenarioT) -> ScenarioT:
             duration,
             f"{_LEAST_STEPS} to {_MOST_STEPS} steps of {step:g} s, the step can be set",
         )
-    return replace(
-        scenario,
-        fsm=replace(
-            fsm,
-            increment=axis.increment,
-            large_error=axis.large_error,
-            limit=axis.limit if math.isfinite(axis.limit) else None,
-            feedforward=has_feedforward(scenario),
-        ),
-        duration=duration,
-        step=step,
+    found = {
+        "increment": axis.increment,
+        "large_error": axis.large_error,
+        "limit": axis.limit if math.isfinite(axis.limit) else None,
+        "feedforward": has_feedforward(scenario),
+    }
+    fsm = ResolvedFsmParams(**vars(scenario.fsm) | found)
+    return ResolvedServoScenario(
+        **vars(scenario) | {"fsm": fsm, "duration": duration, "step": step}
     )
 
 
 def _step(scenario: ServoScenario) -> float:
-    longest = min(scenario.fsm.period, _longest_step(scenario))
-    wanted = min(longest, scenario.step or _usual_step(scenario))
+    """Return the step, s: at a step no peak of the plant is missed between two of them.
+
+    The means over a sinusoid have no need of it.
+    """
+    period = scenario.fsm.period
+    if isinstance(scenario.desired, Sinusoid):
+        longest, usual = period, 2 * math.pi / scenario.desired.frequency / 2000
+    else:
+        forms: set[Form] = {scenario.plant.form, "velocity"}
+        plants = [make_spring_mass_damper(scenario.plant, form) for form in forms]
+        fastest = [
+            fastest_mode(plant.A(), plant.C()[0], np.linalg.solve(plant.A(), plant.B())[:, 0])
+            for plant in plants
+        ]
+        longest, usual = min(period, RADIANS_PER_STEP / max(fastest)), 4e-4
+    wanted = min(longest, scenario.step or usual)
     # Steps that are the period over a power of two meet the ticks exactly in floating point.
-    halvings = max(0, math.ceil(math.log2(scenario.fsm.period / wanted) - 1e-9))
-    step: float = scenario.fsm.period / 2.0**halvings
+    halvings = max(0, math.ceil(math.log2(period / wanted) - 1e-9))
+    step: float = period / 2.0**halvings
     if scenario.step is not None and scenario.step != step:
         raise ParameterError(
             "step",
@@ -239,28 +281,6 @@ def _step(scenario: ServoScenario) -> float:
             f"fsm.period over a power of two, such as {step!r}, at most {longest:.3g}",
         )
     return step
-
-
-def _usual_step(scenario: ServoScenario) -> float:
-    if isinstance(scenario.desired, Sinusoid):
-        return 2 * math.pi / scenario.desired.frequency / 2000
-    return 4e-4
-
-
-def _longest_step(scenario: ServoScenario) -> float:
-    """Return the longest step, s, at which no peak of the plant is missed.
-
-    The means over a sinusoid have no need of it.
-    """
-    if isinstance(scenario.desired, Sinusoid):
-        return math.inf
-    forms: set[Form] = {scenario.plant.form, "velocity"}
-    plants = [make_spring_mass_damper(scenario.plant, form) for form in forms]
-    fastest = [
-        fastest_mode(plant.A(), plant.C()[0], np.linalg.solve(plant.A(), plant.B())[:, 0])
-        for plant in plants
-    ]
-    return RADIANS_PER_STEP / max(fastest)
 
 
 def _duration(scenario: ServoScenario, axis: AxisParams) -> float:

@@ -1,16 +1,94 @@
-"""A plant that a camera is to steer, from commanded to actual position, as its user knows it."""
+"""Plants that a camera is to steer: the arm as spring, mass and damper, and a user's own.
+
+Ruybal, Lumia and Wood simulate the robot under impedance control as a spring-mass-damper
+(section 3) and print neither its mass nor its damping. The defaults are identified: with the
+paper's own stiffness of 700 N/m they are the only values for which eq. (2) gives the published
+rise time and overshoot of Fig. 8 (experiment ``plant-identification``).
+"""
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, Literal, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import tf2ss
 
 from chamfer.models.plants.measured_step import IdentifiedPlant
-from chamfer.models.plants.spring_mass_damper import SpringMassDamperParams, StateSpace
-from chamfer.models.validation import ParameterError, known, require_not_negative, require_same
+from chamfer.models.validation import (
+    ParameterError,
+    known,
+    require_not_negative,
+    require_positive,
+    require_same,
+)
 
-_MECHANICS = ("mass", "damping", "stiffness")
+Form = Literal["velocity", "position", "compliance"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpringMassDamperParams:
+    """Parameters of a spring-mass-damper."""
+
+    mass: float = 2.14708  # kg, of the arm at its tool; identified from Fig. 8
+    damping: float = 53.896  # N s/m, of the arm; identified from Fig. 8
+    stiffness: float = 700.0  # N/m, K_p of section 5, first experiment
+
+    def __post_init__(self) -> None:
+        require_positive(self, "mass", "damping", "stiffness")
+        largest = max(self.damping, self.stiffness, 1.0)
+        if not math.isfinite(largest / self.mass):
+            raise ParameterError(
+                "mass", self.mass, "at least what damping and stiffness can be divided by"
+            )
+
+
+class StateSpace(NamedTuple):
+    """Matrices of ``xdot = A x + B u, y = C x + D u``."""
+
+    A: NDArray[np.float64]
+    B: NDArray[np.float64]
+    C: NDArray[np.float64]
+    D: NDArray[np.float64]
+
+
+class PlantBlocks(NamedTuple):
+    """The inner loop of Fig. 5 as numbers: A(s) moves a mass, B(s) is what answers it."""
+
+    mass: float  # kg, of A(s) = 1/(m s), force N to velocity m/s
+    reaction: tuple[float, float]  # N/m and N s/m, of B(s): force per position and velocity
+    input_gain: float  # N per unit of the input
+    output: tuple[float, float]  # of the state (position m, velocity m/s)
+
+
+def plant_blocks(params: SpringMassDamperParams, form: Form) -> PlantBlocks:
+    """Return the blocks of the spring-mass-damper, from which all its models are made.
+
+    ``velocity`` is ``s/(m s^2 + b s + k)``, force N to velocity m/s: what the paper says it
+    simulated, with a zero at s = 0. ``position`` is ``k/(m s^2 + b s + k)``, commanded position m
+    to position m: what the hardware does, by the stiffness K_p of eq. (1). ``compliance`` is
+    ``1/(m s^2 + b s + k)``, force N to position m.
+    """
+    return PlantBlocks(
+        mass=params.mass,
+        reaction=(-params.stiffness, -params.damping),
+        input_gain=params.stiffness if form == "position" else 1.0,
+        output=(0.0, 1.0) if form == "velocity" else (1.0, 0.0),
+    )
+
+
+def state_space(params: SpringMassDamperParams, form: Form) -> StateSpace:
+    """Return the spring-mass-damper with the state (position m, velocity m/s)."""
+    blocks = plant_blocks(params, form)
+    return StateSpace(
+        A=np.array([[0.0, 1.0], np.array(blocks.reaction) / blocks.mass]),
+        B=np.array([[0.0], [blocks.input_gain / blocks.mass]]),
+        C=np.array([blocks.output]),
+        D=np.zeros((1, 1)),
+    )
+
+
+_MECHANICS: Final = ("mass", "damping", "stiffness")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from chamfer.systems.servo.compensation_law import class_increment, error_class
 from chamfer.systems.servo.compensator import AxisParams
-from chamfer.systems.servo.sampled_pid import PidGains
+from chamfer.systems.servo.sampled_pid import PidGains, pid_step
 from chamfer.systems.servo.settling import SettlingPlant
 
 Array = NDArray[np.float64]
@@ -115,18 +115,14 @@ def pid_law(axes: Sequence[PidGains]) -> Law:
         for name in ("proportional", "integral", "derivative", "limit")
     )
     integral: Array = np.zeros_like(limit)
-    last: Array | None = None
+    last: Array = np.full_like(limit, np.nan)
 
     def law(error: Array, period: float) -> Array:
         nonlocal integral, last
-        change = np.zeros_like(error) if last is None else (error - last) / period
-        rest = proportional * error + derivative * change
-        more = integral + per_second * error * period
-        beyond = np.abs(more + rest) > limit
-        away = beyond & (np.sign(more - integral) == np.sign(more + rest))
-        integral = np.clip(np.where(away, integral, more), -limit, limit)
+        total, integral = pid_step(
+            integral, last, error, proportional, per_second, derivative, limit, period
+        )
         last = error
-        total: Array = np.clip(integral + rest, -limit, limit)
         return total
 
     return law

@@ -88,7 +88,7 @@ class AxisParams(OpenAxisParams):
     @property
     def small_increment(self) -> float:
         """The increment for a small error, n divided by the divider."""
-        return self.increment / self.divider
+        return float(class_increment(1, self.increment, self.divider))
 
 
 @dataclass(frozen=True, kw_only=True)

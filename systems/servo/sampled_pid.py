@@ -5,10 +5,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
 from chamfer.models.validation import ParameterError, known, require_not_negative, require_positive
 from chamfer.systems.servo.settling import SettlingPlant
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +58,38 @@ class SampledPidParams:
         if not self.axes:
             raise ParameterError("axes", self.axes, "at least one axis")
         require_positive(self, "period")
+
+
+def pid_step(
+    integral: Array,
+    last: Array,
+    error: Array,
+    proportional: Array,
+    per_second: Array,
+    derivative: Array,
+    limit: Array,
+    period: float,
+) -> tuple[Array, Array]:
+    """Return total and integral part after a sample, of the law of :class:`SampledPid`.
+
+    Args:
+        integral: The integral part so far, of any shape; all others are of it or broadcast to it.
+        last: The error before, NaN if there is none.
+        error: The new one, finite.
+        proportional: C/E, of the error.
+        per_second: C/(E s), of its integral.
+        derivative: C s/E, of its difference.
+        limit: C, of the total.
+        period: s.
+    """
+    change = np.nan_to_num((error - last) / period)
+    more = integral + per_second * error * period
+    rest = proportional * error + derivative * change
+    beyond = np.abs(more + rest) > limit
+    away = beyond & (np.sign(more - integral) == np.sign(more + rest))
+    # With a derivative the sum could pass a limit that the total keeps.
+    kept = np.clip(np.where(away, integral, more), -limit, limit)
+    return np.clip(kept + rest, -limit, limit), kept
 
 
 class SampledPid(LeafSystem):
@@ -111,14 +146,16 @@ class SampledPid(LeafSystem):
             last[:] = math.nan
         else:
             proportional, per_second, derivative = self._gains
-            change = np.nan_to_num((error - last) / self._period)
-            more = integral + per_second * error * self._period
-            rest = proportional * error + derivative * change
-            beyond = np.abs(more + rest) > self._limits
-            away = beyond & (np.sign(more - integral) == np.sign(more + rest))
-            # With a derivative the sum could pass a limit that the total keeps.
-            integral[:] = np.clip(np.where(away, integral, more), -self._limits, self._limits)
-            total[:] = np.clip(integral + rest, -self._limits, self._limits)
+            total[:], integral[:] = pid_step(
+                integral,
+                last,
+                error,
+                proportional,
+                per_second,
+                derivative,
+                self._limits,
+                self._period,
+            )
             last[:] = error
         state.get_mutable_discrete_state().set_value(self._memory, memory)
 

@@ -155,7 +155,8 @@ def test_the_catalogue_says_what_it_is(ran: Ran) -> None:
 
 def test_a_resolved_scenario_comes_back_from_disk(ran: Ran, tmp_path: Path) -> None:
     default, scenario = ran.experiment.default, ran.job.scenario
-    assert make_scenario(default, given=unstructure(scenario)) == scenario
+    given = make_scenario(default, given=unstructure(scenario))
+    assert ran.experiment.resolve(given) == scenario
     path = tmp_path / "scenario.yaml"
     path.write_text(scenario_text(scenario), encoding="utf-8")
     (job,) = prepare([ran.job.entry], file=path)

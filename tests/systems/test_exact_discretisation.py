@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from pydrake.common import RandomDistribution
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import (
     ConstantVectorSource,
@@ -17,12 +17,10 @@ from pydrake.systems.primitives import (
 )
 from scipy.linalg import expm
 
-from chamfer.analysis.linear.simulate import simulate
-from chamfer.diagrams.servo.servo_loops import make_pid_loop, make_plant
-from chamfer.diagrams.servo.servo_scenario import StepScenario
-from chamfer.models.plants.spring_mass_damper import SpringMassDamperParams, state_space
+from chamfer.models.plants.servo_plant import SpringMassDamperParams, state_space
 from chamfer.models.validation import ParameterError
 from chamfer.systems.exact_discretisation import count_samples, discretise, fuse, is_linear
+from chamfer.systems.servo.servo_plant import make_plant
 
 
 def two_by_two() -> LinearSystem:
@@ -86,34 +84,6 @@ def test_steps_are_exact_for_constant_inputs_whatever_their_size(step: float) ->
         )
 
 
-def test_the_default_state_is_kept() -> None:
-    system = LinearSystem(A=-np.eye(1), B=np.zeros((1, 0)), C=np.eye(1), D=np.zeros((1, 0)))
-    system.configure_default_state(np.array([2.0]))
-    sampled = discretise(system, 0.5)
-    simulator = Simulator(sampled)
-    simulator.AdvanceTo(1.0)
-    assert sampled.get_output_port(0).Eval(simulator.get_context())[0] == pytest.approx(
-        2 * np.exp(-1.0)
-    )
-
-
-def test_a_stiff_loop_agrees_with_an_implicit_integrator() -> None:
-    scenario = StepScenario()
-    exact = Simulator(discretise(make_pid_loop(scenario, "velocity"), 1e-3))
-    continuous = Simulator(make_pid_loop(scenario, "velocity"))
-    ApplySimulatorConfig(
-        SimulatorConfig(integration_scheme="radau3", max_step_size=1e-3, accuracy=1e-9),
-        continuous,
-    )
-    for end in (0.005, 0.02, 0.1):
-        outputs = []
-        for simulator in (exact, continuous):
-            simulator.AdvanceTo(end)
-            port = simulator.get_system().GetOutputPort("actual_trajectory")
-            outputs.append(port.Eval(simulator.get_context())[0])
-        assert outputs[0] == pytest.approx(outputs[1], abs=1e-6)
-
-
 @pytest.mark.parametrize("form", ["velocity", "position", "compliance"])
 def test_the_inner_loop_of_fig_5_is_the_spring_mass_damper(form: str) -> None:
     params = SpringMassDamperParams(mass=1.3, damping=7.0, stiffness=210.0)
@@ -166,13 +136,6 @@ def test_what_is_linear_and_continuous_is_told_from_what_is_not() -> None:
     assert not is_linear(random_walk())  # Drake aborts where its states are counted
     with pytest.raises(ParameterError, match="system is 'random walk'"):
         fuse(random_walk())
-
-
-def test_a_random_source_beside_continuous_state_can_be_simulated() -> None:
-    found = simulate(random_walk(), duration=1.0, step=0.125, seed=3)
-    steps, walk = found.outputs["step"], found.outputs["walk"]
-    assert steps.any()
-    np.testing.assert_allclose(np.diff(walk), 0.125 * steps[1:], atol=1e-12)
 
 
 @pytest.mark.parametrize(

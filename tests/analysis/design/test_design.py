@@ -1,13 +1,23 @@
+import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from chamfer.analysis.design.changes import changed, changes, smallest_change
-from chamfer.analysis.design.design import Design, assess
+from chamfer.analysis.design.changes import FIELDS, changed, changes, smallest_change
+from chamfer.analysis.design.design import Design, assess, contradiction, interval
 from chamfer.analysis.design.design_scenario import DesignScenario, drawn_design, resolve_design
-from chamfer.analysis.design.fields import FIELDS
+from chamfer.analysis.design.detection import Sight
+from chamfer.analysis.design.insertion_links import Starts, edge_force, region_links, stiffened
+from chamfer.analysis.design.link import at_least, at_most, tightest
+from chamfer.analysis.design.settling import arm_at_tool, first_inside, loops, start_error
 from chamfer.analysis.scenario.scenario_io import make_scenario
+from chamfer.models.peg.peg_and_hole import PegHoleGeometry
+from chamfer.models.peg.support import Support
+from chamfer.models.peg_theory.wedging import rotation_bounds
 from chamfer.models.validation import ParameterError
+from chamfer.systems.strategies.insertion_decision import InsertionRegion
+from chamfer.systems.vision.cell_error import AXES
 
 USUAL = DesignScenario(draws=80, pictures=2)
 
@@ -23,15 +33,6 @@ def test_the_papers_cell_is_certain() -> None:
     assert found.share_low > 0.95
     assert all(link.margin >= 0 for link in found.links)
     assert found.limiting_link != "settling"  # which is kept by design
-
-
-def test_parts_too_tight_for_the_dead_zones_are_never_decided_for() -> None:
-    parts = replace(USUAL.parts, peg_radius=0.01003, friction=0.6)
-    found = assessed(replace(USUAL, step=0.00025, parts=parts))
-    assert found.verdict == "no"
-    assert found.share == 0.0
-    settled = next(link for link in found.links if link.name == "settled.tilt")
-    assert settled.margin < 0
 
 
 def test_arms_too_stiff_for_the_largest_start_are_stopped_by_their_own_springs() -> None:
@@ -108,6 +109,132 @@ def test_a_field_that_there_is_not_is_refused() -> None:
         changed(USUAL, "nothing", 1.0)
 
 
-def test_fewer_draws_could_not_say_no() -> None:
-    with pytest.raises(ParameterError, match="draws is 71, allowed: 72 to"):
-        DesignScenario(draws=71)
+CELL = resolve_design(DesignScenario())
+
+
+def test_the_tightest_link_is_the_one_with_the_least_share_left() -> None:
+    push = at_most("push", 6.0, 8.0, "N", "")
+    tilt = at_most("tilt", 0.009, 0.01, "rad", "")
+    size = at_least("sight", 3.0, 1.0, "", "")
+    kept = at_most("settling", 0.999, 1.0, "", "", by_design=True)
+    assert tightest([push, tilt, size, kept]) is tilt
+    assert tilt.margin == pytest.approx(0.001)
+    assert tilt.share == pytest.approx(0.1)
+    assert size.margin == 2.0
+    never = at_most("time", math.inf, 8.0, "s", "")
+    assert tightest([tilt, never]) is never
+    assert never.margin == -math.inf
+
+
+def test_a_bound_without_end_is_said_to_follow_from_a_link_before_it_that_is_not_kept() -> None:
+    rest = at_most("settled.tilt", 0.014, 0.005, "rad", "s")
+    near = at_most("settled.lateral", 0.9, 1.0, "m", "s")
+    late = at_most("time", math.inf, 8.0, "s", "s")
+    edge = at_most("edge", 80.0, 8.0, "N", "s")
+    assert tightest([near, rest, late, edge]) is rest
+    assert tightest([near, late, rest, edge]) is late
+
+
+def sees(*way: float) -> bool:
+    return Sight(np.zeros(6), np.zeros(6), 4, 4, way).seen
+
+
+def test_cameras_are_blind_where_two_places_in_a_row_are_mostly_lost() -> None:
+    assert sees(1.0, 0.75, 1.0, 0.25, 1.0)
+    assert not sees(1.0, 0.25, 0.25, 1.0)
+    assert not sees(0.0, 1.0, 1.0)
+
+
+def test_the_rule_decides_as_the_chart_does() -> None:
+    region = InsertionRegion(PegHoleGeometry(), Support())
+    errors = np.zeros((12, 4, 2))
+    errors[:, 0, 0] = 0.5 * region.lateral_limit
+    errors[:, 3, 1] = 2 * region.rotation_limit
+    errors[6:, 3, 1] = 0.0
+    # Of the second draw the window has to be free of the jump, whose spread makes it unsure.
+    assert first_inside(region, errors, 4, 0.3).tolist() == [3.0, 9.0]
+    assert np.isinf(first_inside(region, errors, 4, 0.6)[0])
+    assert np.isinf(first_inside(region, errors[:3], 4, 0.3)).all()
+
+
+def test_wedging_is_that_of_the_draw_closest_to_its_limit() -> None:
+    starts = Starts(np.array([1e-4, 2e-3]), np.array([0.02, -0.03]))
+    links = {link.name: link for link in region_links(CELL, starts)}
+    lower, _ = rotation_bounds(CELL.parts, CELL.wedging_support, 2e-3)
+    assert links["wedging"].bound == 0.03
+    assert links["wedging"].allowed == pytest.approx(-float(lower), rel=1e-3)
+    assert links["chamfer"].bound == 2e-3
+    assert links["chamfer"].allowed == CELL.parts.chamfer_limit
+
+
+def test_a_rim_that_may_sit_on_the_edge_takes_a_push() -> None:
+    upright = Starts(np.array([3e-3]), np.array([0.06]))  # errors that add
+    assert edge_force(CELL, upright) == 0.0
+    assert edge_force(CELL, Starts(upright.lateral, -upright.tilt)) > 0.0
+
+
+def test_friction_stiffens_small_errors_more() -> None:
+    support = CELL.wedging_support
+    near, far = (stiffened(CELL, support, one, one) for one in (1e-3, 1e-2))
+    assert near.angular_stiffness > far.angular_stiffness > support.angular_stiffness
+    smooth = replace(
+        CELL,
+        peg=replace(CELL.peg, joint_friction=(0.0,) * 7),
+        hole=replace(CELL.hole, joint_friction=(0.0,) * 7),
+    )
+    assert stiffened(smooth, support, 1e-3, 1e-3) == support
+
+
+def test_an_unknown_payload_sags_by_its_weight_over_the_stiffness() -> None:
+    at_tool = arm_at_tool(CELL, "peg")
+    weight = 9.81 * CELL.peg.payload_error
+    assert at_tool.payload[AXES.index("z")] == pytest.approx(-weight / 400)
+    # Behind the tip, it tips the peg up: about -Y by 0.07 m times its weight.
+    assert at_tool.payload[AXES.index("pitch")] == pytest.approx(-0.07 * weight / 5)
+
+
+def test_a_base_that_is_elsewhere_is_an_error_of_the_start() -> None:
+    moved = replace(CELL.peg.base_error, position=(0.0, 0.002, 0.0))
+    off = replace(CELL, peg=replace(CELL.peg, base_error=moved))
+    assert start_error(off)[AXES.index("y")] == pytest.approx(-0.002)
+    assert loops(off)["y"].middle - loops(CELL)["y"].middle == pytest.approx(-0.002)
+
+
+def design(verdict: str, low: float = 0.0, high: float = 1.0) -> Design:
+    link = at_most("one", 1.0, 2.0, "", "")
+    return Design(
+        links=(link,),
+        verdict=verdict,  # type: ignore[arg-type]
+        limiting_link="one",
+        share=0.5,
+        share_low=low,
+        share_high=high,
+        draws=10,
+    )
+
+
+def test_interval_is_that_of_clopper_and_pearson() -> None:
+    # All of n: the lower end p has p^n = 2.5 %.
+    low, high = interval(20, 20)
+    assert (low, high) == (pytest.approx(0.025 ** (1 / 20)), 1.0)
+    low, high = interval(0, 20)
+    assert (low, high) == (0.0, pytest.approx(1 - 0.025 ** (1 / 20)))
+
+
+@pytest.mark.parametrize(
+    ("verdict", "seated", "contradicted"),
+    [("certain", 20, False), ("certain", 19, True), ("no", 0, False), ("no", 1, True)],
+)
+def test_a_single_insertion_contradicts_what_is_sure(
+    verdict: str, seated: int, contradicted: bool
+) -> None:
+    said = contradiction(design(verdict), seated, 20)
+    assert bool(said) == contradicted
+    if contradicted:
+        assert f"called {verdict!r}, but 1 of 20" in said
+
+
+def test_intervals_of_what_is_likely_have_to_overlap() -> None:
+    assert not contradiction(design("likely", 0.4, 0.8), 19, 20)
+    assert "40 to 60 % of the errors inside" in contradiction(design("likely", 0.4, 0.6), 20, 20)
+    assert contradiction(design("likely", 0.4, 0.6), 2, 20)

@@ -8,18 +8,16 @@ from typing import Any
 import pytest
 
 import chamfer.analysis.design.design_answer as design_answer
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.cli import main
-from chamfer.analysis.design.changes import Change
-from chamfer.analysis.design.design import Design
+from chamfer.analysis.design.changes import FIELDS, Change
+from chamfer.analysis.design.design import Design, Verified
 from chamfer.analysis.design.design_answer import Answer
 from chamfer.analysis.design.design_map import MapAxis
 from chamfer.analysis.design.design_scenario import DesignScenario, resolve_design
-from chamfer.analysis.design.fields import FIELDS
 from chamfer.analysis.design.link import at_least, at_most
-from chamfer.analysis.design.verification import Verified
-from chamfer.analysis.insertion.insertion import REDUCED
 from chamfer.analysis.report.traces import read_table
-from chamfer.analysis.scenario.experiment import Progress
+from chamfer.analysis.scenario.experiment import Progress, select
 
 
 def canned(
@@ -126,29 +124,6 @@ def test_folder_has_the_result_the_page_and_the_scenario(
 
 
 @pytest.mark.usefixtures("quick")
-def test_changes_are_left_out_where_nobody_asks_for_them(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = ["--out", str(tmp_path)]
-    assert main(["design", "insertion", "--no-changes", *out]) == 0
-    printed = capsys.readouterr().out
-    assert "What to change was not asked" in printed
-    assert "alone certain at" not in printed
-    result = document(tmp_path)
-    assert (result["changes"], result["smallest_change"]) == (None, None)
-    assert result["command"] == "chamfer design insertion --no-changes"
-
-
-def test_fields_are_those_of_the_scenario_that_is_given(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    asked = ["design", "insertion", "--fields", "parts.peg_radius", "--out", str(tmp_path)]
-    assert main([*asked, "--json", "--set", "parts=nist-12.675mm"]) == 0
-    (radius,) = json.loads(capsys.readouterr().out)
-    assert radius["default"] == 0.0063375
-
-
-@pytest.mark.usefixtures("quick")
 def test_result_and_command_make_the_same_design_again(tmp_path: Path) -> None:
     first, second, third = (tmp_path / name for name in ("first", "second", "third"))
     assert main(["design", "insertion", "--set", "gap=0.025", "--out", str(first)]) == 0
@@ -229,7 +204,12 @@ def test_the_whole_way_from_a_cell_to_an_answer(
     )  # each takes a second
     arguments = ["design", "insertion", "--workers", "1", "--out", str(tmp_path)]
     few = ("draws=72", "pictures=1")
-    for setting in (*REDUCED, *few, "spread.lateral=5e-4", "spread.rotational=0.005"):
+    for setting in (
+        *select(CATALOGUE.entries, ["insertion"])[0].reduced,
+        *few,
+        "spread.lateral=5e-4",
+        "spread.rotational=0.005",
+    ):
         arguments += ["--set", setting]
     arguments += ["--map", "parts.friction:0.2:0.5", "parts.clearance:0.0002:0.0003"]
     assert main([*arguments, "--verify", "1"]) == 0

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import chamfer.analysis.design.design_map as module
-from chamfer.analysis.design.design_figures import plot_map
-from chamfer.analysis.design.design_map import REFUSED, DesignMap, map_design, parse_map
+from chamfer.analysis.design.design_map import REFUSED, DesignMap, map_design, parse_map, plot_map
 from chamfer.analysis.design.design_scenario import DesignScenario
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.models.validation import ParameterError

@@ -2,7 +2,75 @@ import re
 from typing import Any
 from xml.etree import ElementTree
 
+import pytest
+
 from chamfer.analysis.design.design_page import design_page
+from chamfer.analysis.design.design_words import (
+    change_sentence,
+    design_text,
+    limit_sentence,
+    quantity,
+    relation,
+    share_sentence,
+    verified_sentence,
+)
+
+
+def link(
+    name: str,
+    bound: float | None,
+    allowed: float,
+    margin: float | None,
+    unit: str,
+    source: str,
+    share: float | None,
+) -> dict[str, Any]:
+    numbers = {"bound": bound, "allowed": allowed, "margin": margin, "share": share}
+    by_design = name == "torque"
+    return {"name": name, "unit": unit, "source": source, "by_design": by_design, **numbers}
+
+
+def change(path: str, unit: str, value: float, sensitivity: float, to: float | None) -> Any:
+    settings = [] if to is None else [f"{path}={to}"]
+    numbers = {"value": value, "sensitivity": sensitivity, "to": to}
+    return {"path": path, "unit": unit, "meaning": "of the parts", "settings": settings, **numbers}
+
+
+@pytest.fixture
+def document() -> dict[str, Any]:
+    """Return what result.json has of a design: one link inside, one outside, one unbounded."""
+    friction = change("parts.friction", "", 0.4, -0.1, 0.3)
+    return {
+        "design": "insertion",
+        "seed": 3,
+        "verdict": "likely",
+        "limiting_link": "two points",
+        "margin": -0.25,
+        "share": {"value": 0.5, "low": 0.43, "high": 0.57, "draws": 200},
+        "links": [
+            link("camera", 0.001, 0.004, 0.003, "m", "measured <here>", 0.75),
+            link("two points", 0.05, 0.04, -0.01, "rad", "statics", -0.25),
+            link("torque", 20.0, 5.0, 15.0, "N m", "the arm", 3.0),
+            link("settling", None, 8.0, None, "s", "theorem", None),
+        ],
+        "changes": [friction, change("parts.chamfer_width", "m", 0.002, 0.05, None)],
+        "smallest_change": friction,
+        "map": None,
+        "verified": {
+            "trials": 20,
+            "seated": 19,
+            "low": 0.751,
+            "high": 0.999,
+            "failed_trials": 0,
+            "endings": {"gave up: it was stopped": 1},
+            "largest_force": 3.25,
+            "warning": "",
+        },
+        "scenario_sha256": "0123456789abcdef",
+        "overrides": ["parts.friction=0.4"],
+        "versions": {"drake": "1.51.1", "control": None},
+        "command": "chamfer design insertion --set parts.friction=0.4",
+    }
 
 
 def test_page_is_whole_escaped_and_needs_nothing_else(document: dict[str, Any]) -> None:
@@ -43,3 +111,63 @@ def test_map_is_in_the_page(document: dict[str, Any]) -> None:
     page = design_page(document, "", b"<svg/>")
     assert "data:image/svg+xml;base64,PHN2Zy8+" in page
     assert "4 no" in page
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "said"),
+    [
+        (0.0042, "m", "4.2 mm"),
+        (0.05, "rad", "50 mrad"),
+        (3.5, "N", "3.5 N"),
+        (0.45, "", "0.45"),
+        (None, "m", "-"),
+    ],
+)
+def test_lengths_and_angles_are_in_thousandths(value: float, unit: str, said: str) -> None:
+    assert quantity(value, unit) == said
+
+
+def test_which_side_of_what_is_allowed(document: dict[str, Any]) -> None:
+    sides = {link["name"]: relation(link) for link in document["links"]}
+    assert sides == {
+        "camera": "at most",
+        "two points": "at most",
+        "torque": "at least",
+        "settling": "at most",
+    }
+
+
+def test_sentences(document: dict[str, Any]) -> None:
+    assert limit_sentence(document) == (
+        "two points: 50 mrad, at most 40 mrad is allowed, margin -10 mrad (-25 %)"
+    )
+    assert share_sentence(document) == (
+        "50 % of 200 drawn errors are inside (95 % interval 43 % to 57 %)"
+    )
+    assert verified_sentence(document["verified"]) == (
+        "19 of 20 simulated insertions are seated (95 % interval 75.1 % to 99.9 %)"
+    )
+
+
+def test_smallest_change(document: dict[str, Any]) -> None:
+    assert change_sentence(document) == (
+        "Smallest single change: parts.friction from 0.4 to 0.3 (-25 %) makes it certain "
+        "(--set parts.friction=0.3); two together may take less"
+    )
+    assert change_sentence({**document, "changes": None}) == "What to change was not asked"
+    assert change_sentence({**document, "smallest_change": None}).startswith("No single field")
+    assert change_sentence({**document, "verdict": "certain"}).startswith("Nothing has")
+
+
+def test_terminal_has_links_changes_and_a_plain_warning(document: dict[str, Any]) -> None:
+    verified = {**document["verified"], "warning": "the design is called 'no', but it went in"}
+    lines = list(design_text({**document, "verified": verified}))
+    assert lines[0].startswith("insertion  likely: ")
+    (limits,) = [line for line in lines if line.startswith("> ")]
+    assert limits.split()[:3] == [">", "two", "points"]
+    assert any(
+        line.split() == ["settling", "infinite", "<=", "8", "-", "s", "-", "theorem"]
+        for line in (one.strip() for one in lines)
+    )
+    assert "WARNING: the design is called 'no', but it went in" in lines
+    assert "  1: gave up: it was stopped" in lines

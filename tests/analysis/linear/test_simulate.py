@@ -39,15 +39,6 @@ def test_the_last_time_is_the_whole_duration_to_its_last_digit() -> None:
     assert simulate(ramp([1.0]), duration=duration, step=step).time[-1] == 64 * step
 
 
-def test_progress_ends_at_one_and_never_falls() -> None:
-    seen: list[float] = []
-    simulate(
-        ramp([1.0]), duration=1.0, step=0.5, progress=lambda done, doing="": seen.append(done)
-    )
-    assert seen == sorted(seen)
-    assert seen[-1] == 1.0
-
-
 def test_a_seed_fixes_the_noise() -> None:
     def noise(seed: int) -> np.ndarray:
         builder = DiagramBuilder()
@@ -139,13 +130,6 @@ def test_a_run_ends_when_it_is_over() -> None:
     np.testing.assert_allclose(told, [0.1 / 3, 0.2 / 3, 0.1, 0.4 / 3, 1.0])
 
 
-def test_a_run_that_is_never_over_takes_its_duration() -> None:
-    run = simulate(stepped_ramp(), duration=0.333, step=0.01, ended=lambda _: False)
-    assert run.final is not None
-    assert run.final.get_time() == pytest.approx(0.333)
-    assert run.time[-1] == pytest.approx(0.33)
-
-
 def test_the_last_state_is_that_of_the_root_at_the_end() -> None:
     run = simulate(stepped_ramp(), duration=0.7, step=0.1)
     assert run.final is not None
@@ -154,7 +138,3 @@ def test_the_last_state_is_that_of_the_root_at_the_end() -> None:
     over = simulate(stepped_ramp(), duration=7.0, step=0.1, ended=lambda _: True).final
     assert over is not None
     assert over.get_time() == pytest.approx(1.0)
-
-
-def test_what_is_solved_exactly_has_no_last_state() -> None:
-    assert simulate(decay(), duration=1.0, step=0.1).final is None

@@ -1,5 +1,3 @@
-"""Linear models of diagrams against transfer functions written out."""
-
 from pathlib import Path
 from typing import Any
 
@@ -8,23 +6,26 @@ import numpy as np
 import pytest
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import (
     ConstantVectorSource,
     DiscreteTimeDelay,
     LinearSystem,
+    MatrixGain,
     Saturation,
     ZeroOrderHold,
 )
 
+from chamfer.analysis.linear.from_control import from_control
 from chamfer.analysis.linear.to_control import to_control
 from chamfer.diagrams.servo.servo_loops import make_fsm_loop, make_pid_loop
 from chamfer.diagrams.servo.servo_scenario import StepScenario
 from chamfer.models.arms import puma_250
-from chamfer.models.plants.spring_mass_damper import SpringMassDamperParams
+from chamfer.models.plants.servo_plant import SpringMassDamperParams
 from chamfer.models.validation import ParameterError
 from chamfer.systems.servo.sampled_pid import PidGains, SampledPid, SampledPidParams
-from chamfer.systems.servo.spring_mass_damper import make_spring_mass_damper
+from chamfer.systems.servo.servo_plant import make_spring_mass_damper
 from chamfer.systems.vision.measured_error import MeasuredError, MeasuredErrorParams
 
 M, B, K = 2.14708, 53.896, 700.0  # the paper's plant
@@ -261,3 +262,52 @@ def test_a_mode_that_is_too_fast_is_refused() -> None:
     builder.ExportInput(plant.get_input_port(), "in")
     with pytest.raises(ParameterError, match=r"^fastest continuous mode is 1"):
         to_control(builder.Build(), period=T)
+
+
+@pytest.mark.parametrize("dt", [0, 0.05])
+def test_there_and_back_nothing_changes(dt: float) -> None:
+    there = control.ss([[-0.5, 1], [0, -0.25]], [[0, 1], [2, 0]], [[1, 1]], [[0, 0.5]], dt)
+    there.name = "plant"
+    block = from_control(there)
+    assert block.get_name() == "plant"
+    back = to_control(block)
+    for name in ("A", "B", "C", "D"):
+        assert np.array_equal(getattr(back, name), getattr(there, name))
+    assert (back.dt, back.name) == (dt, "plant")
+
+
+def test_a_transfer_function_answers_as_python_control_says() -> None:
+    lag = control.tf([2.0], [0.5, 1.0])
+    block = from_control(lag)
+    assert isinstance(block, LinearSystem)
+    assert block.time_period() == 0.0
+    context = block.CreateDefaultContext()
+    block.get_input_port().FixValue(context, [1.0])
+    Simulator(block, context).AdvanceTo(0.7)
+    expected = control.step_response(lag, [0.0, 0.7]).outputs[-1]
+    assert block.get_output_port().Eval(context)[0] == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_gain_needs_no_states() -> None:
+    block = from_control(control.tf([3.0], [1.0]))
+    assert isinstance(block, MatrixGain)
+    assert np.array_equal(block.D(), [[3.0]])
+
+
+@pytest.mark.parametrize(
+    ("system", "message"),
+    [
+        (control.tf([1, 0, 0], [1, 1]), r"^zeros is 2, allowed: at most as many as poles, 1$"),
+        (control.tf([1], [1, 1], True), r"^dt is True, allowed: a period"),
+        (control.ss([[np.nan]], [[1]], [[1]], 0), r"^system is .*, allowed: finite real numbers"),
+        (control.frd([1, 2], [1, 2]), r"^system is 'FrequencyResponseData', allowed: a StateSp"),
+        (
+            control.tf([[[1], [1]]], [[[1, 1], [1, 2]]]),
+            r"^transfer function is .*, allowed: one input and one output",
+        ),
+        (1.0, r"^system is 'float', allowed"),
+    ],
+)
+def test_what_is_no_block_is_refused_in_one_line(system: Any, message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        from_control(system)

@@ -8,7 +8,7 @@ from chamfer.analysis.servo.plant_identification import (
     identify,
     pid_step,
 )
-from chamfer.models.plants.spring_mass_damper import SpringMassDamperParams
+from chamfer.models.plants.servo_plant import SpringMassDamperParams
 from chamfer.models.validation import ParameterError
 from chamfer.systems.servo.pid import PidParams
 

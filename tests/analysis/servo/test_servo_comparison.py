@@ -14,14 +14,15 @@ from chamfer.analysis.servo.comparison_trials import (
     CONDITIONS,
     CONTROLLERS,
     CRITERIA,
+    ResolvedServoComparisonScenario,
     ServoComparisonScenario,
     StepSpread,
     drawn,
     measure,
     resolve_comparison,
 )
-from chamfer.analysis.servo.servo_comparison import answer, differences, run
-from chamfer.diagrams.servo.comparison_scenario import ServoCameraParams
+from chamfer.analysis.servo.servo_comparison import answer, design_metrics, differences, run
+from chamfer.diagrams.servo.comparison_loop import ServoCameraParams
 from chamfer.models.plants.measured_step import unit_response
 from chamfer.models.plants.servo_plant import ServoPlantParams, transfer_function
 from chamfer.models.validation import ParameterError
@@ -31,7 +32,7 @@ SERVO_COMPARISON = load(select(CATALOGUE.entries, ["servo-comparison"])[0])
 
 
 @cache
-def scenario() -> ServoComparisonScenario:
+def scenario() -> ResolvedServoComparisonScenario:
     return resolve_comparison(
         ServoComparisonScenario(trials=1, duration=2.4, spread=StepSpread(step=0.0))
     )
@@ -188,7 +189,7 @@ def test_what_the_theorem_says_of_a_state_machine_that_is_given(
 ) -> None:
     axis = AxisParams(dead_zone=dead_zone, large_error=dead_zone, increment=increment)
     given = replace(scenario(), fsm=axis, tolerance=1e-3)
-    found = SERVO_COMPARISON.run(given, 0, lambda fraction, doing="": None).metrics
+    found = design_metrics(given)
     assert said in found["fsm.share_of_theorem"].note
     small = said.startswith("from")
     assert (found["fsm.delay_margin"].value is not None) is small

@@ -1,6 +1,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,11 +10,13 @@ from numpy.typing import NDArray
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
 from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Metric, Outcome, load, select
+from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, load, select
+from chamfer.analysis.servo.servo_runs import growth_rate, run_compiled_loops, run_loops
+from chamfer.diagrams.servo.compiled_loop import fuse_pid_loop
+from chamfer.diagrams.servo.servo_loops import LOOPS
 from chamfer.diagrams.servo.servo_scenario import (
     CameraParams,
-    FsmParams,
-    PlantParams,
+    ServoScenario,
     SinusoidScenario,
     StepScenario,
     resolve,
@@ -54,6 +57,7 @@ def test_fig_8_is_reproduced(step: Outcome) -> None:
     assert value["fsm.overshoot"] < 0.5
     assert value["fsm.steady_state_error"] == pytest.approx(0, abs=0.01)
     assert value["fsm.slope_ratio"] == pytest.approx(5, abs=0.5)
+    assert value["fsm_feedforward.overshoot"] == pytest.approx(14, abs=0.5)
 
 
 def test_only_the_claims_for_the_force_to_velocity_plant_fail(step: Outcome) -> None:
@@ -69,35 +73,6 @@ def test_eq_2_on_the_position_level_plants(step: Outcome) -> None:
     undefined = step.metrics["pid_command.overshoot"]
     assert undefined.value is None
     assert undefined.note.startswith("unstable, grows at 20.15 1/s")
-
-
-def test_feedforward_overshoots_a_step(step: Outcome) -> None:
-    assert step.metrics["fsm_feedforward.overshoot"].value == pytest.approx(14, abs=0.5)
-
-
-@pytest.mark.parametrize(
-    "plant",
-    [
-        PlantParams(mass=1.0),
-        PlantParams(damping=150.0),
-        PlantParams(mass=5.0, damping=90.0, stiffness=1400.0),
-        PlantParams(stiffness=300.0),
-    ],
-)
-def test_the_fsm_settles_on_other_plants_too(plant: PlantParams) -> None:
-    metrics = STEP_RESPONSE.run(resolve(StepScenario(plant=plant)), 0, quiet).metrics
-    overshoot, error = metrics["fsm.overshoot"].value, metrics["fsm.steady_state_error"].value
-    assert overshoot is not None
-    assert error is not None
-    assert overshoot < 0.5
-    assert abs(error) < 0.01
-
-
-def test_the_chosen_form_drives_the_fsm() -> None:
-    scenario = resolve(StepScenario(plant=PlantParams(form="velocity")))
-    metrics = STEP_RESPONSE.run(scenario, 0, quiet).metrics
-    assert metrics["fsm.error_max"].value == metrics["fsm_velocity.error_max"].value
-    assert metrics["fsm.increment"].unit == "N"
 
 
 def test_pid_gains_that_are_unstable_are_a_result_not_an_error() -> None:
@@ -121,9 +96,19 @@ def test_a_fast_pid_loop_is_measured_finely_enough() -> None:
     assert outcome.metrics["pid.rise_time"].value == pytest.approx(1.01 / w, rel=0.2)
 
 
-def test_a_pid_loop_that_is_too_fast_to_be_measured_is_refused() -> None:
-    scenario = resolve(StepScenario(pid=PidParams(integral=1e13)))
-    with pytest.raises(ParameterError, match=r"the fastest mode of pid is .*, allowed: at most"):
+@pytest.mark.parametrize(
+    ("integral", "message"),
+    [
+        (1e12, r"the largest coefficient of pid_command is .*, allowed: at most 1\.5"),
+        (1e300, r"the largest coefficient of pid is .*, allowed: at most .* overflow"),
+        (1e10, r"the fastest mode of pid is .*, allowed: at most"),
+    ],
+)
+def test_a_pid_loop_that_is_too_fast_or_overflows_is_refused(
+    integral: float, message: str
+) -> None:
+    scenario = resolve(StepScenario(pid=PidParams(integral=integral)))
+    with pytest.raises(ParameterError, match=message):
         STEP_RESPONSE.run(scenario, 0, quiet)
 
 
@@ -173,21 +158,76 @@ def test_the_sweep_says_where_the_fsm_is_better(sinusoid: Outcome) -> None:
     np.testing.assert_array_equal(better, sweep["frequency"] < limit)
 
 
-def test_latency_makes_the_fsm_slower_but_not_unsettled() -> None:
-    late = resolve(StepScenario(camera=CameraParams(latency=0.05)))
-    metrics = STEP_RESPONSE.run(late, 0, quiet).metrics
-    assert (metrics["fsm.overshoot"].value or 0) < 0.5
-    assert (metrics["fsm.rise_time"].value or 0) > 1.3
-
-
-def test_an_increment_far_beyond_the_bound_cycles() -> None:
-    scenario = resolve(StepScenario(fsm=FsmParams(increment=0.1, large_error=0.2)))
-    metrics = STEP_RESPONSE.run(scenario, 0, quiet).metrics
-    assert (metrics["fsm.ripple"].value or 0) > 5
-    assert metrics["fsm.settling_time"].value is None
-
-
 def test_a_shorter_sinusoid_than_can_be_measured_is_refused() -> None:
     scenario = replace(SinusoidScenario(), duration=6.0)
     with pytest.raises(ParameterError, match=r"duration is .*, allowed: more than 7\.85398 s"):
         SINUSOID_RESPONSE.run(resolve(scenario), 0, quiet)
+
+
+def test_eq_2_is_unstable_on_the_commanded_position_only() -> None:
+    scenario = resolve(StepScenario())
+    rates = {
+        name: growth_rate(fuse_pid_loop(scenario, loop.form))
+        for name, loop in LOOPS.items()
+        if loop.controller == "PID" and loop.form
+    }
+    assert rates.pop("pid_command") == pytest.approx(20.153, abs=0.001)
+    assert set(rates.values()) == {0.0}
+
+
+def test_an_unstable_loop_is_cut_short_and_the_others_are_not() -> None:
+    scenario = resolve(StepScenario(duration=1.0))
+    run = run_loops(scenario, ("pid", "fsm", "pid_command"), seed=0)
+    time, response = run.traces["time"], run.traces["pid_command.actual_trajectory"]
+    known = np.isfinite(response)
+    assert time[known][-1] == pytest.approx(6 / 20.153, abs=2e-3)
+    assert np.abs(response[known]).max() < 1e4
+    assert np.all(np.isfinite(run.traces["fsm.actual_trajectory"]))
+    # What is cut is the end: the start grows at the loop's rate.
+    half = time < 0.15
+    ratio = np.abs(response[known & ~half]).max() / np.abs(response[half]).max()
+    assert ratio == pytest.approx(np.exp(20.153 * (time[known][-1] - 0.15)), rel=0.2)
+
+
+def test_loops_do_not_depend_on_their_company() -> None:
+    scenario = resolve(StepScenario(camera=CameraParams(noise=0.002), duration=0.5))
+    together = run_loops(scenario, ("pid", "fsm_velocity", "fsm"), seed=5).traces
+    alone = run_loops(scenario, ("fsm",), seed=5).traces
+    np.testing.assert_array_equal(
+        together["fsm.actual_trajectory"], alone["fsm.actual_trajectory"]
+    )
+
+
+def test_a_compiled_run_is_the_run() -> None:
+    scenario = resolve(SinusoidScenario(duration=0.7))
+    run, compiled = (
+        run_loops(scenario, list(LOOPS), seed=0),
+        run_compiled_loops(scenario, list(LOOPS), seed=0),
+    )
+    assert compiled.growth == run.growth
+    assert list(compiled.traces) == list(run.traces)
+    for name, trace in run.traces.items():
+        np.testing.assert_allclose(
+            compiled.traces[name], trace, rtol=0, atol=1e-12 * max(1.0, np.nanmax(np.abs(trace)))
+        )
+
+
+@pytest.mark.parametrize(
+    ("experiment", "scenario"),
+    [
+        (STEP_RESPONSE, StepScenario(camera=CameraParams(noise=0.002))),
+        (SINUSOID_RESPONSE, SinusoidScenario(camera=CameraParams(noise=0.002, latency=0.02))),
+    ],
+    ids=lambda one: getattr(one, "name", ""),
+)
+def test_a_point_of_a_sweep_measures_what_the_run_does(
+    experiment: Experiment[Any], scenario: ServoScenario
+) -> None:
+    assert experiment.run_swept is not None
+    resolved = experiment.resolve(scenario)
+    run = experiment.run(resolved, 5, quiet)
+    swept = experiment.run_swept(resolved, 5, quiet)
+    assert list(swept.metrics) == list(run.metrics)
+    for name, metric in run.metrics.items():
+        expected = metric.value if metric.value is None else pytest.approx(metric.value, abs=1e-9)
+        assert (name, swept.metrics[name].value) == (name, expected)

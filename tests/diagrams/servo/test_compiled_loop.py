@@ -1,4 +1,5 @@
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,15 +10,14 @@ from chamfer.analysis.linear.simulate import simulate
 from chamfer.diagrams.servo.compiled_loop import FsmTrials, fuse_pid_loop, run_fsm_trials
 from chamfer.diagrams.servo.servo_loops import make_fsm_loop, make_pid_loop
 from chamfer.diagrams.servo.servo_scenario import (
+    STEP,
     CameraParams,
     FsmParams,
     PlantParams,
     ServoScenario,
-    StepScenario,
     fsm_axis,
 )
-from chamfer.models.plants.spring_mass_damper import Form
-from chamfer.models.validation import ParameterError
+from chamfer.models.plants.servo_plant import Form
 from chamfer.systems.exact_discretisation import fuse
 from chamfer.systems.servo.compensator import AxisParams
 from chamfer.systems.servo.desired_trajectory import Sinusoid, Step
@@ -94,6 +94,8 @@ def trial(scenario: ServoScenario, shift: float, seed: int) -> FsmTrials:
     return run_fsm_trials(
         scenario,
         form,
+        duration=scenario.duration or 0.0,
+        step=scenario.step or 0.0,
         axes=[fsm_axis(scenario, form)],
         amplitudes=np.array([amplitude]),
         seed=seed,
@@ -162,18 +164,19 @@ def test_a_fused_pid_loop_is_the_diagram_to_the_last_digit(
     np.testing.assert_array_equal(*starts)
 
 
+GRID = {"duration": 2.5, "step": 1 / 80}
+
+
 def test_trials_differ_in_axes_and_amplitudes() -> None:
-    scenario = StepScenario(duration=3.0, step=1 / 80)
     axes = [
         AxisParams(dead_zone=0.01, large_error=0.1, increment=increment)
         for increment in (0.01, 0.03)
     ]
     amplitudes = np.array([0.3, -0.8])
-    both = run_fsm_trials(scenario, "position", axes=axes, amplitudes=amplitudes)
+    both = run_fsm_trials(STEP, "position", axes=axes, amplitudes=amplitudes, **GRID)
     for i in range(2):
-        alone = run_fsm_trials(
-            scenario, "position", axes=axes[i : i + 1], amplitudes=amplitudes[i : i + 1]
-        )
+        of = {"axes": axes[i : i + 1], "amplitudes": amplitudes[i : i + 1]}
+        alone = run_fsm_trials(STEP, "position", **of, **GRID)  # type: ignore[arg-type]
         for name in (*SIGNALS, "increment"):
             np.testing.assert_array_equal(getattr(both, name)[i], getattr(alone, name)[0])
     assert both.desired_trajectory[:, -1].tolist() == [0.3, -0.8]
@@ -181,37 +184,27 @@ def test_trials_differ_in_axes_and_amplitudes() -> None:
 
 
 def test_noise_is_drawn_for_each_trial() -> None:
-    scenario = StepScenario(
-        camera=CameraParams(noise=0.004, resolution=0.0), duration=2.5, step=1 / 80
-    )
+    scenario = replace(STEP, camera=CameraParams(noise=0.004, resolution=0.0))
     axes = [fsm_axis(scenario, "position")] * 2
-    first, again = (run_fsm_trials(scenario, "position", axes=axes, seed=4) for _ in range(2))
+    first, again = (
+        run_fsm_trials(scenario, "position", axes=axes, seed=4, **GRID) for _ in range(2)
+    )
     np.testing.assert_array_equal(first.actual_trajectory, again.actual_trajectory)
     assert np.any(first.actual_trajectory[0] != first.actual_trajectory[1])
 
 
 @pytest.mark.parametrize(
-    ("scenario", "message"),
+    ("given", "message"),
     [
-        (StepScenario(), r"duration and step is \(None, None\), allowed: those of a resolved"),
-        (StepScenario(duration=1.0, step=0.005), r"step is 0\.005, allowed: the FSM's period"),
-        (StepScenario(duration=1.0, step=0.1), r"step is 0\.1, allowed: the FSM's period"),
+        ({"step": 0.005}, r"step is 0\.005, allowed: the FSM's period"),
+        ({"step": 0.1}, r"step is 0\.1, allowed: the FSM's period"),
+        ({"amplitudes": np.array([1.0, 2.0])}, "broadcast"),
+        (
+            {"axes": [AxisParams(dead_zone=0.01, large_error=0.1, increment=1e308)]},
+            r"actual_trajectory is -?(inf|nan), allowed: finite",
+        ),
     ],
 )
-def test_times_that_are_no_grid_are_refused(scenario: StepScenario, message: str) -> None:
-    with pytest.raises(ParameterError, match=message):
-        run_fsm_trials(scenario, "position")
-
-
-def test_an_overflow_is_refused() -> None:
-    scenario = StepScenario(duration=0.1, step=1 / 80)
-    axis = AxisParams(dead_zone=0.01, large_error=0.1, increment=1e308)
-    with pytest.raises(ParameterError, match=r"actual_trajectory is -?(inf|nan), allowed: finite"):
-        run_fsm_trials(scenario, "position", axes=[axis])
-
-
-def test_amplitudes_that_are_not_as_many_as_the_axes_are_refused() -> None:
-    with pytest.raises(ValueError, match="broadcast"):
-        run_fsm_trials(
-            StepScenario(duration=0.1, step=1 / 80), "position", amplitudes=np.array([1.0, 2.0])
-        )
+def test_trials_that_are_no_grid_or_overflow_are_refused(given: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        run_fsm_trials(STEP, "position", **GRID | given)

@@ -1,14 +1,20 @@
 from collections.abc import Iterable
+from dataclasses import replace
 
 import control
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Diagram, LeafSystem, System
+from pydrake.systems.framework import BasicVector, Context, Diagram, LeafSystem, System
 from pydrake.systems.primitives import LinearSystem
 
 from chamfer.analysis.linear.simulate import simulate
+from chamfer.diagrams.servo.comparison_loop import (
+    ComparedLoopScenario,
+    make_compared_diagram,
+    resolve_compared,
+)
 from chamfer.diagrams.servo.servo_loops import (
     LOOPS,
     make_fsm_loop,
@@ -16,6 +22,7 @@ from chamfer.diagrams.servo.servo_loops import (
     make_servo_diagram,
 )
 from chamfer.diagrams.servo.servo_scenario import (
+    STEP,
     CameraParams,
     FsmParams,
     PlantParams,
@@ -30,15 +37,6 @@ from chamfer.systems.servo.compensator import TrajectoryCompensator
 from chamfer.systems.servo.desired_trajectory import Sinusoid, Step
 from chamfer.systems.servo.pid import PidParams
 from chamfer.systems.vision.measured_error import MeasuredError
-
-OTHER_PLANTS = [
-    PlantParams(),
-    PlantParams(mass=0.3, damping=20.0, stiffness=400.0),
-    PlantParams(mass=8.0, damping=150.0, stiffness=1500.0),
-    PlantParams(mass=2.0, damping=400.0, stiffness=700.0),  # overdamped
-    PlantParams(mass=2.0, damping=15.0, stiffness=700.0),  # damping ratio 0.2
-    PlantParams(mass=0.05, damping=5.0, stiffness=3000.0),  # settles within a sample
-]
 
 
 def transfer(plant: PlantParams, form: str) -> control.TransferFunction:
@@ -146,29 +144,6 @@ def test_the_fsm_loop_follows_a_sinusoid_as_written_with_python_control(
     np.testing.assert_allclose(run.outputs["actual_trajectory"], expected, atol=1e-9)
 
 
-@pytest.mark.parametrize("plant", OTHER_PLANTS)
-def test_the_fsm_settles_without_overshoot_on_other_plants(plant: PlantParams) -> None:
-    scenario = resolve(StepScenario(plant=plant))
-    assert scenario.duration is not None
-    run = simulate(
-        make_fsm_loop(scenario, "position", step=scenario.fsm.period / 8),
-        duration=scenario.duration,
-        step=scenario.fsm.period / 8,
-    )
-    response = run.outputs["actual_trajectory"]
-    end = response[run.time >= 0.8 * run.time[-1]]
-    assert np.all(np.abs(1.0 - end) < scenario.fsm.dead_zone)
-    assert response.max() / end.mean() - 1 < 0.005
-    assert np.ptp(run.outputs["controller"][run.time >= 0.8 * run.time[-1]]) == 0
-
-
-def test_a_force_driven_plant_with_a_dc_gain_is_held_at_the_step() -> None:
-    scenario = resolve(StepScenario(plant=PlantParams(form="compliance")))
-    run = simulate(make_fsm_loop(scenario, "compliance", step=1 / 80), duration=2.5, step=1 / 80)
-    assert run.outputs["actual_trajectory"][-1] == pytest.approx(1.0, abs=0.01)
-    assert run.outputs["controller"][-1] == pytest.approx(700.0, abs=7.0)
-
-
 def test_continuous_and_exact_diagrams_agree() -> None:
     scenario = resolve(StepScenario())
     exact = simulate(
@@ -265,3 +240,47 @@ def test_only_the_camera_leads_from_the_plant_to_the_compensator() -> None:
                 front.append(target)
     assert any(isinstance(system, MeasuredError) for system in reached)
     assert not any(isinstance(system, TrajectoryCompensator) for system in reached)
+
+
+class Proportional(LeafSystem):
+    """A user's own controller: a gain, and nothing while nothing is measured."""
+
+    def __init__(self, gain: float, output: str = "compensation") -> None:
+        super().__init__()
+        error = self.DeclareVectorInputPort("error", 1)
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            vector[0] = gain * np.nan_to_num(error.Eval(context)[0])
+
+        self.DeclareVectorOutputPort(output, 1, calc)
+
+
+def test_a_users_own_controller_takes_the_laws_place() -> None:
+    """A P controller leaves 1/(1 + K) of a step on a plant that follows its command."""
+    scenario = resolve(replace(STEP, camera=CameraParams(resolution=0.0)))
+    step = scenario.fsm.period / 8
+    for loop in ("fsm", "pid_command"):
+        diagram = make_servo_diagram(
+            scenario, loops=[loop], step=step, controller=Proportional(0.5)
+        )
+        run = simulate(diagram, duration=2.5, step=step)
+        assert run.outputs[f"{loop}.actual_trajectory"][-1] == pytest.approx(1 / 3, abs=1e-6)
+
+
+def test_a_controller_with_other_ports_is_refused_in_a_line() -> None:
+    with pytest.raises(ParameterError, match=r"port compensation of size 1; .* are: force \(1\)$"):
+        make_servo_diagram(resolve(STEP), controller=Proportional(0.5, "force"))
+    with pytest.raises(ParameterError, match=r"loops is .*, allowed: one"):
+        make_servo_diagram(resolve(STEP), loops=("pid", "fsm"), controller=Proportional(0.5))
+    fed = replace(STEP, fsm=FsmParams(feedforward=True))
+    with pytest.raises(ParameterError, match="input port desired_trajectory of size 1"):
+        make_servo_diagram(resolve(fed), controller=Proportional(0.5))
+
+
+def test_a_users_own_controller_is_compared_too() -> None:
+    scenario = resolve_compared(ComparedLoopScenario())
+    loop = make_compared_diagram(scenario, "fsm", controller=Proportional(0.5))
+    run = simulate(loop, duration=3.0, step=scenario.camera.period / 8)
+    assert run.outputs["position"][-1] == pytest.approx(0.02 / 3, abs=2e-4)
+    with pytest.raises(ParameterError, match=r"port compensation of size 1"):
+        make_compared_diagram(scenario, "pid", controller=Proportional(0.5, "command"))

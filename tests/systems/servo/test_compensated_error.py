@@ -71,7 +71,7 @@ def test_a_play_takes_the_time_that_its_width_takes() -> None:
         of_first(run(fsm_law([AXIS]), [1e-3], play=4e-4, place=place)) for place in (1.0, -1.0)
     )
     arrived = [int(np.argmax(error < AXIS.dead_zone)) for error in (far, near)]
-    assert arrived[0] - arrived[1] == pytest.approx(8e-4 / AXIS.small_increment, abs=1)
+    assert arrived[0] - arrived[1] == pytest.approx(8e-4 / (AXIS.increment / 5), abs=1)
 
 
 def test_a_pid_leaves_the_bias_alone() -> None:

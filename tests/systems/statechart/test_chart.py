@@ -1,9 +1,3 @@
-"""Chart semantics: what one tick does.
-
-The charts here take a string as input, in which every letter is an event; their memory is the
-trace of the actions that ran.
-"""
-
 from collections.abc import Callable, Sequence
 
 import pytest
@@ -13,6 +7,7 @@ from hypothesis import strategies as st
 from chamfer.systems.statechart.chart import (
     ANY,
     Chart,
+    ChartError,
     Snapshot,
     State,
     Tick,
@@ -92,28 +87,6 @@ def test_transition_runs_exit_action_entry_during_in_one_tick() -> None:
     assert (snapshots[1].state, snapshots[1].entered_at) == ("b", 1.0)
 
 
-def test_first_tick_can_enter_and_leave_the_initial_state() -> None:
-    snapshots, records = run(there_and_back(), ["x"])
-    assert snapshots[0].memory == ("a.entry", "a.exit", "a->b", "b.entry", "b.during")
-    assert records == [TransitionRecord(0.0, "a", "b", "x", "x", ())]
-
-
-def test_one_transition_in_a_tick_at_most() -> None:
-    snapshots, records = run(there_and_back(), ["xy", "xy", "xy"])
-    assert [snapshot.state for snapshot in snapshots] == ["b", "a", "b"]
-    assert [record.time for record in records] == [0.0, 1.0, 2.0]
-
-
-def test_self_transition_leaves_and_enters() -> None:
-    chart = make_chart(
-        [noting("a"), noting("b")], on("s", "a", "a"), on("x", "a", "b"), on("y", "b", "a")
-    )
-    snapshots, records = run(chart, ["", "s"])
-    assert snapshots[1].memory[2:] == ("a.exit", "a->a", "a.entry", "a.during")
-    assert snapshots[1].entered_at == 1.0
-    assert [(record.source, record.target) for record in records] == [("a", "a")]
-
-
 def test_guards_and_actions_see_time_inputs_and_memory() -> None:
     seen: list[tuple[str, float, float, str, Trace]] = []
 
@@ -151,30 +124,6 @@ def test_guards_and_actions_see_time_inputs_and_memory() -> None:
 # Priority
 
 
-@pytest.mark.parametrize("order", ["pqr", "rqp", "qpr"])
-def test_first_true_guard_in_the_given_order_wins(order: str) -> None:
-    targets = {"p": "b", "q": "c", "r": "d"}
-    chart = make_chart(
-        [noting(name) for name in "abcd"],
-        *[on(event, "a", targets[event]) for event in order],
-        *[on("y", name, "a") for name in "bcd"],
-    )
-    (snapshot,), (record,) = run(chart, ["pqr"])
-    assert snapshot.state == record.target == targets[order[0]]
-    assert record.label == order[0]
-    assert record.also_true == (order[1], order[2])
-
-
-def test_only_true_guards_of_lower_priority_are_recorded_as_also_true() -> None:
-    chart = make_chart(
-        [noting("a"), noting("b")],
-        *[on(event, "a", "b") for event in "pqrs"],
-        on("y", "b", "a"),
-    )
-    _, (record,) = run(chart, ["qs"])
-    assert (record.label, record.also_true) == ("q", ("s",))
-
-
 # Timeouts
 
 
@@ -186,34 +135,6 @@ def waiting(timeout: float) -> TraceChart:
         on("y", "late", "wait"),
         on("y", "seen", "wait"),
     )
-
-
-def test_timeout_leaves_at_the_first_tick_that_is_late_enough() -> None:
-    snapshots, records = run(waiting(2.5), [""] * 5, first=7)
-    assert [snapshot.state for snapshot in snapshots] == ["wait"] * 3 + ["late"] * 2
-    assert snapshots[3].memory[-3:] == ("wait.exit", "late.entry", "late.during")
-    assert records == [TransitionRecord(10.0, "wait", "late", "after 2.5 s", "", ())]
-
-
-def test_guard_has_priority_over_timeout() -> None:
-    snapshots, (record,) = run(waiting(2.0), ["", "", "x"])
-    assert snapshots[-1].state == "seen"
-    assert record.label == "x"
-
-
-def test_entering_again_restarts_the_timeout() -> None:
-    snapshots, _ = run(waiting(2.0), ["", "s", "", "", ""])
-    assert [snapshot.state for snapshot in snapshots] == ["wait"] * 3 + ["late"] * 2
-
-
-def test_timeout_into_the_state_itself_repeats() -> None:
-    chart = make_chart(
-        [noting("a", timeout=2.0, on_timeout="a"), noting("b")],
-        on("x", "a", "b"),
-        on("y", "b", "a"),
-    )
-    _, records = run(chart, [""] * 7)
-    assert [record.time for record in records] == [2.0, 4.0, 6.0]
 
 
 @settings(deadline=None)
@@ -235,57 +156,6 @@ def test_timeout_of_whole_periods_takes_that_many_ticks(
 
 
 # Transitions from any state
-
-
-def test_any_leaves_every_state_but_the_target_and_final_ones() -> None:
-    chart = make_chart(
-        [noting("a"), noting("b"), noting("stop"), noting("end", outcome="done")],
-        on("x", "a", "b"),
-        on("!", ANY, "stop"),
-        on("e", "stop", "end"),
-    )
-    successors = {name: set(chart.successors(name)) for name in chart.state_names}
-    assert successors == {"a": {"b", "stop"}, "b": {"stop"}, "stop": {"end"}, "end": set()}
-    snapshots, records = run(chart, ["!", "!", "e", "!"])
-    assert [snapshot.state for snapshot in snapshots] == ["stop", "stop", "end", "end"]
-    assert [(record.source, record.target) for record in records] == [
-        ("a", "stop"),
-        ("stop", "end"),
-    ]
-
-
-@pytest.mark.parametrize("any_first", [True, False])
-def test_any_keeps_its_place_in_the_order(any_first: bool) -> None:
-    ways = [on("!", ANY, "stop"), on("x", "a", "b")]
-    chart = make_chart(
-        [noting("a"), noting("b"), noting("stop")],
-        *(ways if any_first else reversed(ways)),
-        on("y", "stop", "a"),
-    )
-    (snapshot,), _ = run(chart, ["x!"])
-    assert snapshot.state == ("stop" if any_first else "b")
-
-
-def test_any_that_leads_to_the_current_state_keeps_it_against_lower_priorities() -> None:
-    chart = make_chart(
-        [noting("a"), noting("stop")],
-        on("!", ANY, "stop"),
-        on("x", ANY, "a"),
-    )
-    snapshots, records = run(chart, ["x!", "x!", "x", "x!"])
-    assert [snapshot.state for snapshot in snapshots] == ["stop", "stop", "a", "stop"]
-    assert [record.target for record in records] == ["stop", "a", "stop"]
-    assert snapshots[1].memory[-2:] == ("stop.during", "stop.during")
-
-
-def test_a_kept_state_still_times_out() -> None:
-    chart = make_chart(
-        [noting("a"), noting("hold", timeout=0.2, on_timeout="lost"), noting("lost")],
-        on("!", ANY, "hold"),
-        on("y", "lost", "a"),
-    )
-    snapshots, _ = run(chart, ["!", "!", "!"], period=0.1)
-    assert [snapshot.state for snapshot in snapshots] == ["hold", "hold", "lost"]
 
 
 # Final states
@@ -343,3 +213,241 @@ def test_step_leaves_its_snapshot_alone() -> None:
     assert chart.step(before, "", 2.0)[0].state == "a"
     with pytest.raises(AttributeError):
         before.state = "b"  # type: ignore[misc]
+
+
+PlainState = State[str, None]
+PlainTransition = Transition[str, None]
+PlainChart = Chart[str, None]
+
+
+def named(name: str, **others: object) -> PlainState:
+    return State(name=name, **others)  # type: ignore[arg-type]
+
+
+def plain_on(event: str, source: str, target: str) -> PlainTransition:
+    """Return a transition on an event, labelled with it."""
+    return Transition(
+        source=source, target=target, guard=lambda tick: event in tick.inputs, label=event
+    )
+
+
+def plain_chart(states: Sequence[PlainState], *transitions: PlainTransition) -> PlainChart:
+    return Chart("test", states=states, transitions=transitions, memory=None)
+
+
+BACK_AND_FORTH = (plain_on("x", "a", "b"), plain_on("y", "b", "a"))
+
+
+@pytest.mark.parametrize(
+    ("states", "transitions", "message"),
+    [
+        pytest.param([], [], "has no states", id="empty"),
+        pytest.param(
+            [named("a"), named("b"), named("a")],
+            BACK_AND_FORTH,
+            "has the state 'a' twice",
+            id="duplicate",
+        ),
+        pytest.param([named("")], [], ": '' can't be a state's name", id="empty name"),
+        pytest.param([named(ANY)], [], ": '*' can't be a state's name", id="reserved name"),
+        pytest.param(
+            [named("a"), named("b")],
+            [*BACK_AND_FORTH, plain_on("z", "a", "c")],
+            ": the transition a -> c names 'c', valid states: a, b",
+            id="unknown target",
+        ),
+        pytest.param(
+            [named("a"), named("b")],
+            [*BACK_AND_FORTH, plain_on("z", "c", "a")],
+            ": the transition c -> a names 'c', valid states: a, b",
+            id="unknown source",
+        ),
+        pytest.param(
+            [named("a"), named("b")],
+            [*BACK_AND_FORTH, plain_on("z", "a", ANY)],
+            ": the transition a -> * names '*', valid states: a, b",
+            id="any as a target",
+        ),
+        pytest.param(
+            [named("a"), named("b")],
+            [*BACK_AND_FORTH, plain_on("", "a", "b")],
+            ": the transition a -> b has no label",
+            id="no label",
+        ),
+        pytest.param(
+            [named("a"), named("b"), named("c")],
+            [*BACK_AND_FORTH, plain_on("z", "c", "a")],
+            ": state 'c' can't be reached",
+            id="unreachable",
+        ),
+        pytest.param(
+            [named("a"), named("b"), named("c"), named("d")],
+            [*BACK_AND_FORTH, plain_on("z", "c", "d"), plain_on("z", "d", "c")],
+            ": state 'c' can't be reached",
+            id="unreachable island",
+        ),
+        pytest.param(
+            [named("a"), named("b")],
+            [plain_on("x", "a", "b")],
+            ": state 'b' can't be left and isn't final",
+            id="no way out",
+        ),
+        pytest.param(
+            [named("a"), named("b", timeout=1.0, on_timeout="b")],
+            [plain_on("x", "a", "b"), plain_on("s", "b", "b")],
+            ": state 'b' can't be left and isn't final",
+            id="only ways to itself",
+        ),
+        pytest.param(
+            [named("a"), named("b", outcome="done")],
+            BACK_AND_FORTH,
+            ": the final state 'b' has a way out",
+            id="final with transition",
+        ),
+        pytest.param(
+            [named("a"), named("b", outcome="failed", timeout=1.0, on_timeout="a")],
+            [plain_on("x", "a", "b")],
+            ": the final state 'b' has a way out",
+            id="final with timeout",
+        ),
+        pytest.param(
+            [named("a", timeout=1.0), named("b")],
+            BACK_AND_FORTH,
+            ": state 'a' needs both timeout and on_timeout",
+            id="timeout without target",
+        ),
+        pytest.param(
+            [named("a", on_timeout="b"), named("b")],
+            BACK_AND_FORTH,
+            ": state 'a' needs both timeout and on_timeout",
+            id="target without timeout",
+        ),
+        pytest.param(
+            [named("a", timeout=1.0, on_timeout="c"), named("b")],
+            BACK_AND_FORTH,
+            ": on_timeout of 'a' names 'c', valid states: a, b",
+            id="unknown timeout target",
+        ),
+        *[
+            pytest.param(
+                [named("a", timeout=timeout, on_timeout="b"), named("b")],
+                BACK_AND_FORTH,
+                f": the timeout of 'a' is {timeout!r}, allowed: a finite number > 0",
+                id=f"timeout {timeout}",
+            )
+            for timeout in (0.0, -1.0, float("nan"), float("inf"))
+        ],
+    ],
+)
+def test_rejects(
+    states: Sequence[PlainState], transitions: Sequence[PlainTransition], message: str
+) -> None:
+    with pytest.raises(ChartError) as raised:
+        plain_chart(states, *transitions)
+    start, _, end = str(raised.value).partition("chart 'test'")
+    assert (start, end.strip()) == ("", message)
+
+
+def test_any_is_no_target() -> None:
+    with pytest.raises(ChartError, match=r"the transition \* -> \* names '\*', valid states: a"):
+        plain_chart([named("a")], plain_on("!", ANY, ANY))
+
+
+@st.composite
+def charts(draw: st.DrawFn) -> TraceChart:
+    """Draw a ring of states, so that each can be reached and left, with more ways across it."""
+    count = draw(st.integers(2, 5))
+    names = [f"s{i}" for i in range(count)]
+    final = draw(st.lists(st.sampled_from(["done", "failed"]), max_size=2))
+    ends = [f"end{i}" for i in range(len(final))]
+    event = st.sampled_from("abcd")
+    ways = [(names[i], names[(i + 1) % count], draw(event)) for i in range(count)]
+    ways += [(draw(st.sampled_from(names)), end, draw(event)) for end in ends]
+    ways += draw(
+        st.lists(
+            st.tuples(st.sampled_from([*names, ANY]), st.sampled_from([*names, *ends]), event),
+            max_size=8,
+        )
+    )
+    states = []
+    for name in names:
+        timeout = draw(st.none() | st.integers(1, 4))
+        target = None if timeout is None else draw(st.sampled_from([*names, *ends]))
+        states.append(
+            noting(name, timeout=None if timeout is None else timeout / 80, on_timeout=target)
+        )
+    states += [noting(end, outcome=outcome) for end, outcome in zip(ends, final, strict=True)]
+    order = draw(st.permutations(ways))
+    return make_chart(
+        states,
+        *[
+            Transition(
+                source=source,
+                target=target,
+                guard=lambda tick, event=event: event in tick.inputs,
+                label=f"{i} {event}",
+                action=note(f"{i} {event}"),
+            )
+            for i, (source, target, event) in enumerate(order)
+        ],
+    )
+
+
+EVENTS = st.lists(st.text("abcd", max_size=3), min_size=1, max_size=40)
+
+
+def expected_transition(
+    chart: TraceChart, state: TraceState, events: str, ticks_in_state: int
+) -> tuple[str, str, Trace] | None:
+    """Return (target, label, also true) by the documented rules, read off the declarations."""
+    ways = [
+        way
+        for way in chart.transitions
+        if way.label.split()[1] in events
+        and state.outcome is None
+        and way.source in (state.name, ANY)
+    ]
+    if ways and (ways[0].source, ways[0].target) != (ANY, state.name):
+        return ways[0].target, ways[0].label, tuple(way.label for way in ways[1:])
+    if state.timeout is not None and ticks_in_state >= round(state.timeout * 80):
+        return str(state.on_timeout), f"after {state.timeout:g} s", ()
+    return None
+
+
+@settings(deadline=None)
+@given(chart=charts(), inputs=EVENTS, first=st.integers(0, 1000))
+def test_random_chart_follows_its_declaration(
+    chart: TraceChart, inputs: list[str], first: int
+) -> None:
+    snapshots, records = run(chart, inputs, period=1 / 80, first=first)
+    name, entered, trace, log = chart.initial, 0, [f"{chart.initial}.entry"], []
+    for i, (snapshot, events) in enumerate(zip(snapshots, inputs, strict=True)):
+        expected = expected_transition(chart, chart.state(name), events, i - entered)
+        if expected is not None:
+            target, label, also_true = expected
+            log.append(TransitionRecord((first + i) / 80, name, target, label, events, also_true))
+            action = [] if label.startswith("after") else [label]
+            trace += [f"{name}.exit", *action, f"{target}.entry"]
+            name, entered = target, i
+        trace.append(f"{name}.during")
+        assert snapshot.state == name
+        assert snapshot.entered_at == pytest.approx((first + entered) / 80)
+        assert snapshot.memory == tuple(trace)
+    assert [record._replace(time=0.0) for record in records] == [
+        record._replace(time=0.0) for record in log
+    ]
+    assert [record.time for record in records] == pytest.approx([record.time for record in log])
+
+
+@settings(deadline=None)
+@given(chart=charts(), inputs=EVENTS)
+def test_random_chart_is_deterministic_and_resumes_from_any_snapshot(
+    chart: TraceChart, inputs: list[str]
+) -> None:
+    snapshots, _ = run(chart, inputs)
+    assert run(chart, inputs)[0] == snapshots
+    middle = len(inputs) // 2
+    snapshot = snapshots[middle]
+    for i in range(middle + 1, len(inputs)):
+        snapshot, _ = chart.step(snapshot, inputs[i], float(i))
+    assert snapshot == snapshots[-1]

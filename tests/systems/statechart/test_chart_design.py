@@ -1,11 +1,20 @@
-"""Gore's criteria find the charts that violate them, and only those."""
-
+import itertools
+import math
 from collections.abc import Callable, Sequence
 
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from chamfer.systems.statechart.chart import Chart, State, Tick, Transition
 from chamfer.systems.statechart.chart_design import not_connected, not_local, not_used, replay
+from chamfer.systems.statechart.finite_machine import (
+    FiniteMachine,
+    explore,
+    storage,
+    tarraf_properties,
+)
 
 Action = Callable[[Tick[str, int]], int]
 CounterChart = Chart[str, int]
@@ -42,10 +51,6 @@ def ring() -> CounterChart:
 
 
 RUN = ["x", "", "y", "", "z", ""]
-
-
-def test_replay_returns_the_state_after_every_tick() -> None:
-    assert replay(ring(), RUN, period=0.5) == ("b", "b", "c", "c", "a", "a")
 
 
 def test_sound_chart_has_no_findings() -> None:
@@ -96,12 +101,6 @@ def test_states_that_a_run_skips_are_not_used() -> None:
     assert not_used(chart, replay(chart, ["", "x"], period=0.5)) == ("c",)
 
 
-def test_an_initial_state_that_the_first_tick_leaves_for_good_is_not_used() -> None:
-    chart = ring()
-    assert not_used(chart, replay(chart, ["x", "y"], period=0.5)) == ("a",)
-    assert not_used(chart, replay(chart, ["", "x", "y"], period=0.5)) == ()
-
-
 def test_states_that_cannot_be_reached_again_are_not_connected() -> None:
     chart = make_chart(
         [State(name=name) for name in "abcd"],
@@ -142,28 +141,162 @@ def test_final_state_has_to_be_reachable_but_not_left() -> None:
     )
 
 
-def test_timeout_is_a_connection() -> None:
-    chart = make_chart(
-        [
-            State(name="a"),
-            State(name="b"),
-            State(name="c", timeout=1.0, on_timeout="a"),
-        ],
-        way("a", "b", "x"),
-        way("b", "c", "x"),
+def machine(
+    next_state: list[list[int]], output: list[list[float]], input_size: list[float]
+) -> FiniteMachine:
+    return FiniteMachine(np.array(next_state), np.array(output, dtype=float), np.array(input_size))
+
+
+AMPLIFIER = machine([[0, 0, 0]], [[0, 3, -6]], [0, 1, 2])
+# y = the last input.
+DELAY = machine([[0, 1], [0, 1]], [[0, 0], [1, 1]], [0, 1])
+# Answers to 1 alternate between 1 and 3: a cycle of two edges needs 4 per 2.
+ALTERNATING = machine([[0, 1], [1, 0]], [[0, 1], [0, 3]], [0, 1])
+# y = the parity of the inputs so far: it stays without an input, and two parities never merge.
+PARITY = machine([[0, 1], [1, 0]], [[0, 0], [1, 1]], [0, 1])
+# Answers to every other 1: no answer without an input, but who is first is never forgotten.
+EVERY_OTHER = machine([[0, 1], [1, 0]], [[0, 0], [0, 1]], [0, 1])
+# y = the input of two samples ago: outputs differ twice, then agree.
+TWO_DELAYS = machine([[0, 1], [2, 3], [0, 1], [2, 3]], [[0, 0], [0, 0], [1, 1], [1, 1]], [0, 1])
+# A burst on the way into an absorbing silent state: no cycle, so no gain is needed.
+BURST = machine([[1, 1], [1, 1]], [[5, 5], [0, 0]], [0, 1])
+# Runs on its own: two states take turns, whatever the input.
+CLOCK = machine([[1], [0]], [[1], [0]], [1])
+
+
+@pytest.mark.parametrize(
+    ("example", "gain", "merges"),
+    [
+        pytest.param(AMPLIFIER, 3.0, True, id="amplifier"),
+        pytest.param(DELAY, 1.0, True, id="delay"),
+        pytest.param(ALTERNATING, 2.0, False, id="alternating"),
+        pytest.param(PARITY, math.inf, False, id="parity"),
+        pytest.param(EVERY_OTHER, 0.5, False, id="every other"),
+        pytest.param(TWO_DELAYS, 1.0, True, id="two delays"),
+        pytest.param(BURST, 0.0, True, id="burst"),
+        pytest.param(CLOCK, 0.5, False, id="clock"),
+        pytest.param(machine([[0]], [[0]], [0]), 0.0, True, id="silent without input"),
+        pytest.param(machine([[0]], [[1]], [0]), math.inf, True, id="output without input"),
+    ],
+)
+def test_known_machine(example: FiniteMachine, gain: float, merges: bool) -> None:
+    properties = tarraf_properties(example)
+    assert properties.gain == pytest.approx(gain, rel=1e-9, abs=1e-9)
+    assert (properties.external, properties.incremental) == (merges, merges)
+    assert properties.count == int(math.isfinite(gain)) + 2 * int(merges)
+
+
+def test_gain_counts_outputs_of_either_sign() -> None:
+    mirrored = machine([[0, 0, 0]], [[0, -3, 6]], [0, 1, 2])
+    assert tarraf_properties(mirrored).gain == pytest.approx(3.0)
+
+
+# Random machines
+
+
+@st.composite
+def machines(draw: st.DrawFn) -> FiniteMachine:
+    count, inputs = draw(st.integers(1, 4)), draw(st.integers(1, 2))
+
+    def table(values: st.SearchStrategy[int]) -> list[list[int]]:
+        return [[draw(values) for _ in range(inputs)] for _ in range(count)]
+
+    sizes = [float(draw(st.integers(0, 3))) for _ in range(inputs)]
+    return machine(table(st.integers(0, count - 1)), table(st.integers(-2, 2)), sizes)
+
+
+def gain_by_cycles(example: FiniteMachine) -> float:
+    """Return the largest ratio of outputs to inputs over all simple cycles, by listing them."""
+    count, inputs = example.next_state.shape
+    largest = 0.0
+    for length in range(1, count + 1):
+        for start, *word in itertools.product(range(count), *[range(inputs)] * length):
+            state, seen, out, size = start, [start], 0.0, 0.0
+            for u in word:
+                out += abs(example.output[state, u])
+                size += example.input_size[u]
+                state = int(example.next_state[state, u])
+                seen.append(state)
+            if state == start and len(set(seen)) == length and out > 0:
+                largest = max(largest, out / size if size else math.inf)
+    return largest
+
+
+def outputs_agree_in_the_end(example: FiniteMachine) -> bool:
+    """Return whether no pair of states with different outputs can come back to itself."""
+    count, inputs = example.next_state.shape
+    pairs = list(itertools.product(range(count), repeat=2))
+    steps = {
+        (pair, u): (int(example.next_state[pair[0], u]), int(example.next_state[pair[1], u]))
+        for pair in pairs
+        for u in range(inputs)
+    }
+    reach = {pair: {pair} for pair in pairs}
+    for _ in pairs:
+        for (pair, _), following in steps.items():
+            reach[pair] |= reach[following]
+    return not any(
+        example.output[p, u] != example.output[q, u] and (p, q) in reach[steps[(p, q), u]]
+        for p, q in pairs
+        for u in range(inputs)
     )
-    assert not_connected(chart) == ()
 
 
-def test_a_method_of_one_object_that_two_states_run_is_shared() -> None:
-    class Counter:
-        def act(self, tick: Tick[str, int]) -> int:
-            return tick.memory + 1
+@settings(deadline=None)
+@given(machines())
+def test_properties_agree_with_a_search_of_all_cycles(example: FiniteMachine) -> None:
+    properties = tarraf_properties(example)
+    assert properties.gain == pytest.approx(gain_by_cycles(example), rel=1e-8, abs=1e-8)
+    assert properties.external == properties.incremental == outputs_agree_in_the_end(example)
 
-    counter = Counter()
-    chart = make_chart(
-        [State(name="a", during=counter.act), State(name="b", during=counter.act)],
-        way("a", "b", "x"),
-        way("b", "a", "y"),
-    )
-    assert not_local(chart, ["x", "y"], period=0.5) == ("a", "b")
+
+@settings(deadline=None)
+@given(machines(), st.floats(0.0, 3.0))
+def test_storage_function_satisfies_its_inequality_on_every_edge(
+    example: FiniteMachine, spare: float
+) -> None:
+    least = gain_by_cycles(example)
+    if math.isinf(least):
+        assert storage(example, 1e6) is None
+        return
+    gain = least + spare
+    stored = storage(example, gain)
+    assert stored is not None
+    assert stored.shape == (len(example.next_state),)
+    assert stored.min() == 0.0
+    supply = gain * example.input_size - np.abs(example.output)
+    assert np.all(stored[example.next_state] <= stored[:, None] + supply + 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("example", "least"), [(AMPLIFIER, 3.0), (DELAY, 1.0), (ALTERNATING, 2.0), (CLOCK, 0.5)]
+)
+def test_no_storage_function_below_the_least_gain(example: FiniteMachine, least: float) -> None:
+    assert storage(example, least * (1 - 1e-6)) is None
+    assert storage(example, least * (1 + 1e-6)) is not None
+
+
+# Exploring
+
+
+def test_explore_numbers_states_as_it_finds_them() -> None:
+    def count_up(state: str, value: float) -> tuple[str, float]:
+        following = {"zero": "one", "one": "two", "two": "two"}[state] if value else "zero"
+        return following, 10 * value + len(state)
+
+    found = explore("zero", [0.0, 1.0], count_up, input_size=[0.0, 2.0])
+    np.testing.assert_array_equal(found.next_state, [[0, 1], [0, 2], [0, 2]])
+    np.testing.assert_array_equal(found.output, [[4, 14], [3, 13], [3, 13]])
+    np.testing.assert_array_equal(found.input_size, [0.0, 2.0])
+
+
+def test_explore_stops_at_2000_states() -> None:
+    def wrap_at(count: int) -> FiniteMachine:
+        return explore(0, [1.0], lambda q, _: ((q + 1) % count, 0.0), input_size=[1.0])
+
+    assert len(wrap_at(2000).next_state) == 2000
+    with pytest.raises(ValueError, match=r"^machine has more than 2000 states$"):
+        wrap_at(2001)
+
+
+# The compensator

@@ -1,13 +1,13 @@
 """The state machine block: when it ticks, what it reads, and what its context holds."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LinearSystem, LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
@@ -118,25 +118,6 @@ def test_outputs_are_those_of_the_initial_memory_before_the_first_tick() -> None
     assert not block.snapshot(context).started
 
 
-def test_outputs_are_held_between_ticks() -> None:
-    builder = DiagramBuilder()
-    block = builder.AddSystem(make_block(period=0.25))
-    ramp = builder.AddSystem(
-        TrajectorySource(PiecewisePolynomial.FirstOrderHold([0.0, 2.0], [[0.0, 2.0]]))
-    )
-    builder.Connect(ramp.get_output_port(), block.GetInputPort("signal"))
-    simulator = Simulator(builder.Build())
-    context = block.GetMyContextFromRoot(simulator.get_context())
-    for k in range(6):
-        for part in (0.01, 0.1, 0.24):
-            advance(simulator, k * 0.25 + part)
-            assert block.GetOutputPort("command").Eval(context)[0] == pytest.approx(10 * k * 0.25)
-
-
-def test_outputs_do_not_feed_through() -> None:
-    assert not make_block().HasAnyDirectFeedthrough()
-
-
 # In a loop with a discrete plant
 
 
@@ -197,22 +178,6 @@ def test_clone_continues_on_its_own() -> None:
     assert (continued.state, continued.entered_at) == ("high", 0.75)
     assert continued.memory.ticks == (0.0, 0.25, 0.5, 0.75, 1.0)
     assert [record.time for record in block.transitions(clone.get_context())] == [0.75]
-
-
-def test_clone_keeps_the_log_of_its_past() -> None:
-    block = make_block()
-    original = fed(block, 1.5)
-    advance(original, 0.1)
-    clone = Simulator(block, original.get_context().Clone())
-    for simulator, value in ((original, 1.5), (clone, 0.5)):
-        block.GetInputPort("signal").FixValue(simulator.get_mutable_context(), [value])
-        advance(simulator, 0.25)
-
-    def targets(context: Context) -> list[str]:
-        return [record.target for record in block.transitions(context)]
-
-    assert targets(original.get_context()) == ["high"]
-    assert targets(clone.get_context()) == ["high", "low"]
 
 
 def test_one_diagram_gives_the_same_bytes_again() -> None:
@@ -287,71 +252,16 @@ def test_optional_port_that_is_not_connected_reads_as_none(request_value: Signal
     assert block.snapshot(context).memory.last == Inputs((0.1, 0.2, 0.3), request_value)
 
 
-def test_port_that_has_to_be_connected_is_named() -> None:
-    simulator = Simulator(make_block())
-    with pytest.raises(RuntimeError, match=r"required InputPort\[0\] \(signal\)"):
-        advance(simulator, 0.0)
-
-
-def test_output_of_the_wrong_size_names_both_sizes() -> None:
-    block = StateMachine(
-        Chart("c", states=[State(name="a")], transitions=[], memory=None),
-        inputs=Inputs,
-        sizes={"signal": 1, "request": 1},
-        outputs={"pair": MachineOutput(size=2, read=lambda memory: (1.0,))},
-        period=1.0,
-    )
-    with pytest.raises(IndexError, match=r"size 1 does not match .* size 2"):
-        block.GetOutputPort("pair").Eval(block.CreateDefaultContext())
-
-
 # What construction rejects
-
-
-@pytest.mark.parametrize(
-    ("build", "message"),
-    [
-        *[
-            (
-                lambda value=value: make_block(period=value),
-                f"period is {value}, allowed: a finite number > 0",
-            )
-            for value in (0.0, -1.0, math.nan, math.inf)
-        ],
-        *[
-            (
-                lambda value=value: make_block(offset=value),
-                f"offset is {value}, allowed: a finite number >= 0",
-            )
-            for value in (-0.1, math.nan, math.inf)
-        ],
-    ],
-)
-def test_rejects_period_and_offset(build: Callable[[], Block], message: str) -> None:
-    with pytest.raises(ValueError, match=r"^(period|offset) is") as raised:
-        build()
-    assert str(raised.value) == message
-
-
-@pytest.mark.parametrize(
-    "sizes", [{"signal": 1}, {"signal": 1, "request": 1, "other": 1}, {"signal": 1, "requests": 1}]
-)
-def test_rejects_sizes_that_do_not_match_the_inputs(sizes: dict[str, int]) -> None:
-    with pytest.raises(ValueError, match=r"^sizes is") as raised:
-        StateMachine(
-            Chart("c", states=[State(name="a")], transitions=[], memory=None),
-            inputs=Inputs,
-            sizes=sizes,
-            outputs={},
-            period=1.0,
-        )
-    shown = dict(sorted(sizes.items()))
-    assert str(raised.value) == f"sizes is {shown}, allowed: one size for each of signal, request"
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
+        ({"period": 0.0}, r"period is 0\.0, allowed: a finite number > 0"),
+        ({"period": math.inf}, "period is inf, allowed: a finite number > 0"),
+        ({"offset": -0.1}, r"offset is -0\.1, allowed: a finite number >= 0"),
+        ({"sizes": {"signal": 1}}, "sizes is .*, allowed: one size for each of signal, request"),
         ({"sizes": {"signal": -1, "request": 1}}, "size of signal is -1, allowed: a whole number"),
         (
             {"outputs": {"pair": MachineOutput(size=0, read=lambda memory: ())}},
@@ -364,12 +274,16 @@ def test_rejects_sizes_that_do_not_match_the_inputs(sizes: dict[str, int]) -> No
         ({"optional": ("wish",)}, r"optional is \['wish'\], allowed: signal, request"),
     ],
 )
-def test_rejects_ports_that_can_not_be(changes: dict[str, object], message: str) -> None:
-    arguments: dict[str, object] = {"sizes": {"signal": 1, "request": 1}, "outputs": {}, **changes}
+def test_rejects(changes: dict[str, object], message: str) -> None:
+    arguments: dict[str, object] = {
+        "sizes": {"signal": 1, "request": 1},
+        "outputs": {},
+        "period": 1.0,
+        **changes,
+    }
     with pytest.raises(ParameterError, match=f"^{message}"):
         StateMachine(
             Chart("c", states=[State(name="a")], transitions=[], memory=None),
             inputs=Inputs,
-            period=1.0,
             **arguments,  # type: ignore[arg-type]
         )

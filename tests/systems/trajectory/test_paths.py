@@ -1,5 +1,3 @@
-"""Lines, circles and slews: where they lead, how fast, and that nothing jumps."""
-
 import math
 
 import numpy as np
@@ -8,11 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.trajectory.paths import Path, path_of
-from chamfer.systems.trajectory.profiles import Trapezoid, quintic
+from chamfer.systems.trajectory.paths import Path, Trapezoid, path_of, quintic
 from chamfer.systems.trajectory.segment import LINE as STRAIGHT
+from chamfer.systems.trajectory.segment import SIZE, Segment, circle, segment_of
 from chamfer.systems.trajectory.segment import SLEW as FAST
-from chamfer.systems.trajectory.segment import Segment, circle
 
 START = (0.3, -0.2, 0.5, 0.1, 0.0, 0.2, 0.3)
 GOAL = (0.4, 0.2, 0.4, 1.1, 0.1, 0.0, 0.2)
@@ -131,3 +128,33 @@ def test_kind_that_is_none() -> None:
     message = r"^kind is 7, allowed: 0 \(hold\), 1 \(line\), 2 \(circle\) or 3 \(slew\)$"
     with pytest.raises(ParameterError, match=message):
         path(LINE._replace(kind=7))
+
+
+FROM, TO = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0), (7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0)
+
+
+def test_vector_and_back() -> None:
+    segment = Segment(5.0, FAST, FROM, TO, (0.1, 0.2, 0.3), 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+    vector = segment.vector()
+    assert len(vector) == SIZE
+    assert len(set(vector)) == SIZE - 2  # 3 and 5 stand twice
+    assert segment_of(vector) == segment
+
+
+def test_what_is_not_told_is_0() -> None:
+    assert Segment(1.0, FAST, FROM, TO).vector()[2 + 14 :] == (0.0,) * (SIZE - 16)
+
+
+def test_refuses_another_size_and_what_is_no_number() -> None:
+    allowed = rf"segment is .*, allowed: {SIZE} finite numbers"
+    for vector in ((0.0,) * (SIZE - 1), (math.nan,) * SIZE):
+        with pytest.raises(ParameterError, match=allowed):
+            segment_of(vector)
+
+
+def test_circle_turns_the_yaw_with_the_place() -> None:
+    start = (0.6, 0.1, 0.4, 0.2, 0.0, 0.0, 0.3)
+    centre = (0.5, 0.1, 0.0)
+    found = circle(start, 1.0, centre=centre, turn=math.pi / 2, rise=0.05, speed=0.1)
+    assert found.goal == pytest.approx((0.5, 0.2, 0.45, 0.2 + math.pi / 2, 0.0, 0.0, 0.3))
+    assert segment_of(found.vector()) == found

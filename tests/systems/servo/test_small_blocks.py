@@ -1,0 +1,87 @@
+import numpy as np
+import pytest
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+
+from chamfer.systems.servo.backlash import Backlash
+from chamfer.systems.servo.desired_trajectory import Sinusoid, Step, make_desired_trajectory
+from chamfer.systems.servo.measurement_selector import MeasurementSelector
+
+
+def test_it_follows_at_a_distance_and_keeps_its_place_on_the_way_back() -> None:
+    path = PiecewisePolynomial.ZeroOrderHold(
+        [0.0, 1.0, 2.0, 3.0, 9.0], [[0.0, 5.0, 4.0, 1.0, 1.0]]
+    )
+    builder = DiagramBuilder()
+    source = builder.AddSystem(TrajectorySource(path))
+    play = builder.AddSystem(Backlash(1.0, period=0.25))
+    builder.Connect(source.get_output_port(), play.get_input_port())
+    log = LogVectorOutput(play.get_output_port(), builder, 0.5)
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(4.0)
+    found = log.FindLog(simulator.get_context()).data()[0]
+    assert found.tolist() == [0, 0, 4, 4, 4, 4, 2, 2, 2]
+
+
+ERROR = np.array([3.0, -2.0, 1.0])
+
+
+def through(opened: tuple[float, float], valid: float = 1.0) -> tuple[np.ndarray, float]:
+    block = MeasurementSelector(3)
+    context = block.CreateDefaultContext()
+    block.GetInputPort("error").FixValue(context, ERROR)
+    block.GetInputPort("valid").FixValue(context, [valid])
+    block.GetInputPort("open").FixValue(context, opened)
+    error = block.GetOutputPort("error").Eval(context)
+    return error, float(block.GetOutputPort("valid").Eval(context)[0])
+
+
+def test_open_it_is_not_there() -> None:
+    error, valid = through((1.0, 1.0))
+    np.testing.assert_array_equal(error, ERROR)
+    assert valid == 1
+
+
+def test_shut_nothing_is_valid() -> None:
+    assert through((0.0, 1.0))[1] == 0
+
+
+def test_what_is_not_valid_stays_so() -> None:
+    assert through((1.0, 1.0), valid=0.0)[1] == 0
+
+
+def test_the_first_axis_may_be_left_out() -> None:
+    error, valid = through((1.0, 0.0))
+    np.testing.assert_array_equal(error, [0.0, -2.0, 1.0])
+    assert valid == 1
+
+
+def values(trajectory: Step | Sinusoid, times: np.ndarray) -> np.ndarray:
+    block = make_desired_trajectory(trajectory)
+    simulator = Simulator(block)
+    ApplySimulatorConfig(
+        SimulatorConfig(integration_scheme="runge_kutta5", accuracy=1e-11, max_step_size=0.1),
+        simulator,
+    )
+    output = []
+    for time in times:
+        simulator.AdvanceTo(time)
+        output.append(block.get_output_port().Eval(simulator.get_context())[0])
+    return np.array(output)
+
+
+@pytest.mark.parametrize("amplitude", [1.0, -0.25, 0.0])
+def test_step_is_constant_from_the_start(amplitude: float) -> None:
+    assert values(Step(amplitude=amplitude), np.linspace(0, 3, 7)).tolist() == [amplitude] * 7
+
+
+@pytest.mark.parametrize(("amplitude", "frequency"), [(1.0, 1.0), (-0.2, 7.0), (3.0, 0.1)])
+def test_sinusoid_is_a_sine(amplitude: float, frequency: float) -> None:
+    times = np.linspace(0.0, 4.0, 33)
+    np.testing.assert_allclose(
+        values(Sinusoid(amplitude=amplitude, frequency=frequency), times),
+        amplitude * np.sin(frequency * times),
+        atol=1e-8 * abs(amplitude),
+    )
