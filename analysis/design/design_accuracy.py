@@ -18,7 +18,7 @@ from chamfer.analysis.design.design import assess, insert_drawn, interval
 from chamfer.analysis.design.design_map import VERDICTS
 from chamfer.analysis.design.design_scenario import FEWEST, DesignScenario, resolve_design
 from chamfer.analysis.drawing.figure_kit import draw_counts
-from chamfer.analysis.drawing.figure_style import dress, legend, new_figure
+from chamfer.analysis.drawing.figure_style import Style, dress, legend, new_figure
 from chamfer.analysis.scenario.experiment import (
     Metric,
     Outcome,
@@ -338,6 +338,6 @@ def _seated(axes: Axes, traces: Table, over: NDArray[np.float64]) -> None:
             continue
         seated = traces["seated"][of] / traces["trials"][of]
         ends = np.maximum([seated - traces["low"][of], traces["high"][of] - seated], 0.0)
-        look = {"color": colour, "marker": _MARKERS[said], "linestyle": "", "capsize": 2}
+        look: Style = {"color": colour, "marker": _MARKERS[said], "linestyle": "", "capsize": 2}
         axes.errorbar(over[of], seated, yerr=ends, elinewidth=0.8, label=said, **look)
     axes.set_ylim(-0.05, 1.05)

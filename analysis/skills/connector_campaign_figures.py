@@ -167,11 +167,11 @@ def plot_ablation(outcome: Outcome, skills: Sequence[str]) -> Figure:
     """Draw the rate of success, the duration and the peak force of every skill."""
     figure = new_figure(11.0, 1.6 + 0.45 * len(skills))
     rate, duration, force = figure.subplots(1, 3, sharey=True)
-    ends = [
+    middle, low, high = (
         [metric_value(outcome.metrics, f"{name}.success_rate{end}") for name in skills]
         for end in ("", ".low", ".high")
-    ]
-    draw_intervals(rate, np.arange(len(skills)), *ends, {"color": FORCE["color"]})
+    )
+    draw_intervals(rate, np.arange(len(skills)), middle, low, high, {"color": FORCE["color"]})
     for place, name in enumerate(skills):
         own = outcome.traces["skill"] == name
         for axes, column in ((duration, "duration"), (force, "force.peak_share")):

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.drawing.figure_kit import draw_intervals, metric_value, name_rows
-from chamfer.analysis.drawing.figure_style import PUBLISHED, dress, legend, new_figure
+from chamfer.analysis.drawing.figure_style import PUBLISHED, Style, dress, legend, new_figure
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
 from chamfer.analysis.surface.normal_trials import (
     Contender,
@@ -335,7 +335,7 @@ def figures(scenario: ObserverComparisonScenario, outcome: Outcome) -> Mapping[s
     offsets = np.linspace(-0.33, 0.33, len(OBSERVERS))
     for j, observer in enumerate(OBSERVERS):
         label, color, marker = _LOOK[observer]
-        style = {"color": color, "marker": marker, "markersize": 5, "clip_on": False}
+        style: Style = {"color": color, "marker": marker, "markersize": 5, "clip_on": False}
         of = outcome.traces["observer"] == j
         spread = [
             np.percentile(outcome.traces["rms"][of & (outcome.traces["case"] == i)], [5, 95])
@@ -345,7 +345,8 @@ def figures(scenario: ObserverComparisonScenario, outcome: Outcome) -> Mapping[s
             [metric_value(outcome.metrics, f"{case}.{observer}.{name}") for case in CASES]
             for name in ("rms", "coverage")
         )
-        draw_intervals(errors, rows + offsets[j], rms, *np.transpose(spread), style, label)
+        low, high = np.transpose(spread)
+        draw_intervals(errors, rows + offsets[j], rms, low, high, style, label)
         coverage.plot(covered, rows + offsets[j], label=label, **style | {"linestyle": ""})
     coverage.axvline(_TARGET, label=f"asked for, {_TARGET:g} %", **PUBLISHED)
     title = "Error of the normal: rms over all seeds, and 5 to 95 % of them"
