@@ -33,6 +33,7 @@ from chamfer.analysis.cell.alignment_runs import (
     stopped_metrics,
     warn_of_stops,
 )
+from chamfer.analysis.drawing.figure_kit import Curve, draw_lines, metric_value
 from chamfer.analysis.drawing.figure_style import BAND, PUBLISHED, Style, dress, legend, new_figure
 from chamfer.analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column
@@ -336,16 +337,22 @@ def plot_alignment(scenario: AlignmentScenario, outcome: Outcome) -> Figure:
         legend(axes, loc="upper right")
     for row, arm in enumerate(scenario.arms, start=1):
         shift, turn = (figure.add_subplot(grid[row, k]) for k in range(2))
-        for name, style in _AXES:
-            start = traces[f"{arm}_{name}"][0]
-            shift.plot(time, 1e3 * (traces[f"{arm}_{name}"] - start), label=name.upper(), **style)
-        for name, label, style in _QUATERNION:
-            values = _relative(traces, arm)[name] - (1.0 if name == "qw" else 0.0)
-            turn.plot(time, values, label=label, **style)
+        lines = [
+            Curve(
+                1e3 * (traces[f"{arm}_{name}"] - traces[f"{arm}_{name}"][0]), name.upper(), style
+            )
+            for name, style in _AXES
+        ]
         a, b = {"peg": ("c", "d"), "hole": ("e", "f")}[arm]
-        dress(shift, title=f"({a}) Lateral compensation, {_ARMS[arm]}", x="", y="added / mm")
+        title = f"({a}) Lateral compensation, {_ARMS[arm]}"
+        draw_lines(shift, time, lines, title=title, y="added / mm", over="")
+        turned = _relative(traces, arm)
+        lines = [
+            Curve(turned[name] - (name == "qw"), label, style)
+            for name, label, style in _QUATERNION
+        ]
         title = f"({b}) Rotational compensation, {_ARMS[arm]}, as quaternion"
-        dress(turn, title=title, x="", y="element")
+        draw_lines(turn, time, lines, title=title, y="element", over="")
         for axes in (shift, turn):
             legend(axes, loc="upper left", ncols=4)
             axes.margins(y=0.3)
@@ -411,7 +418,7 @@ def _ends(axes: Axes, scenario: RepeatabilityScenario, outcome: Outcome) -> None
     axes.axhline(1e3 * parts.rotation_limit, label="published limit: the box", **PUBLISHED)
     axes.plot(1e3 * lateral, 1e3 * rotational, label="ends of the trials", **_END)
     half = [
-        [_value(outcome, f"{name}_error.mean{end}") for end in ("_low", "_high")]
+        [metric_value(outcome.metrics, f"{name}_error.mean{end}") for end in ("_low", "_high")]
         for name in ("lateral", "rotational")
     ]
     if np.isfinite(half).all():
@@ -443,9 +450,3 @@ def _ends(axes: Axes, scenario: RepeatabilityScenario, outcome: Outcome) -> None
     dress(axes, title=title, x="lateral error / mm", y="rotational error / mrad")
     axes.set_xlim(0.0, 1e3 * right)
     axes.set_ylim(0.0, 1e3 * top)
-
-
-def _value(outcome: Outcome, name: str) -> float:
-    """Return a metric's value, NaN where it is undefined."""
-    found = outcome.metrics[name].value
-    return float("nan") if found is None else found

@@ -190,10 +190,15 @@ def spaced(places: Array) -> Array:
 
 
 def shade(axes: Axes, time: Array, where: ArrayLike, label: str, style: Style) -> None:
-    """Shade the times at which something holds over the whole height, if there are any."""
-    if np.any(where):
+    """Shade the times at which something holds over the whole height, if there are any.
+
+    It holds from a sample to the next one: what is so at one sample alone is seen too.
+    """
+    holds = np.array(where, dtype=bool)
+    holds[1:] |= holds[:-1].copy()
+    if np.any(holds):
         across = {"transform": axes.get_xaxis_transform(), "label": label, **style}
-        axes.fill_between(time, 0, 1, where=np.asarray(where, dtype=bool).tolist(), **across)
+        axes.fill_between(time, 0, 1, where=holds.tolist(), **across)
 
 
 def colour_bar(axes: Axes, drawn: ScalarMappable, label: str, **options: Any) -> None:

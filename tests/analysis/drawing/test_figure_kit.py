@@ -66,12 +66,14 @@ def test_panels_share_their_time_and_the_states_behind(figure: Figure) -> None:
         key="beside",
     )
     shade(upper, TIME, TIME > 5, "never", {})
-    shade(upper, TIME, TIME > 1, "late", {})
+    shade(upper, TIME, TIME == 1.0, "once", {})
     figure.canvas.draw()
     assert upper.get_xlim() == lower.get_xlim() == (0.0, 2.0)
     names = [text.get_text() for text in lower.get_legend().get_texts()]
     assert sorted(names) == ["around", "limit", "square", "zone"]
-    assert upper.get_legend_handles_labels()[1] == ["late"]
+    assert upper.get_legend_handles_labels()[1] == ["once"]
+    corners = upper.collections[-1].get_paths()[0].vertices
+    assert (corners[:, 0].min(), corners[:, 0].max()) == (1.0, 1.5)
     strip = figure.axes[0]
     assert [text.get_text() for text in strip.texts] == ["free", "failed", "free"]
     assert [text.get_weight() for text in strip.texts] == ["normal", "bold", "normal"]
