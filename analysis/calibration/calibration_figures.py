@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from chamfer.analysis.calibration.calibration import Calibration, Picture
-from chamfer.analysis.drawing.figure_kit import colour_bar
+from chamfer.analysis.drawing.figure_kit import colour_bar, draw_cumulative
 from chamfer.analysis.drawing.figure_style import BAND, LIMIT, Style, dress, legend, new_figure
 from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.models.cameras.camera_file import CalibratedCamera
@@ -160,8 +160,7 @@ def _within(axes: Axes, outcome: Outcome, parameters: Sequence[str], deviations:
 
 
 def _lengths(axes: Axes, focal: Array, near: float) -> None:
-    shares = 100 * np.arange(1, len(focal) + 1) / len(focal)
-    axes.step(np.sort(focal), shares, where="post", color=_POINT["color"], label="drawn sets")
+    draw_cumulative(axes, focal, {"color": _POINT["color"]}, "drawn sets")
     axes.axvline(near, **LIMIT, label=f"asked: {near:g} %")
     axes.set_xlim(0, 1.1 * max(near, float(focal.max())))
     axes.set_ylim(0, 101)

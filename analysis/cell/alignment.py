@@ -33,7 +33,13 @@ from chamfer.analysis.cell.alignment_runs import (
     stopped_metrics,
     warn_of_stops,
 )
-from chamfer.analysis.drawing.figure_kit import Curve, draw_lines, metric_value
+from chamfer.analysis.drawing.figure_kit import (
+    Curve,
+    ReferenceLine,
+    draw_lines,
+    metric_value,
+    trial_curves,
+)
 from chamfer.analysis.drawing.figure_style import BAND, PUBLISHED, Style, dress, legend, new_figure
 from chamfer.analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column
@@ -381,21 +387,22 @@ def plot_repeatability(scenario: RepeatabilityScenario, outcome: Outcome) -> Fig
         (("lateral", "mm", MEAN_ERROR[0]), ("rotational", "mrad", MEAN_ERROR[1]))
     ):
         axes = figure.add_subplot(grid[row, 0])
-        for k in np.unique(table["trial"]):
-            of = table["trial"] == k
-            axes.semilogy(
-                table["time"][of] - scenario.begin,
-                1e3 * np.maximum(table[f"{name}_error"][of], 1e-6),
-                color="#e07b00" if name == "lateral" else "#1b4f9c",
-                linewidth=0.7,
-                alpha=0.6,
-            )
-        axes.axhline(1e3 * published, label="published mean after 2.5 s", **PUBLISHED)
+        color = "#e07b00" if name == "lateral" else "#1b4f9c"
+        errors = 1e3 * np.maximum(table[f"{name}_error"], 1e-6)
+        thin: Style = {"color": color, "linewidth": 0.7, "alpha": 0.6}
+        draw_lines(
+            axes,
+            (),
+            trial_curves(table["time"] - scenario.begin, errors, table["trial"], thin),
+            title=f"({'ab'[row]}) True {name} error, {scenario.trials} trials",
+            y=f"error / {unit}",
+            over="time since the compensation's begin / s",
+            levels=[ReferenceLine(1e3 * published, "published mean after 2.5 s", PUBLISHED)],
+            key="lower left",
+        )
+        axes.set_yscale("log")
         axes.set_xlim(-0.25, scenario.compensation_time)
         axes.set_ylim(1e3 * published / 200, None)
-        title = f"({'ab'[row]}) True {name} error, {scenario.trials} trials"
-        dress(axes, title=title, x="time since the compensation's begin / s", y=f"error / {unit}")
-        legend(axes, loc="lower left")
     ends = figure.add_subplot(grid[:, 1])
     _ends(ends, scenario, outcome)
     named, _ = ends.get_legend_handles_labels()

@@ -125,6 +125,17 @@ def draw_lines(
         legend(axes, ncols=columns, **(BESIDE if key == "beside" else {"loc": key}))
 
 
+def trial_curves(
+    time: Array, values: Array, trials: Array, style: Style, label: str | None = None
+) -> list[Curve]:
+    """Return each trial's curve over its own time; one label is for all of them."""
+    curves: list[Curve] = []
+    for trial in np.unique(trials):
+        of = trials == trial
+        curves.append(Curve(values[of], None if curves else label, style, time[of]))
+    return curves
+
+
 def time_axes(
     figure: Figure | SubFigure,
     time: Array,
@@ -218,6 +229,34 @@ def draw_distribution(axes: Axes, values: Array, *, least: float = 0.0) -> None:
     look = {"color": FORCE["color"], "edgecolor": "white", "linewidth": 0.5}
     axes.hist(known, bins=edges.tolist(), **look)
     axes.set_xlim(0.0, edges[-1])
+
+
+def draw_cumulative(axes: Axes, values: Array, style: Style, label: str | None = None) -> None:
+    """Draw which share, %, of values >= 0 is up to each of them; what is not finite never is."""
+    known = np.sort(values[np.isfinite(values)])
+    share = 100 * np.arange(len(known) + 1) / max(len(values), 1)
+    axes.step([0.0, *known], share, where="post", label=label, **style)
+
+
+def draw_means(
+    axes: Axes,
+    values: Array,
+    rows: Array,
+    colour: str,
+    *,
+    offset: float = 0.0,
+    height: float = 0.8,
+    label: str | None = None,
+) -> None:
+    """Draw the mean of the values in each row as a bar, and a dot for each; NaN is left out."""
+    known = np.isfinite(values)
+    if not known.any():
+        return
+    present = np.unique(rows[known])
+    means = [float(values[known & (rows == row)].mean()) for row in present]
+    bars: Style = {"height": height, "color": colour, "alpha": 0.55, "label": label}
+    axes.barh(present + offset, means, **bars)
+    axes.plot(values[known], rows[known] + offset, ".", color=colour, ms=4)
 
 
 def draw_intervals(

@@ -25,6 +25,7 @@ from chamfer.analysis.drawing.figure_kit import (
     draw_lines,
     metric_value,
     name_rows,
+    trial_curves,
 )
 from chamfer.analysis.drawing.figure_style import LOOPS, dress, legend, new_figure
 from chamfer.analysis.linear.to_control import to_control
@@ -300,14 +301,13 @@ def _draw_courses(
     axes: Axes, scenario: ResolvedServoComparisonScenario, table: Table, condition: int
 ) -> None:
     """Draw the error over time under one of the conditions."""
-    lines = []
+    lines: list[Curve] = []
     for j, controller in enumerate(CONTROLLERS):
         name, style = LOOPS[controller]
-        for k, trial in enumerate(np.unique(table["trial"])[:_DRAWN]):
-            mine = (table["condition"] == condition) & (table["controller"] == j)
-            mine &= table["trial"] == trial
-            label, thin = None if k else name, {**style, "linewidth": 0.9}
-            lines.append(Curve(1e3 * table["error"][mine], label, thin, table["time"][mine]))
+        mine = (table["condition"] == condition) & (table["controller"] == j)
+        mine &= table["trial"] <= np.unique(table["trial"])[:_DRAWN][-1]
+        course = table["time"][mine], 1e3 * table["error"][mine], table["trial"][mine]
+        lines += trial_curves(*course, {**style, "linewidth": 0.9}, name)
     tolerance = 1e3 * scenario.tolerance
     asked = {"color": "#999999", "linewidth": 0.8, "linestyle": ":"}
     draw_lines(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from chamfer.analysis.drawing.figure_kit import (
     colour_bar,
+    draw_cumulative,
     draw_distribution,
     draw_intervals,
     metric_value,
@@ -130,10 +131,9 @@ def plot_searches(rows: Table) -> Figure:
         its = free & (rows["search"] == search)
         done = np.where(rows["success"][its] > 0, rows["duration"][its], np.inf)
         times[search] = dict(zip(rows["trial"][its].tolist(), done.tolist(), strict=True))
-        reached = np.sort(done[np.isfinite(done)])
-        steps = 100 * np.arange(len(reached) + 1) / max(len(done), 1)
-        share.step([0.0, *reached], steps, where="post", label=search, **style)
+        draw_cumulative(share, done, style, search)
     share.set_ylim(0.0, 102.0)
+    share.set_xlim(0.0, None)
     dress(
         share,
         title="(a) Done after",

@@ -16,9 +16,11 @@ from chamfer.analysis.drawing.figure_kit import (
     ReferenceLine,
     colour_legend,
     draw_counts,
+    draw_cumulative,
     draw_distribution,
     draw_intervals,
     draw_lines,
+    draw_means,
     draw_shares,
     metric_value,
     name_rows,
@@ -26,6 +28,7 @@ from chamfer.analysis.drawing.figure_kit import (
     spaced,
     state_visits,
     time_axes,
+    trial_curves,
 )
 
 TIME = np.linspace(0.0, 2.0, 5)
@@ -86,6 +89,20 @@ def test_names_keep_their_order_their_distance_and_the_figure(places: list[float
     assert found[-1] <= 1.0
     if len(places) == 1 or np.diff(places).min() > 0.0125:
         np.testing.assert_array_equal(found, places)
+
+
+def test_trials_are_curves_means_and_shares_of_all(figure: Figure) -> None:
+    bars, shares = figure.subplots(2)
+    trials = np.array([3, 3, 5, 5, 5])
+    first, second = trial_curves(TIME, TIME**2, trials, {}, "each")
+    assert (first.label, second.label) == ("each", None)
+    np.testing.assert_array_equal(second.over, TIME[2:])
+    np.testing.assert_array_equal(second.values, TIME[2:] ** 2)
+    draw_means(bars, np.array([1.0, 3.0, np.nan]), np.array([0, 0, 1]), "red", offset=0.2)
+    (bar,) = bars.patches
+    assert (bar.get_width(), bar.get_y() + bar.get_height() / 2) == pytest.approx((2.0, 0.2))
+    draw_cumulative(shares, np.array([2.0, np.inf, 1.0, np.nan]), {})
+    np.testing.assert_array_equal(shares.lines[0].get_xydata(), [[0, 0], [1, 25], [2, 50]])
 
 
 def test_distributions_and_tables(figure: Figure) -> None:
