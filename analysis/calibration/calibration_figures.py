@@ -6,10 +6,10 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.gridspec import GridSpec
 from numpy.typing import NDArray
 
 from chamfer.analysis.calibration.calibration import Calibration, Picture
+from chamfer.analysis.drawing.figure_kit import colour_bar, draw_cumulative
 from chamfer.analysis.drawing.figure_style import BAND, LIMIT, Style, dress, legend, new_figure
 from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.models.cameras.camera_file import CalibratedCamera
@@ -28,12 +28,17 @@ def plot_residuals(found: Calibration) -> Figure:
     most = max(map(len, found.pictures))
     height = max(4.2, 0.17 * min(most, _NAMED) + 1.4)
     figure = new_figure(15.0, height * len(cameras))
-    grid = GridSpec(len(cameras), 3, figure=figure, width_ratios=(1.25, 1.25, 1.0))
+    panels = figure.subplots(len(cameras), 3, width_ratios=(1.25, 1.25, 1.0), squeeze=False)
     whose = [""] if len(cameras) == 1 else ["Left camera: ", "Right camera: "]
-    for row, (camera, pictures) in enumerate(zip(cameras, found.pictures, strict=True)):
-        _residuals(figure, grid, row, camera, pictures, whose[row])
-        _coverage(figure, grid, row, camera, pictures)
-        _errors(figure, grid, row, pictures)
+    rows = zip(panels, cameras, found.pictures, whose, strict=True)
+    for (residuals, coverage, errors), camera, pictures, name in rows:
+        _residuals(residuals, camera, *_corners(pictures), name)
+        _coverage(coverage, camera, _corners(pictures)[0])
+        for axes in (residuals, coverage):
+            axes.set_xlim(-0.5, camera.width - 0.5)
+            axes.set_ylim(camera.height - 0.5, -0.5)
+            axes.set_aspect("equal")
+        _errors(errors, pictures)
     return figure
 
 
@@ -46,15 +51,8 @@ def _corners(pictures: tuple[Picture, ...]) -> tuple[Array, Array]:
 
 
 def _residuals(
-    figure: Figure,
-    grid: GridSpec,
-    row: int,
-    camera: CalibratedCamera,
-    pictures: tuple[Picture, ...],
-    whose: str,
+    axes: Axes, camera: CalibratedCamera, pixels: Array, residuals: Array, whose: str
 ) -> None:
-    axes = figure.add_subplot(grid[row, 0])
-    pixels, residuals = _corners(pictures)
     long = float(np.quantile(np.linalg.norm(residuals, axis=1), 0.95)) or 1e-9
     shown = float(f"{long:.1g}")
     arrows = axes.quiver(
@@ -72,39 +70,20 @@ def _residuals(
     axes.plot(*camera.principal_point, "+", color=_OUT, markersize=10)
     title = f"{whose}Seen minus projected, rms {camera.reprojection_error:.3f} px"
     dress(axes, title=title, x="u / pixels", y="v / pixels")
-    _as_seen(axes, camera)
 
 
-def _coverage(
-    figure: Figure,
-    grid: GridSpec,
-    row: int,
-    camera: CalibratedCamera,
-    pictures: tuple[Picture, ...],
-) -> None:
-    axes = figure.add_subplot(grid[row, 1])
-    pixels, _ = _corners(pictures)
+def _coverage(axes: Axes, camera: CalibratedCamera, pixels: Array) -> None:
     u = np.linspace(-0.5, camera.width - 0.5, _CELLS[0] + 1)
     v = np.linspace(-0.5, camera.height - 0.5, _CELLS[1] + 1)
     counts, _, _ = np.histogram2d(pixels[:, 0], pixels[:, 1], bins=[u, v])
     shown = np.where(counts > 0, counts, np.nan)
     mesh = axes.pcolormesh(u, v, shown.T, cmap="Blues", vmin=0)
-    bar = figure.colorbar(mesh, ax=axes, shrink=0.8)
-    bar.set_label("corners / cell", fontsize=9)
-    bar.ax.tick_params(labelsize=8)
+    colour_bar(axes, mesh, "corners / cell", shrink=0.8)
     covered = 100 * float(np.mean(counts > 0))
     dress(axes, title=f"Corners in {covered:.0f} % of the cells", x="u / pixels", y="v / pixels")
-    _as_seen(axes, camera)
 
 
-def _as_seen(axes: Axes, camera: CalibratedCamera) -> None:
-    axes.set_xlim(-0.5, camera.width - 0.5)
-    axes.set_ylim(camera.height - 0.5, -0.5)
-    axes.set_aspect("equal")
-
-
-def _errors(figure: Figure, grid: GridSpec, row: int, pictures: tuple[Picture, ...]) -> None:
-    axes = figure.add_subplot(grid[row, 2])
+def _errors(axes: Axes, pictures: tuple[Picture, ...]) -> None:
     places = np.arange(len(pictures))
     axes.barh(places, [one.error or 0.0 for one in pictures], color=_USED, height=0.7)
     for place, one in enumerate(pictures):
@@ -181,8 +160,7 @@ def _within(axes: Axes, outcome: Outcome, parameters: Sequence[str], deviations:
 
 
 def _lengths(axes: Axes, focal: Array, near: float) -> None:
-    shares = 100 * np.arange(1, len(focal) + 1) / len(focal)
-    axes.step(np.sort(focal), shares, where="post", color=_POINT["color"], label="drawn sets")
+    draw_cumulative(axes, focal, {"color": _POINT["color"]}, "drawn sets")
     axes.axvline(near, **LIMIT, label=f"asked: {near:g} %")
     axes.set_xlim(0, 1.1 * max(near, float(focal.max())))
     axes.set_ylim(0, 101)

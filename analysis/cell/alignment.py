@@ -33,6 +33,13 @@ from chamfer.analysis.cell.alignment_runs import (
     stopped_metrics,
     warn_of_stops,
 )
+from chamfer.analysis.drawing.figure_kit import (
+    Curve,
+    ReferenceLine,
+    draw_lines,
+    metric_value,
+    trial_curves,
+)
 from chamfer.analysis.drawing.figure_style import BAND, PUBLISHED, Style, dress, legend, new_figure
 from chamfer.analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column
@@ -336,16 +343,22 @@ def plot_alignment(scenario: AlignmentScenario, outcome: Outcome) -> Figure:
         legend(axes, loc="upper right")
     for row, arm in enumerate(scenario.arms, start=1):
         shift, turn = (figure.add_subplot(grid[row, k]) for k in range(2))
-        for name, style in _AXES:
-            start = traces[f"{arm}_{name}"][0]
-            shift.plot(time, 1e3 * (traces[f"{arm}_{name}"] - start), label=name.upper(), **style)
-        for name, label, style in _QUATERNION:
-            values = _relative(traces, arm)[name] - (1.0 if name == "qw" else 0.0)
-            turn.plot(time, values, label=label, **style)
+        lines = [
+            Curve(
+                1e3 * (traces[f"{arm}_{name}"] - traces[f"{arm}_{name}"][0]), name.upper(), style
+            )
+            for name, style in _AXES
+        ]
         a, b = {"peg": ("c", "d"), "hole": ("e", "f")}[arm]
-        dress(shift, title=f"({a}) Lateral compensation, {_ARMS[arm]}", x="", y="added / mm")
+        title = f"({a}) Lateral compensation, {_ARMS[arm]}"
+        draw_lines(shift, time, lines, title=title, y="added / mm", over="")
+        turned = _relative(traces, arm)
+        lines = [
+            Curve(turned[name] - (name == "qw"), label, style)
+            for name, label, style in _QUATERNION
+        ]
         title = f"({b}) Rotational compensation, {_ARMS[arm]}, as quaternion"
-        dress(turn, title=title, x="", y="element")
+        draw_lines(turn, time, lines, title=title, y="element", over="")
         for axes in (shift, turn):
             legend(axes, loc="upper left", ncols=4)
             axes.margins(y=0.3)
@@ -374,21 +387,22 @@ def plot_repeatability(scenario: RepeatabilityScenario, outcome: Outcome) -> Fig
         (("lateral", "mm", MEAN_ERROR[0]), ("rotational", "mrad", MEAN_ERROR[1]))
     ):
         axes = figure.add_subplot(grid[row, 0])
-        for k in np.unique(table["trial"]):
-            of = table["trial"] == k
-            axes.semilogy(
-                table["time"][of] - scenario.begin,
-                1e3 * np.maximum(table[f"{name}_error"][of], 1e-6),
-                color="#e07b00" if name == "lateral" else "#1b4f9c",
-                linewidth=0.7,
-                alpha=0.6,
-            )
-        axes.axhline(1e3 * published, label="published mean after 2.5 s", **PUBLISHED)
+        color = "#e07b00" if name == "lateral" else "#1b4f9c"
+        errors = 1e3 * np.maximum(table[f"{name}_error"], 1e-6)
+        thin: Style = {"color": color, "linewidth": 0.7, "alpha": 0.6}
+        draw_lines(
+            axes,
+            (),
+            trial_curves(table["time"] - scenario.begin, errors, table["trial"], thin),
+            title=f"({'ab'[row]}) True {name} error, {scenario.trials} trials",
+            y=f"error / {unit}",
+            over="time since the compensation's begin / s",
+            levels=[ReferenceLine(1e3 * published, "published mean after 2.5 s", PUBLISHED)],
+            key="lower left",
+        )
+        axes.set_yscale("log")
         axes.set_xlim(-0.25, scenario.compensation_time)
         axes.set_ylim(1e3 * published / 200, None)
-        title = f"({'ab'[row]}) True {name} error, {scenario.trials} trials"
-        dress(axes, title=title, x="time since the compensation's begin / s", y=f"error / {unit}")
-        legend(axes, loc="lower left")
     ends = figure.add_subplot(grid[:, 1])
     _ends(ends, scenario, outcome)
     named, _ = ends.get_legend_handles_labels()
@@ -411,7 +425,7 @@ def _ends(axes: Axes, scenario: RepeatabilityScenario, outcome: Outcome) -> None
     axes.axhline(1e3 * parts.rotation_limit, label="published limit: the box", **PUBLISHED)
     axes.plot(1e3 * lateral, 1e3 * rotational, label="ends of the trials", **_END)
     half = [
-        [_value(outcome, f"{name}_error.mean{end}") for end in ("_low", "_high")]
+        [metric_value(outcome.metrics, f"{name}_error.mean{end}") for end in ("_low", "_high")]
         for name in ("lateral", "rotational")
     ]
     if np.isfinite(half).all():
@@ -443,9 +457,3 @@ def _ends(axes: Axes, scenario: RepeatabilityScenario, outcome: Outcome) -> None
     dress(axes, title=title, x="lateral error / mm", y="rotational error / mrad")
     axes.set_xlim(0.0, 1e3 * right)
     axes.set_ylim(0.0, 1e3 * top)
-
-
-def _value(outcome: Outcome, name: str) -> float:
-    """Return a metric's value, NaN where it is undefined."""
-    found = outcome.metrics[name].value
-    return float("nan") if found is None else found

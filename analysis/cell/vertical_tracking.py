@@ -20,13 +20,12 @@ from chamfer.analysis.cell.alignment_runs import (
     stopped_values,
     warn_of_stops,
 )
+from chamfer.analysis.drawing.figure_kit import Curve, FilledBand, ReferenceLine, draw_lines
 from chamfer.analysis.drawing.figure_style import (
-    BAND,
     DESIRED,
     FSM,
     PUBLISHED,
     Style,
-    dress,
     legend,
     new_figure,
 )
@@ -128,20 +127,25 @@ def plot_heights(scenario: ResolvedAlignmentScenario, outcome: Outcome) -> Figur
     time, desired = traces["time"], traces["desired_height"]
     figure = new_figure(10.0, 7.5)
     height, error = figure.subplots(2, 1, sharex=True)
-    height.plot(time, 1e3 * desired, label="desired", **DESIRED)
+    curves = [Curve(1e3 * desired, "desired", DESIRED)]
+    off = []
     for name, label, style in _RUNS:
-        height.plot(time, 1e3 * traces[f"{name}_height"], label=label, **style)
-    dress(height, title="(a) Height of the peg's tip", x="", y="height / mm")
-    legend(height, loc="lower right")
+        reached = traces[f"{name}_height"]
+        curves.append(Curve(1e3 * reached, label, style))
+        off.append(Curve(1e3 * (reached - desired), label, style))
+    off.append(Curve(1e3 * traces["compensation"], "compensation added", _ADDED))
+    title, y = "(a) Height of the peg's tip", "height / mm"
+    draw_lines(height, time, curves, title=title, y=y, over="", key="lower right")
     zone = 1e3 * scenario.compensator.lateral.closed.dead_zone * scenario.cameras.pixel_size
-    error.axhspan(-zone, zone, label="dead zone", **BAND)
-    error.axhline(1e3 * DROOP, label="published: 1.5 mm low", **PUBLISHED)
-    for name, label, style in _RUNS:
-        off = traces[f"{name}_height"] - desired
-        error.plot(time, 1e3 * off, label=label, **style)
-    error.plot(time, 1e3 * traces["compensation"], label="compensation added", **_ADDED)
-    title = f"(b) Actual minus desired height, and compensation; goal {1e3 * goal:g} mm"
-    dress(error, title=title, x="time / s", y="error / mm")
+    draw_lines(
+        error,
+        time,
+        off,
+        title=f"(b) Actual minus desired height, and compensation; goal {1e3 * goal:g} mm",
+        y="error / mm",
+        bands=[FilledBand(-zone, zone, "dead zone")],
+        levels=[ReferenceLine(1e3 * DROOP, "published: 1.5 mm low", PUBLISHED)],
+    )
     legend(error, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=5)
     error.set_xlim(0.0, float(time[-1]))
     return figure

@@ -19,6 +19,7 @@ from chamfer.analysis.campaign.trial_metrics import rate, trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.charging.charging_runs import LIMITS, run_charging
 from chamfer.analysis.charging.crucible_charging import measure, worst
+from chamfer.analysis.drawing.figure_kit import draw_intervals, metric_value, name_rows
 from chamfer.analysis.drawing.figure_style import LIMIT, dress, new_figure
 from chamfer.analysis.published.hybrid_force_position_charging import CHARGING
 from chamfer.analysis.report.checks import Published
@@ -335,23 +336,17 @@ def _shares(
     offsets = np.linspace(-0.3, 0.3, len(remedies)) if len(remedies) > 1 else [0.0]
     for remedy, offset in zip(remedies, offsets, strict=True):
         label, color = _LABELS[remedy]
-        found = [
-            [outcome.metrics[f"{remedy}.{name}{end}"].value for end in ("", ".low", ".high")]
-            for name in names
-        ]
-        share, low, high = np.array(found, dtype=np.float64).T
-        axes.hlines(rows + offset, low, high, color=color, linewidth=1.6, alpha=0.6)
-        axes.plot(share, rows + offset, "o", color=color, markersize=4, label=label)
-    dress(
-        axes,
-        title=f"Share of drawn cycles (n = {trials}) within each limit, with 95 % intervals",
-        x="share / %",
-        y="",
-    )
-    axes.set_yticks(rows, names)
+        share, low, high = (
+            [metric_value(outcome.metrics, f"{remedy}.{name}{end}") for name in names]
+            for end in ("", ".low", ".high")
+        )
+        look = {"color": color, "markersize": 4}
+        draw_intervals(axes, rows + offset, share, low, high, look, label)
+    title = f"Share of drawn cycles (n = {trials}) within each limit, with 95 % intervals"
+    dress(axes, title=title, x="share / %", y="")
+    name_rows(axes, names)
     axes.set_xlim(-2, 102)
     axes.axhline(len(_SHARES) - 0.5, color="#bbbbbb", linewidth=0.8)
-    axes.invert_yaxis()
 
 
 def _slides(axes: Axes, remedies: Sequence[str], outcome: Outcome) -> None:

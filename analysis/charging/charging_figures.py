@@ -11,6 +11,13 @@ from numpy.typing import NDArray
 
 from chamfer.analysis.charging.charging_runs import SLIDING, in_space, items_of
 from chamfer.analysis.drawing.chart_path import plot_chart_path
+from chamfer.analysis.drawing.figure_kit import (
+    BESIDE,
+    Curve,
+    ReferenceLine,
+    draw_lines,
+    shade,
+)
 from chamfer.analysis.drawing.figure_style import (
     BAND,
     CONTACT_LOST,
@@ -28,39 +35,26 @@ from chamfer.systems.charging.charging_chart import DONE, HALTED, STOPPED, Charg
 from chamfer.systems.force.contact_detection import LOST
 from chamfer.systems.statechart.chart import ANY
 
-
-def plot_charging(
-    scenario: ResolvedCrucibleChargingScenario, outcome: Outcome, states: Sequence[str]
-) -> dict[str, Figure]:
-    """Draw each mode that the run came to, and where all items were left.
-
-    Args:
-        scenario: Of the run.
-        outcome: Its metrics and traces.
-        states: Names of the chart's states, by the index in the traces. A name begins with its
-            mode and a point.
-    """
-    figures = {
-        "acquire": plot_acquire(scenario, outcome, states),
-        "scan": plot_scan(scenario, outcome, states),
-        "slew": plot_slew(scenario, outcome, states),
-        "wall": plot_wall(scenario, outcome, states),
-        "crown": plot_crown(scenario, outcome, states),
-        "bulk": plot_bulk(scenario, outcome, states),
-        "places": plot_places(scenario, outcome),
-    }
-    return {name: figure for name, figure in figures.items() if figure is not None}
-
-
 Array = NDArray[np.float64]
 
 MM: Final = 1e3
 CM: Final = 1e2
 GLASS: Final[Style] = {"facecolor": "#bfd4ea", "edgecolor": "#5a7fa8", "linewidth": 0.8}
-BESIDE: Final = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}  # of the axes, a legend
 
 _NAMED: Final = 8  # parts that a legend has room for; more have no label
 _COLOURS: Final = ("#1b4f9c", "#e07b00", "#2e7d32", "#7a4100", "#6fa0e8", "#b00020")
+
+
+class ChargingRun(NamedTuple):
+    """A run, and the names of the chart's states by the index in its traces."""
+
+    scenario: ResolvedCrucibleChargingScenario
+    outcome: Outcome
+    states: Sequence[str]
+
+    def said(self, metric: str, scale: float = 1.0) -> str:
+        """Return a metric's value for a title."""
+        return said(self.outcome, metric, scale)
 
 
 class ModeRows(NamedTuple):
@@ -123,105 +117,107 @@ def said(outcome: Outcome, metric: str, scale: float = 1.0) -> str:
     return f"{scale * found.value + 0.0:.3g}"  # no -0
 
 
+def _courses(shown: Sequence[ModeRows], values: Array, named: bool = False) -> list[Curve]:
+    """Return a curve of a column for each item, over the time since its mode began."""
+    return [
+        Curve(values[part.rows], part.label if named else None, part.style, part.time)
+        for part in shown
+    ]
+
+
+def _panel(
+    axes: Axes,
+    curves: Sequence[Curve],
+    levels: Sequence[ReferenceLine],
+    title: str,
+    y: str,
+    x: str = "",
+) -> None:
+    draw_lines(axes, (), curves, title=title, y=y, over=x, levels=levels, key="beside")
+
+
+def _limit(at: float, unit: str, ours: str = "") -> ReferenceLine:
+    return ReferenceLine(at, f"limit, {at:g} {unit}{ours}", LIMIT)
+
+
 _OUTLINES: Final = 9  # of a nugget along a slew
 
 
-def plot_acquire(
-    scenario: ResolvedCrucibleChargingScenario, outcome: Outcome, states: Sequence[str]
-) -> Figure | None:
-    """Draw how the items were picked up; None if the run came to none."""
-    traces = outcome.traces
-    shown = parts(scenario, traces, states, "acquire", first="acquire.descend")
-    if not shown:
-        return None
+def plot_acquire(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
+    """Draw how the items were picked up."""
+    traces = run.outcome.traces
     figure = new_figure(10.0, 6.0)
     speed, force = figure.subplots(2, 1, sharex=True)
     rate = np.gradient(traces["z"], traces["time"])
-    for part in shown:
-        speed.plot(part.time, CM * rate[part.rows], label=part.label, **part.style)
-        force.plot(part.time, traces["feeder_peak_force"][part.rows], **part.style)
-    for sign in (-1, 1):
-        speed.axhline(sign * 15.0, label="15 cm/s" if sign > 0 else None, **LIMIT)
-    force.axhline(20.0, label="limit, 20 N", **LIMIT)
-    down, up = (said(outcome, f"acquire.{name}_speed", CM) for name in ("descent", "lift"))
-    dress(
+    down, up = (run.said(f"acquire.{name}_speed", CM) for name in ("descent", "lift"))
+    _panel(
         speed,
-        title=f"(a) Down at {down} cm/s, up at {up} cm/s; 15 cm/s are wanted",
-        x="",
-        y="speed upwards / cm/s",
+        _courses(shown, CM * rate, named=True),
+        [ReferenceLine(-15.0, None, LIMIT), ReferenceLine(15.0, "15 cm/s", LIMIT)],
+        f"(a) Down at {down} cm/s, up at {up} cm/s; 15 cm/s are wanted",
+        "speed upwards / cm/s",
     )
-    dress(
+    _panel(
         force,
-        title=f"(b) Gripped with at most {said(outcome, 'acquire.grip_force')} N; "
-        "less than 20 N are wanted",
-        x="time since the descent began / s",
-        y="force on the feeder / N",
+        _courses(shown, traces["feeder_peak_force"]),
+        [_limit(20.0, "N")],
+        f"(b) Gripped with at most {run.said('acquire.grip_force')} N; less than 20 N are wanted",
+        "force on the feeder / N",
+        "time since the descent began / s",
     )
-    legend(speed, **BESIDE)
-    legend(force, **BESIDE)
     return figure
 
 
-def plot_scan(
-    scenario: ResolvedCrucibleChargingScenario, outcome: Outcome, states: Sequence[str]
-) -> Figure | None:
-    """Draw how the items passed the scanner; None if the run came to none."""
-    traces = outcome.traces
-    shown = parts(scenario, traces, states, "scan")
-    if not shown:
-        return None
+def plot_scan(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
+    """Draw how the items passed the scanner."""
+    traces = run.outcome.traces
     figure = new_figure(10.0, 6.0)
     speed, error = figure.subplots(2, 1, sharex=True)
-    station = scenario.station.true
+    station = run.scenario.station.true
     nugget = in_space(traces, "nugget")
     rate = np.linalg.norm(np.gradient(nugget, traces["time"], axis=0), axis=1)
     along = nugget[:, 1] - station.scanner[1]
-    passing = np.char.endswith(np.array(states)[traces["state"].astype(int)], ".pass")
+    passing = np.char.endswith(np.array(run.states)[traces["state"].astype(int)], ".pass")
+    rates, errors = [], []
     for part in shown:
         rows = part.rows[passing[part.rows]]
-        speed.plot(MM * along[rows], CM * rate[rows], label=part.label, **part.style)
-        error.plot(MM * along[rows], MM * off_command(traces)[rows], **part.style)
+        way, off = MM * along[rows], MM * off_command(traces)[rows]
+        rates.append(Curve(CM * rate[rows], part.label, part.style, way))
+        errors.append(Curve(off, None, part.style, way))
     half = MM * station.scan_length / 2
     for axes in (speed, error):
         axes.axvspan(-half, half, label="over the scanner", **BAND)
-    speed.axhline(3.0, label="3 cm/s", **LIMIT)
-    error.axhline(0.5, label="limit, 0.5 mm", **LIMIT)
-    off = said(outcome, "scan.speed_error", MM)
-    dress(
+    off_speed = run.said("scan.speed_error", MM)
+    _panel(
         speed,
-        title=f"(a) Over the scanner the speed is off by {off} mm/s at most; "
+        rates,
+        [ReferenceLine(3.0, "3 cm/s", LIMIT)],
+        f"(a) Over the scanner the speed is off by {off_speed} mm/s at most; "
         "constant 3 cm/s are wanted",
-        x="",
-        y="speed / cm/s",
+        "speed / cm/s",
     )
-    dress(
+    _panel(
         error,
-        title=f"(b) It is {said(outcome, 'scan.position_error', MM)} mm off its way at most; "
+        errors,
+        [_limit(0.5, "mm")],
+        f"(b) It is {run.said('scan.position_error', MM)} mm off its way at most; "
         "0.5 mm are wanted",
-        x="way along the scanner / mm",
-        y="off the command / mm",
+        "off the command / mm",
+        "way along the scanner / mm",
     )
-    legend(speed, **BESIDE)
-    legend(error, **BESIDE)
     return figure
 
 
-def plot_slew(
-    scenario: ResolvedCrucibleChargingScenario, outcome: Outcome, states: Sequence[str]
-) -> Figure | None:
-    """Draw how the items were slewed into the crucible; None if the run came to none."""
-    traces = outcome.traces
-    shown = parts(scenario, traces, states, "slew")
-    if not shown:
-        return None
+def plot_slew(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
+    """Draw how the items were slewed into the crucible."""
+    traces = run.outcome.traces
     figure = new_figure(10.0, 6.0)
     error, side = figure.subplots(2, 1, height_ratios=(1.3, 1.0))
-    station = scenario.station.true
+    station = run.scenario.station.true
     nugget = in_space(traces, "nugget")
     radius = np.hypot(*(nugget[:, :2] - station.crucible_centre).T)
     for part in shown:
-        error.plot(part.time, MM * off_command(traces)[part.rows], label=part.label, **part.style)
-        size = scenario.nuggets[part.item]
+        size = run.scenario.nuggets[part.item]
         height = nugget[part.rows, 2] - size.height / 2
         side.plot(MM * radius[part.rows], MM * height, **part.style)
         steps = np.linspace(0, len(part.rows) - 1, _OUTLINES).astype(int)
@@ -234,172 +230,137 @@ def plot_slew(
                 linewidth=0.5,
                 alpha=0.6,
             )
-    error.axhline(10.0, label="limit, 10 mm", **LIMIT)
     inner, wide = station.crucible_radius, station.crucible_thickness
     high = station.rim_height - station.bed_height
     corner = (MM * inner, MM * station.bed_height)
     side.add_patch(Rectangle(corner, MM * wide, MM * high, **GLASS))
     side.plot([0.0, MM * inner], [MM * station.bed_height] * 2, **DESIRED)
     side.set_aspect("equal")
-    dress(
+    _panel(
         error,
-        title=f"(a) In {said(outcome, 'slew.time')} s, "
-        f"{said(outcome, 'slew.position_error', MM)} mm off at most; "
+        _courses(shown, MM * off_command(traces), named=True),
+        [_limit(10.0, "mm")],
+        f"(a) In {run.said('slew.time')} s, "
+        f"{run.said('slew.position_error', MM)} mm off at most; "
         "about 2.5 s and 10 mm are wanted",
-        x="time in the slew / s",
-        y="off the command / mm",
+        "off the command / mm",
+        "time in the slew / s",
     )
     dress(
         side,
-        title=f"(b) It clears the crucible by {said(outcome, 'slew.clearance', MM)} mm; "
+        title=f"(b) It clears the crucible by {run.said('slew.clearance', MM)} mm; "
         "not to touch it is wanted",
         x="distance from the crucible's axis / mm",
         y="height / mm",
     )
-    legend(error, **BESIDE)
     return figure
 
 
-def plot_wall(
-    scenario: ResolvedCrucibleChargingScenario, outcome: Outcome, states: Sequence[str]
-) -> Figure | None:
-    """Draw how items were laid at the wall; None if the run came to none."""
-    traces = outcome.traces
-    shown = parts(scenario, traces, states, "wall", "release")
-    shown = [part for part in shown if scenario.plan[part.item].kind == "wall"]
-    if not shown:
-        return None
+def plot_wall(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
+    """Draw how items were laid at the wall."""
+    traces = run.outcome.traces
     figure = new_figure(11.0, 9.0)
     speed, force, layer, shift = figure.subplots(
         4, 1, sharex=True, height_ratios=(1.0, 1.6, 1.0, 1.0)
     )
     velocity = np.gradient(in_space(traces, "nugget"), traces["time"], axis=0)
-    sliding = np.isin(np.array(states)[traces["state"].astype(int)], SLIDING)
+    sliding = np.isin(np.array(run.states)[traces["state"].astype(int)], SLIDING)
+    carried = _carried(traces)  # nothing else meets the wall
+    speeds, forces, pushed = [], [], traces["wall_peak_force"]
     for part in shown:
-        azimuth = items_of(scenario)[part.item].azimuth
+        azimuth = items_of(run.scenario)[part.item].azimuth
         outwards = velocity[:, 0] * np.cos(azimuth) + velocity[:, 1] * np.sin(azimuth)
-        carried = np.where(_carried(traces), outwards, np.nan)  # nothing else meets the wall
-        speed.plot(part.time, CM * carried[part.rows], label=part.label, **part.style)
-        pushed = traces["wall_peak_force"]
-        force.plot(part.time, pushed[part.rows], **part.style | {"linewidth": 0.6})
+        speeds += _courses([part], np.where(carried, CM * outwards, np.nan), named=True)
         slides = np.where(sliding & (traces["item"] == part.item), pushed, np.nan)
-        force.plot(part.time, slides[part.rows], **part.style | {"linewidth": 2.4})
+        for values, width in ((pushed, 0.6), (slides, 2.4)):
+            look = part.style | {"linewidth": width}
+            forces.append(Curve(values[part.rows], None, look, part.time))
         lost = traces["mode"][part.rows] == LOST
-        if lost.any():
-            across = force.get_xaxis_transform()
-            force.fill_between(
-                part.time,
-                0,
-                1,
-                where=lost.tolist(),
-                transform=across,
-                label=f"{part.item + 1}: lost",
-                **CONTACT_LOST,
-            )
-    speed.axhline(10.0, label="limit, 10 cm/s", **LIMIT)
-    force.axhline(2.0, label="limit, 2 N", **LIMIT)
-    force.axhline(scenario.charging.wall_force, label="desired", **DESIRED)
-    force.set_ylim(0.0, None)
-    approach = said(outcome, "wall.approach_speed", CM)
-    dress(
+        shade(force, part.time, lost, f"{part.item + 1}: lost", CONTACT_LOST)
+    approach = run.said("wall.approach_speed", CM)
+    _panel(
         speed,
-        title=f"(a) Towards the wall with {approach} cm/s; at most 10 cm/s are wanted",
-        x="",
-        y="speed outwards / cm/s",
+        speeds,
+        [_limit(10.0, "cm/s")],
+        f"(a) Towards the wall with {approach} cm/s; at most 10 cm/s are wanted",
+        "speed outwards / cm/s",
     )
-    low, high = (said(outcome, f"wall.slide_force{end}") for end in ("_min", ""))
-    dress(
+    low, high = (run.said(f"wall.slide_force{end}") for end in ("_min", ""))
+    desired = ReferenceLine(run.scenario.charging.wall_force, "desired", DESIRED)
+    _panel(
         force,
-        title=f"(b) Sliding down (thick) with {low} to {high} N, "
-        f"{said(outcome, 'wall.losses')} losses of contact; less than 2 N and none are wanted",
-        x="",
-        y="force on the wall / N",
+        forces,
+        [_limit(2.0, "N"), desired],
+        f"(b) Sliding down (thick) with {low} to {high} N, "
+        f"{run.said('wall.losses')} losses of contact; less than 2 N and none are wanted",
+        "force on the wall / N",
     )
-    _laid(layer, shift, shown, outcome, "wall")
-    for axes in (speed, force, layer, shift):
-        legend(axes, **BESIDE)
+    force.set_ylim(0.0, None)
+    _laid(layer, shift, run, shown, "wall")
     return figure
 
 
-def plot_crown(
-    scenario: ResolvedCrucibleChargingScenario, outcome: Outcome, states: Sequence[str]
-) -> Figure | None:
-    """Draw how items were laid on the crown; None if the run came to none."""
-    shown = parts(scenario, outcome.traces, states, "crown", "release")
-    shown = [part for part in shown if scenario.plan[part.item].kind == "crown"]
-    if not shown:
-        return None
+def plot_crown(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
+    """Draw how items were laid on the crown."""
+    traces = run.outcome.traces
     figure = new_figure(11.0, 7.0)
     error, layer, shift = figure.subplots(3, 1, sharex=True)
-    nugget, carried = in_space(outcome.traces, "nugget"), _carried(outcome.traces)
+    nugget, carried = in_space(traces, "nugget"), _carried(traces)
+    away = []
     for part in shown:
-        away = np.linalg.norm(nugget - items_of(scenario)[part.item].goal, axis=1)
-        away = np.where(carried, MM * away, np.nan)
-        error.plot(part.time, away[part.rows], label=part.label, **part.style)
-    error.axhline(10.0, label="limit, 10 mm (ours)", **LIMIT)
-    error.set_yscale("log")
-    place = said(outcome, "crown.position_error", MM)
-    dress(
+        off = np.linalg.norm(nugget - items_of(run.scenario)[part.item].goal, axis=1)
+        away += _courses([part], np.where(carried, MM * off, np.nan), named=True)
+    place = run.said("crown.position_error", MM)
+    _panel(
         error,
-        title=f"(a) Set down {place} mm from its place; within 10 mm is wanted",
-        x="",
-        y="from its place / mm",
+        away,
+        [_limit(10.0, "mm", " (ours)")],
+        f"(a) Set down {place} mm from its place; within 10 mm is wanted",
+        "from its place / mm",
     )
-    _laid(layer, shift, shown, outcome, "crown")
-    for axes in (error, layer, shift):
-        legend(axes, **BESIDE)
+    error.set_yscale("log")
+    _laid(layer, shift, run, shown, "crown")
     return figure
 
 
-def plot_bulk(
-    scenario: ResolvedCrucibleChargingScenario, outcome: Outcome, states: Sequence[str]
-) -> Figure | None:
-    """Draw where the bulk loads and all other items went; None if the run came to no bulk load."""
-    traces = outcome.traces
-    shown = parts(scenario, traces, states, "bulk")
-    if not shown:
-        return None
+def plot_bulk(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
+    """Draw where the bulk loads and all other items went."""
+    traces = run.outcome.traces
     figure = new_figure(10.0, 4.0)
-    error = figure.subplots()
-    for part in shown:
-        off = MM * off_command(traces)[part.rows]
-        error.plot(part.time, off, label=part.label, **part.style)
-    error.axhline(10.0, label="limit, 10 mm", **LIMIT)
-    dress(
-        error,
-        title=f"Poured {said(outcome, 'bulk.position_error', MM)} mm from its place; "
-        "within 10 mm is wanted",
-        x="time in the mode / s",
-        y="off the command / mm",
+    _panel(
+        figure.subplots(),
+        _courses(shown, MM * off_command(traces), named=True),
+        [_limit(10.0, "mm")],
+        f"Poured {run.said('bulk.position_error', MM)} mm from its place; within 10 mm is wanted",
+        "off the command / mm",
+        "time in the mode / s",
     )
-    legend(error, **BESIDE)
     return figure
 
 
 def _laid(
-    layer: Axes, shift: Axes, shown: Sequence[ModeRows], outcome: Outcome, mode: str
+    layer: Axes, shift: Axes, run: ChargingRun, shown: Sequence[ModeRows], mode: str
 ) -> None:
     """Draw how an item meets the layer, and how far it pushes it."""
-    traces = outcome.traces
-    for part in shown:
-        layer.plot(part.time, traces["layer_peak_force"][part.rows], **part.style)
-        shift.plot(part.time, MM * traces["layer_shift"][part.rows], **part.style)
-    layer.axhline(SCRATCH_FORCE, label=f"scratches if sustained, {SCRATCH_FORCE:g} N", **LIMIT)
-    shift.axhline(0.5, label="limit, 0.5 mm", **LIMIT)
+    traces = run.outcome.traces
     letters = "cd" if mode == "wall" else "bc"
-    dress(
+    scratch = f"scratches if sustained, {SCRATCH_FORCE:g} N"
+    _panel(
         layer,
-        title=f"({letters[0]}) It meets the layer with "
-        f"{said(outcome, f'{mode}.impact_speed', CM)} cm/s at most; 20 cm/s are safe",
-        x="",
-        y="force on the layer / N",
+        _courses(shown, traces["layer_peak_force"]),
+        [ReferenceLine(SCRATCH_FORCE, scratch, LIMIT)],
+        f"({letters[0]}) It meets the layer with "
+        f"{run.said(f'{mode}.impact_speed', CM)} cm/s at most; 20 cm/s are safe",
+        "force on the layer / N",
     )
-    dress(
+    _panel(
         shift,
-        title=f"({letters[1]}) The layer is moved by "
-        f"{said(outcome, f'{mode}.layer_shift', MM)} mm; at most 0.5 mm are wanted",
-        x="time in the mode / s",
-        y="shift / mm",
+        _courses(shown, MM * traces["layer_shift"]),
+        [_limit(0.5, "mm")],
+        f"({letters[1]}) The layer is moved by "
+        f"{run.said(f'{mode}.layer_shift', MM)} mm; at most 0.5 mm are wanted",
+        "shift / mm",
+        "time in the mode / s",
     )
 
 
@@ -437,6 +398,41 @@ def plot_places(scenario: ResolvedCrucibleChargingScenario, outcome: Outcome) ->
     )
     legend(axes, **BESIDE)
     return figure
+
+
+# Each mode's figure: the modes of the chart in it, the state from which on rows count, the kind.
+_MODES: Final = {
+    "acquire": (plot_acquire, ("acquire",), "acquire.descend", ""),
+    "scan": (plot_scan, ("scan",), "", ""),
+    "slew": (plot_slew, ("slew",), "", ""),
+    "wall": (plot_wall, ("wall", "release"), "", "wall"),
+    "crown": (plot_crown, ("crown", "release"), "", "crown"),
+    "bulk": (plot_bulk, ("bulk",), "", ""),
+}
+
+
+def plot_charging(
+    scenario: ResolvedCrucibleChargingScenario, outcome: Outcome, states: Sequence[str]
+) -> dict[str, Figure]:
+    """Draw each mode that the run came to, and where all items were left.
+
+    Args:
+        scenario: Of the run.
+        outcome: Its metrics and traces.
+        states: Names of the chart's states, by the index in the traces. A name begins with its
+            mode and a point.
+    """
+    run, figures = ChargingRun(scenario, outcome, states), {}
+    for name, (draw, modes, first, kind) in _MODES.items():
+        shown = [
+            part
+            for part in parts(scenario, outcome.traces, states, *modes, first=first)
+            if kind in ("", scenario.plan[part.item].kind)
+        ]
+        if shown:
+            figures[name] = draw(run, shown)
+    places = plot_places(scenario, outcome)
+    return {**figures, "places": places} if places else figures
 
 
 def _carried(traces: Table) -> NDArray[np.bool_]:

@@ -9,6 +9,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 
 from chamfer.analysis.drawing import figure_style
+from chamfer.analysis.drawing.figure_kit import (
+    Curve,
+    FilledBand,
+    ReferenceLine,
+    draw_lines,
+    shade,
+)
 from chamfer.analysis.drawing.figure_style import (
     BAND,
     CONTACT_LOST,
@@ -18,7 +25,6 @@ from chamfer.analysis.drawing.figure_style import (
     NOTE,
     POSITION,
     dress,
-    legend,
     new_figure,
 )
 from chamfer.analysis.published.hybrid_force_position import PUBLISHED
@@ -39,8 +45,8 @@ from chamfer.diagrams.contact.contact_scenarios import (
 )
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario, fill
 from chamfer.models.surfaces.damage import SAFE_SPEED, SCRATCH_FORCE, impact_speed_limit
+from chamfer.systems.force.contact_detection import LOST
 
-_BESIDE = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
 _LEAST_HEIGHT = 0.02  # mm, of the position's axis
 _ABOVE = 1.3  # of the largest force drawn, the axis' end
 
@@ -87,29 +93,24 @@ def _force(
     axes: Axes, scenario: HybridScenario, traces: Table, published: Sequence[Published]
 ) -> None:
     time, desired = traces["time"], scenario.task.force
-    after = traces["time"] >= scenario.measure_after
-    axes.plot(time, traces["measured_force"], label="measured", **FORCE)
-    axes.axhline(desired, label=f"desired, {desired:g} N", **DESIRED)
+    after = time >= scenario.measure_after
     band = _published_band(published)
     if band is not None:
-        axes.fill_between(
-            time[after],
-            desired + band[0],
-            desired + band[1],
-            label=f"published deviation, {band[0]:+g} to {band[1]:+g} N",
-            **BAND,
-        )
+        label = f"published deviation, {band[0]:+g} to {band[1]:+g} N"
+        axes.fill_between(time[after], desired + band[0], desired + band[1], label=label, **BAND)
+    levels = [ReferenceLine(desired, f"desired, {desired:g} N", DESIRED)]
     for value in published:
         if value.metric == "contact_time" and value.value is not None:
-            axes.axvline(
-                value.value,
-                label=f"published contact, {value.value:g} s",
-                **figure_style.PUBLISHED,
-            )
-    axes.axhline(
-        SCRATCH_FORCE, label=f"scratches glass if sustained, {SCRATCH_FORCE:g} N", **LIMIT
+            label = f"published contact, {value.value:g} s"
+            levels.append(ReferenceLine(value.value, label, figure_style.PUBLISHED, upright=True))
+    label = f"scratches glass if sustained, {SCRATCH_FORCE:g} N"
+    levels.append(ReferenceLine(SCRATCH_FORCE, label, LIMIT))
+    shade_losses(axes, traces)
+    measured = [Curve(traces["measured_force"], "measured", FORCE)]
+    title = "(a) Contact force"
+    draw_lines(
+        axes, time, measured, title=title, y="force / N", over="", levels=levels, key="beside"
     )
-    _shade_losses(axes, traces)
     regular = float(np.max(traces["measured_force"][after], initial=desired))
     top = _ABOVE * max(regular, desired)
     peak = float(traces["measured_force"].max())
@@ -122,8 +123,6 @@ def _force(
             **NOTE,
         )
     axes.set_ylim(min(-0.05 * top, float(traces["measured_force"].min())), top)
-    dress(axes, title="(a) Contact force", x="", y="force / N")
-    legend(axes, **_BESIDE)
 
 
 def _published_band(published: Sequence[Published]) -> tuple[float, float] | None:
@@ -142,32 +141,33 @@ def _published_band(published: Sequence[Published]) -> tuple[float, float] | Non
 def _position(
     axes: Axes, scenario: HybridScenario, traces: Table, published: Sequence[Published]
 ) -> None:
-    time, position = traces["time"], 1e3 * traces["position"]
-    error = 1e3 * traces["position_error"]
-    middle = float(np.array(scenario.task.start) @ scenario.along) * 1e3
-    axes.plot(time, position + error - middle, label="desired", **DESIRED)
-    axes.plot(time, position - middle, label="actual", **POSITION)
+    middle = 1e3 * float(np.array(scenario.task.start) @ scenario.along)
+    actual = 1e3 * traces["position"] - middle
+    desired = actual + 1e3 * traces["position_error"]
+    bands = []
     for value in published:
         if value.metric == "position.lag_error" and value.value is not None:
             off = 1e3 * value.value
-            axes.fill_between(
-                time,
-                position + error - middle - off,
-                position + error - middle + off,
-                label=f"published error, {off:g} mm",
-                **BAND,
-            )
+            bands.append(FilledBand(desired - off, desired + off, f"published error, {off:g} mm"))
     names = dict(zip(scenario.ARM.coordinates, scenario.along, strict=True))
     which = " ".join(name for name, part in names.items() if part)
-    dress(axes, title="(b) Position along the surface", x="", y=f"{which} from start / mm")
-    legend(axes, **_BESIDE)
+    draw_lines(
+        axes,
+        traces["time"],
+        [Curve(desired, "desired", DESIRED), Curve(actual, "actual", POSITION)],
+        title="(b) Position along the surface",
+        y=f"{which} from start / mm",
+        over="",
+        bands=bands,
+        key="beside",
+    )
 
 
 def _approach(axes: Axes, scenario: HybridScenario, outcome: Outcome) -> None:
     traces = outcome.traces
     axes.plot(traces["time"], 1e3 * traces["gap"], label="distance", **POSITION)
     axes.axhline(0.0, **DESIRED)
-    _shade_losses(axes, traces)
+    shade_losses(axes, traces)
     impact = outcome.metrics["impact.speed"].value
     if impact is not None:
         against = "above" if impact > SAFE_SPEED else "below"
@@ -186,18 +186,9 @@ def _approach(axes: Axes, scenario: HybridScenario, outcome: Outcome) -> None:
     dress(axes, title="(c) Distance from the surface", x="time / s", y="distance / mm")
 
 
-def _shade_losses(axes: Axes, traces: Table) -> None:
-    time, lost = traces["time"], traces["mode"] == 2
-    if np.any(lost):
-        axes.fill_between(
-            time,
-            0,
-            1,
-            where=lost.tolist(),
-            transform=axes.get_xaxis_transform(),
-            label="contact lost",
-            **CONTACT_LOST,
-        )
+def shade_losses(axes: Axes, traces: Table) -> None:
+    """Shade the times at which contact was lost."""
+    shade(axes, traces["time"], traces["mode"] == LOST, "contact lost", CONTACT_LOST)
 
 
 def note_stability(figure: Figure, outcome: Outcome) -> None:

@@ -14,7 +14,8 @@ from chamfer.analysis.campaign.trial_metrics import prefixed, trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.contact.contact_metrics import mean_over_seeds, stability_metrics
 from chamfer.analysis.contact.contact_runs import measure, run_contact
-from chamfer.analysis.drawing.figure_style import FORCE, POSITION, dress, legend, new_figure
+from chamfer.analysis.drawing.figure_kit import draw_means, name_rows
+from chamfer.analysis.drawing.figure_style import FORCE, POSITION, Style, dress, legend, new_figure
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.diagrams.contact.contact_scenarios import (
     ADEPT_NUGGET_MOTION,
@@ -215,7 +216,6 @@ def figures(_: RemediesScenario, outcome: Outcome) -> Mapping[str, Figure]:
     figure = new_figure(11.0, 7.0)
     panels = figure.subplots(2, 2, sharey=True, width_ratios=(3, 2))
     traces = outcome.traces
-    rows = np.arange(len(REMEDIES))
     for i, test in enumerate(TESTS):
         of = traces["test"] == i
         remedy = traces["remedy"][of]
@@ -224,22 +224,11 @@ def figures(_: RemediesScenario, outcome: Outcome) -> Mapping[str, Figure]:
             ("measured", "measured, with sensor noise and cross-talk", -0.2, FORCE["color"]),
             ("true", "true", 0.2, POSITION["color"]),
         ):
-            values = traces[name][of]
-            mean = [float(values[remedy == j].mean()) for j in rows]
-            force.barh(rows + offset, mean, height=0.36, color=color, alpha=0.55, label=label)
-            force.plot(values, remedy + offset, ".", color=color, ms=4)
-        values = 1e3 * traces["position"][of]
-        mean = [float(values[remedy == j].mean()) for j in rows]
-        position.barh(rows, mean, height=0.5, color="#9a9a9a", alpha=0.6)
-        position.plot(values, remedy, ".", color="#555555", ms=4)
-        dress(
-            force,
-            title=f"{test}: largest deviation of the force",
-            x="force / N",
-            y="",
-        )
+            look: Style = {"offset": offset, "height": 0.36, "label": label}
+            draw_means(force, traces[name][of], remedy, color, **look)
+        draw_means(position, 1e3 * traces["position"][of], remedy, "#777777", height=0.5)
+        dress(force, title=f"{test}: largest deviation of the force", x="force / N", y="")
         dress(position, title=f"{test}: largest position error", x="error / mm", y="")
-        force.set_yticks(rows, [_LABELS[name] for name in REMEDIES])
-    panels[0, 0].invert_yaxis()  # all share it
+        name_rows(force, [_LABELS[name] for name in REMEDIES])
     legend(panels[0, 0], loc="lower right")
     return {"friction-remedies": figure}

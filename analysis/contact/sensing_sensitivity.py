@@ -19,6 +19,7 @@ from chamfer.analysis.campaign.trial_metrics import trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.contact.contact_metrics import mean_over_seeds
 from chamfer.analysis.contact.contact_runs import Traces, measure, run_contact
+from chamfer.analysis.drawing.figure_kit import draw_means, name_rows
 from chamfer.analysis.drawing.figure_style import FORCE, LIMIT, NOTE, POSITION, dress, new_figure
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.diagrams.contact.contact_scenarios import (
@@ -313,8 +314,7 @@ def figures(scenario: SensitivityScenario, outcome: Outcome) -> Mapping[str, Fig
         force[0].set_xlim(known.min() / 2, max(100.0, known.max()) * 8)  # with room to say more
     force[0].xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     for panel in (force[0], position[0]):
-        panel.set_yticks(range(len(IMPERFECTIONS)), [_LABELS[name] for name in IMPERFECTIONS])
-    force[0].set_ylim(len(IMPERFECTIONS) - 0.4, -0.6)  # all share it
+        name_rows(panel, [_LABELS[name] for name in IMPERFECTIONS])
     figure.suptitle(
         "What each imperfection of sensors and computer costs, alone and together", fontsize=11
     )
@@ -323,12 +323,8 @@ def figures(scenario: SensitivityScenario, outcome: Outcome) -> Mapping[str, Fig
 
 def _bars(axes: Axes, values: np.ndarray, which: np.ndarray, color: str) -> None:
     """Draw the means as bars, every seed, and the ideal loop's mean as a line."""
-    known = np.isfinite(values)
-    for row in np.unique(which[known]):
-        here = values[known & (which == row)]
-        axes.barh(row, float(here.mean()), color=color, alpha=0.55)
-        axes.plot(here, np.full(len(here), row), ".", color=color, ms=4)
-    ideal = values[known & (which == 0)]
+    draw_means(axes, values, which, color)
+    ideal = values[np.isfinite(values) & (which == 0)]
     if len(ideal):
         axes.axvline(float(ideal.mean()), color="#555555", linewidth=0.8, linestyle=":")
 

@@ -1,18 +1,17 @@
 """The kinds of panel that most figures consist of: each one call on arrays.
 
-Lines over time with states or losses behind them, maps, distributions, intervals in rows, shares
+Lines over time with states or losses behind them, distributions, intervals in rows, shares
 as stacked bars and tables of counts. Colours are those of ``figure_style``.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import QuadMesh
-from matplotlib.colors import LogNorm
+from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +25,7 @@ BESIDE: Final[Style] = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}  # a 
 _VISITS: Final = ("#ffffff", "#eceff4")  # behind curves, in turns
 _STRIP: Final = ("#cfe0f5", "#f9dcb8")
 _BAD: Final = "#f3b6b6"
+_WRONG: Final = ("jammed", "timed out", "failed")  # ends of a visit's name
 _APART: Final = 0.0125  # of the width, of two names
 _BARS: Final = 40  # of a distribution
 _LEAST_SHARE: Final = 8.0  # %, of a bar that is labelled
@@ -52,6 +52,7 @@ class Curve:
     values: ArrayLike
     label: str | None
     style: Style
+    over: ArrayLike | None = None  # its own abscissa
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,8 @@ def draw_lines(
             low, high = np.asarray(band.low).item(), np.asarray(band.high).item()
             axes.axhspan(low, high, label=band.label, **(band.style or BAND))
     for line in lines:
-        axes.plot(x, line.values, label=line.label, **line.style)
+        places = x if line.over is None else line.over
+        axes.plot(places, line.values, label=line.label, **line.style)
     for level in levels:
         draw = axes.axvline if level.upright else axes.axhline
         draw(level.at, label=level.label, **level.style)
@@ -121,6 +123,17 @@ def draw_lines(
     dress(axes, title=title, x=over, y=y)
     if key is not None:
         legend(axes, ncols=columns, **(BESIDE if key == "beside" else {"loc": key}))
+
+
+def trial_curves(
+    time: Array, values: Array, trials: Array, style: Style, label: str | None = None
+) -> list[Curve]:
+    """Return each trial's curve over its own time; one label is for all of them."""
+    curves: list[Curve] = []
+    for trial in np.unique(trials):
+        of = trials == trial
+        curves.append(Curve(values[of], None if curves else label, style, time[of]))
+    return curves
 
 
 def time_axes(
@@ -159,14 +172,12 @@ def state_visits(time: Array, states: ArrayLike, names: Sequence[str]) -> list[V
     ]
 
 
-def draw_strip(
-    axes: Axes, visits: Sequence[Visit], duration: float, *, bad: tuple[str, ...] = ("failed",)
-) -> None:
+def draw_strip(axes: Axes, visits: Sequence[Visit], duration: float) -> None:
     """Draw a strip of states; names stand above theirs, or beside if it is too narrow."""
     axes.set_ylim(0.0, 1.0)
     places = spaced(np.array([(begin + end) / 2 for begin, end, _ in visits]) / duration)
     for i, ((begin, end, name), place) in enumerate(zip(visits, places, strict=True)):
-        wrong = name.endswith(bad)
+        wrong = name.endswith(_WRONG)
         axes.axvspan(begin, end, ymax=0.12, color=_BAD if wrong else _STRIP[i % 2], linewidth=0)
         x = place * duration
         stem: Style = {"color": "#888888", "linewidth": 0.6, "clip_on": False}
@@ -190,44 +201,62 @@ def spaced(places: Array) -> Array:
 
 
 def shade(axes: Axes, time: Array, where: ArrayLike, label: str, style: Style) -> None:
-    """Shade the times at which something holds over the whole height, if there are any."""
-    if np.any(where):
+    """Shade the times at which something holds over the whole height, if there are any.
+
+    It holds from a sample to the next one: what is so at one sample alone is seen too.
+    """
+    holds = np.array(where, dtype=bool)
+    holds[1:] |= holds[:-1].copy()
+    if np.any(holds):
         across = {"transform": axes.get_xaxis_transform(), "label": label, **style}
-        axes.fill_between(time, 0, 1, where=np.asarray(where, dtype=bool).tolist(), **across)
+        axes.fill_between(time, 0, 1, where=holds.tolist(), **across)
 
 
-def draw_map(
-    axes: Axes,
-    x: ArrayLike,
-    y: ArrayLike,
-    values: ArrayLike,
-    *,
-    label: str,
-    log: bool = False,
-    **options: Any,
-) -> QuadMesh:
-    """Draw values over a grid, shape (y, x), with a colour bar; NaN stays white."""
-    shown = np.asarray(values, dtype=np.float64)
-    if log:
-        known = shown[np.isfinite(shown) & (shown > 0)]
-        options["norm"] = LogNorm(float(known.min(initial=1.0)), float(known.max(initial=1.0)))
-    drawn = axes.pcolormesh(x, y, shown, shading="nearest", rasterized=True, **options)
-    bar = axes.figure.colorbar(drawn, ax=axes, shrink=0.85)
+def colour_bar(axes: Axes, drawn: ScalarMappable, label: str, **options: Any) -> None:
+    """Draw the scale of the colours beside axes."""
+    bar = axes.figure.colorbar(drawn, ax=axes, **{"shrink": 0.85, **options})
     bar.set_label(label, fontsize=8)
     bar.ax.tick_params(labelsize=8)
-    return drawn
 
 
 def draw_distribution(axes: Axes, values: Array, *, least: float = 0.0) -> None:
     """Draw bars of equal width from zero to the largest value, or to ``least``."""
     known = values[np.isfinite(values)]
     if not len(known):
-        axes.text(0.5, 0.5, "no value", transform=axes.transAxes, **NOTE)
+        axes.text(0.5, 0.5, "no run came to its end", transform=axes.transAxes, **NOTE)
         return
     edges = np.linspace(0.0, 1.05 * max(least, float(known.max())), _BARS + 1)
     look = {"color": FORCE["color"], "edgecolor": "white", "linewidth": 0.5}
     axes.hist(known, bins=edges.tolist(), **look)
     axes.set_xlim(0.0, edges[-1])
+
+
+def draw_cumulative(axes: Axes, values: Array, style: Style, label: str | None = None) -> None:
+    """Draw which share, %, of values >= 0 is up to each of them; what is not finite never is."""
+    known = np.sort(values[np.isfinite(values)])
+    share = 100 * np.arange(len(known) + 1) / max(len(values), 1)
+    axes.step([0.0, *known], share, where="post", label=label, **style)
+
+
+def draw_means(
+    axes: Axes,
+    values: Array,
+    rows: Array,
+    colour: str,
+    *,
+    offset: float = 0.0,
+    height: float = 0.8,
+    label: str | None = None,
+) -> None:
+    """Draw the mean of the values in each row as a bar, and a dot for each; NaN is left out."""
+    known = np.isfinite(values)
+    if not known.any():
+        return
+    present = np.unique(rows[known])
+    means = [float(values[known & (rows == row)].mean()) for row in present]
+    bars: Style = {"height": height, "color": colour, "alpha": 0.55, "label": label}
+    axes.barh(present + offset, means, **bars)
+    axes.plot(values[known], rows[known] + offset, ".", color=colour, ms=4)
 
 
 def draw_intervals(
@@ -240,14 +269,21 @@ def draw_intervals(
     label: str | None = None,
 ) -> None:
     """Draw a value in each row, with a line from its lower to its upper end; NaN is left out."""
-    axes.hlines(rows, low, high, color=style["color"], linewidth=1.6, alpha=0.45)
+    axes.hlines(rows, low, high, color=style["color"], linewidth=2.0, alpha=0.45)
     axes.plot(middle, rows, label=label, **{"linestyle": "none", "marker": "o", **style})
 
 
-def name_rows(axes: Axes, names: Sequence[str]) -> None:
-    """Write a name beside each row, the first one on top."""
+def name_rows(axes: Axes, names: Sequence[str], *, apart: Iterable[Axes] = ()) -> None:
+    """Write a name beside each row, the first one on top.
+
+    In the axes ``apart``, which share the rows, lines between them take the place of the grid.
+    """
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.5, -0.5)
+    for one in apart:
+        one.grid(False, axis="y")
+        for row in range(1, len(names)):
+            one.axhline(row - 0.5, color="#dddddd", linewidth=0.8)
 
 
 def draw_shares(

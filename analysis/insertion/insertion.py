@@ -1,7 +1,6 @@
 """From pixels to a seated peg: the cameras align, a chart decides and inserts (section 5)."""
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -13,6 +12,15 @@ from chamfer.analysis.campaign.trial_metrics import over_trials
 from chamfer.analysis.cell.alignment import pictures_at, plot_moments
 from chamfer.analysis.cell.alignment_runs import row_before, settling_metrics
 from chamfer.analysis.drawing.chart_path import plot_chart_path
+from chamfer.analysis.drawing.figure_kit import (
+    Curve,
+    ReferenceLine,
+    colour_legend,
+    draw_lines,
+    draw_strip,
+    shade,
+    state_visits,
+)
 from chamfer.analysis.drawing.figure_style import (
     FORCE,
     LIMIT,
@@ -37,7 +45,7 @@ from chamfer.analysis.insertion.cell_runs import (
     touch_row,
 )
 from chamfer.analysis.insertion.peg_insertion import STATES
-from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
 from chamfer.diagrams.cell.alignment_scenario import require_fine_enough
 from chamfer.diagrams.insertion.insertion import (
     InsertionScenario,
@@ -157,7 +165,6 @@ _RATIOS: Final = ((0.5, "#b00020"), (1.0, "#8f5bb5"), (2.0, "#1b4f9c"), (4.0, "#
 _ROOM: Final = 0.3  # of an axis, for the legend above the curves
 _MM: Final = 1e3
 _MRAD: Final = 1e3
-_SHORTEST: Final = 0.012  # of the time, a state whose name is written
 _FEW: Final = 150  # loads of a plane that are drawn
 
 
@@ -166,16 +173,15 @@ def plot_course(
 ) -> Figure:
     """Draw errors, depth and forces over time, with the task's and the contact's states."""
     figure = new_figure(11.0, 12.0)
-    grid = figure.add_gridspec(6, 1, height_ratios=(0.35, 1, 1, 1, 1, 0.8))
-    first = figure.add_subplot(grid[0])
-    panels = [first, *(figure.add_subplot(grid[i], sharex=first) for i in range(1, 6))]
+    strip, *panels = figure.subplots(6, 1, sharex=True, height_ratios=(0.7, 1, 1, 1, 1, 0.8))
     traces = outcome.traces
     time, params = traces["time"], task_params(scenario)
     looks = np.isin(traces["task_state"], [states.index(name) for name in ("align", "decide")])
-    _task(first, traces, states)
+    names = [name.replace("_", " ") for name in states]
+    draw_strip(strip, state_visits(time, traces["task_state"], names), float(time[-1]))
     for axes, name, scale, unit, limit in (
-        (panels[1], "lateral", _MM, "mm", params.region.lateral_limit),
-        (panels[2], "rotational", _MRAD, "mrad", params.region.rotation_limit),
+        (panels[0], "lateral", _MM, "mm", params.region.lateral_limit),
+        (panels[1], "rotational", _MRAD, "mrad", params.region.rotation_limit),
     ):
         error = scale * np.maximum(traces[f"{name}_error"], 1e-6)
         axes.semilogy(time, error, label="true", **POSITION)
@@ -189,82 +195,36 @@ def plot_course(
         axes.set_ylim(scale * limit / 300, 8 * max(float(error.max()), scale * limit))
         letter = {"lateral": "a", "rotational": "b"}[name]
         dress(axes, title=f"({letter}) {name.capitalize()} error", x="", y=f"error / {unit}")
-    depth, force, across = panels[3:]
-    depth.plot(time, _MM * traces["depth"], label="true", **POSITION)
-    depth.plot(time, _MM * traces["sensed_depth"], label="by encoders", **_MEASURED)
-    depth.plot(time, _MM * (traces["feed"] - scenario.gap), label="commanded", **_COMMAND)
-    depth.axhline(_MM * params.target, label="wanted", **LIMIT)
-    dress(depth, title="(c) Depth of the tip below the mouth", x="", y="depth / mm")
-    axial, lateral = force_medians(traces, scenario.step)
-    force.plot(time, axial, label="of the contact, median of 10 ms", **FORCE)
-    force.plot(time, traces["sensed_x"], label="by the arm's springs", **_MEASURED)
-    dress(force, title="(d) Force against the insertion", x="", y="force / N")
-    across.plot(time, lateral, label="of the contact, median of 10 ms", **FORCE)
-    dress(across, title="(e) Force across", x="time / s", y="force / N")
-    for axes in panels[1:]:
-        _contact(axes, traces)
+    depth, force, across = panels[2:]
+    lines = [
+        Curve(_MM * traces["depth"], "true", POSITION),
+        Curve(_MM * traces["sensed_depth"], "by encoders", _MEASURED),
+        Curve(_MM * (traces["feed"] - scenario.gap), "commanded", _COMMAND),
+    ]
+    wanted = ReferenceLine(_MM * params.target, "wanted", LIMIT)
+    title = "(c) Depth of the tip below the mouth"
+    draw_lines(depth, time, lines, title=title, y="depth / mm", over="", levels=[wanted])
+    axial, lateral = (
+        Curve(values, "of the contact, median of 10 ms", FORCE)
+        for values in force_medians(traces, scenario.step)
+    )
+    lines = [axial, Curve(traces["sensed_x"], "by the arm's springs", _MEASURED)]
+    title = "(d) Force against the insertion"
+    draw_lines(force, time, lines, title=title, y="force / N", over="")
+    draw_lines(across, time, [lateral], title="(e) Force across", y="force / N")
     for axes in (depth, force, across):
         low, high = axes.get_ylim()
         axes.set_ylim(low, high + _ROOM * (high - low))
-    for axes in panels[1:]:
+    seen = {state: found for state, found in STATES.items() if state in traces["contact_state"]}
+    for axes in panels:
+        for state, (_, colour) in seen.items():
+            look: Style = {"color": colour, "alpha": 0.6, "linewidth": 0, "zorder": 0}
+            shade(axes, time, traces["contact_state"] == state, "", look)
         legend(axes, loc="upper left", ncols=4)
-    first.set_xlim(0.0, float(time[-1]))
-    _contact_legend(figure, traces)
+    across.set_xlim(0.0, float(time[-1]))
+    if seen:
+        colour_legend(figure, {f"contact: {name}": colour for name, colour in seen.values()})
     return figure
-
-
-def _spans(values: Array) -> list[tuple[int, int]]:
-    """Return first and last row of every stretch of equal values."""
-    ends = np.flatnonzero(np.diff(values)) + 1
-    bounds = [0, *ends.tolist(), len(values)]
-    return [(a, b - 1) for a, b in pairwise(bounds)]
-
-
-def _task(axes: Axes, traces: Table, states: Sequence[str]) -> None:
-    """Write the task's states over time."""
-    time, number = traces["time"], traces["task_state"]
-    for k, (a, b) in enumerate(_spans(number)):
-        axes.axvspan(time[a], time[min(b + 1, len(time) - 1)], color=("#f1ece4", "#fde3c3")[k % 2])
-        if time[b] - time[a] > _SHORTEST * time[-1]:
-            wide = time[b] - time[a] > 6 * _SHORTEST * time[-1]
-            axes.text(
-                (time[a] + time[b]) / 2,
-                0.5,
-                states[int(number[a])].replace("_", " "),
-                ha="center",
-                va="center",
-                fontsize=8,
-                rotation=0 if wide else 90,
-            )
-    axes.set_ylim(0.0, 1.0)
-    axes.set_yticks([])
-    axes.set_title("Task", fontsize=10, loc="left", fontweight="bold")
-    axes.tick_params(labelsize=8)
-
-
-def _contact(axes: Axes, traces: Table) -> None:
-    """Shade the times by contact state."""
-    time, state = traces["time"], traces["contact_state"]
-    for a, b in _spans(state):
-        found = STATES.get(ContactState(int(state[a])))
-        if found is not None:
-            end = time[min(b + 1, len(time) - 1)]
-            axes.axvspan(time[a], end, color=found[1], alpha=0.6, linewidth=0, zorder=0)
-
-
-def _contact_legend(figure: Figure, traces: Table) -> None:
-    seen = [ContactState(int(one)) for one in np.unique(traces["contact_state"])]
-    handles = [
-        figure.axes[0].fill_between(
-            [], [], color=STATES[one][1], label=f"contact: {STATES[one][0]}"
-        )
-        for one in seen
-        if one in STATES
-    ]
-    if handles:
-        figure.legend(
-            handles=handles, loc="outside lower center", ncols=5, fontsize=8, edgecolor="none"
-        )
 
 
 def plot_loads(scenario: ResolvedInsertionScenario, outcome: Outcome) -> Figure:

@@ -7,7 +7,6 @@ from functools import partial
 from typing import Final, Literal, get_args
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -19,6 +18,13 @@ from chamfer.analysis.cell.alignment_runs import (
     drawn,
     require_starts,
     row_before,
+)
+from chamfer.analysis.drawing.figure_kit import (
+    Curve,
+    ReferenceLine,
+    draw_cumulative,
+    draw_lines,
+    trial_curves,
 )
 from chamfer.analysis.drawing.figure_style import LIMIT, Style, dress, legend, new_figure
 from chamfer.analysis.insertion.cell_runs import (
@@ -332,22 +338,17 @@ def plot_insertions(scenario: ResolvedInsertionTrialsScenario, outcome: Outcome)
     ways = [way for way in (AS_IT_IS, *scenario.beside) if way != "settling"]
     table, traces = outcome.tables["courses"], outcome.traces
     params = task_params(scenario)
+    depths: list[Curve] = []
     for k, way in enumerate(ways):
         colour, named = _COLOURS.get(way, _OTHER), _name(scenario, way)
-        for trial in np.unique(table["trial"][table["way"] == k]):
-            of = (table["way"] == k) & (table["trial"] == trial)
-            first = trial == table["trial"][table["way"] == k][0]
-            courses.plot(
-                table["time"][of] - scenario.begin,
-                _MM * table["depth"][of],
-                color=colour,
-                linewidth=0.8,
-                alpha=0.7,
-                label=named if first else None,
-            )
+        of = table["way"] == k
+        course = table["time"][of] - scenario.begin, _MM * table["depth"][of], table["trial"][of]
+        thin: Style = {"color": colour, "linewidth": 0.8, "alpha": 0.7}
+        depths += trial_curves(*course, thin, named)
         rows = traces["way"] == k
-        _distribution(times, traces["time_to_seated"][rows], colour, named)
-        _distribution(forces, traces["force.contact"][rows], colour, named)
+        line: Style = {"color": colour, "linewidth": 1.6}
+        draw_cumulative(times, traces["time_to_seated"][rows], line, named)
+        draw_cumulative(forces, traces["force.contact"][rows], line, named)
         seated = rows & (traces["seated"] > 0)
         for of, filled in ((seated, True), (rows & ~seated, False)):
             touches.plot(
@@ -360,9 +361,9 @@ def plot_insertions(scenario: ResolvedInsertionTrialsScenario, outcome: Outcome)
                 markersize=6,
                 label=named if filled else (f"{named}: not seated" if of.any() else None),
             )
-    courses.axhline(_MM * SEATED * params.target, label="counts as seated", **LIMIT)
-    since = "time since the first frame / s"
-    dress(courses, title="(a) Depth of the tip", x=since, y="depth / mm")
+    since, title = "time since the first frame / s", "(a) Depth of the tip"
+    counts = [ReferenceLine(_MM * SEATED * params.target, "counts as seated", LIMIT)]
+    draw_lines(courses, (), depths, title=title, y="depth / mm", over=since, levels=counts)
     forces.axvline(_SAFE, label=f"{_SAFE:g} N", **LIMIT)
     for axes, title, x in (
         (times, "(b) How soon: share seated", since),
@@ -391,10 +392,3 @@ def _name(scenario: ResolvedInsertionTrialsScenario, way: str) -> str:
     if way != AS_IT_IS:
         return way.replace("_", ", ")
     return f"{scenario.decide.kind.replace('_', ' ')}, {scenario.insert.compensation}"
-
-
-def _distribution(axes: Axes, values: Array, colour: str, name: str) -> None:
-    """Draw the share of all values, NaN included, that is below."""
-    known = np.sort(values[np.isfinite(values)])
-    share = 100 * np.arange(1, len(known) + 1) / max(len(values), 1)
-    axes.step(known, share, where="post", color=colour, linewidth=1.6, label=name)

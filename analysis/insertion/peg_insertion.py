@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from pydrake.geometry import Meshcat
 
+from chamfer.analysis.drawing.figure_kit import shade
 from chamfer.analysis.drawing.figure_style import FORCE, LIMIT, Style, dress, legend, new_figure
 from chamfer.analysis.insertion.insertion_runs import Insertion, insert, measure, median, path
 from chamfer.analysis.report.replay import record, set_stage
@@ -107,22 +108,9 @@ def plot_peg_insertion(scenario: PegInsertionScenario, outcome: Outcome) -> Figu
 
 def shade_states(axes: Axes, depth: Array, state: Array) -> None:
     """Shade the depths by contact state."""
-    ends = np.flatnonzero(np.diff(state)) + 1
-    named = set()
-    for first, last in zip((0, *ends), (*ends, len(state)), strict=True):
-        found = STATES.get(ContactState(int(state[first])))
-        if found is None or last - first < 2:
-            continue
-        label, colour = found
-        axes.axvspan(
-            depth[first],
-            depth[last - 1],
-            color=colour,
-            alpha=0.6,
-            linewidth=0,
-            label=None if label in named else label,
-        )
-        named.add(label)
+    for one, (label, colour) in STATES.items():
+        look: Style = {"color": colour, "alpha": 0.6, "linewidth": 0, "zorder": 0.5}
+        shade(axes, depth, state == one, label, look)
 
 
 def _diagram(

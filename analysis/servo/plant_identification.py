@@ -13,7 +13,8 @@ from scipy.optimize import root
 
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_rows import Row
-from chamfer.analysis.drawing.figure_style import PID, PUBLISHED, dress, legend, new_figure
+from chamfer.analysis.drawing.figure_kit import Curve, ReferenceLine, draw_lines
+from chamfer.analysis.drawing.figure_style import PID, PUBLISHED, new_figure
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.published.fsm_visual_servoing import OVERSHOOT, RISE_TIME
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
@@ -26,6 +27,11 @@ from chamfer.systems.servo.pid import PidParams
 
 _STEPS = 3000  # of a run
 _PAPERS_STIFFNESS = 700.0  # N/m, K_p of section 5
+_SHOWN = (
+    ("mass", "(a) Mass", "mass / kg"),
+    ("damping", "(b) Damping", "damping / (N s/m)"),
+    ("damping_ratio", "(c) Damping ratio", "damping ratio"),
+)
 _PERIODS = 34.0  # rise times in a run, long after the response has settled
 
 
@@ -140,19 +146,18 @@ def _plant(logs: NDArray[np.float64], stiffness: float) -> SpringMassDamperParam
 
 
 def figures(scenario: IdentificationScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Draw mass, damping and damping ratio of the family over the stiffness."""
-    table = outcome.traces
-    figure = new_figure(10.0, 3.6)
-    panels = figure.subplots(1, 3)
-    for axes, name, title, label in zip(
-        panels,
-        ("mass", "damping", "damping_ratio"),
-        ("(a) Mass", "(b) Damping", "(c) Damping ratio"),
-        ("mass / kg", "damping / (N s/m)", "damping ratio"),
-        strict=True,
-    ):
-        axes.plot(table["stiffness"], table[name], marker="o", ms=4, label="identified", **PID)
-        axes.axvline(_PAPERS_STIFFNESS, label="the paper's stiffness", **PUBLISHED)
-        dress(axes, title=title, x="stiffness / (N/m)", y=label)
-    legend(panels[0], loc="upper left")
+    """Return the figures by file name."""
+    table, figure = outcome.traces, new_figure(10.0, 3.6)
+    paper = ReferenceLine(_PAPERS_STIFFNESS, "the paper's stiffness", PUBLISHED, upright=True)
+    for axes, (name, title, y) in zip(figure.subplots(1, 3), _SHOWN, strict=True):
+        draw_lines(
+            axes,
+            table["stiffness"],
+            [Curve(table[name], "identified", PID | {"marker": "o", "ms": 4})],
+            title=title,
+            y=y,
+            over="stiffness / (N/m)",
+            levels=[paper],
+            key="upper left" if name == "mass" else None,
+        )
     return {"plant-identification": figure}

@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from pydrake.systems.framework import Diagram
 
@@ -16,6 +17,17 @@ from chamfer.analysis.campaign.trial_metrics import (
     rate,
 )
 from chamfer.analysis.campaign.trial_rows import table_of
+from chamfer.analysis.drawing.figure_kit import (
+    Curve,
+    FilledBand,
+    ReferenceLine,
+    draw_intervals,
+    draw_lines,
+    metric_value,
+    name_rows,
+    trial_curves,
+)
+from chamfer.analysis.drawing.figure_style import LOOPS, dress, legend, new_figure
 from chamfer.analysis.linear.to_control import to_control
 from chamfer.analysis.scenario.experiment import (
     Metric,
@@ -32,12 +44,12 @@ from chamfer.analysis.servo.comparison_trials import (
     compare_all,
 )
 from chamfer.analysis.servo.loop_margins import as_metrics, loop_margins
-from chamfer.analysis.servo.servo_comparison_figures import plot_comparison
 from chamfer.diagrams.servo.comparison_loop import make_compared_diagram, sampled_response
 from chamfer.models.plants.servo_plant import transfer_function
 from chamfer.systems.servo.compensator import AxisParams
 from chamfer.systems.servo.settling import guarantee
 
+_DRAWN: Final = 10  # trials
 _SAYS: Final = {"fsm": "the state machine", "pid": "the PID"}
 _MATTERS: Final = {"settling_time": 0.05, "error": 0.05, "overshoot": 1.0, "travel": 0.05}
 # from which on a difference is one: of the settling time, the tolerance, %, the tolerance
@@ -268,4 +280,59 @@ def make_diagram(scenario: ResolvedServoComparisonScenario) -> Diagram:
 
 def figures(scenario: ResolvedServoComparisonScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
-    return {"servo-comparison": plot_comparison(scenario, outcome)}
+    figure = new_figure(11.0, 10.0)
+    parts: Any = figure.subfigures(2, 1, height_ratios=[1.6, 1.0])
+    courses, criteria = parts
+    panels = courses.subplots(2, 3, sharex=True, sharey=True)
+    for i, axes in enumerate(panels.flat):
+        _draw_courses(axes, scenario, outcome.tables["courses"], i)
+    legend(panels[0, 0], loc="upper right")
+    below = criteria.subplots(1, len(CRITERIA), sharey=True)
+    for axes, criterion in zip(below, CRITERIA, strict=True):
+        _draw_criterion(axes, outcome, criterion)
+    name_rows(below[0], list(CONDITIONS.values()))
+    handles, labels = below[0].get_legend_handles_labels()
+    criteria.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
+    criteria.suptitle("Means with their 95 % intervals", fontsize="medium")
+    return {"servo-comparison": figure}
+
+
+def _draw_courses(
+    axes: Axes, scenario: ResolvedServoComparisonScenario, table: Table, condition: int
+) -> None:
+    """Draw the error over time under one of the conditions."""
+    lines: list[Curve] = []
+    for j, controller in enumerate(CONTROLLERS):
+        name, style = LOOPS[controller]
+        mine = (table["condition"] == condition) & (table["controller"] == j)
+        mine &= table["trial"] <= np.unique(table["trial"])[:_DRAWN][-1]
+        course = table["time"][mine], 1e3 * table["error"][mine], table["trial"][mine]
+        lines += trial_curves(*course, {**style, "linewidth": 0.9}, name)
+    tolerance = 1e3 * scenario.tolerance
+    asked = {"color": "#999999", "linewidth": 0.8, "linestyle": ":"}
+    draw_lines(
+        axes,
+        (),
+        lines,
+        title=f"({'abcdef'[condition]}) {list(CONDITIONS.values())[condition]}",
+        y="error / mm",
+        bands=[FilledBand(-tolerance, tolerance, "tolerance")],
+        levels=[ReferenceLine(scenario.settling_time, "asked to be settled", asked, upright=True)],
+    )
+
+
+def _draw_criterion(axes: Axes, outcome: Outcome, criterion: str) -> None:
+    unit, says = CRITERIA[criterion]
+    factor, unit = (1e3, "mm") if unit == "m" else (1.0, unit)
+    for j, controller in enumerate(CONTROLLERS):
+        label, style = LOOPS[controller]
+        names = [f"{condition}.{controller}.{criterion}" for condition in CONDITIONS]
+        middle, low, high = (
+            [metric_value(outcome.metrics, f"{name}{end}", factor) for name in names]
+            for end in ("", ".low", ".high")
+        )
+        rows = np.arange(len(names)) + (0.14 if j else -0.14)
+        look = {"color": style["color"], "marker": "os"[j], "markersize": 4}
+        draw_intervals(axes, rows, middle, low, high, look, label)
+    dress(axes, title=says, x=f"{says.split()[0]} / {unit}", y="")
+    axes.set_xlim(left=0.0)

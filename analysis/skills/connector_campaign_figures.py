@@ -10,11 +10,18 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from chamfer.analysis.drawing.figure_kit import (
+    colour_bar,
+    draw_cumulative,
+    draw_distribution,
+    draw_intervals,
+    metric_value,
+    name_rows,
+)
 from chamfer.analysis.drawing.figure_style import (
     FORCE,
     FSM,
     LIMIT,
-    NOTE,
     PID,
     PUBLISHED,
     Style,
@@ -27,7 +34,6 @@ from chamfer.analysis.scenario.experiment import Outcome, Table
 AIM: Final = 1.5  # of the mating force
 _GOOD: Final[Style] = {"marker": "o", "s": 36, "edgecolor": "white", "linewidth": 0.6}
 _FAILED: Final[Style] = {"marker": "x", "s": 60, "color": "#b00020", "linewidth": 2.0}
-_BARS: Final = 40
 _LISTED: Final = 6  # reasons in the figure
 _STYLES: Final[tuple[Style, ...]] = (FSM, PID, {**PID, "color": "#2a7f3f", "linestyle": ":"})
 _TRIAL: Final[Style] = {"s": 26, "edgecolor": "white", "linewidth": 0.6}
@@ -63,7 +69,7 @@ def plot_success(outcome: Outcome, *, middle: Sequence[float]) -> Figure:
         lateral.scatter([], [], label=f"{text} ({count})", **_FAILED)
     if failed.any():
         figure.legend(loc="outside lower left", ncols=2, fontsize=8, frameon=False)
-    _histogram(force, rows["force.peak_share"], AIM)
+    draw_distribution(force, rows["force.peak_share"], least=AIM)
     force.axvline(1.0, label="mating force", **LIMIT)
     force.axvline(AIM, label=f"our aim, {AIM:g} times that", **PUBLISHED)
     dress(
@@ -73,18 +79,19 @@ def plot_success(outcome: Outcome, *, middle: Sequence[float]) -> Figure:
         y="runs",
     )
     legend(force, loc="upper right")
-    _histogram(duration, rows["duration"])
+    draw_distribution(duration, rows["duration"])
     dress(duration, title="(d) Duration of a run", x="time / s", y="runs")
     return figure
 
 
 def _interval(outcome: Outcome) -> str:
     """Return the rate of success with its interval; nothing if there is none."""
-    found = [outcome.metrics[f"success_rate{end}"].value for end in ("", ".low", ".high")]
-    known = [value for value in found if value is not None]
-    if len(known) < len(found):
-        return ""
-    return ": {:.0f} %, 95 % interval {:.1f} to {:.1f} %".format(*known)
+    ends = [metric_value(outcome.metrics, f"success_rate{end}") for end in ("", ".low", ".high")]
+    return (
+        ""
+        if np.isnan(ends).any()
+        else ": {:.0f} %, 95 % interval {:.1f} to {:.1f} %".format(*ends)
+    )
 
 
 def _reasons(reasons: NDArray[np.str_]) -> dict[str, int]:
@@ -107,23 +114,8 @@ def _errors(
     dots = axes.scatter(x[good], y[good], c=shade[good], cmap="viridis", **_GOOD)
     axes.scatter(x[failed], y[failed], zorder=3, **_FAILED)
     axes.set_aspect("equal", adjustable="datalim")
-    figure = axes.figure
-    assert isinstance(figure, Figure)
     if good.any():
-        bar = figure.colorbar(dots, ax=axes, shrink=0.85, ticks=MaxNLocator(integer=True))
-        bar.set_label(shaded, fontsize=8)
-        bar.ax.tick_params(labelsize=8)
-
-
-def _histogram(axes: Axes, values: NDArray[np.float64], least: float = 0.0) -> None:
-    """Draw bars of equal width from zero to the largest value, or to ``least``."""
-    known = values[np.isfinite(values)]
-    if not len(known):
-        axes.text(0.5, 0.5, "no run came to its end", transform=axes.transAxes, **NOTE)
-        return
-    edges = np.linspace(0.0, 1.05 * max(least, float(known.max())), _BARS + 1)
-    axes.hist(known, bins=edges.tolist(), color=FORCE["color"], edgecolor="white", linewidth=0.5)
-    axes.set_xlim(0.0, edges[-1])
+        colour_bar(axes, dots, shaded, ticks=MaxNLocator(integer=True))
 
 
 def plot_searches(rows: Table) -> Figure:
@@ -139,10 +131,9 @@ def plot_searches(rows: Table) -> Figure:
         its = free & (rows["search"] == search)
         done = np.where(rows["success"][its] > 0, rows["duration"][its], np.inf)
         times[search] = dict(zip(rows["trial"][its].tolist(), done.tolist(), strict=True))
-        reached = np.sort(done[np.isfinite(done)])
-        steps = 100 * np.arange(len(reached) + 1) / max(len(done), 1)
-        share.step([0.0, *reached], steps, where="post", label=search, **style)
+        draw_cumulative(share, done, style, search)
     share.set_ylim(0.0, 102.0)
+    share.set_xlim(0.0, None)
     dress(
         share,
         title="(a) Done after",
@@ -176,25 +167,18 @@ def plot_ablation(outcome: Outcome, skills: Sequence[str]) -> Figure:
     """Draw the rate of success, the duration and the peak force of every skill."""
     figure = new_figure(11.0, 1.6 + 0.45 * len(skills))
     rate, duration, force = figure.subplots(1, 3, sharey=True)
-    places = np.arange(len(skills))
-    for place, name in zip(places, skills, strict=True):
-        found = [
-            outcome.metrics[f"{name}.success_rate{end}"].value for end in ("", ".low", ".high")
-        ]
-        known = [one for one in found if one is not None]
-        if len(known) == len(found):
-            middle, low, high = known
-            rate.plot([low, high], [place, place], color=FORCE["color"], linewidth=2)
-            rate.plot([middle], [place], "o", color=FORCE["color"])
+    middle, low, high = (
+        [metric_value(outcome.metrics, f"{name}.success_rate{end}") for name in skills]
+        for end in ("", ".low", ".high")
+    )
+    draw_intervals(rate, np.arange(len(skills)), middle, low, high, {"color": FORCE["color"]})
+    for place, name in enumerate(skills):
         own = outcome.traces["skill"] == name
-        for axes, values in (
-            (duration, outcome.traces["duration"]),
-            (force, outcome.traces["force.peak_share"]),
-        ):
-            axes.plot(values[own], np.full(own.sum(), place), "|", color=FORCE["color"])
-            axes.plot([values[own].mean()], [place], "o", color=FORCE["color"])
-    rate.set_yticks(places, [name.replace("_", " ") for name in skills])
-    rate.set_ylim(len(skills) - 0.5, -0.5)
+        for axes, column in ((duration, "duration"), (force, "force.peak_share")):
+            values = outcome.traces[column][own]
+            axes.plot(values, np.full(len(values), place), "|", color=FORCE["color"])
+            axes.plot([values.mean()], [place], "o", color=FORCE["color"])
+    name_rows(rate, [name.replace("_", " ") for name in skills])
     rate.set_xlim(-3, 103)
     force.axvline(1.0, **LIMIT)
     for axes in (duration, force):

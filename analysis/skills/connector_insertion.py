@@ -1,19 +1,30 @@
 """Figs. 5 and 6: the D and the BNC connector are inserted, from sight to lock; other parts too."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from pydrake.geometry import Meshcat
 
 from chamfer.analysis.campaign.trial_metrics import over_trials
 from chamfer.analysis.drawing.chart_path import plot_chart_path
+from chamfer.analysis.drawing.figure_kit import Visit, time_axes
+from chamfer.analysis.drawing.figure_style import (
+    DESIRED,
+    FORCE,
+    LIMIT,
+    POSITION,
+    Style,
+    dress,
+    legend,
+    new_figure,
+)
 from chamfer.analysis.report.replay import record, set_stage
 from chamfer.analysis.scenario.experiment import Outcome, Progress, Table
-from chamfer.analysis.skills.connector_insertion_figures import plot_insertion
 from chamfer.analysis.skills.insertion_metrics import INSERTION, failure, insertion_metrics
 from chamfer.analysis.skills.skill_run import AXES, SkillResult, path_table, run_skill
 from chamfer.diagrams.skills.connector_scenario import (
@@ -88,6 +99,68 @@ def insertion_figures(
             mating_force=connector.mating_force,
         ),
     }
+
+
+_COMMAND: Final[Style] = {"color": "#111111", "linestyle": "-", "linewidth": 0.9, "zorder": 3}
+_MOTION: Final[Style] = {"color": "#e07b00", "linestyle": "-", "linewidth": 1.4}
+_TORQUES: Final = {"rx": "#1b4f9c", "ry": "#e07b00", "rz": "#4a8c3a"}
+_BESIDE: Final = 0.01  # m, from which on a plug is not above its socket
+
+
+def plot_insertion(
+    traces: Table, path: Table, *, states: Sequence[str], mated: float, mating_force: float
+) -> Figure:
+    """Draw V_cmd and V_ref axis by axis as the paper does, forces, torques and the depth."""
+    figure = new_figure(12.0, 14.0)
+    time, visits = traces["time"], _visits(traces, path, states)
+    heights = (*(0.8,) * 6, 1.15, 0.9, 1.15)
+    *axis_by_axis, force, torque, depth = time_axes(
+        figure, time, heights, visits=visits, strip=1.15
+    )
+    for axes, axis in zip(axis_by_axis, (*AXES[3:], *AXES[:3]), strict=True):
+        linear = len(axis) == 1
+        for name, style in (("ref", _MOTION), ("cmd", _COMMAND)):
+            values = (1e3 if linear else 1.0) * traces[f"V_{name}_{axis}"]
+            axes.plot(time, values, label=f"$V_{{{name}}}$", **style)
+        _dress(axes, f"along {axis}\nmm/s" if linear else f"about {axis[1]}\nrad/s")
+    _legend(axis_by_axis[0])
+    force.plot(time, traces["wrench_z"], **FORCE)
+    force.axhline(mating_force, label=f"mating force, {mating_force:.3g} N", **LIMIT)
+    _dress(force, "push\nN")
+    for axis, colour in _TORQUES.items():
+        look: Style = {"color": colour, "linewidth": 1.0, "label": f"about {axis[1]}"}
+        torque.plot(time, traces[f"wrench_{axis}"], **look)
+    _dress(torque, "torque\nN m")
+    beside = np.hypot(traces["lateral_x"], traces["lateral_y"]) > _BESIDE
+    deep = np.where(beside, np.nan, 1e3 * traces["depth"])
+    depth.plot(time, deep, label="depth, of a plug above its socket", **POSITION)
+    depth.axhline(1e3 * mated, label=f"mated, {1e3 * mated:.3g} mm", **LIMIT)
+    depth.axhline(0.0, **DESIRED | {"linewidth": 0.7})
+    depth.set_ylim(-8.0, 1e3 * max(mated, float(traces["depth"].max())) + 2.0)
+    _dress(depth, "depth\nmm", x="time / s")
+    for axes in (force, torque, depth):
+        _legend(axes)
+    return figure
+
+
+def _visits(traces: Table, path: Table, states: Sequence[str]) -> list[Visit]:
+    columns = (path[name] for name in ("entered", "time", "source", "outcome"))
+    visits: list[Visit] = [
+        (float(entered), float(left), f"{source}: {outcome}")
+        for entered, left, source, outcome in zip(*columns, strict=True)
+    ]
+    begin = visits[-1][1] if visits else 0.0
+    return [*visits, (begin, float(traces["time"][-1]), states[round(float(traces["state"][-1]))])]
+
+
+def _dress(axes: Axes, y: str, x: str = "") -> None:
+    dress(axes, title="", x=x, y=y)
+    axes.yaxis.label.set_fontsize(8.5)
+
+
+def _legend(axes: Axes) -> None:
+    """Draw a legend above the right end of a panel, where it hides nothing."""
+    legend(axes, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.0)
 
 
 def skill_charts(scenario: ResolvedStrategyScenario) -> tuple[Chart[Any, Any], ...]:

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
+from chamfer.analysis.drawing.figure_kit import Curve, ReferenceLine, draw_lines, trial_curves
 from chamfer.analysis.drawing.figure_style import DESIRED, Style, dress, legend, new_figure
 from chamfer.analysis.scenario.experiment import Outcome
 
@@ -38,30 +39,37 @@ def plot_vision_primitives(outcome: Outcome, *, names: Sequence[str], wrong: str
     grid = figure.add_gridspec(2, 8)
     for i, panel in enumerate(_PANELS):
         axes = figure.add_subplot(grid[0, 2 * i : 2 * i + 2])
-        _draw_courses(axes, outcome, names.index(panel.name), panel.column)
-        axes.set_yscale("log")
-        axes.set_ylim(bottom=_LEAST)
+        courses = _courses(outcome, names.index(panel.name), panel.column)
         share = outcome.metrics[f"{panel.name}.converged"]
         title = f"({'abcd'[i]}) {panel.title}\n{share.note} settle"
-        dress(axes, title=title, x="time / s", y=panel.label)
+        draw_lines(axes, (), courses, title=title, y=panel.label)
+        axes.set_yscale("log")
+        axes.set_ylim(bottom=_LEAST)
     axes = figure.add_subplot(grid[1, :3])
-    _draw_courses(axes, outcome, names.index("fixed_point"), "error_m")
     alone = outcome.metrics["fixed_point.unheld.max"].value
+    levels = []
     if alone is not None:
-        axes.axhline(1e3 * alone, label="largest, if the point was not held", **DESIRED)
-        legend(axes, loc="center right")
+        label = "largest, if the point was not held"
+        levels = [ReferenceLine(1e3 * alone, label, DESIRED)]
+    draw_lines(
+        axes,
+        (),
+        _courses(outcome, names.index("fixed_point"), "error_m"),
+        title="(e) The fixed point, on the way",
+        y="point from start / mm",
+        levels=levels,
+        key="center right" if levels else None,
+    )
     axes.set_ylim(bottom=0.0)
-    dress(axes, title="(e) The fixed point, on the way", x="time / s", y="point from start / mm")
     _draw_map(figure.add_subplot(grid[1, 3:]), outcome)
     return figure
 
 
-def _draw_courses(axes: Axes, outcome: Outcome, primitive: int, column: str) -> None:
+def _courses(outcome: Outcome, primitive: int, column: str) -> list[Curve]:
     table = outcome.tables["courses"]
     of = table["primitive"] == primitive
-    for trial in np.unique(table["trial"][of]):
-        rows = of & (table["trial"] == trial)
-        axes.plot(table["time"][rows], 1e3 * table[column][rows], **_COURSE)
+    columns = table["time"][of], 1e3 * table[column][of], table["trial"][of]
+    return trial_curves(*columns, _COURSE)
 
 
 def _draw_map(axes: Axes, outcome: Outcome) -> None:

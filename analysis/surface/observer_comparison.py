@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_rows import Row
-from chamfer.analysis.drawing.figure_style import PUBLISHED, dress, legend, new_figure
+from chamfer.analysis.drawing.figure_kit import draw_intervals, metric_value, name_rows
+from chamfer.analysis.drawing.figure_style import PUBLISHED, Style, dress, legend, new_figure
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
 from chamfer.analysis.surface.normal_trials import (
     Contender,
@@ -334,39 +335,29 @@ def figures(scenario: ObserverComparisonScenario, outcome: Outcome) -> Mapping[s
     offsets = np.linspace(-0.33, 0.33, len(OBSERVERS))
     for j, observer in enumerate(OBSERVERS):
         label, color, marker = _LOOK[observer]
-        rms, low, high, covered = [], [], [], []
-        for i, case in enumerate(CASES):
-            of = (outcome.traces["case"] == i) & (outcome.traces["observer"] == j)
-            values = outcome.traces["rms"][of]
-            rms.append(outcome.metrics[f"{case}.{observer}.rms"].value)
-            low.append(float(np.percentile(values, 5)))
-            high.append(float(np.percentile(values, 95)))
-            covered.append(outcome.metrics[f"{case}.{observer}.coverage"].value)
-        errors.hlines(rows + offsets[j], low, high, color=color, linewidth=2.2, alpha=0.45)
-        for axes, values in ((errors, rms), (coverage, covered)):
-            axes.plot(
-                values, rows + offsets[j], marker, color=color, ms=5, label=label, clip_on=False
-            )
-    for axes in (errors, coverage):
-        for row in rows[1:]:
-            axes.axhline(row - 0.5, color="#dddddd", linewidth=0.8)
+        style: Style = {"color": color, "marker": marker, "markersize": 5, "clip_on": False}
+        of = outcome.traces["observer"] == j
+        spread = [
+            np.percentile(outcome.traces["rms"][of & (outcome.traces["case"] == i)], [5, 95])
+            for i in range(len(CASES))
+        ]
+        rms, covered = (
+            [metric_value(outcome.metrics, f"{case}.{observer}.{name}") for case in CASES]
+            for name in ("rms", "coverage")
+        )
+        low, high = np.transpose(spread)
+        draw_intervals(errors, rows + offsets[j], rms, low, high, style, label)
+        coverage.plot(covered, rows + offsets[j], label=label, **style | {"linestyle": ""})
     coverage.axvline(_TARGET, label=f"asked for, {_TARGET:g} %", **PUBLISHED)
-    dress(
-        errors,
-        title="Error of the normal: rms over all seeds, and 5 to 95 % of them",
-        x="rms error / °",
-        y="",
-    )
+    title = "Error of the normal: rms over all seeds, and 5 to 95 % of them"
+    dress(errors, title=title, x="rms error / °", y="")
     dress(coverage, title="Share of errors within 3 standard deviations", x="coverage / %", y="")
-    for axes in (errors, coverage):
-        axes.grid(False, axis="y")
     errors.set_xlim(left=0)
     coverage.set_xlim(0, 101)
     names = [
         f"{name.replace('_', ' ')}\n({'tuned on' if case.tuned else 'reported'})"
         for name, case in CASES.items()
     ]
-    errors.set_yticks(rows, names)
-    errors.invert_yaxis()  # both share it
+    name_rows(errors, names, apart=(errors, coverage))
     legend(coverage, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return {"observer-comparison": figure}

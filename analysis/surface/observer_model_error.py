@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.drawing.figure_kit import metric_value, name_rows
 from chamfer.analysis.drawing.figure_style import PUBLISHED, dress, legend, new_figure
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
 from chamfer.analysis.surface.normal_trials import (
@@ -333,21 +334,13 @@ def figures(scenario: ModelErrorScenario, outcome: Outcome) -> Mapping[str, Figu
             label, color = _LOOK[observer]
             for kind, (name, marker, fill) in _KINDS.items():
                 values = [
-                    outcome.metrics[f"{one}.{observer}.{kind}.{quantity}"].value
+                    metric_value(outcome.metrics, f"{one}.{observer}.{kind}.{quantity}")
                     for one in scenario.surfaces
                 ]
-                axes.plot(
-                    np.array(values, dtype=np.float64),
-                    rows + offset,
-                    linestyle="",
-                    marker=marker,
-                    fillstyle=fill,
-                    color=color,
-                    markersize=7 if marker == "|" else 5,
-                    label=f"{label}: {name}",
-                )
-        for row in rows[1:]:
-            axes.axhline(row - 0.5, color="#dddddd", linewidth=0.8)
+                size = 7 if marker == "|" else 5
+                style = {"marker": marker, "fillstyle": fill, "color": color, "markersize": size}
+                label_here = f"{label}: {name}"
+                axes.plot(values, rows + offset, linestyle="", label=label_here, **style)
     errors, coverage, squares = panels
     for axes in (errors, squares):
         axes.set_xscale("log")
@@ -357,16 +350,8 @@ def figures(scenario: ModelErrorScenario, outcome: Outcome) -> Mapping[str, Figu
     squares.axvspan(low, high, color="#cccccc", alpha=0.5, linewidth=0, label=label)
     dress(errors, title="Error of the normal", x="rms error / °", y="")
     dress(coverage, title="Within 3 deviations", x="coverage / %", y="")
-    dress(
-        squares,
-        title="Normalised error squared",
-        x="error squared over variance / 1",
-        y="",
-    )
+    dress(squares, title="Normalised error squared", x="error squared over variance / 1", y="")
     coverage.set_xlim(0, 102)
-    for axes in panels:
-        axes.grid(False, axis="y")
-    errors.set_yticks(rows, [one.replace("_", " ") for one in scenario.surfaces])
-    errors.invert_yaxis()  # all share it
+    name_rows(errors, [one.replace("_", " ") for one in scenario.surfaces], apart=panels)
     legend(squares, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return {"observer-model-error": figure}

@@ -1,7 +1,7 @@
 """A gripper on an unknown surface: led along it (section 5.2), or controlled (section 5.3)."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Final
@@ -16,8 +16,14 @@ from chamfer.analysis.campaign.trial_metrics import Quantity, over_trials, trial
 from chamfer.analysis.campaign.trial_rows import Row, table_of, with_table
 from chamfer.analysis.contact.contact_figures import note_stability
 from chamfer.analysis.contact.contact_metrics import stability_metrics
+from chamfer.analysis.drawing.figure_kit import (
+    BESIDE,
+    Curve,
+    FilledBand,
+    ReferenceLine,
+    draw_lines,
+)
 from chamfer.analysis.drawing.figure_style import (
-    BAND,
     DESIRED,
     FORCE,
     NOTE,
@@ -71,7 +77,7 @@ TRUTH: Final[Style] = {"color": "#111111", "linestyle": (0, (5, 2)), "linewidth"
 ESTIMATE: Final[Style] = {"color": "#1b4f9c", "linestyle": "-", "linewidth": 1.3}
 UNCERTAIN: Final[Style] = {"color": "#6fa0e8", "alpha": 0.35, "linewidth": 0}
 SAMPLE: Final[Style] = {"color": "#b5b5b5", "linestyle": "", "marker": ".", "markersize": 2.5}
-_BESIDE = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
+_COLORS: Final = ("#1b4f9c", "#e07b00", "#2e7d32")  # of x, y and z
 _MARGIN: Final = 6.0  # deg, around estimate and band; single samples may be anywhere
 _OFFSET: Final = {"textcoords": "offset points"}
 
@@ -254,36 +260,34 @@ def _published(experiment: str, default: bool) -> dict[str, Published]:
 def _force(
     axes: Axes, scenario: ResolvedTrackingScenario, traces: Table, published: dict[str, Published]
 ) -> None:
-    time, desired = traces["time"], scenario.task.force
+    desired = scenario.task.force
     off = TOLERANCE * desired
-    axes.fill_between(
-        time, desired - off, desired + off, label=f"within {100 * TOLERANCE:g} %", **BAND
-    )
-    axes.plot(time, traces["force"], label="true normal force", **FORCE)
-    axes.axhline(desired, label=f"desired, {desired:g} N", **DESIRED)
-    for metric in ("force.min", "force.max"):
+    levels = [ReferenceLine(desired, f"desired, {desired:g} N", DESIRED)]
+    for metric, name in (("force.min", "least"), ("force.max", "largest")):
         value = published[metric].value if metric in published else None
         if value is not None:
-            name = "least" if metric == "force.min" else "largest"
-            axes.axhline(value, label=f"published {name}, {value:g} N", **PUBLISHED)
-    dress(axes, title="Contact force (first seed)", x="", y="force / N")
-    legend(axes, **_BESIDE)
+            levels.append(ReferenceLine(value, f"published {name}, {value:g} N", PUBLISHED))
+    draw_lines(
+        axes,
+        traces["time"],
+        [Curve(traces["force"], "true normal force", FORCE)],
+        title="Contact force (first seed)",
+        y="force / N",
+        over="",
+        bands=[FilledBand(desired - off, desired + off, f"within {100 * TOLERANCE:g} %")],
+        levels=levels,
+        key="beside",
+    )
 
 
 def _position(axes: Axes, scenario: ResolvedSurfaceScenario, traces: Table) -> None:
-    colors: Sequence[str] = ("#1b4f9c", "#e07b00", "#2e7d32")
-    for axis, color in zip("xyz"[: scenario.dimension], colors, strict=False):
-        axes.plot(
-            traces["time"],
-            traces[f"nominal_{axis}"],
-            color=color,
-            linewidth=0.9,
-            linestyle=":",
-            label=f"{axis}, nominal",
-        )
-        axes.plot(traces["time"], traces[f"point_{axis}"], color=color, linewidth=1.4, label=axis)
-    dress(axes, title="Contact point", x="", y="position / m")
-    legend(axes, **_BESIDE, ncols=1)
+    lines = []
+    for axis, color in zip("xyz"[: scenario.dimension], _COLORS, strict=False):
+        nominal: Style = {"color": color, "linewidth": 0.9, "linestyle": ":"}
+        lines.append(Curve(traces[f"nominal_{axis}"], f"{axis}, nominal", nominal))
+        lines.append(Curve(traces[f"point_{axis}"], axis, {"color": color, "linewidth": 1.4}))
+    title, y = "Contact point", "position / m"
+    draw_lines(axes, traces["time"], lines, title=title, y=y, over="", key="beside")
 
 
 def _normal(
@@ -309,7 +313,7 @@ def _normal(
         _published_band(axes, published["band.final"], (time[-1] - 0.1, time[-1]), time, truth)
     axes.set_ylim(float(np.min(low)) - _MARGIN, float(np.max(high)) + _MARGIN)
     dress(axes, title=f"{title} (first seed)", x="time / s", y=unit)
-    legend(axes, **_BESIDE)
+    legend(axes, **BESIDE)
 
 
 def _published_band(

@@ -13,11 +13,17 @@ from numpy.typing import NDArray
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_metrics import Quantity, over_trials, trial_seed
 from chamfer.analysis.campaign.trial_rows import Row, table_of, with_table
-from chamfer.analysis.contact.contact_figures import note_stability
+from chamfer.analysis.contact.contact_figures import note_stability, shade_losses
 from chamfer.analysis.contact.contact_metrics import settling_time, stability_metrics
+from chamfer.analysis.drawing.figure_kit import (
+    BESIDE,
+    Curve,
+    FilledBand,
+    ReferenceLine,
+    draw_lines,
+)
 from chamfer.analysis.drawing.figure_style import (
     BAND,
-    CONTACT_LOST,
     DESIRED,
     FORCE,
     NOTE,
@@ -47,7 +53,6 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
 Traces = dict[str, Array]
 
-_BESIDE: Final = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
 _ARROWS: Final = 9  # estimates drawn along the way
 _NEWTON: Final = 20  # iterations to the wall's outline
 _MOST_ERROR: Final = 30.0  # deg, the axis' end
@@ -248,20 +253,16 @@ def _figures(
     """Draw the first run: its way along the wall, the force and the estimated normal."""
     traces = outcome.traces
     figure = new_figure(11.0, 11.0)
-    panels = dict(
-        zip(
-            ("way", "force", "normal", "gap"),
-            figure.subplots(4, 1, height_ratios=(4, 3, 3, 2)),
-            strict=True,
-        )
-    )
-    for name in ("force", "normal"):
-        panels[name].sharex(panels["gap"])
-    _way(panels["way"], scenario, traces)
-    _force(panels["force"], scenario, traces)
-    _normal(panels["normal"], scenario, traces)
-    _gap(panels["gap"], scenario, traces, outcome)
-    panels["gap"].set_xlim(0, scenario.duration)
+    way, force, normal, gap = figure.subplots(4, 1, height_ratios=(4, 3, 3, 2))
+    _way(way, scenario, traces)
+    _force(force, scenario, traces)
+    _normal(normal, scenario, traces)
+    _gap(gap, scenario, traces, outcome)
+    for axes in (force, normal, gap):
+        shade_losses(axes, traces)
+        axes.set_xlim(0, scenario.duration)
+    for axes in (way, force, normal):
+        legend(axes, **BESIDE)
     note_stability(figure, outcome)
     return {experiment: figure}
 
@@ -296,7 +297,6 @@ def _way(axes: Axes, scenario: ResolvedUnknownWallScenario, traces: Table) -> No
     axes.set_aspect("equal")
     axes.set_xlim(low - margin, high + margin)
     dress(axes, title="(a) The way", x="along / mm", y="out of the wall / mm")
-    legend(axes, **_BESIDE)
 
 
 def _outline(scenario: ResolvedUnknownWallScenario, traces: Table, s: Array) -> Array:
@@ -314,36 +314,48 @@ def _outline(scenario: ResolvedUnknownWallScenario, traces: Table, s: Array) -> 
 
 
 def _force(axes: Axes, scenario: ResolvedUnknownWallScenario, traces: Table) -> None:
-    time, desired = traces["time"], scenario.task.force
+    desired = scenario.task.force
     off = TOLERANCE * desired
-    axes.fill_between(
-        time, desired - off, desired + off, label=f"within {100 * TOLERANCE:g} %", **BAND
-    )
-    axes.plot(time, traces["force"], label="true normal force", **FORCE)
-    axes.axhline(desired, label=f"desired, {desired:g} N", **DESIRED)
+    levels = [ReferenceLine(desired, f"desired, {desired:g} N", DESIRED)]
     if desired == FIG_5_8_FORCE.desired:
-        for value in (FIG_5_8_FORCE.low, FIG_5_8_FORCE.high):
-            axes.axhline(value, label=f"Fig. 5-8, {value:g} N", **PUBLISHED)
-    _shade(axes, traces)
+        levels += [
+            ReferenceLine(value, f"Fig. 5-8, {value:g} N", PUBLISHED)
+            for value in (FIG_5_8_FORCE.low, FIG_5_8_FORCE.high)
+        ]
+    draw_lines(
+        axes,
+        traces["time"],
+        [Curve(traces["force"], "true normal force", FORCE)],
+        title="(b) Contact force (first seed)",
+        y="force / N",
+        over="",
+        bands=[FilledBand(desired - off, desired + off, f"within {100 * TOLERANCE:g} %")],
+        levels=levels,
+    )
     axes.set_ylim(-0.1 * desired, 2.2 * desired)
     peak = float(traces["peak_force"].max())
     if peak > 2.2 * desired:
         axes.annotate(f"peak {peak:.3g} N", (0.01, 0.92), xycoords="axes fraction", **NOTE)
-    dress(axes, title="(b) Contact force (first seed)", x="", y="force / N")
-    legend(axes, **_BESIDE)
 
 
 def _normal(axes: Axes, scenario: ResolvedUnknownWallScenario, traces: Table) -> None:
-    time, band = traces["time"], traces["band"]
-    axes.fill_between(
-        time, 0 * band, band, label=f"{DEVIATIONS:g} standard deviations", **UNCERTAIN
+    uncertain = FilledBand(
+        np.zeros(len(traces["time"])),
+        traces["band"],
+        f"{DEVIATIONS:g} standard deviations",
+        UNCERTAIN,
     )
-    axes.plot(time, traces["error"], label=f"error, {scenario.observer.kind}", **ESTIMATE)
-    axes.axhline(FIG_5_8_BAND, label=f"band of Fig. 5-8, {FIG_5_8_BAND:g}°", **PUBLISHED)
-    _shade(axes, traces)
+    draw_lines(
+        axes,
+        traces["time"],
+        [Curve(traces["error"], f"error, {scenario.observer.kind}", ESTIMATE)],
+        title="(c) Angle between estimated and true normal",
+        y="angle / °",
+        over="",
+        bands=[uncertain],
+        levels=[ReferenceLine(FIG_5_8_BAND, f"band of Fig. 5-8, {FIG_5_8_BAND:g}°", PUBLISHED)],
+    )
     axes.set_ylim(0, _MOST_ERROR)
-    dress(axes, title="(c) Angle between estimated and true normal", x="", y="angle / °")
-    legend(axes, **_BESIDE)
 
 
 def _gap(
@@ -351,7 +363,6 @@ def _gap(
 ) -> None:
     axes.plot(traces["time"], 1e3 * traces["gap"], label="distance", **POSITION)
     axes.axhline(0.0, **DESIRED)
-    _shade(axes, traces)
     axes.set_yscale("symlog", linthresh=1.0)
     axes.yaxis.set_major_formatter("{x:g}")
     impact = outcome.metrics["impact.speed"].value
@@ -360,17 +371,3 @@ def _gap(
             f"impact {impact:.3g} m/s", (0.99, 0.9), xycoords="axes fraction", ha="right", **NOTE
         )
     dress(axes, title="(d) Distance of the tip from the wall", x="time / s", y="distance / mm")
-
-
-def _shade(axes: Axes, traces: Table) -> None:
-    lost = traces["mode"] == LOST
-    if np.any(lost):
-        axes.fill_between(
-            traces["time"],
-            0,
-            1,
-            where=lost.tolist(),
-            transform=axes.get_xaxis_transform(),
-            label="contact lost",
-            **CONTACT_LOST,
-        )

@@ -17,6 +17,7 @@ from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.trial_metrics import mean_interval
+from chamfer.analysis.drawing.figure_kit import colour_bar
 from chamfer.analysis.drawing.figure_style import LOOPS, Style, dress, legend, new_figure
 from chamfer.analysis.sweep.sweep import INTERVAL, OK, SweepResult
 from chamfer.analysis.sweep.sweep_axis import FieldAxis, divisor, field_axis, scale
@@ -202,9 +203,9 @@ def _maps(result: SweepResult, x: FieldAxis, y: FieldAxis, shown: Sequence[str])
     cells = result.plan.design == "grid"
     for axes, name in zip(each, drawn, strict=True):
         if cells:
-            _cells(figure, axes, result, x, y, name, places)
+            _cells(axes, result, x, y, name, places)
         else:
-            _scattered(figure, axes, result, x, y, name)
+            _scattered(axes, result, x, y, name)
         dress(axes, title=name, x=x.label, y=y.label)
         axes.grid(False)
         scale(axes, x, y)
@@ -228,7 +229,6 @@ def _maps(result: SweepResult, x: FieldAxis, y: FieldAxis, shown: Sequence[str])
 
 
 def _cells(
-    figure: Figure,
     axes: Axes,
     result: SweepResult,
     x: FieldAxis,
@@ -243,7 +243,7 @@ def _cells(
     gone = np.zeros(places, dtype=bool)
     gone[index] = result.table["status"] != OK
     mesh = axes.pcolormesh(x.edges(), y.edges(), values.T, cmap=_MAP, rasterized=True)
-    _color_bar(figure, axes, mesh, name, result.table.units[name])
+    _color_bar(axes, mesh, name, result.table.units[name])
     for i, j in zip(*np.nonzero(np.isnan(values)), strict=True):
         left, right = x.edges()[i : i + 2]
         low, high = y.edges()[j : j + 2]
@@ -260,9 +260,7 @@ def _contours(axes: Axes, lines: ContourSet) -> None:
         text.set_path_effects(_HALO)
 
 
-def _scattered(
-    figure: Figure, axes: Axes, result: SweepResult, x: FieldAxis, y: FieldAxis, name: str
-) -> None:
+def _scattered(axes: Axes, result: SweepResult, x: FieldAxis, y: FieldAxis, name: str) -> None:
     """Draw drawn points, and contours between them where there are enough."""
     values = result.table[name]
     known = np.isfinite(values)
@@ -287,15 +285,13 @@ def _scattered(
         zorder=3,
         rasterized=len(values) > _MOST_SHAPES,
     )
-    _color_bar(figure, axes, dots, name, result.table.units[name])
+    _color_bar(axes, dots, name, result.table.units[name])
     gone = result.table["status"] != OK
     axes.plot(x.at[gone], y.at[gone], **_GONE)
 
 
-def _color_bar(figure: Figure, axes: Axes, drawn: ScalarMappable, name: str, unit: str) -> None:
-    bar = figure.colorbar(drawn, ax=axes)
-    bar.ax.tick_params(labelsize=7)
-    bar.set_label(_y(name.rpartition(".")[2], unit), fontsize=8)
+def _color_bar(axes: Axes, drawn: ScalarMappable, name: str, unit: str) -> None:
+    colour_bar(axes, drawn, _y(name.rpartition(".")[2], unit), shrink=1.0)
 
 
 def _panels(result: SweepResult, fields: Sequence[FieldAxis], shown: Sequence[str]) -> Figure:

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -14,10 +16,11 @@ from chamfer.analysis.drawing.figure_kit import (
     ReferenceLine,
     colour_legend,
     draw_counts,
+    draw_cumulative,
     draw_distribution,
     draw_intervals,
     draw_lines,
-    draw_map,
+    draw_means,
     draw_shares,
     metric_value,
     name_rows,
@@ -25,6 +28,7 @@ from chamfer.analysis.drawing.figure_kit import (
     spaced,
     state_visits,
     time_axes,
+    trial_curves,
 )
 
 TIME = np.linspace(0.0, 2.0, 5)
@@ -65,27 +69,44 @@ def test_panels_share_their_time_and_the_states_behind(figure: Figure) -> None:
         key="beside",
     )
     shade(upper, TIME, TIME > 5, "never", {})
-    shade(upper, TIME, TIME > 1, "late", {})
+    shade(upper, TIME, TIME == 1.0, "once", {})
     figure.canvas.draw()
     assert upper.get_xlim() == lower.get_xlim() == (0.0, 2.0)
     names = [text.get_text() for text in lower.get_legend().get_texts()]
     assert sorted(names) == ["around", "limit", "square", "zone"]
-    assert upper.get_legend_handles_labels()[1] == ["late"]
+    assert upper.get_legend_handles_labels()[1] == ["once"]
+    corners = upper.collections[-1].get_paths()[0].vertices
+    assert (corners[:, 0].min(), corners[:, 0].max()) == (1.0, 1.5)
     strip = figure.axes[0]
     assert [text.get_text() for text in strip.texts] == ["free", "failed", "free"]
     assert [text.get_weight() for text in strip.texts] == ["normal", "bold", "normal"]
 
 
-def test_names_of_states_do_not_hide_one_another() -> None:
-    places = spaced(np.array([0.5, 0.501, 0.998, 0.999, 1.0]))
-    assert np.all(np.diff(places) > 0.012)
-    assert places[-1] <= 1.0
+@given(places=st.lists(st.floats(0.0, 1.0), min_size=1, max_size=40).map(sorted))
+def test_names_keep_their_order_their_distance_and_the_figure(places: list[float]) -> None:
+    found = spaced(np.array(places))
+    assert (np.diff(found) > 0.0124).all()
+    assert found[-1] <= 1.0
+    if len(places) == 1 or np.diff(places).min() > 0.0125:
+        np.testing.assert_array_equal(found, places)
 
 
-def test_maps_distributions_and_tables(figure: Figure) -> None:
-    grid, bars, shares, counts = figure.subplots(2, 2).ravel()
-    drawn = draw_map(grid, [0, 1], [0, 1, 2], [[1, 10], [np.nan, 2], [3, 4]], label="N", log=True)
-    assert (drawn.norm.vmin, drawn.norm.vmax) == (1.0, 10.0)
+def test_trials_are_curves_means_and_shares_of_all(figure: Figure) -> None:
+    bars, shares = figure.subplots(2)
+    trials = np.array([3, 3, 5, 5, 5])
+    first, second = trial_curves(TIME, TIME**2, trials, {}, "each")
+    assert (first.label, second.label) == ("each", None)
+    np.testing.assert_array_equal(second.over, TIME[2:])
+    np.testing.assert_array_equal(second.values, TIME[2:] ** 2)
+    draw_means(bars, np.array([1.0, 3.0, np.nan]), np.array([0, 0, 1]), "red", offset=0.2)
+    (bar,) = bars.patches
+    assert (bar.get_width(), bar.get_y() + bar.get_height() / 2) == pytest.approx((2.0, 0.2))
+    draw_cumulative(shares, np.array([2.0, np.inf, 1.0, np.nan]), {})
+    np.testing.assert_array_equal(shares.lines[0].get_xydata(), [[0, 0], [1, 25], [2, 50]])
+
+
+def test_distributions_and_tables(figure: Figure) -> None:
+    bars, shares, counts = figure.subplots(3)
     draw_distribution(bars, np.array([1.0, np.nan, 3.0]), least=4.0)
     assert bars.get_xlim() == pytest.approx((0.0, 4.2))
     colours = {"found": "#8fc79a", "wrong": "#800000"}

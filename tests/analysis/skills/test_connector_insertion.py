@@ -5,8 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -14,12 +12,9 @@ from chamfer.analysis.report.replay import replay_html
 from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.analysis.skills.connector_insertion import (
     figures,
+    plot_insertion,
     replay_insertion,
     run,
-)
-from chamfer.analysis.skills.connector_insertion_figures import (
-    plot_insertion,
-    spaced,
 )
 from chamfer.analysis.skills.skill_run import AXES, SkillStep, path_table
 from chamfer.diagrams.skills.connector_scenario import (
@@ -129,15 +124,6 @@ def test_forces_torques_and_depth(figure: Figure) -> None:
     assert np.isnan(shown[TIME < 1.0]).all()  # the plug is still beside its socket
     np.testing.assert_allclose(shown[TIME >= 1.0], TIME[TIME >= 1.0])
     assert np.asarray(depth.lines[1].get_ydata())[0] == pytest.approx(5.6)
-
-
-@given(places=st.lists(st.floats(0.0, 1.0), min_size=1, max_size=40).map(sorted))
-def test_names_keep_their_order_their_distance_and_the_figure(places: list[float]) -> None:
-    found = spaced(np.array(places))
-    assert (np.diff(found) > 0.0124).all()
-    assert found[-1] <= 1.0
-    if len(places) == 1 or np.diff(places).min() > 0.0125:
-        np.testing.assert_array_equal(found, places)
 
 
 def test_a_column_that_is_missing_is_named() -> None:
