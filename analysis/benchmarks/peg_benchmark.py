@@ -17,7 +17,7 @@ from chamfer.analysis.benchmarks.peers import EngineSource, installed
 from chamfer.analysis.insertion.insertion_runs import insert, measure, median
 from chamfer.analysis.insertion.insertion_runs import predict as statics
 from chamfer.diagrams.insertion.peg_insertion import (
-    CarriageSupport,
+    FeedSupport,
     PegInsertionScenario,
     resolve_peg_insertion,
 )
@@ -70,7 +70,7 @@ def cell(lateral: float, degrees: float) -> PegInsertionScenario:
                 hole_length=0.02,
                 outer_radius=0.012,
             ),
-            support=CarriageSupport(
+            support=FeedSupport(
                 lateral_stiffness=1 / (1 / _WRIST + 1 / _SERVO),
                 angular_stiffness=1.5,
                 centre_distance=0.04,

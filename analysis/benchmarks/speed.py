@@ -16,8 +16,9 @@ from pydrake.systems.framework import Diagram
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.surface.normal_trials import Contender, contender, cost, slide
 from chamfer.diagrams.cell.alignment import make_alignment_diagram
+from chamfer.diagrams.cell.alignment import resolve as resolve_alignment
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
-from chamfer.diagrams.cell.cell_cameras import CameraSettings
+from chamfer.diagrams.cell.cell_vision import CameraSettings
 from chamfer.diagrams.contact.contact_scenarios import (
     ADEPT_NUGGET_HOLD,
     ADEPT_NUGGET_MOTION,
@@ -139,7 +140,7 @@ def loops() -> Mapping[str, TimedLoop]:
 
     def alignment(**settings: Any) -> TimedLoop:
         scenario = AlignmentScenario(cameras=CameraSettings(**settings))
-        make = partial(make_alignment_diagram, scenario)
+        make = partial(make_alignment_diagram, resolve_alignment(scenario))
         return TimedLoop(make, scenario.duration, scenario.cameras.frames.period)
 
     def connector(scenario: DConnectorScenario | BncConnectorScenario, time: float) -> TimedLoop:

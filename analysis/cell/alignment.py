@@ -2,46 +2,119 @@
 
 import time
 from collections.abc import Mapping
+from typing import Any, Final
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
+from pydrake.math import RigidTransform
+from scipy.spatial.transform import Rotation
 
 from chamfer.analysis.campaign.campaign import Trials
 from chamfer.analysis.campaign.trial_metrics import over_trials
-from chamfer.analysis.cell.alignment_figures import (
-    plot_alignment,
-    plot_pictures,
-    plot_repeatability,
-)
-from chamfer.analysis.cell.alignment_pictures import take_pictures
 from chamfer.analysis.cell.alignment_runs import (
     ALIGNMENT,
     LATE,
     SETTLED,
     STOPPED,
+    RepeatabilityScenario,
+    ResolvedRepeatabilityScenario,
+    align_all,
     alignment_metrics,
     detected_metric,
+    drawn,
+    margins,
+    row_before,
     run_alignment,
     settling_metrics,
+    statistics,
     stopped_metrics,
     warn_of_stops,
 )
-from chamfer.analysis.cell.alignment_trials import (
-    RepeatabilityScenario,
-    align_all,
-    drawn,
-    margins,
-    statistics,
-)
-from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
+from chamfer.analysis.drawing.figure_style import BAND, PUBLISHED, Style, dress, legend, new_figure
+from chamfer.analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column
 from chamfer.diagrams.cell.alignment import resolve
-from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
-from chamfer.diagrams.cell.in_view import require_fine_enough
+from chamfer.diagrams.cell.alignment_scenario import (
+    AlignmentScenario,
+    ResolvedAlignmentScenario,
+    require_fine_enough,
+)
+from chamfer.diagrams.cell.cell_vision import VIEWS, looks_in, undistortion_of
+from chamfer.models.peg_theory.wedging import rotation_bounds
+from chamfer.systems.cameras.camera_image import Image, add_noise, shaded
+from chamfer.systems.cameras.software_camera import between, render, render_moving
+from chamfer.systems.pose import POSE_NAMES, pose_from_vector
+from chamfer.systems.vision.part_detection import Detection, detect_parts
+
+MOMENTS: Final = ("before", "after")
+
+_CHANNELS: Final = ("red", "green", "blue")
+
+
+def take_pictures(
+    scenario: AlignmentScenario, traces: Table, seed: int
+) -> dict[str, NDArray[np.uint8]]:
+    """Return the pictures as a table, a row a pixel, row after row.
+
+    Columns ``xz_before_red`` and so on; drawn by the software camera at the true poses, with the
+    scenario's noise.
+    """
+    begin = row_before(traces["time"], scenario.begin)
+    return pictures_at(scenario, traces, dict(zip(MOMENTS, (begin, -1), strict=True)), seed)
+
+
+def pictures_at(
+    scenario: AlignmentScenario, traces: Table, rows: Mapping[str, int], seed: int
+) -> dict[str, NDArray[np.uint8]]:
+    """Return likewise the pictures at some rows of the traces, by the moments' names."""
+    generator = np.random.default_rng(seed)
+    table = {}
+    for view in VIEWS:
+        camera, sensor = scenario.camera(view), scenario.cameras.view(view).sensor
+        for moment, row in rows.items():
+            peg, hole = _poses(traces, row)
+            if sensor.exposure:
+                earlier = _poses(traces, max(row - 1, 0))
+                share = 1 - sensor.exposure / scenario.cameras.frames.period
+                opening = between(earlier[0], peg, share), between(earlier[1], hole, share)
+                picture = render_moving(scenario.parts, camera, opening, (peg, hole))
+            else:
+                picture = render(scenario.parts, camera, peg, hole)
+            if sensor.shades:
+                picture = shaded(picture, sensor.vignetting, sensor.white_balance)
+            if noise := scenario.cameras.frames_of(view).noise:
+                picture = add_noise(picture, noise, generator)
+            for i, channel in enumerate(_CHANNELS):
+                table[f"{view}_{moment}_{channel}"] = picture[:, :, i].ravel()
+    return table
+
+
+def _poses(traces: Table, row: int) -> tuple[RigidTransform, RigidTransform]:
+    """Return X_WT and X_WM."""
+    peg, hole = (
+        pose_from_vector(np.array([traces[f"{arm}_true_{name}"][row] for name in POSE_NAMES]))
+        for arm in ("peg", "hole")
+    )
+    return peg, hole
+
+
+def picture(
+    scenario: AlignmentScenario, table: Mapping[str, NDArray[Any]], view: str, moment: str
+) -> Image:
+    """Return a picture of the table, shape (height, width, 3)."""
+    camera = scenario.camera("xz")
+    channels = [table[f"{view}_{moment}_{channel}"] for channel in _CHANNELS]
+    shape = (camera.height, camera.width, len(_CHANNELS))
+    return np.column_stack(channels).reshape(shape).astype(np.uint8)
+
 
 _SPEED = "simulated over wall-clock time, one core, the machine's own"
 
 
-def run(scenario: AlignmentScenario, seed: int, progress: Progress) -> Outcome:
+def run(scenario: ResolvedAlignmentScenario, seed: int, progress: Progress) -> Outcome:
     """Align the parts once."""
     started = time.perf_counter()
     traces = run_alignment(scenario, seed, progress)
@@ -62,7 +135,9 @@ def run(scenario: AlignmentScenario, seed: int, progress: Progress) -> Outcome:
     )
 
 
-def run_repeatability(scenario: RepeatabilityScenario, seed: int, progress: Progress) -> Outcome:
+def run_repeatability(
+    scenario: ResolvedRepeatabilityScenario, seed: int, progress: Progress
+) -> Outcome:
     """Align the parts many times, each with other initial errors and other model errors."""
     finished = align_all(scenario, seed, progress)
     metrics = {
@@ -162,8 +237,215 @@ def repeatability_figures(
     return {"repeatability": plot_repeatability(scenario, outcome)}
 
 
-def resolve_alignment(scenario: AlignmentScenario) -> AlignmentScenario:
+def resolve_alignment(scenario: AlignmentScenario) -> ResolvedAlignmentScenario:
     """Return the scenario with what it leaves open filled in, and checked."""
     resolved = resolve(scenario)
     require_fine_enough(resolved)
     return resolved
+
+
+_TITLES: Final = {"xz": "X-Z plane, from the side", "xy": "X-Y plane, from above"}
+_AXIS: Final[Style] = {"color": "#111111", "linestyle": "-", "linewidth": 1.0}
+_AXES: Final[tuple[tuple[str, Style], ...]] = (
+    ("x", {"color": "#777777", "linestyle": ":", "linewidth": 1.6}),
+    ("y", {"color": "#e07b00", "linestyle": "-", "linewidth": 1.8}),
+    ("z", {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.8}),
+)
+_QUATERNION: Final[tuple[tuple[str, str, Style], ...]] = (
+    ("qw", "w - 1", {"color": "#777777", "linestyle": ":", "linewidth": 1.6}),
+    ("qx", "x", {"color": "#1b7f5c", "linestyle": "-.", "linewidth": 1.4}),
+    ("qy", "y", {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.8}),
+    ("qz", "z", {"color": "#e07b00", "linestyle": "-", "linewidth": 1.8}),
+)
+_ARMS: Final = {"peg": "peg's arm", "hole": "hole's arm"}
+_LATERAL: Final[Style] = {"color": "#e07b00", "linestyle": "-", "linewidth": 1.6}
+_ROTATIONAL: Final[Style] = {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.6}
+_SIDES: Final[Style] = {"color": "#1b4f9c", "linestyle": "-", "linewidth": 1.6}
+_SIMPLE: Final[Style] = {"color": "#1b4f9c", "linestyle": (0, (4, 2)), "linewidth": 1.2}
+_FREE: Final[Style] = {"color": "#dfe7f2", "linewidth": 0}
+_END: Final[Style] = {"color": "black", "marker": "o", "linestyle": "none", "markersize": 3.5}
+
+
+def plot_pictures(scenario: AlignmentScenario, outcome: Outcome) -> Figure:
+    """Draw Fig. 12: both cameras' pictures before and after, with what was detected."""
+    moments = {"before": "before", "after": f"after {scenario.compensation_time:g} s"}
+    return plot_moments(scenario, outcome.tables["pictures"], moments)
+
+
+def plot_moments(scenario: AlignmentScenario, table: Table, moments: Mapping[str, str]) -> Figure:
+    """Draw both cameras' pictures at some moments, with what was detected.
+
+    Where they are not believed to be straight they are straightened, as they are before detection.
+
+    Args:
+        scenario: Of the cameras.
+        table: Of :func:`chamfer.analysis.cell.alignment.pictures_at`.
+        moments: What to say of each.
+    """
+    figure = new_figure(5.0 * len(moments), 7.4)
+    panels = figure.subplots(len(VIEWS), len(moments), squeeze=False)
+    for i, view in enumerate(VIEWS):
+        looks = looks_in(scenario.cameras, scenario, view)
+        straighten = undistortion_of(scenario.cameras, scenario, view)
+        for k, (moment, said) in enumerate(moments.items()):
+            axes = panels[i, k]
+            image = picture(scenario, table, view, moment)
+            image = image if straighten is None else straighten(image)
+            axes.imshow(image, interpolation="nearest")
+            for part in detect_parts(image, *looks):
+                _detected(axes, part, image.shape[1])
+            axes.set_xlim(-0.5, image.shape[1] - 0.5)
+            axes.set_ylim(image.shape[0] - 0.5, -0.5)
+            axes.set_title(f"{_TITLES[view]}: {said}", fontsize=9, loc="left", fontweight="bold")
+            axes.set_xlabel("u / pixels", fontsize=8)
+            axes.set_ylabel("v / pixels", fontsize=8)
+            axes.tick_params(labelsize=7)
+    return figure
+
+
+def _detected(axes: Axes, part: Detection, width: int) -> None:
+    """Draw the axis through the picture, and the tip."""
+    if part.status.lost:
+        return
+    u = np.array([0.0, width - 1.0])
+    axes.plot(u, part.point[1] + np.tan(part.angle) * (u - part.point[0]), **_AXIS)
+    axes.plot(*part.tip, marker="+", color="white", markersize=9, markeredgewidth=1.6)
+
+
+def plot_alignment(scenario: AlignmentScenario, outcome: Outcome) -> Figure:
+    """Draw the errors and, as Figs. 13 and 14, the compensation of each arm over time."""
+    traces = outcome.traces
+    time = traces["time"]
+    rows = 1 + len(scenario.arms)
+    figure = new_figure(11.0, 0.4 + 3.2 * rows)
+    grid = figure.add_gridspec(rows, 2)
+    lateral, angle = (figure.add_subplot(grid[0, k]) for k in range(2))
+    for axes, name, scale, mean, settled, unit in (
+        (lateral, "lateral", 1e3, MEAN_ERROR[0], SETTLED[0], "mm"),
+        (angle, "rotational", 1e3, MEAN_ERROR[1], SETTLED[1], "mrad"),
+    ):
+        style = _LATERAL if name == "lateral" else _ROTATIONAL
+        error = scale * np.maximum(traces[f"{name}_error"], 1e-6)
+        axes.semilogy(time, error, **style)
+        axes.axhline(scale * mean, label="published mean of ten runs", **PUBLISHED)
+        axes.axhspan(1e-9, scale * settled, label="counted as settled", **BAND)
+        # Above the curves there is room for the legend.
+        axes.set_ylim(scale * settled / 100, 8 * max(float(error.max()), scale * mean))
+        title = f"({'ab'[name == 'rotational']}) True {name} error"
+        dress(axes, title=title, x="", y=f"error / {unit}")
+        legend(axes, loc="upper right")
+    for row, arm in enumerate(scenario.arms, start=1):
+        shift, turn = (figure.add_subplot(grid[row, k]) for k in range(2))
+        for name, style in _AXES:
+            start = traces[f"{arm}_{name}"][0]
+            shift.plot(time, 1e3 * (traces[f"{arm}_{name}"] - start), label=name.upper(), **style)
+        for name, label, style in _QUATERNION:
+            values = _relative(traces, arm)[name] - (1.0 if name == "qw" else 0.0)
+            turn.plot(time, values, label=label, **style)
+        a, b = {"peg": ("c", "d"), "hole": ("e", "f")}[arm]
+        dress(shift, title=f"({a}) Lateral compensation, {_ARMS[arm]}", x="", y="added / mm")
+        title = f"({b}) Rotational compensation, {_ARMS[arm]}, as quaternion"
+        dress(turn, title=title, x="", y="element")
+        for axes in (shift, turn):
+            legend(axes, loc="upper left", ncols=4)
+            axes.margins(y=0.3)
+    for axes in figure.axes:
+        axes.axvspan(0.0, scenario.begin, color="#f2f2f2", linewidth=0, zorder=0)
+        axes.set_xlim(0.0, float(time[-1]))
+    for axes in figure.axes[-2:]:
+        axes.set_xlabel("time / s; shaded: impedance control alone", fontsize=9)
+    return figure
+
+
+def _relative(traces: Any, arm: str) -> dict[str, NDArray[np.float64]]:
+    """Return the commanded quaternion relative to the first one, in the world's axes."""
+    q = np.column_stack([traces[f"{arm}_{name}"] for name, _, _ in _QUATERNION])
+    turned = Rotation.from_quat(q, scalar_first=True)
+    relative = (turned * turned[0].inv()).as_quat(scalar_first=True, canonical=True)
+    return {name: relative[:, i] for i, (name, _, _) in enumerate(_QUATERNION)}
+
+
+def plot_repeatability(scenario: RepeatabilityScenario, outcome: Outcome) -> Figure:
+    """Draw every trial's errors over time, and where the trials end in the wedging diagram."""
+    figure = new_figure(11.5, 8.0)
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.15))
+    table = outcome.tables["errors"]
+    for row, (name, unit, published) in enumerate(
+        (("lateral", "mm", MEAN_ERROR[0]), ("rotational", "mrad", MEAN_ERROR[1]))
+    ):
+        axes = figure.add_subplot(grid[row, 0])
+        for k in np.unique(table["trial"]):
+            of = table["trial"] == k
+            axes.semilogy(
+                table["time"][of] - scenario.begin,
+                1e3 * np.maximum(table[f"{name}_error"][of], 1e-6),
+                color="#e07b00" if name == "lateral" else "#1b4f9c",
+                linewidth=0.7,
+                alpha=0.6,
+            )
+        axes.axhline(1e3 * published, label="published mean after 2.5 s", **PUBLISHED)
+        axes.set_xlim(-0.25, scenario.compensation_time)
+        axes.set_ylim(1e3 * published / 200, None)
+        title = f"({'ab'[row]}) True {name} error, {scenario.trials} trials"
+        dress(axes, title=title, x="time since the compensation's begin / s", y=f"error / {unit}")
+        legend(axes, loc="lower left")
+    ends = figure.add_subplot(grid[:, 1])
+    _ends(ends, scenario, outcome)
+    named, _ = ends.get_legend_handles_labels()
+    figure.legend(handles=named, loc="outside lower right", ncols=4, fontsize=8, edgecolor="none")
+    return figure
+
+
+def _ends(axes: Axes, scenario: RepeatabilityScenario, outcome: Outcome) -> None:
+    parts, trials = scenario.parts, outcome.traces
+    lateral, rotational = trials["lateral_error"], trials["rotational_error"]
+    right = 1.3 * max(float(lateral.max()), WORST_ERROR[0])
+    top = 1.15 * max(float(rotational.max()), parts.rotation_limit)
+    x = np.linspace(0.0, right, 400)
+    exact, simple = (
+        rotation_bounds(parts, scenario.held(), x, form)[1] for form in ("exact", "simple")
+    )
+    axes.fill_between(1e3 * x, 0.0, 1e3 * exact, label="free of wedging", **_FREE)
+    axes.plot(1e3 * x, 1e3 * exact, label="exact side", **_SIDES)
+    axes.plot(1e3 * x, 1e3 * simple, label="simple side", **_SIMPLE)
+    axes.axhline(1e3 * parts.rotation_limit, label="published limit: the box", **PUBLISHED)
+    axes.plot(1e3 * lateral, 1e3 * rotational, label="ends of the trials", **_END)
+    half = [
+        [_value(outcome, f"{name}_error.mean{end}") for end in ("_low", "_high")]
+        for name in ("lateral", "rotational")
+    ]
+    if np.isfinite(half).all():
+        axes.add_patch(
+            Rectangle(
+                (1e3 * half[0][0], 1e3 * half[1][0]),
+                1e3 * (half[0][1] - half[0][0]),
+                1e3 * (half[1][1] - half[1][0]),
+                facecolor="none",
+                edgecolor="#1b7f5c",
+                linewidth=1.6,
+                label="95 % intervals of the means",
+            )
+        )
+    for (eps, theta), label, marker in (
+        (MEAN_ERROR, "published mean of ten runs", "o"),
+        (WORST_ERROR, "published largest of ten runs", "s"),
+    ):
+        axes.plot(
+            1e3 * eps,
+            1e3 * theta,
+            label=label,
+            color="#b00020",
+            marker=marker,
+            linestyle="none",
+            markersize=7,
+        )
+    title = f"(c) After {scenario.compensation_time:g} s, in the wedging diagram"
+    dress(axes, title=title, x="lateral error / mm", y="rotational error / mrad")
+    axes.set_xlim(0.0, 1e3 * right)
+    axes.set_ylim(0.0, 1e3 * top)
+
+
+def _value(outcome: Outcome, name: str) -> float:
+    """Return a metric's value, NaN where it is undefined."""
+    found = outcome.metrics[name].value
+    return float("nan") if found is None else found

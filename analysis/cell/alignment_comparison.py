@@ -7,35 +7,36 @@ from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_metrics import mean_interval, prefixed
 from chamfer.analysis.campaign.trial_rows import Row
-from chamfer.analysis.cell.alignment_comparison_figures import plot_comparison
 from chamfer.analysis.cell.alignment_runs import (
     STOPPED,
+    AlignmentTrialsScenario,
+    ResolvedAlignmentTrialsScenario,
+    align,
     detected_metric,
+    resolve_trials,
     settling_metrics,
+    statistics,
     stopped_metrics,
 )
-from chamfer.analysis.cell.alignment_trials import (
-    AlignmentTrialsScenario,
-    align,
-    resolve_trials,
-    statistics,
-)
+from chamfer.analysis.drawing.figure_style import LOOPS, PUBLISHED, dress, legend, new_figure
 from chamfer.analysis.published.work_cell import MEAN_ERROR
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
-from chamfer.diagrams.cell.alignment_scenario import ControllerChoice, ControllerKind
-from chamfer.diagrams.cell.controller_design import arm_responses, design_compensator, design_pid
-from chamfer.diagrams.cell.six_axis_settings import (
+from chamfer.diagrams.cell.alignment_scenario import (
+    ControllerChoice,
+    ControllerKind,
     OpenAxis,
     OpenGains,
     SixAxisPid,
     SixAxisSettings,
 )
+from chamfer.diagrams.cell.controller_design import arm_responses, design_compensator, design_pid
 from chamfer.models.validation import ParameterError
 
 CONTROLLERS: Final[tuple[ControllerKind, ...]] = ("fsm", "pid")
@@ -49,7 +50,7 @@ _TUNING_TRIALS: Final = 1_000_000  # from here on: none of the comparison is amo
 
 
 @dataclass(frozen=True, kw_only=True)
-class ComparisonScenario(AlignmentTrialsScenario):
+class AlignmentComparisonScenario(AlignmentTrialsScenario):
     """Both controllers from the same starts, with the same model errors.
 
     How both are tuned: each has one number for the lateral and one for the rotational axes from
@@ -77,16 +78,28 @@ class ComparisonScenario(AlignmentTrialsScenario):
                 raise ParameterError(name, candidates, "one or more finite numbers > 0")
 
 
-def resolve(scenario: ComparisonScenario) -> ComparisonScenario:
+@dataclass(frozen=True, kw_only=True)
+class ResolvedAlignmentComparisonScenario(
+    ResolvedAlignmentTrialsScenario, AlignmentComparisonScenario
+):
+    """The same with nothing left open."""
+
+
+COMPARISON: Final = AlignmentComparisonScenario()
+
+
+def resolve(scenario: AlignmentComparisonScenario) -> ResolvedAlignmentComparisonScenario:
     """Refuse what the comparison sets itself, and what leaves nothing to compare."""
     if scenario.controller != ControllerChoice():
         raise ParameterError("controller.kind", scenario.controller.kind, "fsm; both are run")
     if scenario.compensated == "none":
         raise ParameterError("compensated", "none", "peg, hole, both")
-    return resolve_trials(scenario)
+    return resolve_trials(ResolvedAlignmentComparisonScenario, scenario)
 
 
-def _candidates(scenario: ComparisonScenario) -> dict[ControllerKind, list[ComparisonScenario]]:
+def _candidates(
+    scenario: ResolvedAlignmentComparisonScenario,
+) -> dict[ControllerKind, list[ResolvedAlignmentComparisonScenario]]:
     responses, untuned = arm_responses(scenario), _without_numbers(scenario)
     return {
         "fsm": [
@@ -115,7 +128,9 @@ def _large(element: OpenAxis, small: tuple[float, ...]) -> list[float]:
     return [element.divider * one for one in small]
 
 
-def _without_numbers(scenario: ComparisonScenario) -> ComparisonScenario:
+def _without_numbers(
+    scenario: ResolvedAlignmentComparisonScenario,
+) -> ResolvedAlignmentComparisonScenario:
     """Return the scenario with what tuning is to find open again."""
 
     def element(of: OpenAxis) -> OpenAxis:
@@ -134,22 +149,22 @@ def _without_numbers(scenario: ComparisonScenario) -> ComparisonScenario:
     )
 
 
-class Task(NamedTuple):
+class ControllerTrial(NamedTuple):
     """A trial with a controller."""
 
-    scenario: ComparisonScenario
+    scenario: ResolvedAlignmentComparisonScenario
     trial: int
 
 
-def _align(seed: int, task: Task) -> Row:
+def _align(seed: int, task: ControllerTrial) -> Row:
     return align(task.scenario, seed, task.trial)
 
 
-def _is_of(scenario: ComparisonScenario, task: Task) -> bool:
+def _is_of(scenario: ResolvedAlignmentComparisonScenario, task: ControllerTrial) -> bool:
     return task.scenario == scenario
 
 
-def score(finished: Trials[Task]) -> float:
+def score(finished: Trials[ControllerTrial]) -> float:
     """Return the mean error of trials, both kinds relative to the published means, summed."""
     if not len(finished):
         return math.inf
@@ -157,7 +172,7 @@ def score(finished: Trials[Task]) -> float:
     return float(np.mean(lateral / MEAN_ERROR[0] + rotational / MEAN_ERROR[1]))
 
 
-def run(scenario: ComparisonScenario, seed: int, progress: Progress) -> Outcome:
+def run(scenario: ResolvedAlignmentComparisonScenario, seed: int, progress: Progress) -> Outcome:
     """Tune both if asked to, and compare them."""
     tables: dict[str, dict[str, NDArray[np.float64]]] = {}
     chosen = {
@@ -168,7 +183,9 @@ def run(scenario: ComparisonScenario, seed: int, progress: Progress) -> Outcome:
         tuned, tables["tuning"] = _tune(scenario, seed, progress)
         chosen |= tuned
         simulated += len(tables["tuning"]["score"]) * scenario.tuning_trials
-    tasks = [Task(chosen[name], k) for name in CONTROLLERS for k in range(scenario.trials)]
+    tasks = [
+        ControllerTrial(chosen[name], k) for name in CONTROLLERS for k in range(scenario.trials)
+    ]
     finished = run_each(partial(_align, seed), tasks, progress)
     simulated += len(finished)
     found = finished.split(CONTROLLERS, lambda task: task.scenario.controller.kind)
@@ -198,11 +215,13 @@ def run(scenario: ComparisonScenario, seed: int, progress: Progress) -> Outcome:
     )
 
 
-def _numbers(finished: Trials[Task]) -> list[int]:
+def _numbers(finished: Trials[ControllerTrial]) -> list[int]:
     return [task.trial for task in finished.tasks]
 
 
-def _errors(found: Mapping[ControllerKind, Trials[Task]]) -> dict[str, NDArray[np.float64]]:
+def _errors(
+    found: Mapping[ControllerKind, Trials[ControllerTrial]],
+) -> dict[str, NDArray[np.float64]]:
     """Return the courses of all trials' errors, one below the other."""
     columns: dict[str, list[NDArray[np.float64]]] = {}
     for i, name in enumerate(CONTROLLERS):
@@ -220,13 +239,15 @@ def _errors(found: Mapping[ControllerKind, Trials[Task]]) -> dict[str, NDArray[n
 
 
 def _tune(
-    scenario: ComparisonScenario, seed: int, progress: Progress
-) -> tuple[dict[ControllerKind, ComparisonScenario], dict[str, NDArray[np.float64]]]:
+    scenario: ResolvedAlignmentComparisonScenario, seed: int, progress: Progress
+) -> tuple[
+    dict[ControllerKind, ResolvedAlignmentComparisonScenario], dict[str, NDArray[np.float64]]
+]:
     """Return the best candidate of each controller, and every candidate's score."""
     candidates = _candidates(scenario)
     trials = scenario.tuning_trials
     listed = [(name, one) for name in CONTROLLERS for one in candidates[name]]
-    tasks = [Task(one, _TUNING_TRIALS + k) for _, one in listed for k in range(trials)]
+    tasks = [ControllerTrial(one, _TUNING_TRIALS + k) for _, one in listed for k in range(trials)]
     finished = run_each(partial(_align, seed), tasks, progress)
     scores = [score(finished.select(partial(_is_of, one))) for _, one in listed]
     best = {}
@@ -242,7 +263,9 @@ def _tune(
     return best, table
 
 
-def _knob(name: ControllerKind, scenario: ComparisonScenario) -> tuple[float, float]:
+def _knob(
+    name: ControllerKind, scenario: ResolvedAlignmentComparisonScenario
+) -> tuple[float, float]:
     """Return what tells candidates apart: small increments, or integral gains."""
     if name == "fsm":
         elements = scenario.compensator.axes
@@ -251,7 +274,7 @@ def _knob(name: ControllerKind, scenario: ComparisonScenario) -> tuple[float, fl
     return laws[0].integral, laws[3].integral
 
 
-def _parameters(scenario: ComparisonScenario) -> dict[str, Metric]:
+def _parameters(scenario: ResolvedAlignmentComparisonScenario) -> dict[str, Metric]:
     if scenario.controller.kind == "pid":
         pid = scenario.pid
         return {
@@ -271,7 +294,7 @@ def _parameters(scenario: ComparisonScenario) -> dict[str, Metric]:
     }
 
 
-def _settling(finished: Trials[Task]) -> dict[str, Metric]:
+def _settling(finished: Trials[ControllerTrial]) -> dict[str, Metric]:
     of = finished.column("settling_time")
     settled = of[np.isfinite(of)]
     return {
@@ -285,7 +308,7 @@ def _settling(finished: Trials[Task]) -> dict[str, Metric]:
 
 
 def _difference(
-    found: Mapping[ControllerKind, Trials[Task]], name: str, unit: str
+    found: Mapping[ControllerKind, Trials[ControllerTrial]], name: str, unit: str
 ) -> dict[str, Metric]:
     """Return the mean of the trials' differences, FSM minus PID, with its 95 % interval."""
     both = set(_numbers(found["fsm"])) & set(_numbers(found["pid"]))
@@ -301,6 +324,63 @@ def _difference(
     }
 
 
-def figures(scenario: ComparisonScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(
+    scenario: ResolvedAlignmentComparisonScenario, outcome: Outcome
+) -> Mapping[str, Figure]:
     """Return the figures by file name."""
     return {"alignment-fsm-vs-pid": plot_comparison(scenario, outcome)}
+
+
+_CONTROLLERS: Final = ("fsm", "pid")
+_KINDS: Final = (("lateral", "mm", MEAN_ERROR[0]), ("rotational", "mrad", MEAN_ERROR[1]))
+
+
+def plot_comparison(scenario: ResolvedAlignmentComparisonScenario, outcome: Outcome) -> Figure:
+    """Draw every trial and the median over time, and the errors at the end, trial by trial."""
+    figure = new_figure(11.0, 7.6)
+    panels = figure.subplots(2, 2, width_ratios=(1.5, 1.0))
+    for row, (name, unit, published) in enumerate(_KINDS):
+        over_time, ends = panels[row]
+        _over_time(over_time, scenario, outcome, name)
+        over_time.axhline(1e3 * published, label="published mean, FSM", **PUBLISHED)
+        over_time.set_ylim(1e3 * published / 1000, None)
+        title = f"({'ac'[row]}) True {name} error: trials thin, median thick"
+        dress(
+            over_time,
+            title=title,
+            x="time since the compensation's begin / s",
+            y=f"error / {unit}",
+        )
+        legend(over_time, loc="lower left")
+        _ends(ends, outcome, name)
+        ends.axhline(1e3 * published, label="published mean, FSM", **PUBLISHED)
+        title = f"({'bd'[row]}) After {scenario.compensation_time:g} s, same starts joined"
+        dress(ends, title=title, x="", y=f"error / {unit}")
+    return figure
+
+
+def _over_time(
+    axes: Axes, scenario: ResolvedAlignmentComparisonScenario, outcome: Outcome, name: str
+) -> None:
+    table = outcome.tables["errors"]
+    for i, controller in enumerate(_CONTROLLERS):
+        label, style = LOOPS[controller]
+        of = table["controller"] == i
+        shape = (len(np.unique(table["trial"][of])), -1)
+        time = table["time"][of].reshape(shape)[0] - scenario.begin
+        errors = 1e3 * np.maximum(table[f"{name}_error"][of], 1e-7).reshape(shape)
+        axes.semilogy(time, errors.T, color=style["color"], linewidth=0.5, alpha=0.45)
+        axes.semilogy(time, np.median(errors, axis=0), label=label, **style | {"linewidth": 2.4})
+    axes.set_xlim(-0.25, scenario.compensation_time)
+
+
+def _ends(axes: Axes, outcome: Outcome, name: str) -> None:
+    pairs = 1e3 * np.array(
+        [outcome.traces[f"{controller}.{name}_error"] for controller in _CONTROLLERS]
+    )
+    axes.semilogy(range(len(_CONTROLLERS)), pairs, color="#999999", linewidth=0.7)
+    for i, controller in enumerate(_CONTROLLERS):
+        color = LOOPS[controller][1]["color"]
+        axes.semilogy(np.full(pairs.shape[1], i), pairs[i], "o", color=color, markersize=4)
+    axes.set_xticks(range(len(_CONTROLLERS)), [LOOPS[one][0] for one in _CONTROLLERS])
+    axes.set_xlim(-0.5, len(_CONTROLLERS) - 0.5)

@@ -1,23 +1,46 @@
-"""Runs of the two-arm work cell, measured against the truth that its cameras never see."""
+"""Runs of the two-arm work cell, measured against the truth that its cameras never see.
+
+One, or many from different starts with different errors of the controllers' models.
+"""
 
 import math
+import time
 import warnings
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, Final
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import partial
+from itertools import product
+from typing import Any, ClassVar, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from chamfer.analysis.campaign.trial_metrics import Quantity
+from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.campaign.trial_metrics import Quantity, bootstrap_interval, trial_seed
+from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.scenario.experiment import Metric, Progress, Table
-from chamfer.diagrams.cell.alignment import make_alignment_diagram
-from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.alignment import make_alignment_diagram, resolve_as
+from chamfer.diagrams.cell.alignment_scenario import (
+    KINDS,
+    AlignmentScenario,
+    ResolvedAlignmentScenario,
+    require_in_view,
+    require_start_apart,
+)
 from chamfer.diagrams.cell.controller_design import measurement_error, small_share
-from chamfer.diagrams.cell.six_axis_settings import KINDS
-from chamfer.diagrams.cell.work_cell import ARMS
+from chamfer.diagrams.cell.work_cell import ARMS, CellArmSettings, wedging_support
+from chamfer.models.peg.peg_and_hole import PegHoleGeometry
+from chamfer.models.peg.support import OpenSupport, Support
+from chamfer.models.peg_theory.wedging import (
+    box_margin,
+    least_margin,
+    require_stiff,
+    rotation_margin,
+    wedges,
+)
+from chamfer.models.validation import ParameterError, require_not_negative
 from chamfer.systems.pose import POSE_NAMES
 from chamfer.systems.servo.compensator import (
     CompensatorParams,
@@ -61,7 +84,7 @@ LATE: Final = 0.5  # s, at the end, over which the compensation should not chang
 
 
 def run_alignment(
-    scenario: AlignmentScenario, seed: int, progress: Progress | None = None
+    scenario: ResolvedAlignmentScenario, seed: int, progress: Progress | None = None
 ) -> Traces:
     """Simulate a resolved scenario and return its traces, a row per camera period.
 
@@ -273,7 +296,7 @@ def stopped_metrics(rows: Mapping[str, Array]) -> dict[str, Metric]:
     }
 
 
-def settling_metrics(scenario: AlignmentScenario) -> dict[str, Metric]:
+def settling_metrics(scenario: ResolvedAlignmentScenario) -> dict[str, Metric]:
     """Return the share of the settling theorem's bound that the state machine uses.
 
     More than all of it is warned of. The PID has none.
@@ -327,3 +350,225 @@ def alignment_charts(scenario: AlignmentScenario) -> tuple[Chart[Any, Any], ...]
     settings = scenario.compensator
     params = CompensatorParams(axes=settings.axes, period=scenario.cameras.frames.period)
     return make_compensator_chart(params), make_axis_chart(settings.lateral.closed)
+
+
+_MOST: Final = 10_000  # trials
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spread:
+    """By how much trials differ: each value is uniform within plus and minus its range."""
+
+    lateral: float = 0.01  # m, initial error of the peg's command along Y and Z; assumed
+    rotational: float = 0.1  # rad, initial error of the peg's command about Y and Z; assumed
+    payload: float = 0.5  # relative, of each arm's payload error; assumed
+    link_mass: float = 0.02  # relative, of each arm's links; assumed
+    joint_friction: float = 0.5  # relative, of each arm's; assumed
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "lateral", "rotational", "link_mass")
+        for name in ("payload", "joint_friction", "link_mass"):
+            value = getattr(self, name)
+            if not 0 <= value < 1:
+                raise ParameterError(name, value, "from 0 to less than 1")
+
+
+DrawnT = TypeVar("DrawnT", bound=AlignmentScenario)
+
+
+def drawn(scenario: DrawnT, spread: Spread, seed: int, trial: int) -> DrawnT:
+    """Return the scenario with initial and model errors of one of a seed's trials."""
+    generator = np.random.default_rng([seed, trial])
+    error = generator.uniform(-1.0, 1.0, 6)
+    error *= [0.0, spread.lateral, spread.lateral, 0.0, spread.rotational, spread.rotational]
+    error += scenario.initial_error
+
+    def arm(settings: ArmT) -> ArmT:
+        payload, mass, friction = generator.uniform(-1.0, 1.0, 3).tolist()
+        return replace(
+            settings,
+            payload_error=settings.payload_error * (1 + spread.payload * payload),
+            mass_scale=settings.mass_scale * (1 + spread.link_mass * mass),
+            joint_friction=tuple(
+                one * (1 + spread.joint_friction * friction) for one in settings.arm.dry_friction
+            ),
+        )
+
+    return replace(
+        scenario,
+        initial_error=tuple(error.tolist()),
+        **{name: arm(getattr(scenario, name)) for name in scenario.arms},
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class AlignmentTrialsScenario(AlignmentScenario):
+    """The alignment with many starts and many model errors (section 5)."""
+
+    initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # the middle of the starts
+    spread: Spread = field(default_factory=Spread)
+    trials: int = 20  # ten in the paper
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 1 <= self.trials <= _MOST:
+            raise ParameterError("trials", self.trials, f"1 to {_MOST}")
+
+
+ArmT = TypeVar("ArmT", bound=CellArmSettings)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedAlignmentTrialsScenario(ResolvedAlignmentScenario, AlignmentTrialsScenario):
+    """The same with nothing left open."""
+
+
+TrialsT = TypeVar("TrialsT", bound=ResolvedAlignmentTrialsScenario)
+
+
+def resolve_trials(kind: type[TrialsT], scenario: AlignmentTrialsScenario) -> TrialsT:
+    """Return a scenario resolved, once it is sure that every trial has something to see.
+
+    All trials have the controllers that are designed for its middle.
+
+    Raises:
+        ParameterError: If a part is out of an image where a compensation could begin.
+    """
+    resolved = resolve_as(kind, scenario)
+    require_starts(resolved, resolved.spread)
+    return resolved
+
+
+def require_starts(scenario: AlignmentScenario, spread: Spread) -> None:
+    """Refuse a spread of which a start has nothing to see, or parts in each other.
+
+    Raises:
+        ParameterError: It names ``spread.lateral``.
+    """
+    far = spread.lateral
+    for y, z in product((-far, far), repeat=2):
+        error = np.add(scenario.initial_error, (0.0, y, z, 0.0, 0.0, 0.0))
+        start = replace(scenario, initial_error=tuple(error.tolist()))
+        try:
+            require_in_view(start)
+            require_start_apart(start)
+        except ParameterError as refused:
+            raise ParameterError("spread.lateral", far, refused.allowed) from refused
+
+
+@dataclass(frozen=True, kw_only=True)
+class RepeatabilityScenario(AlignmentTrialsScenario):
+    """The same, with the support to whose wedging diagram the errors belong."""
+
+    support: OpenSupport = field(default_factory=OpenSupport)
+    # for the margins; what is left open: of the arms, where two points may begin to wedge
+
+    UNUSED_OF_PARTS: ClassVar[tuple[str, ...]] = ("bore_depth",)
+
+    def held(self) -> Support:
+        """Return the support that the margins are of."""
+        return self.support.over(wedging_support(self))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedRepeatabilityScenario(ResolvedAlignmentTrialsScenario, RepeatabilityScenario):
+    """The same with nothing left open."""
+
+
+REPEATABILITY: Final = RepeatabilityScenario()
+
+
+def resolve_repeatability(scenario: RepeatabilityScenario) -> ResolvedRepeatabilityScenario:
+    """Fill in the support too.
+
+    Raises:
+        ParameterError: As of :func:`resolve_trials`, or of a support that turns over.
+    """
+    held = scenario.held()
+    require_stiff(scenario.parts, held)
+    known = OpenSupport(**{one.name: getattr(held, one.name) for one in fields(held)})
+    return resolve_trials(ResolvedRepeatabilityScenario, replace(scenario, support=known))
+
+
+def align(scenario: ResolvedAlignmentTrialsScenario, seed: int, trial: int) -> Row:
+    """Run one of a seed's trials; it depends on its arguments alone, but for how long it takes.
+
+    Returns:
+        What :data:`chamfer.analysis.cell.alignment_runs.ALIGNMENT` has; ``time`` s, and at these
+        times the true ``lateral_errors`` m and ``rotational_errors`` rad, each of shape (n,);
+        ``wall_seconds``.
+    """
+    started = time.perf_counter()
+    one = drawn(scenario, scenario.spread, seed, trial)
+    traces = run_alignment(one, trial_seed(seed, trial))
+    return {
+        **alignment_metrics(traces, one),
+        "time": traces["time"],
+        "lateral_errors": traces["lateral_error"],
+        "rotational_errors": traces["rotational_error"],
+        "wall_seconds": time.perf_counter() - started,
+    }
+
+
+def align_all(
+    scenario: ResolvedAlignmentTrialsScenario, seed: int, progress: Progress
+) -> Trials[int]:
+    """Run as many trials as the scenario asks for; a task is a trial's number."""
+    return run_each(partial(align, scenario, seed), range(scenario.trials), progress)
+
+
+def statistics(finished: Trials[Any], name: str, unit: str) -> dict[str, Metric]:
+    """Return mean, 95 % interval of the mean, and maximum of a metric that is never negative."""
+    of = finished.column(name)
+    n = len(of)
+    low, high = bootstrap_interval(of)
+    note = "one trial has no interval"
+    if n > 1:
+        note = f"95 % interval of the mean of {n} trials, by bootstrap (BCa)"
+    return {
+        f"{name}.mean": Metric(value=float(np.mean(of)), unit=unit, note=f"{n} trials"),
+        f"{name}.mean_low": Metric(value=low, unit=unit, note=note),
+        f"{name}.mean_high": Metric(value=high, unit=unit, note=note),
+        f"{name}.max": Metric(value=float(np.max(of)), unit=unit, note=f"{n} trials"),
+    }
+
+
+def margins(finished: Trials[Any], parts: PegHoleGeometry, support: Support) -> dict[str, Metric]:
+    """Return what the worst trial leaves to the wedging diagram's box and to its sides.
+
+    As the signs of the two errors in the plane of insertion are not known from their sizes, the
+    worse one is taken; of the least over all compliance centres the same sign, which is.
+    """
+    lateral, rotational = map(finished.column, ("lateral_error", "rotational_error"))
+    box = [box_margin(parts, x, angle) for x, angle in zip(lateral, rotational, strict=True)]
+    sloped = [
+        least_margin(parts, support, x, angle)[0]
+        for x, angle in zip(lateral.tolist(), rotational.tolist(), strict=True)
+    ]
+    signs = np.array([[1.0], [-1.0]])
+    here = rotation_margin(parts, support, lateral, signs * rotational)
+    wedged = wedges(parts, support, lateral, signs * rotational).any(axis=0)
+    at = f"L_g = {1e3 * support.centre_distance:.3g} mm, K_x = {support.lateral_stiffness:.4g} N/m"
+    least: Callable[[list[float]], float] = min
+    return {
+        "box_margin.lateral": Metric(
+            value=100 * least([float(one.lateral) for one in box]), unit="%", note="of all trials"
+        ),
+        "box_margin.rotation": Metric(
+            value=100 * least([float(one.rotation) for one in box]), unit="%", note="of all trials"
+        ),
+        "chamfer_margin": Metric(
+            value=100 * (1 - float(np.max(lateral)) / parts.chamfer_limit),
+            unit="%",
+            note="of the lateral error that the chamfers still guide, of all trials",
+        ),
+        "parallelogram_margin": Metric(
+            value=100 * least(sloped), unit="%", note="exact sides, the least over L_g and trials"
+        ),
+        "margin": Metric(
+            value=100 * float(here.min()), unit="%", note=f"exact sides, at {at}, of all trials"
+        ),
+        "wedging": Metric(
+            value=100 * float(np.mean(wedged)), unit="%", note="trials that may wedge"
+        ),
+    }

@@ -1,6 +1,7 @@
-"""Alignments by cameras with errors: where parts at rest are taken to be aligned, and runs."""
+"""The errors that the cell's cameras may have, and alignments with them: at rest, and in runs."""
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple, TypeVar
 
@@ -12,27 +13,288 @@ from chamfer.analysis.campaign.trial_metrics import trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.cell.alignment_runs import (
     LATE,
+    ResolvedAlignmentTrialsScenario,
     Traces,
+    drawn,
     row_before,
     run_alignment,
     true_errors,
 )
-from chamfer.analysis.cell.alignment_trials import AlignmentTrialsScenario, drawn
-from chamfer.analysis.cell.camera_error_kinds import ERRORS, beside, with_error
 from chamfer.diagrams.cell.alignment_scenario import (
     AlignmentScenario,
     ControllerChoice,
     ControllerKind,
+    require_in_view,
+    require_start_apart,
 )
-from chamfer.diagrams.cell.cell_cameras import Measured
-from chamfer.diagrams.cell.in_view import require_in_view
-from chamfer.diagrams.cell.start_apart import require_start_apart
+from chamfer.diagrams.cell.cell_vision import VIEWS, CameraSettings, Measured, ViewSettings
 from chamfer.diagrams.cell.still_vision import StillVision
+from chamfer.models.cameras.camera import View
+from chamfer.models.cameras.camera_model import CameraModel
 from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.camera_image import Image, SensorParams
 from chamfer.systems.pose import POSE_NAMES, pose_vector
 
-Array = NDArray[np.float64]
+Change = Callable[[ViewSettings, float, CameraSettings], ViewSettings]
+Views = Sequence[View]
 ScenarioT = TypeVar("ScenarioT", bound=AlignmentScenario)
+
+_WARM: Final = (1.0, 0.0, -1.0)  # of red, green and blue: a lamp instead of daylight
+
+
+class AssumedCameraError(NamedTuple):
+    """An error of cameras that nobody knows of."""
+
+    name: str
+    unit: str
+    most: float  # how large it may well be without calibration; assumed
+    says: str  # in a few words
+    change: Change | None = None  # of one camera
+    views: Views = VIEWS  # cameras that have it
+    off_axis: bool = False  # with the parts beside the optical axes
+    moving: bool = False  # it shows in motion, or in many frames, only
+    signed: bool = True  # it may also be of the other sign
+    picture: Callable[[float], Callable[[Image], Image]] | None = None  # of parts at rest alone
+
+
+def with_error(
+    scenario: ScenarioT, error: AssumedCameraError, size: float, off_axis: float
+) -> ScenarioT:
+    """Return a resolved scenario whose cameras have an error; its controllers stay as they are.
+
+    Args:
+        scenario: Resolved.
+        error: Which.
+        size: In the error's unit, with its sign.
+        off_axis: m, from the optical axes to the parts, where the error is of these.
+    """
+    if error.off_axis:
+        scenario = beside(scenario, off_axis)
+    cameras, change = scenario.cameras, error.change
+    if change is not None:
+        for view in error.views:
+            cameras = cameras.with_view(view, change(cameras.view(view), size, cameras))
+    return replace(scenario, cameras=cameras)
+
+
+def beside(scenario: ScenarioT, off_axis: float) -> ScenarioT:
+    """Return a scenario with cameras that stand further down in their images, as is known."""
+    cameras = scenario.cameras
+    for view in VIEWS:
+        of = cameras.view(view)
+        moved = CameraModel(position=(0.0, off_axis, 0.0))
+        known = replace(of, believed=moved.over(of.believed), true=moved.over(of.true))
+        cameras = cameras.with_view(view, known)
+    return replace(scenario, cameras=cameras)
+
+
+def brightness_ramp(size: float) -> Callable[[Image], Image]:
+    """Return what makes a picture brighter downwards, by a share of it from border to border."""
+
+    def change(image: Image) -> Image:
+        ramp = 1 + size * np.linspace(-0.5, 0.5, len(image))[:, np.newaxis, np.newaxis]
+        return np.clip(np.rint(image * ramp), 0, 255).astype(np.uint8)
+
+    return change
+
+
+def _true(make: Callable[[CameraModel, float, CameraSettings], CameraModel]) -> Change:
+    """Return what changes the true camera, to a model that says what is different."""
+
+    def change(of: ViewSettings, size: float, cameras: CameraSettings) -> ViewSettings:
+        return replace(of, true=make(of.true, size, cameras).over(of.true))
+
+    return change
+
+
+def _frames(name: str) -> Change:
+    def change(of: ViewSettings, size: float, cameras: CameraSettings) -> ViewSettings:
+        was = getattr(of.frames, name)
+        value = round(was + size) if isinstance(was, int) else was + size
+        return replace(of, frames=replace(of.frames, **{name: value}))
+
+    return change
+
+
+def _sensor(make: Callable[[SensorParams, float], SensorParams]) -> Change:
+    def change(of: ViewSettings, size: float, cameras: CameraSettings) -> ViewSettings:
+        return replace(of, sensor=make(of.sensor, size))
+
+    return change
+
+
+def _focal(along_u: float, along_v: float) -> Change:
+    def make(true: CameraModel, size: float, _: CameraSettings) -> CameraModel:
+        fu, fv = true.focal_length or (math.nan, math.nan)
+        return CameraModel(focal_length=(fu * (1 + along_u * size), fv * (1 + along_v * size)))
+
+    return _true(make)
+
+
+def _lens(index: int) -> Change:
+    def make(true: CameraModel, size: float, _: CameraSettings) -> CameraModel:
+        coefficients = list(true.distortion or (0.0,) * 5)
+        coefficients[index] += size
+        k1, k2, p1, p2, k3 = coefficients
+        return CameraModel(distortion=(k1, k2, p1, p2, k3))
+
+    return _true(make)
+
+
+def _moved(axis: int) -> Change:
+    def make(true: CameraModel, size: float, _: CameraSettings) -> CameraModel:
+        place = list(true.position or (0.0,) * 3)
+        place[axis] += size
+        right, down, ahead = place
+        return CameraModel(position=(right, down, ahead))
+
+    return _true(make)
+
+
+def _principal_point(true: CameraModel, size: float, _: CameraSettings) -> CameraModel:
+    cu, cv = true.principal_point or (math.nan, math.nan)
+    return CameraModel(principal_point=(cu + size, cv + size))
+
+
+def _tilt(true: CameraModel, size: float, _: CameraSettings) -> CameraModel:
+    about_u, about_v = true.tilt or (0.0, 0.0)
+    return CameraModel(tilt=(about_u + size, about_v + size))
+
+
+def _aim(true: CameraModel, size: float, cameras: CameraSettings) -> CameraModel:
+    """Turn the camera about what it looks at, about its v axis."""
+    about_u, about_v = true.tilt or (0.0, 0.0)
+    right, down, ahead = true.position or (0.0,) * 3
+    sin, cos = math.sin(size), math.cos(size)
+    place = (right - cameras.distance * sin, down, ahead + cameras.distance * (1 - cos))
+    return CameraModel(tilt=(about_u, about_v + size), position=place)
+
+
+def _roll(true: CameraModel, size: float, _: CameraSettings) -> CameraModel:
+    return CameraModel(roll=(true.roll or 0.0) + size)
+
+
+def _coarse(of: ViewSettings, size: float, cameras: CameraSettings) -> ViewSettings:
+    """Make a pixel larger, as is known."""
+    fu, fv = of.true.focal_length or (math.nan, math.nan)
+    share = cameras.pixel_size / (cameras.pixel_size + size)
+    known = CameraModel(focal_length=(fu * share, fv * share))
+    return replace(of, believed=known.over(of.believed), true=known.over(of.true))
+
+
+def _vignetting(sensor: SensorParams, size: float) -> SensorParams:
+    return replace(sensor, vignetting=sensor.vignetting + size)
+
+
+def _warm(sensor: SensorParams, size: float) -> SensorParams:
+    red, green, blue = (
+        gain * (1 + size * more) for gain, more in zip(sensor.white_balance, _WARM, strict=True)
+    )
+    return replace(sensor, white_balance=(red, green, blue))
+
+
+def _shutter(sensor: SensorParams, size: float) -> SensorParams:
+    return replace(sensor, exposure=sensor.exposure + size)
+
+
+ERRORS: Final[tuple[AssumedCameraError, ...]] = (
+    AssumedCameraError("focal_length", "", 0.3, "focal length", _focal(1.0, 1.0)),
+    AssumedCameraError("pixel_aspect", "", 0.02, "aspect of the pixels", _focal(0.5, -0.5)),
+    AssumedCameraError(
+        "principal_point", "pixels", 20.0, "principal point", _true(_principal_point)
+    ),
+    AssumedCameraError("distortion", "", -1.25, "distortion k1 of parts on the axis", _lens(0)),
+    AssumedCameraError(
+        "distortion_off_axis",
+        "",
+        -1.25,
+        "distortion k1 of parts off the axis",
+        _lens(0),
+        off_axis=True,
+    ),
+    AssumedCameraError(
+        "higher_distortion_off_axis",
+        "",
+        -30.0,
+        "distortion k2 of parts off the axis",
+        _lens(1),
+        off_axis=True,
+    ),
+    AssumedCameraError(
+        "decentring_off_axis",
+        "",
+        0.02,
+        "distortion p1 of parts off the axis",
+        _lens(2),
+        off_axis=True,
+    ),
+    AssumedCameraError("position_along", "m", 0.15, "a place nearer to the parts", _moved(2)),
+    AssumedCameraError("position_across", "m", 0.03, "a place to the right", _moved(0)),
+    AssumedCameraError("position_down", "m", 0.02, "a place further down", _moved(1)),
+    AssumedCameraError("tilt_in_place", "rad", 0.05, "tilt in place", _true(_tilt)),
+    AssumedCameraError("tilt_aimed", "rad", 0.3, "tilt with the aim kept", _true(_aim)),
+    AssumedCameraError("roll", "rad", 0.15, "roll", _true(_roll)),
+    AssumedCameraError("vignetting", "", 0.5, "vignetting", _sensor(_vignetting), signed=False),
+    AssumedCameraError("white_balance", "", 0.2, "warm light", _sensor(_warm)),
+    AssumedCameraError("shading", "", 0.5, "light from one side", picture=brightness_ramp),
+    AssumedCameraError(
+        "pixel_size", "m", 5e-4, "larger pixels", _coarse, moving=True, signed=False
+    ),
+    AssumedCameraError(
+        "exposure", "s", 1 / 80, "an open shutter", _sensor(_shutter), moving=True, signed=False
+    ),
+    AssumedCameraError(
+        "latency", "periods", 6.0, "later images", _frames("latency"), moving=True, signed=False
+    ),
+    AssumedCameraError(
+        "latency_of_one",
+        "periods",
+        5.0,
+        "later images of one camera",
+        _frames("latency"),
+        views=VIEWS[1:],
+        moving=True,
+        signed=False,
+    ),
+    AssumedCameraError(
+        "period",
+        "s",
+        1 / 30 - 1 / 80,
+        "a longer period",
+        _frames("period"),
+        moving=True,
+        signed=False,
+    ),
+    AssumedCameraError(
+        "period_of_one",
+        "s",
+        1 / 30 - 1 / 80,
+        "a longer period of one camera",
+        _frames("period"),
+        views=VIEWS[1:],
+        moving=True,
+        signed=False,
+    ),
+    AssumedCameraError(
+        "clock_offset",
+        "s",
+        1 / 160,
+        "one camera's clock",
+        _frames("offset"),
+        views=VIEWS[1:],
+        moving=True,
+        signed=False,
+    ),
+    AssumedCameraError(
+        "dropped_frames", "", 0.1, "dropped frames", _frames("miss"), moving=True, signed=False
+    ),
+    AssumedCameraError(
+        "noise", "grey levels", 8.0, "more noise", _frames("noise"), moving=True, signed=False
+    ),
+)
+
+
+Array = NDArray[np.float64]
 
 NONE: Final = "none"  # no error
 DRAWN: Final = "drawn"  # all of them at once
@@ -47,13 +309,13 @@ MOMENTS: Final = ("soon", "late")
 class Study(NamedTuple):
     """What all runs of a study have in common; resolved."""
 
-    scenario: AlignmentTrialsScenario
+    scenario: ResolvedAlignmentTrialsScenario
     behind: float  # m, from the tip
     off_axis: float  # m
     soon: float  # s, since the compensation's begin
 
 
-class Still(NamedTuple):
+class ErrorAtRest(NamedTuple):
     """One error at some sizes, of parts at rest."""
 
     error: str
@@ -61,7 +323,7 @@ class Still(NamedTuple):
     measured: Measured
 
 
-class Run(NamedTuple):
+class ErrorRun(NamedTuple):
     """One run of the loop, with an error or with drawn ones."""
 
     error: str  # or NONE, or DRAWN
@@ -85,7 +347,7 @@ def left(study: Study, pose: Array, hole: Array) -> dict[str, Array]:
     }
 
 
-def at_rest(study: Study, task: Still) -> Row:
+def at_rest(study: Study, task: ErrorAtRest) -> Row:
     """Return where the parts are taken to be aligned, shape (n,); NaN where one is not seen."""
     error = BY_NAME[task.error]
     values: dict[str, list[float]] = {name: [] for name in (*LEFT, "gap_error")}
@@ -120,7 +382,7 @@ def reached(size: Array, left: Array, wanted: float) -> float | None:
     return float(size[k - 1] + share * (size[k] - size[k - 1]))
 
 
-def run_once(study: Study, seed: int, task: Run) -> Row:
+def run_once(study: Study, seed: int, task: ErrorRun) -> Row:
     """Run the loop, and return what is left soon and late; it depends on its arguments alone.
 
     ``seen`` is 0 where nothing was measured in the end: what is left then is of the start, or of
@@ -198,7 +460,7 @@ def _measured(study: Study, traces: Traces) -> dict[str, float | None]:
 
 def _of(
     study: Study, measured: Measured, controller: ControllerKind = "fsm"
-) -> AlignmentTrialsScenario:
+) -> ResolvedAlignmentTrialsScenario:
     scenario = study.scenario
     return replace(
         scenario,

@@ -20,23 +20,40 @@ from chamfer.analysis.cell.alignment_runs import (
     stopped_values,
     warn_of_stops,
 )
-from chamfer.analysis.cell.vertical_tracking_figures import plot_heights
+from chamfer.analysis.drawing.figure_style import (
+    BAND,
+    DESIRED,
+    FSM,
+    PUBLISHED,
+    Style,
+    dress,
+    legend,
+    new_figure,
+)
+from chamfer.analysis.published.work_cell import DROOP
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.diagrams.cell.alignment import resolve as resolve_alignment
-from chamfer.diagrams.cell.alignment_scenario import VerticalTrackingScenario
+from chamfer.diagrams.cell.alignment_scenario import (
+    AlignmentScenario,
+    Compensated,
+    ResolvedAlignmentScenario,
+)
 from chamfer.models.validation import ParameterError
 
 RUNS: Final = ("uncompensated", "compensated")
 
 
-def resolve(scenario: VerticalTrackingScenario) -> VerticalTrackingScenario:
+def resolve(scenario: AlignmentScenario) -> ResolvedAlignmentScenario:
     """Refuse what leaves nothing to compare, or to see."""
+    if scenario.axis != "horizontal":
+        allowed = "horizontal, for a peg that goes up to the height of the hole"
+        raise ParameterError("axis", scenario.axis, allowed)
     if scenario.compensated == "none":
         raise ParameterError("compensated", "none", "peg, hole, both; one run goes without")
     return resolve_alignment(scenario)
 
 
-def run(scenario: VerticalTrackingScenario, seed: int, progress: Progress) -> Outcome:
+def run(scenario: ResolvedAlignmentScenario, seed: int, progress: Progress) -> Outcome:
     """Run without and with compensation, and measure the heights that the tip reaches."""
     finished = run_each(partial(_run_one, scenario, seed), RUNS, progress)
     split = finished.split(RUNS, lambda name: name)
@@ -87,11 +104,44 @@ def run(scenario: VerticalTrackingScenario, seed: int, progress: Progress) -> Ou
     )
 
 
-def _run_one(scenario: VerticalTrackingScenario, seed: int, name: str) -> Row:
-    compensated = scenario.compensated if name == "compensated" else "none"
+def _run_one(scenario: ResolvedAlignmentScenario, seed: int, name: str) -> Row:
+    compensated: Compensated = scenario.compensated if name == "compensated" else "none"
     return with_table({}, run_alignment(replace(scenario, compensated=compensated), seed))
 
 
-def figures(scenario: VerticalTrackingScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: ResolvedAlignmentScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw the heights over time."""
     return {"vertical-tracking": plot_heights(scenario, outcome)}
+
+
+_WITHOUT: Final[Style] = {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.8}
+_ADDED: Final[Style] = {"color": "#7a4100", "linestyle": "-.", "linewidth": 1.3}
+_RUNS: Final = (
+    ("uncompensated", "without compensation", _WITHOUT),
+    ("compensated", "with compensation by sight", FSM),
+)
+
+
+def plot_heights(scenario: ResolvedAlignmentScenario, outcome: Outcome) -> Figure:
+    """Draw height, error and compensation over time."""
+    traces, goal = outcome.traces, scenario.mouth[2]
+    time, desired = traces["time"], traces["desired_height"]
+    figure = new_figure(10.0, 7.5)
+    height, error = figure.subplots(2, 1, sharex=True)
+    height.plot(time, 1e3 * desired, label="desired", **DESIRED)
+    for name, label, style in _RUNS:
+        height.plot(time, 1e3 * traces[f"{name}_height"], label=label, **style)
+    dress(height, title="(a) Height of the peg's tip", x="", y="height / mm")
+    legend(height, loc="lower right")
+    zone = 1e3 * scenario.compensator.lateral.closed.dead_zone * scenario.cameras.pixel_size
+    error.axhspan(-zone, zone, label="dead zone", **BAND)
+    error.axhline(1e3 * DROOP, label="published: 1.5 mm low", **PUBLISHED)
+    for name, label, style in _RUNS:
+        off = traces[f"{name}_height"] - desired
+        error.plot(time, 1e3 * off, label=label, **style)
+    error.plot(time, 1e3 * traces["compensation"], label="compensation added", **_ADDED)
+    title = f"(b) Actual minus desired height, and compensation; goal {1e3 * goal:g} mm"
+    dress(error, title=title, x="time / s", y="error / mm")
+    legend(error, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=5)
+    error.set_xlim(0.0, float(time[-1]))
+    return figure

@@ -10,8 +10,8 @@ from pydrake.math import RigidTransform, RotationMatrix
 from chamfer.analysis.report.replay import record, set_stage
 from chamfer.analysis.scenario.experiment import Outcome, Table
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
-from chamfer.diagrams.cell.cell_cameras import VIEWS
-from chamfer.diagrams.cell.work_cell import ArmName, ArmSettings, WorkCellScenario
+from chamfer.diagrams.cell.cell_vision import VIEWS
+from chamfer.diagrams.cell.work_cell import ArmName, CellArmSettings, WorkCellScenario
 from chamfer.diagrams.cell.work_cell_view import make_work_cell_view
 from chamfer.models.cameras.camera import Camera
 
@@ -53,7 +53,7 @@ def replay_alignment(scenario: AlignmentScenario, outcome: Outcome, meshcat: Mes
 
 def _foot(scenario: WorkCellScenario, arm: ArmName) -> float:
     """Return how high an arm's foot is, m."""
-    settings: ArmSettings = getattr(scenario, arm)
+    settings: CellArmSettings = getattr(scenario, arm)
     X_WB = settings.base.transform @ settings.base_error.transform
     return float(X_WB.translation()[2]) - settings.arm.base_height
 

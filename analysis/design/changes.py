@@ -7,7 +7,12 @@ from operator import attrgetter
 from typing import Final
 
 from chamfer.analysis.design.design import assess, chain
-from chamfer.analysis.design.design_scenario import FEWEST, DesignScenario, resolve_design
+from chamfer.analysis.design.design_scenario import (
+    FEWEST,
+    DesignScenario,
+    ResolvedDesignScenario,
+    resolve_design,
+)
 from chamfer.analysis.design.detection import sight
 from chamfer.analysis.design.link import Link, tightest
 from chamfer.analysis.design.settling import draw_errors
@@ -213,7 +218,7 @@ def changed(scenario: DesignScenario, path: str, value: float) -> DesignScenario
     raise ParameterError("path", path, ", ".join(field.path for field in FIELDS))
 
 
-def _of(resolved: DesignScenario, seed: int) -> Links:
+def _of(resolved: ResolvedDesignScenario, seed: int) -> Links:
     """Return the chain with as few drawn errors as say something."""
     seen = sight(resolved)
     found = chain(resolved, seen, draw_errors(resolved, seen, seed, FEWEST))

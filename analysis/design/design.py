@@ -12,7 +12,7 @@ import scipy  # whose submodules are imported where they are used
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_metrics import CONFIDENCE, trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
-from chamfer.analysis.design.design_scenario import DesignScenario, drawn_design, target_of
+from chamfer.analysis.design.design_scenario import ResolvedDesignScenario, drawn_design, target_of
 from chamfer.analysis.design.detection import Sight, sight, sight_links
 from chamfer.analysis.design.insertion_links import (
     Starts,
@@ -26,7 +26,7 @@ from chamfer.analysis.design.link import Link, tightest
 from chamfer.analysis.design.settling import DrawnErrors, draw_errors, settling_links
 from chamfer.analysis.insertion.cell_runs import ending, insertion_metrics, run_cell_insertion
 from chamfer.analysis.scenario.experiment import Progress
-from chamfer.models.peg_theory.fed_insertion import Verdict as Planar
+from chamfer.models.peg_theory.fed_insertion import FeedVerdict as Planar
 from chamfer.models.peg_theory.fed_insertion import largest_push, limits
 
 Verdict = Literal["certain", "likely", "no"]
@@ -58,7 +58,7 @@ class Design:
         return self.limiting.share
 
 
-def assess(scenario: DesignScenario, seed: int = 0, *, draws: int | None = None) -> Design:
+def assess(scenario: ResolvedDesignScenario, seed: int = 0, *, draws: int | None = None) -> Design:
     """Return what theory says of an insertion; nothing is simulated.
 
     Certain: every link's bound is within its limit, and so are all drawn errors. No: of the drawn
@@ -91,7 +91,7 @@ def assess(scenario: DesignScenario, seed: int = 0, *, draws: int | None = None)
     )
 
 
-def chain(scenario: DesignScenario, seen: Sight, drawn: DrawnErrors) -> tuple[Link, ...]:
+def chain(scenario: ResolvedDesignScenario, seen: Sight, drawn: DrawnErrors) -> tuple[Link, ...]:
     """Return the links from the cameras to the seated peg, of a resolved scenario.
 
     Where no drawn errors become small enough to insert, the chain ends there.
@@ -116,7 +116,7 @@ def interval(inside: int, count: int) -> tuple[float, float]:
 
 
 def _inside(
-    scenario: DesignScenario, seen: Sight, links: tuple[Link, ...], drawn: DrawnErrors
+    scenario: ResolvedDesignScenario, seen: Sight, links: tuple[Link, ...], drawn: DrawnErrors
 ) -> tuple[int, int]:
     """Return how many draws are inside all limits, and how many could go in."""
     begun = (drawn.force <= scenario.insert.force_limit) & drawn.decided
@@ -153,7 +153,7 @@ class Verified:
     warning: str  # that the prediction is contradicted, in a sentence; "": it is not
 
 
-def insert_drawn(scenario: DesignScenario, seed: int, trial: int) -> Row:
+def insert_drawn(scenario: ResolvedDesignScenario, seed: int, trial: int) -> Row:
     """Simulate one insertion with drawn errors; it depends on its arguments alone.
 
     Returns:
@@ -171,7 +171,7 @@ def insert_drawn(scenario: DesignScenario, seed: int, trial: int) -> Row:
 
 
 def verify(
-    scenario: DesignScenario, design: Design, trials: int, seed: int, progress: Progress
+    scenario: ResolvedDesignScenario, design: Design, trials: int, seed: int, progress: Progress
 ) -> Verified:
     """Simulate insertions with drawn errors, and put them beside the prediction.
 

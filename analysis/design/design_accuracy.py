@@ -26,7 +26,7 @@ from chamfer.analysis.scenario.experiment import (
     column,
 )
 from chamfer.diagrams.cell.work_cell import HoleKind
-from chamfer.diagrams.insertion.insertion_scenario import FEED_SPEED
+from chamfer.diagrams.insertion.insertion import FEED_SPEED
 from chamfer.models.validation import ParameterError, require_one_of, require_positive
 
 _MOST: Final = 10_000

@@ -5,12 +5,16 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Final, TypeVar
 
-from chamfer.analysis.cell.alignment_trials import Spread, drawn, require_starts
+from chamfer.analysis.cell.alignment_runs import Spread, drawn, require_starts
 from chamfer.analysis.cell.camera_error_runs import with_drawn_errors
-from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
-from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.diagrams.insertion.insertion import (
+    InsertionScenario,
+    ResolvedInsertionScenario,
+    resolve_as,
+)
+from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg.support import Support
-from chamfer.models.validation import ParameterError, known
+from chamfer.models.validation import ParameterError
 from chamfer.systems.strategies.insertion_decision import InsertionRegion
 
 FEWEST: Final = 72  # draws, of which none inside says with 95 % that less than 5 % are
@@ -49,18 +53,23 @@ class DesignScenario(InsertionScenario):
                 raise ParameterError(name, getattr(self, name), f"{least} to {most}")
 
 
+@dataclass(frozen=True, kw_only=True)
+class ResolvedDesignScenario(ResolvedInsertionScenario, DesignScenario):
+    """The same with nothing left open."""
+
+
 ScenarioT = TypeVar("ScenarioT", bound=DesignScenario)
 
 
-def resolve_design(scenario: ScenarioT) -> ScenarioT:
+def resolve_design(scenario: DesignScenario) -> ResolvedDesignScenario:
     """Resolve the insertion, once it is sure that every start has something to see.
 
     Raises:
         ParameterError: If a part is out of an image at a start, or the cell can't be built.
     """
-    scenario = resolve(scenario)
-    require_starts(scenario, scenario.spread)
-    return scenario
+    resolved = resolve_as(ResolvedDesignScenario, scenario)
+    require_starts(resolved, resolved.spread)
+    return resolved
 
 
 def drawn_design(scenario: ScenarioT, seed: int, trial: int) -> ScenarioT:
@@ -73,15 +82,15 @@ def drawn_design(scenario: ScenarioT, seed: int, trial: int) -> ScenarioT:
     return with_drawn_errors(one, seed, trial, share, OFF_AXIS) if share else one
 
 
-def region_of(scenario: InsertionScenario) -> InsertionRegion:
+def region_of(scenario: ResolvedInsertionScenario) -> InsertionRegion:
     """Return the errors with which the peg finds its hole and does not wedge, as is believed."""
     return _region(scenario.parts, scenario.wedging_support)
 
 
-def target_of(scenario: InsertionScenario) -> float:
+def target_of(scenario: ResolvedInsertionScenario) -> float:
     """Return how deep the tip is to be, m."""
     bore = scenario.parts.bore_depth
-    return min(known("insert.depth", scenario.insert.depth), math.inf if bore is None else bore)
+    return min(scenario.insert.depth, math.inf if bore is None else bore)
 
 
 @lru_cache(maxsize=64)

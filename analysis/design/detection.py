@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from chamfer.analysis.cell.camera_error_runs import with_drawn_errors
-from chamfer.analysis.design.design_scenario import OFF_AXIS, DesignScenario, target_of
+from chamfer.analysis.design.design_scenario import OFF_AXIS, ResolvedDesignScenario, target_of
 from chamfer.analysis.design.link import Link, at_least
-from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
-from chamfer.diagrams.cell.cell_cameras import VIEWS
-from chamfer.diagrams.cell.cell_vision import looks_in
-from chamfer.diagrams.cell.start_apart import wrong_pose
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, wrong_pose
+from chamfer.diagrams.cell.cell_vision import VIEWS, looks_in
 from chamfer.diagrams.cell.still_vision import StillVision
 from chamfer.models.peg.peg_and_hole import OF_CONTACT, ColouredParts
 from chamfer.systems.cameras.camera_image import Image, add_noise
@@ -61,7 +59,7 @@ class Sight(NamedTuple):
         return self.starts > 0 and self.way[0] > 0 and not lost
 
 
-def sight(scenario: DesignScenario) -> Sight:
+def sight(scenario: ResolvedDesignScenario) -> Sight:
     """Return what the cameras measure, by drawn pictures and by the law of edges.
 
     The bias is that of a picture without noise of the aligned parts, with the true cameras, their
@@ -77,7 +75,7 @@ def sight(scenario: DesignScenario) -> Sight:
     return _sight(_seen(scenario), starts, share, way)
 
 
-def sight_links(scenario: DesignScenario, seen: Sight) -> list[Link]:
+def sight_links(scenario: ResolvedDesignScenario, seen: Sight) -> list[Link]:
     """Return whether the parts are found: before the insertion, and on the way into the hole."""
     if seen.starts < seen.of_starts:
         source = f"both parts found in {seen.starts} of {seen.of_starts} drawn pictures"
@@ -175,7 +173,7 @@ def _is_found(error: Array) -> bool:
     return bool(np.isfinite(error[list(NEEDED)]).all())
 
 
-def _seen(scenario: DesignScenario) -> AlignmentScenario:
+def _seen(scenario: ResolvedDesignScenario) -> AlignmentScenario:
     """Return what of a scenario the cameras see, without what they don't."""
     usual = {name: getattr(ColouredParts, name) for name in OF_CONTACT}
     return AlignmentScenario(
@@ -187,7 +185,7 @@ def _seen(scenario: DesignScenario) -> AlignmentScenario:
     )
 
 
-def _corners(scenario: DesignScenario) -> tuple[tuple[float, ...], ...]:
+def _corners(scenario: ResolvedDesignScenario) -> tuple[tuple[float, ...], ...]:
     """Return the initial errors of two opposite starts."""
     far = scenario.spread
     reach = (0.0, far.lateral, far.lateral, 0.0, far.rotational, far.rotational)

@@ -11,14 +11,13 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.analysis.design.design_scenario import DesignScenario, target_of
+from chamfer.analysis.design.design_scenario import ResolvedDesignScenario, target_of
 from chamfer.analysis.design.detection import Sight
 from chamfer.analysis.design.link import Link, at_most
 from chamfer.analysis.design.settling import ACROSS, DrawnErrors, arm_at_tool
 from chamfer.models.peg.support import Support
-from chamfer.models.peg_theory.planar_limits import sits_on_edge
 from chamfer.models.peg_theory.planar_statics import equilibrium
-from chamfer.models.peg_theory.wedging import sliding_bounds, wedging_bounds
+from chamfer.models.peg_theory.wedging import sits_on_edge, sliding_bounds, wedging_bounds
 from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
 from chamfer.systems.strategies.insertion_decision import SURE
 from chamfer.systems.vision.cell_error import AXES
@@ -45,7 +44,7 @@ class Starts(NamedTuple):
         return Starts(self.lateral[rows_once], self.tilt[rows_once])
 
 
-def start_link(scenario: DesignScenario) -> Link:
+def start_link(scenario: ResolvedDesignScenario) -> Link:
     """Return what the springs pull with as the arms begin: commands are off, and not yet tared.
 
     The chart stops where the arm's springs say more than the limit in any direction.
@@ -57,7 +56,7 @@ def start_link(scenario: DesignScenario) -> Link:
     return at_most("start.force", force, scenario.insert.force_limit, "N", source)
 
 
-def time_link(scenario: DesignScenario, drawn: DrawnErrors) -> list[Link]:
+def time_link(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> list[Link]:
     """Return how long it takes until the errors are small enough to insert, if that decides."""
     if scenario.decide.kind != "margin":
         return []
@@ -66,7 +65,7 @@ def time_link(scenario: DesignScenario, drawn: DrawnErrors) -> list[Link]:
     return [at_most("time", slowest, scenario.decide.timeout, "s", source)]
 
 
-def region_links(scenario: DesignScenario, starts: Starts) -> list[Link]:
+def region_links(scenario: ResolvedDesignScenario, starts: Starts) -> list[Link]:
     """Return chamfers' reach, wedging, and jamming, by the exact limits of the parts there are."""
     parts, support = scenario.there.parts, scenario.wedging_support
     lateral = float(starts.lateral.max())
@@ -87,7 +86,9 @@ def region_links(scenario: DesignScenario, starts: Starts) -> list[Link]:
     return links
 
 
-def stiffened(scenario: DesignScenario, support: Support, lateral: float, tilt: float) -> Support:
+def stiffened(
+    scenario: ResolvedDesignScenario, support: Support, lateral: float, tilt: float
+) -> Support:
     """Return a support with the joints' dry friction as if it were stiffness.
 
     A spring that is moved by an error pushes with its own force and what the joints hold: the
@@ -107,7 +108,7 @@ def stiffened(scenario: DesignScenario, support: Support, lateral: float, tilt: 
     )
 
 
-def worst_push(scenario: DesignScenario, starts: Starts) -> tuple[float, float]:
+def worst_push(scenario: ResolvedDesignScenario, starts: Starts) -> tuple[float, float]:
     """Return the largest forces on the way in, along and across, N, by exact statics.
 
     Infinite where no push slides the peg.
@@ -125,7 +126,7 @@ def worst_push(scenario: DesignScenario, starts: Starts) -> tuple[float, float]:
     return axial, across
 
 
-def force_links(scenario: DesignScenario, starts: Starts) -> list[Link]:
+def force_links(scenario: ResolvedDesignScenario, starts: Starts) -> list[Link]:
     """Return the push that is needed, and what the arm feels, against their limits."""
     insert, (axial, across) = scenario.insert, worst_push(scenario, starts)
     push = axial + 2 * float(arm_at_tool(scenario, "peg").wound[0])
@@ -140,7 +141,7 @@ def force_links(scenario: DesignScenario, starts: Starts) -> list[Link]:
     ]
 
 
-def edge_force(scenario: DesignScenario, starts: Starts) -> float:
+def edge_force(scenario: ResolvedDesignScenario, starts: Starts) -> float:
     """Return the push, N, that turns a peg upright whose rim may sit on the bore's edge, or 0.
 
     The two points on which it sits, across the plane of the errors, are a radius from the middle:
@@ -161,7 +162,7 @@ def edge_force(scenario: DesignScenario, starts: Starts) -> float:
     return float(springs.angular_stiffness * tilt / lever)
 
 
-def depth_link(scenario: DesignScenario, seen: Sight) -> Link:
+def depth_link(scenario: ResolvedDesignScenario, seen: Sight) -> Link:
     """Return how far short the peg may stop because the gap is known by the cameras alone."""
     along = AXES.index("x")
     frames = scenario.decide.frames

@@ -13,15 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.analysis.cell.alignment_runs import true_errors
-from chamfer.analysis.design.design_scenario import DesignScenario, region_of
+from chamfer.analysis.design.design_scenario import ResolvedDesignScenario, region_of
 from chamfer.analysis.design.detection import Sight
 from chamfer.analysis.design.link import Link, at_most
 from chamfer.diagrams.cell.alignment import SHARES
+from chamfer.diagrams.cell.alignment_scenario import KINDS, Kind, true_pose, wrong_pose
 from chamfer.diagrams.cell.controller_design import arm_responses, small_share
-from chamfer.diagrams.cell.six_axis_settings import KINDS, Kind
-from chamfer.diagrams.cell.start_apart import true_pose, wrong_pose
-from chamfer.diagrams.cell.work_cell import ArmName, ArmSettings, WorkCellScenario
-from chamfer.models.validation import known
+from chamfer.diagrams.cell.work_cell import ArmName, CellArmSettings, WorkCellScenario
 from chamfer.systems.force.arm_model import tool_friction
 from chamfer.systems.pose import pose_vector
 from chamfer.systems.servo.compensated_error import (
@@ -68,7 +66,7 @@ class Loop(NamedTuple):
     reach: float  # likewise, to both sides
 
 
-def arm_at_tool(scenario: DesignScenario, arm: ArmName) -> ArmAtTool:
+def arm_at_tool(scenario: ResolvedDesignScenario, arm: ArmName) -> ArmAtTool:
     """Return what dry friction, the most that is drawn, and unknown masses are at an arm's tool.
 
     The arm is at rest on its springs: deflections are those of the wrench over the stiffness.
@@ -87,7 +85,7 @@ def arm_at_tool(scenario: DesignScenario, arm: ArmName) -> ArmAtTool:
 
 @lru_cache(maxsize=64)
 def _arm_at_tool(scenario: WorkCellScenario, arm: ArmName, more_friction: float) -> ArmAtTool:
-    settings: ArmSettings = getattr(scenario, arm)
+    settings: CellArmSettings = getattr(scenario, arm)
     model = settings.known_arm()
     state = model.evaluate(scenario.rest_posture(arm))
     axes = scenario.hole_axes.matrix()
@@ -102,14 +100,14 @@ def _arm_at_tool(scenario: WorkCellScenario, arm: ArmName, more_friction: float)
 
 
 @lru_cache(maxsize=32)
-def loops(scenario: DesignScenario) -> dict[str, Loop]:
+def loops(scenario: ResolvedDesignScenario) -> dict[str, Loop]:
     """Return the loop of every axis across, from what is resolved.
 
     Both arms share the compensation as the diagram does. Friction is a play: a spring of the
     stiffness against what the joints hold, so that at 5 N m/rad the wrist's friction is worth
     some ten milliradians.
     """
-    shares = SHARES[known("compensated", scenario.compensated)]
+    shares = SHARES[scenario.compensated]
     responses = arm_responses(scenario)
     at_tool = {arm: arm_at_tool(scenario, arm) for arm in scenario.arms}
     stiffness = (*scenario.impedance.stiffness, *scenario.impedance.rotational_stiffness)
@@ -142,7 +140,7 @@ def loops(scenario: DesignScenario) -> dict[str, Loop]:
     return found
 
 
-def start_error(scenario: DesignScenario) -> Array:
+def start_error(scenario: ResolvedDesignScenario) -> Array:
     """Return the true error, desired minus actual, that commands and bases make, shape (6,).
 
     Of the middle of the starts, in AXES' order along and about the hole's axes, m and rad.
@@ -158,7 +156,7 @@ def start_error(scenario: DesignScenario) -> Array:
     return np.concatenate([way, turn])
 
 
-def settled(scenario: DesignScenario, seen: Sight) -> Array:
+def settled(scenario: ResolvedDesignScenario, seen: Sight) -> Array:
     """Return the bound on the true error that is left of every axis, m and rad, shape (6,).
 
     At rest the measured error is inside the state machine's dead zone, by the settling theorem,
@@ -181,7 +179,7 @@ def settled(scenario: DesignScenario, seen: Sight) -> Array:
     return found
 
 
-def metric_axis(scenario: DesignScenario, kind: Kind) -> AxisParams:
+def metric_axis(scenario: ResolvedDesignScenario, kind: Kind) -> AxisParams:
     """Return one of the state machine's elements in m and rad instead of pixels."""
     axis: AxisParams = getattr(scenario.compensator, kind).closed
     if kind == "rotational":
@@ -190,7 +188,7 @@ def metric_axis(scenario: DesignScenario, kind: Kind) -> AxisParams:
     return replace(axis, dead_zone=pixel * axis.dead_zone, large_error=pixel * axis.large_error)
 
 
-def metric_gains(scenario: DesignScenario, kind: Kind) -> PidGains:
+def metric_gains(scenario: ResolvedDesignScenario, kind: Kind) -> PidGains:
     """Return one of the PID laws for errors in m and rad instead of pixels."""
     gains: PidGains = getattr(scenario.pid, kind).closed
     pixel = scenario.cameras.pixel_size if kind == "lateral" else 1.0
@@ -200,7 +198,7 @@ def metric_gains(scenario: DesignScenario, kind: Kind) -> PidGains:
     return replace(gains, **more)
 
 
-def settling_links(scenario: DesignScenario, seen: Sight) -> list[Link]:
+def settling_links(scenario: ResolvedDesignScenario, seen: Sight) -> list[Link]:
     """Return the links of the compensation: that it rests, how near, and how far it has to go."""
     left, region = settled(scenario, seen), region_of(scenario)
     lateral, tilt = (
@@ -243,10 +241,10 @@ def _padded(plant: SettlingPlant, length: int) -> Array:
 
 
 def _moved(
-    scenario: DesignScenario, at_tool: Mapping[ArmName, ArmAtTool], arm: ArmName
+    scenario: ResolvedDesignScenario, at_tool: Mapping[ArmName, ArmAtTool], arm: ArmName
 ) -> tuple[Array, Array]:
     """Return where unknown masses move a tool to, and how unsure that is, m and rad, (6,)."""
-    settings: ArmSettings = getattr(scenario, arm)
+    settings: CellArmSettings = getattr(scenario, arm)
     one, spread = at_tool[arm], scenario.spread
     middle = one.payload + (settings.mass_scale - 1) * one.links
     off = spread.payload * one.payload, settings.mass_scale * spread.link_mass * one.links
@@ -271,7 +269,9 @@ class DrawnErrors(NamedTuple):
         return np.isfinite(self.time)
 
 
-def draw_errors(scenario: DesignScenario, seen: Sight, seed: int, draws: int) -> DrawnErrors:
+def draw_errors(
+    scenario: ResolvedDesignScenario, seen: Sight, seed: int, draws: int
+) -> DrawnErrors:
     """Return the errors of drawn starts, models and pictures as the parts touch.
 
     Every axis is a loop of its own: linear arms behind the play of their dry friction, measured
@@ -313,7 +313,7 @@ def draw_errors(scenario: DesignScenario, seen: Sight, seed: int, draws: int) ->
     )
 
 
-def _law(scenario: DesignScenario) -> Law:
+def _law(scenario: ResolvedDesignScenario) -> Law:
     if scenario.compensated == "none":
         return no_law
     if scenario.controller.kind == "fsm":
@@ -321,7 +321,9 @@ def _law(scenario: DesignScenario) -> Law:
     return pid_law([metric_gains(scenario, kind) for kind in _KINDS])
 
 
-def _until_touch(scenario: DesignScenario, errors: CompensatedErrors) -> tuple[Array, Array]:
+def _until_touch(
+    scenario: ResolvedDesignScenario, errors: CompensatedErrors
+) -> tuple[Array, Array]:
     """Run the loops until all draws touch, or it is too late to decide.
 
     Returns:
@@ -329,7 +331,7 @@ def _until_touch(scenario: DesignScenario, errors: CompensatedErrors) -> tuple[A
     """
     decide, insert, period = scenario.decide, scenario.insert, scenario.cameras.frames.period
     running = insert.compensation == "running"
-    feed = scenario.gap / known("insert.speed", insert.speed)
+    feed = scenario.gap / insert.speed
     approach = math.ceil((insert.pause + feed) / period) if running else 0
     waits = {"margin": decide.timeout, "wait": scenario.compensation_time, "at_once": 0.0}
     last = math.floor(waits[decide.kind] / period)

@@ -1,4 +1,4 @@
-"""One insertion in the work cell, from pixels on: simulated, and measured against the truth."""
+"""One insertion in the work cell: simulated, measured against the truth, and by planar theory."""
 
 import math
 import time
@@ -13,13 +13,24 @@ from chamfer.analysis.campaign.trial_metrics import Quantity
 from chamfer.analysis.cell.alignment_runs import Traces, alignment_traces, row_before
 from chamfer.analysis.insertion.insertion_runs import median
 from chamfer.analysis.linear.simulate import simulate
-from chamfer.analysis.scenario.experiment import Progress, Table, column
-from chamfer.diagrams.insertion.insertion import TASK, make_insertion_diagram, task_params
-from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario
+from chamfer.analysis.scenario.experiment import Metric, Progress, Table, column
+from chamfer.diagrams.insertion.insertion import (
+    TASK,
+    ResolvedInsertionScenario,
+    make_insertion_diagram,
+    task_params,
+)
+from chamfer.models.peg.peg_and_hole import PegAndHole
+from chamfer.models.peg_theory.fed_insertion import FeedPrediction, FeedVerdict, predict_feed
+from chamfer.models.peg_theory.wedging import jamming_level
 from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, SEATED, ContactState
 from chamfer.systems.statechart.chart import Chart
-from chamfer.systems.strategies.insertion_chart import STOPPED, make_insertion_chart
-from chamfer.systems.strategies.insertion_memory import WORDS, Trouble
+from chamfer.systems.strategies.insertion_chart import (
+    STOPPED,
+    WORDS,
+    InsertionTrouble,
+    make_insertion_chart,
+)
 from chamfer.systems.strategies.insertion_task import InsertionTask
 
 Array = NDArray[np.float64]
@@ -58,7 +69,7 @@ _CONTACT: Final = ("state", "depth", "loss")
 _MOUTH, _TIP, _BOTTOM = (FEATURES.index(name) for name in ("mouth", "tip", "bottom"))
 
 
-class Step(NamedTuple):
+class TaskTransition(NamedTuple):
     """A transition that the task took."""
 
     time: float  # s
@@ -71,7 +82,7 @@ class CellInsertion(NamedTuple):
     """A finished run; the traces have a row a step of the plant."""
 
     traces: Traces
-    path: tuple[Step, ...]
+    path: tuple[TaskTransition, ...]
     states: tuple[str, ...]  # names of the chart's states, by their numbers
     cpu_seconds: float
 
@@ -93,7 +104,7 @@ class CellInsertion(NamedTuple):
 
 
 def run_cell_insertion(
-    scenario: InsertionScenario,
+    scenario: ResolvedInsertionScenario,
     seed: int,
     progress: Progress | None = None,
     *,
@@ -151,7 +162,7 @@ def run_cell_insertion(
         traces[f"measured_{name}_uncertainty"] = outputs["measured"][:, 2 + i]
     assert run.final is not None
     context = task.GetMyContextFromRoot(run.final)
-    path = tuple(Step(*one[:4]) for one in task.transitions(context))
+    path = tuple(TaskTransition(*one[:4]) for one in task.transitions(context))
     return CellInsertion(traces, path, task.chart.state_names, cpu)
 
 
@@ -161,7 +172,7 @@ def force_medians(traces: Table, step: float) -> tuple[Array, Array]:
     return -x, np.hypot(y, z)
 
 
-def target_depth(scenario: InsertionScenario) -> float:
+def target_depth(scenario: ResolvedInsertionScenario) -> float:
     """Return how deep the tip is to be, m."""
     return task_params(scenario).target
 
@@ -184,7 +195,9 @@ def touch_row(done: CellInsertion) -> int | None:
     return int(rows[0]) if len(rows) else None
 
 
-def insertion_metrics(done: CellInsertion, scenario: InsertionScenario) -> dict[str, float | None]:
+def insertion_metrics(
+    done: CellInsertion, scenario: ResolvedInsertionScenario
+) -> dict[str, float | None]:
     """Measure a run, see :data:`INSERTION`; a value is None where it is undefined."""
     traces, values = done.traces, dict[str, float | None].fromkeys(INSERTION)
     moments, depth = traces["time"], traces["depth"]
@@ -234,7 +247,7 @@ def insertion_metrics(done: CellInsertion, scenario: InsertionScenario) -> dict[
 
 
 def _stopped(
-    done: CellInsertion, axial: Array, scenario: InsertionScenario
+    done: CellInsertion, axial: Array, scenario: ResolvedInsertionScenario
 ) -> dict[str, float | None]:
     """Return what held the peg of the last attempt that was stopped, by the truth.
 
@@ -261,13 +274,13 @@ def _stopped(
     }
 
 
-def ending(done: CellInsertion, scenario: InsertionScenario) -> str:
+def ending(done: CellInsertion, scenario: ResolvedInsertionScenario) -> str:
     """Return how a run ended, in a few words."""
     metrics = insertion_metrics(done, scenario)
     depth = f"{1e3 * float(done.traces['depth'][-1]):.1f} mm deep"
     if done.state == "seated":
         return f"seated, {depth}" if metrics["seated"] else f"said to be seated, but {depth}"
-    trouble = WORDS[Trouble(int(done.traces["trouble"][-1]))]
+    trouble = WORDS[InsertionTrouble(int(done.traces["trouble"][-1]))]
     if done.state == "gave_up":
         attempts = int(done.traces["attempts"][-1])
         return f"gave up after {attempts} attempt{'s' * (attempts != 1)}: {trouble}"
@@ -276,7 +289,7 @@ def ending(done: CellInsertion, scenario: InsertionScenario) -> str:
     return f"not over after {done.traces['time'][-1]:.4g} s, in {done.state}"
 
 
-def path_table(path: Sequence[Step]) -> Table:
+def path_table(path: Sequence[TaskTransition]) -> Table:
     """Return the columns of the transitions taken, as the chart's drawing wants them."""
     names = {
         name: np.array([getattr(one, of) for one in path], dtype=np.str_)
@@ -290,7 +303,7 @@ def path_table(path: Sequence[Step]) -> Table:
     return {"time": column([one.time for one in path]), **names}
 
 
-def insertion_charts(scenario: InsertionScenario) -> tuple[Chart[Any, Any], ...]:
+def insertion_charts(scenario: ResolvedInsertionScenario) -> tuple[Chart[Any, Any], ...]:
     """Return the task's chart; the compensator's are those of the alignment."""
     return (make_insertion_chart(task_params(scenario)),)
 
@@ -315,3 +328,119 @@ def errors_in_one_plane(traces: Table, row: int) -> tuple[float, float]:
     (y, tilt_y), (z, tilt_z) = ((float(e[row]), float(t[row])) for e, t in planes.values())
     adds = y * tilt_y + z * tilt_z
     return math.hypot(y, z), math.copysign(math.hypot(tilt_y, tilt_z), adds)
+
+
+_UNITS: Final = {
+    "predicted.seated": "",
+    "predicted.force.axial": "N",
+    "predicted.two_point.onset": "m",
+    "predicted.may_wedge": "",
+    "touch.margin": "%",
+}
+_ASIDE: Final = 0.1  # share of an error that may be out of the plane of the theory
+_HELD: Final = "the errors at the touch held, no friction in the joints, quasi-static"
+
+
+def predict(scenario: ResolvedInsertionScenario, done: CellInsertion) -> dict[str, Metric]:
+    """Return what theory says of the last attempt, and the margin that its touch had."""
+    row = touch_row(done)
+    if row is None:
+        never = "it never touches"
+        return {name: Metric(value=None, unit=unit, note=never) for name, unit in _UNITS.items()}
+    if not (scenario.parts.is_round or _along_faces(done, row)):
+        across = "square parts, and errors in no plane along faces: the theory is planar"
+        return {name: Metric(value=None, unit=unit, note=across) for name, unit in _UNITS.items()}
+    lateral, tilt = errors_in_one_plane(done.traces, row)
+    params = task_params(scenario)
+    found = predict_at(scenario, lateral, tilt)
+    verdict = FeedVerdict(int(found.verdict))
+    axial, onset = float(found.axial), float(found.onset)
+    slides = math.isfinite(axial)
+    margin = 100 * params.region.margin(lateral, abs(tilt))
+    values = {
+        "predicted.seated": (
+            None if verdict is FeedVerdict.MAY else float(verdict is FeedVerdict.SAFE),
+            f"{_HELD}; it may wedge or sit on the edge" if verdict is FeedVerdict.MAY else _HELD,
+        ),
+        "predicted.force.axial": (
+            axial if slides else None,
+            f"largest; {_HELD}" if slides else "no push slides it",
+        ),
+        "predicted.two_point.onset": (
+            onset if math.isfinite(onset) else None,
+            f"l; {_HELD}" if math.isfinite(onset) else "two points never touch",
+        ),
+        "predicted.may_wedge": (float(found.may_wedge), "1: two points may hold it"),
+        "touch.margin": (margin, "of the region free of wedging, the worst signs; < 0: outside"),
+    }
+    return {
+        name: Metric(value=value, unit=_UNITS[name], note=note)
+        for name, (value, note) in values.items()
+    }
+
+
+def _along_faces(done: CellInsertion, row: int) -> bool:
+    """Whether lateral error and tilt are in one of the planes along the faces of square parts."""
+    planes = errors_in_planes(done.traces).values()
+    one, other = (np.abs([float(e[row]), float(t[row])]) for e, t in planes)
+    return bool((one <= _ASIDE * other).all() or (other <= _ASIDE * one).all())
+
+
+def predict_at(scenario: ResolvedInsertionScenario, lateral: float, tilt: float) -> FeedPrediction:
+    """Return what theory says of errors in one plane, m and rad."""
+
+    def push_at(depth: Array) -> Array:
+        return np.full(np.shape(depth), scenario.insert.push)
+
+    return predict_feed(
+        scenario.parts,
+        scenario.support_at,
+        push_at,
+        lateral,
+        tilt,
+        depth=task_params(scenario).target,
+    )
+
+
+_PUSHED: Final = 0.05  # N, the least push whose direction says something
+_IN_BORE: Final = (ContactState.ONE_POINT, ContactState.TWO_POINT, ContactState.SEATED)
+
+
+class PlanarLoads(NamedTuple):
+    """Loads of the support on the peg in one plane, a row a moment."""
+
+    time: Array  # s
+    depth: Array  # l, m
+    force_ratio: Array  # F_x / F_z
+    moment_ratio: Array  # M / (r F_z)
+    level: Array  # in the diagram, 1 on its sides
+
+    @property
+    def size(self) -> int:
+        """How many there are."""
+        return len(self.time)
+
+
+def loads_in_planes(traces: Table, parts: PegAndHole, step: float) -> dict[str, PlanarLoads]:
+    """Return the loads in the planes XY and XZ while the peg is pushed in the bore.
+
+    They are what the hole does to the peg, reversed, as medians of 10 ms; the moment is about the
+    middle between the tip's corners.
+    """
+    down = -median(traces["force_x"], step)
+    turning = {"xy": -median(traces["moment_z"], step), "xz": median(traces["moment_y"], step)}
+    l_of = traces["depth"] - parts.chamfer_height
+    pushed = np.isin(traces["contact_state"], _IN_BORE) & (down > _PUSHED) & (l_of > 0)
+    height = parts.peg_chamfer.height
+    found = {}
+    for plane, (lateral, tilt) in errors_in_planes(traces).items():
+        across = -median(traces[f"force_{plane[1]}"], step)
+        x, y = traces["depth"] - height * np.cos(tilt), lateral + height * np.sin(tilt)
+        moment = turning[plane] - (x * across - y * down)
+        force_ratio = across[pushed] / down[pushed]
+        moment_ratio = moment[pushed] / (parts.peg_radius * down[pushed])
+        level = jamming_level(parts, force_ratio, moment_ratio, l_of[pushed])
+        found[plane] = PlanarLoads(
+            traces["time"][pushed], l_of[pushed], force_ratio, moment_ratio, level
+        )
+    return found

@@ -1,41 +1,53 @@
 """From pixels to a seated peg: the cameras align, a chart decides and inserts (section 5)."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Final
 
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.trial_metrics import over_trials
-from chamfer.analysis.cell.alignment_figures import plot_moments
-from chamfer.analysis.cell.alignment_pictures import pictures_at
+from chamfer.analysis.cell.alignment import pictures_at, plot_moments
 from chamfer.analysis.cell.alignment_runs import row_before, settling_metrics
 from chamfer.analysis.drawing.chart_path import plot_chart_path
-from chamfer.analysis.insertion.cell_prediction import predict
+from chamfer.analysis.drawing.figure_style import (
+    FORCE,
+    LIMIT,
+    POSITION,
+    Style,
+    dress,
+    legend,
+    new_figure,
+)
 from chamfer.analysis.insertion.cell_runs import (
     INSERTION,
     CellInsertion,
     ending,
+    errors_in_planes,
+    force_medians,
     insertion_charts,
     insertion_metrics,
+    loads_in_planes,
     path_table,
+    predict,
     run_cell_insertion,
     touch_row,
 )
-from chamfer.analysis.insertion.insertion_figures import plot_course, plot_loads
-from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
-from chamfer.diagrams.cell.in_view import require_fine_enough
-from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
-from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
-
-# Close, nearly aligned, fast, not deep.
-REDUCED = (
-    "begin=0.2",
-    "gap=0.01",
-    "initial_error=[0, 0.001, -0.001, 0, 0.01, -0.01]",
-    "insert.depth=0.015",
-    "insert.speed=0.06",
-    "insert.rest=0.05",
-    "duration=2",
+from chamfer.analysis.insertion.peg_insertion import STATES
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table
+from chamfer.diagrams.cell.alignment_scenario import require_fine_enough
+from chamfer.diagrams.insertion.insertion import (
+    InsertionScenario,
+    ResolvedInsertionScenario,
+    resolve,
+    task_params,
 )
+from chamfer.models.peg_theory.wedging import jamming_vertices, rotation_bounds
+from chamfer.systems.contact.peg_hole_contact_monitor import SEATED, ContactState
+
 _MOMENTS = ("before", "touch", "end")
 _NOTES = {
     "seated": f"1: {100 * SEATED:g} % of the commanded depth, or on the bottom, at the end",
@@ -56,7 +68,7 @@ _NOTES = {
 }
 
 
-def run(scenario: InsertionScenario, seed: int, progress: Progress) -> Outcome:
+def run(scenario: ResolvedInsertionScenario, seed: int, progress: Progress) -> Outcome:
     """Insert the peg once."""
 
     def told(fraction: float, doing: str = "") -> None:
@@ -75,7 +87,7 @@ def run(scenario: InsertionScenario, seed: int, progress: Progress) -> Outcome:
     )
 
 
-def _metrics(scenario: InsertionScenario, done: CellInsertion) -> dict[str, Metric]:
+def _metrics(scenario: ResolvedInsertionScenario, done: CellInsertion) -> dict[str, Metric]:
     metrics = over_trials([insertion_metrics(done, scenario)], INSERTION)
     insert = scenario.insert
     cap = f"at a cap of {insert.push:g} N"
@@ -97,7 +109,7 @@ def _metrics(scenario: InsertionScenario, done: CellInsertion) -> dict[str, Metr
     return metrics | settling_metrics(scenario) | predict(scenario, done)
 
 
-def _moments(scenario: InsertionScenario, done: CellInsertion) -> dict[str, int]:
+def _moments(scenario: ResolvedInsertionScenario, done: CellInsertion) -> dict[str, int]:
     """Return the rows of the traces of which there are pictures."""
     before = row_before(done.traces["time"], scenario.begin)
     touch = touch_row(done)
@@ -105,7 +117,7 @@ def _moments(scenario: InsertionScenario, done: CellInsertion) -> dict[str, int]
     return dict(zip(_MOMENTS, (before, last if touch is None else touch, last), strict=True))
 
 
-def figures(scenario: InsertionScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: ResolvedInsertionScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
     (chart,) = insertion_charts(scenario)
     result = outcome.metrics["seated.said"].note
@@ -122,8 +134,223 @@ def figures(scenario: InsertionScenario, outcome: Outcome) -> Mapping[str, Figur
     }
 
 
-def resolve_insertion(scenario: InsertionScenario) -> InsertionScenario:
+def resolve_insertion(scenario: InsertionScenario) -> ResolvedInsertionScenario:
     """Return the scenario with what it leaves open filled in, and checked."""
     resolved = resolve(scenario)
     require_fine_enough(resolved)
     return resolved
+
+
+Array = NDArray[np.float64]
+
+_MEASURED: Final[Style] = {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.2}
+_SURE: Final[Style] = {"color": "#1b4f9c", "alpha": 0.18, "linewidth": 0}
+_COMMAND: Final[Style] = {"color": "#555555", "linestyle": "-", "linewidth": 1.0}
+_REGION: Final[Style] = {"color": "#dfe7f2", "linewidth": 0}
+_SIDE: Final[Style] = {"color": "#1b4f9c", "linestyle": "-", "linewidth": 1.2}
+_PLANES: Final[dict[str, tuple[str, Style]]] = {
+    "xy": ("plane XY", {"color": "#e07b00", "linestyle": "-", "linewidth": 1.5}),
+    "xz": ("plane XZ", {"color": "#1b7f5c", "linestyle": "--", "linewidth": 1.5}),
+}
+_MARKS: Final[dict[str, tuple[str, str]]] = {"xy": ("o", "#e07b00"), "xz": ("^", "#1b7f5c")}
+_RATIOS: Final = ((0.5, "#b00020"), (1.0, "#8f5bb5"), (2.0, "#1b4f9c"), (4.0, "#777777"))
+_ROOM: Final = 0.3  # of an axis, for the legend above the curves
+_MM: Final = 1e3
+_MRAD: Final = 1e3
+_SHORTEST: Final = 0.012  # of the time, a state whose name is written
+_FEW: Final = 150  # loads of a plane that are drawn
+
+
+def plot_course(
+    scenario: ResolvedInsertionScenario, outcome: Outcome, states: Sequence[str]
+) -> Figure:
+    """Draw errors, depth and forces over time, with the task's and the contact's states."""
+    figure = new_figure(11.0, 12.0)
+    grid = figure.add_gridspec(6, 1, height_ratios=(0.35, 1, 1, 1, 1, 0.8))
+    first = figure.add_subplot(grid[0])
+    panels = [first, *(figure.add_subplot(grid[i], sharex=first) for i in range(1, 6))]
+    traces = outcome.traces
+    time, params = traces["time"], task_params(scenario)
+    looks = np.isin(traces["task_state"], [states.index(name) for name in ("align", "decide")])
+    _task(first, traces, states)
+    for axes, name, scale, unit, limit in (
+        (panels[1], "lateral", _MM, "mm", params.region.lateral_limit),
+        (panels[2], "rotational", _MRAD, "mrad", params.region.rotation_limit),
+    ):
+        error = scale * np.maximum(traces[f"{name}_error"], 1e-6)
+        axes.semilogy(time, error, label="true", **POSITION)
+        known = looks & (traces["measured_lateral"] > 0)
+        measured = np.where(known, traces[f"measured_{name}"], np.nan)
+        unsure = traces[f"measured_{name}_uncertainty"]
+        axes.semilogy(time, scale * measured, label="measured, until it decides", **_MEASURED)
+        low = np.maximum(measured - unsure, 1e-6)
+        axes.fill_between(time, scale * low, scale * (measured + unsure), **_SURE)
+        axes.axhline(scale * limit, label="limit alone", **LIMIT)
+        axes.set_ylim(scale * limit / 300, 8 * max(float(error.max()), scale * limit))
+        letter = {"lateral": "a", "rotational": "b"}[name]
+        dress(axes, title=f"({letter}) {name.capitalize()} error", x="", y=f"error / {unit}")
+    depth, force, across = panels[3:]
+    depth.plot(time, _MM * traces["depth"], label="true", **POSITION)
+    depth.plot(time, _MM * traces["sensed_depth"], label="by encoders", **_MEASURED)
+    depth.plot(time, _MM * (traces["feed"] - scenario.gap), label="commanded", **_COMMAND)
+    depth.axhline(_MM * params.target, label="wanted", **LIMIT)
+    dress(depth, title="(c) Depth of the tip below the mouth", x="", y="depth / mm")
+    axial, lateral = force_medians(traces, scenario.step)
+    force.plot(time, axial, label="of the contact, median of 10 ms", **FORCE)
+    force.plot(time, traces["sensed_x"], label="by the arm's springs", **_MEASURED)
+    dress(force, title="(d) Force against the insertion", x="", y="force / N")
+    across.plot(time, lateral, label="of the contact, median of 10 ms", **FORCE)
+    dress(across, title="(e) Force across", x="time / s", y="force / N")
+    for axes in panels[1:]:
+        _contact(axes, traces)
+    for axes in (depth, force, across):
+        low, high = axes.get_ylim()
+        axes.set_ylim(low, high + _ROOM * (high - low))
+    for axes in panels[1:]:
+        legend(axes, loc="upper left", ncols=4)
+    first.set_xlim(0.0, float(time[-1]))
+    _contact_legend(figure, traces)
+    return figure
+
+
+def _spans(values: Array) -> list[tuple[int, int]]:
+    """Return first and last row of every stretch of equal values."""
+    ends = np.flatnonzero(np.diff(values)) + 1
+    bounds = [0, *ends.tolist(), len(values)]
+    return [(a, b - 1) for a, b in pairwise(bounds)]
+
+
+def _task(axes: Axes, traces: Table, states: Sequence[str]) -> None:
+    """Write the task's states over time."""
+    time, number = traces["time"], traces["task_state"]
+    for k, (a, b) in enumerate(_spans(number)):
+        axes.axvspan(time[a], time[min(b + 1, len(time) - 1)], color=("#f1ece4", "#fde3c3")[k % 2])
+        if time[b] - time[a] > _SHORTEST * time[-1]:
+            wide = time[b] - time[a] > 6 * _SHORTEST * time[-1]
+            axes.text(
+                (time[a] + time[b]) / 2,
+                0.5,
+                states[int(number[a])].replace("_", " "),
+                ha="center",
+                va="center",
+                fontsize=8,
+                rotation=0 if wide else 90,
+            )
+    axes.set_ylim(0.0, 1.0)
+    axes.set_yticks([])
+    axes.set_title("Task", fontsize=10, loc="left", fontweight="bold")
+    axes.tick_params(labelsize=8)
+
+
+def _contact(axes: Axes, traces: Table) -> None:
+    """Shade the times by contact state."""
+    time, state = traces["time"], traces["contact_state"]
+    for a, b in _spans(state):
+        found = STATES.get(ContactState(int(state[a])))
+        if found is not None:
+            end = time[min(b + 1, len(time) - 1)]
+            axes.axvspan(time[a], end, color=found[1], alpha=0.6, linewidth=0, zorder=0)
+
+
+def _contact_legend(figure: Figure, traces: Table) -> None:
+    seen = [ContactState(int(one)) for one in np.unique(traces["contact_state"])]
+    handles = [
+        figure.axes[0].fill_between(
+            [], [], color=STATES[one][1], label=f"contact: {STATES[one][0]}"
+        )
+        for one in seen
+        if one in STATES
+    ]
+    if handles:
+        figure.legend(
+            handles=handles, loc="outside lower center", ncols=5, fontsize=8, edgecolor="none"
+        )
+
+
+def plot_loads(scenario: ResolvedInsertionScenario, outcome: Outcome) -> Figure:
+    """Draw tip and tilt into the wedging diagram, the loads into the jamming diagram."""
+    figure = new_figure(12.5, 6.0)
+    wedging, jamming = figure.subplots(1, 2)
+    _wedging(wedging, scenario, outcome)
+    _jamming(jamming, scenario, outcome)
+    return figure
+
+
+def _wedging(axes: Axes, scenario: ResolvedInsertionScenario, outcome: Outcome) -> None:
+    parts, traces = scenario.parts, outcome.traces
+    limit = parts.chamfer_limit
+    x = np.linspace(-limit, limit, 201)
+    support = scenario.wedging_support
+    lower, upper = rotation_bounds(parts, support, x)
+    axes.fill_between(
+        _MM * x, _MRAD * lower, _MRAD * upper, label="free of wedging, arms in series", **_REGION
+    )
+    for k, side in enumerate((lower, upper)):
+        axes.plot(_MM * x, _MRAD * side, label=None if k else "exact sides", **_SIDE)
+    for k, side_limit in enumerate((-limit, limit)):
+        axes.axvline(_MM * side_limit, label=None if k else "the chamfers' reach", **LIMIT)
+    touched = np.flatnonzero(
+        (traces["contact_state"] != ContactState.NONE) | (traces["depth"] >= 0)
+    )
+    for plane, (lateral, tilt) in errors_in_planes(traces).items():
+        name, style = _PLANES[plane]
+        marker, colour = _MARKS[plane]
+        axes.plot(_MM * lateral, _MRAD * tilt, label=f"path, {name}", **style)
+        if len(touched):
+            axes.plot(
+                _MM * lateral[touched[0]],
+                _MRAD * tilt[touched[0]],
+                label=f"first touch, {name}",
+                marker=marker,
+                markerfacecolor=colour,
+                markeredgecolor="black",
+                linestyle="none",
+                markersize=7,
+            )
+    dress(
+        axes,
+        title="(a) Path in the wedging diagram",
+        x="lateral error of the tip / mm",
+        y="tilt / mrad, equal signs add",
+    )
+    legend(axes, loc="lower left", ncols=2)
+    tallest = 1.6 * max(float(upper.max()), float(traces["rotational_error"].max()))
+    axes.set_ylim(-_MRAD * tallest, _MRAD * tallest)
+
+
+def _jamming(axes: Axes, scenario: ResolvedInsertionScenario, outcome: Outcome) -> None:
+    parts = scenario.parts
+    for ratio, colour in _RATIOS:
+        corners = jamming_vertices(parts, ratio * parts.wedging_depth)
+        closed = np.vstack([corners, corners[:1]])
+        axes.plot(
+            *closed.T, color=colour, linewidth=1.1, label=rf"slides at $\lambda$ = {ratio:g}"
+        )
+    for plane, loads in loads_in_planes(outcome.traces, parts, scenario.step).items():
+        if not loads.size:
+            continue
+        rows = np.arange(loads.size)[:: max(1, loads.size // _FEW)]
+        marker, _ = _MARKS[plane]
+        points = axes.scatter(
+            loads.force_ratio[rows],
+            loads.moment_ratio[rows],
+            c=loads.depth[rows] / parts.wedging_depth,
+            cmap="viridis",
+            vmin=0.0,
+            vmax=max(_RATIOS)[0],
+            marker=marker,
+            s=14,
+            label=f"loads of the run, {_PLANES[plane][0]}",
+        )
+        if plane == "xy":
+            axes.figure.colorbar(points, ax=axes, label=r"$\lambda = l / (2 r \mu)$ of the load")
+    reach = 2 * max(_RATIOS)[0] + 2
+    axes.set_xlim(-1.6 / parts.friction, 1.6 / parts.friction)
+    axes.set_ylim(-reach, reach)
+    dress(
+        axes,
+        title="(b) Loads of the peg in the bore, in the jamming diagram",
+        x="$F_x / F_z$",
+        y="$M / (r F_z)$",
+    )
+    legend(axes, loc="upper right")

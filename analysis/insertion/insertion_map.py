@@ -1,21 +1,28 @@
 """What becomes of blind feeds from a grid of errors, beside what the planar theory says."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from enum import IntEnum
 from functools import partial
 from itertools import product
-from typing import Final, TypeVar, get_args
+from typing import Final, NamedTuple, TypeVar, get_args
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from numpy.typing import NDArray
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, EventStatus
 
 from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_metrics import rate
 from chamfer.analysis.campaign.trial_rows import Row
-from chamfer.analysis.insertion.blind_feed_runs import FeedOutcome, feed_blind, measured
-from chamfer.analysis.insertion.insertion_map_figures import plot_map
+from chamfer.analysis.drawing.figure_style import Style, dress, legend, new_figure
+from chamfer.analysis.insertion.insertion_runs import median
 from chamfer.analysis.scenario.experiment import (
     Metric,
     Outcome,
@@ -23,25 +30,176 @@ from chamfer.analysis.scenario.experiment import (
     Table,
     column,
 )
-from chamfer.diagrams.cell.cell_support import axial_stiffness
-from chamfer.diagrams.cell.work_cell import ArmSettings
+from chamfer.diagrams.cell.work_cell import CellArmSettings, axial_stiffness
 from chamfer.diagrams.insertion.blind_feed import (
     BlindFeedScenario,
     FedCellScenario,
     Plane,
+    make_blind_feed_diagram,
     resolve_fed_cell,
 )
-from chamfer.models.peg_theory.fed_insertion import FeedPrediction, Verdict, limits, predict_feed
+from chamfer.models.peg_theory.fed_insertion import (
+    FeedPrediction,
+    FeedVerdict,
+    limits,
+    predict_feed,
+)
 from chamfer.models.validation import (
     ParameterError,
     require_not_negative,
     require_one_of,
     require_positive,
 )
+from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, WRENCH_SIZE, ContactState
+from chamfer.systems.pose import pose_from_vector
 
 Array = NDArray[np.float64]
 
-ArmT = TypeVar("ArmT", bound=ArmSettings)
+_SLICE: Final = 0.01  # s, after which a run is asked whether it is over
+_MOVED: Final = 2e-4  # m, by which a peg that is held comes out at most as the push goes
+_FREE: Final = 0.05  # N, of the hole along the axis: the push is gone
+_IN_BORE: Final = (ContactState.ONE_POINT, ContactState.TWO_POINT)
+_TOUCHING: Final = 0.01  # N
+_PORTS: Final = (
+    ("depth", 1),
+    ("state", 1),
+    ("wrench", WRENCH_SIZE),
+    ("normal_forces", len(FEATURES)),
+)
+_CHAMFER, _FACE, _BOTTOM = (FEATURES.index(name) for name in ("chamfer", "face", "bottom"))
+
+
+class FeedOutcome(IntEnum):
+    """What became of a peg that was fed."""
+
+    SEATED = 0  # as deep as it has to be, or on the bottom
+    WEDGED = 1  # in the bore, held when the push is taken away
+    JAMMED = 2  # in the bore, held by the push alone
+    ON_EDGE = 3  # stuck on the chamfers or on the bore's edge
+    MISSED = 4  # beside the mouth
+
+
+class PlaneErrors(NamedTuple):
+    """How the peg is off in a plane of insertion."""
+
+    lateral: float  # m, of the tip, to +y or +z of the mouth's frame
+    tilt: float  # rad, of the same sign if they add
+
+
+class BlindFeed(NamedTuple):
+    """A finished run; one row per step."""
+
+    time: Array  # s, shape (n,)
+    depth: Array  # m, of the tip below the mouth
+    state: Array  # of ContactState
+    wrench: Array  # N m above N, of the hole on the peg, shape (n, 6)
+    normal: Array  # N, by feature, shape (n, 5)
+    touch: dict[Plane, PlaneErrors] | None  # as the parts touch first; None: they never do
+
+
+def feed_blind(scenario: BlindFeedScenario) -> BlindFeed:
+    """Feed the peg until it is as deep as it can get, or else take the push away again.
+
+    A peg that is beside the mouth at the end of the feed is left there. It is fed to the end
+    because its tip may still slip off the face.
+    """
+    diagram = make_blind_feed_diagram(scenario)
+    ports = [diagram.GetOutputPort(f"contact.{name}") for name, _ in _PORTS]
+    poses = [diagram.GetOutputPort(f"{arm}.true_pose") for arm in ("peg", "hole")]
+    rows = np.zeros((round(scenario.duration / scenario.step) + 2, sum(n for _, n in _PORTS)))
+    time: list[float] = []
+    touch: list[dict[Plane, PlaneErrors]] = []
+
+    def record(context: Context) -> EventStatus:
+        if time and context.get_time() < time[-1] + scenario.step / 2:
+            return EventStatus.DidNothing()
+        row = rows[len(time)]
+        row[:1], row[1:2], row[2:8], row[8:] = (port.Eval(context) for port in ports)
+        time.append(context.get_time())
+        if row[1] != ContactState.NONE and not touch:
+            touch.append(errors_in(*(port.Eval(context) for port in poses)))
+        return EventStatus.DidNothing()
+
+    simulator = Simulator(diagram)
+    simulator.set_monitor(record)
+    simulator.Initialize()
+    for k in range(math.ceil(scenario.duration / _SLICE)):
+        simulator.AdvanceTo(min(_SLICE * (k + 1), scenario.duration))
+        last = rows[len(time) - 1]
+        beside = last[1] in (ContactState.NONE, ContactState.FACE)
+        deep = last[0] >= scenario.depth or last[8 + _BOTTOM] > _TOUCHING
+        if deep or (time[-1] > scenario.released and beside):
+            break
+    found = rows[: len(time)]
+    return BlindFeed(
+        time=np.array(time),
+        depth=found[:, 0],
+        state=found[:, 1],
+        wrench=found[:, 2:8],
+        normal=found[:, 8:],
+        touch=touch[0] if touch else None,
+    )
+
+
+def errors_in(peg: Array, hole: Array) -> dict[Plane, PlaneErrors]:
+    """Return the errors of a tip's pose and a mouth's, shape (7,) each, in both planes."""
+    X_MT = pose_from_vector(hole).inverse() @ pose_from_vector(peg)
+    axis, tip = X_MT.rotation().matrix()[:, 0], X_MT.translation()
+    planes: tuple[Plane, ...] = ("xy", "xz")
+    return {
+        plane: PlaneErrors(float(tip[k]), -math.atan2(axis[k], axis[0]))
+        for k, plane in enumerate(planes, start=1)
+    }
+
+
+def outcome(scenario: BlindFeedScenario, run: BlindFeed) -> FeedOutcome:
+    """Return what became of the peg."""
+    fed = run.time <= scenario.released + scenario.step / 2
+    if (run.state[fed] == ContactState.SEATED).any():
+        return FeedOutcome.SEATED
+    end = int(np.flatnonzero(fed)[-1])  # of the feed, or of the run
+    if run.state[end] in _IN_BORE:
+        return FeedOutcome.WEDGED if _held(run, end) else FeedOutcome.JAMMED
+    on_edge = run.normal[end, _CHAMFER] > run.normal[end, _FACE]
+    return FeedOutcome.ON_EDGE if on_edge else FeedOutcome.MISSED
+
+
+def _held(run: BlindFeed, end: int) -> bool:
+    """Whether a peg stays where it is until the push is gone."""
+    axial = -run.wrench[end:, 3]
+    free = np.flatnonzero(axial <= _FREE)
+    return bool(free.size and run.depth[end] - run.depth[end + free[0]] < _MOVED)
+
+
+def measured(scenario: BlindFeedScenario, run: BlindFeed) -> dict[str, float | None]:
+    """Return what a run measured, m, N and rad; None where it is undefined.
+
+    Forces are the largest medians of 10 ms until the peg is seated; pressing on the bottom is none
+    of them.
+    """
+    fed = run.time <= scenario.released + scenario.step / 2
+    fed &= np.logical_and.accumulate(run.normal[:, _BOTTOM] <= _TOUCHING)
+    axial = median(-run.wrench[:, 3], scenario.step)[fed]
+    across = np.hypot(*(median(one, scenario.step) for one in run.wrench[:, 4:].T))[fed]
+    two = np.flatnonzero(run.state[fed] == ContactState.TWO_POINT)
+    onset = None
+    if two.size:
+        onset = float(run.depth[two[0]]) - scenario.parts.chamfer_height
+    touch = None if run.touch is None else run.touch[scenario.plane]
+    return {
+        "outcome": float(outcome(scenario, run)),
+        "depth": float(run.depth[fed].max()),
+        "force.axial": float(axial.max()),
+        "force.lateral": float(across.max()),
+        "force.raw_peak": float(-run.wrench[fed, 3].min()),
+        "two_point.onset": onset,
+        "touch.lateral_error": None if touch is None else touch.lateral,
+        "touch.rotational_error": None if touch is None else touch.tilt,
+        "simulated_seconds": float(run.time[-1]),
+    }
+
+
+ArmT = TypeVar("ArmT", bound=CellArmSettings)
 
 _MOST: Final = 101  # points along an axis
 _RASTER: Final = 161  # points along an axis of the drawn region
@@ -135,6 +293,9 @@ def _require_count(scenario: object, name: str, most: int) -> None:
 def _grid(largest: float, points: int) -> list[float]:
     """Return numbers from minus the largest on, 0 alone if there is but one."""
     return np.linspace(-largest, largest, points).tolist() if points > 1 else [0.0]
+
+
+INSERTION_MAP: Final = InsertionMapScenario()
 
 
 def resolve(scenario: InsertionMapScenario) -> InsertionMapScenario:
@@ -274,12 +435,12 @@ def confusion(traces: Table) -> dict[str, Metric]:
     verdict, outcome = traces["predicted_verdict"], traces["outcome"]
     seated = outcome == FeedOutcome.SEATED
     metrics = {}
-    for said in Verdict:
+    for said in FeedVerdict:
         for became in FeedOutcome:
             metrics[f"confusion.{said.name.lower()}.{became.name.lower()}"] = Metric(
                 value=float(np.sum((verdict == said) & (outcome == became))), unit="", note="cells"
             )
-    safe, sure = verdict == Verdict.SAFE, verdict != Verdict.MAY
+    safe, sure = verdict == FeedVerdict.SAFE, verdict != FeedVerdict.MAY
     right = np.where(safe, seated, ~seated)[sure]
     edge = (traces["predicted_may_sit_on_edge"] > 0) & (traces["predicted_inside"] > 0)
     metrics |= {
@@ -309,7 +470,7 @@ def confusion(traces: Table) -> dict[str, Metric]:
 
 def _differences(traces: Table) -> dict[str, Metric]:
     """Return how far forces and onsets are from theory's where a safe cell is seated."""
-    chosen = (traces["predicted_verdict"] == Verdict.SAFE) & (
+    chosen = (traces["predicted_verdict"] == FeedVerdict.SAFE) & (
         traces["outcome"] == FeedOutcome.SEATED
     )
     force = traces["force_axial"] - traces["predicted_force_axial"]
@@ -364,7 +525,7 @@ def _same_cell(start: BlindFeedScenario, other: BlindFeedScenario) -> bool:
 def _overall(table: Mapping[str, Array]) -> dict[str, Metric]:
     """Return success over the drawn cells of each verdict, with its interval."""
     metrics: dict[str, Metric] = {}
-    for said in Verdict:
+    for said in FeedVerdict:
         of = table["predicted_verdict"] == said
         draws, seated = int(table["draws"][of].sum()), int(table["seated"][of].sum())
         if draws:
@@ -376,3 +537,194 @@ def _overall(table: Mapping[str, Array]) -> dict[str, Metric]:
 def figures(scenario: InsertionMapScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
     return {"insertion-map": plot_map(scenario.planes, outcome)}
+
+
+_REGION: Final = {
+    FeedVerdict.SAFE: ("#c9e7cf", "theory: goes in"),
+    FeedVerdict.MAY: ("#fbeebc", "theory: may wedge, or sit on the edge"),
+    FeedVerdict.STOPPED: ("#e3e3e3", "theory: stopped, or beside the mouth"),
+}
+_OUTCOMES: Final[dict[FeedOutcome, Style]] = {
+    FeedOutcome.SEATED: {"marker": "o", "color": "#14733a", "label": "seated"},
+    FeedOutcome.WEDGED: {"marker": "X", "color": "#b00020", "label": "wedged"},
+    FeedOutcome.JAMMED: {"marker": "D", "color": "#e07b00", "label": "jammed"},
+    FeedOutcome.ON_EDGE: {"marker": "^", "color": "#7a0060", "label": "stuck on the edge"},
+    FeedOutcome.MISSED: {"marker": "x", "color": "#333333", "label": "missed"},
+}
+_WRONG: Final[Style] = {
+    "marker": "o",
+    "facecolors": "none",
+    "edgecolors": "#000000",
+    "linewidths": 1.8,
+}
+_MM, _MRAD = 1e3, 1e3
+
+
+def plot_map(planes: Sequence[Plane], outcome: Outcome) -> Figure:
+    """Draw the map of each plane, theory's force beside the simulated one, and probabilities."""
+    drawn = outcome.tables.get("probability")
+    columns = max(len(planes), 2)
+    figure = new_figure(6.4 * columns, 11.0)
+    above, lower = figure.subfigures(2, 1, height_ratios=[1.35, 1.0], squeeze=False)[:, 0]
+    maps = above.subplots(1, len(planes), squeeze=False)[0]
+    for axes, plane in zip(maps, planes, strict=True):
+        _draw_map(axes, plane, outcome)
+    above.legend(handles=_handles(), loc="outside lower center", ncols=5, fontsize=8)
+    below = lower.subplots(1, 2 if drawn is None else 3)
+    _draw_table(below[0], outcome.traces)
+    _draw_force(below[1], outcome.traces)
+    if drawn is not None:
+        _draw_probability(below[2], drawn)
+    return figure
+
+
+def _handles() -> list[Patch | Line2D]:
+    regions = [Patch(color=colour, label=label) for colour, label in _REGION.values()]
+    symbols = [
+        Line2D([], [], linestyle="none", markersize=6, **style) for style in _OUTCOMES.values()
+    ]
+    ring = Line2D(
+        [],
+        [],
+        linestyle="none",
+        marker="o",
+        markersize=11,
+        markerfacecolor="none",
+        markeredgecolor="black",
+        label="theory is sure, and wrong",
+    )
+    return [*regions, ring, *symbols]
+
+
+def _draw_map(axes: Axes, plane: Plane, outcome: Outcome) -> None:
+    """Draw what became of each cell, at its errors at touch, over the limits' region."""
+    index = get_args(Plane).index(plane)
+    region = outcome.tables["region"]
+    _shade(axes, {name: values[region["plane"] == index] for name, values in region.items()})
+    traces = outcome.traces
+    cells = {name: values[traces["plane"] == index] for name, values in traces.items()}
+    lateral = _MM * cells["touch_lateral_error"]
+    tilt = _MRAD * cells["touch_rotational_error"]
+    size = float(np.clip(1500 / len(lateral) ** 0.75, 12.0, 60.0))
+    for became, style in _OUTCOMES.items():
+        of = cells["outcome"] == became
+        axes.scatter(lateral[of], tilt[of], s=size, zorder=3, **style)
+    off = wrong(cells)
+    axes.scatter(lateral[off], tilt[off], s=5 * size, zorder=4, **_WRONG)
+    safe = cells["predicted_verdict"] == FeedVerdict.SAFE
+    failed = int(np.sum(safe & (cells["outcome"] != FeedOutcome.SEATED)))
+    dress(
+        axes,
+        title=f"Errors in the hole's plane {plane.upper()}: of {int(safe.sum())} cells "
+        f"that theory calls safe {failed} failed",
+        x="lateral error at touch / mm",
+        y="tilt at touch (equal signs add) / mrad",
+    )
+
+
+def _shade(axes: Axes, region: Table) -> None:
+    lateral, tilt = np.unique(region["lateral"]), np.unique(region["tilt"])
+    verdict = region["verdict"].reshape(len(tilt), len(lateral))
+    colours = ListedColormap([colour for colour, _ in _REGION.values()])
+    axes.pcolormesh(
+        _MM * lateral, _MRAD * tilt, verdict, cmap=colours, vmin=-0.5, vmax=2.5, rasterized=True
+    )
+
+
+def wrong(cells: Table) -> np.ndarray:
+    """Say where theory is sure, and the opposite happens."""
+    seated = cells["outcome"] == FeedOutcome.SEATED
+    said = cells["predicted_verdict"]
+    found: np.ndarray = ((said == FeedVerdict.SAFE) & ~seated) | (
+        (said == FeedVerdict.STOPPED) & seated
+    )
+    return found
+
+
+def _draw_table(axes: Axes, traces: Table) -> None:
+    """Write how often each outcome was each verdict's."""
+    verdict, became = traces["predicted_verdict"], traces["outcome"]
+    counts = np.array(
+        [[np.sum((verdict == said) & (became == one)) for one in _OUTCOMES] for said in _REGION]
+    )
+    dress(axes, title="Cells: what theory says of them, and what happens", x="", y="")
+    axes.grid(False)
+    axes.set_xticks(
+        range(len(_OUTCOMES)),
+        [style["label"].replace(" ", "\n", 1) for style in _OUTCOMES.values()],
+    )
+    axes.set_yticks(range(len(_REGION)), ["theory:\ngoes in", "theory:\nmay", "theory:\nstopped"])
+    axes.set_xlim(-0.5, len(_OUTCOMES) - 0.5)
+    axes.set_ylim(len(_REGION) - 0.5, -0.5)
+    for i, (said, (colour, _)) in enumerate(_REGION.items()):
+        axes.axhspan(i - 0.5, i + 0.5, color=colour, linewidth=0)
+        for k, one in enumerate(_OUTCOMES):
+            wrong = said != FeedVerdict.MAY and (said == FeedVerdict.SAFE) != (
+                one == FeedOutcome.SEATED
+            )
+            axes.text(
+                k,
+                i,
+                str(counts[i, k]),
+                ha="center",
+                va="center",
+                fontsize=13,
+                fontweight="bold" if counts[i, k] else "normal",
+                color="#b00020" if wrong and counts[i, k] else "#222222",
+            )
+
+
+def _draw_force(axes: Axes, traces: Table) -> None:
+    """Draw the simulated push over the predicted one."""
+    seated = traces["outcome"] == FeedOutcome.SEATED
+    largest = 1.0
+    for said, label in ((FeedVerdict.SAFE, "goes in"), (FeedVerdict.MAY, "may")):
+        of = seated & (traces["predicted_verdict"] == said)
+        force = traces["predicted_force_axial"][of], traces["force_axial"][of]
+        if of.any():
+            largest = max(largest, *(float(np.nanmax(one, initial=0.0)) for one in force))
+        colour = "#14733a" if said == FeedVerdict.SAFE else "#c79a00"
+        axes.plot(*force, "o", markersize=3.5, color=colour, alpha=0.8, label=f"theory: {label}")
+    axes.plot([0, largest], [0, largest], color="#555555", linewidth=1.0, label="equal")
+    dress(
+        axes,
+        title="Largest push of the seated cells",
+        x="by exact statics, without friction in the joints / N",
+        y="simulated, 10 ms median / N",
+    )
+    legend(axes, loc="best")
+
+
+def _draw_probability(axes: Axes, table: Table) -> None:
+    """Draw the share of draws that is seated in each cell, with its interval."""
+    lateral, tilt = np.unique(table["lateral"]), np.unique(table["tilt"])
+    share = np.full((len(tilt), len(lateral)), np.nan)
+    for k in range(len(table["rate"])):
+        i = np.searchsorted(tilt, table["tilt"][k]), np.searchsorted(lateral, table["lateral"][k])
+        share[i] = table["rate"][k]
+    axes.pcolormesh(
+        _MM * lateral, _MRAD * tilt, share, cmap="RdYlGn", vmin=0.0, vmax=100.0, alpha=0.75
+    )
+    small = len(lateral) > 5
+    for k in range(len(table["rate"])):
+        text = f"{table['rate'][k]:.0f}"
+        if not small:
+            text += f" %\n{table['low'][k]:.0f} to {table['high'][k]:.0f}"
+        axes.text(
+            _MM * table["lateral"][k],
+            _MRAD * table["tilt"][k],
+            text,
+            ha="center",
+            va="center",
+            fontsize=7,
+        )
+    draws = int(table["draws"].max())
+    dress(
+        axes,
+        title=f"Seated of {draws} draws of model errors, %, with 95 % interval"
+        if not small
+        else f"Seated of {draws} draws of model errors, %",
+        x="lateral error at the start / mm",
+        y="tilt at the start / mrad",
+    )
+    axes.grid(False)

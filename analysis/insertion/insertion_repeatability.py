@@ -1,36 +1,183 @@
 """Many insertions by sight: how often the peg is seated, how hard, how soon; and other ways."""
 
 from collections import Counter
-from collections.abc import Mapping
-from typing import Final
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Final, Literal, get_args
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-from chamfer.analysis.campaign.campaign import Trials
-from chamfer.analysis.campaign.trial_metrics import mean_interval, prefixed, rate
-from chamfer.analysis.insertion.cell_runs import INSERTION
-from chamfer.analysis.insertion.insertion_repeatability_figures import plot_insertions
-from chamfer.analysis.insertion.insertion_trials import (
-    AS_IT_IS,
-    InsertionTrialsScenario,
-    Task,
-    insert_all,
+from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.campaign.trial_metrics import mean_interval, prefixed, rate, trial_seed
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.cell.alignment_runs import (
+    AlignmentTrialsScenario,
+    drawn,
+    require_starts,
+    row_before,
+)
+from chamfer.analysis.drawing.figure_style import LIMIT, Style, dress, legend, new_figure
+from chamfer.analysis.insertion.cell_runs import (
+    INSERTION,
+    CellInsertion,
+    ending,
+    insertion_metrics,
+    run_cell_insertion,
 )
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
+from chamfer.diagrams.insertion.insertion import (
+    InsertionScenario,
+    ResolvedInsertionScenario,
+    resolve_as,
+    task_params,
+)
+from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
+
+Way = Literal["wait", "frozen", "frozen_wait", "settling"]
+TrialInAWay = tuple[int, str]  # of a trial, and of a way or none
+
+AS_IT_IS: Final = ""  # the way of the scenario itself
+_SETTLES: Final = 1.5  # s, after which what is frozen rests
+_DRAWN: Final = 100.0  # 1/s, rows of a course that is kept
+
+
+@dataclass(frozen=True, kw_only=True)
+class InsertionTrialsScenario(InsertionScenario, AlignmentTrialsScenario):
+    """Insertions with many starts and many model errors, and the same starts in other ways.
+
+    Ways: ``wait`` decides after the compensation's time, as section 5 does; ``frozen`` stops the
+    compensation when it decides, the paper's proposal, ``frozen_wait`` does both; ``settling``
+    does both too but does not advance, to see what becomes of errors.
+    """
+
+    initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # the middle of the starts
+    trials: int = 10  # as section 5's runs; 200 for the issue of its rates
+    beside: tuple[Way, ...] = ("wait", "frozen", "settling")  # of the same starts
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        known = get_args(Way)
+        if len(set(self.beside)) < len(self.beside) or not set(self.beside) <= set(known):
+            raise ParameterError("beside", self.beside, f"some of {', '.join(known)}, or none")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedInsertionTrialsScenario(ResolvedInsertionScenario, InsertionTrialsScenario):
+    """The same with nothing left open."""
+
+
+INSERTION_REPEATABILITY: Final = InsertionTrialsScenario()
+
+
+def resolve_insertion_trials(scenario: InsertionTrialsScenario) -> ResolvedInsertionTrialsScenario:
+    """Resolve the insertions, once it is sure that every trial has something to see."""
+    resolved = resolve_as(ResolvedInsertionTrialsScenario, scenario)
+    require_starts(resolved, resolved.spread)
+    return resolved
+
+
+def in_a_way(
+    scenario: ResolvedInsertionTrialsScenario, way: str
+) -> ResolvedInsertionTrialsScenario:
+    """Return the scenario with what a way does differently."""
+    changes: dict[
+        str, Callable[[ResolvedInsertionTrialsScenario], ResolvedInsertionTrialsScenario]
+    ] = {
+        AS_IT_IS: lambda one: one,
+        "wait": _waits,
+        "frozen": _freezes,
+        "frozen_wait": lambda one: _waits(_freezes(one)),
+        "settling": lambda one: _pauses(_waits(_freezes(one))),
+    }
+    return changes[way](scenario)
+
+
+def _waits(scenario: ResolvedInsertionTrialsScenario) -> ResolvedInsertionTrialsScenario:
+    return replace(scenario, decide=replace(scenario.decide, kind="wait"))
+
+
+def _freezes(scenario: ResolvedInsertionTrialsScenario) -> ResolvedInsertionTrialsScenario:
+    insert = replace(scenario.insert, compensation="frozen", freeze_depth=None)
+    return replace(scenario, insert=insert)
+
+
+def _pauses(scenario: ResolvedInsertionTrialsScenario) -> ResolvedInsertionTrialsScenario:
+    return replace(scenario, insert=replace(scenario.insert, pause=_SETTLES))
+
+
+def insert_all(
+    scenario: ResolvedInsertionTrialsScenario, seed: int, progress: Progress
+) -> dict[str, Trials[TrialInAWay]]:
+    """Run every trial in every way, and return the trials by way."""
+    ways = (AS_IT_IS, *scenario.beside)
+    tasks = [(trial, way) for trial in range(scenario.trials) for way in ways]
+    finished = run_each(partial(insert_one, scenario, seed), tasks, progress)
+    return finished.split(ways, _way_of)
+
+
+def _way_of(task: TrialInAWay) -> str:
+    return task[1]
+
+
+def insert_one(scenario: ResolvedInsertionTrialsScenario, seed: int, task: TrialInAWay) -> Row:
+    """Run one of a seed's trials in one way; it depends on its arguments alone.
+
+    Returns:
+        What :data:`chamfer.analysis.insertion.cell_runs.INSERTION` has, how it ended as ``ending``
+        and ``state``, and for the figure ``times`` s, ``depths`` m and ``forces`` N; of settling
+        the errors as it froze and at last.
+    """
+    trial, way = task
+    one = in_a_way(drawn(scenario, scenario.spread, seed, trial), way)
+    settles = way == "settling"
+    done = run_cell_insertion(one, trial_seed(seed, trial), until_advance=settles)
+    row: Row = {
+        **insertion_metrics(done, one),
+        "ending": ending(done, one),
+        "state": done.state,
+        "cpu_speed": float(done.traces["time"][-1]) / done.cpu_seconds,
+    }
+    if settles:
+        return {**row, **_settled(done)}
+    every = max(1, round(1 / (_DRAWN * one.step)))
+    return {
+        **row,
+        "times": done.traces["time"][::every],
+        "depths": done.traces["depth"][::every],
+        "lateral_errors": done.traces["lateral_error"][::every],
+        "rotational_errors": done.traces["rotational_error"][::every],
+    }
+
+
+def _settled(done: CellInsertion) -> Row:
+    """Return the errors where the compensation froze, and at the end."""
+    traces, frozen = done.traces, done.entered("insert")
+    values: dict[str, float | None] = {}
+    for name in ("lateral_error", "rotational_error"):
+        error = traces[name]
+        before = np.nan if frozen is None else error[row_before(traces["time"], frozen)]
+        values[f"frozen.{name}"] = None if frozen is None else float(before)
+        values[f"settled.{name}"] = None if frozen is None else float(error[-1])
+    return values
+
 
 _HARD: Final = 5.0  # N, a contact force to stay below
 _QUANTILE: Final = 95  # %
 _SETTLING: Final = "settling"
 
 
-def run(scenario: InsertionTrialsScenario, seed: int, progress: Progress) -> Outcome:
+def run(scenario: ResolvedInsertionTrialsScenario, seed: int, progress: Progress) -> Outcome:
     """Insert the peg many times, in every way."""
     found = insert_all(scenario, seed, progress)
     metrics: dict[str, Metric] = {}
     for way, trials in found.items():
         if way == _SETTLING:
-            metrics |= _settled(trials)
+            metrics |= _settled_statistics(trials)
         else:
             of = _statistics(trials)
             metrics |= of if way == AS_IT_IS else prefixed(way, of)
@@ -67,7 +214,7 @@ def run(scenario: InsertionTrialsScenario, seed: int, progress: Progress) -> Out
     )
 
 
-def _statistics(trials: Trials[Task]) -> dict[str, Metric]:
+def _statistics(trials: Trials[TrialInAWay]) -> dict[str, Metric]:
     n = len(trials)
     seated = trials.column("seated")
     first, said = trials.column("seated.first"), trials.column("seated.said")
@@ -118,7 +265,7 @@ def _metric(value: float, unit: str, note: str) -> Metric:
     return Metric(value=value, unit=unit, note=note)
 
 
-def _saved(early: Trials[Task], late: Trials[Task]) -> dict[str, Metric]:
+def _saved(early: Trials[TrialInAWay], late: Trials[TrialInAWay]) -> dict[str, Metric]:
     """Return what deciding early saves, over pairs of one start that were both seated."""
     waited = {
         task[0]: row["time_to_seated"] for task, row in zip(late.tasks, late.rows, strict=True)
@@ -146,7 +293,7 @@ def _saved(early: Trials[Task], late: Trials[Task]) -> dict[str, Metric]:
     }
 
 
-def _settled(trials: Trials[Task]) -> dict[str, Metric]:
+def _settled_statistics(trials: Trials[TrialInAWay]) -> dict[str, Metric]:
     """Return the errors as the compensation froze after its time, and when they rest."""
     metrics = {}
     for name, unit in (("lateral_error", "m"), ("rotational_error", "rad")):
@@ -163,6 +310,91 @@ def _settled(trials: Trials[Task]) -> dict[str, Metric]:
     return metrics
 
 
-def figures(scenario: InsertionTrialsScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: ResolvedInsertionTrialsScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
     return {"insertion-repeatability": plot_insertions(scenario, outcome)}
+
+
+Array = NDArray[np.float64]
+
+_COLOURS: Final = {AS_IT_IS: "#e07b00", "wait": "#1b4f9c", "frozen": "#b00020"}
+_OTHER: Final = "#777777"
+_MARKERS: Final = {AS_IT_IS: "o", "wait": "s", "frozen": "D"}
+_REGION: Final[Style] = {"color": "#dfe7f2", "linewidth": 0}
+_SAFE: Final = 5.0  # N
+_MM: Final = 1e3
+
+
+def plot_insertions(scenario: ResolvedInsertionTrialsScenario, outcome: Outcome) -> Figure:
+    """Draw every trial in every way."""
+    figure = new_figure(12.0, 8.4)
+    courses, times, forces, touches = figure.subplots(2, 2).ravel()
+    ways = [way for way in (AS_IT_IS, *scenario.beside) if way != "settling"]
+    table, traces = outcome.tables["courses"], outcome.traces
+    params = task_params(scenario)
+    for k, way in enumerate(ways):
+        colour, named = _COLOURS.get(way, _OTHER), _name(scenario, way)
+        for trial in np.unique(table["trial"][table["way"] == k]):
+            of = (table["way"] == k) & (table["trial"] == trial)
+            first = trial == table["trial"][table["way"] == k][0]
+            courses.plot(
+                table["time"][of] - scenario.begin,
+                _MM * table["depth"][of],
+                color=colour,
+                linewidth=0.8,
+                alpha=0.7,
+                label=named if first else None,
+            )
+        rows = traces["way"] == k
+        _distribution(times, traces["time_to_seated"][rows], colour, named)
+        _distribution(forces, traces["force.contact"][rows], colour, named)
+        seated = rows & (traces["seated"] > 0)
+        for of, filled in ((seated, True), (rows & ~seated, False)):
+            touches.plot(
+                _MM * traces["touch.lateral_error"][of],
+                _MM * traces["touch.rotational_error"][of],
+                marker=_MARKERS.get(way, "d"),
+                linestyle="none",
+                color=colour,
+                markerfacecolor=colour if filled else "none",
+                markersize=6,
+                label=named if filled else (f"{named}: not seated" if of.any() else None),
+            )
+    courses.axhline(_MM * SEATED * params.target, label="counts as seated", **LIMIT)
+    since = "time since the first frame / s"
+    dress(courses, title="(a) Depth of the tip", x=since, y="depth / mm")
+    forces.axvline(_SAFE, label=f"{_SAFE:g} N", **LIMIT)
+    for axes, title, x in (
+        (times, "(b) How soon: share seated", since),
+        (forces, "(c) How hard: share of trials below", "largest contact force, 10 ms / N"),
+    ):
+        dress(axes, title=title, x=x, y="share of the trials / %")
+        axes.set_ylim(0.0, 103.0)
+    region = params.region
+    lateral = np.linspace(0.0, region.lateral_limit, 100)
+    tilt = np.array([region.tilt_at(one) for one in lateral])
+    touches.fill_between(_MM * lateral, 0.0, _MM * tilt, label="free of wedging", **_REGION)
+    dress(
+        touches,
+        title="(d) Errors where the last attempt touches",
+        x="lateral error / mm",
+        y="rotational error / mrad",
+    )
+    touches.set_xlim(0.0, None)
+    touches.set_ylim(0.0, None)
+    for axes in (courses, times, forces, touches):
+        legend(axes, loc="best")
+    return figure
+
+
+def _name(scenario: ResolvedInsertionTrialsScenario, way: str) -> str:
+    if way != AS_IT_IS:
+        return way.replace("_", ", ")
+    return f"{scenario.decide.kind.replace('_', ' ')}, {scenario.insert.compensation}"
+
+
+def _distribution(axes: Axes, values: Array, colour: str, name: str) -> None:
+    """Draw the share of all values, NaN included, that is below."""
+    known = np.sort(values[np.isfinite(values)])
+    share = 100 * np.arange(1, len(known) + 1) / max(len(values), 1)
+    axes.step(known, share, where="post", color=colour, linewidth=1.6, label=name)

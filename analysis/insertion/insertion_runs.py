@@ -18,9 +18,8 @@ from chamfer.diagrams.insertion.peg_insertion import (
     make_peg_insertion_diagram,
 )
 from chamfer.models.peg_theory import insertion_statics as simple
-from chamfer.models.peg_theory.planar_limits import sits_on_edge, two_point_onset
 from chamfer.models.peg_theory.planar_statics import equilibrium
-from chamfer.models.peg_theory.wedging import sliding_bounds, wedges
+from chamfer.models.peg_theory.wedging import sits_on_edge, sliding_bounds, two_point_onset, wedges
 from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, SEATED, ContactState
 
 Array = NDArray[np.float64]

@@ -1,7 +1,7 @@
 """The jamming diagram over depth, with the loads of simulated insertions in it and outside."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Final, NamedTuple
 
@@ -11,16 +11,17 @@ from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.drawing.figure_style import LIMIT, Style, dress, legend, new_figure
 from chamfer.analysis.insertion.insertion_runs import WINDOW, Insertion, insert, is_seated, median
-from chamfer.analysis.insertion.jamming_diagram_figures import plot_jamming
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.diagrams.insertion.peg_insertion import (
-    CarriageSupport,
     FeedScenario,
+    FeedSupport,
     PegInsertionScenario,
     resolve_peg_insertion,
 )
-from chamfer.models.peg_theory.wedging import jamming_level
+from chamfer.models.peg.peg_and_hole import PegHoleGeometry
+from chamfer.models.peg_theory.wedging import jamming_level, jamming_vertices
 from chamfer.models.validation import ParameterError
 
 Array = NDArray[np.float64]
@@ -43,7 +44,7 @@ class JammingScenario:
 
     insertion: FeedScenario = field(
         default_factory=lambda: FeedScenario(
-            support=CarriageSupport(centre_distance=0.3),
+            support=FeedSupport(centre_distance=0.3),
             depth=0.03,
             gap=0.002,
             speed=0.04,
@@ -81,6 +82,9 @@ class Loads(NamedTuple):
     level: Array  # in the diagram, 1 on its sides
     moving: NDArray[np.bool_]  # or else stopped
     seated: bool
+
+
+JAMMING: Final = JammingScenario()
 
 
 def resolve(scenario: JammingScenario) -> JammingScenario:
@@ -199,3 +203,57 @@ def figures(scenario: JammingScenario, outcome: Outcome) -> Mapping[str, Figure]
     """Return the figures by file name."""
     parts = scenario.insertion.parts
     return {"jamming-diagram": plot_jamming(parts, scenario.depth_ratios, outcome)}
+
+
+_COLOURS: Final = ("#b00020", "#e07b00", "#1b7f5c", "#1b4f9c", "#8f5bb5")
+_NEAR: Final = 0.04  # of a depth ratio, loads that are drawn into its parallelogram
+_MOVES: Final[Style] = {"marker": "o", "linestyle": "none", "markersize": 3}
+_STOPPED: Final[Style] = {"marker": "x", "linestyle": "none", "markersize": 5}
+_FEW: Final = 60  # loads of a kind that are drawn
+
+
+def plot_jamming(
+    parts: PegHoleGeometry, depth_ratios: Sequence[float], outcome: Outcome
+) -> Figure:
+    """Draw the loads at several depths, and the level of all loads over the depth."""
+    figure = new_figure(12.0, 5.6)
+    diagram, levels = figure.subplots(1, 2)
+    traces = outcome.traces
+    moving = traces["moving"] > 0
+    for k, ratio in enumerate(depth_ratios):
+        colour = _COLOURS[k % len(_COLOURS)]
+        corners = jamming_vertices(parts, ratio * parts.wedging_depth)
+        closed = np.vstack([corners, corners[:1]])
+        diagram.plot(*closed.T, color=colour, label=rf"slides at $\lambda$ = {ratio:g}")
+        near = np.abs(traces["depth_ratio"] / ratio - 1) < _NEAR
+        for of, style in ((near & moving, _MOVES), (near & ~moving, _STOPPED)):
+            rows = np.flatnonzero(of)
+            rows = rows[:: max(1, len(rows) // _FEW)]
+            diagram.plot(
+                traces["force_ratio"][rows], traces["moment_ratio"][rows], color=colour, **style
+            )
+    dress(
+        diagram,
+        title="(a) Loads of simulated pegs: dots move, crosses are stopped",
+        x="$F_x / F_z$",
+        y="$M / (r F_z)$",
+    )
+    legend(diagram, loc="upper right")
+    for of, style, label in (
+        (moving, _MOVES, "moves"),
+        (~moving, _STOPPED, "stopped by the cap"),
+    ):
+        colour = "#1b4f9c" if label == "moves" else "#b00020"
+        levels.plot(
+            traces["depth_ratio"][of], traces["level"][of], color=colour, label=label, **style
+        )
+    levels.axhline(1.0, label="sides of the parallelogram", **LIMIT)
+    dress(
+        levels,
+        title="(b) Level of every load: below 1 it slides, above it jams",
+        x=r"$\lambda = l / (2 r \mu)$",
+        y="level",
+    )
+    levels.set_ylim(0.0, None)
+    legend(levels)
+    return figure

@@ -1,18 +1,25 @@
 """Whitney's case: one peg on a spring support is fed into its hole (Fig. 1)."""
 
 from collections.abc import Mapping
+from typing import Final
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from pydrake.geometry import Meshcat
 
+from chamfer.analysis.drawing.figure_style import FORCE, LIMIT, Style, dress, legend, new_figure
 from chamfer.analysis.insertion.insertion_runs import Insertion, insert, measure, median, path
-from chamfer.analysis.insertion.peg_insertion_figures import plot_peg_insertion
+from chamfer.analysis.report.replay import record, set_stage
 from chamfer.analysis.scenario.experiment import Outcome, Progress, Table, column
 from chamfer.diagrams.insertion.peg_insertion import (
     JOINTS,
     PegInsertionScenario,
+    make_peg_insertion_view,
 )
-from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES
+from chamfer.models.peg_theory.wedging import sliding_bounds, wedging_bounds
+from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, ContactState
 
 
 def run(scenario: PegInsertionScenario, seed: int, progress: Progress) -> Outcome:
@@ -49,3 +56,124 @@ def _traces(scenario: PegInsertionScenario, run: Insertion) -> Table:
 def figures(scenario: PegInsertionScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
     return {"peg-insertion": plot_peg_insertion(scenario, outcome)}
+
+
+Array = NDArray[np.float64]
+
+STATES: Final[dict[ContactState, tuple[str, str]]] = {
+    ContactState.CHAMFER: ("chamfer", "#f2d7a0"),
+    ContactState.ONE_POINT: ("one point", "#cfe3cf"),
+    ContactState.TWO_POINT: ("two points", "#c9d8f0"),
+    ContactState.SEATED: ("seated", "#e6e6e6"),
+    ContactState.FACE: ("on the face", "#f0c9c9"),
+}
+_EXACT: Final[Style] = {"color": "#b00020", "linestyle": "--", "linewidth": 1.4}
+_SIMPLE: Final[Style] = {"color": "#777777", "linestyle": ":", "linewidth": 1.4}
+_REGION: Final[Style] = {"color": "#dfe7f2", "linewidth": 0}
+_PATH: Final[Style] = {"color": "#e07b00", "linestyle": "-", "linewidth": 1.4}
+_START: Final[Style] = {"color": "#e07b00", "marker": "o", "linestyle": "none", "markersize": 6}
+_MM: Final = 1e3
+_MRAD: Final = 1e3
+_TALL: Final = 2.5  # times the largest simulated force, beyond which predictions are cut
+
+
+def plot_peg_insertion(scenario: PegInsertionScenario, outcome: Outcome) -> Figure:
+    """Draw axial and lateral force, and tip and tilt in the wedging diagram."""
+    figure = new_figure(12.0, 6.6)
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1.0))
+    above = figure.add_subplot(grid[0, 0])
+    below = figure.add_subplot(grid[1, 0], sharex=above)
+    traces, predicted = outcome.traces, outcome.tables["predicted"]
+    fed = traces["time"] <= scenario.released
+    l_of = (traces["depth"][fed] - scenario.parts.chamfer_height) * _MM
+    force = traces["force_x_median"][fed]
+    for axes, measured, of, title in (
+        (above, force, predicted["axial"], "(a) Force against the insertion"),
+        (below, traces["force_y_median"][fed], predicted["lateral"], "(b) Force across"),
+    ):
+        shade_states(axes, l_of, traces["state"][fed])
+        axes.plot(l_of, measured, label="simulated, median of 10 ms", **FORCE)
+        axes.plot(predicted["depth"] * _MM, of, label="exact statics", **_EXACT)
+        dress(axes, title=title, x="depth l in the bore / mm", y="force / N")
+    above.plot(predicted["depth"] * _MM, predicted["simple"], label="Whitney", **_SIMPLE)
+    tallest = max(_TALL * float(force.max()), 0.1)
+    if scenario.force_cap < tallest:
+        above.axhline(scenario.force_cap, label="cap of the push", **LIMIT)
+    above.set_ylim(0.0, tallest)
+    legend(above, ncols=3, loc="upper right")
+    _diagram(figure.add_subplot(grid[:, 1]), scenario, outcome, fed)
+    return figure
+
+
+def shade_states(axes: Axes, depth: Array, state: Array) -> None:
+    """Shade the depths by contact state."""
+    ends = np.flatnonzero(np.diff(state)) + 1
+    named = set()
+    for first, last in zip((0, *ends), (*ends, len(state)), strict=True):
+        found = STATES.get(ContactState(int(state[first])))
+        if found is None or last - first < 2:
+            continue
+        label, colour = found
+        axes.axvspan(
+            depth[first],
+            depth[last - 1],
+            color=colour,
+            alpha=0.6,
+            linewidth=0,
+            label=None if label in named else label,
+        )
+        named.add(label)
+
+
+def _diagram(
+    axes: Axes, scenario: PegInsertionScenario, outcome: Outcome, fed: NDArray[np.bool_]
+) -> None:
+    """Draw the path of tip and tilt into the region that is free of wedging."""
+    parts, support, traces = scenario.parts, scenario.support, outcome.traces
+    edge = 1.15 * max(parts.chamfer_limit, abs(scenario.lateral))
+    x = np.linspace(-edge, edge, 201)
+    reached = np.abs(x) <= parts.chamfer_limit
+    wedge, slide = wedging_bounds(parts, support, x), sliding_bounds(parts, support, x)
+    lower, upper = np.maximum(wedge[0], slide[0]), np.minimum(wedge[1], slide[1])
+    axes.fill_between(
+        x * _MM,
+        lower * _MRAD,
+        upper * _MRAD,
+        where=reached,
+        label="neither wedges nor jams",
+        **_REGION,
+    )
+    simple = wedging_bounds(parts, support, x, "simple")
+    for k in range(2):
+        axes.plot(x * _MM, wedge[k] * _MRAD, label=None if k else "may wedge beyond", **FORCE)
+        axes.plot(x * _MM, slide[k] * _MRAD, label=None if k else "no push slides", **_EXACT)
+        axes.plot(x * _MM, simple[k] * _MRAD, label=None if k else "Whitney's sides", **_SIMPLE)
+    for side in (-1.0, 1.0):
+        axes.axvline(side * parts.chamfer_limit * _MM, **LIMIT)
+    axes.plot(traces["tip"][fed] * _MM, traces["tilt"][fed] * _MRAD, label="tip and tilt", **_PATH)
+    axes.plot(scenario.lateral * _MM, scenario.tilt * _MRAD, label="start", **_START)
+    tallest = 1.1 * max(float(upper.max()), abs(scenario.tilt), parts.rotation_limit) * _MRAD
+    axes.set_ylim(-tallest, tallest)
+    dress(
+        axes,
+        title="(c) Path in the wedging diagram",
+        x="lateral error of the tip / mm",
+        y="tilt / mrad",
+    )
+    legend(axes, loc="lower center", ncols=3)
+
+
+_EYE: Final = np.array([0.0, -0.12, 0.07])  # m; assumed
+_TARGET: Final = np.array([-0.01, 0.0, 0.0])  # m; assumed
+_FLOOR: Final = np.array([0.0, 0.0, -0.05])  # m; assumed
+
+
+def replay_peg_insertion(
+    scenario: PegInsertionScenario, outcome: Outcome, meshcat: Meshcat
+) -> None:
+    """Show a run as an animation; its traces have the time and the joints' positions."""
+    view = make_peg_insertion_view(scenario, meshcat)
+    set_stage(meshcat, floor=_FLOOR, eye=_EYE, target=_TARGET)
+    traces = outcome.traces
+    positions = np.column_stack([traces[name] for name in JOINTS])
+    record(meshcat, view.diagram, view.plant, np.asarray(traces["time"]), positions)

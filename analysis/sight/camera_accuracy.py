@@ -35,7 +35,7 @@ from chamfer.analysis.sight.detection_trials import (
     trial_camera,
 )
 from chamfer.analysis.sight.picture_conditions import PictureQuality
-from chamfer.diagrams.cell.cell_cameras import VIEWS, CellCameras
+from chamfer.diagrams.cell.cell_vision import VIEWS, CellCameras
 from chamfer.diagrams.cell.work_cell import WorkCellScenario
 from chamfer.models.cameras.camera import View
 from chamfer.models.peg.peg_and_hole import OF_CONTACT, ColouredParts

@@ -31,7 +31,7 @@ from chamfer.analysis.sight.picture_conditions import (
     installed,
     require_photographs,
 )
-from chamfer.diagrams.cell.cell_cameras import VIEWS
+from chamfer.diagrams.cell.cell_vision import VIEWS
 from chamfer.diagrams.cell.work_cell import WorkCellScenario
 from chamfer.models.cameras.camera import Camera, CameraPlacement, CameraStand
 from chamfer.models.peg.peg_and_hole import OF_CONTACT, ColouredParts

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from chamfer.diagrams.cell.cell_cameras import VIEWS, Renderer
+from chamfer.diagrams.cell.cell_vision import VIEWS, Renderer
 from chamfer.models.cameras.camera import Camera, View
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import require_not_negative

@@ -1,33 +1,38 @@
 """The two arms align the parts by sight: cameras, compensator, impedance control (section 5)."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, LeafSystem, OutputPort
+from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort, System
 from pydrake.systems.primitives import ConstantVectorSource
 
-from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, Compensated
-from chamfer.diagrams.cell.cell_cameras import resolved_cameras
-from chamfer.diagrams.cell.cell_vision import add_cell_vision
+from chamfer.diagrams.cell.alignment_scenario import (
+    AlignmentScenario,
+    Compensated,
+    ResolvedAlignmentScenario,
+    offset_pose,
+    require_in_view,
+    require_start_apart,
+)
+from chamfer.diagrams.cell.cell_vision import add_cell_vision, resolved_cameras
 from chamfer.diagrams.cell.controller_design import resolve_controllers
-from chamfer.diagrams.cell.in_view import require_in_view
-from chamfer.diagrams.cell.part_shapes import add_part_shapes
-from chamfer.diagrams.cell.resolved_arms import resolve_arms
-from chamfer.diagrams.cell.start_apart import offset_pose, require_start_apart
-from chamfer.diagrams.cell.work_cell import ARMS, ArmName, WorkCell, add_work_cell
-from chamfer.models.validation import known
+from chamfer.diagrams.cell.work_cell import ARMS, ArmName, WorkCell, add_work_cell, resolve_arms
+from chamfer.diagrams.cell.work_cell_view import add_part_shapes
+from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.systems.force.desired_pose import CompensatedPose, StoppableMotion
+from chamfer.systems.ports import require_ports
 from chamfer.systems.pose import pose_vector
 from chamfer.systems.servo.compensator import CompensatorParams, TrajectoryCompensator
 from chamfer.systems.servo.divergence_watch import DivergenceParams, DivergenceWatch, Watched
 from chamfer.systems.servo.sampled_pid import SampledPid, SampledPidParams
-from chamfer.systems.vision.cell_error import AXES
+from chamfer.systems.vision.cell_error import AXES, CellError
 
-ScenarioT = TypeVar("ScenarioT", bound=AlignmentScenario)
+ResolvedT = TypeVar("ResolvedT", bound=ResolvedAlignmentScenario)
 
 SHARES: Final[dict[Compensated, dict[ArmName, float]]] = {
     "peg": {"peg": 1.0, "hole": 0.0},
@@ -42,7 +47,7 @@ SHARES: Final[dict[Compensated, dict[ArmName, float]]] = {
 _GROWS_FROM: Final = 10.0
 
 
-class Motion(NamedTuple):
+class DesiredMotion(NamedTuple):
     """A desired motion before the compensation."""
 
     pose: OutputPort
@@ -50,8 +55,17 @@ class Motion(NamedTuple):
     stop: InputPort | None  # None: has nothing to stop
 
 
-def resolve(scenario: ScenarioT) -> ScenarioT:
+def resolve(scenario: AlignmentScenario) -> ResolvedAlignmentScenario:
     """Fill in the cameras, the controllers, where and which arm is compensated.
+
+    Raises:
+        ParameterError: As of :func:`resolve_as`.
+    """
+    return resolve_as(ResolvedAlignmentScenario, scenario)
+
+
+def resolve_as(kind: type[ResolvedT], scenario: AlignmentScenario) -> ResolvedT:
+    """Return a scenario resolved, as the resolved class of its own kind.
 
     Raises:
         ParameterError: If a camera can't be as it is asked to be, a part is out of an image where
@@ -61,14 +75,17 @@ def resolve(scenario: ScenarioT) -> ScenarioT:
     scenario = replace(scenario, cameras=resolved_cameras(scenario.cameras, scenario))
     require_in_view(scenario)
     require_start_apart(scenario)
-    scenario = resolve_arms(scenario)
-    if scenario.compensated is None:
-        both: Compensated = "both" if scenario.hole.kind == "arm" else "peg"
-        scenario = replace(scenario, compensated=both)
-    return resolve_controllers(replace(scenario, meeting_point=scenario.mouth))
+    both: Compensated = "both" if scenario.hole.kind == "arm" else "peg"
+    derived = {"compensated": scenario.compensated or both, "meeting_point": scenario.mouth}
+    return resolve_controllers(kind(**vars(resolve_arms(scenario)) | derived))
 
 
-def make_alignment_diagram(scenario: AlignmentScenario) -> Diagram:
+def make_alignment_diagram(
+    scenario: ResolvedAlignmentScenario,
+    *,
+    controller: System | None = None,
+    arm_controllers: Mapping[ArmName, System] | None = None,
+) -> Diagram:
     """Return the work cell with the vision loop closed (Fig. 10).
 
     Where the hole is a fixture its command is its place, and it has no encoders. The tools carry
@@ -79,25 +96,30 @@ def make_alignment_diagram(scenario: AlignmentScenario) -> Diagram:
     ``error`` (pixels and rad), ``valid``, ``age`` and ``blind``; ``diverged``, whether the
     compensation has been stopped since the error grew; ``compensation`` (m and rad, of the peg
     relative to the hole, in the hole's axes as the error is).
+
+    Args:
+        scenario: Resolved.
+        controller: A user's own, in the place of the state machine or the PID laws. It needs the
+            inputs ``error`` (6,), pixels and rad along and about the hole's axes, and ``valid``
+            (1,), 1 where the error is measured, and the output ``compensation`` (6,), m and rad.
+        arm_controllers: Of each arm likewise in the place of its impedance law, see
+            :func:`chamfer.diagrams.cell.work_cell.add_work_cell`.
+
+    Raises:
+        ParameterError: If a controller has other ports.
     """
-    scenario = resolve(scenario)
     builder = DiagramBuilder()
     connect = builder.Connect
-    start: dict[ArmName, RigidTransform] = {"peg": start_pose(scenario)} if scenario.moves else {}
     cell = add_work_cell(
-        builder, scenario, start=start, add_parts=partial(add_part_shapes, scenario)
-    )
-    motions = {arm: add_motion(builder, scenario, arm) for arm in ARMS}
-    error = add_cell_vision(
         builder,
         scenario,
-        scenario.cameras,
-        poses=cell.true_poses,
-        begin=scenario.begin,
-        desired={arm: motions[arm].pose for arm in ARMS} if scenario.moves else None,
+        start=start_poses(scenario),
+        add_parts=partial(add_part_shapes, scenario),
+        controllers=arm_controllers,
     )
+    motions, error = add_sight(builder, scenario, cell)
     watch = add_divergence_watch(builder, scenario)
-    controller = add_controller(builder, scenario)
+    controller = add_controller(builder, scenario, controller)
     for name in ("error", "valid", "blind"):
         connect(error.GetOutputPort(name), watch.GetInputPort(name))
     connect(error.GetOutputPort("error"), controller.GetInputPort("error"))
@@ -109,43 +131,78 @@ def make_alignment_diagram(scenario: AlignmentScenario) -> Diagram:
             connect(command, cell.arms[arm].desired_pose)
             if (velocity := motions[arm].velocity) is not None:
                 connect(velocity, cell.arms[arm].desired_velocity)
-        export_arm(builder, cell, arm)
-        if (stop := motions[arm].stop) is not None:
-            connect(watch.GetOutputPort("stop"), stop)
-    for name in ("error", "valid", "age", "blind"):
-        builder.ExportOutput(error.GetOutputPort(name), name)
-    builder.ExportOutput(watch.GetOutputPort("diverged"), "diverged")
-    builder.ExportOutput(compensation, "compensation")
+    export_alignment(builder, cell, motions, error, watch, compensation)
     diagram = builder.Build()
     diagram.set_name("Alignment by sight")
     return diagram
 
 
-def start_pose(scenario: AlignmentScenario) -> RigidTransform:
-    """Return where the peg's motion begins."""
-    return offset_pose(scenario, 1.0)
+def start_poses(scenario: AlignmentScenario) -> dict[ArmName, RigidTransform]:
+    """Return where tools start that do not start at their nominal poses."""
+    return {"peg": offset_pose(scenario, 1.0)} if scenario.moves else {}
 
 
-def add_motion(builder: DiagramBuilder, scenario: AlignmentScenario, arm: ArmName) -> Motion:
+def add_sight(
+    builder: DiagramBuilder,
+    scenario: AlignmentScenario,
+    cell: WorkCell,
+    parts_there: ColouredParts | None = None,
+) -> tuple[dict[ArmName, DesiredMotion], CellError]:
+    """Add the arms' desired motions, and the cameras that measure what the peg lacks."""
+    motions = {arm: add_motion(builder, scenario, arm) for arm in ARMS}
+    error = add_cell_vision(
+        builder,
+        scenario,
+        scenario.cameras,
+        poses=cell.true_poses,
+        begin=scenario.begin,
+        desired={arm: motions[arm].pose for arm in ARMS} if scenario.moves else None,
+        parts_there=parts_there,
+    )
+    return motions, error
+
+
+def export_alignment(
+    builder: DiagramBuilder,
+    cell: WorkCell,
+    motions: dict[ArmName, DesiredMotion],
+    error: CellError,
+    watch: DivergenceWatch,
+    compensation: OutputPort,
+) -> None:
+    """Export what shows an alignment, and let the watch stop the motions."""
+    for arm in ARMS:
+        export_arm(builder, cell, arm)
+        if (stop := motions[arm].stop) is not None:
+            builder.Connect(watch.GetOutputPort("stop"), stop)
+    for name in ("error", "valid", "age", "blind"):
+        builder.ExportOutput(error.GetOutputPort(name), name)
+    builder.ExportOutput(watch.GetOutputPort("diverged"), "diverged")
+    builder.ExportOutput(compensation, "compensation")
+
+
+def add_motion(
+    builder: DiagramBuilder, scenario: AlignmentScenario, arm: ArmName
+) -> DesiredMotion:
     """Add where an arm should be, over time."""
     goal = scenario.nominal_pose(arm)
     if arm == "peg" and scenario.moves:
         motion = builder.AddNamedSystem(
             "peg desired motion",
             StoppableMotion(
-                start_pose(scenario).translation(),
+                start_poses(scenario)["peg"].translation(),
                 goal,
                 scenario.motion_time,
                 scenario.cameras.frames.period,
             ),
         )
-        return Motion(
+        return DesiredMotion(
             motion.GetOutputPort("desired_pose"),
             motion.GetOutputPort("desired_velocity"),
             motion.GetInputPort("stop"),
         )
     pose = builder.AddNamedSystem(f"{arm} desired pose", ConstantVectorSource(pose_vector(goal)))
-    return Motion(pose.get_output_port(), None, None)
+    return DesiredMotion(pose.get_output_port(), None, None)
 
 
 def add_divergence_watch(builder: DiagramBuilder, scenario: AlignmentScenario) -> DivergenceWatch:
@@ -168,8 +225,14 @@ def add_divergence_watch(builder: DiagramBuilder, scenario: AlignmentScenario) -
     return watch
 
 
-def add_controller(builder: DiagramBuilder, scenario: AlignmentScenario) -> LeafSystem:
-    """Add what makes compensation of the measured error."""
+def add_controller(
+    builder: DiagramBuilder, scenario: AlignmentScenario, own: System | None = None
+) -> System:
+    """Add what makes compensation of the measured error: a user's own, or the scenario's."""
+    if own is not None:
+        sizes = {"error": len(AXES), "valid": 1}
+        require_ports("controller", own, inputs=sizes, outputs={"compensation": len(AXES)})
+        return builder.AddNamedSystem("own controller", own)
     period = scenario.cameras.frames.period
     if scenario.controller.kind == "fsm":
         fsm = CompensatorParams(axes=scenario.compensator.axes, period=period)
@@ -180,9 +243,9 @@ def add_controller(builder: DiagramBuilder, scenario: AlignmentScenario) -> Leaf
 
 def add_command(
     builder: DiagramBuilder,
-    scenario: AlignmentScenario,
+    scenario: ResolvedAlignmentScenario,
     arm: ArmName,
-    motion: Motion,
+    motion: DesiredMotion,
     compensation: OutputPort,
 ) -> OutputPort:
     """Add an arm's command: where it should be, its error, and its share of the compensation.
@@ -203,7 +266,7 @@ def add_command(
         connect(error.get_output_port(), off.GetInputPort("compensation"))
         desired = off.get_output_port()
     if arm in scenario.arms:
-        share = SHARES[known("compensated", scenario.compensated)][arm]
+        share = SHARES[scenario.compensated][arm]
         command = builder.AddNamedSystem(
             f"{arm} command", CompensatedPose(share, scenario.hole_axes)
         )

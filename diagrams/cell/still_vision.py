@@ -8,8 +8,13 @@ from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
-from chamfer.diagrams.cell.cell_cameras import VIEWS, believed_camera, true_camera
-from chamfer.diagrams.cell.cell_vision import looks_in, undistortion_of
+from chamfer.diagrams.cell.cell_vision import (
+    VIEWS,
+    believed_camera,
+    looks_in,
+    true_camera,
+    undistortion_of,
+)
 from chamfer.models.cameras.camera import View
 from chamfer.systems.cameras.camera_image import Image, shaded
 from chamfer.systems.cameras.software_camera import render

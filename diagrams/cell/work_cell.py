@@ -11,12 +11,18 @@ up and bent by about 100 degrees.
 
 Insertion may also be downwards. Errors and cameras go by the axes H of the hole, x into it: the
 world's own, or, downwards, x down and z ahead of the peg's arm.
+
+Support of the peg: under impedance control an arm is a spring across the peg and one that turns
+it, both about the tool's own point: the tip of the peg, or the mouth of the hole. Two arms are in
+series, so that the support depends on how deep the tip is; against a fixture it is that of the
+peg's arm alone. The joints' dry friction is not part of it, it is no spring: per arm nothing moves
+below 0.03 N m, 0.1 N across and 0.4 N along the peg, and two-point forces are 2 to 4 times larger.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Final, Literal, NamedTuple, get_args
+from typing import Any, Final, Literal, NamedTuple, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,18 +39,21 @@ from pydrake.multibody.tree import (
     SpatialInertia,
     UnitInertia,
 )
-from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort, System
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
 from chamfer.models.arms.serial_arm import SerialArm
 from chamfer.models.arms.urdf_arm import chosen_arm
+from chamfer.models.cameras.camera import View
 from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.peg.support import Support, in_series
 from chamfer.models.validation import (
     ParameterError,
     require_not_negative,
     require_one_of,
     require_positive,
     require_same,
+    within,
 )
 from chamfer.systems.force.arm_model import (
     ArmModel,
@@ -58,7 +67,8 @@ from chamfer.systems.force.impedance_controller import (
     ImpedanceController,
     ImpedanceControllerParams,
 )
-from chamfer.systems.pose import pose_vector
+from chamfer.systems.ports import require_ports
+from chamfer.systems.pose import POSE_SIZE, pose_vector
 
 Array = NDArray[np.float64]
 ArmName = Literal["peg", "hole"]
@@ -80,7 +90,7 @@ _MEETING_POINTS: Final[dict[InsertionAxis, Vector3]] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class ArmSettings:
+class CellArmSettings:
     """An arm, its tool, and what its controller does not know about it."""
 
     model: str = "wam"  # wam, or path of a URDF with six or more revolute joints
@@ -135,7 +145,7 @@ class ArmSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HoleSettings(ArmSettings):
+class HoleSettings(CellArmSettings):
     """What holds the hole: an arm as the other one, or a fixture, which has none of its fields."""
 
     kind: HoleKind = "arm"  # or fixture: the hole is fixed in the world
@@ -148,7 +158,7 @@ class HoleSettings(ArmSettings):
 # kg; calibrated: with the dry friction the peg stays 1.5 mm low at 700 N/m (Fig. 11).
 _PAYLOAD_ERROR: Final = 0.0865
 
-PEG_ARM: Final = ArmSettings(
+PEG_ARM: Final = CellArmSettings(
     base=Placement(position=(-0.8, 0.0, 0.0)),
     tool=ToolParams(
         mass=0.25,
@@ -180,7 +190,7 @@ class WorkCellScenario:
     The rest posture of each arm, at which it also starts, puts its tool at its nominal pose.
     """
 
-    peg: ArmSettings = PEG_ARM
+    peg: CellArmSettings = PEG_ARM
     hole: HoleSettings = HOLE_ARM
     parts: ColouredParts = field(default_factory=ColouredParts)
     impedance: ImpedanceControllerParams = field(default_factory=ImpedanceControllerParams)
@@ -197,7 +207,9 @@ class WorkCellScenario:
         if not math.isfinite(self.gap):
             raise ParameterError("gap", self.gap, "a finite number")
         if self.hole.kind == "fixture":
-            names = [one.name for one in fields(ArmSettings)]
+            names = [one.name for one in fields(CellArmSettings)]
+            if not self.hole.payload_error:
+                names.remove("payload_error")  # nothing to know of
             require_same(self.hole, type(self).hole, "hole", *names, why="a fixture is no arm")
         period = self.impedance.period
         steps = round(period / self.step)
@@ -236,7 +248,7 @@ class WorkCellScenario:
         Raises:
             ParameterError: If the arm doesn't reach it.
         """
-        settings: ArmSettings = getattr(self, arm)
+        settings: CellArmSettings = getattr(self, arm)
         try:
             return settings.known_arm().joint_positions(self.nominal_pose(arm), settings.near)
         except ParameterError as error:
@@ -254,7 +266,7 @@ class ArmPorts(NamedTuple):
     tool_pose: OutputPort  # as the controller takes it to be
     saturated: OutputPort
     true_pose: OutputPort  # of the tool frame, shape (7,); for logs alone
-    controller: ImpedanceController
+    controller: System
     instance: ModelInstanceIndex
 
 
@@ -275,6 +287,7 @@ def add_work_cell(
     arms: tuple[ArmName, ...] = ARMS,
     start: dict[ArmName, RigidTransform] | None = None,
     add_parts: AddParts | None = None,
+    controllers: Mapping[ArmName, System] | None = None,
 ) -> WorkCell:
     """Add the arms, in one plant, and their controllers; desired poses are left to be connected.
 
@@ -287,6 +300,13 @@ def add_work_cell(
         start: X_WT of tools that do not start, at rest, at their nominal poses.
         add_parts: Called with the plant, before it is finalized, and the tools' bodies, to add
             the parts' geometry.
+        controllers: A user's own, in the place of an arm's impedance law. With n joints it needs
+            the inputs ``encoders`` (2n,), rad and rad/s, ``desired_pose`` (7,) and
+            ``desired_velocity`` (6,), and the outputs ``torque`` (n,), N m, ``tool_pose`` (7,)
+            and ``saturated`` (n,).
+
+    Raises:
+        ParameterError: If a controller has other ports.
     """
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
     plant.set_name("arms")
@@ -300,7 +320,17 @@ def add_work_cell(
     for arm, instance in instances.items():
         model = getattr(scenario, arm).known_arm()
         q = scenario.rest_posture(arm)
-        controller = ImpedanceController(model, q, scenario.impedance)
+        controller = (controllers or {}).get(arm)
+        if controller is None:
+            controller = ImpedanceController(model, q, scenario.impedance)
+        else:
+            n = len(q)
+            require_ports(
+                f"{arm} controller",
+                controller,
+                inputs={"encoders": 2 * n, "desired_pose": POSE_SIZE, "desired_velocity": 6},
+                outputs={"torque": n, "tool_pose": POSE_SIZE, "saturated": n},
+            )
         if start is not None and arm in start:
             q = model.joint_positions(start[arm], q)
         plant.SetDefaultPositions(instance, q)
@@ -336,7 +366,7 @@ def add_holders(
 
 
 def add_simulated_arm(
-    plant: MultibodyPlant, arm: str, settings: ArmSettings
+    plant: MultibodyPlant, arm: str, settings: CellArmSettings
 ) -> ModelInstanceIndex:
     """Add an arm, at its true base, with what its controller does not know."""
     X_WB = settings.base.transform @ settings.base_error.transform
@@ -370,7 +400,7 @@ def connect_arm(
     plant: MultibodyPlant,
     arm: str,
     instance: ModelInstanceIndex,
-    controller: ImpedanceController,
+    controller: System,
 ) -> ArmPorts:
     """Add an arm's controller and its drives; the plant is finalized."""
     builder.AddNamedSystem(f"{arm} impedance control", controller)
@@ -399,3 +429,98 @@ def connect_arm(
         controller=controller,
         instance=instance,
     )
+
+
+ScenarioT = TypeVar("ScenarioT", bound=WorkCellScenario)
+
+# Shares of the largest torques: what holds an arm up leaves the rest to move it.
+_MOST_HELD: Final = 0.9
+
+
+def resolve_arms(scenario: ScenarioT) -> ScenarioT:
+    """Fill in posture, friction and rotors of the arms.
+
+    Raises:
+        ParameterError: If an arm doesn't reach its place or is too weak to be there, or the torque
+            limits that are given are of another number of joints.
+    """
+    for arm in scenario.arms:
+        settings: CellArmSettings = getattr(scenario, arm)
+        with within("impedance"):
+            scenario.impedance.limits(settings.arm)
+        posture = scenario.rest_posture(arm) if settings.near is None else settings.near
+        filled: dict[str, Any] = {}
+        filled[arm] = replace(
+            settings,
+            posture=tuple(posture.tolist()),
+            joint_friction=settings.arm.dry_friction,
+            rotor_inertia=settings.arm.rotor_inertia,
+        )
+        scenario = replace(scenario, **filled)
+    require_strong(scenario, 0.0)
+    return scenario
+
+
+def require_strong(scenario: WorkCellScenario, push: float) -> None:
+    """Refuse arms whose motors don't hold them where they are to be.
+
+    Args:
+        scenario: The cell; torque limits of its own are not looked at.
+        push: N, along the hole's axis, that they have to make there.
+
+    Raises:
+        ParameterError: It names the arm's model, the joint, and what torque it lacks.
+    """
+    if scenario.impedance.torque_limits is not None:
+        return
+    wrench = np.concatenate([np.zeros(3), push * scenario.hole_axes.matrix()[:, 0]])
+    for name in scenario.arms:
+        settings: CellArmSettings = getattr(scenario, name)
+        arm = settings.arm
+        state = settings.known_arm().evaluate(scenario.rest_posture(name))
+        force = wrench if name == "peg" else -wrench
+        torque = np.abs(state.gravity + state.J_V_WT.T @ force)
+        limits = np.array(arm.torque_limits)
+        worst = int(np.argmax(torque / limits))
+        if torque[worst] > _MOST_HELD * limits[worst]:
+            what = f"hold itself and push with {push:g} N" if push else "hold itself"
+            raise ParameterError(
+                f"{name}.model",
+                settings.model,
+                f"an arm strong enough to {what} at its place: {arm.joint_names[worst]} has "
+                f"{limits[worst]:.3g} N m, and takes {torque[worst]:.3g} N m of it",
+            )
+
+
+_ACROSS = {"xy": (1, 2), "xz": (2, 1)}  # the lateral axis of a plane, and the one that it turns
+
+
+def support_at(scenario: WorkCellScenario, depth: float, plane: View | None = None) -> Support:
+    """Return the one support that the arms are to the peg.
+
+    Args:
+        scenario: The cell.
+        depth: Of the tip below the mouth, m.
+        plane: Of insertion; by default the one in which a lateral error tilts the peg more.
+    """
+    if plane is None:
+        both = (support_at(scenario, depth, "xy"), support_at(scenario, depth, "xz"))
+        return max(both, key=lambda support: abs(support.tilt_per_error))
+    lateral, turn = _ACROSS[plane]
+    arm = Support(
+        lateral_stiffness=scenario.impedance.stiffness[lateral],
+        angular_stiffness=scenario.impedance.rotational_stiffness[turn],
+        centre_distance=0.0,
+    )
+    return arm if scenario.hole.kind == "fixture" else in_series(arm, arm, depth)
+
+
+def wedging_support(scenario: WorkCellScenario) -> Support:
+    """Return the support at the depth at which two points decide whether the peg can wedge."""
+    parts = scenario.parts
+    return support_at(scenario, parts.chamfer_height + parts.wedging_depth)
+
+
+def axial_stiffness(scenario: WorkCellScenario) -> float:
+    """Return the stiffness of the arms, one behind the other, along the axis, N/m."""
+    return scenario.impedance.stiffness[0] / len(scenario.arms)

@@ -15,18 +15,18 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from chamfer.diagrams.cell.cell_support import support_at
-from chamfer.diagrams.cell.resolved_arms import resolve_arms
 from chamfer.diagrams.cell.work_cell import (
     HOLE_ARM,
     PEG_ARM,
-    ArmSettings,
+    CellArmSettings,
     HoleSettings,
     WorkCellScenario,
+    resolve_arms,
+    support_at,
 )
 from chamfer.diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
-from chamfer.models.peg.bore_contact import ContactMaterial, require_resolved_play
-from chamfer.models.peg.part_overlap import require_tilted_apart
+from chamfer.models.peg.bore_contact import ContactMaterial, require_resolved_clearance
+from chamfer.models.peg.part_surfaces import require_tilted_apart
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.peg.support import OpenSupport, Support
 from chamfer.models.validation import (
@@ -48,7 +48,7 @@ Plane = Literal["xy", "xz"]
 class FedCellScenario(WorkCellScenario):
     """The cell, its parts, and the feed; the controllers know what the arms hold."""
 
-    peg: ArmSettings = replace(PEG_ARM, payload_error=0.0)
+    peg: CellArmSettings = replace(PEG_ARM, payload_error=0.0)
     hole: HoleSettings = replace(HOLE_ARM, payload_error=0.0)
     gap: float = 0.006  # m, from tip to mouth at the start; assumed
     feed: float = 0.12  # m; what is not depth is push, by the arms' stiffness; assumed
@@ -70,7 +70,7 @@ class FedCellScenario(WorkCellScenario):
         if not self.feed > self.gap + self.depth:
             allowed = f"more than gap + depth, {self.gap + self.depth:g} m"
             raise ParameterError("feed", self.feed, allowed)
-        require_resolved_play(self.parts, self.speed, self.step)
+        require_resolved_clearance(self.parts, self.speed, self.step)
 
     def support_at(self, depth: float, plane: Plane) -> Support:
         """Return what the peg is taken to be held by at a depth of its tip, m."""
@@ -144,9 +144,8 @@ def make_blind_feed_diagram(scenario: BlindFeedScenario) -> Diagram:
 
     Outputs: ``<arm>.true_pose``, those of
     :class:`chamfer.systems.contact.peg_hole_contact_monitor.PegHoleContactMonitor` as
-    ``contact.<name>``.
+    ``contact.<name>``. The scenario is resolved.
     """
-    scenario = resolve_fed_cell(scenario)
     builder = DiagramBuilder()
     X_WT = scenario.start()
     cell, contact = add_cell_in_contact(

@@ -1,12 +1,13 @@
 """Peg and hole that touch in the work cell: what collides there, and what is read of it."""
 
+from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from pydrake.geometry import GeometryId
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder, System
 
 from chamfer.diagrams.cell.work_cell import (
     AddParts,
@@ -42,6 +43,7 @@ def add_cell_in_contact(
     material: ContactMaterial,
     start: dict[ArmName, RigidTransform] | None = None,
     add_parts: AddParts | None = None,
+    controllers: Mapping[ArmName, System] | None = None,
 ) -> CellInContact:
     """Add the work cell with a peg and a hole that touch each other, and nothing else does.
 
@@ -53,6 +55,7 @@ def add_cell_in_contact(
         material: Stiffness of contact, with its facets known.
         start: As of :func:`chamfer.diagrams.cell.work_cell.add_work_cell`.
         add_parts: Likewise, for what is to be seen.
+        controllers: Likewise, a user's own.
 
     Returns:
         The cell, and the block whose outputs are what touches and the wrench in the mouth's
@@ -67,7 +70,7 @@ def add_cell_in_contact(
         peg_shapes.extend(add_peg_contact(plant, tools["peg"], _IN_TOOL, parts, material))
         hole_shapes.extend(add_hole_contact(plant, tools["hole"], _IN_TOOL, parts, material))
 
-    cell = add_work_cell(builder, scenario, start=start, add_parts=add)
+    cell = add_work_cell(builder, scenario, start=start, add_parts=add, controllers=controllers)
     plant = cell.plant
     contact = builder.AddNamedSystem(
         "contact",

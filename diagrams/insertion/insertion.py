@@ -1,39 +1,172 @@
 """From pixels to a seated peg: the alignment by sight, and a chart that inserts (section 5)."""
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import ClassVar, Final, Self, TypeVar
 
-from pydrake.math import RigidTransform
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import Adder
 
 from chamfer.diagrams.cell.alignment import (
-    Motion,
+    DesiredMotion,
     add_command,
     add_controller,
     add_divergence_watch,
-    add_motion,
-    export_arm,
-    start_pose,
+    add_sight,
+    export_alignment,
+    start_poses,
 )
-from chamfer.diagrams.cell.cell_vision import add_cell_vision
-from chamfer.diagrams.cell.part_shapes import add_part_shapes
-from chamfer.diagrams.cell.work_cell import ARMS, ArmName, WorkCell
+from chamfer.diagrams.cell.alignment import resolve_as as resolve_alignment_as
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, ResolvedAlignmentScenario
+from chamfer.diagrams.cell.work_cell import (
+    ARMS,
+    ArmName,
+    WorkCell,
+    axial_stiffness,
+    require_strong,
+    support_at,
+    wedging_support,
+)
+from chamfer.diagrams.cell.work_cell_view import add_part_shapes
 from chamfer.diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
-from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
+from chamfer.models.peg.bore_contact import (
+    ContactMaterial,
+    require_resolved_clearance,
+    resolved_speed,
+)
+from chamfer.models.peg.peg_and_hole import ColouredParts, Peg
+from chamfer.models.peg.support import OpenSupport, Support
+from chamfer.models.validation import ParameterError, require_positive
 from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
 from chamfer.systems.force.desired_pose import FeedOffset
 from chamfer.systems.force.impedance_controller import SpringForce
 from chamfer.systems.servo.measurement_selector import MeasurementSelector
-from chamfer.systems.strategies.insertion_decision import InsertionRegion
-from chamfer.systems.strategies.insertion_memory import InsertionTaskParams
+from chamfer.systems.strategies.insertion_chart import (
+    InsertionTaskParams,
+    InsertParams,
+    ResolvedInsertParams,
+)
+from chamfer.systems.strategies.insertion_decision import DecisionParams, InsertionRegion
 from chamfer.systems.strategies.insertion_task import InsertionTask
 from chamfer.systems.vision.cell_error import AXES
+
+FEED_SPEED: Final = 0.02  # m/s, of the feed; assumed
+_IN: Final = 0.9  # of the peg's length, that goes in at most
+
+
+@dataclass(frozen=True, kw_only=True)
+class _WrongParts(ColouredParts):
+    """Parts whose peg is thicker than anybody knows."""
+
+    excess: float = 0.0  # m
+
+    @property
+    def peg(self) -> Peg:
+        """The peg that is there."""
+        peg = super().peg
+        return replace(peg, radius=peg.radius + self.excess)
+
+
+@dataclass(frozen=True, kw_only=True)
+class InsertionScenario(AlignmentScenario):
+    """The cameras align the parts, and the peg is inserted; many times if it has to be."""
+
+    decide: DecisionParams = field(default_factory=DecisionParams)
+    insert: InsertParams = field(default_factory=InsertParams)
+    contact: ContactMaterial = field(default_factory=ContactMaterial)
+    support: OpenSupport = field(default_factory=OpenSupport)
+    # that the decision and theory go by; what is left open: of the arms, at the depth in question
+    peg_excess: float = 0.0
+    # m, of the peg's radius over that of parts: a wrong part; from 5 % on it is not recognised
+    duration: float = 60.0  # s, how long the run may last
+
+    UNUSED_OF_PARTS: ClassVar[tuple[str, ...]] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "duration")
+        depth = self.insert.depth
+        if depth is not None and not depth < self.parts.peg_length:
+            allowed = f"less than the peg's length, {self.parts.peg_length:g} m"
+            raise ParameterError("insert.depth", depth, allowed)
+        if self.insert.speed is not None:
+            require_resolved_clearance(self.parts, self.insert.speed, self.step)
+        if not (
+            math.isfinite(self.peg_excess)
+            and self.parts.peg_chamfer.width
+            < self.parts.peg_radius + self.peg_excess
+            < self.parts.hole.mouth_radius
+        ):
+            allowed = "such that the peg's tip still finds the mouth"
+            raise ParameterError("peg_excess", self.peg_excess, allowed)
+
+    def support_at(self, depth: float) -> Support:
+        """Return what the peg is taken to be held by at a depth of its tip, m."""
+        return self.support.over(support_at(self, depth))
+
+    @property
+    def wedging_support(self) -> Support:
+        """The same where two points decide whether the peg can wedge."""
+        return self.support.over(wedging_support(self))
+
+    @property
+    def there(self) -> Self:
+        """The same with the parts that are there, which only contact and cameras know."""
+        if not self.peg_excess:
+            return self
+        return replace(self, parts=_WrongParts(**vars(self.parts), excess=self.peg_excess))
+
+    @property
+    def peg_motion_ends(self) -> float:
+        """When the peg is at the gap by its desired motion, s."""
+        return max(self.begin, self.motion_time) if self.moves else self.begin
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedInsertionScenario(ResolvedAlignmentScenario, InsertionScenario):
+    """The same with the contact's facets and the feed filled in too: what diagrams take."""
+
+    insert: ResolvedInsertParams
+
+
+INSERTION_BY_SIGHT: Final = InsertionScenario()
+ResolvedT = TypeVar("ResolvedT", bound=ResolvedInsertionScenario)
+
+
+def resolve(scenario: InsertionScenario) -> ResolvedInsertionScenario:
+    """Fill in the contact's facets and the feed, once the parts are in view."""
+    return resolve_as(ResolvedInsertionScenario, scenario)
+
+
+def resolve_as(kind: type[ResolvedT], scenario: InsertionScenario) -> ResolvedT:
+    """Return a scenario resolved, as the resolved class of its own kind."""
+    insert, parts = scenario.insert, scenario.parts
+    depth, speed, feed = insert.depth, insert.speed, insert.feed
+    if depth is None:
+        depth = min(parts.bore_length, _IN * parts.peg_length)
+    if speed is None:
+        speed = min(FEED_SPEED, resolved_speed(parts, scenario.step))
+    if feed is None:
+        # Stopped at the mouth the arms' springs take the rest of the way to reach the push.
+        feed = scenario.gap + depth + insert.push / axial_stiffness(scenario)
+    found = replace(
+        scenario,
+        contact=scenario.contact.over(parts),
+        insert=ResolvedInsertParams(
+            **vars(insert) | {"depth": depth, "speed": speed, "feed": feed}
+        ),
+    )
+    resolved = resolve_alignment_as(kind, found)
+    require_strong(resolved, insert.push)
+    return resolved
+
 
 TASK = "insertion task"
 
 
-def task_params(scenario: InsertionScenario) -> InsertionTaskParams:
+def task_params(scenario: ResolvedInsertionScenario) -> InsertionTaskParams:
     """Return the parameters of the task's chart, of a resolved scenario."""
     parts = scenario.parts
     axes = (scenario.compensator if scenario.controller.kind == "fsm" else scenario.pid).axes
@@ -52,42 +185,46 @@ def task_params(scenario: InsertionScenario) -> InsertionTaskParams:
     )
 
 
-def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
+def make_insertion_diagram(
+    scenario: ResolvedInsertionScenario,
+    *,
+    controller: System | None = None,
+    arm_controllers: Mapping[ArmName, System] | None = None,
+) -> Diagram:
     """Return the work cell with the vision loop closed, the parts in contact, and the task.
 
     Outputs: those of :func:`chamfer.diagrams.cell.alignment.make_alignment_diagram`,
     ``<arm>.command`` before the feed; ``feed``, ``attempts``, ``measured`` (errors of the
     decision), ``sensed_force``, ``sensed_depth``, ``trouble`` and ``state`` of the task; and
     ``contact.*``, the truth of the contact.
+
+    Args:
+        scenario: Resolved.
+        controller: A user's own, in the place of the state machine or the PID laws, with the ports
+            that :func:`chamfer.diagrams.cell.alignment.make_alignment_diagram` names.
+        arm_controllers: Of each arm likewise in the place of its impedance law.
+
+    Raises:
+        ParameterError: If a controller has other ports.
     """
-    scenario = resolve(scenario)
     params = task_params(scenario)
     there = scenario.there
     builder = DiagramBuilder()
     connect = builder.Connect
-    start: dict[ArmName, RigidTransform] = {"peg": start_pose(scenario)} if scenario.moves else {}
     cell, contact = add_cell_in_contact(
         builder,
         scenario,
         there.parts,
         seated_depth=SEATED * params.target,
         material=scenario.contact,
-        start=start,
+        start=start_poses(scenario),
         add_parts=partial(add_part_shapes, there),
+        controllers=arm_controllers,
     )
-    motions = {arm: add_motion(builder, scenario, arm) for arm in ARMS}
-    error = add_cell_vision(
-        builder,
-        scenario,
-        scenario.cameras,
-        poses=cell.true_poses,
-        begin=scenario.begin,
-        desired={arm: motions[arm].pose for arm in ARMS} if scenario.moves else None,
-        parts_there=there.parts,
-    )
+    motions, error = add_sight(builder, scenario, cell, there.parts)
     gate = builder.AddNamedSystem("error gate", MeasurementSelector(len(AXES)))
     watch = add_divergence_watch(builder, scenario)
-    controller = add_controller(builder, scenario)
+    controller = add_controller(builder, scenario, controller)
     peg_joints, hole_joints = (getattr(scenario, arm).arm.num_joints for arm in ARMS)
     task = builder.AddNamedSystem(
         TASK, InsertionTask(params, peg_joints=peg_joints, hole_joints=hole_joints)
@@ -113,13 +250,7 @@ def make_insertion_diagram(scenario: InsertionScenario) -> Diagram:
     for arm in ARMS:
         if arm in cell.arms:
             connect(cell.arms[arm].saturated, task.GetInputPort(f"{arm}_saturated"))
-        export_arm(builder, cell, arm)
-        if (stop := motions[arm].stop) is not None:
-            connect(watch.GetOutputPort("stop"), stop)
-    for name in ("error", "valid", "age", "blind"):
-        builder.ExportOutput(error.GetOutputPort(name), name)
-    builder.ExportOutput(watch.GetOutputPort("diverged"), "diverged")
-    builder.ExportOutput(compensation, "compensation")
+    export_alignment(builder, cell, motions, error, watch, compensation)
     for name, of in (
         ("feed", "feed"),
         ("attempts", "attempts"),
@@ -141,7 +272,7 @@ def _add_advance(
     scenario: InsertionScenario,
     cell: WorkCell,
     commands: dict[ArmName, OutputPort],
-    motion: Motion,
+    motion: DesiredMotion,
     task: InsertionTask,
 ) -> None:
     """Add the feed along the hole's commanded axis, and what the arm knows of its way and load."""

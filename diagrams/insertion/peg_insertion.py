@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final, Literal, NamedTuple, TypeVar
 
 import numpy as np
+from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import (
     AddMultibodyPlantSceneGraph,
@@ -38,10 +39,10 @@ from chamfer.models.peg.bore_contact import (
     ContactMaterial,
     add_hole_contact,
     add_peg_contact,
-    require_resolved_play,
+    require_resolved_clearance,
 )
-from chamfer.models.peg.part_overlap import require_tilted_apart
-from chamfer.models.peg.peg_and_hole import PegAndHole
+from chamfer.models.peg.part_surfaces import part_shape, require_tilted_apart
+from chamfer.models.peg.peg_and_hole import Colour, ColouredParts, PegAndHole
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.wedging import require_stiff
 from chamfer.models.validation import (
@@ -67,7 +68,7 @@ _SIZE: Final = 0.005  # m, of such a body
 
 
 @dataclass(frozen=True, kw_only=True)
-class CarriageSupport(Support):
+class FeedSupport(Support):
     """The support with what Whitney's theory does not need."""
 
     axial_stiffness: float = 2e4  # N/m, of feed and support along the axis; assumed
@@ -87,7 +88,7 @@ class FeedScenario:
     """
 
     parts: PegAndHole = field(default_factory=PegAndHole)
-    support: CarriageSupport = field(default_factory=CarriageSupport)
+    support: FeedSupport = field(default_factory=FeedSupport)
     speed: float = 0.02  # m/s, of the feed; assumed
     force_cap: float = 40.0  # N, the hardest push of the feed; assumed
     depth: float = 0.03  # m, commanded, of the tip below the mouth; assumed
@@ -107,7 +108,7 @@ class FeedScenario:
         if not self.depth <= self.parts.peg_length:
             allowed = f"at most the peg's length, {self.parts.peg_length} m"
             raise ParameterError("depth", self.depth, allowed)
-        require_resolved_play(self.parts, self.speed, self.step)
+        require_resolved_clearance(self.parts, self.speed, self.step)
 
     @property
     def way(self) -> float:
@@ -143,6 +144,9 @@ class PegInsertionScenario(FeedScenario):
         require_tilted_apart(self.parts, self.tilt, self.gap)
 
 
+PEG_INSERTION: Final = PegInsertionScenario()
+
+
 class SprungPeg(NamedTuple):
     """What was added to a plant."""
 
@@ -164,14 +168,13 @@ def make_peg_insertion_diagram(
     """Return the peg on its support, the hole, and the feed.
 
     Args:
-        scenario: Parameters.
+        scenario: Resolved.
         continuous: Leave the steps to an integrator, as CENIC; the scenario's step and
             approximation of contact do not count.
 
     Outputs: ``joints``, positions above velocities of :data:`JOINTS`, shape (10,); ``drives``, N
     and N m, of feed and springs on the peg, shape (5,); those of :class:`PegHoleContactMonitor`.
     """
-    scenario = resolve_peg_insertion(scenario)
     builder = DiagramBuilder()
     step = 0.0 if continuous else scenario.step
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, step)
@@ -298,3 +301,38 @@ def _desired(scenario: PegInsertionScenario) -> AffineSystem:
     rest = np.concatenate([_at_rest(scenario), np.zeros(n)])
     empty = np.zeros((0, 0))
     return AffineSystem(empty, np.zeros((0, 2)), np.zeros(0), np.zeros((2 * n, 0)), D, rest)
+
+
+_SIDES: Final = 96  # corners of a circle
+_SEE_THROUGH: Final = 0.45  # opacity of the part with the hole
+
+
+class PegInsertionView(NamedTuple):
+    """A diagram that shows an insertion in Meshcat when it publishes."""
+
+    diagram: Diagram
+    plant: MultibodyPlant
+
+
+def make_peg_insertion_view(scenario: PegInsertionScenario, meshcat: Meshcat) -> PegInsertionView:
+    """Build peg and hole, and what draws them."""
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
+    peg = add_sprung_peg(plant, scenario)
+    parts = scenario.parts
+    hole = plant.world_body()
+    for body, name, profile, colour, opacity in (
+        (peg.body, "peg", parts.peg.closed_profile, ColouredParts.peg_colour, 1.0),
+        (hole, "hole", parts.hole.closed_profile, ColouredParts.hole_colour, _SEE_THROUGH),
+    ):
+        shape = part_shape(profile, _SIDES, name, parts.section)
+        plant.RegisterVisualGeometry(body, RigidTransform(), shape, name, _rgba(colour, opacity))
+    plant.Finalize()
+    MeshcatVisualizer.AddToBuilder(
+        builder, scene_graph, meshcat, MeshcatVisualizerParams(prefix="insertion")
+    )
+    return PegInsertionView(builder.Build(), plant)
+
+
+def _rgba(colour: Colour, opacity: float) -> np.ndarray:
+    return np.array([*(channel / 255 for channel in colour), opacity])

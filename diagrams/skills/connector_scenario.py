@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
-from chamfer.diagrams.cell.work_cell import ArmSettings
+from chamfer.diagrams.cell.work_cell import CellArmSettings
 from chamfer.diagrams.contact.sensing import Sensing, ideal, missing
 from chamfer.diagrams.skills.connector_sight import ResolvedSightSettings, SightSettings
 from chamfer.diagrams.skills.robots import ARM, RobotName
@@ -89,7 +89,7 @@ class ConnectorScenario:
     """What all insertions have in common."""
 
     robot: RobotName = "carriage"  # what moves the gripper: a carriage with six axes, or a WAM
-    arm: ArmSettings = ARM  # of the WAM
+    arm: CellArmSettings = ARM  # of the WAM
     impedance: ImpedanceControllerParams = ImpedanceControllerParams(
         stiffness=(4000.0, 4000.0, 4000.0), rotational_stiffness=(20.0, 20.0, 20.0)
     )  # of the WAM; assumed

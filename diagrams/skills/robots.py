@@ -14,7 +14,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import LinearSystem, Multiplexer, PassThrough
 
-from chamfer.diagrams.cell.work_cell import ArmSettings, add_simulated_arm, connect_arm
+from chamfer.diagrams.cell.work_cell import CellArmSettings, add_simulated_arm, connect_arm
 from chamfer.models.arms.wrist import SIZE, tip_pose
 from chamfer.systems.force.arm_model import Placement, ToolForce, ToolParams
 from chamfer.systems.force.impedance_controller import (
@@ -28,7 +28,7 @@ RobotName = Literal["carriage", "wam"]
 
 # Elbow up, the flange downwards; assumed.
 _POSTURE: Final = (0.0, 0.75, 0.0, 1.75, 0.0, 0.64, 0.0)
-ARM: Final = ArmSettings(
+ARM: Final = CellArmSettings(
     base=Placement(position=(-0.64, 0.017, 0.03)),
     posture=_POSTURE,
     tool=ToolParams(
@@ -70,7 +70,7 @@ def add_carriage(builder: DiagramBuilder, start: Array, step: float) -> Robot:
 
 def add_wam(
     builder: DiagramBuilder,
-    settings: ArmSettings,
+    settings: CellArmSettings,
     impedance: ImpedanceControllerParams,
     start: Array,
     step: float,

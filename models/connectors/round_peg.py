@@ -36,9 +36,7 @@ from chamfer.models.connectors.connector import (
     prism,
     turns,
 )
-from chamfer.models.peg.part_presets import PRESETS
-from chamfer.models.peg.peg_and_hole import PegAndHole
-from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.peg_and_hole import PRESETS, PegAndHole, PegHoleGeometry
 from chamfer.models.validation import ParameterError, require_positive
 
 _PAPER: Final = PegHoleGeometry()

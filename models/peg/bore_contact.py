@@ -31,8 +31,7 @@ from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
 from chamfer.models.peg.part_surfaces import rings
-from chamfer.models.peg.peg_and_hole import HolePart, Peg, PegAndHole
-from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.peg_and_hole import HolePart, Peg, PegAndHole, PegHoleGeometry
 from chamfer.models.validation import ParameterError, require_not_negative, require_positive
 
 Array = NDArray[np.float64]
@@ -153,8 +152,8 @@ def _facets(material: ContactMaterial) -> int:
     return material.facets
 
 
-def require_resolved_play(parts: PegHoleGeometry, speed: float, step: float) -> None:
-    """Refuse steps in which a peg can cross the play, so that nothing is felt of the walls.
+def require_resolved_clearance(parts: PegHoleGeometry, speed: float, step: float) -> None:
+    """Refuse steps in which a peg can cross the clearance, so that nothing is felt of the walls.
 
     Args:
         parts: Peg and hole.
@@ -164,14 +163,16 @@ def require_resolved_play(parts: PegHoleGeometry, speed: float, step: float) -> 
     Raises:
         ParameterError: It names the step.
     """
-    play = 2 * parts.clearance
+    across = 2 * parts.clearance
     if not speed <= resolved_speed(parts, step):
-        allowed = f"at most {play / speed:g} s: a feed by the play, {play:g} m"
+        allowed = (
+            f"at most {across / speed:g} s: a feed by the clearance of both sides, {across:g} m"
+        )
         raise ParameterError("step", step, allowed)
 
 
 def resolved_speed(parts: PegHoleGeometry, step: float) -> float:
-    """Return the fastest feed, m/s, that does not cross the play in a step, s."""
+    """Return the fastest feed, m/s, that does not cross both sides' clearance in a step, s."""
     return 2 * parts.clearance / step
 
 

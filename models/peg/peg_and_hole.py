@@ -6,24 +6,171 @@ face to face, the radius of the circle inside.
 Frame T of the peg: the origin in the centre of its end face, x along its axis out of the peg.
 Frame M of the hole part: the origin in the centre of the mouth, x along the bore into the
 material. T and M have the same orientation where the parts are aligned.
+
+Presets are parts that others use too, by name: ``--set parts=factory-8mm``; what one does not name
+is as in the parts of the paper. Lengths are in m.
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar, Final, Literal, Self, get_args
+from typing import ClassVar, Final, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.models.peg.part_presets import PRESETS
-from chamfer.models.peg.peg_hole_geometry import Chamfer, PegHoleGeometry
 from chamfer.models.validation import (
     ParameterError,
     require_not_negative,
     require_one_of,
     require_positive,
 )
+
+
+class Chamfer(NamedTuple):
+    """A chamfer of a peg's tip or of a hole's mouth."""
+
+    width: float  # m, across the axis
+    angle: float  # rad, from the end face
+
+    @property
+    def height(self) -> float:
+        """Along the axis, m."""
+        return self.width * math.tan(self.angle)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PegHoleGeometry:
+    """A peg and its hole, as far as wedging and jamming depend on them in a plane."""
+
+    hole_radius: float = 0.010035  # m, R of the bore; section 4
+    peg_radius: float = 0.009779  # m, r of the peg; section 4
+    friction: float = 0.45  # mu, between peg and hole; section 4
+    chamfer_width: float = 0.004  # m, W, peg's and hole's together; assumed, not published
+    chamfer_angle: float = math.pi / 4  # rad, of both, from the end face; assumed, not published
+
+    def __post_init__(self) -> None:
+        require_positive(self, "hole_radius", "peg_radius", "friction")
+        require_not_negative(self, "chamfer_width")
+        if not self.peg_radius < self.hole_radius:
+            allowed = f"less than the hole's radius, {self.hole_radius!r}"
+            raise ParameterError("peg_radius", self.peg_radius, allowed)
+        if not 0 < self.chamfer_angle < math.pi / 2:
+            raise ParameterError("chamfer_angle", self.chamfer_angle, "between 0 and pi/2")
+        if not self.peg_chamfer.width < self.peg_radius:
+            allowed = f"with less than the peg's radius, {self.peg_radius!r}, on the peg"
+            raise ParameterError("chamfer_width", self.chamfer_width, allowed)
+
+    @property
+    def is_round(self) -> bool:
+        """Whether the parts are round, and all planes through their axes alike."""
+        return True
+
+    @property
+    def peg_chamfer(self) -> Chamfer:
+        """The peg's part of the chamfers: half of their width."""
+        return Chamfer(self.chamfer_width / 2, self.chamfer_angle)
+
+    @property
+    def hole_chamfer(self) -> Chamfer:
+        """The hole's part of them."""
+        return Chamfer(self.chamfer_width - self.peg_chamfer.width, self.chamfer_angle)
+
+    @property
+    def chamfer_height(self) -> float:
+        """How far below the mouth a peg's tip in line is as the bore begins to guide it, m.
+
+        A depth of the theory, l, is that of the tip less this height.
+        """
+        return self.peg_chamfer.height + self.hole_chamfer.height
+
+    @property
+    def clearance(self) -> float:
+        """``R - r``, m."""
+        return self.hole_radius - self.peg_radius
+
+    @property
+    def clearance_ratio(self) -> float:
+        """``c = (R - r) / R``."""
+        return self.clearance / self.hole_radius
+
+    @property
+    def friction_radius(self) -> float:
+        """``mu r``, m: how far friction shifts the line of a contact force."""
+        return self.friction * self.peg_radius
+
+    @property
+    def rotation_limit(self) -> float:
+        """``theta_w``, rad: the tilt at which two points that touch can hold the peg."""
+        return self.clearance / self.friction_radius
+
+    @property
+    def wedging_depth(self) -> float:
+        """``l_w = 2 mu r``, m: two points that touch below it can't wedge, lambda > 1."""
+        return 2 * self.friction_radius
+
+    @property
+    def lateral_limit(self) -> float:
+        """``r + R``, m, the published limit: beyond it peg and hole don't even overlap."""
+        return self.peg_radius + self.hole_radius
+
+    @property
+    def chamfer_limit(self) -> float:
+        """``W + (R - r)``, m: the lateral error that the chamfers still guide into the hole."""
+        return self.chamfer_width + self.clearance
+
+    @property
+    def mouth_tilt_limit(self) -> float:
+        """``acos(r / R)``, rad: a peg that leans further is too wide for the mouth."""
+        return math.acos(self.peg_radius / self.hole_radius)
+
+
+_INCH: Final = 0.0254
+
+# The largest size of the NIST assembly task board's pegs, 16 mm (Kimble et al., 2020).
+# Assumed: all else.
+_NIST_16MM: Final[Mapping[str, object]] = {
+    "peg_radius": 0.016 / 2,
+    "hole_radius": 0.0161 / 2,
+    "friction": 0.3,
+    "chamfer_width": 0.001,
+    "peg_length": 0.05,
+    "hole_length": 0.025,
+    "outer_radius": 0.0125,
+}
+
+PRESETS: Final[Mapping[str, Mapping[str, object]]] = {
+    # Ruybal, Lumia and Wood, section 4: the defaults.
+    "paper": {},
+    # NISTIR 8198r1 (Cheok, Franaszek, Van Wyk and Marvel, 2018): a peg of A2 tool steel with a
+    # diameter of 12.675 mm (0.499 in). Assumed: the bore of 0.500 in, friction of dry steel,
+    # chamfers of 0.5 mm each, lengths.
+    "nist-12.675mm": {
+        "peg_radius": 0.012675 / 2,
+        "hole_radius": _INCH / 4,
+        "friction": 0.3,
+        "chamfer_width": 0.001,
+        "peg_length": 0.05,
+        "hole_length": 0.025,
+        "outer_radius": 0.0105,
+    },
+    # Isaac Lab, factory_tasks_cfg.py (after Narang et al., Factory, 2022): Peg8mm, 7.986 mm in
+    # diameter and 50 mm long, Hole8mm, 8.1 mm and 25 mm deep, friction 0.75 of each. Assumed:
+    # chamfers of 0.5 mm each, what is outside.
+    "factory-8mm": {
+        "peg_radius": 0.007986 / 2,
+        "hole_radius": 0.0081 / 2,
+        "friction": 0.75,
+        "chamfer_width": 0.001,
+        "peg_length": 0.05,
+        "hole_length": 0.025,
+        "outer_radius": 0.0075,
+    },
+    "nist-16mm": _NIST_16MM,
+    # Its square one of that size.
+    "nist-16mm-square": {"section": "square", **_NIST_16MM},
+}
+
 
 Vector = NDArray[np.float64]
 Colour = tuple[int, int, int]  # red, green, blue, 0 to 255

@@ -12,7 +12,7 @@ class Support:
 
     The defaults are those of the wedging diagram of section 5: one arm's stiffness, and a centre
     that is assumed. What the arms of a cell are to a peg follows from them, see
-    :mod:`chamfer.diagrams.cell.cell_support`.
+    :mod:`chamfer.diagrams.cell.work_cell`.
     """
 
     lateral_stiffness: float = 400.0  # N/m, K_x, across the axis; section 5

@@ -1,5 +1,8 @@
 """What the planar theory says of a peg that is fed blindly: it goes in, it may, or it does not.
 
+Arguments are those of :mod:`chamfer.models.peg_theory.wedging`; ``support_at`` and ``push_at``
+take the depth of the tip below the mouth, m, as ``depth`` is here too.
+
 The support is that of the arms in series, which softens as the parts slide into each other: the
 statics take it at every depth, the limits to wedging at the depth at which a peg wedges first.
 """
@@ -11,11 +14,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg.support import Support
-from chamfer.models.peg_theory.planar_limits import sits_on_edge, two_point_onset
 from chamfer.models.peg_theory.planar_statics import equilibrium
-from chamfer.models.peg_theory.wedging import assembles
+from chamfer.models.peg_theory.wedging import assembles, sits_on_edge, two_point_onset
 
 Array = NDArray[np.float64]
 SupportAt = Callable[[float], Support]  # from the depth of the tip below the mouth, m
@@ -25,7 +27,7 @@ _FORCES: Final = 41  # depths at which forces are computed
 _ONSETS: Final = 21  # depths for whose support the onset of two points is
 
 
-class Verdict(IntEnum):
+class FeedVerdict(IntEnum):
     """What theory says."""
 
     SAFE = 0  # it goes in
@@ -42,16 +44,16 @@ class Limits(NamedTuple):
 
     @property
     def verdict(self) -> NDArray[np.int64]:
-        """Of :class:`Verdict`, where there is push enough."""
+        """Of :class:`FeedVerdict`, where there is push enough."""
         safe = self.inside & ~self.on_edge
-        found = np.where(safe, Verdict.SAFE, Verdict.MAY)
-        return np.where(self.misses, Verdict.STOPPED, found).astype(np.int64)
+        found = np.where(safe, FeedVerdict.SAFE, FeedVerdict.MAY)
+        return np.where(self.misses, FeedVerdict.STOPPED, found).astype(np.int64)
 
 
 class FeedPrediction(NamedTuple):
     """What theory says of several starts, each of their shape."""
 
-    verdict: NDArray[np.int64]  # of :class:`Verdict`
+    verdict: NDArray[np.int64]  # of :class:`FeedVerdict`
     limits: Limits
     axial: Array  # N, the largest push that slides the peg down to the depth; infinite: none does
     onset: Array  # l, m, at which two points touch first; NaN: they do not
@@ -65,14 +67,7 @@ class FeedPrediction(NamedTuple):
 def limits(
     parts: PegHoleGeometry, support_at: SupportAt, lateral: ArrayLike, tilt: ArrayLike
 ) -> Limits:
-    """Return the limits to wedging, sliding, the chamfers' reach and the edge.
-
-    Args:
-        parts: Peg and hole.
-        support_at: What holds the peg at a depth of the tip.
-        lateral: eps0, m, of the tip.
-        tilt: theta0, rad.
-    """
+    """Return the limits to wedging, sliding, the chamfers' reach and the edge."""
     eps0 = np.asarray(lateral, dtype=np.float64)
     theta0 = np.asarray(tilt, dtype=np.float64)
     at_wedging = support_at(parts.wedging_depth + parts.chamfer_height)
@@ -98,14 +93,6 @@ def predict_feed(
     rim can't sit on the bore's edge, and which needs less push than there is. Stopped is one that
     lands beside the mouth, or needs more. The theory knows neither friction in the support's own
     joints nor what happens across its plane.
-
-    Args:
-        parts: Peg and hole.
-        support_at: What holds the peg at a depth of the tip.
-        push_at: How hard the feed can push at depths of the tip.
-        lateral: eps0, m, of the tip.
-        tilt: theta0, rad.
-        depth: Of the tip, m, to which the peg is to go.
     """
     eps0, theta0 = np.broadcast_arrays(
         np.asarray(lateral, dtype=np.float64), np.asarray(tilt, dtype=np.float64)
@@ -114,7 +101,7 @@ def predict_feed(
     axial, enough = _forces(parts, support_at, push_at, eps0, theta0, depth)
     onset = _onset(parts, support_at, eps0, theta0, depth)
     return FeedPrediction(
-        verdict=np.where(enough, within.verdict, Verdict.STOPPED).astype(np.int64),
+        verdict=np.where(enough, within.verdict, FeedVerdict.STOPPED).astype(np.int64),
         limits=within,
         axial=np.where(within.misses, np.inf, axial),
         onset=np.where(within.misses, np.nan, onset),
@@ -130,24 +117,11 @@ def largest_push(
     depth: float,
     looks: int = 9,
 ) -> Array:
-    """Return the largest push that slides pegs down to a depth, N; infinite: none does.
-
-    Args:
-        parts: Peg and hole.
-        support_at: What holds the peg at a depth of the tip.
-        lateral: eps0, m, of the tip.
-        tilt: theta0, rad.
-        depth: Of the tip, m.
-        looks: At how many depths.
-    """
+    """Return the largest push that slides pegs down to a depth, N; infinite: none does."""
     eps0, theta0 = np.broadcast_arrays(
         np.asarray(lateral, dtype=np.float64), np.asarray(tilt, dtype=np.float64)
     )
-    largest = np.zeros(eps0.shape)
-    for tip in np.linspace(0.0, depth, looks)[1:].tolist():
-        found = equilibrium(parts, support_at(tip), eps0, theta0, tip - parts.chamfer_height)
-        largest = np.maximum(largest, found.insertion_force)
-    return largest
+    return _forces(parts, support_at, None, eps0, theta0, depth, looks)[0]
 
 
 def _reach(parts: PegHoleGeometry, theta0: Array) -> Array:
@@ -160,18 +134,20 @@ def _reach(parts: PegHoleGeometry, theta0: Array) -> Array:
 def _forces(
     parts: PegHoleGeometry,
     support_at: SupportAt,
-    push_at: PushAt,
+    push_at: PushAt | None,
     eps0: Array,
     theta0: Array,
     depth: float,
+    looks: int = _FORCES,
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return the largest push on the way, N, and whether there is more all along."""
     largest, enough = np.zeros_like(eps0), np.ones(eps0.shape, dtype=bool)
-    for tip in np.linspace(0.0, depth, _FORCES)[1:].tolist():
+    for tip in np.linspace(0.0, depth, looks)[1:].tolist():
         found = equilibrium(parts, support_at(tip), eps0, theta0, tip - parts.chamfer_height)
         force = found.insertion_force
         largest = np.maximum(largest, force)
-        enough &= force < push_at(np.array(tip))
+        if push_at is not None:
+            enough &= force < push_at(np.array(tip))
     return largest, enough
 
 

@@ -30,7 +30,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.planar_statics import Contact
 from chamfer.models.validation import ParameterError
@@ -93,13 +93,6 @@ def cross_chamfer(
     ``A = cos a + mu sin a``, ``B = sin a - mu cos a`` and
     ``den = (K_x L_g^2 + K_theta) B - K_x L_g r A``.
 
-    Args:
-        parts: Peg and hole.
-        support: What holds the peg.
-        lateral: eps0, m.
-        rotation: theta0, rad.
-        descent: z, m, from the first touch; the chamfer ends at :func:`chamfer_depth`.
-
     Raises:
         ParameterError: If the tip sticks to such a chamfer instead of sliding down.
     """
@@ -130,13 +123,6 @@ def bore_contact(
     depth: ArrayLike,
 ) -> BoreContact:
     """Return what touches, and with what force, at a depth in the bore.
-
-    Args:
-        parts: Peg and hole.
-        support: What holds the peg.
-        lateral: eps0, m.
-        rotation: theta0, rad.
-        depth: l, m, >= 0.
 
     Raises:
         ParameterError: If a depth is negative or not finite.

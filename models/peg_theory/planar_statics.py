@@ -4,13 +4,17 @@ No small angles. The push acts down at the centre of compliance, so that a tilte
 its moment ``F_z L_g theta`` too, and the force at the mouth is normal to the tilted peg: both are
 what :mod:`chamfer.models.peg_theory.insertion_statics` neglects.
 
-Every contact slides, :mod:`chamfer.models.peg_theory.planar_contact`, so equilibrium follows from
+Every contact slides, so equilibrium follows from
 the depth alone. Signs are those of :mod:`chamfer.models.peg_theory.wedging`. Unknown are x of the
 tip and the tilt, which close the gaps and balance the moment about the centre of compliance, and
 the normal forces.
 
 Depth is that of the tip below the mouth less the heights of both chamfers, l of the theory:
 negative on the chamfers.
+
+A contact is a corner of one part on a face of the other, computed on the right: one on the left is
+its mirror image. Its origin is in the middle of the bore where the mouth's chamfer ends, x to the
+right, z up. The force on the peg is N along the face's normal and ``mu N`` up the face.
 """
 
 from collections.abc import Callable
@@ -21,26 +25,187 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.peg_and_hole import Chamfer, PegHoleGeometry
 from chamfer.models.peg.support import Support
-from chamfer.models.peg_theory.planar_contact import (
-    Closing,
-    Pose,
-    Pressed,
-    closing_bore_on_chamfer,
-    closing_corner_on_chamfer,
-    closing_mouth,
-    closing_mouth_on_chamfer,
-    closing_tip,
-    closing_tip_on_chamfer,
-    gap,
-    mirrored,
-    moment,
-    tip_height,
-)
 from chamfer.models.validation import ParameterError
 
 Array = NDArray[np.float64]
+
+_FAR: Final = 1.0  # m, to the ends of the parts that are not part of the theory
+# A face is its normal, outwards across and downwards along: out of the peg, into the hole.
+_SIDE: Final = (1.0, 0.0)
+
+
+class PlanarPose(NamedTuple):
+    """Where the peg is; arrays of one shape."""
+
+    x: Array  # m, of the tip
+    z: Array  # m, likewise
+    tilt: Array  # rad
+
+    def mirrored(self) -> "PlanarPose":
+        """Return the pose with left and right exchanged."""
+        return PlanarPose(-self.x, self.z, -self.tilt)
+
+    def point(self, u: float, v: float | Array) -> tuple[Array, Array]:
+        """Return the place of a point u across and v along the peg from the tip's middle."""
+        c, s = np.cos(self.tilt), np.sin(self.tilt)
+        return self.x + u * c + v * s, self.z - u * s + v * c
+
+
+class Pressed(NamedTuple):
+    """A contact: its place and, per unit of the normal force, the force on the peg."""
+
+    x: Array
+    z: Array
+    across: Array
+    up: Array
+
+
+# Returns, for a height of the tip and a tilt, the x of the tip that closes the gap, and the
+# contact: always on the right, the left is its mirror image.
+Closing = Callable[[PegHoleGeometry, Array, Array], tuple[Array, Pressed]]
+
+
+def closing_mouth(parts: PegHoleGeometry, z: Array, tilt: Array) -> tuple[Array, Pressed]:
+    """Press the peg's right side on the bore's edge."""
+    return _edge_on_peg(parts, z, tilt, (parts.hole_radius, 0.0), _SIDE)
+
+
+def closing_tip(parts: PegHoleGeometry, z: Array, tilt: Array) -> tuple[Array, Pressed]:
+    """Press the tip's right corner on the wall of the bore."""
+    return _corner_on_hole(parts, z, tilt, _corner(parts), _SIDE)
+
+
+def tip_height(parts: PegHoleGeometry, depth: Array) -> Array:
+    """Return z of the tip at a depth l."""
+    return -(depth + parts.peg_chamfer.height)
+
+
+def mirrored(closing: Closing) -> Closing:
+    """Return the same contact on the left."""
+
+    def close(parts: PegHoleGeometry, z: Array, tilt: Array) -> tuple[Array, Pressed]:
+        x, at = closing(parts, z, -tilt)
+        return -x, Pressed(-at.x, at.z, -at.across, at.up)
+
+    return close
+
+
+def moment(centre_distance: float | Array, pose: PlanarPose, at: Pressed) -> Array:
+    """Return the clockwise moment, m, of a unit of a contact's force about the centre."""
+    centre = pose.point(0.0, centre_distance)
+    turning: Array = (at.z - centre[1]) * at.across - (at.x - centre[0]) * at.up
+    return turning
+
+
+def _corner(parts: PegHoleGeometry) -> tuple[float, float]:
+    return parts.peg_radius, parts.peg_chamfer.height
+
+
+def _tip_edge(parts: PegHoleGeometry) -> tuple[float, float]:
+    return parts.peg_radius - parts.peg_chamfer.width, 0.0
+
+
+def _mouth(parts: PegHoleGeometry) -> tuple[float, float]:
+    return parts.hole_radius + parts.hole_chamfer.width, parts.hole_chamfer.height
+
+
+def _facing(chamfer: Chamfer) -> tuple[float, float]:
+    return float(np.sin(chamfer.angle)), float(np.cos(chamfer.angle))
+
+
+def _corner_on_hole(
+    parts: PegHoleGeometry,
+    z: Array,
+    tilt: Array,
+    corner: tuple[float, float],
+    face: tuple[float, float],
+) -> tuple[Array, Pressed]:
+    """Press a corner of the peg on a face of the hole through the bore's edge."""
+    n, down = face
+    u, v = PlanarPose(np.zeros_like(z), z, tilt).point(*corner)
+    x = parts.hole_radius + v * down / n - u
+    mu, ones = parts.friction, np.ones_like(x)
+    return x, Pressed(x + u, v, (-n + mu * down) * ones, (down + mu * n) * ones)
+
+
+def _edge_on_peg(
+    parts: PegHoleGeometry,
+    z: Array,
+    tilt: Array,
+    edge: tuple[float, float],
+    face: tuple[float, float],
+) -> tuple[Array, Pressed]:
+    """Press an edge of the hole on a face of the peg through the tip's corner."""
+    c, s = np.cos(tilt), np.sin(tilt)
+    n, down = face
+    # The normal out of the peg and the way up along its face, in the world.
+    out = n * c - down * s, -n * s - down * c
+    along = down * c + n * s, -down * s + n * c
+    u, v = PlanarPose(np.zeros_like(z), z, tilt).point(*_corner(parts))
+    x = edge[0] + (edge[1] - v) * out[1] / out[0] - u
+    mu, ones = parts.friction, np.ones_like(x)
+    at = Pressed(edge[0] * ones, edge[1] * ones, -out[0] + mu * along[0], -out[1] + mu * along[1])
+    return x, at
+
+
+def closing_corner_on_chamfer(
+    parts: PegHoleGeometry, z: Array, tilt: Array
+) -> tuple[Array, Pressed]:
+    """Press the tip's corner on the hole's chamfer."""
+    return _corner_on_hole(parts, z, tilt, _corner(parts), _facing(parts.hole_chamfer))
+
+
+def closing_tip_on_chamfer(parts: PegHoleGeometry, z: Array, tilt: Array) -> tuple[Array, Pressed]:
+    """Press the tip's edge, below its chamfer, on the hole's chamfer."""
+    return _corner_on_hole(parts, z, tilt, _tip_edge(parts), _facing(parts.hole_chamfer))
+
+
+def closing_bore_on_chamfer(
+    parts: PegHoleGeometry, z: Array, tilt: Array
+) -> tuple[Array, Pressed]:
+    """Press the peg's chamfer on the bore's edge."""
+    edge = parts.hole_radius, 0.0
+    return _edge_on_peg(parts, z, tilt, edge, _facing(parts.peg_chamfer))
+
+
+def closing_mouth_on_chamfer(
+    parts: PegHoleGeometry, z: Array, tilt: Array
+) -> tuple[Array, Pressed]:
+    """Press the peg's chamfer on the mouth's edge, above the hole's chamfer."""
+    return _edge_on_peg(parts, z, tilt, _mouth(parts), _facing(parts.peg_chamfer))
+
+
+def gap(parts: PegHoleGeometry, pose: PlanarPose) -> Array:
+    """Return how far the peg is from the right side of the hole, negative where they overlap.
+
+    Both are convex: it is the largest distance that a face of either one has to the other.
+    """
+    edge, mouth = (parts.hole_radius, 0.0), _mouth(parts)
+    corner, tip = _corner(parts), _tip_edge(parts)
+    peg = [tip, corner, (-tip[0], tip[1]), (-corner[0], corner[1])]
+    peg += [(side * parts.peg_radius, _FAR) for side in (1.0, -1.0)]
+    corners = [pose.point(*one) for one in peg]
+    hole = [edge, mouth, (edge[0], -_FAR), (_FAR, mouth[1])]
+    distances = []
+    chamfer = _facing(parts.hole_chamfer)
+    for (n, down), through in ((_SIDE, edge), (chamfer, edge), ((0.0, 1.0), mouth)):
+        apart = [(through[0] - x) * n + (z - through[1]) * down for x, z in corners]
+        distances.append(np.min(apart, axis=0))
+    c, s = np.cos(pose.tilt), np.sin(pose.tilt)
+    for (n, down), (u, v) in (
+        (_SIDE, corner),
+        (_facing(parts.peg_chamfer), corner),
+        ((0.0, 1.0), tip),
+    ):
+        out = n * c - down * s, -n * s - down * c
+        x, z = pose.point(u, v)
+        apart = [(at[0] - x) * out[0] + (at[1] - z) * out[1] for at in hole]
+        distances.append(np.min(apart, axis=0))
+    largest: Array = np.max(distances, axis=0)
+    return largest
+
 
 _STEEPEST: Final = 0.5  # rad, of a peg in a hole that could be meant
 _CLOSE, _NEAR = 1e-14, 1e-9  # rad, a step that ends the secant method, and a root that is good
@@ -83,13 +248,6 @@ def equilibrium(
     Of several sliding equilibria the one with the least force is taken: it is the one that the
     peg is in before two points touch, the others are reached by turning it by force.
 
-    Args:
-        parts: Peg and hole.
-        support: What holds the peg.
-        lateral: eps0, m, of the tip.
-        rotation: theta0, rad.
-        depth: l, m.
-
     Raises:
         ParameterError: If the depth is not finite.
     """
@@ -119,7 +277,9 @@ def equilibrium(
     )
 
 
-def leverage(centre_distance: float | Array, pose: Pose, mouth: Pressed, across: Pressed) -> Array:
+def leverage(
+    centre_distance: float | Array, pose: PlanarPose, mouth: Pressed, across: Pressed
+) -> Array:
     """Return the lever, m, with which a push at the centre slides a peg on two opposite points.
 
     That is the determinant of their forces across and their moments, about l for small tilts
@@ -170,7 +330,7 @@ class _Candidate(NamedTuple):
     tilt: Array
 
 
-def _spring(start: _Start, pose: Pose) -> Array:
+def _spring(start: _Start, pose: PlanarPose) -> Array:
     """Return the force of the support across, to the right, N."""
     L_g = start.support.centre_distance
     off: Array = start.eps0 + L_g * np.sin(start.theta0) - pose.point(0.0, L_g)[0]
@@ -197,7 +357,7 @@ def _mirror(one: _Candidate) -> _Candidate:
 
 
 def _free(start: _Start) -> _Candidate:
-    pose = Pose(start.eps0, start.z, start.theta0)
+    pose = PlanarPose(start.eps0, start.z, start.theta0)
     room = _room(start.parts)
     fits = (gap(start.parts, pose) >= -room) & (gap(start.parts, pose.mirrored()) >= -room)
     none = np.zeros_like(start.eps0)
@@ -210,13 +370,13 @@ def _single(start: _Start, contact: Contact, closing: Closing) -> _Candidate:
     def off(tilt: Array) -> Array:
         """Return by how much a contact that balances the force misses the moment."""
         x, at = closing(start.parts, start.z, tilt)
-        pose = Pose(x, start.z, tilt)
+        pose = PlanarPose(x, start.z, tilt)
         turned: Array = support.angular_stiffness * (start.theta0 - tilt) * at.across
         return turned - _spring(start, pose) * moment(support.centre_distance, pose, at)
 
     tilt = _secant(off, start.theta0, start.theta0 + 1e-3)
     x, at = closing(start.parts, start.z, tilt)
-    pose = Pose(x, start.z, tilt)
+    pose = PlanarPose(x, start.z, tilt)
     normal = -_spring(start, pose) / at.across
     return _valid(start, contact, pose, [(normal, at)], other_side=False)
 
@@ -226,7 +386,7 @@ def _flat(start: _Start, contact: Contact, one: Closing, other: Closing) -> _Can
     upright = np.zeros_like(start.theta0)
     x, first = one(start.parts, start.z, upright)
     _, second = other(start.parts, start.z, upright)
-    pose = Pose(x, start.z, upright)
+    pose = PlanarPose(x, start.z, upright)
     return _valid(start, contact, pose, _shared(start, pose, first, second), other_side=False)
 
 
@@ -248,7 +408,7 @@ def _two_point(start: _Start) -> _Candidate:
     tilt = np.where((tilt > 0) & (tilt < _STEEPEST), tilt, np.nan)
     x, first = closing_mouth(parts, z, tilt)
     _, second = across(parts, z, tilt)
-    pose = Pose(x, z, tilt)
+    pose = PlanarPose(x, z, tilt)
     slides = leverage(start.support.centre_distance, pose, first, second) > 0
     pose = pose._replace(x=np.where(slides, x, np.nan))
     pressed = _shared(start, pose, first, second)
@@ -256,7 +416,7 @@ def _two_point(start: _Start) -> _Candidate:
 
 
 def _shared(
-    start: _Start, pose: Pose, first: Pressed, second: Pressed
+    start: _Start, pose: PlanarPose, first: Pressed, second: Pressed
 ) -> list[tuple[Array, Pressed]]:
     """Return the normal forces of two contacts that balance the support."""
     m1, m2 = (moment(start.support.centre_distance, pose, at) for at in (first, second))
@@ -271,7 +431,7 @@ def _shared(
 def _valid(
     start: _Start,
     contact: Contact,
-    pose: Pose,
+    pose: PlanarPose,
     pressed: list[tuple[Array, Pressed]],
     *,
     other_side: bool,

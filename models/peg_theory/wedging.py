@@ -14,27 +14,225 @@ line between them lies in both friction cones, ``lambda <= 1``, they can hold th
 force: it may wedge. That is so where two points touch at a tilt of
 ``theta_w = (R - r) / (mu r) = (c 2 R) / (mu 2 r)`` or more. It does not say that the peg has to.
 
+Arguments of all functions of the theory: ``parts`` are peg and hole, ``support`` holds the peg,
+``lateral`` is eps0 in m, ``rotation`` or ``tilt`` theta0 in rad, ``depth`` l in m. Arrays
+broadcast.
+
 Sources: D. E. Whitney, Quasi-static assembly of compliantly supported rigid parts, J. Dyn. Syst.
 Meas. Control 104 (1982); Ruybal, Lumia and Wood, section 2, Fig. 2 and section 4.
+
+The exact limits are those of :mod:`chamfer.models.peg_theory.planar_statics`, no small angles. The
+state in which two opposite points touch is a family with one parameter, the tilt: depth, pose,
+wedging and leverage follow from the parts alone. At the onset one of the two forces is still zero,
+which ties the initial errors to that tilt.
 """
 
+import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg.support import Support
-from chamfer.models.peg_theory.planar_limits import (
-    Springs,
-    largest_tilt,
-    sliding_tilt,
-    wedging_tilt,
+from chamfer.models.peg_theory.planar_statics import (
+    PlanarPose,
+    Pressed,
+    closing_mouth,
+    closing_tip,
+    leverage,
+    mirrored,
+    moment,
+    tip_height,
 )
 from chamfer.models.validation import ParameterError
 
 Array = NDArray[np.float64]
+
+_GRID: Final = 129  # tilts at which an onset is looked for
+_LEAST: Final = 1e-3  # of the tilt at which two points touch at the mouth, the smallest tilt
+_DEEPEST: Final = 20.0  # radii of the hole, an onset beyond is none
+_HALVINGS: Final = 50
+_NEWTON: Final = 5
+
+
+class Springs(NamedTuple):
+    """A support, or several at a time."""
+
+    lateral: Array  # K_x, N/m
+    angular: Array  # K_theta, N m/rad
+    centre: Array  # L_g, m
+
+    @staticmethod
+    def of(support: Support, centre_distance: ArrayLike | None = None) -> "Springs":
+        """Return those of a support, with centres of its own or with others."""
+        centre = support.centre_distance if centre_distance is None else centre_distance
+        return Springs(
+            *(
+                np.asarray(value, dtype=np.float64)
+                for value in (support.lateral_stiffness, support.angular_stiffness, centre)
+            )
+        )
+
+
+class TwoPoints(NamedTuple):
+    """The peg on the mouth's right and the left wall, at several tilts."""
+
+    depth: Array  # l, m
+    pose: PlanarPose
+    mouth: Pressed
+    across: Pressed
+
+
+def two_points(parts: PegHoleGeometry, tilt: ArrayLike) -> TwoPoints:
+    """Return the state in which two opposite points touch at a tilt, rad, > 0."""
+    theta = np.asarray(tilt, dtype=np.float64)
+    ground = np.zeros_like(theta)
+    x, _ = mirrored(closing_tip)(parts, ground, theta)  # at any height
+    z = (x - closing_mouth(parts, ground, theta)[0]) / np.tan(theta)
+    depth = -z - parts.peg_chamfer.height
+    pose = PlanarPose(x, tip_height(parts, depth), theta)
+    _, mouth = closing_mouth(parts, pose.z, theta)
+    _, across = mirrored(closing_tip)(parts, pose.z, theta)
+    return TwoPoints(depth, pose, mouth, across)
+
+
+def wedging_tilt(parts: PegHoleGeometry) -> float:
+    """Return the least tilt, rad, at which two points can hold the peg.
+
+    ``acos(r / R)``, that of a peg that spans the mouth, where they never can.
+
+    At it the line that joins them lies in both friction cones, of which that at the mouth is
+    tilted with the peg.
+    """
+
+    def outside(tilt: Array) -> Array:
+        at = two_points(parts, tilt)
+        slope = np.arctan2(at.mouth.z - at.across.z, at.mouth.x - at.across.x)
+        left: Array = slope + tilt - math.atan(parts.friction)
+        return left
+
+    return _first(outside, parts.mouth_tilt_limit)
+
+
+def sliding_tilt(parts: PegHoleGeometry, support: Support) -> float:
+    """Return the tilt, rad, from which on no push slides a peg on two points; as above."""
+
+    def lever(tilt: Array) -> Array:
+        at = two_points(parts, tilt)
+        return leverage(support.centre_distance, at.pose, at.mouth, at.across)
+
+    return _first(lever, parts.mouth_tilt_limit)
+
+
+def largest_tilt(
+    parts: PegHoleGeometry,
+    springs: Springs,
+    lateral: ArrayLike,
+    limit: ArrayLike,
+) -> Array:
+    """Return the largest theta0, rad, for which the tilt at the onset stays below a limit."""
+    end = parts.mouth_tilt_limit
+    share = np.linspace(0.0, 1.0, _GRID) ** 2
+    low = np.asarray(limit, dtype=np.float64)[..., None]
+    tilt = low + (end - low) * share
+    wide = Springs(*(one[..., None] for one in springs))
+    start = initial_tilt(parts, wide, np.asarray(lateral, dtype=np.float64)[..., None], tilt)
+    smallest: Array = np.min(start, axis=-1)
+    return smallest
+
+
+def two_point_onset(
+    parts: PegHoleGeometry, support: Support, lateral: ArrayLike, rotation: ArrayLike
+) -> Array:
+    """Return the depth, m, at which two points touch first; NaN where they never do."""
+    eps0, theta0 = np.broadcast_arrays(
+        np.asarray(lateral, dtype=np.float64), np.asarray(rotation, dtype=np.float64)
+    )
+    right = _onset(parts, support, eps0, theta0)
+    left = _onset(parts, support, -eps0, -theta0)
+    return np.fmin(right, left)
+
+
+def sits_on_edge(
+    parts: PegHoleGeometry, lateral: ArrayLike, rotation: ArrayLike
+) -> NDArray[np.bool_]:
+    """Say where the tilted rim of the peg may sit down on the bore's edge, unseen in a plane.
+
+    With errors of opposite signs the chamfer touches the rim on its higher side, and pushes it
+    towards the axis until the tilted circle lies in the cone: there its middle is
+    ``r sin(theta) / tan(a)`` off the axis, and the cone touches it at two points to the left and
+    right, where it does not push it on. If that is more than the bore leaves it,
+    ``R - r cos(theta)``, the rim sits on the edge, at two points that stand across the plane of
+    the errors; only the support may turn it upright, with a force beyond the planar one, or over.
+    The rim of a square peg is straight across the plane, and as wide as it is upright: it does
+    not.
+    """
+    eps0, theta0 = np.broadcast_arrays(
+        np.asarray(lateral, dtype=np.float64), np.asarray(rotation, dtype=np.float64)
+    )
+    lean = np.abs(theta0)
+    off = np.abs(eps0) - parts.peg_chamfer.height * np.sin(lean)  # of the rim's middle
+    room = parts.hole_radius - parts.peg_radius * np.cos(lean)
+    rest = parts.peg_radius * np.sin(lean) / math.tan(parts.hole_chamfer.angle)
+    sits: NDArray[np.bool_] = (eps0 * theta0 < 0) & (off > room) & (rest > room)
+    return sits & parts.is_round
+
+
+def _onset(parts: PegHoleGeometry, support: Support, eps0: Array, theta0: Array) -> Array:
+    """Return the depth of the first onset of a peg that leans right."""
+    springs = Springs.of(support)
+    tilt = parts.mouth_tilt_limit * np.geomspace(1.0, _LEAST, 4 * _GRID)
+    tilt = tilt[two_points(parts, tilt).depth < _DEEPEST * parts.hole_radius]
+    reached = initial_tilt(parts, springs, eps0[..., None], tilt) <= theta0[..., None]
+    first = np.argmax(reached, axis=-1)
+    low, high = tilt[first], tilt[np.maximum(first - 1, 0)]
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        touches = initial_tilt(parts, springs, eps0, middle) <= theta0
+        low, high = np.where(touches, middle, low), np.where(touches, high, middle)
+    depth: Array = two_points(parts, low).depth
+    return np.where(reached.any(axis=-1), depth, np.nan)
+
+
+def initial_tilt(
+    parts: PegHoleGeometry, springs: Springs, lateral: ArrayLike, onset: ArrayLike
+) -> Array:
+    """Return theta0, rad, of a peg whose two points, mouth right and tip left, touch at a tilt."""
+    K_x, K_theta, L_g = springs
+    at = two_points(parts, onset)
+    tilt, rest = at.pose.tilt, at.pose.point(0.0, L_g)[0] - np.asarray(lateral, dtype=np.float64)
+    solutions = []
+    for pressed in (at.mouth, at.across):
+        turning, arm = K_theta * pressed.across, K_x * moment(L_g, at.pose, pressed)
+        theta = tilt + 0 * rest
+        for _ in range(_NEWTON):  # all but linear
+            off = turning * (theta - tilt) - arm * (L_g * np.sin(theta) - rest)
+            theta = theta - off / (turning - arm * L_g * np.cos(theta))
+        pressing = (rest - L_g * np.sin(theta)) / pressed.across >= 0
+        solutions.append((theta, pressing))
+    (mouth, pressing), (tip, _) = solutions
+    return np.where(pressing, mouth, tip)
+
+
+def _first(function: Callable[[Array], Array], end: float) -> float:
+    """Return where a function of the tilt that is positive at first is zero, or the end."""
+    grid = end * np.geomspace(_LEAST, 1.0, 4 * _GRID)
+    below = np.flatnonzero(function(grid) <= 0)
+    if not below.size:
+        return end
+    low, high = float(grid[max(below[0] - 1, 0)]), float(grid[below[0]])
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        if function(np.array(middle)) > 0:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
 Form = Literal["exact", "simple"]
 
 _FLIPS: Final = 1.5  # times mu r: the arm below which contact turns a soft support over
@@ -70,12 +268,6 @@ def rotation_bounds(
     The *simple* form is Whitney's parallelogram, :func:`wedging_bounds` alone. The *exact* one
     is the narrower of :func:`wedging_bounds` and :func:`sliding_bounds`.
 
-    Args:
-        parts: Peg and hole.
-        support: What holds the peg.
-        lateral: eps0, m, of any shape.
-        form: Which of the two.
-
     Returns:
         Lower and upper bound, each of the shape of ``lateral``.
     """
@@ -93,16 +285,10 @@ def wedging_bounds(
 
     The *simple* form is Whitney's parallelogram, ``|theta0 + S eps0'| < theta_w`` where eps0 > 0,
     with ``eps0' = max(|eps0| - (R - r), 0)``. The *exact* one of
-    :mod:`chamfer.models.peg_theory.planar_limits` leaves nothing out. For the published parts the
+    :mod:`chamfer.models.peg_theory.wedging` leaves nothing out. For the published parts the
     simple sides are 3 to 7 % too narrow: the normal at the mouth tilts with the peg, which makes
     it harder to hold. Of 150 random pegs (R 4 to 15 mm, clearance 1 to 4 %, mu 0.1 to 0.5) they
     are 14 % too narrow in the middle, and from 45 % too narrow to 2 % too wide in nine of ten.
-
-    Args:
-        parts: Peg and hole.
-        support: What holds the peg.
-        lateral: eps0, m, of any shape.
-        form: Which of the two.
 
     Returns:
         Lower and upper bound, each of the shape of ``lateral``.
@@ -167,15 +353,7 @@ def rotation_margin(
 def least_margin(
     parts: PegHoleGeometry, support: Support, lateral: float, rotation: float, form: Form = "exact"
 ) -> tuple[float, float]:
-    """Return the smallest margin to wedging over all compliance centres, and that L_g, m.
-
-    Args:
-        parts: Peg and hole.
-        support: Whose stiffnesses count, and not its own centre.
-        lateral: eps0, m.
-        rotation: theta0, rad.
-        form: Of the region's sides.
-    """
+    """Return the smallest margin to wedging over all compliance centres, and that L_g, m."""
     # From far below the distance at which the slope is largest to far beyond it.
     low, high = -5.0, 5.0
     for _ in range(_ZOOMS):
@@ -215,24 +393,11 @@ def jamming_level(
     the contacts have stored: at less depth the same loads can be held by a peg that is wedged.
     While it slides at rest with its load, as on a soft support, the load is on the sides; the
     exact statics have it up to 8 % inside at a tilt of 5 degrees, as the mouth's normal tilts.
-
-    Args:
-        parts: Peg and hole.
-        force_ratio: ``F_x / F_z``, the load to the right over that down, F_z > 0.
-        moment_ratio: ``M / (r F_z)``, M about the tip, counter-clockwise.
-        depth: l, m, > 0.
     """
     depth_ratio = _depth_ratio(parts, depth)
     across = np.asarray(force_ratio, dtype=np.float64)
     turned = np.asarray(moment_ratio) + parts.friction * (1 + depth_ratio) * across
     return np.maximum(np.abs(parts.friction * across), np.abs(turned) / depth_ratio)
-
-
-def jams(
-    parts: PegHoleGeometry, force_ratio: ArrayLike, moment_ratio: ArrayLike, depth: ArrayLike
-) -> NDArray[np.bool_]:
-    """Say which loads of the support can't push the peg further, see :func:`jamming_level`."""
-    return jamming_level(parts, force_ratio, moment_ratio, depth) >= 1
 
 
 def jamming_vertices(parts: PegHoleGeometry, depth: float) -> Array:

@@ -6,17 +6,204 @@ are inside the wedging limits and to insert then. States and rules around that a
 
 import math
 from collections.abc import Callable
-from typing import Final
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final, Literal, NamedTuple, get_args
 
+from chamfer.models.validation import (
+    ParameterError,
+    require_not_negative,
+    require_one_of,
+    require_positive,
+)
 from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
 from chamfer.systems.statechart.chart import ANY, TIME_TOLERANCE, Chart, State, Tick, Transition
-from chamfer.systems.strategies.insertion_memory import (
-    InsertionInputs,
-    InsertionMemory,
-    InsertionTaskParams,
-    Trouble,
-    errors_across,
+from chamfer.systems.strategies.insertion_decision import (
+    DecisionParams,
+    InsertionRegion,
+    MeasuredErrors,
+    measured_errors,
 )
+
+Compensation = Literal["running", "frozen"]
+Vector3 = tuple[float, float, float]
+Frame = tuple[float, ...]
+
+_MOST_ATTEMPTS: Final = 100
+
+
+class InsertionTrouble(IntEnum):
+    """What stopped an attempt, as far as the chart can tell."""
+
+    NONE = 0
+    WEDGED = 1  # in the bore, held when the push was taken away
+    JAMMED = 2  # in the bore, held by the push alone
+    AT_MOUTH = 3  # pushed as hard as it may, not beyond the chamfers
+    BEFORE_MOUTH = 4  # it did not get to the mouth
+    SHORT = 5  # the feed ended before the depth
+    BESIDE = 6  # on its way to miss the mouth
+    HELD = 7  # it can't be pulled out of the hole
+    NOT_ALIGNED = 8  # the errors did not become small enough in time
+
+
+WORDS: Final = {
+    InsertionTrouble.NONE: "",
+    InsertionTrouble.WEDGED: "wedged",
+    InsertionTrouble.JAMMED: "jammed",
+    InsertionTrouble.AT_MOUTH: (
+        "stuck at the mouth, the peg does not enter: too thick, or on an edge"
+    ),
+    InsertionTrouble.BEFORE_MOUTH: "the arm did not get to the mouth",
+    InsertionTrouble.SHORT: "not deep enough at the end of the feed",
+    InsertionTrouble.BESIDE: "on its way to miss the mouth",
+    InsertionTrouble.HELD: "held in the hole, could not be pulled out",
+    InsertionTrouble.NOT_ALIGNED: "not aligned in time",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class InsertParams:
+    """How the peg is inserted, and when it is enough.
+
+    Forces are those of the arm's own springs, by command and encoders, tared where the peg
+    begins to advance; the joints' dry friction makes them unsure by 1 N, in the worst of 50 runs
+    by 1.7 N.
+    """
+
+    compensation: Compensation = "running"
+    # running: errors are compensated during the advance too; frozen: as section 5 proposes
+    freeze_depth: float | None = None
+    # m, of the tip below the mouth, from which on a running one is frozen; None: never
+    pause: float = 0.0  # s, from the decision to the advance
+    speed: float | None = None
+    # m/s, of the feed; None: derived, 0.02, assumed, or as much slower as the clearance asks for
+    depth: float | None = None
+    # m, commanded, of the tip below the mouth; None: derived, to where the bore ends
+    feed: float | None = None  # m, most; None: derived, until the push can be reached at the mouth
+    push: float = 8.0  # N, along the axis, with which the peg is stuck; assumed
+    pull: float = 12.0  # N, likewise, with which it is pulled out at most; assumed
+    force_limit: float = 15.0  # N, in any direction, with which all stops; assumed
+    hold_force: float = 2.0  # N, in any direction, beyond which nothing is compensated; assumed
+    bottom_force: float = 2.0  # N, along the axis, that tells the bottom where one is; assumed
+    held_force: float = 1.5  # N, of a pull, beyond the arms' own friction: wedged; assumed
+    rest: float = 0.2  # s, before it is said where the peg is; assumed
+    attempts: int = 3  # before it gives up; assumed
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "compensation", get_args(Compensation))
+        given = [name for name in ("speed", "depth", "feed") if getattr(self, name) is not None]
+        require_positive(
+            self,
+            *given,
+            "push",
+            "pull",
+            "force_limit",
+            "hold_force",
+            "bottom_force",
+            "held_force",
+        )
+        require_not_negative(self, "rest", "pause")
+        if self.freeze_depth is not None and not (
+            self.compensation == "running" and math.isfinite(self.freeze_depth)
+        ):
+            allowed = "a finite number if insert.compensation is running, else null"
+            raise ParameterError("freeze_depth", self.freeze_depth, allowed)
+        for name in ("push", "pull"):
+            if not (value := getattr(self, name)) < self.force_limit:
+                allowed = f"less than force_limit, {self.force_limit:g} N"
+                raise ParameterError(name, value, allowed)
+        if not 1 <= self.attempts <= _MOST_ATTEMPTS:
+            raise ParameterError("attempts", self.attempts, f"1 to {_MOST_ATTEMPTS}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedInsertParams(InsertParams):
+    """The same with nothing left open."""
+
+    speed: float
+    depth: float
+    feed: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class InsertionTaskParams:
+    """Parameters of :class:`chamfer.systems.strategies.insertion_task.InsertionTask`."""
+
+    decide: DecisionParams
+    insert: ResolvedInsertParams
+    region: InsertionRegion
+    chamfer_height: float  # m, of both chamfers: above it the peg is at the mouth
+    bottom: float = math.inf  # m, of a blind hole, below its mouth
+    gap: float = 0.03  # m, from tip to mouth where the peg is aligned
+    pixel_size: float = 0.0005  # m
+    begin: float = 1.5  # s, from when on the cameras count
+    wait: float = 2.5  # s, of decide.kind wait; section 5
+    limits: tuple[float, ...] = (math.inf,) * 6  # m and rad, of the compensation
+    most_saturated: float = 0.5  # s, that a joint may be at its torque limit; assumed
+    period: float = 1 / 80  # s, section 4
+
+    @property
+    def target(self) -> float:
+        """Depth of the tip that is wanted, m."""
+        return min(self.insert.depth, self.bottom)
+
+
+class InsertionInputs(NamedTuple):
+    """What the chart reads; each is measured by something that a real cell has."""
+
+    error: Frame  # pixels and rad, by the cameras
+    valid: Frame
+    blind: Frame
+    diverged: Frame
+    compensation: Frame  # m and rad, so far
+    force: Vector3  # N, of the arm's springs along the hole's axes
+    advance: Frame  # m, of the tip beyond the mouth, by the encoders
+    peg_saturated: Frame  # of each joint
+    hole_saturated: Frame | None  # None: the hole is no arm's
+
+
+class InsertionMemory(NamedTuple):
+    """What the chart remembers from tick to tick."""
+
+    feed: float = 0.0  # m, at that time
+    rate: float = 0.0  # m/s
+    time: float = 0.0  # s
+    compensates: bool = True
+    along: bool = True  # the error along the axis too
+    attempts: int = 0
+    frames: tuple[Frame, ...] = ()  # the last valid ones
+    began: float = 0.0  # s, to align
+    saturated_since: float = math.inf  # s
+    zero: Vector3 = (0.0, 0.0, 0.0)  # N, tare
+    mouth: float = 0.0  # m, advance by the encoders at which the tip is at the mouth
+    stopped: float = 0.0  # m, depth at which the attempt was stopped
+    came_out: float = 0.0  # m, that it came out as the push was taken away
+    pull: float = 0.0  # N, strongest, as it was withdrawn
+    trouble: InsertionTrouble = InsertionTrouble.NONE
+    sensed_force: Vector3 = (0.0, 0.0, 0.0)  # N, tared, along the hole's axes
+    sensed_depth: float = 0.0  # m, of the tip below the mouth
+    errors: MeasuredErrors = MeasuredErrors(0.0, 0.0, 0.0, 0.0)
+
+    def window(self, inputs: InsertionInputs, count: int) -> tuple[Frame, ...]:
+        """Return the last valid frames with the present one, none if that is not valid."""
+        if not inputs.valid[0] >= 0.5:
+            return ()
+        return (*self.frames, inputs.error)[-count:]
+
+    def depth(self, inputs: InsertionInputs) -> float:
+        """Return the depth of the tip below the mouth, m."""
+        return inputs.advance[0] - self.mouth
+
+    def load(self, inputs: InsertionInputs) -> Vector3:
+        """Return what the arm pushes with along the hole's axes, N, tared."""
+        x, y, z = (force - zero for force, zero in zip(inputs.force, self.zero, strict=True))
+        return x, y, z
+
+
+def errors_across(frames: tuple[Frame, ...], pixel_size: float) -> MeasuredErrors:
+    """Return the errors that matter to an insertion, over frames of six axes."""
+    return measured_errors([(e[1], e[2], e[4], e[5]) for e in frames], pixel_size)
+
 
 InsertionTick = Tick[InsertionInputs, InsertionMemory]
 InsertionChart = Chart[InsertionInputs, InsertionMemory]
@@ -165,7 +352,7 @@ class _Guards:
         return tick.memory.load(tick.inputs)[0] >= self._params.insert.push
 
     def fed(self, tick: InsertionTick) -> bool:
-        return _fed(tick) >= self._params.feed - TIME_TOLERANCE
+        return _fed(tick) >= self._params.insert.feed - TIME_TOLERANCE
 
     def rested(self, tick: InsertionTick) -> bool:
         return tick.time_in_state >= self._params.insert.rest - TIME_TOLERANCE
@@ -237,7 +424,7 @@ class _Actions:
         insert, memory = self._params.insert, tick.memory
         freeze = math.inf if insert.freeze_depth is None else insert.freeze_depth
         waits = tick.time_in_state < insert.pause - TIME_TOLERANCE
-        return self._observe(tick, 0.0 if waits else self._params.speed)._replace(
+        return self._observe(tick, 0.0 if waits else self._params.insert.speed)._replace(
             compensates=(
                 insert.compensation == "running"
                 and memory.depth(tick.inputs) < freeze
@@ -252,7 +439,7 @@ class _Actions:
     def withdraw(self, tick: InsertionTick) -> InsertionMemory:
         """Go back to where the feed began, and further as long as the hole holds the peg."""
         memory, insert, fed = tick.memory, self._params.insert, _fed(tick)
-        speed = self._params.speed
+        speed = self._params.insert.speed
         pull = -memory.load(tick.inputs)[0]
         if memory.depth(tick.inputs) > 0:
             rate = -speed if pull < insert.pull else 0.0
@@ -267,14 +454,18 @@ class _Actions:
     def stop(self, tick: InsertionTick) -> InsertionMemory:
         """Stop, but take a push or a pull away."""
         insert, load = self._params.insert, tick.memory.load(tick.inputs)[0]
-        rate = math.copysign(self._params.speed, -load) if abs(load) > insert.hold_force else 0.0
+        rate = (
+            math.copysign(self._params.insert.speed, -load)
+            if abs(load) > insert.hold_force
+            else 0.0
+        )
         return self._observe(tick, rate)._replace(compensates=False)
 
     def note_stop(self, tick: InsertionTick) -> InsertionMemory:
         stuck = tick.memory.load(tick.inputs)[0] >= self._params.insert.push
-        trouble = Trouble.JAMMED if stuck else Trouble.SHORT
+        trouble = InsertionTrouble.JAMMED if stuck else InsertionTrouble.SHORT
         if self._guards.off_mouth(tick):
-            trouble = Trouble.BESIDE
+            trouble = InsertionTrouble.BESIDE
         return tick.memory._replace(stopped=tick.memory.depth(tick.inputs), trouble=trouble)
 
     def note_release(self, tick: InsertionTick) -> InsertionMemory:
@@ -283,26 +474,26 @@ class _Actions:
 
     def miss(self, tick: InsertionTick) -> InsertionMemory:
         stopped = tick.memory.depth(tick.inputs)
-        return tick.memory._replace(stopped=stopped, trouble=Trouble.BESIDE)
+        return tick.memory._replace(stopped=stopped, trouble=InsertionTrouble.BESIDE)
 
     def judge(self, tick: InsertionTick) -> InsertionMemory:
         """Say what held the peg, now that it is known how hard it came out."""
         memory, params = tick.memory, self._params
         trouble = memory.trouble
-        if trouble is not Trouble.BESIDE:
+        if trouble is not InsertionTrouble.BESIDE:
             if memory.stopped < _BEFORE:
-                trouble = Trouble.BEFORE_MOUTH
+                trouble = InsertionTrouble.BEFORE_MOUTH
             elif memory.came_out < _SLIPS and memory.pull > params.insert.held_force:
-                trouble = Trouble.WEDGED
+                trouble = InsertionTrouble.WEDGED
             elif memory.stopped < params.chamfer_height + _SLIPS:
-                trouble = Trouble.AT_MOUTH
+                trouble = InsertionTrouble.AT_MOUTH
         return memory._replace(trouble=trouble)
 
     def hold(self, tick: InsertionTick) -> InsertionMemory:
-        return tick.memory._replace(trouble=Trouble.HELD)
+        return tick.memory._replace(trouble=InsertionTrouble.HELD)
 
     def late(self, tick: InsertionTick) -> InsertionMemory:
-        return tick.memory._replace(trouble=Trouble.NOT_ALIGNED)
+        return tick.memory._replace(trouble=InsertionTrouble.NOT_ALIGNED)
 
 
 def _fed(tick: InsertionTick) -> float:

@@ -8,7 +8,7 @@ from typing import Final, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.wedging import rotation_bounds
 from chamfer.models.validation import ParameterError, require_one_of, require_positive

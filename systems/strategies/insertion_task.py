@@ -1,11 +1,11 @@
 """The block that runs the insertion's chart over the alignment loop."""
 
 from chamfer.systems.statechart.state_machine import MachineOutput, StateMachine
-from chamfer.systems.strategies.insertion_chart import make_insertion_chart
-from chamfer.systems.strategies.insertion_memory import (
+from chamfer.systems.strategies.insertion_chart import (
     InsertionInputs,
     InsertionMemory,
     InsertionTaskParams,
+    make_insertion_chart,
 )
 
 _AXES = 6
@@ -47,7 +47,8 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
     (4,), are the last :class:`chamfer.systems.strategies.insertion_decision.MeasuredErrors`, 0
     before there are any; ``sensed_force``, shape (3,), N, along the hole's axes, and
     ``sensed_depth``, m, are what the arm knows of the contact, tared where the advance began;
-    ``trouble`` is the :class:`chamfer.systems.strategies.insertion_memory.Trouble` of the attempt.
+    ``trouble`` is the :class:`chamfer.systems.strategies.insertion_chart.InsertionTrouble` of the
+    attempt.
 
     Args:
         params: Parameters.

@@ -1,27 +1,30 @@
+"""The state machine against a PID law in the same cell."""
+
 import math
 import re
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from scipy import stats
 
-from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.campaign.campaign import Trials
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.cell import alignment_comparison
 from chamfer.analysis.cell.alignment_comparison import (
     CONTROLLERS,
-    ComparisonScenario,
-    Task,
+    AlignmentComparisonScenario,
+    ControllerTrial,
+    plot_comparison,
     resolve,
     score,
 )
-from chamfer.analysis.cell.alignment_runs import STOPPED
-from chamfer.analysis.cell.alignment_trials import AlignmentTrialsScenario, drawn
-from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.cell.alignment_runs import STOPPED, AlignmentTrialsScenario, drawn
 from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.diagrams.cell.alignment_scenario import ControllerChoice
 from chamfer.diagrams.cell.controller_design import design_compensator, design_pid
@@ -30,7 +33,7 @@ from chamfer.systems.servo.settling import SettlingPlant
 
 ALIGNMENT_COMPARISON = load(select(CATALOGUE.entries, ["alignment-fsm-vs-pid"])[0])
 
-OPEN = ComparisonScenario(
+OPEN = AlignmentComparisonScenario(
     trials=3,
     tuning_trials=2,
     small_lateral=(2e-5, 3e-5),
@@ -112,7 +115,7 @@ def cell(monkeypatch: pytest.MonkeyPatch) -> Cell:
 
 def test_the_score_is_the_mean_of_both_errors_relative_to_the_paper_s() -> None:
     rows = (finished(0.0025, 0.011, 1.0), finished(0.005, 0.0, 1.0))
-    tasks = tuple(Task(SCENARIO, trial) for trial in range(2))
+    tasks = tuple(ControllerTrial(SCENARIO, trial) for trial in range(2))
     assert score(Trials(tasks=tasks, rows=rows)) == pytest.approx((1 + 0.5 + 2 + 0) / 2)
     assert score(Trials(tasks=(), rows=())) == math.inf  # all have failed
 
@@ -133,7 +136,8 @@ def test_both_controllers_have_the_same_starts(cell: Cell) -> None:
 
 
 def test_tuning_uses_other_trials_and_the_comparison_the_best(cell: Cell) -> None:
-    outcome = ALIGNMENT_COMPARISON.run(SCENARIO, 4, quiet)
+    with pytest.warns(UserWarning, match="^the rotational increments are 1.76 times"):
+        outcome = ALIGNMENT_COMPARISON.run(SCENARIO, 4, quiet)
     tuning, comparison = cell.asked[: 2 * COUNT], cell.asked[2 * COUNT :]
     trials = [trial for _, _, trial in tuning]
     assert trials == [1_000_000, 1_000_001] * COUNT
@@ -152,19 +156,6 @@ def test_tuning_uses_other_trials_and_the_comparison_the_best(cell: Cell) -> Non
     assert value(outcome, "fsm.rotational.dead_zone") == best.rotational.dead_zone
     assert value(outcome, "pid.lateral.integral") == best_pid().lateral.integral
     assert value(outcome, "pid.rotational.proportional") == best_pid().rotational.proportional
-
-
-def test_every_candidate_s_score_is_kept(cell: Cell) -> None:
-    table = ALIGNMENT_COMPARISON.run(SCENARIO, 0, quiet).tables["tuning"]
-    assert set(table) == {"controller", "lateral", "rotational", "score"}
-    np.testing.assert_array_equal(table["controller"], [0] * 4 + [1] * 3)
-    np.testing.assert_allclose(table["lateral"][:4], [2e-5, 2e-5, 3e-5, 3e-5])
-    np.testing.assert_allclose(table["rotational"][:4], [4e-4, 8e-4] * 2)
-    assert np.argmin(table["score"][:4]) == 2
-    assert np.argmin(table["score"][4:]) == 1
-    assert table["lateral"][5] == best_pid().lateral.integral
-    # off is 2 for the second: a share of 3.5 on average of the two trials
-    assert table["score"][1] == pytest.approx(3.5 * (1e-4 / 0.0025 + 1e-3 / 0.022))
 
 
 def test_metrics(cell: Cell) -> None:
@@ -233,67 +224,6 @@ def test_rows_and_errors_over_time(cell: Cell) -> None:
             }
 
 
-def test_one_trial_has_no_interval(cell: Cell) -> None:
-    outcome = ALIGNMENT_COMPARISON.run(replace(SCENARIO, tuning_trials=0, trials=1), 0, quiet)
-    metric = outcome.metrics["difference.lateral_error.mean_low"]
-    assert metric.value is not None
-    assert math.isnan(metric.value)
-    assert metric.note == "one trial has no interval"
-
-
-def test_tuning_and_comparison_tell_how_far_they_are(
-    cell: Cell, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    lengths = []
-
-    def counting(function: Any, tasks: Sequence[Any], progress: Any) -> Trials[Any]:
-        lengths.append(len(tasks))
-        return run_each(function, tasks, progress)
-
-    monkeypatch.setattr(alignment_comparison, "run_each", counting)
-    ALIGNMENT_COMPARISON.run(SCENARIO, 0, quiet)
-    assert lengths == [2 * COUNT, 6]
-
-
-def test_trials_that_fail_are_left_out(cell: Cell) -> None:
-    scenario = replace(SCENARIO, tuning_trials=0, trials=4)
-    whole = ALIGNMENT_COMPARISON.run(scenario, 0, quiet)
-    cell.failing = {("fsm", 1), ("pid", 2)}
-    found = ALIGNMENT_COMPARISON.run(scenario, 0, quiet)
-    for name, missing in (("fsm", 1), ("pid", 2)):
-        values = found.traces[f"{name}.rotational_error"]
-        np.testing.assert_array_equal(np.flatnonzero(np.isnan(values)), [missing])
-        there = np.isfinite(values)
-        expected = whole.traces[f"{name}.rotational_error"][there]
-        np.testing.assert_array_equal(values[there], expected)
-        assert value(found, f"{name}.rotational_error.mean") == pytest.approx(expected.mean())
-    fsm, pid = (found.traces[f"{name}.rotational_error"][[0, 3]] for name in CONTROLLERS)
-    difference = value(found, "difference.rotational_error.mean")
-    assert difference == pytest.approx((fsm - pid).mean())
-    assert set(found.tables["errors"]["trial"]) == {0, 1, 2, 3}
-    cell.failing = {("pid", trial) for trial in range(4)}
-    message = "^no trial of pid has finished: trial is 0, allowed: another one$"
-    with pytest.raises(UserError, match=message):
-        ALIGNMENT_COMPARISON.run(scenario, 0, quiet)
-
-
-@pytest.mark.slow
-def test_a_real_comparison_is_reproducible() -> None:
-    short = resolve(ComparisonScenario(trials=1, begin=0.1, compensation_time=0.2))
-    first, again = (ALIGNMENT_COMPARISON.run(short, 0, quiet) for _ in range(2))
-    for name, values in first.traces.items():
-        assert values.tobytes() == again.traces[name].tobytes()
-    for name, column in first.tables["errors"].items():
-        assert column.tobytes() == again.tables["errors"][name].tobytes()
-        assert np.isfinite(column).all()
-    # Until the compensation begins both are the same run.
-    table = first.tables["errors"]
-    before = table["time"] < 0.1 - 1e-9
-    fsm, pid = (table["lateral_error"][before & (table["controller"] == i)] for i in range(2))
-    assert fsm.tobytes() == pid.tobytes()
-    assert value(first, "fsm.lateral_error.mean") != value(first, "pid.lateral_error.mean")
-
-
 @pytest.mark.parametrize(
     ("values", "message"),
     [
@@ -317,7 +247,7 @@ def test_a_real_comparison_is_reproducible() -> None:
 )
 def test_scenarios_that_are_none(values: dict[str, Any], message: str) -> None:
     with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
-        ComparisonScenario(**values)
+        AlignmentComparisonScenario(**values)
 
 
 def test_there_has_to_be_something_to_compare() -> None:
@@ -333,22 +263,40 @@ def test_there_has_to_be_something_to_compare() -> None:
     assert ALIGNMENT_COMPARISON.resolve(SCENARIO) == SCENARIO
 
 
-@pytest.mark.slow
-def test_tuning_of_the_real_cell() -> None:
-    scenario = ComparisonScenario(
-        trials=1,
-        tuning_trials=1,
-        small_lateral=(2e-5,),
-        small_rotational=(8e-4,),
-        closed_loop=(0.05, 0.2),
-        begin=0.1,
-        compensation_time=0.3,
-    )
-    outcome = ALIGNMENT_COMPARISON.run(resolve(scenario), 0, quiet)
-    scores = outcome.tables["tuning"]["score"]
-    assert len(scores) == 3
-    assert scores[1] < scores[2]  # so short a time leaves the careful one far away
-    own = resolve(ComparisonScenario()).compensator
-    assert value(outcome, "fsm.lateral.dead_zone") == pytest.approx(
-        own.lateral.dead_zone, rel=0.02
-    )
+Array = NDArray[np.float64]
+
+RUNS = 3
+SCENARIO_ALIGNMENT_COMPARISON_FIGURES = AlignmentTrialsScenario(trials=RUNS)
+TIME = np.arange(321) / 80
+SIZES = {"lateral": (0.004, 1e-4), "rotational": (0.06, 5e-3)}  # first and last errors
+
+
+def errors(kind: str, controller: int, run: int) -> Array:
+    first, last = SIZES[kind]
+    share = np.clip((TIME - 1.5) / (2.0 - controller), 0.0, 1.0)
+    scale = (1 + run) ** 2  # the median is not the mean
+    values: Array = scale * first * (last / first * (1 - 0.8 * controller)) ** share
+    return values
+
+
+@pytest.fixture(scope="module")
+def figure() -> Figure:
+    order = [(controller, run) for controller in range(2) for run in range(RUNS)]
+    table = {
+        "controller": np.repeat([float(controller) for controller, _ in order], len(TIME)),
+        "trial": np.repeat([float(run) for _, run in order], len(TIME)),
+        "time": np.tile(TIME, len(order)),
+    }
+    traces = {}
+    for kind in SIZES:
+        name = f"{kind}_error"
+        table[name] = np.concatenate([errors(kind, *one) for one in order])
+        for i, controller in enumerate(("fsm", "pid")):
+            traces[f"{controller}.{name}"] = np.array(
+                [errors(kind, i, run)[-1] for run in range(RUNS)]
+            )
+    outcome = Outcome(metrics={}, traces=traces, simulated_seconds=0.0, tables={"errors": table})
+    made = plot_comparison(SCENARIO_ALIGNMENT_COMPARISON_FIGURES, outcome)
+    FigureCanvasAgg(made)
+    made.canvas.draw()
+    return made

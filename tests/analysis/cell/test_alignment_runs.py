@@ -1,5 +1,8 @@
+"""What is measured of an alignment, and many of them."""
+
 import math
-from dataclasses import replace
+import re
+from dataclasses import asdict, fields, replace
 from typing import Any
 
 import numpy as np
@@ -9,24 +12,36 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from chamfer.analysis.campaign.campaign import Trials
+from chamfer.analysis.campaign.trial_metrics import bootstrap_interval
 from chamfer.analysis.cell.alignment_runs import (
     ALIGNMENT,
     LATE,
     SETTLED,
     STOPPED,
+    AlignmentTrialsScenario,
+    RepeatabilityScenario,
+    Spread,
     alignment_charts,
     alignment_metrics,
     detected_metric,
+    drawn,
+    margins,
+    resolve_repeatability,
     run_alignment,
     settling_metrics,
+    statistics,
     stopped_metrics,
     true_errors,
     warn_of_stops,
 )
 from chamfer.diagrams.cell.alignment import resolve
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice
-from chamfer.diagrams.cell.cell_cameras import CameraSettings
-from chamfer.systems.cameras.camera_image import FrameGrabberParams
+from chamfer.diagrams.cell.work_cell import resolve_arms, wedging_support
+from chamfer.models.peg.peg_and_hole import PegHoleGeometry
+from chamfer.models.peg.support import OpenSupport, Support
+from chamfer.models.peg_theory.wedging import box_margin, least_margin, rotation_margin, wedges
+from chamfer.models.validation import ParameterError
 from chamfer.systems.vision.cell_error import AXES
 
 Array = NDArray[np.float64]
@@ -65,13 +80,6 @@ def test_true_errors_of_any_two_poses(peg: Any, hole: Any) -> None:
     turned = (Rotation.from_rotvec(found.turn[0]) * R_WT).apply(X)
     if between < math.pi - 1e-6:  # opposite axes leave the turn open
         np.testing.assert_allclose(turned, R_WM.apply(X), atol=1e-9)
-
-
-def test_aligned_parts_have_no_error() -> None:
-    pose = vector((0.3, -0.2, 0.9), (0.1, 0.2, 0.3))[np.newaxis]
-    found = true_errors(pose, pose)
-    for values in (found.gap, found.way, found.turn, found.lateral, found.rotational):
-        np.testing.assert_allclose(values, 0.0, atol=1e-15)
 
 
 def test_a_turn_about_its_own_axis_does_not_matter() -> None:
@@ -303,13 +311,6 @@ def test_the_share_of_the_theorem_s_bound() -> None:
     assert found.note.endswith("the dead zone is within it")
 
 
-def test_a_compensation_from_the_very_begin_is_measured_from_the_first_row() -> None:
-    scenario = resolve(AlignmentScenario(begin=1e-12))
-    given = traces(lateral_error=lambda t: 0.01 - 0.002 * t)
-    found = alignment_metrics(given, scenario)
-    assert found["uncompensated.lateral_error"] == pytest.approx(0.01)
-
-
 def test_charts_are_those_of_the_state_machine() -> None:
     names = [chart.name for chart in alignment_charts(SCENARIO)]
     assert names == ["trajectory compensator", "compensation of one axis"]
@@ -343,36 +344,6 @@ def test_traces_of_a_run(short: dict[str, Array]) -> None:
     assert short["hole_y"][0] == pytest.approx(0.0)
 
 
-def test_nothing_is_compensated_before_the_begin(short: dict[str, Array]) -> None:
-    before = short["time"] < SHORT.begin - 1e-9
-    assert not short["valid"][before].any()
-    assert short["valid"][~before].all()
-    for axis in AXES:
-        assert not short[f"compensation_{axis}"][before].any()
-    # What it does not see of a turn about X is not compensated.
-    assert not short["compensation_roll"].any()
-    # Desired minus actual: the peg is too far to the left and too low, and is moved back.
-    assert short["compensation_y"][-1] < -1e-3
-    assert short["compensation_z"][-1] > 1e-3
-    assert short["compensation_pitch"][-1] < -0.01
-    assert short["compensation_yaw"][-1] > 0.01
-    # Both arms take half of it.
-    half = short["compensation_z"][-1] / 2
-    assert short["peg_z"][-1] - short["peg_z"][0] == pytest.approx(half)
-    assert short["hole_z"][-1] - short["hole_z"][0] == pytest.approx(-half)
-
-
-def test_vision_agrees_with_the_truth_it_never_sees(short: dict[str, Array]) -> None:
-    # An image is two periods old when its error is logged.
-    seen = np.flatnonzero(short["valid"])
-    for axis, scale in (("y", 5e-4), ("z", 5e-4), ("pitch", 1.0), ("yaw", 1.0)):
-        measured = scale * short[f"error_{axis}"][seen]
-        lag = min(
-            float(np.abs(measured - short[f"true_{axis}"][seen - k]).max()) for k in (0, 1, 2)
-        )
-        assert lag < (3e-4 if scale < 1 else 5e-3)
-
-
 def test_detected_is_the_share_of_frames_since_the_begin(short: dict[str, Array]) -> None:
     valid = np.where(short["time"] < SHORT.begin - 1e-9, 0.0, 1.0)
     valid[-3:] = 0.0
@@ -388,18 +359,162 @@ def test_trials_that_never_see_are_counted() -> None:
     assert ", mean of 3 trials, 0 to 60; in 2 of 3 trials" in metric.note
 
 
-def test_blank_images_leave_the_error_and_say_so() -> None:
-    blank = CameraSettings(frames=FrameGrabberParams(miss=1.0))
-    scenario = resolve(AlignmentScenario(begin=0.1, compensation_time=0.15, cameras=blank))
-    found = run_alignment(scenario, 0)
-    measured = alignment_metrics(found, scenario)
-    assert measured["blind"] == 1.0
-    assert measured["detected"] == 0.0
-    assert measured["compensation.lateral"] == measured["compensation.rotational"] == 0.0
-    assert measured["vision.lateral_error"] is None
-    assert not found["valid"].any()
+SCENARIO_ALIGNMENT_TRIALS = resolve_arms(AlignmentScenario(initial_error=(0.0,) * 6))
+NONE = Spread(lateral=0.0, rotational=0.0, payload=0.0, link_mass=0.0, joint_friction=0.0)
+PARTS, SUPPORT = PegHoleGeometry(), Support()
+seeds = st.integers(0, 2**63 - 1)
 
 
-def test_another_seed_gives_other_images(short: dict[str, Array]) -> None:
-    other = run_alignment(SHORT, 1)
-    assert other["error_y"].tobytes() != short["error_y"].tobytes()  # the images' noise
+def finished(**measured: Any) -> Trials[int]:
+    """Trials with these values, one list a metric."""
+    rows = [dict(zip(measured, row, strict=True)) for row in zip(*measured.values(), strict=True)]
+    return Trials(tasks=tuple(range(len(rows))), rows=tuple(rows))
+
+
+@given(seed=seeds, trial=st.integers(0, 10_000_000))
+def test_a_trial_is_its_seed_and_its_number(seed: int, trial: int) -> None:
+    first = drawn(SCENARIO_ALIGNMENT_TRIALS, Spread(), seed, trial)
+    assert drawn(SCENARIO_ALIGNMENT_TRIALS, Spread(), seed, trial) == first
+    for other in (
+        drawn(SCENARIO_ALIGNMENT_TRIALS, Spread(), seed, trial + 1),
+        drawn(SCENARIO_ALIGNMENT_TRIALS, Spread(), seed + 1, trial),
+    ):
+        assert other.initial_error != first.initial_error
+        assert other.peg.payload_error != first.peg.payload_error
+        assert other.hole.joint_friction != first.hole.joint_friction
+    # The two arms are not wrong in the same way.
+    assert first.peg.mass_scale != first.hole.mass_scale
+
+
+@given(
+    seed=seeds,
+    lateral=st.floats(0.0, 0.02),
+    rotational=st.floats(0.0, 0.2),
+    payload=st.floats(0.0, 0.9),
+    link_mass=st.floats(0.0, 0.9),
+    joint_friction=st.floats(0.0, 0.9),
+)
+def test_within_the_ranges(seed: int, **ranges: float) -> None:
+    spread = Spread(**ranges)
+    found = drawn(SCENARIO_ALIGNMENT_TRIALS, spread, seed, 3)
+    x, y, z, roll, pitch, yaw = found.initial_error
+    assert x == roll == 0.0
+    assert max(abs(y), abs(z)) <= spread.lateral
+    assert max(abs(pitch), abs(yaw)) <= spread.rotational
+    for name in ("peg", "hole"):
+        was, now = getattr(SCENARIO_ALIGNMENT_TRIALS, name), getattr(found, name)
+        assert abs(now.payload_error / was.payload_error - 1) <= spread.payload * (1 + 1e-12)
+        assert abs(now.mass_scale - 1) <= spread.link_mass * (1 + 1e-12)
+        ratios = np.array(now.joint_friction) / np.array(was.joint_friction)
+        assert np.ptp(ratios) < 1e-12  # one factor for all joints
+        assert abs(ratios[0] - 1) <= spread.joint_friction * (1 + 1e-12)
+        rest = {"payload_error", "mass_scale", "joint_friction"}
+        for field in fields(was):
+            if field.name not in rest:
+                assert getattr(now, field.name) is getattr(was, field.name)
+
+
+def differences(spread: Spread) -> set[str]:
+    base = SCENARIO_ALIGNMENT_TRIALS
+    found = drawn(base, spread, 1, 1)
+    changed = {
+        f"{name}.{field}"
+        for name in ("peg", "hole")
+        for field, value in asdict(getattr(found, name)).items()
+        if value != asdict(getattr(base, name))[field]
+    }
+    return changed | {f"initial_error.{i}" for i, one in enumerate(found.initial_error) if one}
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("lateral", {"initial_error.1", "initial_error.2"}),
+        ("rotational", {"initial_error.4", "initial_error.5"}),
+        ("payload", {"peg.payload_error", "hole.payload_error"}),
+        ("link_mass", {"peg.mass_scale", "hole.mass_scale"}),
+        ("joint_friction", {"peg.joint_friction", "hole.joint_friction"}),
+    ],
+)
+def test_each_range_changes_its_own_field(name: str, changes: set[str]) -> None:
+    assert differences(replace(NONE, **{name: 0.3})) == changes
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"lateral": -0.1}, "lateral is -0.1, allowed: a finite number >= 0"),
+        ({"rotational": math.nan}, "rotational is nan, allowed: a finite number >= 0"),
+        ({"payload": 1.0}, "payload is 1.0, allowed: from 0 to less than 1"),
+        ({"joint_friction": -0.5}, "joint_friction is -0.5, allowed: from 0 to less than 1"),
+        ({"link_mass": 1.5}, "link_mass is 1.5, allowed: from 0 to less than 1"),
+        ({"payload": math.nan}, "payload is nan, allowed: from 0 to less than 1"),
+    ],
+)
+def test_spreads_that_are_none(values: dict[str, float], message: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
+        Spread(**values)
+
+
+@pytest.mark.parametrize("trials", [0, -1, 10_001])
+def test_numbers_of_trials_that_are_none(trials: int) -> None:
+    with pytest.raises(ParameterError, match=f"^trials is {trials}, allowed: 1 to 10000$"):
+        AlignmentTrialsScenario(trials=trials)
+
+
+@given(values=st.lists(st.integers(0, 100).map(lambda one: one / 1000), min_size=2, max_size=9))
+def test_the_interval_is_of_what_the_trials_measured(values: list[float]) -> None:
+    found = statistics(finished(lateral_error=values), "lateral_error", "m")
+    assert list(found) == [
+        f"lateral_error.{of}" for of in ("mean", "mean_low", "mean_high", "max")
+    ]
+    assert {one.unit for one in found.values()} == {"m"}
+    assert found["lateral_error.mean"].value == pytest.approx(np.mean(values))
+    assert found["lateral_error.max"].value == max(values)
+    got = tuple(found[f"lateral_error.mean_{end}"].value for end in ("low", "high"))
+    assert got == bootstrap_interval(np.array(values))
+    assert found["lateral_error.mean"].note == f"{len(values)} trials"
+
+
+def test_margins_are_the_worst_run_s() -> None:
+    lateral, rotational = [0.001, 0.003, 0.0002], [0.04, 0.005, 0.07]
+    found = margins(finished(lateral_error=lateral, rotational_error=rotational), PARTS, SUPPORT)
+    assert {one.unit for one in found.values()} == {"%"}
+    both = list(zip(lateral, rotational, strict=True))
+    assert found["box_margin.lateral"].value == pytest.approx(100 * (1 - 0.003 / 0.019814))
+    assert found["box_margin.rotation"].value == pytest.approx(
+        100 * float(box_margin(PARTS, 0.0, 0.07).rotation)
+    )
+    guided = PARTS.chamfer_width + PARTS.hole_radius - PARTS.peg_radius
+    assert found["chamfer_margin"].value == pytest.approx(100 * (1 - 0.003 / guided))
+    assert found["parallelogram_margin"].value == pytest.approx(
+        100 * min(least_margin(PARTS, SUPPORT, *one)[0] for one in both)
+    )
+    here = [rotation_margin(PARTS, SUPPORT, x, s * angle) for x, angle in both for s in (1, -1)]
+    assert found["margin"].value == pytest.approx(100 * min(here))
+    assert found["margin"].value > found["parallelogram_margin"].value
+    wedged = [bool(wedges(PARTS, SUPPORT, *one)) for one in both]
+    assert wedged == [False, False, True]
+    assert found["wedging"].value == pytest.approx(100 / 3)
+
+
+def test_of_the_signs_the_worse_one_counts() -> None:
+    runs = finished(lateral_error=[0.003], rotational_error=[0.056])
+    below = replace(SUPPORT, centre_distance=-0.05)  # errors of opposite signs add
+    worse = float(rotation_margin(PARTS, below, 0.003, -0.056))
+    assert worse < rotation_margin(PARTS, below, 0.003, 0.056)
+    found = margins(runs, PARTS, below)
+    assert found["margin"].value == pytest.approx(100 * worse)
+    assert found["wedging"].value == 100.0
+
+
+def test_the_support_is_that_of_the_arms_unless_it_is_said() -> None:
+    found = resolve_repeatability(RepeatabilityScenario())
+    assert found.held() == wedging_support(found)
+    assert found.support == OpenSupport(**vars(wedging_support(found)))
+    assert resolve_repeatability(found) == found
+    said = RepeatabilityScenario(support=OpenSupport(centre_distance=0.1))
+    assert resolve_repeatability(said).held() == replace(found.held(), centre_distance=0.1)
+    soft = RepeatabilityScenario(support=OpenSupport(angular_stiffness=0.005))
+    with pytest.raises(ParameterError, match=r"^support\.angular_stiffness is 0\.005, allowed: >"):
+        resolve_repeatability(soft)

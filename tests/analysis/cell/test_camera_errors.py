@@ -10,33 +10,28 @@ import pytest
 
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.catalogue import CATALOGUE
-from chamfer.analysis.cell import camera_error_runs, camera_errors
-from chamfer.analysis.cell.camera_error_answer import answer
-from chamfer.analysis.cell.camera_error_kinds import (
-    ERRORS,
-    CameraError,
-    brightness_ramp,
-    with_error,
-)
+from chamfer.analysis.cell import camera_errors
 from chamfer.analysis.cell.camera_error_runs import (
     BY_NAME,
     DRAWN,
     DRAWN_ERRORS,
+    ERRORS,
     LEFT,
     MOMENTS,
     NONE,
-    Run,
-    Still,
+    AssumedCameraError,
+    ErrorAtRest,
+    ErrorRun,
     Study,
     at_rest,
     left,
     reached,
-    run_once,
     with_drawn_errors,
+    with_error,
 )
-from chamfer.analysis.cell.camera_errors import CameraErrorsScenario, resolve
+from chamfer.analysis.cell.camera_errors import CameraErrorsScenario, answer, resolve
 from chamfer.analysis.scenario.experiment import Outcome, load, select
-from chamfer.diagrams.cell.cell_cameras import VIEWS, CameraSettings
+from chamfer.diagrams.cell.cell_vision import VIEWS, CameraSettings
 from chamfer.models.validation import ParameterError
 
 CAMERA_ERRORS = load(select(CATALOGUE.entries, ["camera-errors"])[0])
@@ -50,7 +45,7 @@ SCENARIO = resolve(
         measurements=("image", "metric"),
     )
 )
-STUDY = SCENARIO.study()
+STUDY = Study(SCENARIO, 0.1, 0.02, 2.5)
 CHANGING = [error for error in ERRORS if error.change is not None]
 
 
@@ -62,7 +57,9 @@ def quiet(fraction: float, doing: str = "") -> None:
 
 
 @pytest.mark.parametrize("error", CHANGING, ids=lambda error: error.name)
-def test_an_error_of_no_size_is_none_and_one_of_some_size_is_one(error: CameraError) -> None:
+def test_an_error_of_no_size_is_none_and_one_of_some_size_is_one(
+    error: AssumedCameraError,
+) -> None:
     zero = with_error(SCENARIO, error, 0.0, 0.0)
     assert zero.cameras == SCENARIO.cameras
     some = with_error(SCENARIO, error, error.most, 0.0)
@@ -74,7 +71,7 @@ def test_an_error_of_no_size_is_none_and_one_of_some_size_is_one(error: CameraEr
 
 
 @pytest.mark.parametrize("error", CHANGING, ids=lambda error: error.name)
-def test_nobody_believes_in_an_error(error: CameraError) -> None:
+def test_nobody_believes_in_an_error(error: AssumedCameraError) -> None:
     some = with_error(SCENARIO, error, error.most, 0.0)
     for view in VIEWS:
         same = some.cameras.view(view).believed == SCENARIO.cameras.view(view).believed
@@ -107,12 +104,6 @@ def test_errors_add_up() -> None:
     )
     assert twice.cameras.xz.true.roll == pytest.approx(0.12)
     assert twice.cameras.xz.true.distortion == (-0.2, 0.0, 0.0, 0.0, 0.0)
-
-
-def test_light_from_one_side() -> None:
-    image = np.full((11, 4, 3), 100, np.uint8)
-    found = brightness_ramp(0.5)(image)
-    np.testing.assert_array_equal(found[[0, 5, 10], 0, 0], [75, 100, 125])
 
 
 def test_drawn_errors_are_bounded_and_those_of_the_trial() -> None:
@@ -165,35 +156,20 @@ def test_the_size_at_which_an_error_is_reached(
 
 
 def test_at_rest_distortion_turns_and_a_lost_part_is_nowhere() -> None:
-    row = at_rest(STUDY, Still("distortion_off_axis", (-0.5, -1.0), "image"))
+    row = at_rest(STUDY, ErrorAtRest("distortion_off_axis", (-0.5, -1.0), "image"))
     np.testing.assert_allclose(row["rotational_error"], [0.0094, 0.0188], rtol=0.1)
     np.testing.assert_allclose(row["behind_error"], 0.1 * row["rotational_error"], rtol=0.2)
-    lost = at_rest(STUDY, Still("tilt_in_place", (0.5,), "metric"))
+    lost = at_rest(STUDY, ErrorAtRest("tilt_in_place", (0.5,), "metric"))
     assert np.isnan(lost["rotational_error"]).all()
-
-
-def test_a_camera_that_looks_away_is_told() -> None:
-    row = run_once(STUDY, 0, Run("tilt_in_place", 0.5, "fsm", "image"))
-    assert row["seen"] == 0
-    assert row["late.lateral_error"] is None
-
-
-def test_a_camera_that_the_diagram_refuses_is_no_lost_part(monkeypatch: Any) -> None:
-    def refuses(*_: object) -> None:
-        raise ParameterError("cameras.xz.true.tilt", (9.0, 9.0), "less")
-
-    monkeypatch.setattr(camera_error_runs, "run_alignment", refuses)
-    with pytest.raises(ParameterError, match=r"cameras\.xz\.true\.tilt is"):
-        run_once(STUDY, 0, Run("roll", 0.1, "fsm", "image"))
 
 
 class Loop:
     """Takes the place of runs: an error leaves its place in the list, in mm and mrad."""
 
     def __init__(self) -> None:
-        self.asked: list[Run] = []
+        self.asked: list[ErrorRun] = []
 
-    def __call__(self, study: Study, seed: int, task: Run) -> Row:
+    def __call__(self, study: Study, seed: int, task: ErrorRun) -> Row:
         self.asked.append(task)
         place = (
             1
@@ -311,12 +287,12 @@ def test_parts_that_are_lost_at_every_size_are_never_said_harmless(
 ) -> None:
     monkeypatch.setattr(camera_errors, "run_once", Loop())
     scenario = replace(SCENARIO, errors=("position_down", "roll"), measurements=("image",))
-    study = partial(at_rest, scenario.study())
+    study = partial(at_rest, Study(scenario, 0.1, 0.02, 2.5))
     sizes = (0.1, 0.2)  # of 0.02 m at most
     for lost in (("position_down",), ("position_down", "roll")):
 
-        def rest(_: Study, task: Still, lost: tuple[str, ...] = lost) -> Row:
-            found = study(Still("position_down", sizes, task.measured))
+        def rest(_: Study, task: ErrorAtRest, lost: tuple[str, ...] = lost) -> Row:
+            found = study(ErrorAtRest("position_down", sizes, task.measured))
             assert np.isnan(found["rotational_error"]).all()
             seen = study(task)
             return found if task.error in lost else seen
@@ -335,13 +311,3 @@ def test_parts_that_are_lost_at_every_size_are_never_said_harmless(
         assert metric.note == "never seen"
         assert value(outcome, "position_down.image.rest.lost_at") == sizes[0]
         CAMERA_ERRORS.plot(scenario, outcome)
-
-
-def test_errors_that_only_show_in_motion_are_run_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(camera_errors, "run_once", Loop())
-    scenario = replace(SCENARIO, errors=("latency",))
-    outcome = CAMERA_ERRORS.run(scenario, 0, quiet)
-    assert not len(outcome.tables["still"]["size"])
-    assert outcome.metrics["answer"].value == 0
-    assert "by later images" in outcome.metrics["answer"].note
-    assert set(CAMERA_ERRORS.plot(scenario, outcome)) == {"camera-errors", "camera-errors-drawn"}

@@ -1,25 +1,28 @@
-import re
+"""Fig. 11 and its figure."""
+
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.cell import vertical_tracking
-from chamfer.analysis.cell.alignment_runs import STOPPED
-from chamfer.analysis.cell.vertical_tracking import RUNS
+from chamfer.analysis.cell.vertical_tracking import RUNS, plot_heights
 from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
 from chamfer.analysis.report.checks import check
 from chamfer.analysis.scenario.experiment import Outcome, load, select
-from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, VerticalTrackingScenario
-from chamfer.models.validation import ParameterError
+from chamfer.diagrams.cell.alignment import resolve
+from chamfer.diagrams.cell.alignment_scenario import VERTICAL_TRACKING, AlignmentScenario
 from chamfer.systems.vision.cell_error import AXES
 
-VERTICAL_TRACKING = load(select(CATALOGUE.entries, ["vertical-tracking"])[0])
+TRACKING = load(select(CATALOGUE.entries, ["vertical-tracking"])[0])
 
-SHORT = VerticalTrackingScenario(
-    motion_time=0.3, start_offset=(0.0, 0.0, -0.005), compensation_time=0.65
+SHORT = replace(
+    VERTICAL_TRACKING, motion_time=0.3, start_offset=(0.0, 0.0, -0.005), compensation_time=0.65
 )
 
 
@@ -35,21 +38,7 @@ def value(outcome: Outcome, name: str) -> float:
 
 @pytest.fixture(scope="module")
 def outcome() -> Outcome:
-    return VERTICAL_TRACKING.run(VERTICAL_TRACKING.resolve(SHORT), 0, quiet)
-
-
-@pytest.mark.slow
-def test_metrics(outcome: Outcome) -> None:
-    names = {
-        f"{run}.{of}"
-        for run in RUNS
-        for of in ("height_error", "height_error_max", "tracking_rms")
-    }
-    assert set(outcome.metrics) == names | {"detected", *STOPPED, "settling.small_share"}
-    assert {outcome.metrics[name].unit for name in names} == {"m"}
-    assert value(outcome, "blind") == 0
-    assert value(outcome, "detected") > 90
-    assert outcome.simulated_seconds == pytest.approx(1.5)
+    return TRACKING.run(TRACKING.resolve(SHORT), 0, quiet)
 
 
 def test_traces(outcome: Outcome) -> None:
@@ -71,15 +60,6 @@ def test_traces(outcome: Outcome) -> None:
     np.testing.assert_allclose(outcome.traces["compensated_hole_height"], 0.158, atol=1e-4)
 
 
-@pytest.mark.slow
-def test_the_seed_is_that_of_the_images_alone() -> None:
-    tiny = VERTICAL_TRACKING.resolve(replace(SHORT, compensation_time=0.15))
-    first, other = (VERTICAL_TRACKING.run(tiny, seed, quiet).traces for seed in (0, 1))
-    # Of which the run without compensation knows nothing.
-    name = "uncompensated_height"
-    assert other[name].tobytes() == first[name].tobytes()
-
-
 def test_errors_are_signed_means_of_the_end_and_rms_on_the_way(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -99,8 +79,8 @@ def test_errors_are_signed_means_of_the_end_and_rms_on_the_way(
         return {"time": time, "peg_true_z": height, "peg_desired_z": desired, **traces}
 
     monkeypatch.setattr(vertical_tracking, "run_alignment", fake)
-    scenario = VERTICAL_TRACKING.resolve(VerticalTrackingScenario())
-    outcome = VERTICAL_TRACKING.run(scenario, 6, quiet)
+    scenario = TRACKING.resolve(VERTICAL_TRACKING)
+    outcome = TRACKING.run(scenario, 6, quiet)
     assert asked == [("none", 6), ("peg", 6)]
     assert value(outcome, "uncompensated.height_error") == pytest.approx(-0.0015 + 0.004 / 41)
     assert value(outcome, "compensated.height_error") == pytest.approx(0.0002 + 0.004 / 41)
@@ -109,18 +89,54 @@ def test_errors_are_signed_means_of_the_end_and_rms_on_the_way(
     assert value(outcome, "uncompensated.tracking_rms") == pytest.approx(rms)
 
 
-def test_a_run_without_compensation_is_part_of_it() -> None:
-    message = "compensated is 'none', allowed: peg, hole, both; one run goes without"
-    with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
-        VERTICAL_TRACKING.resolve(replace(SHORT, compensated="none"))
-
-
 @pytest.mark.slow
 def test_published_values() -> None:
-    scenario = VERTICAL_TRACKING.resolve(VerticalTrackingScenario())
-    whole = VERTICAL_TRACKING.run(scenario, 0, quiet)
+    scenario = TRACKING.resolve(VERTICAL_TRACKING)
+    whole = TRACKING.run(scenario, 0, quiet)
     asked = [one for one in PUBLISHED if one.experiment == "vertical-tracking"]
     assert all(one.ok for one in check(asked, whole.metrics))
     # It moves on the way as with a wrong payload, and comes to rest.
     assert value(whole, "compensated.height_error_max") < 2.5e-4
     assert value(whole, "compensated.tracking_rms") < value(whole, "uncompensated.tracking_rms")
+
+
+SCENARIO = resolve(VERTICAL_TRACKING)
+TIME = np.arange(321) / 80
+GOAL = np.interp(TIME, [0.0, 2.0], [0.128, 0.158])
+LIFT = np.interp(TIME, [0.1, 1.2], [0.0, 0.0015])
+
+
+@pytest.fixture(scope="module")
+def figure() -> Figure:
+    traces = {
+        "time": TIME,
+        "desired_height": GOAL,
+        "uncompensated_height": GOAL - 0.0015,
+        "compensated_height": GOAL - 0.0015 + LIFT,
+        "compensation": LIFT,
+    }
+    made = plot_heights(SCENARIO, Outcome(metrics={}, traces=traces, simulated_seconds=8.0))
+    FigureCanvasAgg(made)
+    made.canvas.draw()
+    return made
+
+
+def end(axes: Axes, label: str) -> float:
+    (found,) = (one for one in axes.get_lines() if one.get_label() == label)
+    return float(np.asarray(found.get_ydata())[-1])
+
+
+def test_curves_are_in_millimetres(figure: Figure) -> None:
+    height, error = figure.axes
+    assert end(height, "desired") == pytest.approx(158.0)
+    assert end(height, "without compensation") == pytest.approx(156.5)
+    assert end(height, "with compensation by sight") == pytest.approx(158.0)
+    assert end(error, "published: 1.5 mm low") == pytest.approx(-1.5)
+    assert end(error, "without compensation") == pytest.approx(-1.5)
+    assert end(error, "with compensation by sight") == pytest.approx(0.0, abs=1e-9)
+    assert end(error, "compensation added") == pytest.approx(1.5)
+    (band,) = error.patches
+    low, high = error.transData.inverted().transform(band.get_extents())[:, 1]
+    zone = SCENARIO.compensator.axes[0].dead_zone * 0.5
+    assert (low, high) == pytest.approx((-zone, zone))
+    assert error.get_xlim() == (0.0, 4.0)

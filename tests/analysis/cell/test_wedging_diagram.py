@@ -1,3 +1,5 @@
+"""Fig. 2 for the paper's parts and its figure."""
+
 import math
 import re
 from dataclasses import replace
@@ -5,25 +7,33 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from chamfer.analysis.catalogue import CATALOGUE
-from chamfer.analysis.cell.alignment_trials import RepeatabilityScenario, resolve_repeatability
-from chamfer.analysis.cell.wedging_diagram import EndsScenario, Start, WedgingScenario
-from chamfer.analysis.cell.wedging_diagram_figures import STARTS
+from chamfer.analysis.cell.alignment_runs import RepeatabilityScenario, resolve_repeatability
+from chamfer.analysis.cell.wedging_diagram import (
+    STARTS,
+    InitialErrors,
+    WedgingScenario,
+    plot_wedging,
+)
 from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
 from chamfer.analysis.report.checks import check
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.analysis.scenario.scenario_io import make_scenario
-from chamfer.diagrams.cell.alignment_scenario import ControllerChoice
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.planar_statics import Contact, equilibrium
 from chamfer.models.peg_theory.wedging import rotation_bounds
 from chamfer.models.validation import ParameterError
 
-REPEATABILITY = load(select(CATALOGUE.entries, ["repeatability"])[0])
-WEDGING_DIAGRAM = load(select(CATALOGUE.entries, ["wedging-diagram"])[0])
+WEDGING_DIAGRAM, REPEATABILITY = map(
+    load, select(CATALOGUE.entries, ["wedging-diagram", "repeatability"])
+)
 
 SCENARIO = WedgingScenario(alignment=None)
 
@@ -85,13 +95,6 @@ def test_metrics(outcome: Outcome, name: str, expected: float, unit: str) -> Non
     assert outcome.metrics[name].unit == unit
 
 
-def test_the_wedging_prone_start_is_in_the_box(outcome: Outcome) -> None:
-    assert value(outcome, "wedging_prone.box_margin.rotation") > 0
-    assert value(outcome, "wedging_prone.box_margin.lateral") > 0
-    assert value(outcome, "wedging_prone.margin") < 0
-    assert value(outcome, "wedging_prone.onset_ratio") < 1
-
-
 def test_traces_follow_the_peg_down_the_chamfer_into_the_bore(outcome: Outcome) -> None:
     traces = outcome.traces
     assert set(traces) == {"start", "depth", "force", "tilt", "contact"}
@@ -132,35 +135,6 @@ def test_boundaries_of_every_compliance_centre(outcome: Outcome) -> None:
     assert table["centre_distance"][0] == 0.1  # the parts' own comes first
 
 
-def test_aligned_parts_go_in_without_chamfer_or_force() -> None:
-    aligned = replace(SCENARIO, published_mean=Start(lateral=0.0, rotation=0.0), points=5)
-    outcome = WEDGING_DIAGRAM.run(aligned, 0, quiet)
-    of = outcome.traces["start"] == 0
-    assert np.all(outcome.traces["force"][of] == 0.0)
-    assert value(outcome, "published_mean.chamfer_force") == 0.0
-    onset = outcome.metrics["published_mean.onset"]
-    assert onset.value is not None
-    assert math.isnan(onset.value)  # which the result file turns into null and the note
-    assert onset.note == "two points never touch"
-
-
-def test_the_largest_error_does_not_enter_by_a_narrower_chamfer() -> None:
-    narrow = replace(SCENARIO, parts=ColouredParts(chamfer_width=0.0029), points=5)
-    outcome = WEDGING_DIAGRAM.run(narrow, 0, quiet)
-    assert value(outcome, "published_mean.enters") == 1.0
-    assert value(outcome, "published_worst.enters") == 0.0
-
-
-def test_starts_are_in_the_figure_s_order() -> None:
-    assert list(STARTS) == ["published_mean", "published_worst", "wedging_prone"]
-    assert SCENARIO.starts() == (
-        Start(lateral=0.0025, rotation=0.022),
-        Start(lateral=0.0032, rotation=0.040),
-        Start(lateral=0.0032, rotation=0.050),
-    )
-    assert SCENARIO.parts == ColouredParts()
-
-
 @pytest.mark.parametrize(
     ("values", "message"),
     [
@@ -190,7 +164,7 @@ def test_starts_are_finite(name: str) -> None:
 
 
 SHORT: dict[str, Any] = {"trials": 2, "begin": 0.1, "compensation_time": 0.1}
-BRIEF = EndsScenario(**SHORT)
+BRIEF = RepeatabilityScenario(**SHORT)
 
 
 @pytest.fixture(scope="module")
@@ -206,7 +180,7 @@ def test_without_alignments_nothing_is_simulated(outcome: Outcome) -> None:
     assert outcome.simulated_seconds == 0.0
     assert set(outcome.tables) == {"boundaries"}
     assert not [name for name in outcome.metrics if name.startswith("aligned.")]
-    assert WedgingScenario().alignment == EndsScenario(trials=10)
+    assert WedgingScenario().alignment == RepeatabilityScenario(trials=10)
 
 
 @pytest.mark.slow
@@ -227,33 +201,9 @@ def test_simulated_alignments_end_in_the_diagram(aligned: Outcome) -> None:
         assert aligned.metrics[f"aligned.{name}"] == alone.metrics[name]
 
 
-@pytest.mark.slow
-def test_alignments_are_of_the_diagram_s_parts() -> None:
-    parts = ColouredParts(peg_radius=0.0095)
-    pid = ControllerChoice(kind="pid")  # on which each part of a pixel tells
-    scenario = replace(SCENARIO, alignment=replace(BRIEF, controller=pid), points=5)
-    one, other = (run(replace(scenario, parts=each)) for each in (SCENARIO.parts, parts))
-    # The peg that is seen is another one, and its margins are.
-    ends = [outcome.tables["ends"]["lateral_error"] for outcome in (other, one)]
-    assert (ends[0] != ends[1]).all()
-    np.testing.assert_allclose(*ends, rtol=0.05)
-    name = "aligned.box_margin.rotation"
-    assert value(other, name) > value(one, name)
-    same = RepeatabilityScenario(parts=parts, controller=pid, **SHORT)
-    alone = REPEATABILITY.run(REPEATABILITY.resolve(same), 3, quiet)
-    np.testing.assert_array_equal(ends[0], alone.traces["lateral_error"])
-    assert other.metrics[name] == alone.metrics["box_margin.rotation"]
-
-
 def test_without_alignments_nobody_sees_the_parts() -> None:
     with pytest.raises(ParameterError, match=r"^parts\.peg_length is 0\.07, allowed: 0\.06, nob"):
         replace(SCENARIO, parts=ColouredParts(peg_length=0.07))
-
-
-@pytest.mark.parametrize("name", ["lateral_stiffness", "angular_stiffness", "centre_distance"])
-def test_the_support_is_a_part_of_its_own(name: str) -> None:
-    with pytest.raises(UserError, match=rf"^parts\.{name} is now support\.{name}$"):
-        make_scenario(WedgingScenario(), settings=[f"parts.{name}=1.0"])
 
 
 def test_a_support_that_turns_over_is_refused() -> None:
@@ -264,7 +214,7 @@ def test_a_support_that_turns_over_is_refused() -> None:
 
 
 def test_a_start_that_no_push_slides_has_no_peak() -> None:
-    stuck = Start(lateral=0.0, rotation=0.1)
+    stuck = InitialErrors(lateral=0.0, rotation=0.1)
     outcome = WEDGING_DIAGRAM.run(replace(SCENARIO, wedging_prone=stuck), 0, quiet)
     peak = outcome.metrics["wedging_prone.peak_force"]
     assert peak.value is None
@@ -272,6 +222,110 @@ def test_a_start_that_no_push_slides_has_no_peak() -> None:
     WEDGING_DIAGRAM.plot(SCENARIO, outcome)
 
 
-def test_the_parts_are_defined_once() -> None:
-    with pytest.raises(UserError, match=r"^alignment\.parts\.friction is 0\.1, .*parts, 0\.45$"):
-        make_scenario(WedgingScenario(), settings=["alignment.parts.friction=0.1"])
+WEDGING_DIAGRAM_WEDGING_DIAGRAM_FIGURES = load(select(CATALOGUE.entries, ["wedging-diagram"])[0])
+
+Array = NDArray[np.float64]
+SCENARIO_WEDGING_DIAGRAM_FIGURES = WedgingScenario(points=51, alignment=None)
+
+
+def run_of_wedging_diagram_figures(scenario: WedgingScenario) -> Outcome:
+    return WEDGING_DIAGRAM_WEDGING_DIAGRAM_FIGURES.run(
+        scenario, 0, lambda fraction, doing="": None
+    )
+
+
+@pytest.fixture(scope="module")
+def outcome_of_wedging_diagram_figures() -> Outcome:
+    return run_of_wedging_diagram_figures(SCENARIO_WEDGING_DIAGRAM_FIGURES)
+
+
+@pytest.fixture(scope="module")
+def figure(outcome_of_wedging_diagram_figures: Outcome) -> Figure:
+    figures = WEDGING_DIAGRAM_WEDGING_DIAGRAM_FIGURES.plot(
+        SCENARIO_WEDGING_DIAGRAM_FIGURES, outcome_of_wedging_diagram_figures
+    )
+    assert set(figures) == {"wedging-diagram"}
+    return drawn(figures["wedging-diagram"])
+
+
+def drawn(figure: Figure) -> Figure:
+    FigureCanvasAgg(figure)
+    figure.canvas.draw()
+    return figure
+
+
+def labels(axes: Axes) -> list[str]:
+    legend = axes.get_legend()
+    return [] if legend is None else [text.get_text() for text in legend.get_texts()]
+
+
+def line(axes: Axes, label: str) -> tuple[Array, Array]:
+    (found,) = (one for one in axes.get_lines() if one.get_label() == label)
+    return np.asarray(found.get_xdata()), np.asarray(found.get_ydata())
+
+
+def test_sides_in_millimetres_and_milliradians(
+    figure: Figure, outcome_of_wedging_diagram_figures: Outcome
+) -> None:
+    table = outcome_of_wedging_diagram_figures.tables["boundaries"]
+    x, y = line(figure.axes[0], "exact sides, $L_g$ 100 mm")
+    inside = (table["centre_distance"] == 0.1) & (np.abs(table["lateral"]) <= 0.019814)
+    np.testing.assert_allclose(x, 1e3 * table["lateral"][inside])
+    np.testing.assert_allclose(y, 1e3 * table["exact_upper"][inside])
+    assert x[-1] == pytest.approx(19.814)
+    box = figure.axes[0].patches[-1].get_bbox()
+    np.testing.assert_allclose(box.extents, [-19.814, -58.1745, 19.814, 58.1745], atol=1e-4)
+
+
+def test_starts_and_their_margins(figure: Figure) -> None:
+    for axes in figure.axes[:2]:
+        x, y = line(axes, "largest of the ten runs")
+        assert (x.item(), y.item()) == pytest.approx((3.2, 40.0))
+        left, right = axes.get_xlim()
+        assert left <= 3.2 <= right
+    assert [text.get_text() for text in figure.axes[1].texts] == ["49 %", "13 %", "-4 %"]
+
+
+def test_force_over_depth_in_millimetres(
+    figure: Figure, outcome_of_wedging_diagram_figures: Outcome
+) -> None:
+    force = figure.axes[2]
+    x, y = line(force, "mean of the ten runs")
+    of = outcome_of_wedging_diagram_figures.traces["start"] == 0
+    np.testing.assert_allclose(x, 1e3 * outcome_of_wedging_diagram_figures.traces["depth"][of])
+    np.testing.assert_array_equal(y, outcome_of_wedging_diagram_figures.traces["force"][of])
+    assert force.get_ylim()[1] > outcome_of_wedging_diagram_figures.traces["force"].max()
+    band = force.patches[0].get_bbox()
+    assert (band.x0, band.x1) == pytest.approx((0.0, 8.8011))
+
+
+def test_ends_of_simulated_runs_are_drawn_and_in_view(
+    outcome_of_wedging_diagram_figures: Outcome,
+) -> None:
+    starts = dict.fromkeys(STARTS, (0.001, 0.01))
+    ends = np.array([-0.002, 0.006]), np.array([-0.03, 0.02])
+    x = np.array([-0.004, 0.0, 0.004])
+    arms = {"lateral": x, "exact_lower": x - 0.06, "exact_upper": x + 0.06}
+    outcome_of_wedging_diagram_figures = replace(
+        outcome_of_wedging_diagram_figures,
+        tables={**outcome_of_wedging_diagram_figures.tables, "arms": arms},
+    )
+    figure = drawn(
+        plot_wedging(
+            SCENARIO_WEDGING_DIAGRAM_FIGURES.parts,
+            starts,
+            outcome_of_wedging_diagram_figures,
+            ends,
+        )
+    )
+    for axes in figure.axes[:2]:
+        x, y = line(axes, "exact sides, the arms of the simulation")
+        np.testing.assert_allclose(x, [-4.0, 0.0, 4.0])
+        np.testing.assert_allclose(y, [56.0, 60.0, 64.0])
+        x, y = line(axes, "simulated alignments")
+        np.testing.assert_allclose(x, [-2.0, 6.0])
+        np.testing.assert_allclose(y, [-30.0, 20.0])
+        for low, high, values in ((*axes.get_xlim(), x), (*axes.get_ylim(), y)):
+            assert low < values.min()
+            assert high > values.max()
+    assert "simulated alignments" in labels(figure.axes[0])

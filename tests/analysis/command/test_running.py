@@ -9,6 +9,7 @@ from chamfer.analysis.scenario.experiment import Entry
 from chamfer.analysis.scenario.scenario_io import sha256, unstructure
 
 
+@pytest.mark.filterwarnings("ignore:the loop is unstable:UserWarning")  # of friction-remedies
 @pytest.mark.parametrize("entry", CATALOGUE.entries, ids=lambda entry: entry.name)
 def test_a_results_own_scenario_remakes_it_with_its_checks(entry: Entry, tmp_path: Path) -> None:
     (default,) = prepare([entry])

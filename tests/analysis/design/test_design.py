@@ -12,7 +12,7 @@ from chamfer.analysis.design.insertion_links import Starts, edge_force, region_l
 from chamfer.analysis.design.link import at_least, at_most, tightest
 from chamfer.analysis.design.settling import arm_at_tool, first_inside, loops, start_error
 from chamfer.analysis.scenario.scenario_io import make_scenario
-from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.wedging import rotation_bounds
 from chamfer.models.validation import ParameterError

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 import chamfer.analysis.design.design_answer as design_answer
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.cli import main
 from chamfer.analysis.design.changes import FIELDS, Change
 from chamfer.analysis.design.design import Design, Verified
@@ -15,9 +16,8 @@ from chamfer.analysis.design.design_answer import Answer
 from chamfer.analysis.design.design_map import MapAxis
 from chamfer.analysis.design.design_scenario import DesignScenario, resolve_design
 from chamfer.analysis.design.link import at_least, at_most
-from chamfer.analysis.insertion.insertion import REDUCED
 from chamfer.analysis.report.traces import read_table
-from chamfer.analysis.scenario.experiment import Progress
+from chamfer.analysis.scenario.experiment import Progress, select
 
 
 def canned(
@@ -204,7 +204,12 @@ def test_the_whole_way_from_a_cell_to_an_answer(
     )  # each takes a second
     arguments = ["design", "insertion", "--workers", "1", "--out", str(tmp_path)]
     few = ("draws=72", "pictures=1")
-    for setting in (*REDUCED, *few, "spread.lateral=5e-4", "spread.rotational=0.005"):
+    for setting in (
+        *select(CATALOGUE.entries, ["insertion"])[0].reduced,
+        *few,
+        "spread.lateral=5e-4",
+        "spread.rotational=0.005",
+    ):
         arguments += ["--set", setting]
     arguments += ["--map", "parts.friction:0.2:0.5", "parts.clearance:0.0002:0.0003"]
     assert main([*arguments, "--verify", "1"]) == 0

@@ -3,8 +3,8 @@
 import pytest
 
 from chamfer.analysis.insertion.cell_runs import CellInsertion, run_cell_insertion
-from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario, resolve
-from chamfer.systems.strategies.insertion_memory import InsertParams
+from chamfer.diagrams.insertion.insertion import InsertionScenario, resolve
+from chamfer.systems.strategies.insertion_chart import InsertParams
 
 
 @pytest.fixture(scope="session")

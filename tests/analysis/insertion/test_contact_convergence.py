@@ -20,8 +20,8 @@ from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import load, select
 from chamfer.analysis.scenario.scenario_io import make_scenario
 
-(CONTACT_CONVERGENCE_ENTRY,) = select(CATALOGUE.entries, ["contact-convergence"])
-CONTACT_CONVERGENCE = load(CONTACT_CONVERGENCE_ENTRY)
+(ENTRY,) = select(CATALOGUE.entries, ["contact-convergence"])
+CONTACT_CONVERGENCE = load(ENTRY)
 
 SCENARIO = resolve(ConvergenceScenario())
 
@@ -89,7 +89,7 @@ def test_mistakes() -> None:
 
 @pytest.mark.slow
 def test_a_run_says_how_far_values_are_apart() -> None:
-    settings = [*CONTACT_CONVERGENCE_ENTRY.reduced, "steps=[0.004, 0.002]"]
+    settings = [*ENTRY.reduced, "steps=[0.004, 0.002]"]
     settings = [one for one in settings if one != "steps=[0.002]"]
     scenario = resolve(make_scenario(ConvergenceScenario(), settings=settings))
     outcome = CONTACT_CONVERGENCE.run(scenario, 0, lambda fraction, doing="": None)

@@ -6,9 +6,11 @@ import pytest
 
 from chamfer.analysis.campaign.campaign import Trials
 from chamfer.analysis.insertion.cell_runs import INSERTION
-from chamfer.analysis.insertion.insertion_repeatability import _saved, _settled, _statistics
-from chamfer.analysis.insertion.insertion_trials import (
+from chamfer.analysis.insertion.insertion_repeatability import (
     InsertionTrialsScenario,
+    _saved,
+    _settled_statistics,
+    _statistics,
     in_a_way,
     resolve_insertion_trials,
 )
@@ -67,7 +69,7 @@ def test_settling_is_before_and_after() -> None:
         "frozen.rotational_error": None,
         "settled.rotational_error": None,
     }
-    found = _settled(trials("settling", row, row | {"settled.lateral_error": 5e-4}))
+    found = _settled_statistics(trials("settling", row, row | {"settled.lateral_error": 5e-4}))
     assert found["settling.settled.lateral_error.mean"].value == pytest.approx(4e-4)
     assert found["settling.settled.lateral_error.max"].value == 5e-4
     assert found["settling.frozen.rotational_error.mean"].value is None

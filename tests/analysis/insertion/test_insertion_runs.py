@@ -1,4 +1,4 @@
-"""Insertions in Drake against exact statics, and what is measured of them."""
+"""Insertions of a sprung peg against the statics."""
 
 import math
 from dataclasses import replace
@@ -6,18 +6,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.insertion.insertion_runs import (
     Insertion,
     insert,
     insert_by_cenic,
     is_seated,
     measure,
-    median,
     predict,
 )
-from chamfer.analysis.scenario.experiment import Metric
+from chamfer.analysis.insertion.jamming_diagram import (
+    JammingScenario,
+    load_ratios,
+    loads,
+    resolve,
+)
+from chamfer.analysis.scenario.experiment import Metric, Outcome, load, select
+from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.diagrams.insertion.peg_insertion import (
-    CarriageSupport,
+    FeedSupport,
     PegInsertionScenario,
     resolve_peg_insertion,
 )
@@ -34,9 +41,7 @@ SPRUNG = resolve_peg_insertion(
             chamfer_width=0.001,
             outer_radius=0.012,
         ),
-        support=CarriageSupport(
-            lateral_stiffness=521.7, angular_stiffness=1.5, centre_distance=0.04
-        ),
+        support=FeedSupport(lateral_stiffness=521.7, angular_stiffness=1.5, centre_distance=0.04),
         lateral=0.0,
         speed=0.03,
         depth=0.011,
@@ -75,16 +80,6 @@ def test_peak_and_onset_are_those_of_exact_statics(
     lost, work = value(metrics, "energy.dissipated"), value(metrics, "energy.work")
     assert lost == pytest.approx(work, rel=0.02)
     assert metrics["pull_out.force"].note == "it is in"
-
-
-def test_half_the_step_gives_the_same() -> None:
-    found = []
-    for step in (0.002, 0.001):
-        scenario = replace(at(5.0), step=step)
-        found.append(measure(scenario, insert(scenario)))
-    for name, tolerance in (("force.axial", 0.01), ("two_point.onset", 0.02)):
-        here, there = (value(one, name) for one in found)
-        assert here == pytest.approx(there, rel=tolerance)
 
 
 def test_a_peg_that_no_push_slides_is_held_at_the_cap_and_without_it() -> None:
@@ -135,16 +130,6 @@ def test_cenic_agrees_in_depth_force_and_onset() -> None:
     assert first == pytest.approx(onset, abs=1e-4)
 
 
-def test_medians_are_of_10_ms() -> None:
-    force = np.zeros(100)
-    force[40:44] = 9.0  # 4 ms
-    force[60:80] = 3.0
-    found = median(force, 0.001)
-    assert found[:55].max() == 0.0
-    assert found.max() == 3.0
-    assert median(np.arange(5.0), 0.02).tolist() == [0, 1, 2, 3, 4]
-
-
 def synthetic(scenario: PegInsertionScenario, push: list[float], depth: list[float]) -> Insertion:
     """Return a run that stops, and then what is given while the push is taken away."""
     step = scenario.step
@@ -182,3 +167,108 @@ def test_what_is_held_without_the_push_is_wedged_and_else_jammed(
     assert value(metrics, "wedged") == wedged
     assert value(metrics, "jammed") == 1.0 - wedged
     assert value(metrics, "pull_out.force") == pytest.approx(-pulled)
+
+
+(ENTRY,) = select(CATALOGUE.entries, ["peg-insertion"])
+PEG_INSERTION = load(ENTRY)
+
+
+def quiet(fraction: float, doing: str = "") -> None:
+    assert 0 <= fraction <= 1
+
+
+@pytest.fixture(scope="module")
+def reduced() -> tuple[PegInsertionScenario, Outcome]:
+    scenario = PEG_INSERTION.resolve(make_scenario(PegInsertionScenario(), settings=ENTRY.reduced))
+    return scenario, PEG_INSERTION.run(scenario, 0, quiet)
+
+
+def test_traces_and_predictions_belong_together(
+    reduced: tuple[PegInsertionScenario, Outcome],
+) -> None:
+    scenario, outcome = reduced
+    traces, predicted = outcome.traces, outcome.tables["predicted"]
+    assert traces["tip"][0] == pytest.approx(scenario.lateral)
+    assert traces["tilt"][0] == pytest.approx(scenario.tilt)
+    assert traces["depth"][0] == pytest.approx(-scenario.gap)
+    deep = traces["depth"] > 0.0065
+    l_of = traces["depth"][deep] - scenario.parts.chamfer_height
+    said = np.interp(l_of, predicted["depth"], predicted["axial"])
+    np.testing.assert_allclose(np.median(traces["force_x"][deep] - said), 0.0, atol=0.05)
+
+
+def test_the_figure_shows_forces_states_and_the_path(
+    reduced: tuple[PegInsertionScenario, Outcome],
+) -> None:
+    scenario, outcome = reduced
+    (figure,) = PEG_INSERTION.plot(scenario, outcome).values()
+    above, below, diagram = figure.axes
+    labels = above.get_legend_handles_labels()[1]
+    for name in ("simulated, median of 10 ms", "exact statics", "Whitney", "one point"):
+        assert name in labels
+    (path,) = (line for line in diagram.lines if line.get_label() == "tip and tilt")
+    np.testing.assert_allclose(
+        [np.asarray(path.get_xdata())[0], np.asarray(path.get_ydata())[0]],
+        [1e3 * scenario.lateral, 1e3 * scenario.tilt],
+    )
+    assert below.get_xlim() == above.get_xlim()
+
+
+JAMMING_DIAGRAM = load(select(CATALOGUE.entries, ["jamming-diagram"])[0])
+
+SCENARIO = resolve(JammingScenario())
+FEED = replace(SCENARIO.insertion, speed=0.1, step=0.002, depth=0.025)
+FAST = replace(SCENARIO, insertion=FEED, laterals=(0.0,), tilts=(0.03,)).starts()[0]
+
+
+def test_loads_of_a_sliding_peg_are_on_the_sides() -> None:
+    found = loads(replace(FAST, tilt=0.03))
+    assert found.seated
+    assert found.moving.all()
+    assert len(found.depth) > 10
+    np.testing.assert_allclose(found.level, 1.0, atol=0.08)
+
+
+def test_loads_of_a_jammed_peg_are_outside() -> None:
+    found = loads(replace(FAST, tilt=0.06))
+    assert not found.seated
+    stopped = ~found.moving
+    assert stopped.any()
+    assert found.level[stopped].min() > 1.0
+    assert found.level[stopped][-1] > 1.15
+
+
+def test_mirrored_insertions_have_mirrored_loads() -> None:
+    right, left = (loads(replace(FAST, tilt=tilt)) for tilt in (0.06, -0.06))
+    assert right.level[-1] == pytest.approx(left.level[-1], rel=0.02)
+    assert right.moment_ratio[-1] == pytest.approx(-left.moment_ratio[-1], rel=0.02)
+
+
+def test_the_load_is_what_the_springs_and_the_push_put_on_the_peg() -> None:
+    scenario = replace(FAST, tilt=0.06)
+    run = insert(scenario, withdraw=False)
+    _, force_ratio, moment_ratio = load_ratios(scenario, run)
+    support, parts = scenario.support, scenario.parts
+    x, y, _, rz, _ = run.joints[-1, :5]
+    arm = support.centre_distance - parts.peg_chamfer.height  # to the middle of the corners
+    tip = np.array([x + arm * math.cos(rz), y + arm * math.sin(rz)])
+    start = scenario.lateral + support.centre_distance * math.sin(scenario.tilt)
+    across = support.lateral_stiffness * (start - y)
+    turning = support.angular_stiffness * (-scenario.tilt - rz)
+    down = run.push[-1]
+    moment = turning + (x - tip[0]) * across - (y - tip[1]) * down
+    assert force_ratio[-1] == pytest.approx(across / down, abs=5e-3)
+    assert moment_ratio[-1] == pytest.approx(moment / (parts.peg_radius * down), rel=0.02)
+
+
+@pytest.fixture(scope="module")
+def outcome() -> Outcome:
+    scenario = replace(SCENARIO, insertion=FEED, tilts=(0.03, 0.06), laterals=(0.0,))
+    return JAMMING_DIAGRAM.run(scenario, 0, lambda fraction, doing="": None)
+
+
+def test_agreement_is_of_loads_off_the_sides(outcome: Outcome) -> None:
+    assert outcome.metrics["agreement"].value == pytest.approx(100.0, abs=3.0)
+    assert outcome.metrics["moving.on_sides"].value == pytest.approx(100.0, abs=5.0)
+    assert outcome.metrics["stopped.outside"].value == 100.0
+    assert outcome.metrics["seated"].value == 1.0

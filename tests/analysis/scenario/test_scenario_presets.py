@@ -4,7 +4,7 @@ import pytest
 
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.scenario_io import make_scenario
-from chamfer.diagrams.insertion.insertion_scenario import InsertionScenario
+from chamfer.diagrams.insertion.insertion import InsertionScenario
 from chamfer.diagrams.insertion.peg_insertion import PegInsertionScenario
 from chamfer.diagrams.skills.connector_scenario import PegScenario
 from chamfer.models.peg.peg_and_hole import PegAndHole

@@ -19,7 +19,7 @@ from chamfer.analysis.sight import camera_accuracy, detection_trials
 from chamfer.analysis.sight.camera_accuracy import CASES, AccuracyCameras, AccuracyScenario, run
 from chamfer.analysis.sight.detection_trials import STATUSES, UNITS, PoseSpread, Reach, draw_poses
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
-from chamfer.diagrams.cell.cell_cameras import VIEWS, camera_placement
+from chamfer.diagrams.cell.cell_vision import VIEWS, camera_placement
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.vtk_camera import missing_graphics

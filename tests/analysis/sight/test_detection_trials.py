@@ -18,7 +18,7 @@ from chamfer.analysis.sight.detection_trials import (
     measure,
     trial_camera,
 )
-from chamfer.diagrams.cell.cell_cameras import VIEWS, Renderer
+from chamfer.diagrams.cell.cell_vision import VIEWS, Renderer
 from chamfer.models.cameras.camera import Camera, CameraPlacement
 from chamfer.models.peg.peg_and_hole import BLUE, RED, ColouredParts
 from chamfer.systems.cameras.camera_image import Image

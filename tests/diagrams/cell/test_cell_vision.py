@@ -1,27 +1,47 @@
-"""Cameras and detection of the work cell around ideal arms: the tools are where they should be."""
+"""The cell's cameras and what is measured in their images."""
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.diagrams.cell import cell_vision
-from chamfer.diagrams.cell.cell_cameras import VIEWS, CameraSettings, camera_placement
-from chamfer.diagrams.cell.cell_vision import add_cell_vision
+from chamfer.diagrams.cell.alignment import resolve
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.cell_vision import (
+    VIEWS,
+    CameraSettings,
+    Measured,
+    ViewFrames,
+    ViewSettings,
+    add_cell_vision,
+    believed_camera,
+    camera_placement,
+    resolved_cameras,
+    true_camera,
+)
 from chamfer.diagrams.cell.work_cell import ArmName, WorkCellScenario
+from chamfer.models.cameras.camera import Camera, View
+from chamfer.models.cameras.camera_file import CalibratedCamera, CameraFile, camera_text
+from chamfer.models.cameras.camera_model import CameraModel
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import ParameterError
-from chamfer.systems.cameras.camera_image import FrameGrabberParams
-from chamfer.systems.cameras.vtk_camera import missing_graphics
+from chamfer.systems.cameras.camera_image import FrameGrabberParams, SensorParams
+from chamfer.systems.cameras.software_camera import SoftwareCamera
 from chamfer.systems.force.desired_pose import StoppableMotion
 from chamfer.systems.pose import pose_vector
+from chamfer.systems.vision.part_detection import Detection, Status
+from chamfer.systems.vision.part_detector import unpack_detections
 
 Array = np.ndarray
 
@@ -69,50 +89,6 @@ def read(
 
 
 # How old the images are
-
-
-@pytest.mark.parametrize(("latency", "offset"), [(0, 0.005), (1, 0.0), (2, 0.005)])
-def test_a_motion_as_desired_is_no_error(latency: int, offset: float) -> None:
-    frames = FrameGrabberParams(noise=0.0, latency=latency, offset=offset)
-    # 112 mm/s at most: in a period the tip goes on by 2.8 pixels, in 5 ms by 1.1.
-    error, valid = read(
-        CameraSettings(frames=frames),
-        CELL.nominal_pose("peg"),
-        start=np.array([0.0, 0.0, -0.03]),
-        begin=0.0,
-        duration=0.5,
-    )
-    # Nothing is seen before the first image is there, and from then on all.
-    first = latency + 1
-    assert not valid[:first].any()
-    assert valid[first:].all()
-    assert np.abs(error[first:, 1:]).max() < 0.05
-    assert np.abs(error[first:, 0]).max() < 0.06  # of the detection, also at rest
-    assert np.abs(error[first:, 3:]).max() < 2e-4
-
-
-@pytest.mark.parametrize("offset", [0.0, 0.005])
-@pytest.mark.parametrize("latency", [0, 1, 3])
-def test_the_images_that_nobody_looks_at_are_missed_by_nobody(latency: int, offset: float) -> None:
-    frames = FrameGrabberParams(noise=0.0, latency=latency, offset=offset)
-    begin = 0.3
-    _, valid = read(
-        CameraSettings(frames=frames), CELL.nominal_pose("peg"), begin=begin, duration=0.4
-    )
-    first = round(begin / PERIOD)
-    assert not valid[:first].any()
-    assert valid[first:].all()
-
-
-def test_a_motion_along_the_gap_is_no_error() -> None:
-    error, valid = read(
-        CameraSettings(frames=STILL),
-        CELL.nominal_pose("peg"),
-        start=np.array([-0.02, 0.0, 0.0]),
-        duration=0.5,
-    )
-    assert np.abs(error[valid][:, 0]).max() < 0.15
-    assert np.abs(error[valid][:, 1:3]).max() < 0.05
 
 
 # What is measured
@@ -171,13 +147,6 @@ def test_both_measurements_are_what_the_peg_lacks(by: Any, name: str) -> None:
     np.testing.assert_allclose(error[3:], true[3:], rtol=0, atol=3e-4)
 
 
-@pytest.mark.parametrize("name", NEAR)
-def test_images_and_stereo_agree_near_alignment(name: str) -> None:
-    image, metric = measured("image", name), measured("metric", name)
-    np.testing.assert_allclose(image[:3], metric[:3], rtol=0, atol=0.25)  # pixels
-    np.testing.assert_allclose(image[3:], metric[3:], rtol=0, atol=3e-4)  # rad
-
-
 @pytest.mark.parametrize("by", ["image", "metric"])
 def test_a_hidden_tip_leaves_all_but_the_way_along(by: Any) -> None:
     # 5 mm in the hole part: the tip is not seen, the axis passes the mouth 5 mm behind it.
@@ -189,16 +158,6 @@ def test_a_hidden_tip_leaves_all_but_the_way_along(by: Any) -> None:
     assert error[-1, 0] == 0.0
     np.testing.assert_allclose(error[-1, 1:3], [-y / 0.0005, -z / 0.0005], rtol=0, atol=0.1)
     np.testing.assert_allclose(error[-1, 3:], [0.0, -pitch, -yaw], rtol=0, atol=5e-4)
-
-
-@pytest.mark.parametrize("by", ["image", "metric"])
-def test_vtk_sees_the_same(by: Any) -> None:
-    if reason := missing_graphics():
-        pytest.skip(reason)
-    software, vtk = measured(by, "all"), measured(by, "all", "vtk")
-    assert vtk[0] == pytest.approx(software[0], abs=0.8)  # pixels; a tip's shades
-    np.testing.assert_allclose(vtk[1:3], software[1:3], rtol=0, atol=0.2)  # pixels
-    np.testing.assert_allclose(vtk[3:], software[3:], rtol=0, atol=2e-3)  # rad
 
 
 # Where the cameras stand
@@ -230,14 +189,6 @@ def test_vtk_without_graphics_is_refused(monkeypatch: pytest.MonkeyPatch) -> Non
     )
 
 
-def test_software_needs_no_graphics(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail() -> str:
-        raise AssertionError
-
-    monkeypatch.setattr(cell_vision, "missing_graphics", fail)
-    assert read(CameraSettings(), CELL.nominal_pose("peg"), duration=0.05)[1].any()
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -254,6 +205,369 @@ def test_settings_that_cannot_be(change: dict[str, Any], message: str) -> None:
     assert str(caught.value) == message
 
 
-def test_too_few_misses_are_refused() -> None:
-    with pytest.raises(ParameterError, match="most_misses is -1"):
-        read(CameraSettings(most_misses=-1), CELL.nominal_pose("peg"))
+Outputs = dict[str, Array]
+
+METHODS: tuple[Measured, ...] = ("image", "metric")
+
+WRONG = CameraModel(
+    focal_length=(1080.0, 1050.0),
+    principal_point=(150.0, 128.0),
+    distortion=(-0.4, 0.1, 0.01, -0.01, 0.05),
+    position=(0.004, -0.003, 0.02),
+    tilt=(0.01, -0.02),
+    roll=0.05,
+)
+FIELDS = [one.name for one in fields(CameraModel) if one.name not in ("file", "camera")]
+
+
+def alone(name: str) -> CameraModel:
+    return CameraModel(**{name: getattr(WRONG, name)})
+
+
+def poses(x: float = 0.0, y: float = 0.002, z: float = -0.003) -> dict[ArmName, RigidTransform]:
+    peg = CELL.nominal_pose("peg").translation() + np.array([x, y, z])
+    return {
+        "peg": RigidTransform(RollPitchYaw(0.0, -0.04, 0.03), peg),
+        "hole": CELL.nominal_pose("hole"),
+    }
+
+
+def seen(settings: CameraSettings, **where: float) -> Diagram:
+    """The cameras around parts that rest."""
+    builder = DiagramBuilder()
+    ports: dict[ArmName, Any] = {
+        arm: builder.AddSystem(ConstantVectorSource(pose_vector(X))).get_output_port()
+        for arm, X in poses(**where).items()
+    }
+    error = add_cell_vision(builder, CELL, settings, poses=ports, begin=0.02)
+    for name in ("error", "valid", "age"):
+        builder.ExportOutput(error.GetOutputPort(name), name)
+    return builder.Build()
+
+
+def read_of_cell_cameras(
+    settings: CameraSettings, duration: float = 0.1, **where: float
+) -> Outputs:
+    return dict(simulate(seen(settings, **where), duration=duration, step=PERIOD).outputs)
+
+
+def detected(settings: CameraSettings, **where: float) -> dict[View, tuple[Detection, ...]]:
+    """Peg and hole part in both images, once they are there."""
+    diagram = seen(settings, **where)
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(0.1)
+    found: dict[View, tuple[Detection, ...]] = {}
+    for view in VIEWS:
+        detector = diagram.GetSubsystemByName(f"{view} detection")
+        context = detector.GetMyContextFromRoot(simulator.get_context())
+        found[view] = unpack_detections(detector.GetOutputPort("detections").Eval(context))
+    return found
+
+
+def both(**changes: Any) -> dict[str, ViewSettings]:
+    return {view: ViewSettings(**changes) for view in VIEWS}
+
+
+def settings(measured: Measured = "image", **views: ViewSettings) -> CameraSettings:
+    return CameraSettings(measured=measured, frames=STILL, **views)  # type: ignore[arg-type]
+
+
+# Believed as it is true
+
+
+def test_resolved_cameras_are_all_given_and_stay_as_they_are() -> None:
+    plain = replace(settings(), xz=ViewSettings(believed=WRONG), xy=ViewSettings(true=WRONG))
+    given = resolved_cameras(plain, CELL)
+    for view in VIEWS:
+        one = given.view(view)
+        for model in (one.believed, one.true):
+            assert None not in [getattr(model, name) for name in FIELDS]
+        assert one.frames == ViewFrames(**vars(STILL))
+    assert given.xz.believed == given.xz.true == WRONG
+    assert given.xy.believed != given.xy.true == WRONG
+    assert resolved_cameras(given, CELL) == given
+
+
+@pytest.mark.parametrize("measured", METHODS)
+def test_what_is_known_of_a_camera_is_no_error(measured: Measured) -> None:
+    plain, known = (
+        read_of_cell_cameras(settings(measured, **views))["error"][-1]
+        for views in ({}, both(believed=WRONG))
+    )
+    # The two see the parts from other places, and know that; images are not measured in depth.
+    metric = measured == "metric"
+    np.testing.assert_allclose(known[:3], plain[:3], rtol=0, atol=0.1 if metric else 0.5)
+    np.testing.assert_allclose(known[3:], plain[3:], rtol=0, atol=5e-4 if metric else 4e-3)
+
+
+def test_pixels_of_other_sizes_are_made_alike() -> None:
+    plain = read_of_cell_cameras(settings())["error"][-1]
+    views = {
+        "xz": ViewSettings(believed=CameraModel(focal_length=(1200.0, 1200.0))),
+        "xy": ViewSettings(believed=CameraModel(position=(0.0, 0.0, 0.1))),
+    }
+    scaled = settings(**views)
+    assert scaled.pixel_scale("xz") == pytest.approx(1 / 1.2)
+    assert scaled.pixel_scale("xy") == pytest.approx(0.8)
+    np.testing.assert_allclose(
+        read_of_cell_cameras(scaled)["error"][-1][:3], plain[:3], rtol=0, atol=0.2
+    )
+    # Believed alone they are wrong by that much.
+    wrong = settings(**{view: replace(one, true=_STANDS) for view, one in views.items()})
+    error = read_of_cell_cameras(wrong)["error"][-1]
+    np.testing.assert_allclose(error[[1, 2]], plain[[1, 2]] * [0.8, 1 / 1.2], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("measured", ["image", "metric"])
+def test_pixels_that_are_no_squares_bias_no_angle_of_a_rolled_camera(measured: Measured) -> None:
+    oblong = ViewSettings(believed=CameraModel(focal_length=(1000.0, 1150.0)))
+    plain, known = (
+        read_of_cell_cameras(replace(settings(measured, **views), roll=0.6))["error"][-1]
+        for views in (dict[str, ViewSettings](), {"xz": oblong, "xy": oblong})
+    )
+    np.testing.assert_allclose(known[:3], plain[:3], rtol=0, atol=0.5)
+    np.testing.assert_allclose(known[3:], plain[3:], rtol=0, atol=2e-3)
+
+
+_STANDS = CameraModel(
+    focal_length=(1000.0, 1000.0),
+    principal_point=(159.5, 119.5),
+    distortion=(0.0, 0.0, 0.0, 0.0, 0.0),
+    position=(0.0, 0.0, 0.0),
+    tilt=(0.0, 0.0),
+    roll=0.0,
+)
+
+
+# True alone
+
+
+def opencvs(camera: Camera, point: Array) -> Array:
+    rotation, _ = cv2.Rodrigues(camera.R_WC.T)
+    pixels, _ = cv2.projectPoints(
+        point[np.newaxis],
+        rotation,
+        -camera.R_WC.T @ camera.p_WC,
+        camera.matrix,
+        np.array(camera.distortion),
+    )
+    return np.array(pixels[0, 0])
+
+
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("name", [*FIELDS, "all"])
+def test_images_are_of_the_true_camera(name: str, view: View) -> None:
+    model = WRONG if name == "all" else alone(name)
+    found = detected(settings(**{view: ViewSettings(true=model)}))
+    before = detected(settings())
+    expected = model.of(CELL_STAND[view])
+    for k, (arm, X) in enumerate(poses().items()):
+        assert found[view][k].status == Status.VALID, arm
+        tip = opencvs(expected, X.translation())
+        np.testing.assert_allclose(found[view][k].tip, tip, rtol=0, atol=0.15)
+    moved = np.hypot(*np.subtract(found[view][0].tip, before[view][0].tip))
+    assert moved + 1e3 * abs(found[view][0].angle - before[view][0].angle) > 0.5
+    other: View = "xy" if view == "xz" else "xz"
+    assert found[other] == before[other]
+
+
+CELL_STAND = {view: true_camera(settings(), CELL, view) for view in VIEWS}
+
+
+# No truth leaks
+
+
+class Deceived(SoftwareCamera):
+    """A camera that is as it is believed to be, whatever is true."""
+
+    believed: tuple[Camera, ...] = ()
+    made: int = 0
+
+    def __init__(self, parts: Any, camera: Camera, **more: Any) -> None:
+        super().__init__(parts, Deceived.believed[Deceived.made % len(VIEWS)], **more)
+        Deceived.made += 1
+
+
+@pytest.fixture
+def deceived(monkeypatch: pytest.MonkeyPatch) -> None:
+    Deceived.believed = tuple(CELL_STAND[view] for view in VIEWS)
+    Deceived.made = 0
+    monkeypatch.setattr(cell_vision, "SoftwareCamera", Deceived)
+
+
+@pytest.mark.usefixtures("deceived")
+@pytest.mark.parametrize("name", FIELDS)
+def test_every_field_that_is_believed_is_measured_with(name: str) -> None:
+    plain = read_of_cell_cameras(settings("metric"))["error"]
+    wrong = settings("metric", **both(believed=alone(name)))
+    assert np.abs(read_of_cell_cameras(wrong)["error"][-1] - plain[-1]).max() > 1e-3
+
+
+# Frames
+
+
+def moving(cameras: CameraSettings, start: Array, duration: float = 0.5) -> tuple[Outputs, Array]:
+    """Errors of a peg that moves as it is desired to, and its velocity, m/s, at the ticks."""
+    builder = DiagramBuilder()
+    hole = builder.AddSystem(ConstantVectorSource(pose_vector(CELL.nominal_pose("hole"))))
+    goal = CELL.nominal_pose("peg")
+    begin = goal.translation() + start
+    motion = builder.AddSystem(StoppableMotion(begin, goal, duration, PERIOD))
+    ports: dict[ArmName, Any] = {
+        "peg": motion.GetOutputPort("desired_pose"),
+        "hole": hole.get_output_port(),
+    }
+    error = add_cell_vision(builder, CELL, cameras, poses=ports, begin=0.0, desired=ports)
+    for name in ("error", "valid", "age"):
+        builder.ExportOutput(error.GetOutputPort(name), name)
+    builder.ExportOutput(motion.GetOutputPort("desired_velocity"), "velocity")
+    outputs = dict(simulate(builder.Build(), duration=duration, step=PERIOD).outputs)
+    return outputs, outputs["velocity"]
+
+
+# In the image of each camera, not in depth: nearer is larger.
+WAYS: dict[View, Array] = {"xz": np.array([0.0, 0.0, -0.03]), "xy": np.array([0.0, 0.02, 0.0])}
+
+
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize(
+    "frames",
+    [
+        ViewFrames(latency=4),
+        ViewFrames(period=0.02, offset=0.007, latency=2),
+    ],
+)
+def test_what_is_desired_is_as_old_as_the_image_of_each_camera(
+    frames: ViewFrames, view: View
+) -> None:
+    outputs, _ = moving(settings(**{view: ViewSettings(frames=frames)}), WAYS[view])
+    valid = outputs["valid"] > 0
+    assert valid.sum() > 25
+    assert np.abs(outputs["error"][valid][:, 1:3]).max() < 0.06
+    assert np.abs(outputs["error"][valid][:, 3:]).max() < 4e-4
+
+
+def test_dropped_frames_of_a_slow_camera_count_for_all_its_period() -> None:
+    slow = ViewFrames(period=2 * PERIOD, miss=0.5, latency=0)
+    outputs = read_of_cell_cameras(settings(xy=ViewSettings(frames=slow)), duration=0.6)
+    valid, age = outputs["valid"] > 0, outputs["age"] / PERIOD
+    assert 0.2 < valid[2:].mean() < 0.8
+    for k in range(3, len(age)):
+        # Read before the tick's update, an age tells of the tick before.
+        if not valid[k - 1]:
+            assert age[k] == pytest.approx(age[k - 1] + 1)
+        else:
+            assert age[k] <= 1 + 1e-9
+
+
+# The sensor
+
+
+@pytest.mark.parametrize(("exposure", "offset"), [(0.01, 0.0), (PERIOD, 0.003)])
+def test_an_exposure_shows_the_middle_of_its_way(exposure: float, offset: float) -> None:
+    frames = ViewFrames(offset=offset)
+    way = WAYS["xz"] + WAYS["xy"]
+    blurred, _ = moving(
+        settings(**both(frames=frames, sensor=SensorParams(exposure=exposure))), way
+    )
+    sharp, velocity = moving(settings(**both(frames=frames)), way)
+    ticks = np.arange(8, 38)
+    # What is expected is as old as the middle, half an exposure before its end.
+    lag = (blurred["error"] - sharp["error"])[ticks, 1:3] * 0.0005
+    np.testing.assert_allclose(lag, 0.0, rtol=0, atol=6e-5)
+    assert np.abs(velocity[ticks - 2]).max() * exposure / 2 > 3e-4
+
+
+def test_a_shutter_that_never_closes_does_not_open_too_early() -> None:
+    # By rounding alone it might, and what opens before the exposure ends shows no motion.
+    assert (0.003 - PERIOD) % PERIOD < 0.003
+    open_ = both(frames=ViewFrames(offset=0.003), sensor=SensorParams(exposure=PERIOD))
+    hold = seen(settings(**open_)).GetSubsystemByName("peg as the xz shutter opens")
+    assert hold.offset() == 0.003
+
+
+# Sizes of the image
+
+
+# Files
+
+
+def test_a_file_is_what_is_believed(tmp_path: Path) -> None:
+    path = tmp_path / "camera.yaml"
+    calibrated = CalibratedCamera(
+        width=320,
+        height=240,
+        focal_length=(1080.0, 1050.0),
+        principal_point=(150.0, 128.0),
+        distortion=(-0.4, 0.1, 0.01, -0.01, 0.05),
+    )
+    path.write_text(camera_text(CameraFile(left=calibrated)))
+    cameras = settings(xz=ViewSettings(believed=CameraModel(file=str(path))))
+    resolved = resolve(AlignmentScenario(cameras=cameras)).cameras.xz
+    expected = replace(WRONG, position=(0.0, 0.0, 0.0), tilt=(0.0, 0.0), roll=0.0)
+    assert resolved.believed == resolved.true == expected
+    path.write_text("width: 3")
+    with pytest.raises(ParameterError, match=r"camera\.yaml: height is None"):
+        resolve(AlignmentScenario(cameras=cameras))
+
+
+# VTK
+
+
+# What is refused
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"xz": ViewSettings(sensor=SensorParams(exposure=0.02))},
+            "xz.sensor.exposure is 0.02, allowed: at most the camera's period, 0.0125 s",
+        ),
+        (
+            {"xy": ViewSettings(frames=ViewFrames(period=-1.0))},
+            "xy.frames.period is -1.0, allowed: a number from 0.0001 to 1000",
+        ),
+        (
+            {"xy": ViewSettings(frames=ViewFrames(latency=-1))},
+            "xy.frames.latency is -1, allowed: a whole number from 0 to 100",
+        ),
+        (
+            {"renderer": "vtk", "xy": ViewSettings(sensor=SensorParams(vignetting=0.1))},
+            "xy.sensor.vignetting is 0.1, allowed: 0.0: vtk can't draw it",
+        ),
+        (
+            {"renderer": "vtk", "xz": ViewSettings(sensor=SensorParams(exposure=0.01))},
+            "xz.sensor.exposure is 0.01, allowed: 0.0: vtk can't draw it",
+        ),
+    ],
+)
+def test_settings_that_cannot_be_cell_cameras(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        CameraSettings(**change)
+    assert str(caught.value) == message
+
+
+def test_a_believed_camera_beyond_the_parts_is_refused() -> None:
+    cameras = settings(xz=ViewSettings(believed=CameraModel(position=(0.0, 0.0, 0.6))))
+    with pytest.raises(ParameterError, match=r"^cameras\.xz\.believed\.position is .* ahead$"):
+        resolved_cameras(cameras, CELL)
+
+
+def test_parts_that_the_true_camera_does_not_see_are_refused() -> None:
+    for name, value in (("tilt", (0.2, 0.0)), ("position", (0.0, 0.2, 0.0))):
+        away = settings(xz=ViewSettings(true=CameraModel(**{name: value})))
+        said = rf"^cameras\.xz\.true\.{name} is .*; in that of xz, 320 x 240 pixels"
+        with pytest.raises(ParameterError, match=said):
+            resolve(AlignmentScenario(cameras=away))
+    believed = settings(
+        xz=ViewSettings(believed=CameraModel(tilt=(0.2, 0.0)), true=CameraModel(tilt=(0.0, 0.0)))
+    )
+    assert resolve(AlignmentScenario(cameras=believed)).cameras.xz.true.tilt == (0.0, 0.0)
+
+
+def test_believed_cameras_are_in_the_holes_axes() -> None:
+    for view in VIEWS:
+        camera = believed_camera(settings(**both(believed=alone("tilt"))), CELL, view)
+        true = true_camera(settings(**both(true=alone("tilt"))), CELL, view)
+        np.testing.assert_allclose(camera.R_WC, true.R_WC, atol=1e-12)

@@ -1,31 +1,37 @@
-"""The work cell with an arm out of a URDF: what follows from the model, and what is refused."""
+"""Arms of one's own, and makers' arms, in the cell."""
 
 from dataclasses import replace
 from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from chamfer.analysis.cell.alignment_trials import Spread, drawn
-from chamfer.analysis.linear.simulate import simulate
+from chamfer.analysis.insertion.cell_runs import insertion_metrics, run_cell_insertion
 from chamfer.diagrams.cell.alignment import resolve
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
-from chamfer.diagrams.cell.arm_response import make_response_diagram, step_responses
-from chamfer.diagrams.cell.resolved_arms import require_strong, resolve_arms
-from chamfer.diagrams.cell.work_cell import HOLE_ARM, PEG_ARM, ArmSettings, WorkCellScenario
+from chamfer.diagrams.cell.controller_design import step_responses
+from chamfer.diagrams.cell.work_cell import (
+    HOLE_ARM,
+    PEG_ARM,
+    CellArmSettings,
+    WorkCellScenario,
+    require_strong,
+    resolve_arms,
+)
+from chamfer.diagrams.insertion.insertion import InsertionScenario
+from chamfer.diagrams.insertion.insertion import resolve as resolve_makers_arms
 from chamfer.models.arms.wam import DRY_FRICTION, POSTURE, URDF
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.arm_model import Placement
 from chamfer.systems.force.impedance_controller import ImpedanceControllerParams
-from chamfer.systems.vision.cell_error import AXES
 
 FILE = Path(__file__).parents[2] / "models/arms/six_joints.urdf"
 BASE = Placement(position=(-0.75, 0.0, 0.0))
 PEG = replace(PEG_ARM, model=str(FILE), base=BASE)
 FIXTURE = replace(HOLE_ARM, kind="fixture")
-SEVEN = ImpedanceControllerParams(torque_limits=(50.0,) * 7)
 CELL = WorkCellScenario(peg=PEG, hole=FIXTURE)
 
 
@@ -34,7 +40,7 @@ def resolved() -> AlignmentScenario:
     return resolve(AlignmentScenario(peg=PEG, hole=FIXTURE))
 
 
-def changed(tmp_path: Path, old: str, new: str) -> ArmSettings:
+def changed(tmp_path: Path, old: str, new: str) -> CellArmSettings:
     text = FILE.read_text(encoding="utf-8")
     assert old in text
     path = tmp_path / "arm.urdf"
@@ -63,43 +69,10 @@ def test_what_is_given_is_kept() -> None:
     )
 
 
-def test_friction_is_drawn_from_the_model_s() -> None:
-    trial = drawn(AlignmentScenario(peg=PEG, hole=FIXTURE), Spread(joint_friction=0.5), 0, 1)
-    ratio = trial.peg.arm.dry_friction[0] / 0.2
-    assert trial.peg.arm.dry_friction == pytest.approx((0.2 * ratio, 0, 0.15 * ratio, 0, 0, 0))
-    assert ratio != 1
-
-
-@pytest.mark.parametrize("axis", ["y", "yaw"])
-def test_the_linear_response_is_that_of_the_simulation(axis: str) -> None:
-    known = replace(PEG, payload_error=0.0, joint_friction=(0.0,) * 6)
-    cell = replace(CELL, peg=known)
-    step = 1e-4
-    diagram = make_response_diagram(cell, "peg", axis, amplitude=step, begin=0.1)
-    pose = simulate(diagram, duration=0.6, step=0.05).outputs["true_pose"]
-    k = AXES.index(axis)
-    moved = pose[:, 4 + k] - pose[0, 4 + k] if k < 3 else 2 * (pose[:, k - 2] - pose[0, k - 2])
-    responses = step_responses(cell, "peg")
-    assert responses.gain[k] == pytest.approx(1.0, abs=1e-6)
-    left = responses.undelivered[k][np.arange(50, 250, 25) - 1]
-    np.testing.assert_allclose(1 - moved[4:] / step, left, atol=0.01)  # of a period's time
-    assert left[0] > 0.2
-
-
 def test_the_controller_is_designed_for_the_arm() -> None:
     own, wam = resolved().compensator, resolve(AlignmentScenario(hole=FIXTURE)).compensator
     assert own.lateral.dead_zone > wam.lateral.dead_zone  # a heavier arm is slower
     assert own.lateral.dead_zone < 2 * wam.lateral.dead_zone
-
-
-def test_two_arms_of_different_kinds() -> None:
-    other = replace(HOLE_ARM, model=str(FILE), base=replace(HOLE_ARM.base, position=(0.75, 0, 0)))
-    both = resolve_arms(WorkCellScenario(hole=other))
-    assert both.peg.arm.num_joints == 7
-    assert both.hole.arm.num_joints == 6
-    assert both.hole.arm.dry_friction[0] == 0.2
-    with pytest.raises(ParameterError, match=r"^impedance.torque_limits is .*: 6 finite numbers"):
-        resolve_arms(replace(both, impedance=SEVEN))
 
 
 # What is refused, in one line
@@ -168,3 +141,69 @@ def test_the_wam_s_own_file_is_the_wam() -> None:
     found = resolve_arms(WorkCellScenario(peg=of_file, hole=FIXTURE))
     X_WT = found.peg.known_arm().evaluate(found.rest_posture("peg")).X_WT
     assert X_WT.IsNearlyEqualTo(CELL.nominal_pose("peg"), 1e-9)
+
+
+PACKAGE = "example-robot-data"
+# Friction is in none of the files: assumed, a WAM's.
+ARMS = {
+    "panda": ("panda_description/urdf/panda.urdf", "panda_link8", 7),
+    "ur5": ("ur_description/urdf/ur5_robot.urdf", "tool0", 6),
+}
+
+
+def arm(name: str) -> CellArmSettings:
+    path, tool_frame, joints = ARMS[name]
+    return replace(
+        PEG_ARM, model=file(path), tool_frame=tool_frame, joint_friction=(0.1,) * joints
+    )
+
+
+@lru_cache
+def file(path: str) -> str:
+    try:
+        found = distribution(PACKAGE)
+    except PackageNotFoundError:
+        pytest.skip(f"{PACKAGE} is not installed: pip install 'chamfer[robots]'")
+    place = f"cmeel.prefix/share/{PACKAGE}/robots/{path}"
+    return str(found.locate_file(place))
+
+
+def cell(name: str) -> WorkCellScenario:
+    return WorkCellScenario(peg=arm(name), hole=replace(HOLE_ARM, kind="fixture"))
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_reaches_its_place(name: str) -> None:
+    found = resolve_arms(cell(name))
+    there = found.peg.known_arm().evaluate(found.rest_posture("peg"))
+    assert there.X_WT.IsNearlyEqualTo(found.nominal_pose("peg"), 1e-9)
+    assert np.linalg.svd(there.J_V_WT, compute_uv=False)[-1] > 0.1
+
+
+def test_what_the_files_say() -> None:
+    panda, ur5 = arm("panda").arm, arm("ur5").arm
+    assert panda.torque_limits == (87, 87, 87, 87, 12, 12, 12)
+    assert ur5.torque_limits == (150, 150, 150, 28, 28, 28)
+    assert panda.lower_limits[3] == -3.0718
+    assert sum(panda.rotor_inertia) == sum(ur5.rotor_inertia) == 0
+    assert replace(arm("panda"), tool_frame=None).arm.flange == "panda_hand_tcp"
+    message = "^tool_frame is None, allowed: one of the model's links ee_link, tool0$"
+    with pytest.raises(ParameterError, match=message):
+        replace(arm("ur5"), tool_frame=None)
+
+
+def test_a_small_arm_does_not_reach() -> None:
+    small = replace(arm("ur5"), model=file("ur_description/urdf/ur3_robot.urdf"))
+    with pytest.raises(ParameterError, match=r"arm reaches .* within reach of ur3_robot"):
+        resolve_arms(replace(cell("ur5"), peg=small))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ARMS)
+def test_aligns_and_inserts_by_sight(name: str) -> None:
+    fixture = replace(HOLE_ARM, kind="fixture")
+    scenario = resolve_makers_arms(InsertionScenario(peg=arm(name), hole=fixture))
+    done = insertion_metrics(run_cell_insertion(scenario, seed=0), scenario)
+    assert done["seated"] == done["seated.first"] == 1
+    assert done["touch.lateral_error"] is not None
+    assert done["touch.lateral_error"] < 0.002  # m, on the chamfer

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pydrake.geometry import Meshcat, MeshcatParams, Role, SceneGraphInspector
-from pydrake.math import RigidTransform
+from pydrake.geometry import Meshcat, MeshcatParams, SceneGraphInspector
 
 from chamfer.diagrams.cell.work_cell import ARMS, HOLE_ARM, PEG_ARM, ArmName, WorkCellScenario
 from chamfer.diagrams.cell.work_cell_view import WorkCellView, make_work_cell_view
@@ -90,44 +89,3 @@ def test_parts_have_their_sizes_and_colours_in_the_tools_frames(
     rgba = inspector(view).GetIllustrationProperties(part).GetProperty("phong", "diffuse").rgba
     np.testing.assert_allclose(rgba[:3], np.array(colour) / 255, atol=1e-6)
     assert rgba[3] == 1.0 if arm == "peg" else 0 < rgba[3] < 1
-
-
-@pytest.mark.parametrize(
-    ("arm", "far_end", "radius"),
-    [
-        ("peg", -PARTS.peg_length, PARTS.peg_radius),
-        ("hole", PARTS.hole_length, PARTS.outer_radius),
-    ],
-)
-def test_a_holder_reaches_from_the_flange_around_the_part(
-    view: WorkCellView, arm: ArmName, far_end: float, radius: float
-) -> None:
-    holder = shapes(view, arm)["holder"]
-    shape, X_TR = inspector(view).GetShape(holder), inspector(view).GetPoseInFrame(holder)
-    half = np.array([0.0, 0.0, shape.length() / 2])
-    ends = [X_TR @ -half, X_TR @ half]
-    p_TF = getattr(SCENARIO, arm).tool.frame.transform.inverse().translation()
-    np.testing.assert_allclose(ends[0], p_TF, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(ends[1][1:], 0.0, rtol=0, atol=1e-12)
-    assert 0 < abs(ends[1][0]) < abs(far_end)  # it hides a bit of the part, but not its tip
-    assert np.sign(ends[1][0]) == np.sign(far_end)
-    assert shape.radius() > radius
-
-
-def test_a_part_that_is_in_the_flange_has_no_holder() -> None:
-    short = replace(PEG_ARM.tool.frame, position=(0.0, 0.0, 5 / 6 * PARTS.peg_length))
-    arm = replace(PEG_ARM, tool=replace(PEG_ARM.tool, frame=short))
-    meshcat = Meshcat(MeshcatParams(host="localhost", port=0))
-    close = make_work_cell_view(replace(SCENARIO, peg=arm), meshcat)
-    assert set(shapes(close, "peg")) == {"peg"}
-
-
-def test_nothing_touches(view: WorkCellView) -> None:
-    assert inspector(view).NumGeometriesWithRole(Role.kProximity) == 0
-
-
-def test_the_base_stands_on_its_foot(view: WorkCellView) -> None:
-    (foot,) = shapes(view, "hole", "base").values()
-    X: RigidTransform = inspector(view).GetPoseInFrame(foot)
-    lowest = X.translation()[2] - inspector(view).GetShape(foot).length() / 2
-    assert -lowest == pytest.approx(wam.WAM.base_height)

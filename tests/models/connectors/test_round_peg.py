@@ -11,9 +11,7 @@ from scipy.optimize import brentq
 from chamfer.models.arms.wrist import WristParams
 from chamfer.models.connectors.connector import ContactMaterial
 from chamfer.models.connectors.round_peg import RoundPeg
-from chamfer.models.peg.part_presets import PRESETS
-from chamfer.models.peg.peg_and_hole import PegAndHole
-from chamfer.models.peg.peg_hole_geometry import PegHoleGeometry
+from chamfer.models.peg.peg_and_hole import PRESETS, PegAndHole, PegHoleGeometry
 
 TOLERANCES = ("nominal", "worst")
 

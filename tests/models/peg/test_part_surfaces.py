@@ -1,12 +1,24 @@
-"""Surfaces of square parts; those of round ones are in test_peg_and_hole.py."""
+"""Surfaces of peg and hole part, and whether they overlap."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydrake.math import RigidTransform, RollPitchYaw
 
-from chamfer.models.peg.part_surfaces import around, part_mesh, radius_of, rings
+from chamfer.models.peg.part_surfaces import (
+    TOUCHING,
+    around,
+    overlap,
+    part_mesh,
+    radius_of,
+    require_apart,
+    rings,
+)
 from chamfer.models.peg.peg_and_hole import PegAndHole
+from chamfer.models.validation import ParameterError
 
 SQUARE = PegAndHole(section="square")
 
@@ -39,3 +51,74 @@ def test_the_mesh_of_a_square_peg_is_closed_and_flat() -> None:
                 for _, normal in corners:
                     np.testing.assert_allclose(normals[normal - 1], face / np.linalg.norm(face))
     assert volume == pytest.approx(0.02**2 * 0.05)
+
+
+PARTS = PegAndHole()
+BLIND = PegAndHole(bore_depth=0.03)
+
+
+def at(x: float, y: float = 0.0, pitch: float = 0.0) -> RigidTransform:
+    return RigidTransform(RollPitchYaw(0.0, pitch, 0.0), [x, y, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("X_MT", "deep"),
+    [
+        (at(-0.001), 0.0),
+        (at(0.02), 0.0),  # in the bore, in line
+        (at(0.02, 0.000255), 0.0),
+        (at(0.02, 0.001), 0.001 - PARTS.clearance),
+        (at(0.001, 0.003), 0.0),  # in the mouth's chamfer
+        (at(0.0, 0.02), 0.0),  # flat on the face, or beside it
+        (at(0.001, 0.006), 0.001),  # in the front face
+        (at(0.02, 0.0239), 0.0),  # beside the part
+        (at(0.02, 0.0237), 0.014 + PARTS.peg_radius - 0.0237),
+        (at(0.2), 0.0),  # out of the back
+    ],
+)
+def test_parallel_parts(X_MT: RigidTransform, deep: float) -> None:
+    assert overlap(PARTS, X_MT) == pytest.approx(deep, abs=5e-5)
+
+
+@pytest.mark.parametrize("depth", [0.0299, 0.0301])
+def test_a_blind_bore_ends(depth: float) -> None:
+    assert overlap(BLIND, at(depth)) == pytest.approx(max(depth - 0.03, 0.0), abs=1e-9)
+    assert overlap(PARTS, at(depth)) == 0.0
+
+
+@given(tilt=st.floats(0.02, 0.3))
+def test_the_rim_of_a_tilted_peg_is_ahead_of_its_tip(tilt: float) -> None:
+    ahead = PARTS.leading(tilt)
+    aside = 0.02  # before the face of a part that is wide
+    wide = replace(PARTS, outer_radius=0.05)
+    assert overlap(wide, at(-ahead - 1e-5, aside, tilt)) == 0.0
+    assert overlap(wide, at(-ahead + 1e-4, aside, tilt)) == pytest.approx(1e-4, abs=1e-5)
+
+
+def test_what_is_said() -> None:
+    require_apart(PARTS, at(-1e-9), "gap", 0.0)
+    assert overlap(PARTS, at(0.5 * TOUCHING, 0.006)) > 0
+    require_apart(PARTS, at(0.5 * TOUCHING, 0.006), "gap", 0.0)
+    with pytest.raises(ParameterError) as caught:
+        require_apart(PARTS, at(0.001, 0.006), "gap", -0.001)
+    assert str(caught.value) == (
+        "gap is -0.001, allowed: one with which peg and hole part are apart; they overlap by 1 mm"
+    )
+
+
+@pytest.mark.parametrize(
+    ("p", "roll", "deep"),
+    [
+        ((0.02, 0.00025, -0.00025), 0.0, 0.0),
+        ((0.02, 0.0, 0.001), 0.0, 0.001 - PARTS.clearance),
+        ((0.02, 0.0, 0.0), 0.1, 0.000671),  # r (cos + sin) - R
+        ((0.001, 0.011, 0.011), 0.0, 0.001),  # in the face, which reaches into the corners
+        ((0.02, 0.0239, 0.0239), 0.0, 0.0),  # beside the part
+    ],
+)
+def test_square_parts_overlap_at_their_faces(
+    p: tuple[float, float, float], roll: float, deep: float
+) -> None:
+    square = PegAndHole(section="square")
+    X_MT = RigidTransform(RollPitchYaw(roll, 0.0, 0.0), p)
+    assert overlap(square, X_MT) == pytest.approx(deep, abs=1e-5)

@@ -1,27 +1,27 @@
-"""Dimensions of the peg and the hole part, and the shapes made from them."""
+"""Peg and hole, their presets and their support."""
 
+import dataclasses
 import math
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from chamfer.models.peg.part_surfaces import part_mesh, rings
+from chamfer.models.peg.part_surfaces import part_mesh
 from chamfer.models.peg.peg_and_hole import (
+    PRESETS,
     ColouredParts,
     HolePart,
     Peg,
     PegAndHole,
+    PegHoleGeometry,
 )
+from chamfer.models.peg.support import OpenSupport, Support, in_series
 from chamfer.models.validation import ParameterError
 
 PEG, HOLE = PegAndHole().peg, PegAndHole().hole
-
-
-def test_published_dimensions() -> None:
-    assert PEG.radius == 0.009779
-    assert HOLE.radius == 0.010035
 
 
 def test_profile_of_the_peg_ends_with_a_chamfer_at_the_tip() -> None:
@@ -34,19 +34,6 @@ def test_profiles_of_the_hole_part_begin_at_the_mouth() -> None:
     assert hole.mouth_radius == pytest.approx(0.012)
     np.testing.assert_allclose(hole.outside, [[0, 0.02], [0.05, 0.02]])
     np.testing.assert_allclose(hole.bore, [[0, 0.012], [0.002, 0.01], [0.05, 0.01]])
-
-
-@pytest.mark.parametrize("sides", [3, 16, 127])
-def test_rings_have_the_area_of_the_circles(sides: int) -> None:
-    profile = np.array([[0.1, 0.5], [-0.3, 2.0]])
-    points = rings(profile, sides)
-    assert points.shape == (2, sides, 3)
-    for ring, (x, radius) in zip(points, profile, strict=True):
-        np.testing.assert_array_equal(ring[:, 0], x)
-        y, z = ring[:, 1], ring[:, 2]
-        area = np.sum(y * np.roll(z, -1) - z * np.roll(y, -1)) / 2
-        assert area == pytest.approx(math.pi * radius**2, rel=1e-12)
-        np.testing.assert_allclose(ring[:, 1:].mean(axis=0), 0, atol=1e-12)
 
 
 def triangles(text: str) -> tuple[np.ndarray, np.ndarray]:
@@ -122,14 +109,6 @@ def test_a_chamfer_of_another_angle_has_another_height() -> None:
     np.testing.assert_allclose(hole.bore[1], [0.001 / math.sqrt(3), hole.radius])
 
 
-def test_parts_without_chamfers_have_no_edge_twice() -> None:
-    sharp = PegAndHole(chamfer_width=0.0)
-    assert sharp.peg.profile.shape == sharp.hole.bore.shape == (2, 2)
-    corners, _ = triangles(part_mesh(sharp.peg.closed_profile, 100))
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    np.testing.assert_allclose(across.sum(axis=0), 0, atol=1e-15)
-
-
 def test_a_blind_bore_ends_in_the_material() -> None:
     hole = replace(HOLE, bore_depth=0.03)
     R, C, Ro = hole.radius, hole.chamfer, hole.outer_radius
@@ -172,3 +151,159 @@ def test_parts_are_refused_by_their_own_names(name: str, value: object, allowed:
 def test_a_chamfer_is_no_face_and_no_side(angle: float) -> None:
     with pytest.raises(ParameterError, match=r"^peg_chamfer_angle is .*: between 0 and pi/2$"):
         PegAndHole(peg_chamfer_angle=angle)
+
+
+PAPER = PegHoleGeometry()
+# Every number differs from the paper's, so that no two can be mixed up unseen.
+OTHER = PegHoleGeometry(
+    hole_radius=0.012, peg_radius=0.0117, friction=0.3, chamfer_width=0.003, chamfer_angle=0.9
+)
+
+
+def test_published_numbers() -> None:
+    assert PAPER.clearance_ratio == pytest.approx(0.0255107, abs=5e-8)
+    assert PAPER.rotation_limit == pytest.approx(0.05817, abs=5e-6)
+    assert PAPER.lateral_limit == pytest.approx(0.019814, abs=5e-7)
+    # Section 4 writes the limit as (c 2R) / (mu 2r), which is not c / mu.
+    c, R, r, mu = PAPER.clearance_ratio, 0.010035, 0.009779, 0.45
+    assert PAPER.rotation_limit == pytest.approx(c * 2 * R / (mu * 2 * r), rel=1e-12)
+    assert PAPER.rotation_limit != pytest.approx(c / mu, rel=0.02)
+
+
+def test_lengths_of_the_parts() -> None:
+    assert OTHER.clearance == pytest.approx(3e-4)
+    assert OTHER.friction_radius == pytest.approx(0.3 * 0.0117)
+    assert OTHER.wedging_depth == pytest.approx(2 * 0.3 * 0.0117)
+    assert OTHER.chamfer_limit == pytest.approx(0.0033)
+    assert OTHER.lateral_limit == pytest.approx(0.0237)
+    # A peg that leans by that much just spans the mouth.
+    assert 2 * 0.0117 / math.cos(OTHER.mouth_tilt_limit) == pytest.approx(2 * 0.012)
+    # Two points touch at theta_w where lambda is one.
+    assert OTHER.wedging_depth * OTHER.rotation_limit == pytest.approx(2 * OTHER.clearance)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "allowed"),
+    [
+        *(
+            (name, value, "a finite number > 0")
+            for value in (0.0, -1.0, math.nan, math.inf)
+            for name in ("hole_radius", "peg_radius", "friction")
+        ),
+        *(
+            ("chamfer_width", value, "a finite number >= 0")
+            for value in (-1e-9, math.nan, math.inf)
+        ),
+        ("peg_radius", 0.010035, "less than the hole's radius, 0.010035"),
+        ("peg_radius", 0.02, "less than the hole's radius, 0.010035"),
+        ("chamfer_angle", 0.0, "between 0 and pi/2"),
+        ("chamfer_angle", math.pi / 2, "between 0 and pi/2"),
+        ("chamfer_angle", math.nan, "between 0 and pi/2"),
+        ("chamfer_width", 0.02, "with less than the peg's radius, 0.009779, on the peg"),
+    ],
+)
+def test_errors_peg_hole_geometry(name: str, value: float, allowed: str) -> None:
+    message = re.escape(f"{name} is {value!r}, allowed: {allowed}")
+    with pytest.raises(ParameterError, match=f"^{message}$"):
+        dataclasses.replace(PAPER, **{name: value})
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_presets_are_parts_that_fit(name: str) -> None:
+    parts = ColouredParts(**PRESETS[name])  # type: ignore[arg-type]
+    assert 0 < parts.clearance_ratio < 0.05
+    assert parts.bore_length < parts.peg_length
+
+
+@pytest.mark.parametrize(
+    ("name", "diameter", "bore"),
+    [
+        ("nist-12.675mm", 12.675e-3, 12.70e-3),
+        ("factory-8mm", 7.986e-3, 8.1e-3),
+        ("nist-16mm", 16e-3, 16.1e-3),
+    ],
+)
+def test_published_diameters(name: str, diameter: float, bore: float) -> None:
+    parts = PegAndHole(**PRESETS[name])  # type: ignore[arg-type]
+    assert 2 * parts.peg_radius == pytest.approx(diameter)
+    assert 2 * parts.hole_radius == pytest.approx(bore)
+
+
+def test_scaled_parts_have_the_same_shape() -> None:
+    parts = ColouredParts(bore_depth=0.03).scaled(0.0020070, 0.01)
+    assert parts.hole_radius == 0.0020070
+    assert parts.clearance_ratio == pytest.approx(0.01)
+    assert parts.friction == ColouredParts.friction
+    for name, length in (("peg_length", 0.012), ("bore_depth", 0.006), ("chamfer_width", 8e-4)):
+        assert getattr(parts, name) == pytest.approx(length)
+
+
+ARM = Support(centre_distance=0.0)
+
+
+@pytest.mark.parametrize("depth", [0.0, 0.012, 0.04])
+def test_two_arms_of_the_reference(depth: float) -> None:
+    got = in_series(ARM, ARM, depth)
+    assert got.lateral_stiffness == pytest.approx(1 / (1 / 200 + depth**2 / 10))
+    assert got.angular_stiffness == pytest.approx(2.5)
+    assert got.centre_distance == pytest.approx(depth / 2)
+
+
+def compliance(support: Support, height: float) -> NDArray[np.float64]:
+    """Return lateral and angular motion of the tip for a unit of force and of moment there."""
+    a = height
+    return np.array(
+        [
+            [1 / support.lateral_stiffness + a**2 / support.angular_stiffness, 0.0],
+            [a / support.angular_stiffness, 1 / support.angular_stiffness],
+        ]
+    ) + np.array([[0.0, a / support.angular_stiffness], [0.0, 0.0]])
+
+
+def test_compliances_at_the_tip_add() -> None:
+    peg = Support(lateral_stiffness=300.0, angular_stiffness=4.0, centre_distance=0.03)
+    hole = Support(lateral_stiffness=700.0, angular_stiffness=9.0, centre_distance=0.05)
+    depth = 0.02
+    both = in_series(peg, hole, depth)
+    expected = compliance(peg, 0.03) + compliance(hole, depth - 0.05)
+    np.testing.assert_allclose(compliance(both, both.centre_distance), expected, rtol=1e-12)
+
+
+def test_no_slope_at_a_remote_centre_and_the_largest_in_between() -> None:
+    support = Support()
+    assert ARM.tilt_per_error == 0.0
+    assert Support(centre_distance=1e6).tilt_per_error == pytest.approx(0.0, abs=2e-6)
+    at = support.worst_centre_distance
+    assert at == pytest.approx(math.sqrt(5 / 400))
+    largest = Support(centre_distance=at).tilt_per_error
+    assert largest == pytest.approx(1 / (2 * math.sqrt(5 / 400)))
+    for distance in np.linspace(0.0, 1.0, 101).tolist():
+        assert Support(centre_distance=distance).tilt_per_error <= largest * (1 + 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "allowed"),
+    [
+        ("lateral_stiffness", 0.0, "a finite number > 0"),
+        ("angular_stiffness", math.nan, "a finite number > 0"),
+        ("centre_distance", math.inf, "a finite number"),
+    ],
+)
+def test_errors_support(name: str, value: float, allowed: str) -> None:
+    message = re.escape(f"{name} is {value!r}, allowed: {allowed}")
+    with pytest.raises(ParameterError, match=f"^{message}$"):
+        Support(**{name: value})
+
+
+def test_what_is_left_open_is_derived() -> None:
+    assert OpenSupport().over(ARM) == ARM
+    said = OpenSupport(angular_stiffness=7.0).over(ARM)
+    assert said == Support(angular_stiffness=7.0, centre_distance=0.0)
+    at_tip = OpenSupport(centre_distance=0.0).over(Support())
+    assert at_tip.centre_distance == 0.0
+
+
+@pytest.mark.parametrize("name", ["lateral_stiffness", "angular_stiffness", "centre_distance"])
+def test_what_is_said_is_checked(name: str) -> None:
+    with pytest.raises(ParameterError, match=rf"^{name} is nan, allowed: a finite number"):
+        OpenSupport(**{name: math.nan})

@@ -1,0 +1,335 @@
+"""Which cells can be aligned: parts in view and apart, a fixture, an axis downwards."""
+
+from dataclasses import replace
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
+
+from chamfer.analysis.cell.alignment_runs import run_alignment
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.diagrams.cell.alignment import resolve
+from chamfer.diagrams.cell.alignment_scenario import (
+    AlignmentScenario,
+    require_fine_enough,
+    require_start_apart,
+)
+from chamfer.diagrams.cell.cell_vision import CameraSettings, add_cell_vision
+from chamfer.diagrams.cell.work_cell import (
+    HOLE_ARM,
+    PEG_ARM,
+    ArmName,
+    WorkCellScenario,
+    add_work_cell,
+)
+from chamfer.diagrams.cell.work_cell_view import add_part_shapes
+from chamfer.diagrams.insertion.insertion import InsertionScenario
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.camera_image import FrameGrabberParams
+from chamfer.systems.force.arm_model import Placement
+from chamfer.systems.force.desired_pose import StoppableMotion
+from chamfer.systems.pose import pose_vector
+
+CELL = AlignmentScenario()
+ASIDE = Placement(position=(0.0, 0.2, 0.0))
+
+
+def error(**elements: float) -> dict[str, Any]:
+    names = ("x", "y", "z", "roll", "pitch", "yaw")
+    return {"initial_error": tuple(elements.get(name, 0.0) for name in names)}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"gap": 0.4},
+            r"gap is 0.4, .* peg's tip .*; in that of xz, .* at \(-2..\.., 1..\.?.?\)",
+        ),
+        (error(y=9.0), "initial_error is .* peg's tip .*; in that of xy, .* it is at "),
+        (
+            error(z=-0.1),
+            "initial_error is .* peg's tip .*; in that of xz, 320 x 240 pixels",
+        ),
+        (error(y=-1.0), "initial_error is .* peg's tip .*; it is behind the xz camera"),
+        ({"start_offset": (0.0, 0.0, 0.5)}, "start_offset is .* peg's tip .*; in that of xz"),
+        ({"peg": replace(PEG_ARM, base_error=ASIDE)}, "peg.base_error is .* peg's tip .*xy"),
+        (
+            {"hole": replace(HOLE_ARM, base_error=ASIDE)},
+            "hole.base_error is .* hole part's .*xy",
+        ),
+    ],
+)
+def test_what_takes_a_part_out_of_view_is_named(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{message}"):
+        resolve(replace(CELL, **change))
+
+
+@pytest.mark.parametrize(
+    "change", [{"friction": 0.3}, {"chamfer_angle": 1.0}, {"bore_depth": 0.03}]
+)
+def test_what_of_the_parts_nobody_sees_is_refused(change: dict[str, Any]) -> None:
+    ((name, value),) = change.items()
+    with pytest.raises(ParameterError, match=rf"^parts.{name} is {value}, .*, the parts don't t"):
+        AlignmentScenario(parts=ColouredParts(**change))
+
+
+def test_a_part_may_come_into_view_before_the_compensation_begins() -> None:
+    far: dict[str, Any] = {"start_offset": (0.0, 0.0, 0.2), "motion_time": 2.0}
+    resolve(replace(CELL, begin=1.5, **far))
+    with pytest.raises(ParameterError, match=r"^start_offset is \(0\.0, 0\.0, 0\.2\), allowed: "):
+        resolve(replace(CELL, begin=0.5, **far))
+
+
+def test_pixels_too_large_for_the_parts_are_refused() -> None:
+    small = replace(CELL, parts=ColouredParts().scaled(0.0024, 0.01))
+    require_fine_enough(replace(CELL, parts=ColouredParts().scaled(0.003, 0.01)))
+    message = r"cameras.pixel_size is 0.0005, allowed: at most 0.000475 m, so that both parts"
+    with pytest.raises(ParameterError, match=message):
+        require_fine_enough(small)
+    require_fine_enough(replace(small, cameras=replace(CELL.cameras, pixel_size=0.00025)))
+
+
+NO_ERROR = (0.0,) * 6
+CELL_START_APART = AlignmentScenario(initial_error=NO_ERROR)
+DOWN = replace(CELL_START_APART, axis="downwards", hole=replace(HOLE_ARM, kind="fixture"))
+
+
+def base_error(arm: Any, x: float, y: float) -> Any:
+    return replace(arm, base_error=Placement(position=(x, y, 0.0)))
+
+
+@pytest.mark.parametrize("cell", [CELL_START_APART, DOWN])
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [
+        # In the bore but not in line with it, or on its bottom.
+        ({"gap": -0.01, "initial_error": (0.0, 0.006, 0.0, 0.0, 0.0, 0.0)}, "gap"),
+        ({"gap": -0.01, "initial_error": (0.0, 0.0, 0.0, 0.0, 0.1, 0.0)}, "gap"),
+        # Into the front face, at once, or on the way past it.
+        ({"start_offset": (0.035, 0.0, 0.01)}, "start_offset"),
+        ({"start_offset": (0.06, 0.0, 0.035)}, "initial_error"),
+        ({"initial_error": (0.035, 0.0, 0.01, 0.0, 0.0, 0.0)}, "initial_error"),
+        # The tip is before the mouth, and its rim beyond it.
+        ({"gap": 0.0005, "initial_error": (0.0, 0.01, 0.0, 0.0, 0.1, 0.1)}, "initial_error"),
+    ],
+)
+def test_parts_that_are_in_each_other(
+    cell: AlignmentScenario, change: dict[str, Any], name: str
+) -> None:
+    with pytest.raises(ParameterError) as caught:
+        resolve(replace(cell, **change))
+    assert str(caught.value).startswith(f"{name} is ")
+    assert "allowed: one with which peg and hole part are apart; they overlap by " in str(
+        caught.value
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [
+        ({"peg": base_error(PEG_ARM, 0.035, 0.01)}, "peg.base_error"),
+        ({"hole": base_error(HOLE_ARM, 0.035, 0.01)}, "hole.base_error"),  # it faces the other
+    ],
+)
+def test_arms_that_are_elsewhere(change: dict[str, Any], name: str) -> None:
+    with pytest.raises(ParameterError, match=rf"^{name} is .* peg and hole part are apart"):
+        resolve(replace(CELL_START_APART, **change))
+
+
+@pytest.mark.parametrize("cell", [CELL_START_APART, DOWN])
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"gap": -0.01},  # in line
+        {"gap": 0.0},
+        {"gap": 0.002, "initial_error": (0.0, 0.01, 0.0, 0.0, 0.1, 0.1)},
+        {"start_offset": (-0.03, 0.02, 0.03), "initial_error": (0.0, 0.01, 0.01, 0.0, 0.1, 0.1)},
+    ],
+)
+def test_parts_that_are_apart(cell: AlignmentScenario, change: dict[str, Any]) -> None:
+    resolve(replace(cell, **change))
+
+
+def test_the_bottom_of_a_blind_bore_is_material() -> None:
+    parts = ColouredParts(bore_depth=0.02)
+    touching = InsertionScenario(initial_error=NO_ERROR, parts=parts, gap=-0.0199)
+    require_start_apart(touching)
+    with pytest.raises(ParameterError, match=r"^gap is -0\.0201, .* they overlap by 0\.1 mm$"):
+        require_start_apart(replace(touching, gap=-0.0201))
+
+
+FIXTURE = replace(HOLE_ARM, kind="fixture")
+CELL_HOLE_FIXTURE = AlignmentScenario(hole=FIXTURE, meeting_point=(0.01, -0.02, 0.15))
+
+
+def test_only_the_peg_s_arm_is_simulated() -> None:
+    builder = DiagramBuilder()
+    cell = add_work_cell(
+        builder, CELL_HOLE_FIXTURE, add_parts=partial(add_part_shapes, CELL_HOLE_FIXTURE)
+    )
+    assert cell.plant.num_positions() == 7
+    assert set(cell.arms) == {"peg"}
+    # The hole part is where the mouth is to be, and nothing holds it.
+    context = cell.plant.CreateDefaultContext()
+    X_WM = cell.plant.EvalBodyPoseInWorld(context, cell.tools["hole"])
+    np.testing.assert_allclose(
+        pose_vector(X_WM), [1, 0, 0, 0, 0.01, -0.02, 0.15], rtol=0, atol=1e-12
+    )
+    assert len(cell.plant.GetVisualGeometriesForBody(cell.tools["hole"])) == 1
+    assert len(cell.plant.GetVisualGeometriesForBody(cell.tools["peg"])) == 2
+
+
+def test_with_one_arm_the_compensation_is_the_peg_s() -> None:
+    assert resolve(CELL_HOLE_FIXTURE).compensated == "peg"
+    assert resolve(AlignmentScenario()).compensated == "both"
+    assert resolve(replace(CELL_HOLE_FIXTURE, compensated="none")).compensated == "none"
+    for value in ("hole", "both"):
+        with pytest.raises(ParameterError, match=f"^compensated is '{value}', allowed: peg, none"):
+            replace(CELL_HOLE_FIXTURE, compensated=value)
+
+
+SIX_JOINTS = Path(__file__).parents[2] / "models/arms/six_joints.urdf"
+OTHER: dict[str, Any] = {
+    "base": Placement(position=(1.0, 0.0, 0.0)),
+    "posture": (0.1,) * 7,
+    "tool": replace(HOLE_ARM.tool, mass=1.0),
+    "payload_error": 0.2,
+    "payload_position": (0.0, 0.0, 0.0),
+    "mass_scale": 1.1,
+    "base_error": Placement(rpy=(0.0, 0.1, 0.0)),
+    "joint_friction": (0.0,) * 7,
+    "rotor_inertia": (0.1,) * 7,
+    "model": str(SIX_JOINTS),
+}
+
+
+@pytest.mark.parametrize("name", OTHER)
+def test_what_only_an_arm_has_is_refused(name: str) -> None:
+    with pytest.raises(ParameterError, match=rf"^hole\.{name} is .*, a fixture is no arm$"):
+        WorkCellScenario(hole=replace(FIXTURE, **{name: OTHER[name]}))
+    WorkCellScenario(hole=replace(HOLE_ARM, **{name: OTHER[name]}))
+
+
+Array = np.ndarray
+
+ACROSS = AlignmentScenario()
+DOWN_INSERTION_AXIS = AlignmentScenario(axis="downwards", hole=replace(HOLE_ARM, kind="fixture"))
+PERIOD = 1 / 80
+ARMS: tuple[ArmName, ...] = ("peg", "hole")
+
+
+def off(scenario: WorkCellScenario, arm: ArmName, error: Array) -> RigidTransform:
+    """Return a pose that is off along and about the hole's axes, m and rad, shape (6,)."""
+    X_WT = scenario.nominal_pose(arm)
+    return X_WT @ RigidTransform(RollPitchYaw(error[3:]), error[:3])
+
+
+# Where things are
+
+
+def test_the_peg_comes_from_above() -> None:
+    peg, hole = (DOWN_INSERTION_AXIS.nominal_pose(arm) for arm in ARMS)
+    np.testing.assert_allclose(
+        peg.translation() - hole.translation(), [0, 0, DOWN_INSERTION_AXIS.gap]
+    )
+    np.testing.assert_allclose(hole.rotation().matrix()[:, 0], [0, 0, -1], atol=1e-15)
+    assert np.linalg.det(hole.rotation().matrix()) == pytest.approx(1.0)
+    assert ACROSS.hole_axes.IsExactlyIdentity()
+
+
+def test_where_the_parts_meet_follows_from_the_axis_unless_it_is_said() -> None:
+    assert resolve(ACROSS).meeting_point == (0.0, 0.0, 0.158)
+    assert (
+        resolve(DOWN_INSERTION_AXIS).meeting_point
+        == DOWN_INSERTION_AXIS.mouth
+        == (-0.3, 0.0, -0.3)
+    )
+    said = replace(DOWN_INSERTION_AXIS, meeting_point=(-0.25, 0.0, -0.1))
+    assert resolve(said).meeting_point == said.mouth == (-0.25, 0.0, -0.1)
+
+
+def test_two_arms_that_do_not_reach_each_other_are_refused_in_a_line() -> None:
+    two = replace(DOWN_INSERTION_AXIS, hole=HOLE_ARM)
+    with pytest.raises(ParameterError) as caught:
+        resolve(two)
+    said = str(caught.value)
+    assert said.startswith(
+        "meeting_point is (-0.3, 0.0, -0.3), allowed: one that the hole's arm reaches with an "
+        "axis that is downwards; its flange position is"
+    )
+    assert "\n" not in said
+    near = replace(HOLE_ARM, base=Placement(position=(-0.1, 0.0, -1.1), rpy=(0.0, 0.0, np.pi)))
+    assert resolve(replace(two, hole=near)).arms == ARMS
+
+
+@pytest.mark.parametrize("axis", ["start_offset", "initial_error"])
+def test_what_leaves_the_image_is_along_the_hole_s_axes(axis: str) -> None:
+    far: dict[str, Any] = {
+        "start_offset": (0.0, 0.0, 0.5),
+        "initial_error": (0.0, 0.0, 0.1, 0.0, 0.0, 0.0),
+    }
+    with pytest.raises(ParameterError, match=rf"^{axis} is .*in that of xz, .* it is at \(.*, -"):
+        resolve(replace(DOWN_INSERTION_AXIS, **{axis: far[axis]}))
+
+
+# What is seen
+
+
+ERROR = np.array([0.002, 0.003, -0.004, 0.0, 0.03, -0.05])
+
+
+@lru_cache
+def seen(by: Any, *, moves: bool = False) -> Array:
+    """Return the last measured error of a peg that is off, or that goes as it is desired."""
+    builder = DiagramBuilder()
+    poses = {}
+    for arm, error in (("peg", 0 * ERROR if moves else ERROR), ("hole", 0 * ERROR)):
+        X_WT = off(DOWN_INSERTION_AXIS, arm, error)
+        if moves and arm == "peg":
+            start = X_WT @ np.array([-0.01, 0.0, 0.02])
+            source = builder.AddSystem(StoppableMotion(start, X_WT, 1.0, PERIOD))
+        else:
+            source = builder.AddSystem(ConstantVectorSource(pose_vector(X_WT)))
+        poses[arm] = source.get_output_port(0)
+    cameras = CameraSettings(measured=by, frames=FrameGrabberParams(noise=0.0))
+    vision = add_cell_vision(
+        builder,
+        DOWN_INSERTION_AXIS,
+        cameras,
+        poses=poses,
+        begin=0.02,
+        desired=poses if moves else None,
+    )
+    for name in ("error", "valid"):
+        builder.ExportOutput(vision.GetOutputPort(name), name)
+    outputs = simulate(builder.Build(), duration=0.3 if moves else 0.1, step=PERIOD).outputs
+    assert outputs["valid"][-1]
+    return outputs["error"][-1]
+
+
+@pytest.mark.parametrize("by", ["image", "metric"])
+def test_errors_are_along_and_about_the_hole_s_axes(by: Any) -> None:
+    lacks = -ERROR / ([0.0005] * 3 + [1.0] * 3)
+    np.testing.assert_allclose(seen(by)[:3], lacks[:3], rtol=0, atol=0.3)
+    np.testing.assert_allclose(seen(by)[3:], lacks[3:], rtol=0, atol=2e-3)
+
+
+# What the arm does
+
+
+def test_downwards_errors_are_along_and_about_the_hole_s_axes_and_are_compensated() -> None:
+    smooth = replace(PEG_ARM, joint_friction=(0.0,) * 7, payload_error=0.0)
+    found = run_alignment(resolve(replace(DOWN_INSERTION_AXIS, peg=smooth)), 0)
+    row = int(DOWN_INSERTION_AXIS.begin * 80) - 1
+    lacks = [found[f"true_{name}"][row] for name in ("y", "z", "pitch", "yaw")]
+    np.testing.assert_allclose(lacks[:2], [-0.006, 0.008], rtol=0, atol=3e-4)
+    np.testing.assert_allclose(lacks[2:], [-0.05, 0.06], rtol=0, atol=4e-3)
+    assert found["lateral_error"][-1] < 0.001
+    assert found["rotational_error"][-1] < 0.02
