@@ -23,27 +23,32 @@ ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
-def script(page: str) -> str:
+def scripts(page: str) -> list[str]:
     text = (ROOT / page).read_text(encoding="utf-8")
-    (found,) = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
-    return str(found)
+    return [str(found) for found in re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)]
 
 
-def printed_by(program: str) -> str:
-    printed = io.StringIO()
+def run_script(program: str) -> tuple[str, dict[str, Any]]:
+    """Return what it prints, and the names that it leaves."""
+    printed, names = io.StringIO(), dict[str, Any]()
     with contextlib.redirect_stdout(printed):
-        exec(compile(program, "page", "exec"), {})
-    return printed.getvalue()
+        exec(compile(program, "page", "exec"), names)
+    return printed.getvalue(), names
 
 
 def test_the_readme_fits_on_a_page() -> None:
     assert len(PAGES[0].read_text(encoding="utf-8").splitlines()) <= 150
 
 
-def test_the_loop_is_short_and_ends_in_the_dead_zone() -> None:
-    loop = script("README.md")
+def test_the_loops_of_the_readme_are_short_and_end_where_they_should() -> None:
+    loop, law = scripts("README.md")
     assert len(loop.splitlines()) <= 25
-    assert float(printed_by(loop)) == pytest.approx(0.2, abs=0.01)
+    assert len(law.splitlines()) <= 16
+    printed, names = run_script(loop + law)
+    assert float(printed) == pytest.approx(0.2, abs=0.01)
+    simulator = names["simulator"]
+    (reached,) = simulator.get_system().get_output_port().Eval(simulator.get_context())
+    assert reached == pytest.approx(1.0, abs=0.005)
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,12 @@ So it is said once, where it is checked.
 import math
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any, Final
 
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.scenario_io import make_scenario, value_text
+from chamfer.analysis.scenario.plain_data import joined
+from chamfer.analysis.scenario.scenario_io import make_scenario
 
 _NUMBERS: Final = (math.nan, -1, 0, 0.5, -(10**9), 10**9)
 _INTEGER: Final = "an integer"
@@ -58,12 +60,37 @@ def _wrong_values(kind: object, value: object) -> Iterator[Any]:
 def _refusal(scenario: object, path: str, wrong: object) -> str:
     """Return what is said to be allowed when the field is ``wrong``; "" if nothing is said."""
     try:
-        make_scenario(scenario, settings=[f"{path}={value_text(wrong)}"])
+        _with(scenario, path, wrong)
     except UserError as error:
         pattern = rf"{re.escape(path)}((?:\[[0-9]+\])*) is .*?, allowed: (.*)"
         if match := re.fullmatch(pattern, str(error), re.DOTALL):
             return f"each element {match[2]}" if match[1] else match[2]
     return ""
+
+
+def _with(scenario: Any, path: str, value: object) -> Any:
+    """Return the scenario with a field set; only the dataclasses around the field are made anew.
+
+    Raises:
+        UserError: As :func:`chamfer.analysis.scenario.scenario_io.make_scenario` says it.
+    """
+    name, _, inner = path.partition(".")
+    group = getattr(scenario, name)
+    # Whether a number is finite is looked at last, when all dataclasses are made.
+    not_a_number = math.nan in (value if isinstance(value, list) else [value])
+    if not inner or group is None or not_a_number:
+        given: Any = value
+        for part in reversed(path.split(".")):
+            given = {part: given}
+        return make_scenario(scenario, given=given)
+    try:
+        made = _with(group, inner, value)
+    except UserError as error:
+        raise UserError(joined(name, str(error))) from error
+    try:
+        return replace(scenario, **{name: made})
+    except ValueError as error:
+        raise UserError(str(error)) from error
 
 
 def _is_sharpest(text: str, said: list[str]) -> bool:
