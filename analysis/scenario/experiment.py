@@ -142,9 +142,7 @@ def load(entry: Entry) -> Experiment[Any]:
 
 def _found(module: str, name: str) -> Any:
     own, _, attribute = name.rpartition(":")
-    found = getattr(import_module(own or module), attribute)
-    # TODO-instances
-    return found() if isinstance(found, type) else found
+    return getattr(import_module(own or module), attribute)
 
 
 def select(entries: Sequence[Entry], names: Sequence[str]) -> list[Entry]:

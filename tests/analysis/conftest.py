@@ -125,6 +125,10 @@ def unresolved(scenario):
 
 def no_figures(scenario, outcome):
     return {}
+
+
+FALL = FallScenario()
+TRIALS = TrialScenario()
 """
 
 LISTED = """
@@ -136,27 +140,27 @@ CATALOGUE = Catalogue(
     entries=(
         Entry(
             name="interrupted", paper="other-paper", summary="interrupted of trials", module=ALL,
-            scenario="TrialScenario", run="run_interrupted", plot="no_figures",
+            scenario="TRIALS", run="run_interrupted", plot="no_figures",
         ),
         Entry(
             name="broken", paper="other-paper", summary="broken of trials", module=ALL,
-            scenario="TrialScenario", run="run_broken", plot="no_figures",
+            scenario="TRIALS", run="run_broken", plot="no_figures",
         ),
         Entry(
             name="asserting", paper="other-paper", summary="asserting of trials", module=ALL,
-            scenario="TrialScenario", run="run_asserting", plot="no_figures",
+            scenario="TRIALS", run="run_asserting", plot="no_figures",
         ),
         Entry(
             name="slow", paper="slow-paper", summary="slow of trials", module=ALL,
-            scenario="TrialScenario", run="run_slow", plot="no_figures",
+            scenario="TRIALS", run="run_slow", plot="no_figures",
         ),
         Entry(
             name="fall", paper="toy-paper", figure="Fig. 1", summary="a body falls", module=ALL,
-            scenario="FallScenario", resolve="resolve_fall", run="run_fall", plot="plot_fall",
+            scenario="FALL", resolve="resolve_fall", run="run_fall", plot="plot_fall",
         ),
         Entry(
             name="trials", paper="toy-paper", summary="trials of trials", module=ALL,
-            scenario="TrialScenario", run="run_trials", plot="no_figures",
+            scenario="TRIALS", run="run_trials", plot="no_figures",
         ),
     ),
 )

@@ -53,7 +53,7 @@ ENTRIES = """
             paper="campaign-paper",
             summary="six tasks",
             module=ALL,
-            scenario="TrialScenario",
+            scenario="TRIALS",
             run="run_campaign",
             plot="no_figures",
         ),

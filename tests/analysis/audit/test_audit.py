@@ -96,6 +96,10 @@ class SlowScenario:
 def run_slow(scenario, seed, progress):
     time.sleep(10 * abs(scenario.slow))
     return Outcome(metrics={}, traces={"time": [0.0]}, simulated_seconds=0.0)
+
+
+TOY = Scenario()
+SLOW = SlowScenario()
 '''
 
 WAVES = Context("freq*", "of the wave", settings=("amplitude=1",))
@@ -115,12 +119,12 @@ def catalogue(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Catalogue:
         paper="p",
         summary="toy",
         module=package,
-        scenario="Scenario",
+        scenario="TOY",
         resolve="resolve",
         plot="run",
         reduced=("trials=2",),
     )
-    slow = replace(toy, name="slow", scenario="SlowScenario", run="run_slow", reduced=())
+    slow = replace(toy, name="slow", scenario="SLOW", run="run_slow", reduced=())
     return Catalogue(entries=(slow, toy), published="none")
 
 
