@@ -109,6 +109,9 @@ class CalibrationScenario:
             raise ParameterError("pictures", self.pictures, "a whole number from 4 to 200")
 
 
+CALIBRATION: Final = CalibrationScenario()
+
+
 def _calibrate(scenario: CalibrationScenario, seed: int, number: int) -> Row:
     """Return what came of a set: errors and standard deviations of the parameters, and more."""
     random = np.random.default_rng([seed, number])

@@ -26,7 +26,7 @@ _HARDER: Final = 10.0  # factor of the damping after a step that made it worse
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sight:
+class BoardView:
     """A board's corners as one camera saw them."""
 
     camera: int  # 0: left, 1: right
@@ -109,7 +109,7 @@ class Adjustment:
 
 
 def adjust(
-    sights: Sequence[Sight], start: Array, *, places: Places, noise: Sequence[float]
+    sights: Sequence[BoardView], start: Array, *, places: Places, noise: Sequence[float]
 ) -> Adjustment:
     """Adjust cameras and boards to what was seen.
 
@@ -144,7 +144,7 @@ def adjust(
 
 
 def _covariances(
-    sights: Sequence[Sight], parameters: Array, places: Places, noise: Sequence[float]
+    sights: Sequence[BoardView], parameters: Array, places: Places, noise: Sequence[float]
 ) -> tuple[Array, Array]:
     """Return the covariance of independent errors and the jackknife's, both shape (n, n)."""
     common = places.stereo.stop  # parameters of the cameras; each board has its own
@@ -176,7 +176,7 @@ def _covariances(
 
 
 def _of_picture(
-    sights: Sequence[Sight], parameters: Array, places: Places, noise: Sequence[float]
+    sights: Sequence[BoardView], parameters: Array, places: Places, noise: Sequence[float]
 ) -> tuple[Array, Array, Array]:
     """Return what remains, (m,), and its derivatives by cameras and board, (m, n) and (m, 6)."""
     common = places.stereo.stop
@@ -207,7 +207,7 @@ def _solved(normal: Array, right: Array) -> Array:
 
 
 def _linearised(
-    sights: Sequence[Sight], parameters: Array, places: Places, noise: Sequence[float]
+    sights: Sequence[BoardView], parameters: Array, places: Places, noise: Sequence[float]
 ) -> tuple[float, Array, Array]:
     """Return the sum of squares, the normal matrix and its right side."""
     size = len(parameters)
@@ -227,7 +227,7 @@ def _lens(intrinsic: Array) -> tuple[Array, Array]:
 
 
 def _seen(
-    sight: Sight, parameters: Array, places: Places
+    sight: BoardView, parameters: Array, places: Places
 ) -> tuple[Array, Array, NDArray[np.int64]]:
     """Return what remains, shape (n, 2), and how the projections move with which parameters."""
     own, board = places.intrinsic(sight.camera), places.board(sight.picture)
@@ -276,7 +276,7 @@ class Fit:
     """What fits best, and what became of the pictures."""
 
     adjustment: Adjustment
-    sights: tuple[Sight, ...]
+    sights: tuple[BoardView, ...]
     owners: tuple[Owner, ...]  # of each sight
     left_out: Mapping[Owner, str]  # why
     alone: Mapping[Owner, str]  # why a picture is not used as one of a pair
@@ -442,14 +442,14 @@ def _require_enough(
     )
 
 
-def _sight(one: Seen, camera: int, picture: int) -> Sight:
+def _sight(one: Seen, camera: int, picture: int) -> BoardView:
     if one.corners is None:
         raise ValueError(f"{one.name} shows no board")
     points, pixels = one.corners.points, one.corners.pixels
-    return Sight(camera=camera, picture=picture, points=points, pixels=pixels)
+    return BoardView(camera=camera, picture=picture, points=points, pixels=pixels)
 
 
-def _adjusted(sights: Sequence[Sight], size: tuple[int, int], whose: str) -> Adjustment:
+def _adjusted(sights: Sequence[BoardView], size: tuple[int, int], whose: str) -> Adjustment:
     points = [_in_space(sight.points).astype(np.float32) for sight in sights]
     pixels = [sight.pixels.astype(np.float32) for sight in sights]
     try:
@@ -486,7 +486,7 @@ def _agreed(
     return best[1:]
 
 
-def _predicted(right: Fit, sight: Sight, X_RB: Array) -> float:
+def _predicted(right: Fit, sight: BoardView, X_RB: Array) -> float:
     """Return a sight's error with the board at a place, pixels."""
     matrix, distortion = right.adjustment.lens(0)
     rotation = Rotation.from_matrix(X_RB[:3, :3]).as_rotvec()

@@ -19,7 +19,7 @@ from chamfer.diagrams.cell.still_vision import StillVision
 from chamfer.models.peg.peg_and_hole import OF_CONTACT, ColouredParts
 from chamfer.systems.cameras.camera_image import Image, add_noise
 from chamfer.systems.vision.cell_error import AXES
-from chamfer.systems.vision.measurement_spread import MeasurementSpread, measurement_spread
+from chamfer.systems.vision.part_detector import MeasurementSpread, measurement_spread
 
 Array = NDArray[np.float64]
 
@@ -67,7 +67,7 @@ def sight(scenario: ResolvedDesignScenario) -> Sight:
     largest of as many drawn cameras. Parts are sought in pictures with noise: at the gap, at
     corners of the starts, and on the way into the hole, where the peg hides more and more of the
     mouth. How far noise moves the measurement is
-    :func:`chamfer.systems.vision.measurement_spread.measurement_spread`.
+    :func:`chamfer.systems.vision.part_detector.measurement_spread`.
     """
     starts, share = _corners(scenario), scenario.spread.cameras
     tilt = scenario.compensator.rotational.dead_zone or 0.0

@@ -88,17 +88,20 @@ class AccuracyScenario:
             raise ParameterError("poses", self.poses, f"1 to {_MOST_POSES}")
 
 
-class Case(NamedTuple):
+ACCURACY: Final = AccuracyScenario()
+
+
+class AccuracyCase(NamedTuple):
     """Which poses, and whether the cameras are rolled."""
 
     spread: str  # the scenario's field
     rolled: bool
 
 
-CASES: Final[Mapping[str, Case]] = {
-    "wide": Case("wide", True),
-    "near": Case("near", True),
-    "near_straight": Case("near", False),
+CASES: Final[Mapping[str, AccuracyCase]] = {
+    "wide": AccuracyCase("wide", True),
+    "near": AccuracyCase("near", True),
+    "near_straight": AccuracyCase("near", False),
 }
 _STREAMS: Final = ("wide", "near")  # the same poses and noise where the spread is the same
 
@@ -116,7 +119,7 @@ def _cameras(scenario: AccuracyScenario, rolled: bool) -> dict[View, TrialCamera
 
 
 def _trial(
-    scenario: AccuracyScenario, seed: int, case: Case, trial: int
+    scenario: AccuracyScenario, seed: int, case: AccuracyCase, trial: int
 ) -> tuple[Poses, dict[View, dict[str, Image]]]:
     """Return random poses of the parts, and the images of each view by their kind."""
     random = np.random.default_rng([seed, _STREAMS.index(case.spread), trial])
@@ -125,14 +128,14 @@ def _trial(
     return poses, {view: cameras[view].images(poses, noise, random) for view in VIEWS}
 
 
-class Task(NamedTuple):
+class AccuracyTask(NamedTuple):
     """One of the poses in one of the cases."""
 
     case: str
     trial: int
 
 
-def _detect(scenario: AccuracyScenario, seed: int, task: Task) -> Row:
+def _detect(scenario: AccuracyScenario, seed: int, task: AccuracyTask) -> Row:
     """Return what was measured in a pose's images, ``errors``, shape (kinds, measured)."""
     case = CASES[task.case]
     cameras = {view: one.camera for view, one in _cameras(scenario, case.rolled).items()}
@@ -176,7 +179,7 @@ def _example(scenario: AccuracyScenario, seed: int) -> dict[str, Table]:
 
 def run(scenario: AccuracyScenario, seed: int, progress: Progress) -> Outcome:
     """Detect the parts in all kinds of images of the same poses, in each case."""
-    tasks = [Task(case, trial) for case in CASES for trial in range(scenario.poses)]
+    tasks = [AccuracyTask(case, trial) for case in CASES for trial in range(scenario.poses)]
     finished = run_each(partial(_detect, scenario, seed), tasks, progress)
     finished.split(CASES, lambda task: task.case)  # none may be without
     traces = _rows(finished)
@@ -188,7 +191,7 @@ def run(scenario: AccuracyScenario, seed: int, progress: Progress) -> Outcome:
     )
 
 
-def _rows(finished: Trials[Task]) -> Table:
+def _rows(finished: Trials[AccuracyTask]) -> Table:
     """Return a row for each pose and kind of images."""
     errors = np.concatenate([row["errors"] for row in finished.rows])
     count = len(errors) // len(finished)
@@ -245,7 +248,7 @@ def resolve_camera_accuracy(scenario: AccuracyScenario) -> AccuracyScenario:
     return scenario
 
 
-def _said(scenario: AccuracyScenario, case: Case) -> str:
+def _said(scenario: AccuracyScenario, case: AccuracyCase) -> str:
     reach: Reach = getattr(scenario, case.spread).peg
     rolled = f"{scenario.cameras.roll:g} rad" if case.rolled else "0"
     return f"within {1e3 * reach.distance:g} mm, {1e3 * reach.angle:g} mrad; roll {rolled}"

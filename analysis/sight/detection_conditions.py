@@ -86,13 +86,23 @@ class ConditionsScenario:
         if not 1 <= self.pictures <= _MOST_PICTURES:
             raise ParameterError("pictures", self.pictures, f"1 to {_MOST_PICTURES}")
 
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedConditionsScenario(ConditionsScenario):
+    """Pictures of which it is known whether photographs are behind the parts."""
+
+    photographs: bool
+
     @property
     def conditions(self) -> tuple[str, ...]:
         """Names of the conditions that are tried."""
         return tuple(name for name in CONDITIONS if name != _PHOTOGRAPHS or self.photographs)
 
 
-class Task(NamedTuple):
+STUDY: Final = ConditionsScenario()
+
+
+class ConditionTask(NamedTuple):
     """One picture."""
 
     condition: str
@@ -101,7 +111,7 @@ class Task(NamedTuple):
 
 
 def picture(
-    scenario: ConditionsScenario, seed: int, task: Task
+    scenario: ResolvedConditionsScenario, seed: int, task: ConditionTask
 ) -> tuple[Image, tuple[Appearance, Appearance], tuple[Detection, ...]]:
     """Return a picture, what to look for in it, and where that truly is."""
     condition = CONDITIONS[task.condition]
@@ -132,7 +142,7 @@ def picture(
 
 
 def _camera(
-    scenario: ConditionsScenario, condition: Condition, level: float, trial: int
+    scenario: ResolvedConditionsScenario, condition: Condition, level: float, trial: int
 ) -> tuple[Camera, float]:
     """Return a camera that sees as much whatever its pixels, and what these cover, m."""
     stand = scenario.cameras
@@ -148,7 +158,7 @@ def _camera(
     return placement.camera, placement.pixel_size
 
 
-def _detect(scenario: ConditionsScenario, seed: int, task: Task) -> Row:
+def _detect(scenario: ResolvedConditionsScenario, seed: int, task: ConditionTask) -> Row:
     """Return what was found of both parts, and how far off it is, each of shape (2,)."""
     image, looks, truths = picture(scenario, seed, task)
     found = detect_parts(image, *looks)
@@ -176,10 +186,10 @@ def _errors(found: Detection, true: Detection) -> tuple[float, float, float]:
     return float(axial), float(lateral), angle
 
 
-def run(scenario: ConditionsScenario, seed: int, progress: Progress) -> Outcome:
+def run(scenario: ResolvedConditionsScenario, seed: int, progress: Progress) -> Outcome:
     """Look for the parts in all pictures."""
     tasks = [
-        Task(condition, severity, trial)
+        ConditionTask(condition, severity, trial)
         for condition in scenario.conditions
         for severity in SEVERITIES
         for trial in range(scenario.pictures)
@@ -195,7 +205,7 @@ def run(scenario: ConditionsScenario, seed: int, progress: Progress) -> Outcome:
     )
 
 
-def _rows(scenario: ConditionsScenario, finished: Trials[Task]) -> Table:
+def _rows(scenario: ResolvedConditionsScenario, finished: Trials[ConditionTask]) -> Table:
     """Return a row for each picture; what is ``found``, ``refused`` and ``wrong`` is 1, else 0."""
     values = {
         name: np.array([row[name] for row in finished.rows]) for name in ("status", *_ERRORS)
@@ -219,7 +229,7 @@ def _rows(scenario: ConditionsScenario, finished: Trials[Task]) -> Table:
     }
 
 
-def _metrics(scenario: ConditionsScenario, traces: Table) -> dict[str, Metric]:
+def _metrics(scenario: ResolvedConditionsScenario, traces: Table) -> dict[str, Metric]:
     metrics: dict[str, Metric] = {}
     middle: dict[str, float] = {}
     for condition in scenario.conditions:
@@ -271,12 +281,12 @@ def _rms(of: Table, error: str, unit: str) -> Metric:
     return Metric(value=math.sqrt(float(np.mean(known**2))), unit=unit)
 
 
-def _examples(scenario: ConditionsScenario, seed: int) -> Table:
+def _examples(scenario: ResolvedConditionsScenario, seed: int) -> Table:
     """Return a small picture of each condition at its middle severity, a row a pixel."""
     width, height = _SHOWN
     pixels: dict[str, list[NDArray[np.uint8]]] = {}
     for condition in scenario.conditions:
-        image, _, _ = picture(scenario, seed, Task(condition, "middle", 0))
+        image, _, _ = picture(scenario, seed, ConditionTask(condition, "middle", 0))
         rows, columns = image.shape[:2]
         share = min(rows / height, columns / width)
         h, w = round(share * height), round(share * width)
@@ -292,16 +302,15 @@ def _examples(scenario: ConditionsScenario, seed: int) -> Table:
     }
 
 
-def resolve_detection_conditions(scenario: ConditionsScenario) -> ConditionsScenario:
+def resolve_detection_conditions(scenario: ConditionsScenario) -> ResolvedConditionsScenario:
     """Return the scenario with what it leaves open filled in, and checked."""
-    if scenario.photographs is None:
-        return replace(scenario, photographs=installed())
+    photographs = installed() if scenario.photographs is None else scenario.photographs
     if scenario.photographs:
         require_photographs()
-    return scenario
+    return ResolvedConditionsScenario(**{**vars(scenario), "photographs": photographs})
 
 
-def figures(scenario: ConditionsScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def figures(scenario: ResolvedConditionsScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
     said = {name: CONDITIONS[name].said for name in scenario.conditions}
     levels: dict[str, Sequence[float]] = {name: CONDITIONS[name].levels for name in said}

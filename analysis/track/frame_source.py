@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final, NamedTuple, Self
+from typing import Any, ClassVar, Final, NamedTuple, Protocol, Self
 
 import cv2
 import numpy as np
@@ -76,9 +76,44 @@ class Frame(NamedTuple):
     time: float | None = None  # s, after the first one; None: it doesn't say
 
 
+class FrameSource(Protocol):
+    """The frames of one camera, recorded or live."""
+
+    @property
+    def announced(self) -> int | None:
+        """How many frames it says it has, which may be an estimate."""
+
+    @property
+    def number(self) -> int | None:
+        """How many frames there are, as far as that is known."""
+
+    @property
+    def timed(self) -> bool:
+        """Whether it says when its frames were taken, or how fast."""
+
+    @property
+    def live(self) -> bool:
+        """Whether it goes on until it is stopped."""
+
+    @property
+    def missed(self) -> int:
+        """How many frames came while too many others waited."""
+
+    def frames(self, stopped: Callable[[], bool] = ...) -> Iterator[Frame]:
+        """Yield the frames in order until there are no more, or it is stopped."""
+
+
+def never() -> bool:
+    """Return that nothing is stopped."""
+    return False
+
+
 @dataclass(frozen=True, kw_only=True)
 class Recording:
     """Where frames are on disk; :func:`open_recording` makes one."""
+
+    live: ClassVar[bool] = False
+    missed: ClassVar[int] = 0
 
     files: tuple[Path, ...]  # the images in order, or the video
     video: bool
@@ -90,8 +125,13 @@ class Recording:
         """How many frames there are, as far as that is known."""
         return self.announced if self.video else len(self.files)
 
-    def frames(self) -> Iterator[Frame]:
-        """Yield the frames in order, all of one size.
+    @property
+    def timed(self) -> bool:
+        """Whether it says how fast its frames were taken."""
+        return self.video
+
+    def frames(self, stopped: Callable[[], bool] = never) -> Iterator[Frame]:
+        """Yield the frames in order, all of one size; it ends by itself.
 
         Raises:
             UserError: If a frame can't be read or has another size than the first one.
@@ -311,6 +351,11 @@ class LiveCamera:
         UserError: If it can't be opened.
     """
 
+    announced: ClassVar[int | None] = None
+    number: ClassVar[int | None] = None
+    timed: ClassVar[bool] = True
+    live: ClassVar[bool] = True
+
     def __init__(self, path: Path, size: tuple[int, int] | None = None) -> None:
         self._path = path
         self._size = size
@@ -345,7 +390,7 @@ class LiveCamera:
         """How many frames came while too many others waited."""
         return self._missed
 
-    def frames(self, stopped: Callable[[], bool]) -> Iterator[Frame]:
+    def frames(self, stopped: Callable[[], bool] = never) -> Iterator[Frame]:
         """Yield the frames with their times, s after the first one.
 
         Raises:

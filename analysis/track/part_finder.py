@@ -31,7 +31,7 @@ COLUMNS: Final = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Seen:
+class SeenParts:
     """What was found in one frame of one camera."""
 
     image: Image  # in which it was found
@@ -53,12 +53,12 @@ class Seen:
 class Sighting:
     """What was found at one moment by one camera or by several."""
 
-    seen: tuple[Seen, ...]  # by each camera
+    seen: tuple[SeenParts, ...]  # by each camera
     values: list[float]  # of the columns
     note: str = ""  # a line for the overlay
 
 
-class Sight(Protocol):
+class PartTracker(Protocol):
     """Finds the parts in frames that follow each other, of one camera or of several."""
 
     columns: tuple[str, ...]  # of the table
@@ -98,7 +98,7 @@ class PartFinder:
         seen = self.look(images[0], time)
         return Sighting(seen=(seen,), values=seen.values)
 
-    def look(self, image: Image, time: float) -> Seen:
+    def look(self, image: Image, time: float) -> SeenParts:
         """Return what is found in the next image, taken at a time, s.
 
         Raises:
@@ -114,7 +114,7 @@ class PartFinder:
         if self._straightened is not None:
             image = self._straightened(image)
         peg, hole = map(self._followed, (0, 1), detect_parts(image, *self._parts), (time, time))
-        return Seen(image=image, peg=peg, hole=hole)
+        return SeenParts(image=image, peg=peg, hole=hole)
 
     def _followed(self, which: int, found: Detection, time: float) -> Detection:
         """Return what is believed of a part after what was seen of it before."""

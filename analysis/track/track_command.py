@@ -10,9 +10,9 @@ from chamfer.analysis.scenario.experiment import Catalogue
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from chamfer.analysis.track.part_finder import Sight
+    from chamfer.analysis.track.part_finder import PartTracker
     from chamfer.analysis.track.track_table import Track
-    from chamfer.analysis.track.tracking import Source, TrackScenario
+    from chamfer.analysis.track.tracking import SynchronisedFrames, TrackScenario
     from chamfer.models.cameras.camera import Camera
 
 _INTERRUPTED: Final = 130  # exit statuses
@@ -173,7 +173,7 @@ def _find(arguments: argparse.Namespace) -> int:
     try:
         with ExitStack() as stack:
             source = _source(arguments, scenario, cameras, stack)
-            sight = _sight(scenario, cameras, source)
+            tracker = _tracker(scenario, cameras, source)
             require_writable(arguments.out, [FOLDER])
             saved = None
             if arguments.save_frames:
@@ -190,7 +190,7 @@ def _find(arguments: argparse.Namespace) -> int:
                 found, paths = write_track(
                     arguments.out,
                     source,
-                    sight,
+                    tracker,
                     video=not arguments.no_video,
                     saved=saved,
                     replaces=warn,
@@ -244,7 +244,9 @@ def _cameras(arguments: argparse.Namespace) -> "tuple[Camera, ...]":
     return read_cameras(arguments.camera_model, 2 if arguments.right else 1)
 
 
-def _sight(scenario: "TrackScenario", cameras: "Sequence[Camera]", source: "Source") -> "Sight":
+def _tracker(
+    scenario: "TrackScenario", cameras: "Sequence[Camera]", source: "SynchronisedFrames"
+) -> "PartTracker":
     from chamfer.analysis.track.part_finder import MetricFinder, PartFinder
 
     known = source.timed or scenario.rate is not None
@@ -261,7 +263,7 @@ def _source(
     scenario: "TrackScenario",
     cameras: "Sequence[Camera]",
     stack: ExitStack,
-) -> "Source":
+) -> "SynchronisedFrames":
     import math
 
     from chamfer.analysis.track.frame_source import (
@@ -270,22 +272,22 @@ def _source(
         open_recording,
         require_paired,
     )
-    from chamfer.analysis.track.tracking import Source
+    from chamfer.analysis.track.tracking import SynchronisedFrames
 
     if arguments.device is None:
         recordings = [open_recording(arguments.files)]
         if arguments.right:
             recordings.append(open_recording(arguments.right))
             require_paired(*recordings, rated=scenario.rate is not None)
-        return Source(recordings, scenario.rate_of(recordings[0]), arguments.frames)
+        return SynchronisedFrames(recordings, scenario.rate_of(recordings[0]), arguments.frames)
     size = (cameras[0].width, cameras[0].height) if cameras else None
     camera = stack.enter_context(LiveCamera(device_path(arguments.device), size))
-    return Source(camera, camera.rate or math.nan, arguments.frames)
+    return SynchronisedFrames([camera], camera.rate or math.nan, arguments.frames)
 
 
 def _end(
     arguments: argparse.Namespace,
-    source: "Source",
+    source: "SynchronisedFrames",
     scenario: "TrackScenario",
     found: "Track",
     paths: list[Path],

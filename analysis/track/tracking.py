@@ -16,8 +16,8 @@ from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import Progress
 from chamfer.analysis.scenario.scenario_io import unstructure
 from chamfer.analysis.track.detection_overlay import REASONS, Caption
-from chamfer.analysis.track.frame_source import CameraError, Frame, LiveCamera, Recording
-from chamfer.analysis.track.part_finder import Sight, Sighting
+from chamfer.analysis.track.frame_source import CameraError, Frame, FrameSource, Recording
+from chamfer.analysis.track.part_finder import PartTracker, Sighting
 from chamfer.analysis.track.track_files import FrameFolder, TrackFiles
 from chamfer.analysis.track.track_table import Rows, Track
 from chamfer.models.validation import ParameterError
@@ -83,55 +83,57 @@ class TrackScenario:
         return math.nan if rate is None else rate
 
 
-class Source:
-    """Frames of one recording, of two taken together, or of a live camera.
+class SynchronisedFrames:
+    """Frames of one source, or of two taken together.
 
     Args:
-        of: The recordings, the left camera's first, or the live camera.
+        of: The sources, the left camera's first.
         rate: Frames/s, or NaN.
         limit: The most moments; None: as many as there are.
     """
 
-    def __init__(
-        self, of: Sequence[Recording] | LiveCamera, rate: float, limit: int | None = None
-    ) -> None:
+    def __init__(self, of: Sequence[FrameSource], rate: float, limit: int | None = None) -> None:
         self._of = of
         self.rate = rate
-        self.live = of if isinstance(of, LiveCamera) else None
-        known = [limit] if isinstance(of, LiveCamera) else [limit, *(one.number for one in of)]
-        self.number = min((number for number in known if number is not None), default=None)
+        self._known = [one.number for one in of if one.number is not None]
+        self.number = min([*self._known, *([] if limit is None else [limit])], default=None)
         self._limit = limit
 
     @property
     def announced(self) -> int | None:
         """How many frames a video says it has, if all of them are to be looked at."""
-        if isinstance(self._of, LiveCamera) or self._limit is not None:
+        if self._limit is not None:
             return None
-        said = [one.announced for one in self._of if one.announced is not None]
-        return min(said, default=None)
+        return min((one.announced for one in self._of if one.announced is not None), default=None)
 
     @property
     def unpaired(self) -> int:
         """How many frames of the longer of two recordings have no partner, as far as is known."""
-        if isinstance(self._of, LiveCamera):
-            return 0
-        known = [one.number for one in self._of if one.number is not None]
-        return max(known, default=0) - min(known, default=0)
+        return max(self._known, default=0) - min(self._known, default=0)
 
     @property
     def timed(self) -> bool:
         """Whether it says when its frames were taken, or how fast."""
-        return isinstance(self._of, LiveCamera) or self._of[0].video
+        return self._of[0].timed
+
+    @property
+    def live(self) -> bool:
+        """Whether a camera takes the frames now."""
+        return self._of[0].live
 
     @property
     def ends(self) -> bool:
         """Whether it ends by itself."""
-        return self.live is None or self._limit is not None
+        return not self.live or self._limit is not None
+
+    @property
+    def missed(self) -> int:
+        """How many frames came while others were looked at."""
+        return sum(one.missed for one in self._of)
 
     def moments(self, stopped: Callable[[], bool]) -> Iterator[tuple[Frame, ...]]:
         """Yield the frames of each moment, one of each camera."""
-        of = self._of
-        streams = [of.frames(stopped)] if isinstance(of, LiveCamera) else [r.frames() for r in of]
+        streams = [one.frames(stopped) for one in self._of]
         for count, frames in enumerate(zip(*streams, strict=False), 1):
             yield frames
             if count == self._limit:
@@ -144,8 +146,8 @@ class Source:
 
 def write_track(
     out: Path,
-    source: Source,
-    sight: Sight,
+    source: SynchronisedFrames,
+    tracker: PartTracker,
     *,
     video: bool,
     saved: FrameFolder | None = None,
@@ -155,13 +157,13 @@ def write_track(
 ) -> tuple[Track, list[Path]]:
     """Find the parts in every frame, and write the tables and, if asked for, the overlay video.
 
-    The table's columns are ``frame``, from 0, ``time``, s, and those of the sight. What was found
+    The columns are ``frame``, from 0, ``time``, s, and those of the tracker. What was found
     until then is written whatever ends it before the last frame.
 
     Args:
         out: The folder of all results.
         source: Where the frames come from.
-        sight: Finds the parts in them.
+        tracker: Finds the parts in them.
         video: Whether to write the overlay.
         saved: Where to keep the frames; None: nowhere.
         replaces: Called before the files of an earlier run are replaced, if there are any.
@@ -175,10 +177,10 @@ def write_track(
         UserError: If the first frame can't be read.
         CameraError: If a live camera sends no frame at all.
     """
-    rows, size = Rows(sight.columns), (0, 0)
+    rows, size = Rows(tracker.columns), (0, 0)
     fault: Exception | None = None
     with TrackFiles(out, video=video) as files:
-        files.begin(rows.header(), source.rate, live=source.live is not None)
+        files.begin(rows.header(), source.rate, live=source.live)
         try:
             for k, frames in enumerate(source.moments(stopped)):
                 if stopped():
@@ -186,7 +188,7 @@ def write_track(
                 time = source.time(k, frames[0])
                 if saved is not None:
                     saved.save(frames[0].name, frames[0].image)
-                found = sight.find([frame.image for frame in frames], time)
+                found = tracker.find([frame.image for frame in frames], time)
                 files.add_line(rows.add(frames[0].name, time, found.values))
                 if files.overlay is not None:
                     files.overlay.show(found, [Caption(k, time, frame.name) for frame in frames])
@@ -203,7 +205,7 @@ def write_track(
             # Ctrl-C is how a live camera ends, unless it is to end by itself.
             interrupted=stopped() and len(rows) != source.number and source.ends,
             fault=fault,
-            missed=0 if source.live is None else source.live.missed,
+            missed=source.missed,
         )
         return track, files.finish(track.table, replaces) if len(rows) else []
 
@@ -215,7 +217,7 @@ def _doing(number: int, found: Sighting) -> str:
 
 
 def document(
-    source: Source, scenario: TrackScenario, found: Track, paths: Sequence[Path]
+    source: SynchronisedFrames, scenario: TrackScenario, found: Track, paths: Sequence[Path]
 ) -> dict[str, Any]:
     """Return what was found as a document for JSON."""
     width, height = found.size

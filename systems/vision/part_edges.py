@@ -13,7 +13,7 @@ from chamfer.systems.vision.part_appearance import Appearance, Proportions
 from chamfer.systems.vision.part_masks import Blob, Mask, outline, row_ends
 from chamfer.systems.vision.soft_edges import (
     NEAR,
-    Starts,
+    EdgeStarts,
     Step,
     blur,
     colour_beyond,
@@ -187,7 +187,7 @@ class Axis(NamedTuple):
 class _Side(NamedTuple):
     """One of the long edges as the mask has it."""
 
-    starts: Starts  # columns and rows of where to look for the edge
+    starts: EdgeStarts  # columns and rows of where to look for the edge
     step: Step  # out of the part
     rough: Line
 
@@ -352,7 +352,7 @@ def find_end(
     return End(axis.at(part.front * level, 0.0), level, bulge, background.mean(axis=0))
 
 
-def _hidden(starts: Starts, part: Appearance, outside: int, other: Mask | None) -> int:
+def _hidden(starts: EdgeStarts, part: Appearance, outside: int, other: Mask | None) -> int:
     """Return how many lines across an end lead to the other part, or close by."""
     if other is None:
         return 0
@@ -421,7 +421,7 @@ def _length(blob: Blob, part: Appearance, axis: Axis, end: End) -> float:
     return (end.along + level) / math.sqrt(1 - turned**2)
 
 
-def _rows(blob: Blob, axis: Axis, front: int, reach: float) -> Starts:
+def _rows(blob: Blob, axis: Axis, front: int, reach: float) -> EdgeStarts:
     """Return a blob's foremost pixels, column and row, as far from its axis as ``reach``."""
     end = blob.left + (blob.own.shape[1] - 1 if front > 0 else 0)
     middle, half = axis.v + math.tan(axis.angle) * (end - axis.u), reach * math.cos(axis.angle)
@@ -430,7 +430,7 @@ def _rows(blob: Blob, axis: Axis, front: int, reach: float) -> Starts:
 
 
 def _along_and_across(
-    starts: Starts, beyond: Array, axis: Axis, front: int
+    starts: EdgeStarts, beyond: Array, axis: Axis, front: int
 ) -> tuple[Array, Array]:
     """Return how far points are ahead of the axis' point, and aside of it, pixels.
 

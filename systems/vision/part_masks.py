@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from chamfer.systems.cameras.camera_image import Image
 from chamfer.systems.compiled import compiled
 from chamfer.systems.vision.part_appearance import Appearance
+from chamfer.systems.vision.soft_edges import EdgeStarts
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.uint8]
 Own = NDArray[np.bool_]
-Starts = NDArray[np.int64]
 
 _LABELS: Final = 65535  # that 16 bits hold
 _GREY: Final = 1.1  # ratio of a background's channels, up to which it is taken for grey
@@ -65,7 +65,7 @@ def outline(own: Own, top: int) -> tuple[Array, Array]:
 @compiled
 def row_ends(
     own: Own, left: int, top: int, front: int, first: int, last: int, most: float
-) -> Starts:
+) -> EdgeStarts:
     """Return the foremost pixel of a blob in each of some rows.
 
     A row that a highlight crosses seems to end there, far from where the others do.

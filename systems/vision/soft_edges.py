@@ -16,7 +16,7 @@ from chamfer.systems.compiled import compiled
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
-Starts = NDArray[np.int64]
+EdgeStarts = NDArray[np.int64]  # column and row of pixels at an edge, shape (n, 2)
 Step = tuple[int, int]
 
 _LEAST_CONTRAST: Final = 40.0  # grey levels, of the background across the part's colour
@@ -31,7 +31,7 @@ _LOW, _HIGH = 0.25, 0.75  # shares between which the blur of an edge is measured
 _SHADE: Final = (0.5, 1.6)  # brightness of a background beyond the end, of the one beside
 
 
-def moved(starts: Starts, step: Step, middle: float) -> Starts:
+def moved(starts: EdgeStarts, step: Step, middle: float) -> EdgeStarts:
     """Return starts at the last pixel that shows more of the part than not.
 
     A mask ends there, but where the part's colour gives way to another one long before.
@@ -82,7 +82,7 @@ def contrast(part: Array, background: Array) -> tuple[float, float, float, float
 
 @compiled
 def colour_beyond(
-    image: Pixels, starts: Starts, step: Step, first: int, last: int
+    image: Pixels, starts: EdgeStarts, step: Step, first: int, last: int
 ) -> tuple[Array, float, int]:
     """Return the mean colour of pixels beyond an edge, without what differs from most of them.
 
@@ -128,7 +128,7 @@ def colour_beyond(
 
 @compiled
 def blur(
-    image: Pixels, starts: Starts, step: Step, part: Array, reach: int
+    image: Pixels, starts: EdgeStarts, step: Step, part: Array, reach: int
 ) -> tuple[float, float]:
     """Return over how many pixels an edge goes from part to background, and where; else NaN.
 
@@ -181,7 +181,7 @@ def blur(
 
 @compiled
 def backgrounds_beyond(
-    image: Pixels, starts: Starts, step: Step, first: int, last: int, block: int, common: Array
+    image: Pixels, starts: EdgeStarts, step: Step, first: int, last: int, block: int, common: Array
 ) -> Array:
     """Return the background beyond an edge where it is, for each line across it.
 
@@ -228,8 +228,8 @@ def shrunk(mean: Array, spread: float, count: int, common: Array) -> Array:
 
 @compiled
 def end_background(
-    image: Pixels, starts: Starts, step: Step, outside: int, beside: Array
-) -> tuple[Array, Starts]:
+    image: Pixels, starts: EdgeStarts, step: Step, outside: int, beside: Array
+) -> tuple[Array, EdgeStarts]:
     """Return the background beyond an end, for each line across it, and where it is one.
 
     Background is what has the colour of the one beside the part, in light or shade.
@@ -270,7 +270,7 @@ def end_background(
 @compiled
 def soft_edges(
     image: Pixels,
-    starts: Starts,
+    starts: EdgeStarts,
     step: Step,
     part: Array,
     backgrounds: Array,
@@ -366,7 +366,7 @@ def mean_share(image: Pixels, triangle: Array, part: Array, background: Array) -
 
 @compiled
 def edge_beyond(
-    image: Pixels, starts: Starts, step: Step, part: Array, outside: int
+    image: Pixels, starts: EdgeStarts, step: Step, part: Array, outside: int
 ) -> tuple[Array, Array]:
     """Return how far a long edge is beyond its starts, as :func:`soft_edges`, and what is beside.
 

@@ -1,4 +1,4 @@
-"""Boards: what describes them, and where their corners are in pictures."""
+"""Boards: what describes them, how they are drawn, and where their corners are found."""
 
 from collections.abc import Callable
 from typing import Any
@@ -6,6 +6,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from chamfer.analysis.calibration.board import (
     Board,
@@ -14,7 +15,12 @@ from chamfer.analysis.calibration.board import (
     NotFoundError,
     parse_board,
 )
-from chamfer.analysis.calibration.drawn_boards import BoardPicture, draw_board
+from chamfer.analysis.calibration.drawn_boards import (
+    BoardPicture,
+    BoardPoses,
+    draw_board,
+    place_board,
+)
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.validation import ParameterError
 
@@ -42,50 +48,31 @@ def test_boards_are_described_in_words() -> None:
     np.testing.assert_allclose(parse_board("chessboard:9x6:25mm").points[10], [0.025, 0.025])
 
 
+NO_BOARDS = (
+    "|chessboard|chessboard:9x6|chessboard:9x6:25|chessboard:9x6:25mm:3|chessboard:9x2:25mm"
+    "|chessboard:9x101:25mm|chessboard:9x6:0mm|chessboard:9x6:101m|chessboard:9x6:-25mm"
+    "|chessboard:9 x 6:25mm|circles:9x6:25mm|charuco:8x6:30mm:22mm"
+    "|charuco:8x6:30mm:22:DICT_5X5_100"
+)
+
+
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "allowed"),
     [
         *(
-            (text, f"board is {text!r}, allowed: chessboard:9x6:25mm (inner corners, side of a")
-            for text in (
-                "",
-                "chessboard",
-                "chessboard:9x6",
-                "chessboard:9x6:25",
-                "chessboard:9x6:25mm:3",
-                "chessboard:9x2:25mm",
-                "chessboard:9x101:25mm",
-                "chessboard:9x6:0mm",
-                "chessboard:9x6:101m",
-                "chessboard:9x6:-25mm",
-                "chessboard:9 x 6:25mm",
-                "circles:9x6:25mm",
-                "charuco:8x6:30mm:22mm",
-                "charuco:8x6:30mm:22:DICT_5X5_100",
-            )
+            (text, "chessboard:9x6:25mm (inner corners, side of a")
+            for text in NO_BOARDS.split("|")
         ),
-        (
-            "charuco:8x6:30mm:22mm:DICT_5X5_99",
-            "board is 'charuco:8x6:30mm:22mm:DICT_5X5_99', allowed: one of OpenCV's",
-        ),
-        (
-            "charuco:8x6:30mm:22mm:__doc__",
-            "board is 'charuco:8x6:30mm:22mm:__doc__', allowed: one of OpenCV's",
-        ),
-        (
-            "charuco:8x6:22mm:22mm:DICT_5X5_100",
-            "board is 'charuco:8x6:22mm:22mm:DICT_5X5_100', allowed: markers that are",
-        ),
-        (
-            "charuco:20x20:30mm:22mm:DICT_5X5_100",
-            "board is 'charuco:20x20:30mm:22mm:DICT_5X5_100', allowed: at most 100 markers",
-        ),
+        ("charuco:8x6:30mm:22mm:DICT_5X5_99", "one of OpenCV's"),
+        ("charuco:8x6:30mm:22mm:__doc__", "one of OpenCV's"),
+        ("charuco:8x6:22mm:22mm:DICT_5X5_100", "markers that are"),
+        ("charuco:20x20:30mm:22mm:DICT_5X5_100", "at most 100 markers"),
     ],
 )
-def test_what_describes_no_board(text: str, message: str) -> None:
+def test_what_describes_no_board(text: str, allowed: str) -> None:
     with pytest.raises(ParameterError) as raised:
         parse_board(text)
-    assert str(raised.value).startswith(message)
+    assert str(raised.value).startswith(f"board is {text!r}, allowed: {allowed}")
 
 
 @pytest.mark.parametrize("board", [Chessboard(columns=9, rows=6, square=0.025), CHARUCO])
@@ -148,3 +135,80 @@ def test_a_large_picture_is_searched_small_and_measured_large(
     image = draw_board(board, there, BoardPicture(), np.random.default_rng(0))
     error = board.find(image).pixels - project(there, board)
     assert np.sqrt(np.mean(error**2)) < 0.03
+
+
+CLEAN = BoardPicture(noise=0.0, blur=0.0)
+
+
+def straight(board: Chessboard | Charuco, pixels: float, shift: tuple[float, float]) -> Camera:
+    """Return a camera that shows a board's origin at shift and its squares in pixels."""
+    return Camera(
+        width=64,
+        height=48,
+        focal=(100.0, 100.0),
+        centre=shift,
+        R_WC=np.eye(3),
+        p_WC=np.array([0.0, 0.0, -100.0 * board.square / pixels]),
+    )
+
+
+def test_squares_cover_pixels_exactly() -> None:
+    board = Chessboard(columns=4, rows=3, square=0.01)
+    image = draw_board(board, straight(board, 8.0, (15.75, 11.5)), CLEAN, np.random.default_rng(0))
+    black, white = 30, 220
+    assert (image[5, 9], image[5, 20]) == (black, white)  # outside of the first corner, beside it
+    assert image[13, 17] == black  # the square between the first corners
+    # Of the column at the corner's u, which reaches from 15.5 to 16.5, 0.25 is left of it.
+    assert image[5, 16] == round(0.25 * black + 0.75 * white)
+    assert image[13, 16] == round(0.25 * white + 0.75 * black)
+    assert image[0, 0] == 120  # beyond the paper
+
+
+def test_a_charuco_board_is_drawn_as_opencv_draws_it() -> None:
+    board = Charuco(columns=4, rows=3, square=0.01, marker=0.006, dictionary="DICT_4X4_50")
+    camera = Camera(
+        width=400,
+        height=300,
+        focal=(100.0, 100.0),
+        centre=(-0.5, -0.5),
+        R_WC=np.eye(3),
+        p_WC=np.array([0.0, 0.0, -0.01]),
+    )
+    image = draw_board(board, camera, CLEAN, np.random.default_rng(0))
+    np.testing.assert_array_equal(image > 125, board.drawing.generateImage((400, 300)) > 125)
+
+
+def test_distortion_bends_the_drawing_as_opencv_does(
+    camera: Camera, board: Chessboard, place: Callable[..., list[Camera]]
+) -> None:
+    for there in place(3):
+        image = draw_board(board, there, CLEAN, np.random.default_rng(0))
+        R_CB = there.R_WC.T
+        expected, _ = cv2.projectPoints(
+            np.column_stack([board.points, np.zeros(54)]),
+            Rotation.from_matrix(R_CB).as_rotvec(),
+            -R_CB @ there.p_WC,
+            there.matrix,
+            np.array(there.distortion),
+        )
+        np.testing.assert_allclose(board.find(image).pixels, expected[:, 0], atol=0.1)
+
+
+def test_noise_and_blur_are_drawn(board: Chessboard, place: Callable[..., list[Camera]]) -> None:
+    (there,) = place(1)
+    random = np.random.default_rng(1)
+    clean = draw_board(board, there, CLEAN, random).astype(float)
+    noisy = draw_board(board, there, BoardPicture(noise=5.0, blur=0.0), random)
+    assert np.std(noisy - clean) == pytest.approx(5.0, rel=0.05)
+    blurred = draw_board(board, there, BoardPicture(noise=0.0, blur=2.0), random).astype(float)
+    assert np.abs(np.diff(blurred)).max() < 0.6 * np.abs(np.diff(clean)).max()
+
+
+def test_boards_are_held_as_asked(camera: Camera, board: Chessboard) -> None:
+    random = np.random.default_rng(2)
+    poses = BoardPoses(tilt=0.5, roll=0.1, extent=(0.3, 0.4))
+    places = [place_board(board, camera, poses, random) for _ in range(20)]
+    tilts = [np.arccos(there.R_WC[2, 2]) for there in places]
+    assert 0.35 < max(tilts) <= 0.5
+    with pytest.raises(ParameterError, match="extent is"):
+        place_board(board, camera, BoardPoses(extent=(1.0, 1.0)), random)

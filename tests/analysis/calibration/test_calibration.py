@@ -1,10 +1,11 @@
-"""Calibrations beside the truth: the photographs, two cameras, a camera in the world."""
+"""Calibrations beside the truth, and the figure of what they leave over."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.quiver import Quiver
 from scipy.spatial.transform import Rotation
 
 from chamfer.analysis.calibration.board import Chessboard
@@ -15,9 +16,9 @@ from chamfer.analysis.calibration.calibration import (
     picture_files,
     see_board,
 )
+from chamfer.analysis.calibration.calibration_figures import plot_residuals
 from chamfer.analysis.calibration.camera_fit import Seen
 from chamfer.analysis.calibration.drawn_boards import BoardPoses
-from chamfer.analysis.scenario.errors import UserError
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.cameras.camera_file import MeasuredPose, camera_text, read_camera
 
@@ -127,15 +128,6 @@ def test_a_camera_in_the_world_by_a_picture_of_its_own(place: Place, look: Look)
     assert np.abs(off).max() < 4
 
 
-def test_a_known_place_that_isn_t_seen(place: Place, look: Look) -> None:
-    seen = look(place(4))
-    seen.append(Seen(name="there.png", reason="the board is not found"))
-    with pytest.raises(UserError) as raised:
-        calibrate([seen], [SIZE], known=KnownPlace(picture=4, X_WB=X_WB))
-    message = "there.png can't tell where the camera stands: the board is not found"
-    assert str(raised.value) == message
-
-
 def test_what_is_said_of_pictures(place: Place, look: Look) -> None:
     seen = look(place(4))
     seen.insert(1, Seen(name="none.png", reason="the board is not found"))
@@ -148,3 +140,26 @@ def test_what_is_said_of_pictures(place: Place, look: Look) -> None:
     rms = float(np.sqrt(np.mean(np.square(errors))))
     assert found.cameras.left.reprojection_error == pytest.approx(rms)
     assert found.cameras.right is None
+
+
+SIZE = (640, 480)
+
+Place = Callable[..., list[Camera]]
+Look = Callable[..., list[Seen]]
+
+
+def test_each_corner_has_an_arrow_and_each_picture_a_bar(place: Place, look: Look) -> None:
+    seen = [*look(place(5)), Seen(name="a$b.png", reason="the board is not found")]
+    found = calibrate([seen], [SIZE])
+    residuals, coverage, errors, _ = plot_residuals(found).axes
+    (arrows,) = (one for one in residuals.collections if isinstance(one, Quiver))
+    (pictures,) = found.pictures
+    expected = np.concatenate([one.residuals for one in pictures if one.residuals is not None])
+    np.testing.assert_array_equal(np.column_stack([arrows.U, arrows.V]), expected)
+    assert residuals.get_ylim() == (479.5, -0.5)  # v down, as in the picture
+    assert [bar.get_width() for bar in errors.patches] == [one.error or 0.0 for one in pictures]
+    assert [text.get_text() for text in errors.texts] == [" left out"]
+    assert errors.get_yticklabels()[-1].get_text() == r"a\$b.png"
+    (mesh,) = coverage.collections
+    counts = np.ma.filled(mesh.get_array(), 0.0)
+    assert np.nansum(counts) == 5 * 54

@@ -2,7 +2,9 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,14 +14,16 @@ from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.analysis.sight import detection_conditions, picture_conditions
+from chamfer.analysis.sight.camera_accuracy import AccuracyCameras, AccuracyScenario
 from chamfer.analysis.sight.detection_conditions import (
     SEVERITIES,
     ConditionsCameras,
     ConditionsScenario,
-    Task,
+    ConditionTask,
     _errors,
     picture,
 )
+from chamfer.analysis.sight.detection_trials import Reach
 from chamfer.analysis.sight.picture_conditions import CONDITIONS
 from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.camera_image import Image
@@ -46,22 +50,22 @@ def test_there_are_some_twenty_conditions_and_every_level_is_another_picture() -
     assert len(CONDITIONS) > 20
     for name in SCENARIO.conditions:
         if name not in ("none", "fine", "coarse"):
-            images = [picture(SCENARIO, 0, Task(name, one, 3))[0] for one in SEVERITIES]
+            images = [picture(SCENARIO, 0, ConditionTask(name, one, 3))[0] for one in SEVERITIES]
             assert not np.array_equal(images[0], images[1]), name
             assert not np.array_equal(images[1], images[2]), name
     for name in ("clutter", "bayer"):
-        task = Task(name, "severe", 3)
+        task = ConditionTask(name, "severe", 3)
         np.testing.assert_array_equal(picture(SCENARIO, 0, task)[0], picture(SCENARIO, 0, task)[0])
 
 
 def test_truth_is_the_same_in_all_conditions_of_a_trial() -> None:
     truths = {
-        name: picture(SCENARIO, 0, Task(name, "middle", 5))[2]
+        name: picture(SCENARIO, 0, ConditionTask(name, "middle", 5))[2]
         for name in ("none", "shadow", "blur", "tip", "dark")
     }
     assert all(one == truths["none"] for one in truths.values())
     # In a picture with half as many pixels everything is at half the place.
-    half = picture(SCENARIO, 0, Task("coarse", "middle", 5))[2]
+    half = picture(SCENARIO, 0, ConditionTask("coarse", "middle", 5))[2]
     for one, other in zip(half, truths["none"], strict=True):
         assert np.add(one.tip, 0.5) * 2 == pytest.approx(np.add(other.tip, 0.5))
         assert one.angle == pytest.approx(other.angle)
@@ -74,6 +78,8 @@ def test_nothing_is_wrong_and_all_is_found_that_is_to_be(outcome: Outcome) -> No
         asked = CONDITIONS[name].asked
         if asked != "either" and name != "clutter":
             assert value(outcome, f"{name}.middle.{asked}") == 100, name
+        for error, most in (("axial", 0.35), ("lateral", 0.1), ("angle", 1e-3)):  # px, rad
+            assert value(outcome, f"{name}.middle.{error}.rms") < most, name
 
 
 def test_shares_add_up_and_refusals_have_a_reason(outcome: Outcome) -> None:
@@ -98,7 +104,7 @@ def test_a_detector_that_is_wrong_is_counted(monkeypatch: pytest.MonkeyPatch) ->
         return peg, hole
 
     monkeypatch.setattr(detection_conditions, "detect_parts", wrong)
-    row = detection_conditions._detect(scenario, 0, Task("none", "mild", 0))
+    row = detection_conditions._detect(scenario, 0, ConditionTask("none", "mild", 0))
     assert row["axial"][0] == pytest.approx(1.5, abs=0.3)
     outcome = DETECTION_CONDITIONS.run(scenario, 0, lambda *_: None)
     assert value(outcome, "none.mild.wrong") == 100
@@ -126,15 +132,27 @@ def test_pictures_without_photographs(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("what", "name", "value", "allowed"),
     [
-        ({"pictures": 0}, "pictures is 0, allowed: 1 to 10000"),
-        ({"most_off": 0.0}, "most_off is 0.0"),
-        ({"gap": -0.01}, "gap is -0.01"),
+        (ConditionsScenario, "pictures", 0, "1 to 10000"),
+        (ConditionsScenario, "most_off", 0.0, "a finite number > 0"),
+        (ConditionsScenario, "gap", -0.01, "a finite number >= 0"),
+        (ConditionsCameras, "noise", 61, "from 0 to 60"),
+        (AccuracyScenario, "poses", 0, "1 to 10000"),
+        (AccuracyScenario, "poses", 10_001, "1 to 10000"),
+        (AccuracyScenario, "gap", -0.01, "a finite number >= 0"),
+        (AccuracyCameras, "renderer", "gl", "software, vtk"),
+        (AccuracyCameras, "distance", 0.0, "a finite number > 0"),
+        (AccuracyCameras, "noise", 61.0, "from 0 to 60"),
+        (AccuracyCameras, "noise", -1.0, "from 0 to 60"),
+        (AccuracyCameras, "blur", math.inf, "a finite number >= 0"),
+        (partial(Reach, angle=0.0), "distance", -0.5, "a finite number >= 0"),
+        (partial(Reach, distance=0.0), "angle", -0.5, "a finite number >= 0"),
     ],
 )
-def test_mistakes_are_named(changes: Mapping[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError, match=message):
-        ConditionsScenario(**changes)
-    with pytest.raises(ParameterError, match="noise is 61"):
-        ConditionsCameras(noise=61)
+def test_mistakes_in_both_studies_are_named(
+    what: Callable[..., object], name: str, value: Any, allowed: str
+) -> None:
+    message = re.escape(f"{name} is {value!r}, allowed: {allowed}")
+    with pytest.raises(ParameterError, match=f"^{message}$"):
+        what(**{name: value})

@@ -1,7 +1,6 @@
 """Errors of detections against a truth that OpenCV projects."""
 
 import math
-from collections.abc import Callable
 from typing import Any, get_args
 
 import cv2
@@ -23,7 +22,6 @@ from chamfer.models.cameras.camera import Camera, CameraPlacement
 from chamfer.models.peg.peg_and_hole import BLUE, RED, ColouredParts
 from chamfer.systems.cameras.camera_image import Image
 from chamfer.systems.cameras.software_camera import render
-from chamfer.systems.cameras.vtk_camera import missing_graphics
 from chamfer.systems.vision.part_appearance import appearances
 from chamfer.systems.vision.part_detection import Status, detect_parts
 
@@ -48,11 +46,6 @@ def some_poses(seed: int) -> Poses:
 
 def drawn(poses: Poses) -> dict[Any, Image]:
     return {view: render(SHAPES, CAMERAS[view], *poses) for view in VIEWS}
-
-
-def measured(poses: Poses, change: Callable[[Image], Image] = np.copy) -> dict[str, float]:
-    images = {view: change(image) for view, image in drawn(poses).items()}
-    return measure(SHAPES, CAMERAS, images, poses, pixel_size=PIXEL)
 
 
 def projected(camera: Camera, points: np.ndarray) -> np.ndarray:
@@ -126,52 +119,6 @@ def test_errors_are_found_minus_true(seed: int) -> None:
         )
 
 
-def test_detection_is_exact_in_clean_images() -> None:
-    found = [measured(some_poses(seed)) for seed in range(10)]
-    for name, unit in UNITS.items():
-        values = np.abs([one[name] for one in found])
-        if "scaled" not in name:
-            assert values.max() < {"px": 0.2, "rad": 2e-4, "m": 7e-5}[unit]
-        assert values.min() > 0
-    # Perspective: a part that is 10 mm nearer looks 2 % larger.
-    scaled = [abs(one[f"{view}.scaled.lateral"]) for one in found for view in VIEWS]
-    assert 1e-5 < max(scaled) < 5e-4
-
-
-@pytest.mark.parametrize("shift", [(0.5, 0.0), (0.0, 0.5), (-1.0, 2.0)])
-def test_a_shifted_image_shows_as_a_bias(shift: tuple[float, float]) -> None:
-    def shifted(image: Image) -> Image:
-        matrix = np.array([[1, 0, shift[0]], [0, 1, shift[1]]], dtype=float)
-        moved = cv2.warpAffine(
-            image, matrix, image.shape[1::-1], flags=cv2.INTER_LINEAR, borderValue=(200, 200, 200)
-        )
-        return moved.astype(np.uint8)
-
-    poses = some_poses(4)
-    before, after = measured(poses), measured(poses, shifted)
-    for view in VIEWS:
-        for part, X_WP in zip(PARTS, poses, strict=True):
-            _, angle = truth(CAMERAS[view], X_WP)
-            cos, sin = math.cos(angle), math.sin(angle)
-            expected = {
-                "axial": cos * shift[0] + sin * shift[1],
-                "lateral": cos * shift[1] - sin * shift[0],
-                "angle": 0.0,
-            }
-            for quantity, value in expected.items():
-                name = f"{view}.{part}.{quantity}"
-                allowed = {"axial": 0.03, "lateral": 0.01, "angle": 1e-4}[quantity]
-                assert after[name] - before[name] == pytest.approx(value, abs=allowed)
-        # Both parts alike, the difference does not show.
-        for quantity in ("axial", "lateral"):
-            name = f"{view}.error.{quantity}"
-            assert after[name] - before[name] == pytest.approx(0, abs=0.06)
-    # In space by half a millimetre a pixel.
-    if shift == (-1.0, 2.0):
-        for part in PARTS:
-            assert after[f"space.{part}.tip"] == pytest.approx(1e-3 * math.sqrt(2), rel=0.3)
-
-
 def test_errors_in_space_are_those_of_the_poses_said_to_be_true() -> None:
     poses = some_poses(2)
     images = drawn(poses)
@@ -231,21 +178,3 @@ def test_images_of_a_camera_by_kind() -> None:
     left = np.s_[:, :140]
     assert ((share[left] > 0.6) <= (images["sampled"][left][..., 1] == 40)).all()
     assert ((share[left] < 0.4) <= (images["sampled"][left][..., 1] == 200)).all()
-
-
-def test_sampled_images_are_like_vtks() -> None:
-    reason = missing_graphics()
-    if reason:
-        pytest.skip(reason)
-    poses = some_poses(0)
-    one, other = (
-        trial_camera(SHAPES, CAMERAS["xz"], renderer, 0.7) for renderer in get_args(Renderer)
-    )
-    sampled = one.images(poses, 0.0, np.random.default_rng(0))["sampled"]
-    images = other.images(poses, 0.0, np.random.default_rng(0))
-    assert tuple(images) == kinds("vtk")
-    coloured = [np.ptp(image.astype(int), axis=2) > 60 for image in (sampled, images["clean"])]
-    assert (coloured[0] != coloured[1]).sum() < 40  # of several hundred pixels on edges
-    # Again with other poses, by the same camera.
-    again = other.images(some_poses(1), 0.0, np.random.default_rng(0))["clean"]
-    assert (again != images["clean"]).any()

@@ -1,10 +1,6 @@
 """Pictures of the parts, and a camera that shows them in place of a real one."""
 
 import importlib.util
-import os
-import subprocess
-import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
 
@@ -17,7 +13,6 @@ from chamfer.models.cameras.camera import CameraPlacement
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.systems.cameras.software_camera import render
 
-ROOT = Path(__file__).parents[3]
 PARTS = ColouredParts()
 
 # The interface of cv2.VideoCapture with V4L2, as far as it is used: it waits for the next frame,
@@ -76,20 +71,6 @@ class Camera:
         self.open = False
 """
 
-PROGRAM = """
-import signal
-import sys
-
-signal.signal(signal.SIGINT, signal.default_int_handler)
-import cv2
-import fake_camera
-
-cv2.VideoCapture = fake_camera.VideoCapture
-from chamfer.analysis.cli import main
-
-sys.exit(main(sys.argv[1:]))
-"""
-
 
 def save(path: Path, gap: float | None, size: tuple[int, int] = (320, 240)) -> None:
     """Save a frame with a gap between the parts, m; None: of nothing."""
@@ -128,25 +109,3 @@ def camera(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     spec.loader.exec_module(module)
     monkeypatch.setattr(cv2, "VideoCapture", module.VideoCapture)
     return module
-
-
-@pytest.fixture
-def start(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
-    """Starts the command in a process whose camera is that of the folder ``camera``."""
-    processes = []
-
-    def begin(*arguments: str) -> subprocess.Popen[str]:
-        process = subprocess.Popen(
-            [sys.executable, "-c", PROGRAM, "track", *arguments],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            env={**os.environ, "PYTHONPATH": f"{ROOT}:{tmp_path / 'camera'}"},
-        )
-        processes.append(process)
-        return process
-
-    yield begin
-    for process in processes:
-        process.kill()
-        process.communicate()

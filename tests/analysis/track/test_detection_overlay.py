@@ -1,10 +1,15 @@
-"""What the overlay shows, and where."""
+"""What the overlay shows and where, and its video, at its times and keeping no one waiting."""
 
 import math
+import threading
+from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.track import overlay_video
 from chamfer.analysis.track.detection_overlay import (
     HOLE_COLOUR,
     PEG_COLOUR,
@@ -13,6 +18,8 @@ from chamfer.analysis.track.detection_overlay import (
     draw,
     scale,
 )
+from chamfer.analysis.track.overlay_video import LiveOverlay, VideoFile, sheet
+from chamfer.analysis.track.part_finder import SeenParts, Sighting
 from chamfer.systems.vision.part_detection import Detection, Status
 
 Array = np.ndarray
@@ -38,22 +45,6 @@ def ink(sheet: Array, colour: tuple[int, int, int], rows: slice = slice(None)) -
     return np.column_stack([u, v + (rows.start or 0)])
 
 
-@pytest.mark.parametrize(
-    ("size", "factor"),
-    [
-        ((320, 240), 2),
-        ((640, 480), 1),
-        ((400, 300), 2),
-        ((100, 75), 7),
-        ((100, 2000), 1920 / 2000),
-        ((1920, 1080), 1),
-        ((3840, 2160), 0.5),
-    ],
-)
-def test_scale(size: tuple[int, int], factor: float) -> None:
-    assert scale(*size) == factor
-
-
 def test_cross_is_at_the_tip() -> None:
     peg, hole = valid(100.3, 80.6, 0.1), valid(220.0, 150.0, -0.05)
     sheet = drawn(peg, hole)
@@ -67,15 +58,6 @@ def test_cross_is_at_the_tip() -> None:
         assert len(cross) > 20
         np.testing.assert_allclose(cross.mean(axis=0), (u, v), atol=0.3)
         assert np.abs(cross - (u, v)).max() < 14
-
-
-def test_first_pixel_of_the_frame_and_of_the_overlay_have_one_corner() -> None:
-    image = np.zeros((240, 320, 3), np.uint8)
-    image[50, 70] = 255
-    sheet = draw(image, NOTHING, NOTHING, NO_ERROR, CAPTION)[:480]
-    v, u = np.nonzero(sheet.min(axis=2) > 200)
-    # The convention that also places the cross.
-    assert (u.mean(), v.mean()) == (2 * 70.5 - 0.5, 2 * 50.5 - 0.5)
 
 
 @pytest.mark.parametrize("status", list(Status))
@@ -106,6 +88,11 @@ def test_panel_is_below_the_picture_and_leaves_it_alone() -> None:
     np.testing.assert_array_equal(sheet[:480], image.repeat(2, axis=0).repeat(2, axis=1))
 
 
+def test_the_scale_is_a_whole_number_of_pixels_where_it_can_be() -> None:
+    sizes = {(320, 240): 2, (640, 480): 1, (100, 75): 7, (100, 2000): 0.96, (3840, 2160): 0.5}
+    assert {size: scale(*size) for size in sizes} == sizes
+
+
 @pytest.mark.parametrize(
     "size", [(16, 16), (33, 17), (101, 75), (50, 900), (1921, 1081), (5000, 16)]
 )
@@ -121,10 +108,106 @@ def test_any_size_has_even_sides_and_room_for_the_text(size: tuple[int, int]) ->
     assert max(sheet.shape[:2]) <= 2200
 
 
-def test_a_note_has_a_line_of_its_own() -> None:
-    image = np.full((240, 320, 3), 200, np.uint8)
-    sheets = [draw(image, NOTHING, NOTHING, NO_ERROR, CAPTION, note) for note in ("", "a note")]
-    rows = len(sheets[0])
-    assert len(sheets[1]) > rows
-    np.testing.assert_array_equal(sheets[0][:-12], sheets[1][: rows - 12])
-    assert len(ink(sheets[1], (240, 240, 240), slice(rows - 12, None))) > 30
+Array = np.ndarray
+
+
+@pytest.mark.parametrize(
+    ("rate", "played"), [(1e-3, 1), (23.976, 23.98), (80.0049, 80), (1e5, 240), (1 / 0.03, 33.33)]
+)
+def test_rates_that_the_encoder_would_not_take(tmp_path: Path, rate: float, played: float) -> None:
+    path = tmp_path / "a.webm"
+    with VideoFile(path, rate) as video:
+        for _ in range(5):
+            video.write(np.zeros((48, 64, 3), np.uint8))
+    assert cv2.VideoCapture(str(path)).get(cv2.CAP_PROP_FPS) == pytest.approx(played, rel=1e-3)
+
+
+def levels(path: Path) -> list[int]:
+    capture, found = cv2.VideoCapture(str(path)), []
+    while (frame := capture.read())[0]:
+        found.append(int(frame[1].mean()))
+    return found
+
+
+def grey(level: int, size: tuple[int, int] = (64, 48)) -> Array:
+    return np.full((size[1], size[0], 3), level, np.uint8)
+
+
+def test_images_with_times_stay_until_the_next_one(tmp_path: Path) -> None:
+    path = tmp_path / "a.webm"
+    with VideoFile(path, 10.0) as video:
+        for time, level in ((0.0, 50), (0.1, 100), (0.11, 250), (0.42, 150), (0.5, 200)):
+            video.write(grey(level), time)
+    assert levels(path) == pytest.approx([50, 100, 100, 100, 150, 200], abs=5)
+
+
+def test_a_video_that_the_encoder_does_not_take(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    said = r"a\.webm can't be written, 16400 x 16 pixels"
+    with VideoFile(tmp_path / "a.webm", 30.0) as video, pytest.raises(UserError, match=said):
+        video.write(grey(0, (16400, 16)))
+    assert capfd.readouterr().err == ""
+
+
+def sighting(*levels: int, width: int = 64) -> Sighting:
+    seen = [
+        SeenParts(image=np.full((48, width, 3), level, np.uint8), peg=NOTHING, hole=NOTHING)
+        for level in levels
+    ]
+    return Sighting(seen=tuple(seen), values=[])
+
+
+def caption(time: float) -> list[Caption]:
+    return [Caption(0, time, "a.png")]
+
+
+def test_a_frame_that_comes_while_another_is_drawn_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, go = threading.Event(), threading.Event()
+
+    def slow(*arguments: object) -> np.ndarray:
+        begun.set()
+        assert go.wait(30)
+        return sheet(*arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(overlay_video, "sheet", slow)
+    path = tmp_path / "a.webm"
+    overlay = LiveOverlay(path)
+    overlay.show(sighting(100), caption(0.0))
+    assert begun.wait(30)
+    for time, level in ((0.1, 150), (0.2, 10), (0.3, 10)):
+        overlay.show(sighting(level), caption(time))  # only the first of them waits
+    go.set()
+    overlay.close()
+    capture, found = cv2.VideoCapture(str(path)), []
+    while (frame := capture.read())[0]:
+        found.append(int(frame[1][24, 32].mean()))
+    # The first one stays until the second one's time, 0.1 s in frames of 1/15 s.
+    assert found == pytest.approx([100, 100, 150], abs=6)
+
+
+def test_what_goes_wrong_is_said_by_the_next_frame(tmp_path: Path) -> None:
+    overlay = LiveOverlay(tmp_path / "no folder" / "a.webm")
+    overlay.show(sighting(100), caption(0.0))
+    overlay.close()
+    with pytest.raises(UserError, match=r"a\.webm can't be written"):
+        overlay.show(sighting(100), caption(0.1))
+
+
+def test_cameras_are_side_by_side() -> None:
+    both = sheet(sighting(100, 50), [Caption(0, 0.0, "a"), Caption(0, 0.0, "b")])
+    one = sheet(sighting(100), caption(0.0))
+    assert both.shape == (one.shape[0], 2 * one.shape[1], 3)
+    assert (both[10, 10, 0], both[10, one.shape[1] + 10, 0]) == (100, 50)
+
+
+def test_a_name_that_is_no_text(tmp_path: Path) -> None:
+    path = tmp_path / "a\udcff.webm"
+    with VideoFile(path, 30.0) as video:
+        video.write(grey(90))
+    copy = tmp_path / "copy.webm"
+    copy.write_bytes(path.read_bytes())
+    assert levels(copy) == pytest.approx([90], abs=5)
+    assert [one.name for one in tmp_path.iterdir()].count(path.name) == 1

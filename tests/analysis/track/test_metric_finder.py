@@ -1,7 +1,6 @@
 """Two calibrated cameras: parts in space, against where they were drawn."""
 
 import csv
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -182,16 +181,6 @@ def test_cameras_that_disagree_on_the_tip_know_nothing_in_space() -> None:
 # Mistakes
 
 
-def test_a_model_for_images_of_another_size(
-    recorded: tuple[str, ...], out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    command, _, _, _, *camera = recorded
-    small = write_frames(tmp_path / "small", CameraPlacement().camera, 1)
-    assert main([command, str(small), *camera, "--out", str(out)]) == 2
-    said = "chamfer: a frame is 320 x 240 pixels, allowed: 640 x 480 as the camera model says\n"
-    assert capsys.readouterr() == ("", said)
-
-
 def test_a_file_of_one_camera_for_two(tmp_path: Path) -> None:
     file = tmp_path / "camera.yaml"
     file.write_text(camera_text(CameraFile(left=calibrated(LEFT))))
@@ -220,34 +209,3 @@ def test_recordings_that_are_no_pair(
         assert main([command, *given, *arguments]) == 2
         assert capsys.readouterr().err == f"chamfer: {said}\n"
     assert not out.exists()
-
-
-def test_videos_of_different_lengths_end_with_the_shorter_one(
-    recorded: tuple[str, ...], out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    _, left, _, right, *camera = recorded
-    videos = []
-    for name, folder, number in (("left", left, 3), ("right", right, 2)):
-        path = tmp_path / f"{name}.avi"
-        code = cv2.VideoWriter.fourcc(*"FFV1")
-        writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, code, 25.0, (640, 480))
-        for k in range(number):
-            image = cv2.imread(str(Path(folder) / f"{k}.png"))
-            assert image is not None
-            writer.write(image)
-        writer.release()
-        videos.append(str(path))
-    arguments = ["track", videos[0], "--right", videos[1], *camera, "--no-video"]
-    assert main([*arguments, "--out", str(out)]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "2 frames, 640 x 480 pixels, 25 frames/s, both parts valid in 2"
-    assert lines[1] == "  1 frame of the longer recording has no partner"
-
-
-def test_json_names_the_right_cameras_statuses(
-    recorded: tuple[str, ...], out: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main([*recorded, "--out", str(out), "--json", "--no-video", "--frames", "1"]) == 0
-    statuses = json.loads(capsys.readouterr().out)["statuses"]
-    parts = ("peg", "hole", "right_peg", "right_hole")
-    assert statuses == {part: {"VALID": 1} for part in parts}

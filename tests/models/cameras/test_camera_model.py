@@ -86,13 +86,6 @@ def test_signs_of_a_move_and_a_turn() -> None:
     np.testing.assert_allclose(tilted, [159.5 - 1000 * math.tan(0.1), 119.5], atol=1e-9)
 
 
-def test_what_is_given_goes_over_what_is_not() -> None:
-    over = CameraModel(roll=0.0, tilt=(0.1, 0.2)).over(ALL)
-    assert over.roll == 0.0
-    assert over.tilt == (0.1, 0.2)
-    assert over.focal_length == ALL.focal_length
-
-
 @given(
     tilt=st.tuples(small, small),
     roll=st.floats(-3.0, 3.0),
@@ -106,12 +99,6 @@ def test_a_pose_in_the_world_is_found_beside_the_camera(
     np.testing.assert_allclose(found.tilt or (), tilt, atol=1e-9)
     np.testing.assert_allclose(found.position or (), position, atol=1e-9)
     assert found.roll == pytest.approx(roll, abs=1e-9)
-
-
-def test_a_camera_that_looks_back_is_refused() -> None:
-    back = STAND.R_WC @ Rotation.from_rotvec([math.pi, 0, 0]).as_matrix()
-    with pytest.raises(ParameterError, match="not against the other camera"):
-        CameraModel.beside(STAND, back, STAND.p_WC)
 
 
 # Files
@@ -190,23 +177,3 @@ def test_files_that_are_refused(tmp_path: Path) -> None:
         CameraModel(file=away).read(STAND)
     with pytest.raises(ParameterError, match=r"^file is .*null where it is used"):
         CameraModel(file=file).of(STAND)
-
-
-@pytest.mark.parametrize(
-    ("changes", "allowed"),
-    [
-        ({"focal_length": (1000.0, 0.0)}, "two finite numbers > 0"),
-        ({"focal_length": (1000.0,)}, "two finite numbers"),
-        ({"principal_point": (math.nan, 1.0)}, "two finite numbers"),
-        ({"distortion": (0.1, 0.2)}, "five finite numbers: k1, k2, p1, p2, k3"),
-        ({"position": (0.1, 0.2, math.inf)}, "three finite numbers"),
-        ({"tilt": (0.1, 0.2, 0.3)}, "two finite numbers"),
-        ({"roll": math.nan}, "a finite number"),
-        ({"camera": "left"}, "null without a file"),
-    ],
-)
-def test_models_that_cannot_be(changes: dict[str, Any], allowed: str) -> None:
-    ((name, value),) = changes.items()
-    with pytest.raises(ParameterError) as caught:
-        CameraModel(**changes)
-    assert str(caught.value) == f"{name} is {value!r}, allowed: {allowed}"

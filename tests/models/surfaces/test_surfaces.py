@@ -111,18 +111,6 @@ def test_derivatives(surface: Surface, seed: int) -> None:
         np.testing.assert_allclose(derivative(p), differences, atol=1e-6)
 
 
-@pytest.mark.parametrize("x", [-3.0, 0.0, 1.0, 2.378])
-def test_thesis_surface(x: float) -> None:
-    surface, p = Parabola(), np.array([x, 0.05 * x**2])
-    n = normal(surface, p)
-    angle = math.atan2(n[1], n[0])
-    assert angle == pytest.approx(math.pi / 2 + math.atan(x / 10), abs=1e-15)  # (5-2)
-    radius = 10 * (1 + 0.01 * x**2) ** 1.5  # (5-3)
-    t = np.array([n[1], -n[0]])
-    curvature = t @ surface.hessian(p) @ t / np.linalg.norm(surface.gradient(p))
-    assert curvature == pytest.approx(-1 / radius)
-
-
 @each
 @given(seed=seeds, weighted=st.booleans())
 @settings(max_examples=25)
@@ -145,15 +133,6 @@ def test_nearest_point(surface: Surface, seed: int, weighted: bool) -> None:
     r = found - p
     assert r @ metric @ r == pytest.approx(searched.fun, abs=1e-9)
     np.testing.assert_allclose(found[: d - 1], searched.x, atol=1e-5)
-
-
-def test_nearest_point_from_below_a_bump() -> None:
-    # The curve's point straight above is 5 cm away, its nearest ones are on both flanks.
-    surface = Parabola(coefficient=-1.0)
-    assert nearest(surface, np.array([0.0, -0.4]))[0] == pytest.approx(0, abs=1e-12)
-    found = nearest(surface, np.array([0.01, -0.6]))
-    assert math.dist(found, (0.01, -0.6)) < 0.6 - 1e-2
-    assert found[0] > 0.3
 
 
 def turned(seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -195,12 +174,6 @@ def test_crucible_inside_and_outside(
     found = locate(Crucible(), np.array(point))
     assert found.gap == pytest.approx(gap, abs=1e-15)
     np.testing.assert_allclose(found.normal, normal, atol=1e-15)
-
-
-def test_crucible_on_its_axis() -> None:
-    found = locate(Crucible(), np.array([1.0, -0.75, 0.4]))
-    assert found.gap == 0.75
-    np.testing.assert_array_equal(found.normal, [1, 0, 0])
 
 
 @given(seed=seeds, tilt=st.floats(-1.4, 1.4))
@@ -299,18 +272,6 @@ def test_gradient(x: float, d: int) -> None:
         (VARIED.at(p + 1e-6 * axis) - VARIED.at(p - 1e-6 * axis)) / 2e-6 for axis in across
     ]
     np.testing.assert_allclose(VARIED.gradient(p), differences, atol=1e-7)
-
-
-@given(
-    x=st.floats(-20, 20),
-    ripple=st.floats(0, 1),
-    jump=st.floats(-2, 2),
-    width=st.floats(1e-3, 1),
-)
-def test_never_negative(x: float, ripple: float, jump: float, width: float) -> None:
-    least = ripple - min(jump, 0.0)
-    friction = SurfaceFriction(coefficient=least, ripple=ripple, jump=jump, jump_width=width)
-    assert friction.at(np.array([x, 0.0])) >= 0
 
 
 def test_published_numbers() -> None:

@@ -53,13 +53,6 @@ def test_each_pixel_is_covered_by_the_polygon_clipped_to_it(seed: int) -> None:
         assert result[row, column] == pytest.approx(expected, abs=1e-9)
 
 
-def test_rectangle_by_hand() -> None:
-    rectangle = np.array([[0.75, -0.5], [2.5, -0.5], [2.5, 1.0], [0.75, 1.0]])
-    np.testing.assert_allclose(
-        coverage(rectangle, 0, 0, 4, 3), [[0, 0.75, 1, 0], [0, 0.375, 0.5, 0], [0, 0, 0, 0]]
-    )
-
-
 def test_intersection_by_hand_in_all_directions() -> None:
     square = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
     for one in (square, square[::-1].copy()):
@@ -83,17 +76,17 @@ def test_paint_covers_or_adds() -> None:
     np.testing.assert_array_equal(window, 100)
 
 
-@pytest.mark.parametrize("shift", [(-50.0, 0.0), (50.0, 0.0), (0.0, -50.0), (0.0, 50.0)])
-def test_paint_out_of_the_window_does_nothing(shift: tuple[float, float]) -> None:
-    window = np.zeros((4, 6, 3), np.float32)
-    polygon = np.array([[0.5, 0.5], [3.5, 0.5], [3.5, 2.0]]) + shift
-    paint(window, polygon, np.ones(3), True)
-    assert not window.any()
-
-
 def test_edge_that_is_nearly_along_the_rows_is_exact() -> None:
     slope = 1e-3
     polygon = np.array([[-0.5, 2.0], [19.5, 2.0 + 20 * slope], [19.5, 9.5], [-0.5, 9.5]])
     column = coverage(polygon, 0, 0, 20, 10).sum(axis=0)
     np.testing.assert_allclose(column, 7.5 - slope * (np.arange(20) + 0.5), atol=1e-12)
     assert math.isclose(column.sum(), area(polygon), rel_tol=1e-12)
+
+
+@pytest.mark.parametrize("shift", [(-50.0, 0.0), (50.0, 0.0), (0.0, -50.0), (0.0, 50.0)])
+def test_paint_out_of_the_window_does_nothing(shift: tuple[float, float]) -> None:
+    window = np.zeros((4, 6, 3), np.float32)
+    polygon = np.array([[0.5, 0.5], [3.5, 0.5], [3.5, 2.0]]) + shift
+    paint(window, polygon, np.ones(3), True)
+    assert not window.any()

@@ -1,9 +1,8 @@
-"""Rendered images against rays cast through the same solids, and the block."""
+"""Rendered images against rays cast through the same solids, OpenCV and closed forms."""
 
 import dataclasses
 import functools
 import math
-import re
 from itertools import pairwise
 from typing import Any
 
@@ -16,12 +15,21 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from chamfer.models.cameras.camera import Camera, CameraPlacement
 from chamfer.models.peg.peg_and_hole import ColouredParts
-from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.camera_image import SensorParams, shaded
 from chamfer.systems.cameras.scene import SceneStyle
-from chamfer.systems.cameras.software_camera import SoftwareCamera, render
+from chamfer.systems.cameras.software_camera import (
+    AT_OPENING,
+    SoftwareCamera,
+    between,
+    render,
+    render_moving,
+)
+from chamfer.systems.cameras.solids_camera import Lens, Solid, render_solids
 from chamfer.systems.pose import pose_vector
+from chamfer.systems.vision.part_appearance import appearances
 
 PARTS = ColouredParts()
+STRAIGHT = CameraPlacement(roll=0.0).camera
 
 Pose = RigidTransform
 VIEWS: Any = ("xz", "xy")
@@ -132,32 +140,9 @@ def cast(
     ],
 )
 def test_image_is_what_rays_see(view: Any, X_WT: Pose | None, X_WM: Pose | None) -> None:
-    assert_what_rays_see(PARTS, view, X_WT, X_WM)
-
-
-@pytest.mark.parametrize("view", VIEWS)
-@pytest.mark.parametrize("gap", [-10.0, 30.0])
-def test_other_parts_are_what_rays_see(view: Any, gap: float) -> None:
-    parts = ColouredParts(
-        peg_radius=0.006,
-        hole_radius=0.0065,
-        chamfer_width=0.006,
-        peg_chamfer_angle=1.0,
-        peg_length=0.03,
-        hole_length=0.02,
-        outer_radius=0.018,
-        peg_colour=(10, 120, 30),
-        hole_colour=(90, 10, 90),
-    )
-    assert_what_rays_see(parts, view, pose(15 - gap, 0, 0), pose(15, 0, 0))
-
-
-def assert_what_rays_see(
-    parts: ColouredParts, view: Any, X_WT: Pose | None, X_WM: Pose | None
-) -> None:
     camera, rays = placed(view)
-    image = render(parts, camera, X_WT, X_WM, style=FLAT)
-    expected = cast(parts, camera, rays, X_WT, X_WM, FLAT)
+    image = render(PARTS, camera, X_WT, X_WM, style=FLAT)
+    expected = cast(PARTS, camera, rays, X_WT, X_WM, FLAT)
     difference = np.abs(image - expected).max(axis=2)
     # 16 rays know the share of a pixel within about 1/8, 25 of 200 grey levels; where the edges
     # of both parts coincide the pixel shows too much of the background.
@@ -239,13 +224,6 @@ def test_nothing_in_view_is_background() -> None:
         assert (image == [10, 20, 30]).all()
 
 
-def test_image_does_not_share_memory_with_the_next() -> None:
-    camera = CameraPlacement().camera
-    first = render(PARTS, camera, None, None)
-    first[:] = 0
-    assert (render(PARTS, camera, None, None) == 200).all()
-
-
 def test_block_shows_what_render_returns() -> None:
     camera = CameraPlacement(view="xy").camera
     block = SoftwareCamera(PARTS, camera)
@@ -264,18 +242,156 @@ def test_block_shows_what_render_returns() -> None:
     assert block.HasDirectFeedthrough(1, 0)
 
 
-@pytest.mark.parametrize(
-    ("changes", "allowed"),
-    [
-        ({"blur": -0.1}, "a finite number >= 0"),
-        ({"blur": math.nan}, "a finite number >= 0"),
-        ({"face": 0.0}, "more than 0 and at most 1"),
-        ({"bore": 1.5}, "more than 0 and at most 1"),
-        ({"background": (0, 0, 256)}, "three numbers from 0 to 255"),
-    ],
-)
-def test_style_errors(changes: dict[str, Any], allowed: str) -> None:
-    ((name, value),) = changes.items()
-    message = re.escape(f"{name} is {value!r}, allowed: {allowed}")
-    with pytest.raises(ParameterError, match=f"^{message}$"):
-        SceneStyle(**changes)
+STRAIGHT = CameraPlacement(roll=0.0).camera
+PEG, _ = appearances(PARTS)
+
+
+def grey(level: int, shape: tuple[int, int] = (5, 7)) -> np.ndarray:
+    return np.full((*shape, 3), level, np.uint8)
+
+
+# Light and colours
+
+
+def test_the_corners_lose_light_with_the_square_of_the_distance() -> None:
+    image = shaded(grey(200, (241, 321)), 0.5, (1.0, 1.0, 1.0))
+    assert (image[120, 160] == 200).all()
+    for corner in (image[0, 0], image[-1, 0], image[0, -1], image[-1, -1]):
+        assert (corner == 100).all()
+    # 80 pixels of the corner's 200 are 0.16 of the loss.
+    assert (image[120, 80] == 200 - 16).all()
+
+
+def test_gains_are_of_red_green_and_blue_up_to_white() -> None:
+    image = shaded(grey(100), 0.0, (1.25, 0.5, 3.0))
+    np.testing.assert_array_equal(image[2, 3], [125, 50, 255])
+
+
+def test_no_loss_and_even_gains_change_nothing() -> None:
+    image = np.random.default_rng(0).integers(0, 256, (24, 32, 3)).astype(np.uint8)
+    np.testing.assert_array_equal(shaded(image, 0.0, (1.0, 1.0, 1.0)), image)
+    assert not SensorParams().shades
+    assert SensorParams(vignetting=0.1).shades
+    assert SensorParams(white_balance=(1.0, 1.0, 1.1)).shades
+
+
+# Exposure
+
+
+def test_an_edge_that_moves_across_becomes_a_ramp_as_long_as_its_way() -> None:
+    begin, end = RigidTransform([-0.01, 0, 0]), RigidTransform([0.0, 0, 0])
+    image = render_moving(PARTS, STRAIGHT, (begin, None), (end, None), style=FLAT)
+    row = image[119].astype(float)[:, 1]
+    level = PARTS.peg_colour[1]
+    tip = STRAIGHT.project(np.array([0.0, 0.0, 0.0]))[0]
+    # Of the edge's circle the one nearer to the camera is seen first.
+    first, last = 110, 170
+    share = (200.0 - row) / (200.0 - level)
+    assert share[60:first].min() == 1.0
+    assert share[last:].max() == 0.0
+    # The area is that of the edge in the middle of its way.
+    mean = share[first:last].sum() + first - 0.5
+    still = render(PARTS, STRAIGHT, RigidTransform([-0.005, 0, 0]), None, style=FLAT)
+    rested = (200.0 - still[119].astype(float)[:, 1]) / (200.0 - level)
+    expected = rested[first:last].sum() + first - 0.5
+    assert mean == pytest.approx(expected, abs=0.02)
+    # A ramp of 20 pixels has a standard deviation of 20 / sqrt(12).
+    slope, place = -np.diff(share[60:]), np.arange(60, 319) + 0.5
+    middle = (slope * place).sum()
+    deviation = math.sqrt((slope * (place - middle) ** 2).sum())
+    assert deviation == pytest.approx(20 / math.sqrt(12), rel=0.02)
+    assert abs(middle - (tip - 10)) < 1.0
+
+
+def test_between_is_even_in_place_and_turn() -> None:
+    begin = RigidTransform(RollPitchYaw(0.1, 0.2, 0.3), [0.1, 0.2, 0.3])
+    turn = RigidTransform(RollPitchYaw(0.0, 0.0, 0.6), [0.0, 0.0, 0.0])
+    end = RigidTransform(begin.rotation() @ turn.rotation(), [0.3, 0.2, -0.1])
+    middle = between(begin, end, 0.5)
+    assert middle is not None
+    np.testing.assert_allclose(middle.translation(), [0.2, 0.2, 0.1], atol=1e-12)
+    half = RollPitchYaw(0.0, 0.0, 0.3).ToRotationMatrix()
+    expected = begin.rotation() @ half
+    np.testing.assert_allclose(middle.rotation().matrix(), expected.matrix(), atol=1e-12)
+    assert between(None, end, 0.5) is end
+    assert between(begin, None, 0.5) is None
+
+
+def test_what_rests_is_as_in_a_picture_without_exposure() -> None:
+    poses = RigidTransform([-0.015, 0.0, 0.0]), RigidTransform([0.015, 0.0, 0.0])
+    expected = render(PARTS, STRAIGHT, *poses)
+    np.testing.assert_array_equal(render_moving(PARTS, STRAIGHT, poses, poses), expected)
+    np.testing.assert_array_equal(render_moving(PARTS, STRAIGHT, (None, None), poses), expected)
+
+
+def test_the_block_shows_the_motion_light_and_colours() -> None:
+    sensor = SensorParams(exposure=0.01, vignetting=0.3, white_balance=(1.1, 1.0, 0.9))
+    block = SoftwareCamera(PARTS, STRAIGHT, sensor=sensor)
+    context = block.CreateDefaultContext()
+    begin, end = RigidTransform([-0.018, 0.0, 0.001]), RigidTransform([-0.015, 0.0, 0.0])
+    block.GetInputPort("peg_pose").FixValue(context, pose_vector(end))
+    opening = block.GetInputPort(f"peg_pose{AT_OPENING}")
+    port = block.GetOutputPort("image")
+
+    def expected(X_begin: RigidTransform) -> np.ndarray:
+        moving = render_moving(PARTS, STRAIGHT, (X_begin, None), (end, None))
+        return shaded(moving, 0.3, (1.1, 1.0, 0.9))
+
+    np.testing.assert_array_equal(port.Eval(context).data[..., :3], expected(end))
+    opening.FixValue(context, np.zeros(7))  # of a hold that has not sampled yet
+    np.testing.assert_array_equal(port.Eval(context).data[..., :3], expected(end))
+    opening.FixValue(context, pose_vector(begin))
+    np.testing.assert_array_equal(port.Eval(context).data[..., :3], expected(begin))
+    assert (expected(begin) != expected(end)).any()
+
+
+Array = np.ndarray
+
+BARREL = (-0.6, 0.2, 0.01, -0.02, 0.1)
+
+
+def camera(distortion: tuple[float, ...], view: str = "xz") -> Camera:
+    # 500 pixels of focal length: the corners are at 22 degrees.
+    k1, k2, p1, p2, k3 = distortion
+    placement = CameraPlacement(view=view, pixel_size=0.001)  # type: ignore[arg-type]
+    return dataclasses.replace(placement.camera, distortion=(k1, k2, p1, p2, k3))
+
+
+def opencvs(at: Camera, points: Array) -> Array:
+    rotation, _ = cv2.Rodrigues(at.R_WC.T)
+    pixels, _ = cv2.projectPoints(
+        points, rotation, -at.R_WC.T @ at.p_WC, at.matrix, np.array(at.distortion)
+    )
+    return np.array(pixels[:, 0])
+
+
+def test_an_edge_in_the_image_is_where_opencv_projects_it() -> None:
+    at = dataclasses.replace(camera(BARREL).placed(np.eye(3), np.zeros(3)))
+    # A plate at 0.5 m, below y = 0.06 m, of which only that edge is in the image.
+    vertices = np.array([[x, y, z] for x in (-1, 1) for y in (0.06, 0.4) for z in (0.5, 0.50001)])
+    plate = Solid(name="plate", vertices=vertices, colour=(0, 0, 0))
+    image = render_solids(
+        at, [plate], {"plate": RigidTransform()}, Lens(background=(200, 200, 200), blur=0.0)
+    )
+    free = (image[..., 0] / 200.0).sum(axis=0) - 0.5  # of each column, down to the edge
+    x = np.linspace(-0.3, 0.3, 4001)
+    edge = opencvs(at, np.column_stack([x, np.full_like(x, 0.06), np.full_like(x, 0.5)]))
+    columns = np.arange(20, 300)
+    expected = np.interp(columns, edge[:, 0], edge[:, 1])
+    assert np.ptp(expected) > 3
+    # The last column's grey levels are whole numbers.
+    assert np.abs(free[columns] - expected).max() < 0.02
+
+
+def test_what_the_lens_would_fold_back_is_not_drawn() -> None:
+    at = camera((-6.0, 0.0, 0.0, 0.0, 0.0))  # folds back at 118 pixels, seen at 79
+    plate = Solid(
+        name="plate",
+        vertices=np.array([[x, y, z] for x in (-1, 1) for y in (0, 0.1) for z in (-1, 1)]),
+        colour=(0, 0, 0),
+    )
+    image = render_solids(at, [plate], {"plate": RigidTransform()}, Lens(blur=0.0))
+    v, u = np.mgrid[:240, :320]
+    away = np.hypot(u - at.centre[0], v - at.centre[1])
+    assert (image[away < 77] == 0).all()
+    assert (image[away > 80] == 200).all()

@@ -71,30 +71,6 @@ def test_starts_at_rest_at_the_gap_of_the_surface() -> None:
 # --- In contact ---------------------------------------------------------------------------------
 
 
-def test_push_comes_to_rest_at_the_force_asked_for(simulate: Any) -> None:
-    # Rubbed down by viscous friction, the tip leans on the table as the torque says.
-    friction = JointFrictionParams(coulomb=(0.0,) * 3, viscous=(20.0,) * 3)
-    surface = dataclasses.replace(TABLE, tilt=0.0, point=(0.4, 0.0, 0.2199))
-    dynamics = ArmDynamics(PUMA_250)
-    start = dynamics.evaluate(PUMA_Q, np.zeros(3))
-    wanted = np.array([0.0, 0.0, 8.0])
-    torque = start.bias - start.J_v_WC.T @ wanted
-    found = simulate(PUMA_250, PUMA_Q, params(3, friction), 2.0, surface, torque=torque)
-    state = dynamics.evaluate(found.q[-1], np.zeros(3))
-    force = found.contact_force[-1]
-    np.testing.assert_allclose(force[:2], 0.0, atol=1e-9)
-    assert force[2] == pytest.approx(8.0, rel=0.01)
-    gap = locate(surface, state.p_WC).gap
-    assert found.signal("gap")[-1] == pytest.approx(gap, abs=1e-7)
-    assert force[2] == pytest.approx(-1e4 * gap, rel=1e-3)
-    np.testing.assert_allclose(found.tool_force[-1], state.R_WE.T @ force, rtol=1e-4)
-    assert abs(found.tool_force[-1][0]) > 1.0  # the tool's frame is not the world's
-    # What the base's sensor sees holds the arm and pushes.
-    np.testing.assert_allclose(
-        found.base_torque[-1], state.bias - state.J_v_WC.T @ force, rtol=0, atol=0.01
-    )
-
-
 @pytest.mark.parametrize(
     ("arm", "q", "surface", "torque"),
     [
@@ -198,59 +174,6 @@ def test_fall_on_the_table_only_loses_energy(
     np.testing.assert_allclose(found.drift(), 0.0, rtol=0, atol=1e-6 * lost[-1])
 
 
-SLIDES = [
-    pytest.param(
-        PLANAR_TWO_LINK,
-        PLANAR_TWO_LINK.joint_positions(np.array([0.9, -1.494]), "negative"),
-        (0.6, -0.3),
-        Crucible(),
-        id="planar",
-    ),
-    pytest.param(
-        ADEPT_ONE,
-        ADEPT_ONE.joint_positions(np.array([0.5, 0.3, 0.205, 0.0]), "positive"),
-        (0.3, -0.3, 0.0, 0.1),
-        RippledPlane(point=(0.5, 0.3, 0.2), tilt=0.02, ripple=5e-5),
-        id="adept",
-    ),
-]
-
-
-@pytest.mark.parametrize(("stiffness", "most"), [(3e4, 1e-5), (1e6, 1e-4)])
-@pytest.mark.parametrize(("arm", "q", "v", "surface"), SLIDES)
-def test_sliding_and_bouncing_without_friction_keeps_the_energy(
-    simulate: Any,
-    arm: Arm,
-    q: np.ndarray,
-    v: tuple[float, ...],
-    surface: Surface,
-    stiffness: float,
-    most: float,
-) -> None:
-    settings = params(arm.num_joints, contact=ContactParams(stiffness=stiffness, damping=0.0))
-    dynamics = ArmDynamics(arm)
-    start = dynamics.evaluate(q, np.zeros(arm.num_joints))
-    down = [0.0, -15.0, 0.0] if arm is PLANAR_TWO_LINK else [0.0, 0.0, 0.0]
-    torque = start.J_v_WC.T @ down
-    found = simulate(arm, q, settings, 0.7, surface, torque=torque, velocity=np.array(v))
-    assert np.count_nonzero(found.signal("impact_speed")) > 1
-    assert found.stored("elastic").max() > 0.01 * found.turned_over()
-    assert np.max(np.abs(found.drift())) < most * found.turned_over()
-    assert np.max(np.abs(found.signal("dissipated"))) < 1e-12
-
-
-def test_impacts_peak_force_converges_with_the_step(simulate: Any) -> None:
-    peaks = []
-    for step in (2e-4, 1e-4, 5e-5):
-        settings = params(3, contact=ContactParams(damping=20.0), step=step, held=1)
-        found = simulate(PUMA_250, PUMA_Q, settings, 0.1, TABLE)
-        peaks.append(float(found.signal("peak_force").max()))
-        # The largest of the samples is the peak, and falls between no two of them.
-        normal = locate(TABLE, PUMA_250.endpoint(PUMA_Q)).normal
-        assert peaks[-1] == pytest.approx(float(np.max(found.contact_force @ normal)), rel=1e-9)
-    np.testing.assert_allclose(peaks[:2], peaks[2], rtol=1e-3)
-
-
 def test_window_holds_peaks_until_the_next(simulate: Any) -> None:
     settings = params(3, contact=ContactParams(damping=20.0), step=1e-4, held=10)
     single = simulate(PUMA_250, PUMA_Q, settings, 0.1, TABLE)
@@ -261,15 +184,6 @@ def test_window_holds_peaks_until_the_next(simulate: Any) -> None:
             wide.signal(name)[1:].reshape(-1, 5), np.maximum.accumulate(each, axis=1)
         )
     np.testing.assert_array_equal(single.encoders, wide.encoders)
-
-
-def test_far_from_a_surface_its_level_may_have_any_shape(simulate: Any) -> None:
-    # In the cylinder's axis the level's gradient is 0, and beside it its curvature is large.
-    for x in (1.0, 1.0 + 1e-9):
-        q = PLANAR_TWO_LINK.joint_positions(np.array([x, -0.75]), "negative")
-        found = simulate(PLANAR_TWO_LINK, q, params(2), 0.02, Crucible(), velocity=np.ones(2))
-        np.testing.assert_array_equal(found.contact_force, 0.0)
-        assert found.signal("gap").min() > 0.7
 
 
 def planar_motion(q: np.ndarray, v: np.ndarray, torque: np.ndarray, duration: float) -> np.ndarray:
@@ -297,28 +211,6 @@ def test_driven_planar_arm_converges_with_its_step(simulate: Any) -> None:
         assert np.max(np.abs(found.drift())) < 20 * step**2
     assert errors[-1] < 1e-6 * np.linalg.norm(exact)
     np.testing.assert_allclose([errors[0] / errors[1], errors[1] / errors[2]], 4.0, atol=0.3)
-
-
-@pytest.mark.parametrize("held", [10, 50])
-@pytest.mark.parametrize(
-    ("arm", "q", "v"),
-    [
-        (PLANAR_TWO_LINK, PLANAR_Q, [1.0, -2.0]),
-        (PLANAR_TWO_LINK, PLANAR_Q, [10.0, -5.0]),
-        (PUMA_250, PUMA_Q, [5.0, 3.0, 4.0]),
-        (ADEPT_ONE, ADEPT_Q, [5.0, 5.0, -2.0, 4.0]),
-    ],
-    ids=lambda value: getattr(value, "name", None),
-)
-def test_spinning_arm_keeps_its_energy(
-    simulate: Any, energies: Any, arm: Arm, q: np.ndarray, v: list[float], held: int
-) -> None:
-    found = simulate(arm, q, params(arm.num_joints, held=held), 0.5, velocity=np.array(v))
-    energy = energies(arm, NOWHERE, 1e4, found)
-    kinetic = found.stored("kinetic").max()
-    assert np.max(np.abs(energy - energy[0])) < 1e-6 * kinetic
-    np.testing.assert_allclose(found.drift(), energy[1:] - energy[1], rtol=0, atol=1e-9)
-    assert np.all(found.signal("dissipated") == 0.0)
 
 
 def test_disturbance_accelerates_the_tip(simulate: Any) -> None:
@@ -353,14 +245,6 @@ def run_puma(duration: float, **inputs: object) -> None:
 def test_inputs_have_to_be_finite(inputs: dict[str, object], message: str) -> None:
     with pytest.raises(ParameterError, match=f"^{re.escape(message)}, allowed: finite numbers$"):
         run_puma(0.01, **inputs)
-
-
-def test_divergence_is_one_line() -> None:
-    message = (
-        "^the Puma 250's velocity at t = 0.* s is .*, allowed: finite numbers, the run diverges$"
-    )
-    with pytest.raises(ParameterError, match=message):
-        run_puma(1.0, torque=[1e307, 1e307, 0.0])
 
 
 def test_a_step_that_is_not_solved_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -45,11 +45,7 @@ LEFT, RIGHT = (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)  # out of the walls at -y and +y
 def test_sixteen_pairs_may_be_one_point() -> None:
     angles = np.linspace(-0.2, 0.2, 16)
     rows = [
-        (
-            (EDGE, R * math.cos(a), R * math.sin(a)),
-            (0.0, -math.cos(a), -math.sin(a)),
-            1.0,
-        )
+        ((EDGE, R * math.cos(a), R * math.sin(a)), (0.0, -math.cos(a), -math.sin(a)), 1.0)
         for a in angles
     ]
     found = cluster(points(*rows), pose(0.02), PARTS)

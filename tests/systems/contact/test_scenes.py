@@ -40,12 +40,8 @@ PUMA_Q = PUMA_250.joint_positions(np.array([0.4, 0.0, 0.22]), "negative")
 POSE = np.array([0.5, 0.15, 0.45, 0.4, 0.1, -0.2, 0.3])
 WRIST_Q = ADEPT_WRIST.joint_positions(POSE, "positive")
 NOWHERE = RippledPlane(point=(0.0, 0.0, -100.0))
-TABLE = RippledPlane(point=(0.4, 0.0, 0.2), tilt=0.02, along=(0.0, 1.0, 0.0))
 INERTIA = np.array([[4e-5, 1e-5, 0.0], [1e-5, 3e-5, 0.0], [0.0, 0.0, 2e-5]])
 NUGGET = Load(0.185, (0.01, 0.02, -0.03), INERTIA)
-both = pytest.mark.parametrize(
-    "gripper", [None, GripperCompliance(stiffness=1000.0, damping=5.0)], ids=["rigid", "gripper"]
-)
 
 
 def params(n: int, viscous: float = 0.0, **changes: Any) -> ArmInContactParams:
@@ -116,28 +112,6 @@ def test_the_base_carries_all_that_moves_and_touches(run: Any) -> None:
 
 
 # --- Several points -----------------------------------------------------------------------------
-
-
-@both
-def test_two_halves_of_a_contact_are_the_whole(
-    run: Any, gripper: GripperCompliance | None
-) -> None:
-    whole = Scene((touches(TABLE, stiffness=1e4, damping=20.0, mu=0.3),))
-    half = touches(TABLE, stiffness=5e3, damping=10.0, mu=0.3)
-    one, two = (
-        run(
-            ArmInContact(PUMA_250, [scene], params(3, 0.3, gripper=gripper), PUMA_Q),
-            0.2,
-            period=1e-3,
-        )
-        for scene in (whole, Scene((half, half)))
-    )
-    assert np.max(one.contact_force[:, 2]) > 10.0
-    both_forces = two.contact_force[:, :3] + two.contact_force[:, 3:]
-    np.testing.assert_allclose(two.q, one.q, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(both_forces, one.contact_force, rtol=0, atol=1e-4)
-    np.testing.assert_allclose(two.tool_force, one.tool_force, rtol=0, atol=1e-4)
-    np.testing.assert_allclose(two.energy, one.energy, rtol=0, atol=1e-7)
 
 
 def test_energy_where_a_corner_holds_the_tip_redundantly(run: Any) -> None:
@@ -275,27 +249,3 @@ def test_slow_arm_slides_as_the_contact_of_section_5_2_1(
     largest = np.max(np.linalg.norm(found.contact_force, axis=1))
     assert largest > 2.0
     assert np.max(errors) < 0.03 * largest
-
-
-@pytest.mark.parametrize("damping", [0.0, 10.0])
-def test_energy_with_a_gripper(simulate: Any, damping: float) -> None:
-    # The arm falls on the table with its gripper, bounces and slides.
-    gripper = GripperCompliance(stiffness=OBLIQUE, damping=damping)
-    contact = ContactParams(damping=damping, friction=SurfaceFriction(coefficient=0.2))
-    found = simulate(
-        PUMA_250, PUMA_Q, rubbing(3, 0.02, contact=contact, gripper=gripper), 0.5, TABLE
-    )
-    assert found.signal("peak_force").max() > 10
-    assert np.max(np.abs(found.drift())) < 2e-5 * found.turned_over()
-    assert np.all(np.diff(found.signal("dissipated")) >= -1e-9)
-
-
-def test_stiff_gripper_is_as_good_as_none(simulate: Any) -> None:
-    contact = ContactParams(friction=SurfaceFriction(coefficient=0.2))
-    runs = [
-        simulate(PUMA_250, PUMA_Q, rubbing(3, 0.5, contact=contact, gripper=gripper), 0.13, TABLE)
-        for gripper in (None, GripperCompliance(stiffness=1e8, damping=1e3))
-    ]
-    rigid, stiff = (run.contact_force for run in runs)
-    assert np.max(rigid) > 30.0
-    np.testing.assert_allclose(stiff, rigid, rtol=0, atol=0.03 * np.max(rigid))

@@ -9,7 +9,6 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from chamfer.models.arms.arm import JointFrictionParams
 from chamfer.systems.contact.stick_slip import (
     Material,
     Motion,
@@ -73,14 +72,6 @@ def held(mass: Any, force: Any, jacobian: Any, gap: float, mu: float = 0.0) -> S
     )
 
 
-def free(mass: object, force: object = 0.0) -> StepModel:
-    """An arm far away from any surface."""
-    matrix = np.atleast_2d(np.array(mass, dtype=float))
-    n = len(matrix)
-    u = np.broadcast_to(np.array(force, dtype=float), (n,)).copy()
-    return held(matrix, u, np.zeros((3, n)), FAR)
-
-
 def block(
     mass: float, force: tuple[float, float, float], gap: float, mu: float = 0.0
 ) -> StepModel:
@@ -106,50 +97,14 @@ def moving(*velocity: float) -> Motion:
     return Motion(v, np.zeros(len(v)), np.zeros(len(v)), np.zeros((1, 3)))
 
 
-def at_rest(n: int) -> Motion:
-    return moving(*[0.0] * n)._replace(sticking=np.ones(n))
-
-
 # --- Joints -------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_above_breakaway_it_moves(take_steps: Any, sign: float) -> None:
-    rough = made_of(1, coulomb=2.0, breakaway=1.5)
-    done = take_steps(free(0.3, 3.001 * sign), rough, at_rest(1), H, 1)
-    assert done.motion.velocity[0] == pytest.approx(sign * H * 0.001 / 0.3, rel=1e-9)
-    assert done.motion.sticking[0] == 0.0
-    # Once it moves the friction falls off: it runs away.
-    done = take_steps(free(0.3, 3.001 * sign), rough, at_rest(1), H, 20_000)
-    assert sign * done.motion.velocity[0] > 4.0
-    assert done.dry_friction[0] == pytest.approx(-2.0 * sign, rel=1e-12)
-
-
-@pytest.mark.parametrize("speed", [-0.05, -0.01, 0.003, 0.02, 0.5])
-def test_moving_friction_is_the_law_of_the_model(take_steps: Any, speed: float) -> None:
-    law = JointFrictionParams(coulomb=(2.0,), breakaway=1.5, stribeck=0.02, viscous=(0.0,))
-    done = take_steps(free(10.0), made_of(1, coulomb=2.0, breakaway=1.5), moving(speed), H, 1)
-    expected = -math.copysign(law.dry(np.array([speed]))[0], speed)
-    assert done.dry_friction[0] == pytest.approx(expected, rel=1e-12)
-    assert done.motion.velocity[0] == pytest.approx(speed + H * expected / 10.0, rel=1e-12)
-
-
-def test_stopping_distance(take_steps: Any) -> None:
-    mass, coulomb, v0 = 0.7, 2.1, 0.6
-    exact = mass * v0**2 / (2 * coulomb)
-    for h in (4e-4, 3.7e-4, 1e-4):
-        done = take_steps(free(mass), made_of(1, coulomb=coulomb), moving(v0), h, round(0.4 / h))
-        assert done.motion.velocity[0] == 0.0
-        # Exact but in the last step, in which it stops before the end.
-        assert done.displacement[0] == pytest.approx(exact, abs=coulomb * h**2 / mass / 4)
-        assert done.dissipated == pytest.approx(mass * v0**2 / 2, rel=1e-9)
 
 
 # --- Contact ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("stiffness", "damping"), [(1e4, 20.0), (3e4, 150.0)])
-def test_damped_bounce(take_steps: Any, stiffness: float, damping: float) -> None:
+def test_damped_bounce(take_steps: Any) -> None:
+    stiffness, damping = 3e4, 150.0
     mass, speed, start, duration = 2.24, 0.33, 5e-3, 0.08
 
     def push(gap: float, rate: float) -> float:
@@ -198,27 +153,6 @@ def test_impact_speed_is_of_contact_made_in_these_steps(take_steps: Any) -> None
 # --- Friction of the surface --------------------------------------------------------------------
 
 ANGLES = [0.0, 0.3, math.pi / 4, 2.0, -math.pi / 4, -3.0]
-MASS, WEIGHT, MU = 2.0, 20.0, 0.4
-TABLE = made_of(3, damping=200.0)
-
-
-def sliding_block(force: float, angle: float, mu: float = MU) -> StepModel:
-    """A block in vertical balance on the table, pushed along it."""
-    pushed = (force * math.cos(angle), force * math.sin(angle), -WEIGHT)
-    return block(MASS, pushed, -WEIGHT / 1e4, mu)
-
-
-@pytest.mark.parametrize("angle", ANGLES)
-def test_sliding_block_is_slowed_by_mu_n(take_steps: Any, angle: float) -> None:
-    way = np.array([math.cos(angle), math.sin(angle), 0.0])
-    done = take_steps(sliding_block(0.0, angle), TABLE, moving(*(1.0 * way)), H, 1000)
-    np.testing.assert_allclose(
-        done.motion.velocity, (1.0 - 0.1 * MU * WEIGHT / MASS) * way, rtol=0, atol=1e-9
-    )
-    np.testing.assert_allclose(done.force, WEIGHT * UP - MU * WEIGHT * way, rtol=0, atol=1e-6)
-    assert done.slip_speed == pytest.approx(0.6, abs=1e-9)
-    lost = MASS * (1.0 - 0.6**2) / 2
-    assert done.dissipated == pytest.approx(lost, rel=1e-9)
 
 
 @pytest.mark.parametrize("angle", ANGLES)
@@ -445,14 +379,3 @@ def test_solution_does_not_depend_on_where_it_starts(seed: int, rigid: bool) -> 
     # Where joints and tip all stick the share of each is open, but not the surface's push.
     pushes = [case.held.normal[0] @ done.motion.impulse[0] / H for done in (warm, cool)]
     assert pushes[0] == pytest.approx(pushes[1], rel=1e-4, abs=1e-4)
-
-
-@rigid_or_gripper
-@given(seed=seeds)
-def test_friction_and_contact_only_take_energy(take_steps: Any, seed: int, rigid: bool) -> None:
-    case = random_case(seed, rigid=rigid, driven=False)
-    done = take_steps(*case[:3], H, 40)
-    start = energy(case, case.motion.velocity, case.held.gap, case.held.stretch)
-    end = energy(case, done.motion.velocity, done.gap, case.held.stretch + done.stretch)
-    assert done.dissipated == pytest.approx(start - end, abs=1e-8 * start)
-    assert done.dissipated >= -1e-4 * start

@@ -69,11 +69,7 @@ class Slides:
     @classmethod
     def told(cls, dimension: int) -> dict[str, Any]:
         """Return what an observer is told of that gripper and the sensor of section 5.2.2."""
-        return {
-            "stiffness": cls.stiffness(dimension),
-            "force_noise": 1.0,
-            "force_rate_noise": 5.0,
-        }
+        return {"stiffness": cls.stiffness(dimension), "force_noise": 1.0, "force_rate_noise": 5.0}
 
     @staticmethod
     def lead(

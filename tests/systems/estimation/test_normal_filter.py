@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq, minimize
 
 from chamfer.models.surfaces.friction import SurfaceFriction
-from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
-from chamfer.models.surfaces.rounds import Circle, Sphere
+from chamfer.models.surfaces.graphs import Paraboloid, Wave
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.sliding_contact import SLIP
@@ -59,21 +58,6 @@ def test_normal_does_not_depend_on_friction(
 
 
 @settings(deadline=None)  # the first call compiles
-@given(seed=seeds, d=dimensions, u_F=sizes, u_v=sizes)
-def test_uncertainty_as_printed(seed: int, d: int, u_F: float, u_v: float) -> None:
-    # (4-18) with |N| and |F - N| written out.
-    random = np.random.default_rng(seed)
-    F, v = random.standard_normal(d), random.standard_normal(d)
-    N = project_out(F, v)
-    a, b = np.linalg.norm(N), np.linalg.norm(F - N)
-    by_force = u_F / (math.sqrt(3) * a)
-    by_velocity = u_v / math.sqrt(3) * (a + b) / math.sqrt((v @ v) * (N @ N))
-    expected = math.sqrt(by_force**2 + by_velocity**2)
-    found = instantaneous_normal(F, v, u_F, u_v, np.zeros(d))
-    assert found.uncertainty == pytest.approx(expected, rel=1e-9)
-
-
-@settings(deadline=None)  # the first call compiles
 @given(seed=seeds, d=dimensions)
 def test_prior_divides_the_force(random_unit: Callable[..., Array], seed: int, d: int) -> None:
     random = np.random.default_rng(seed)
@@ -116,13 +100,6 @@ def test_no_normal(force: Array, velocity: Array, with_prior: bool) -> None:
     np.testing.assert_array_equal(n, np.zeros(d))
     assert u == math.inf
     np.testing.assert_array_equal(project_out(force, velocity), np.zeros(d))
-
-
-def test_no_normal_if_the_prior_is_across_the_force() -> None:
-    F, v = np.array([0.0, 5.0]), np.array([1.0, 0.0])
-    n, u = instantaneous_normal(F, v, 1.0, 0.05, np.array([1.0, 0.0]))
-    np.testing.assert_array_equal(n, [0.0, 0.0])
-    assert u == math.inf
 
 
 scales = st.floats(-6, 3).map(lambda exponent: 10.0**exponent)
@@ -173,7 +150,7 @@ def multiplier_of(case: Case) -> float:
 
 
 @pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(3))
 def test_no_gain_of_unit_length_has_a_smaller_trace(
     draw: Callable[..., Case], d: int, seed: int
 ) -> None:
@@ -235,7 +212,7 @@ def test_gain_gives_the_same(draw: Callable[..., Case], seed: int, d: int) -> No
 
 
 @pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 class TestSpecialCases:
     def test_agreement(self, draw: Callable[..., Case], d: int, seed: int) -> None:
         case = draw(seed, d)._replace(measured=draw(seed, d).normal)
@@ -261,15 +238,6 @@ class TestSpecialCases:
             updated = constrained_update(n, P, -n, P.copy())
             np.testing.assert_array_equal(updated.normal, n)
             np.testing.assert_array_equal(updated.covariance, P)
-
-    @pytest.mark.parametrize("noise", [1e20, 1e100, 1e300])
-    def test_useless_measurement(
-        self, draw: Callable[..., Case], d: int, seed: int, noise: float
-    ) -> None:
-        case = draw(seed, d)._replace(noise=noise * np.eye(d))
-        updated = constrained_update(*case)
-        np.testing.assert_allclose(updated.normal, case.normal, rtol=0, atol=1e-15)
-        np.testing.assert_allclose(updated.covariance, case.covariance, rtol=1e-13, atol=1e-16)
 
     @pytest.mark.parametrize("size", [1e-8, 1e-12, 1e-15, 1e-16])
     def test_difference_within_rounding(
@@ -341,7 +309,7 @@ def test_a_long_run_as_printed(slides: Any, d: int, solver: Any) -> None:
     random = np.random.default_rng(d)
     n, P = np.eye(d)[-1], 0.15**2 * np.eye(d)
     memory = observer.start(n)
-    for _ in range(300):
+    for _ in range(100):
         force = 10 * (np.eye(d)[-1] + 0.3 * random.standard_normal(d))
         sample = Sample(
             force, 5 * random.standard_normal(d), np.zeros(d), 0.3 * random.standard_normal(d)
@@ -498,31 +466,19 @@ def test_tangential_deviation() -> None:
 @pytest.mark.parametrize(
     "surface",
     [
-        Parabola(),
         Wave(wavelength=2.0),
-        Circle(centre=(0.0, 2.0), radius=2.0, inside=True),
         Paraboloid(coefficients=(0.05, -0.2)),
-        Sphere(centre=(0.0, 0.0, 2.0), radius=2.0, inside=True),
-        WavySheet(wavelengths=(2.0, 3.0)),
     ],
 )
-@pytest.mark.parametrize(
-    "friction", [SurfaceFriction(), SurfaceFriction(coefficient=0.5, ripple=0.3)]
-)
 @pytest.mark.parametrize("gated", [False, True])
-def test_exact_without_noise(
-    slides: Any, surface: Surface, friction: SurfaceFriction, gated: bool
-) -> None:
+def test_exact_without_noise(slides: Any, surface: Surface, gated: bool) -> None:
     # Section 5.2.2, Fig. 5-5: the estimate is exact and P zero, whatever the friction.
-    d = surface.dimension
+    d, friction = surface.dimension, SurfaceFriction(coefficient=0.5, ripple=0.3)
     slide = slides.make(surface, slides.lead(d, heading=0.4), 6.0, friction=friction)
     found = slides.follow(
         ConstrainedFilter(
             ConstrainedFilterParams(
-                stiffness=slides.stiffness(d),
-                force_noise=0.0,
-                force_rate_noise=0.0,
-                gated=gated,
+                stiffness=slides.stiffness(d), force_noise=0.0, force_rate_noise=0.0, gated=gated
             )
         ),
         slide.samples,
@@ -532,15 +488,3 @@ def test_exact_without_noise(
     assert np.degrees(slides.angles(found.normals, slide.normals)[sliding].max()) < 1e-9
     assert np.abs(found.covariances[sliding]).max() < 1e-25
     assert np.all(found.statuses[sliding] == NormalStatus.MEASURED)
-
-
-def test_prior_weights_have_no_bias_towards_the_samples(slides: Any) -> None:
-    # Where the sample divides its own force a sample that is off in one direction counts more.
-    slide = slides.make(Parabola(coefficient=0.0), slides.lead(2), 10.0)
-    biases, told = {}, slides.told(2)
-    for weights in ("sample", "prior"):
-        observer = ConstrainedFilter(ConstrainedFilterParams(**told, gated=True, weights=weights))
-        runs = [slides.follow(observer, slides.disturb(slide.samples, seed)) for seed in range(8)]
-        biases[weights] = math.degrees(np.mean([run.normals[40:, 0].mean() for run in runs]))
-    assert abs(biases["sample"]) > 1.2
-    assert abs(biases["prior"]) < 0.5 * abs(biases["sample"])

@@ -66,10 +66,7 @@ class Contact:
         self.q = PLANAR_TWO_LINK.joint_positions(self.x, "negative")
         self.rest = np.concatenate([self.q, np.zeros(2)])
         self.J = np.array(  # written out for this pose
-            [
-                [1.5, -math.sin(self.q.sum())],
-                [1.0, math.cos(self.q.sum())],
-            ]
+            [[1.5, -math.sin(self.q.sum())], [1.0, math.cos(self.q.sum())]]
         )
 
     def __call__(self, **changes: Any) -> dict[str, Any]:

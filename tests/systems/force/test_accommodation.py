@@ -161,17 +161,6 @@ def test_at_a_remote_centre_the_damping_is_diagonal(
     np.testing.assert_allclose(velocity_at(centre, v), force / damping[3:], atol=1e-9)
 
 
-@given(centre=CENTRES, damping=st.tuples(*[st.floats(1, 1e4)] * 6))
-def test_the_mobility_is_symmetric_and_takes_energy(
-    centre: tuple[float, ...], damping: tuple[float, ...]
-) -> None:
-    mobility = params(damping=damping, stiffness=FREE, centre=centre).mobility
-    # An entry is a sum, which may cancel: it is as exact as its rounding is to the largest one.
-    floor = 1e-14 * np.abs(mobility).max()
-    np.testing.assert_allclose(mobility, mobility.T, rtol=1e-12, atol=floor)
-    assert np.linalg.eigvalsh(mobility).min() > 0
-
-
 def far(height: float, **changes: Any) -> AccommodationParams:
     """Of an axis along x with k T / D = 0.1, and about y of 0.05."""
     stiffness = (0.05 * 2 / PERIOD,) * 3 + (0.1 * DAMPING / PERIOD,) * 3

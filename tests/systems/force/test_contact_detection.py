@@ -1,5 +1,6 @@
 """Contact detection: the chart on sequences of forces, and the block."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -8,9 +9,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from pydrake.systems.analysis import Simulator
 
-from chamfer.analysis.drawing.chart_graph import chart_graph
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.contact_detection import (
     APPROACH,
@@ -21,7 +22,7 @@ from chamfer.systems.force.contact_detection import (
     Inputs,
     make_contact_chart,
 )
-from chamfer.systems.statechart.chart_design import not_connected, not_local, not_used, replay
+from chamfer.systems.force.selection import Selection, position_selection, require_projection
 
 # Binary fractions, so that the ticks' times are exact.
 PERIOD = 0.25
@@ -58,36 +59,6 @@ def test_states_have_the_numbers_of_the_port() -> None:
     assert chart.initial == "approach"
 
 
-def test_drawing_has_three_states_and_the_thresholds() -> None:
-    graph = chart_graph(make_contact_chart(WIDE, DOWN))
-    assert [node.label for node in graph.nodes if node.kind == "state"] == list(STATES)
-    arrows = {(edge.source, edge.target, edge.label) for edge in graph.edges}
-    assert arrows == {
-        ("start", "state approach", ""),
-        ("state approach", "state contact", "force > 2 N"),
-        ("state contact", "state lost", "force <= 0.5 N"),
-        ("state lost", "state contact", "force > 2 N"),
-    }
-
-
-@given(
-    pushes=st.lists(
-        st.one_of(st.floats(-4, 4), st.sampled_from([0.5, 2.0])), min_size=1, max_size=60
-    )
-)
-def test_relay_with_hysteresis(pushes: list[float]) -> None:
-    # The same told without a chart: the last push outside of the band decides.
-    states, times, _ = run(WIDE, pushes)
-    touched = [i for i, push in enumerate(pushes) if push > 2.0]
-    for i, (state, time) in enumerate(zip(states, times, strict=True)):
-        if not touched or i < touched[0]:
-            assert (state, time) == ("approach", -1.0)
-            continue
-        decisive = [push for push in pushes[: i + 1] if push > 2.0 or push <= 0.5][-1]
-        assert state == ("contact" if decisive > 2.0 else "lost")
-        assert time == touched[0] * PERIOD  # of the first contact, for good
-
-
 def test_force_is_taken_along_an_oblique_direction() -> None:
     # (3, 4) / 5: a force (1, 1) pushes with 7 / 5 N.
     for detect, state in ((1.39, "contact"), (1.41, "approach")):
@@ -96,18 +67,9 @@ def test_force_is_taken_along_an_oblique_direction() -> None:
         assert chart.step(chart.start(), Inputs((1.0, 1.0)), 0.0)[0].state == state
 
 
-def test_chart_meets_the_design_criteria() -> None:
-    chart = make_contact_chart(WIDE, DOWN)
-    inputs = [Inputs((0.0, -push)) for push in (0.0, 3.0, 1.0, 0.0, 1.0, 3.0)]
-    # The approach comes once: a contact that was lost is sought in a mode of its own.
-    assert {end for _, end in not_connected(chart)} == {"approach"}
-    assert not_local(chart, inputs, period=PERIOD) == ()
-    assert not_used(chart, replay(chart, inputs, period=PERIOD)) == ()
-
-
 @given(
     samples=st.integers(1, 4),
-    pushes=st.lists(st.sampled_from([0.0, 1.0, 3.0]), min_size=1, max_size=40),
+    pushes=st.lists(st.sampled_from([0.0, 0.5, 1.0, 2.0, 3.0]), min_size=1, max_size=40),
 )
 def test_a_state_ends_with_so_many_readings_in_a_row(samples: int, pushes: list[float]) -> None:
     states, times, _ = run(replace(WIDE, samples=samples), pushes)
@@ -190,3 +152,67 @@ def test_block_runs_the_chart() -> None:
     assert found[-1] == (CONTACT, 0.5)
     labels = [record.label for record in driven.block.transitions(driven.context)]
     assert labels == ["force > 2 N", "force <= 0.5 N", "force > 2 N"]
+
+
+EXACT = 1e-14
+
+
+@st.composite
+def directions(draw: st.DrawFn) -> np.ndarray:
+    """Draw a vector of 2 to 4 numbers that is not tiny."""
+    size = draw(st.integers(2, 4))
+    components = st.floats(-1, 1)
+    return draw(arrays(float, size, elements=components).filter(lambda v: np.abs(v).max() > 1e-3))
+
+
+@given(normal=directions())
+def test_domains_share_out_the_space(normal: np.ndarray) -> None:
+    P = position_selection(normal)
+    F = np.eye(len(normal)) - P
+    np.testing.assert_allclose(P @ P, P, rtol=0, atol=EXACT)
+    np.testing.assert_allclose(F @ F, F, rtol=0, atol=EXACT)
+    np.testing.assert_allclose(P @ F, np.zeros_like(P), rtol=0, atol=EXACT)
+    np.testing.assert_array_equal(P, P.T)
+    assert np.trace(F) == pytest.approx(1, abs=EXACT)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "allowed"),
+    [
+        # A projection, but an oblique one.
+        ([[1.0, 1.0], [0.0, 0.0]], "a symmetric projection, P P = P = P^T"),
+        # Symmetric, but a scaling, a reflection, a permutation.
+        ([[0.5, 0.0], [0.0, 1.0]], "a symmetric projection, P P = P = P^T"),
+        ([[-1.0, 0.0], [0.0, 1.0]], "a symmetric projection, P P = P = P^T"),
+        ([[0.0, 1.0], [1.0, 0.0]], "a symmetric projection, P P = P = P^T"),
+        ([[1.0, 0.0], [0.0, 1e-6]], "a symmetric projection, P P = P = P^T"),
+        ([[math.nan, 0.0], [0.0, 1.0]], "finite numbers"),
+        ([[1.0, 0.0], [0.0, math.inf]], "finite numbers"),
+    ],
+)
+def test_what_is_no_projection_is_refused(matrix: list[list[float]], allowed: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        require_projection(np.array(matrix))
+    assert str(caught.value) == f"selection is {matrix}, allowed: {allowed}"
+    with pytest.raises(ParameterError, match=r"^P is "):
+        require_projection(np.array(matrix), "P")
+
+
+@pytest.mark.parametrize("normal", [(0.0, -2.0), (1.0, 2.0, -2.0), (0.0, 0.0, 1.0, 0.0)])
+def test_block_gives_the_normal_away_at_contact(normal: tuple[float, ...]) -> None:
+    block = Selection(np.array(normal))
+    context = block.CreateDefaultContext()
+    size = len(normal)
+
+    def selection(mode: float) -> np.ndarray:
+        block.GetInputPort("mode").FixValue(context, [mode])
+        found: np.ndarray = block.GetOutputPort("selection").Eval(context).reshape(size, size)
+        return found
+
+    n = np.array(normal) / np.linalg.norm(normal)
+    np.testing.assert_array_equal(selection(0), np.eye(size))
+    for mode in (1, 2):  # in contact, and while it is lost
+        np.testing.assert_allclose(
+            selection(mode), np.eye(size) - np.outer(n, n), rtol=0, atol=EXACT
+        )
+    np.testing.assert_array_equal(selection(0), np.eye(size))

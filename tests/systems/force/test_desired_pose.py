@@ -55,13 +55,6 @@ def test_cubic_from_rest_to_rest_on_a_line(time: float) -> None:
     np.testing.assert_allclose(rate[3:], 6 * s * (1 - s) / DURATION * way, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("time", [0.0, 0.7, 2.0, 3.0])
-def test_the_orientation_is_the_goals_all_along(time: float) -> None:
-    found, rate = at(time)
-    np.testing.assert_allclose(found[:4], GOAL.rotation().ToQuaternion().wxyz(), atol=1e-15)
-    assert not rate[:3].any()
-
-
 def stopped(when: float, *, back: bool) -> tuple[StoppableMotion, Simulator]:
     """A motion that is told to stop shortly before a time, and maybe to go on afterwards."""
     block = motion()

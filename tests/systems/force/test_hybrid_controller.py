@@ -334,17 +334,6 @@ def test_offset_stays_as_it_is_within_a_mode(drive: Any, contact: Any, law: Law)
     np.testing.assert_allclose(change, wanted, rtol=0, atol=1e-11)
 
 
-@pytest.mark.parametrize("law", LAWS)
-def test_known_torque_is_added(drive: Any, contact: Any, law: Law) -> None:
-    known = np.array([2.0, -1.0])
-    plain = drive(law)
-    fed = drive(law, feedforward_torque=tuple(known))
-    for mode in (APPROACH, CONTACT, CONTACT, LOST, LOST, CONTACT, APPROACH):
-        inputs = contact(mode=mode, selection=ALONG if mode else FREE)
-        expected = plain.tick(**inputs) + known
-        np.testing.assert_allclose(fed.tick(**inputs), expected, rtol=0, atol=1e-10)
-
-
 # Loss of contact
 
 
@@ -485,7 +474,3 @@ def test_from_rest_the_arm_accelerates_as_wanted_in_the_position_domain_alone() 
     for P in (np.eye(4), np.eye(4) - np.outer(normal, normal)):
         found = ADEPT_ONE.jacobian(PLACE) @ np.linalg.solve(mass, feedforward(P, WANTED))
         np.testing.assert_allclose(found, P @ WANTED, atol=1e-12)
-
-
-def test_at_constant_speed_there_is_none() -> None:
-    np.testing.assert_array_equal(feedforward(np.eye(4), np.zeros(4)), 0.0)

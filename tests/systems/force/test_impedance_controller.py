@@ -74,13 +74,6 @@ def test_unstable_above_the_upper_bound(frequency: float, excess: float, product
         assert high <= exact
 
 
-@given(frequency=frequencies, part=st.floats(0.0, 0.95), product=st.floats(0.1, 1.4))
-def test_unstable_below_the_lower_bound(frequency: float, part: float, product: float) -> None:
-    period = product / frequency
-    low, _ = stable_damping_ratios(frequency, period)
-    assert one_period(frequency, part * low, period, 1000) > 1
-
-
 # Rotation
 
 angles = st.floats(0.0, math.pi)
@@ -145,10 +138,6 @@ UNEQUAL = ImpedanceControllerParams(
     torque_limits=(1e6,) * 7,
 )
 CONTROLLER = ImpedanceController(MODEL, BENT, UNEQUAL)
-FREE_ELBOW, STIFF_ELBOW = (
-    ImpedanceController(MODEL, BENT, replace(UNEQUAL, null_stiffness=stiffness))
-    for stiffness in (0.0, 20.0)
-)
 
 
 def pose_of(rotation: Rotation, position: Array) -> Array:
@@ -206,33 +195,6 @@ def test_torque_is_that_of_equation_1(seed: int) -> None:
     np.testing.assert_allclose(torque, gravity - J.T @ wrench + null, rtol=0, atol=2e-3)
     np.testing.assert_allclose(np.abs(tool_pose), np.abs(pose_vector(X_WT)), rtol=0, atol=1e-12)
     assert not np.any(saturated)
-
-
-@pytest.mark.parametrize("factor", [-1.0, 3.0, 1e-3])
-def test_length_and_sign_of_the_desired_quaternion_do_not_matter(factor: float) -> None:
-    encoders, desired, velocity = scene(1)
-    other = np.concatenate([factor * desired[:4], desired[4:]])
-    expected = step(CONTROLLER, encoders, desired, velocity)[0]
-    found = step(CONTROLLER, encoders, other, velocity)[0]
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10)
-
-
-@settings(deadline=None)
-@given(seed=st.integers(0, 2**32 - 1), turn=st.floats(0.0, 10.0))
-def test_null_space_torque_does_not_accelerate_the_tool(seed: int, turn: float) -> None:
-    encoders, desired, velocity = scene(seed, turn)
-    q = encoders[:7]
-    _, J, mass, _ = MODEL.evaluate(q)
-    free = null_space(J)[:, 0]
-    inputs = (encoders, desired, velocity)
-    extra = step(STIFF_ELBOW, *inputs)[0] - step(FREE_ELBOW, *inputs)[0]
-    acceleration = np.linalg.solve(mass, extra)
-    own_motion = free * (free @ mass @ encoders[7:]) / (free @ mass @ free)
-    pull = 20.0 * (BENT - q) - STIFF_ELBOW.null_damping * own_motion
-    unprojected = J @ np.linalg.solve(mass, pull)
-    assert np.abs(J @ acceleration).max() < 1e-4 * np.abs(unprojected).max()
-    tolerance = 1e-4 * float(np.linalg.norm(pull))
-    assert free @ mass @ acceleration == pytest.approx(free @ pull, rel=0, abs=tolerance)
 
 
 def test_damping_and_inertia_of_the_design() -> None:
@@ -358,29 +320,19 @@ def test_outputs_are_the_law_and_held_over_a_period() -> None:
     )
 
 
-def inputs_at_rest() -> dict[str, Array]:
-    return {
-        "encoders": np.concatenate([BENT, np.zeros(7)]),
-        "desired_pose": pose_vector(MODEL.evaluate(BENT).X_WT),
-        "desired_velocity": np.zeros(6),
-    }
-
-
-def run(inputs: dict[str, Array]) -> None:
-    controller = ImpedanceController(MODEL, BENT, ImpedanceControllerParams())
-    simulator = Simulator(controller)
-    for name, value in inputs.items():
-        controller.GetInputPort(name).FixValue(simulator.get_mutable_context(), value)
-    simulator.AdvanceTo(0.001)
-
-
 @pytest.mark.parametrize("quaternion", [0.0, 1e-200])
 def test_desired_quaternion_must_not_be_zero(quaternion: float) -> None:
-    inputs = inputs_at_rest()
-    inputs["desired_pose"][:4] = quaternion
+    pose = pose_vector(MODEL.evaluate(BENT).X_WT)
+    pose[:4] = quaternion
+    simulator = start(
+        UNEQUAL,
+        encoders=np.append(BENT, np.zeros(7)),
+        desired_pose=pose,
+        desired_velocity=np.zeros(6),
+    )
     message = r"^desired_pose is \[.*, allowed: a quaternion that is not zero$"
     with pytest.raises(ParameterError, match=message):
-        run(inputs)
+        simulator.AdvanceTo(0.001)
 
 
 def at_bound(side: int, factor: float, period: float) -> Callable[[], ImpedanceController]:
@@ -392,7 +344,7 @@ def at_bound(side: int, factor: float, period: float) -> Callable[[], ImpedanceC
     )
 
 
-@pytest.mark.parametrize("period", [0.001, 0.002, 0.01])
+@pytest.mark.parametrize("period", [0.001, 0.01])
 def test_damping_has_to_be_stable(period: float) -> None:
     at_bound(1, 0.999, period)()
     at_bound(0, 1.001, period)()
@@ -406,35 +358,30 @@ def test_damping_has_to_be_stable(period: float) -> None:
         )
 
 
-def test_stiffness_has_to_be_slow_enough_for_the_period() -> None:
-    with pytest.raises(ParameterError, match=r"^period is 0.02, allowed: less than 0.01\d* s for"):
-        ImpedanceController(MODEL, BENT, ImpedanceControllerParams(period=0.02))
-
-
-def test_null_space_has_to_be_stable() -> None:
-    params = ImpedanceControllerParams(null_damping_ratio=300.0)
-    with pytest.raises(ParameterError, match=r"^null_damping_ratio is 300.0, allowed: more than"):
-        ImpedanceController(MODEL, BENT, params)
-
-
 def test_unstable_if_asked_for() -> None:
     params = ImpedanceControllerParams(damping_ratio=50.0, period=0.05, allow_unstable=True)
     assert ImpedanceController(MODEL, BENT, params).damping.max() > 0
 
 
+REGULAR = r"allowed: joint positions at which the .* is 0.05 or more$"
+RANGES = r"allowed: between \(-2.6"
+
+
 @pytest.mark.parametrize(
-    "straight", [[0] * 7, [1, 1, 1, 0, 1, 1, 1], [1, 0, 1, 1, 1, 0, 1]], ids=str
+    ("q", "changes", "message"),
+    [
+        (BENT, {"period": 0.02}, r"period is 0.02, allowed: less than 0.01\d* s for"),
+        (BENT, {"null_damping_ratio": 300.0}, "null_damping_ratio is 300.0, allowed: more than"),
+        (0 * BENT, {}, rf"rest posture is \(.*\), {REGULAR}"),
+        (BENT * [1, 0, 1, 1, 1, 0, 1], {}, rf"rest posture is \(.*\), {REGULAR}"),
+        (BENT + 3, {}, rf"rest posture is \(.*\), {RANGES}"),
+        (BENT * np.nan, {}, rf"rest posture is \(.*\), {RANGES}"),
+        (BENT[:6], {}, rf"rest posture is \(.*\), {RANGES}"),
+    ],
 )
-def test_rest_posture_must_not_be_singular(straight: list[int]) -> None:
-    message = r"^rest posture is \(.*\), allowed: joint positions at which the .* is 0.05 or more$"
-    with pytest.raises(ParameterError, match=message):
-        ImpedanceController(MODEL, BENT * straight, ImpedanceControllerParams())
-
-
-@pytest.mark.parametrize("q", [BENT + 3, BENT * np.nan, BENT[:6]])
-def test_rest_posture_has_to_be_within_the_ranges(q: Array) -> None:
-    with pytest.raises(ParameterError, match=r"^rest posture is \(.*\), allowed: between \(-2.6"):
-        ImpedanceController(MODEL, q, ImpedanceControllerParams())
+def test_what_is_refused(q: Array, changes: dict[str, float], message: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{message}"):
+        ImpedanceController(MODEL, q, ImpedanceControllerParams(**changes))  # type: ignore[arg-type]
 
 
 FILE = Path(__file__).parents[2] / "models/arms/six_joints.urdf"

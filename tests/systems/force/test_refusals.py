@@ -128,11 +128,7 @@ PERIODS = ("speed", "acceleration", "frequency", "blend")
         (hybrid, {"stiffness": (1.0, NAN)}, "stiffness is (1.0, nan), allowed: finite numbers"),
         (hybrid, {"held_integrators": (0, 2)}, "held_integrators is (0, 2), allowed: indices bel"),
         (hybrid, {**FULL, "inertia": (1.0,)}, "inertia is (1.0,), allowed: 2 numbers"),
-        (
-            hybrid,
-            {**FULL, "inertia": (1.0, 0.0)},
-            "inertia is (1.0, 0.0), allowed: finite numbers",
-        ),
+        (hybrid, {**FULL, "inertia": (1.0, 0.0)}, "inertia is (1.0, 0.0), allowed: finite numbe"),
         (hybrid, {"inertia": (1.0, 1.0)}, "inertia is (1.0, 1.0), allowed: None without full dyn"),
         (hybrid, FULL, "inertia is None, allowed: a value"),
         (hybrid, {**FULL, "law": "transpose"}, "law is 'transpose', allowed: inverse or projecte"),

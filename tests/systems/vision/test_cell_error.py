@@ -1,11 +1,21 @@
+"""The cell's error: from two images, from poses, and when it is believed."""
+
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from chamfer.models.validation import ParameterError
-from chamfer.systems.vision.cell_error import CellError, CellErrorParams, ExpectedError, ImageClock
+from chamfer.systems.vision.cell_error import (
+    CellError,
+    CellErrorParams,
+    ExpectedError,
+    ImageClock,
+    ImagePlaneError,
+)
+from chamfer.systems.vision.continuity import ContinuityParams, LastSeen, follow
+from chamfer.systems.vision.part_detection import Detection, Status
 
 NOTHING = [math.nan] * 6
 SEEN = [70.0, -3.0, -4.0, 0.0, 0.02, -0.05]
@@ -118,8 +128,134 @@ def test_what_is_expected_is_no_error() -> None:
     assert read(block, simulator, "error") == pytest.approx([0.0] * 6)
 
 
-def test_refused() -> None:
-    with pytest.raises(ParameterError, match="most_misses is -1"):
-        CellErrorParams(most_misses=-1)
-    with pytest.raises(ParameterError, match="pixel_size is 0"):
-        ExpectedError(pixel_size=0, gap=0.0)
+UNSEEN = [math.nan] * 3
+
+
+def six(xz: list[float], xy: list[float]) -> np.ndarray:
+    block = ImagePlaneError()
+    context = block.CreateDefaultContext()
+    block.GetInputPort("xz_error").FixValue(context, xz)
+    block.GetInputPort("xy_error").FixValue(context, xy)
+    return np.array(block.GetOutputPort("alignment_error").Eval(context))
+
+
+def test_down_in_the_images_is_down_and_to_the_right_of_the_way() -> None:
+    error = six([70.0, 4.0, 0.02], [69.0, 3.0, 0.05])
+    np.testing.assert_array_equal(error, [70.0, -3.0, -4.0, 0.0, 0.02, -0.05])
+
+
+def test_what_is_not_measured_is_nan() -> None:
+    hidden = six([math.nan, 4.0, 0.02], [69.0, 3.0, 0.05])
+    np.testing.assert_array_equal(hidden, [math.nan, -3.0, -4.0, 0.0, 0.02, -0.05])
+    one_view = six([70.0, 4.0, 0.02], UNSEEN)
+    np.testing.assert_array_equal(one_view, [70.0, math.nan, -4.0, 0.0, 0.02, math.nan])
+    assert np.isnan(six(UNSEEN, [69.0, 3.0, 0.05])).tolist() == [1, 0, 1, 1, 1, 0]
+    assert np.isnan(six(UNSEEN, UNSEEN)).all()
+
+
+@pytest.mark.parametrize("view", ["xz", "xy"])
+def test_the_error_follows_both_images_at_once(view: str) -> None:
+    block = ImagePlaneError()
+    assert block.HasDirectFeedthrough(int(block.GetInputPort(f"{view}_error").get_index()), 0)
+
+
+CONTINUITY = ContinuityParams(speed=100.0, turning=1.0, most_jumps=2)
+LOST = Detection(status=Status.NO_COLOUR)
+
+
+def at(u: float, v: float = 50.0, angle: float = 0.0) -> Detection:
+    return Detection(status=Status.VALID, tip=(u, v), angle=angle, point=(u - 40, v))
+
+
+def followed(*found: Detection, period: float = 0.1) -> list[Status]:
+    last, statuses = LastSeen(), []
+    for k, one in enumerate(found):
+        last, believed = follow(last, one, k * period, CONTINUITY)
+        statuses.append(believed.status)
+    return statuses
+
+
+def test_what_moves_no_faster_than_it_can_is_followed() -> None:
+    assert followed(at(0), at(9.9), at(19.5), at(10)) == [Status.VALID] * 4
+    assert followed(at(0), at(10.5)) == [Status.VALID, Status.JUMPED]
+    assert followed(at(0), at(0, angle=0.09), at(0, angle=0.2))[1:] == [
+        Status.VALID,
+        Status.JUMPED,
+    ]
+
+
+def test_angles_go_around() -> None:
+    assert followed(at(0, angle=math.pi - 0.01), at(0, angle=0.01 - math.pi)) == [Status.VALID] * 2
+
+
+def test_the_longer_it_was_lost_the_farther_it_may_be() -> None:
+    assert followed(at(0), LOST, at(19)) == [Status.VALID, Status.NO_COLOUR, Status.VALID]
+    assert followed(at(0), LOST, at(23))[-1] == Status.JUMPED
+
+
+def test_what_stays_is_believed_again_and_what_comes_back_at_once() -> None:
+    far = [at(90)] * 4
+    assert followed(at(0), *far) == [
+        Status.VALID,
+        Status.JUMPED,
+        Status.JUMPED,
+        Status.VALID,
+        Status.VALID,
+    ]
+    assert followed(at(0), at(90), at(0), at(90), at(90), at(90))[2:] == [
+        Status.VALID,
+        Status.JUMPED,
+        Status.JUMPED,
+        Status.VALID,
+    ]
+
+
+def test_of_hidden_tips_the_way_across_counts() -> None:
+    def hidden(u: float, v: float) -> Detection:
+        return Detection(status=Status.OCCLUDED, angle=0.0, point=(u, v))
+
+    assert followed(at(0), hidden(80, 55))[1] == Status.OCCLUDED
+    assert followed(at(0), hidden(-40, 65))[1] == Status.JUMPED
+
+
+class ShownLoop:
+    """A cell error at 10 Hz that is shown one measurement after the other."""
+
+    def __init__(self, **params: Any) -> None:
+        self.block = CellError(
+            CellErrorParams(gap=0.0, period=0.1, continuity=CONTINUITY, **params)
+        )
+        self.simulator = Simulator(self.block)
+        self.context: Any = self.simulator.get_mutable_context()
+
+    def see(self, y: float, pitch: float = 0.0) -> bool:
+        """Return whether it is believed, then go on to the next one."""
+        error = [70.0, y, 0.0, 0.0, pitch, 0.0]
+        self.block.GetInputPort("alignment_error").FixValue(self.context, error)
+        valid = self.block.GetOutputPort("valid").Eval(self.context)[0]
+        self.simulator.AdvanceTo(self.context.get_time() + 0.1)
+        return bool(valid)
+
+    @property
+    def blind(self) -> bool:
+        return bool(self.block.GetOutputPort("blind").Eval(self.context)[0])
+
+
+def test_the_loop_misses_a_jump_and_believes_it_if_it_stays() -> None:
+    loop = ShownLoop()
+    assert [loop.see(y) for y in (0, 9, 18, 60, 18, 60, 60, 60, 60)] == [
+        *(True, True, True, False, True),
+        *(False, False, True, True),
+    ]
+    assert [loop.see(60, pitch) for pitch in (0.09, 0.5, 0.09)] == [True, False, True]
+    assert not loop.blind
+
+
+@pytest.mark.parametrize("most_misses", [1, 2])
+def test_a_jump_that_stays_makes_nobody_blind(most_misses: int) -> None:
+    loop = ShownLoop(most_misses=most_misses)
+    assert [loop.see(y) for y in (0, *[60] * 4)] == [
+        True,
+        *[k >= most_misses for k in range(4)],
+    ]
+    assert not loop.blind

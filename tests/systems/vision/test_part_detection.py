@@ -1,7 +1,8 @@
-"""What is found in images: how exactly, and when nothing is to be found."""
+"""What is found in images: how exactly, and what is refused with which reason."""
 
 import dataclasses
 import math
+from collections.abc import Callable
 from typing import Any
 
 import cv2
@@ -11,8 +12,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from chamfer.models.cameras.camera import Camera, CameraPlacement
 from chamfer.models.peg.peg_and_hole import ColouredParts
-from chamfer.models.validation import ParameterError
-from chamfer.systems.cameras.camera_image import add_noise
+from chamfer.systems.cameras.camera_image import Image, add_noise
 from chamfer.systems.cameras.scene import SceneStyle
 from chamfer.systems.cameras.software_camera import render
 from chamfer.systems.vision.part_appearance import HOLE_PART, PEG, appearances
@@ -20,6 +20,9 @@ from chamfer.systems.vision.part_detection import Detection, Status, detect, det
 
 PARTS = ColouredParts()
 LOOKS = appearances(PARTS)
+CAMERA = CameraPlacement().camera
+GREY = (200, 200, 200)
+RED = PARTS.peg_colour
 
 Array = np.ndarray
 VIEWS: Any = ("xz", "xy")
@@ -79,14 +82,14 @@ def rms(values: Array) -> Array:
     return np.sqrt((values**2).mean(axis=-2))
 
 
-@pytest.mark.parametrize("view", VIEWS)
-def test_accuracy_without_noise(view: Any) -> None:
-    peg, hole = measured(view, noise=0.0, blur=0.7)
-    assert (rms(peg) < [0.04, 0.008, 0.02]).all()
+@pytest.mark.parametrize(("view", "blur"), [("xz", 0.7), ("xy", 0.7), ("xz", 0.0)])
+def test_accuracy_without_noise(view: Any, blur: float) -> None:
+    peg, hole = measured(view, noise=0.0, blur=blur)
+    assert (rms(peg) < [0.04 if blur else 0.06, 0.008, 0.02]).all()
     # Of a wide part the middle between the edges is not quite the axis, in perspective.
     assert (rms(hole) < [0.07, 0.016, 0.06]).all()
-    assert (np.abs(peg).max(axis=0) < [0.1, 0.02, 0.08]).all()
-    assert (np.abs(hole).max(axis=0) < [0.15, 0.04, 0.2]).all()
+    assert (np.abs(peg).max(axis=0) < [0.15, 0.02, 0.08]).all()
+    assert (np.abs(hole).max(axis=0) < [0.2, 0.04, 0.2]).all()
 
 
 @pytest.mark.parametrize("view", VIEWS)
@@ -100,53 +103,15 @@ def test_accuracy_with_noise(view: Any) -> None:
         assert (np.abs(part.mean(axis=0)) < allowed).all()
 
 
-def test_accuracy_without_blur() -> None:
-    peg, hole = measured("xz", noise=0.0, blur=0.0)
-    assert (rms(peg) < [0.06, 0.008, 0.02]).all()
-    assert (rms(hole) < [0.07, 0.016, 0.06]).all()
-
-
 @pytest.mark.parametrize("face", [0.5, 0.85, 1.0])
 def test_shade_of_the_end_face_does_not_move_the_tip(face: float) -> None:
-    camera = CameraPlacement().camera
     for yaw in (-0.2, 0.2):
         X_WT, X_WM = pose(-15, 0, 0, 0, yaw), pose(15, 0, 0, 0, yaw)
-        image = render(PARTS, camera, X_WT, X_WM, style=SceneStyle(face=face))
+        image = render(PARTS, CAMERA, X_WT, X_WM, style=SceneStyle(face=face))
         for detection, X_WP in zip(detect_parts(image, *LOOKS), (X_WT, X_WM), strict=True):
-            along, across, _ = errors(detection, camera, X_WP)
+            along, across, _ = errors(detection, CAMERA, X_WP)
             assert abs(along) < 0.2
             assert abs(across) < 0.03
-
-
-def unfiltered(roll: float) -> Array:
-    """Return errors of the peg's angle, mrad, where a pixel is all peg or all background.
-
-    As of a camera that samples a point of each pixel, for tilts of up to 5 mrad in the image.
-    """
-    camera = CameraPlacement(roll=roll).camera
-    generator = np.random.default_rng(3)
-    found = []
-    for _ in range(40):
-        X_WT = pose(*generator.uniform(-5, 5, 3), pitch=generator.uniform(-0.005, 0.005))
-        image = render(PARTS, camera, X_WT, None, style=SceneStyle(blur=0.0, face=1.0))
-        image[...] = np.where(image[..., 1:2] < 120, (205, 40, 40), (200, 200, 200))
-        found.append(errors(detect(image, PEG), camera, X_WT)[2])
-    return np.array(found)
-
-
-def test_roll_keeps_edges_of_aligned_parts_from_aliasing() -> None:
-    rolled, straight = unfiltered(0.1), unfiltered(0.0)
-    assert rms(rolled[:, np.newaxis])[0] < 0.6
-    assert rms(straight[:, np.newaxis])[0] > 1.5
-
-
-def test_point_is_on_the_axis_within_what_is_seen() -> None:
-    camera = CameraPlacement().camera
-    X_WT = pose(-15, 2, 3, 0.1, 0.05)
-    detection = detect(render(PARTS, camera, X_WT, None), PEG)
-    du, dv = np.subtract(detection.point, detection.tip)
-    assert math.atan2(-dv, -du) == pytest.approx(detection.angle, abs=1e-9)
-    assert 40 < math.hypot(du, dv) < 80  # pixels, of about 120
 
 
 # Occluded
@@ -194,9 +159,8 @@ def test_peg_behind_the_hole_part_is_occluded() -> None:
 
 
 def test_gap_between_tip_and_mouth() -> None:
-    camera = CameraPlacement().camera
     gaps = {
-        gap: detect_parts(render(PARTS, camera, pose(-gap / 2, 0, 0), pose(gap / 2, 0, 0)), *LOOKS)
+        gap: detect_parts(render(PARTS, CAMERA, pose(-gap / 2, 0, 0), pose(gap / 2, 0, 0)), *LOOKS)
         for gap in (0.5, 1.0, 3.0, 4.0, 6.0, 30.0)
     }
     for gap, (peg, hole) in gaps.items():
@@ -231,28 +195,24 @@ def assert_nothing(detection: Detection, status: Status) -> None:
     assert np.isnan([*detection.tip, detection.angle, *detection.point]).all()
 
 
-def test_blank_images() -> None:
-    for level in (0, 128, 200, 255):
-        for detection in detect_parts(np.full((240, 320, 3), level, np.uint8), *LOOKS):
-            assert_nothing(detection, Status.NO_COLOUR)
+def noisy(level: int, noise: float) -> Image:
+    return add_noise(np.full((240, 320, 3), level, np.uint8), noise, np.random.default_rng(level))
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_noise_alone(seed: int) -> None:
-    generator = np.random.default_rng(seed)
-    grey = add_noise(np.full((240, 320, 3), 200, np.uint8), 4.0, generator)
-    strong = generator.integers(0, 256, (240, 320, 3), dtype=np.uint8)
-    for image in (grey, strong):
-        for detection in detect_parts(image, *LOOKS):
-            assert_nothing(detection, Status.NO_COLOUR)
+@pytest.mark.parametrize(
+    "image",
+    [*(noisy(level, 0.0) for level in (0, 128, 200, 255)), noisy(200, 4.0), noisy(128, 100.0)],
+)
+def test_nothing_is_seen_in_images_of_nothing(image: Image) -> None:
+    for detection in detect_parts(image, *LOOKS):
+        assert_nothing(detection, Status.NO_COLOUR)
 
 
 def test_one_part_without_the_other() -> None:
-    camera = CameraPlacement().camera
-    peg, hole = detect_parts(render(PARTS, camera, pose(-15, 0, 0), None), *LOOKS)
+    peg, hole = detect_parts(render(PARTS, CAMERA, pose(-15, 0, 0), None), *LOOKS)
     assert peg.status == Status.VALID
     assert_nothing(hole, Status.NO_COLOUR)
-    peg, hole = detect_parts(render(PARTS, camera, None, pose(15, 0, 0)), *LOOKS)
+    peg, hole = detect_parts(render(PARTS, CAMERA, None, pose(15, 0, 0)), *LOOKS)
     assert_nothing(peg, Status.NO_COLOUR)
     assert hole.status == Status.VALID
 
@@ -263,14 +223,6 @@ def test_other_colours(colour: tuple[int, int, int]) -> None:
     image = render(parts, CameraPlacement().camera, pose(-15, 0, 0), pose(15, 0, 0))
     for detection in detect_parts(image, *LOOKS):
         assert_nothing(detection, Status.NO_COLOUR)
-
-
-def test_swapped_colours_are_not_found_as_if_nothing_had_happened() -> None:
-    parts = ColouredParts(peg_colour=(40, 70, 205), hole_colour=(205, 40, 40))
-    image = render(parts, CameraPlacement().camera, pose(-15, 0, 0), pose(15, 0, 0))
-    peg, hole = detect_parts(image, *LOOKS)
-    # Red is on the right now: its right end is taken for the tip.
-    assert peg.tip[0] > 159.5 > hole.tip[0]
 
 
 @pytest.mark.parametrize(
@@ -293,16 +245,6 @@ def test_peg_at_the_border(X_WT: RigidTransform, status: Status) -> None:
         assert_nothing(detection, status)
     else:
         assert (np.abs(errors(detection, camera, X_WT)) < [0.1, 0.03, 0.2]).all()
-
-
-def test_hole_part_at_the_border() -> None:
-    camera = CameraPlacement().camera
-    assert_nothing(
-        detect(render(PARTS, camera, None, pose(-85, 0, 0)), HOLE_PART), Status.AT_BORDER
-    )
-    X_WM = pose(55, 0, 0)
-    detection = detect(render(PARTS, camera, None, X_WM), HOLE_PART)
-    assert (np.abs(errors(detection, camera, X_WM)) < [0.2, 0.03, 0.2]).all()
 
 
 @pytest.mark.parametrize("shape", ["ball", "square upright", "triangle"])
@@ -328,28 +270,9 @@ def test_part_that_is_too_small() -> None:
     assert (np.abs(errors(detect(image, small), camera, pose(0, 0, 0))) < [1, 0.1, 5]).all()
 
 
-def test_background_without_contrast() -> None:
-    style = SceneStyle(background=(20, 20, 20))
-    image = render(PARTS, CameraPlacement().camera, pose(-15, 0, 0), None, style=style)
-    assert_nothing(detect(image, PEG), Status.NO_CONTRAST)
-
-
-@pytest.mark.parametrize("background", [(120, 120, 120), (255, 255, 255), (200, 210, 190)])
-@pytest.mark.parametrize("light", [0.5, 1.0, 1.2])
-def test_other_light(background: tuple[int, int, int], light: float) -> None:
-    camera = CameraPlacement().camera
-    X_WT = pose(-15, 2, 3, 0.05, 0.02)
-    style = SceneStyle(background=background)
-    image = render(PARTS, camera, X_WT, pose(15, 0, 0), style=style)
-    image = np.clip(np.rint(image * light), 0, 255).astype(np.uint8)
-    allowed = [0.2, 0.03, 0.2] if light <= 1 else [0.5, 0.1, 1.0]
-    assert (np.abs(errors(detect(image, PEG), camera, X_WT)) < allowed).all()
-
-
 def test_specks_of_the_colour_do_not_matter() -> None:
-    camera = CameraPlacement().camera
     X_WT = pose(-15, 2, 3, 0.05, 0.02)
-    clean = render(PARTS, camera, X_WT, pose(15, 0, 0))
+    clean = render(PARTS, CAMERA, X_WT, pose(15, 0, 0))
     image = clean.copy()
     generator = np.random.default_rng(0)
     for u, v in generator.integers(10, [310, 50], (20, 2)):
@@ -382,26 +305,10 @@ def test_parts_of_other_colours_and_sizes_are_found_by_what_they_look_like() -> 
     green, magenta = appearances(parts)
     assert (green.hue, magenta.hue) == (85, 213)
     assert green.end_ratio == pytest.approx(0.5)  # 3 of 6 mm
-    camera = CameraPlacement().camera
     poses = pose(-15, 2, 3, 0.05, 0.02), pose(15, 0, 0)
-    image = render(parts, camera, *poses)
+    image = render(parts, CAMERA, *poses)
     for detection, X_WP in zip(detect_parts(image, green, magenta), poses, strict=True):
-        assert (np.abs(errors(detection, camera, X_WP)) < [0.15, 0.04, 0.2]).all()
-
-
-@pytest.mark.parametrize(
-    ("changes", "allowed"),
-    [
-        ({"peg_colour": (205, 140, 140)}, "brighter than 40 of 255, with more than 90 of 255 sat"),
-        ({"hole_colour": (5, 5, 35)}, "brighter than 40 of 255, with more than 90 of 255 sat"),
-        ({"hole_colour": (205, 90, 40)}, r"a hue that differs more from the peg's, \(205, 40, 40"),
-        ({"hole_colour": (205, 40, 90)}, r"a hue that differs more from the peg's, \(205, 40, 40"),
-    ],
-)
-def test_colours_that_no_filter_tells_apart(changes: dict[str, Any], allowed: str) -> None:
-    ((name, _),) = changes.items()
-    with pytest.raises(ParameterError, match=f"^{name} is .*, allowed: {allowed}"):
-        appearances(ColouredParts(**changes))
+        assert (np.abs(errors(detection, CAMERA, X_WP)) < [0.15, 0.04, 0.2]).all()
 
 
 @pytest.mark.parametrize("colour", [(205, 40, 60), (205, 60, 40)])  # on either side of red
@@ -412,27 +319,6 @@ def test_hues_go_around(colour: tuple[int, int, int], hue: int) -> None:
     found = detect(image, dataclasses.replace(PEG, hue=hue))
     assert found.status == Status.VALID
     assert found.tip == pytest.approx(detect(image, PEG).tip, abs=0.05)
-
-
-@pytest.mark.parametrize(
-    ("name", "values"),
-    [
-        ("front", (0, 2)),
-        ("hue", (-1, 256)),
-        ("hue_width", (-1, 128)),
-        ("saturation", (-1, 256)),
-        ("value", (0, 256)),
-        ("end_ratio", (0.0, 1.1, math.nan)),
-        ("band", (0.0, 1.1)),
-        ("seen", (0.0, 1.1)),
-        ("area", (1,)),
-        ("length", (1,)),
-    ],
-)
-def test_appearances_that_are_none(name: str, values: tuple[float, ...]) -> None:
-    for value in values:
-        with pytest.raises(ParameterError, match=f"{name} is {value}, allowed: "):
-            dataclasses.replace(PEG, **{name: value})
 
 
 def test_large_noisy_image_has_more_components_than_16_bits_count() -> None:
@@ -448,16 +334,198 @@ def test_large_noisy_image_has_more_components_than_16_bits_count() -> None:
     )
 
 
-def test_part_that_is_shorter_than_its_ends() -> None:
-    image = np.full((240, 320, 3), 200, np.uint8)
-    corners = cv2.boxPoints(((160, 120), (24, 90), math.degrees(0.3)))
-    cv2.fillPoly(image, [np.rint(corners).astype(np.int32)], (205, 40, 40))
-    assert_nothing(detect(image, PEG), Status.NOT_STRAIGHT)
+SIZED = appearances(PARTS, 0.0005)  # as parts whose size is known look
+PAIR = pose(-17, 2, 3, 0.04, 0.03), pose(16, 0, -2, -0.02, 0.05)
 
 
-def test_part_between_the_pixels_that_are_sampled() -> None:
-    image = np.full((240, 320, 3), 200, np.uint8)
-    image[100:140, 161:280:2] = (205, 40, 40)
-    image[101:140:4, 160:280] = (205, 40, 40)
-    detection = detect(image, PEG)
-    assert_nothing(detection, Status.NOT_STRAIGHT)  # its sides are seen in half of the columns
+def off(found: Detection, X_WP: RigidTransform) -> list[float]:
+    """Return how far off a tip is, pixels, and an axis, mrad."""
+    along, across, angle = errors(found, CAMERA, X_WP)
+    return [math.hypot(along, across), abs(angle)]
+
+
+def beside(image: Image, part: int) -> tuple[Array, Array]:
+    """Return how far each pixel is before a part's tip and aside of its axis, pixels."""
+    found = detect_parts(image, *SIZED)[part]
+    front = -1.0 if part else 1.0
+    cos, sin = front * math.cos(found.angle), front * math.sin(found.angle)
+    v, u = np.mgrid[: image.shape[0], : image.shape[1]] - np.reshape(found.tip[::-1], (2, 1, 1))
+    return cos * u + sin * v, cos * v - sin * u
+
+
+def covered(image: Image, part: int, *, along: float = 0.0, across: float = 0.0) -> Image:
+    """Return an image with so much, pixels, of an end or of a side covered like background."""
+    ahead, aside = beside(image, part)
+    half = (19.6, 28.0)[part]
+    hidden = ahead > -along if along else aside > half - across
+    result = image.copy()
+    result[hidden & (ahead < 8) & (np.abs(aside) < 1.5 * half)] = GREY
+    return result
+
+
+def drawn(style: SceneStyle = SceneStyle()) -> Image:  # noqa: B008
+    image = render(PARTS, CAMERA, *PAIR, style=style)
+    return add_noise(image, 4.0, np.random.default_rng(0))
+
+
+def test_a_cover_does_not_show_in_a_part_of_unknown_length() -> None:
+    image = covered(drawn(), 1, along=10.0)
+    assert detect(image, SIZED[1]).status == Status.WRONG_SHAPE
+    unknown = dataclasses.replace(SIZED[1], aspect=None)
+    assert detect(image, unknown).status == Status.VALID
+
+
+@pytest.mark.parametrize("width", [4.0, 8.0])
+def test_a_cover_along_a_side_takes_a_chamfer(width: float) -> None:
+    assert detect(covered(drawn(), 0, across=width), SIZED[0]).status == Status.WRONG_SHAPE
+
+
+@pytest.mark.parametrize("size", [1.2, 1.6, 2.0])
+def test_a_larger_box_is_not_the_peg(size: float) -> None:
+    image = drawn()
+    image[2 : 2 + round(39 * size), 60 : 60 + round(120 * size)] = RED
+    assert np.array_equal(detect(image, SIZED[0]).tip, detect(drawn(), SIZED[0]).tip)
+    alone = np.full_like(image, 200)
+    alone[20 : 20 + round(39 * size), 60 : 60 + round(120 * size)] = RED
+    assert detect(alone, SIZED[0]).status in (Status.WRONG_SIZE, Status.WRONG_SHAPE)
+
+
+def test_equal_hues_are_told_apart_by_size_or_refused() -> None:
+    image = drawn()
+    same = dataclasses.replace(HOLE_PART, hue=PEG.hue)
+    assert [one.status for one in detect_parts(image, PEG, same)] == [Status.SHARED] * 2
+    red = dataclasses.replace(PARTS, hole_colour=RED)
+    image = render(red, CAMERA, *PAIR)
+    hole = dataclasses.replace(SIZED[1], hue=SIZED[0].hue)
+    for found, X_WP in zip(detect_parts(image, SIZED[0], hole), PAIR, strict=True):
+        assert off(found, X_WP)[0] < 0.3
+
+
+# Refusals
+
+
+def test_two_pegs_are_ambiguous() -> None:
+    image = render(PARTS, CAMERA, pose(-15, 0, 28), None)
+    other = render(PARTS, CAMERA, pose(-15, 0, -28), None)
+    both = np.minimum(image, other)
+    assert detect(image, SIZED[0]).status == Status.VALID
+    assert detect(both, SIZED[0]).status == Status.AMBIGUOUS
+
+
+@pytest.mark.parametrize(("factor", "found"), [(1.3, True), (1 / 1.3, True), (1.7, False)])
+def test_sizes_are_believed_as_far_as_cameras_are(factor: float, found: bool) -> None:
+    for look in appearances(PARTS, 0.0005 * factor):
+        status = detect(drawn(), look).status
+        assert status == (Status.VALID if found else Status.WRONG_SIZE)
+
+
+def oblong(factor: float, X_WT: RigidTransform = PAIR[0]) -> Image:
+    """Return the parts in pixels that are narrower than they are high, believed to be square."""
+    camera = dataclasses.replace(CAMERA, focal=(1000.0 * factor, 1000.0))
+    return add_noise(render(PARTS, camera, X_WT, PAIR[1]), 4.0, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("factor", [1 / 1.3, 1 / 1.1, 1 / 1.06, 1.06])
+def test_two_parts_tell_of_pixels_that_are_not_square(factor: float) -> None:
+    image = oblong(factor)
+    assert detect(image, SIZED[1]).status == Status.WRONG_SHAPE  # alone it might be covered
+    for found, X_WP in zip(detect_parts(image, *SIZED), PAIR, strict=True):
+        u, v = CAMERA.project(X_WP.translation())
+        u = CAMERA.centre[0] + factor * (u - CAMERA.centre[0])
+        assert found.status == Status.VALID
+        assert math.dist(found.tip, (u, v)) < 0.4
+    squared = [dataclasses.replace(look, squareness=1.0) for look in SIZED]
+    assert Status.WRONG_SHAPE in {one.status for one in detect_parts(image, *squared)}
+
+
+@pytest.mark.parametrize("factor", [1 / 1.3, 1 / 1.2, 1 / 1.05, 1.0])
+@pytest.mark.parametrize("part", [0, 1])
+@pytest.mark.parametrize("length", [6.0, 20.0])
+def test_pixels_are_no_excuse_for_a_cover(factor: float, part: int, length: float) -> None:
+    image = oblong(factor)
+    image = covered(image, part, along=length)
+    assert detect_parts(image, *SIZED)[part].status == Status.WRONG_SHAPE
+
+
+def test_beside_a_part_that_is_cut_off_the_other_may_be_longer_but_not_narrower() -> None:
+    image = oblong(1.25)
+    peg, hole = detect_parts(image, *SIZED)
+    assert peg.status == hole.status == Status.VALID
+    ahead, aside = beside(image, 1)
+    image[(aside < -23) & (ahead < 8)] = GREY
+    assert detect_parts(image, *SIZED)[1].status == Status.WRONG_SHAPE
+    # Shorter is what a cover makes it.
+    cut = oblong(1 / 1.2, pose(-45, 0, 2))
+    peg, hole = detect_parts(cut, *SIZED)
+    assert (peg.status, hole.status) == (Status.VALID, Status.WRONG_SHAPE)
+
+
+@pytest.mark.parametrize(
+    ("change", "look", "status"),
+    [
+        (lambda image: blurred(image, 2.5), {}, Status.VALID),
+        (lambda image: blurred(image, 2.5), {"window": (3, 5)}, Status.BLURRED),
+        (lambda image: np.rint(0.2 * image).astype(np.uint8), {}, Status.NO_CONTRAST),
+    ],
+)
+def test_blur_and_light(
+    change: Callable[[Image], Image], look: dict[str, Any], status: Status
+) -> None:
+    seen = dataclasses.replace(SIZED[0], **look)
+    assert detect(change(drawn()), seen).status == status
+
+
+def test_bent_edges_are_refused() -> None:
+    image = drawn()
+    v, u = np.mgrid[:240, :320].astype(np.float32)
+    bent = v + 3.0 * np.cos((u - 80) / 40)
+    image = cv2.remap(image, u, bent.astype(np.float32), cv2.INTER_LINEAR).astype(np.uint8)
+    assert detect(image, SIZED[0]).status == Status.NOT_STRAIGHT
+    allowed = dataclasses.replace(SIZED[0], straight=20.0, aspect=None, end_angle=None)
+    assert detect(image, allowed).status != Status.NOT_STRAIGHT
+
+
+def blurred(image: Image, deviation: float) -> Image:
+    return cv2.GaussianBlur(image, (0, 0), deviation).astype(np.uint8)
+
+
+# Properties
+
+
+@pytest.mark.parametrize("upright", [False, True])
+def test_mirrors_show_the_same(upright: bool) -> None:
+    image = render(PARTS, CAMERA, *PAIR)
+    before = detect_parts(image, *SIZED)
+    size = image.shape[0 if upright else 1] - 1
+    mirrored = np.ascontiguousarray(image[::-1] if upright else image[:, ::-1])
+    turned = SIZED
+    if not upright:
+        turned = tuple(dataclasses.replace(look, front=-look.front) for look in SIZED)
+    for one, other in zip(before, detect_parts(mirrored, *turned), strict=True):
+        u, v = other.tip
+        tip = (u, size - v) if upright else (size - u, v)
+        assert tip == pytest.approx(one.tip, abs=0.02)
+        assert other.angle == pytest.approx(-one.angle, abs=1e-4)
+
+
+def test_sizes_follow_from_the_parts_and_the_size_of_a_pixel() -> None:
+    for pixel_size in (0.0005, 0.001):
+        for look, radius, length in zip(
+            appearances(PARTS, pixel_size), (9.779, 14.0), (60.0, 40.0), strict=True
+        ):
+            assert look.half_width is not None
+            assert look.aspect is not None
+            low, high = look.half_width
+            # A focal length that is wrong by 1.3, of a part a tenth nearer or farther.
+            assert low < radius / 1000 / pixel_size / (1.3 * 1.1)
+            assert high > radius / 1000 / pixel_size * (1.3 * 1.1)
+            assert sum(look.aspect) / 2 == pytest.approx(length / (2 * radius))
+
+
+def test_of_parts_of_unknown_size_no_size_is_asked() -> None:
+    for look in appearances(PARTS):
+        assert look.half_width is look.aspect is None
+    assert appearances(PARTS)[0] == PEG
+    learnt = PEG.sized(10.0)
+    assert learnt.half_width is not None
+    assert learnt.aspect is None

@@ -1,5 +1,6 @@
-"""The detector block, its vector of detections and the alignment error in an image."""
+"""The detector blocks, straightened images, and the alignment error in an image."""
 
+import dataclasses
 import math
 from typing import Any
 
@@ -11,17 +12,22 @@ from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.sensors import ImageRgba8U
 
+from chamfer.diagrams.cell.alignment import resolve
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
+from chamfer.diagrams.cell.still_vision import StillVision
 from chamfer.models.cameras.camera import CameraPlacement
 from chamfer.models.peg.peg_and_hole import ColouredParts
-from chamfer.models.validation import ParameterError
-from chamfer.systems.cameras.camera_image import write_image
+from chamfer.systems.cameras.camera_image import Image, add_noise, write_image
 from chamfer.systems.cameras.software_camera import render
 from chamfer.systems.vision.part_appearance import HOLE_PART, PEG, Appearance, appearances
 from chamfer.systems.vision.part_detection import Detection, Status, detect_parts
 from chamfer.systems.vision.part_detector import (
+    ImageMeasurement,
     PartDetector,
     PartsDetector,
+    Undistortion,
     alignment_error,
+    measurement_spread,
     pack_detections,
     unpack_detections,
 )
@@ -45,11 +51,6 @@ def hidden(u: float, v: float, angle: float) -> Detection:
 
 def lost(status: Status) -> Detection:
     return Detection(status=status)
-
-
-def test_aligned_parts_have_no_error_across_and_no_turn() -> None:
-    error = alignment_error(seen(100, 120, 0.0), seen(160, 120, 0.0, back=-30))
-    np.testing.assert_allclose(error, [60, 0, 0], atol=1e-12)
 
 
 def test_signs() -> None:
@@ -88,13 +89,6 @@ def test_hidden_tip_the_error_is_that_of_the_axis_at_the_mouth(
     error = alignment_error(hidden(u, v, turn - angle), seen(160, 120, turn, back=-40))
     assert math.isnan(error[0])
     np.testing.assert_allclose(error[1:], [offset, angle], atol=1e-9)
-
-
-def test_hidden_and_visible_tip_agree_on_parallel_axes() -> None:
-    hole = seen(160, 120, 0.1, back=-40)
-    visible = alignment_error(seen(150, 115, 0.1), hole)
-    occluded = alignment_error(hidden(150, 115, 0.1), hole)
-    np.testing.assert_allclose(occluded[1:], visible[1:], atol=1e-9)
 
 
 @pytest.mark.parametrize("status", [status for status in Status if status.lost])
@@ -146,58 +140,47 @@ def test_codes_are_as_documented() -> None:
     assert [status for status in Status if not status.lost] == [Status.VALID, Status.OCCLUDED]
 
 
-class Fed:
-    """A detector whose image is set by hand."""
-
-    def __init__(self) -> None:
-        self.block = PartDetector(*LOOKS)
-        self.context: Any = self.block.CreateDefaultContext()
-
-    def feed(self, rgb: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-        value = Value(ImageRgba8U(320, 240, 0))
-        if rgb is not None:
-            write_image(value, rgb)
-        self.block.GetInputPort("image").FixValue(self.context, value)
-        detections, error = (
-            self.block.GetOutputPort(name).Eval(self.context).copy()
-            for name in ("detections", "alignment_error")
-        )
-        return detections, error
-
-
 def scene(gap: float) -> np.ndarray:
     X_WT = RigidTransform(RollPitchYaw(0, 0.03, 0), [-gap / 2, 0, 0.004])
-    return render(PARTS, CameraPlacement().camera, X_WT, RigidTransform([gap / 2, 0, 0]))
+    return render(PARTS, CAMERA, X_WT, RigidTransform([gap / 2, 0, 0]))
 
 
-def test_block_gives_what_the_functions_return() -> None:
-    image = scene(0.03)
-    detections, error = Fed().feed(image)
+def looked_at(block: ImageMeasurement, rgb: Image | None, context: Any = None) -> list[np.ndarray]:
+    """Return a block's outputs for an image; None: for a frame that did not arrive."""
+    context = block.CreateDefaultContext() if context is None else context
+    value = block.GetInputPort("image").Allocate()
+    if rgb is None:
+        value = Value(ImageRgba8U(value.get_value().width(), value.get_value().height(), 0))
+    else:
+        write_image(value, rgb)
+    block.GetInputPort("image").FixValue(context, value)
+    ports = [block.get_output_port(i) for i in range(block.num_output_ports())]
+    return [port.Eval(context).copy() for port in ports]
+
+
+def test_block_gives_what_the_functions_return_and_holds_nothing_back() -> None:
+    image, block = scene(0.03), PartDetector(*LOOKS)
+    context = block.CreateDefaultContext()
+    detections, error = looked_at(block, image, context)
     expected = detect_parts(image, *LOOKS)
     np.testing.assert_array_equal(detections, pack_detections(*expected), strict=True)
     np.testing.assert_array_equal(error, alignment_error(*expected), strict=True)
     # 4 mm too high and pitched down by 0.03 rad, at 0.5 mm a pixel.
     np.testing.assert_allclose(error, [60, 8, -0.03], atol=0.15)
-    assert np.isfinite(detections).all()
-
-
-def test_nothing_is_held_back() -> None:
-    fed = Fed()
-    assert np.isfinite(fed.feed(scene(0.03))[1]).all()
-    detections, error = fed.feed(np.full((240, 320, 3), 200, np.uint8))
-    assert detections[[0, 6]].tolist() == [Status.NO_COLOUR] * 2
-    assert np.isnan(np.delete(detections, [0, 6])).all()
-    assert np.isnan(error).all()
-    assert np.isfinite(fed.feed(scene(0.02))[1]).all()
-
-
-def test_frame_that_did_not_arrive() -> None:
-    fed = Fed()
-    fed.feed(scene(0.03))
-    detections, error = fed.feed(None)
+    detections, error = looked_at(block, None, context)
     assert detections[[0, 6]].tolist() == [Status.NO_IMAGE] * 2
     assert np.isnan(np.delete(detections, [0, 6])).all()
     assert np.isnan(error).all()
+
+
+def test_parts_are_found_in_the_order_in_which_they_are_asked_for() -> None:
+    image = scene(0.03)
+    block = PartsDetector([HOLE_PART, Appearance(hue=85, front=1), PEG])
+    peg, hole = detect_parts(image, *LOOKS)
+    found = unpack_detections(looked_at(block, image)[0])
+    assert (found[0], found[1].status, found[2]) == (hole, Status.NO_COLOUR, peg)
+    missing = unpack_detections(looked_at(block, None)[0])
+    assert [part.status for part in missing] == [Status.NO_IMAGE] * 3
 
 
 def test_outputs_follow_the_image() -> None:
@@ -224,30 +207,141 @@ def test_any_number_of_detections_comes_back(parts: list[Detection]) -> None:
     assert unpack_detections(tuple(vector.tolist())) == tuple(parts)
 
 
-def parts_seen(block: PartsDetector, rgb: np.ndarray | None) -> tuple[Detection, ...]:
-    context: Any = block.CreateDefaultContext()
-    value = Value(ImageRgba8U(320, 240, 0))
-    if rgb is not None:
-        write_image(value, rgb)
-    block.GetInputPort("image").FixValue(context, value)
-    return unpack_detections(block.GetOutputPort("detections").Eval(context))
+class Brightness(ImageMeasurement):
+    """Counts how often it looked."""
+
+    def __init__(self) -> None:
+        super().__init__("brightness", 2, 8, 6)
+        self.looks = 0
+
+    def measure(self, image: Image | None) -> np.ndarray:
+        self.looks += image is not None
+        return np.full(2, -1.0 if image is None else float(image.mean()))
 
 
-def test_parts_are_found_in_the_order_in_which_they_are_asked_for() -> None:
-    image = scene(0.03)
-    peg, hole = detect_parts(image, *LOOKS)
-    green = Appearance(hue=85, front=1)
-    found = parts_seen(PartsDetector([HOLE_PART, green, PEG]), image)
-    assert found[0] == hole
-    assert found[1].status is Status.NO_COLOUR
-    assert found[2] == peg
+CAMERA = CameraPlacement().camera
 
 
-def test_parts_of_a_frame_that_did_not_arrive() -> None:
-    found = parts_seen(PartsDetector([PEG, HOLE_PART, PEG]), None)
-    assert [part.status for part in found] == [Status.NO_IMAGE] * 3
+def poses(seed: int) -> tuple[RigidTransform, RigidTransform]:
+    generator = np.random.default_rng(seed)
+    middle = generator.uniform(-0.03, 0.03, 3)
+    turn = RollPitchYaw(generator.uniform(-0.08, 0.08, 3))
+    return (
+        RigidTransform(turn, middle - np.array([0.015, 0.0, 0.0])),
+        RigidTransform(middle + np.array([0.015, 0.0, 0.0])),
+    )
 
 
-def test_a_detector_of_nothing_is_refused() -> None:
-    with pytest.raises(ParameterError, match=r"^parts is \[\], allowed: one or more$"):
-        PartsDetector([])
+@pytest.mark.parametrize(
+    "distortion", [(-1.0, 0, 0, 0, 0), (1.0, 0, 0, 0, 0), (-0.5, 0.3, 0.02, -0.03, 0.1)]
+)
+def test_parts_are_found_as_without_distortion(distortion: tuple[float, ...]) -> None:
+    k1, k2, p1, p2, k3 = distortion
+    lens = dataclasses.replace(CAMERA, distortion=(k1, k2, p1, p2, k3))
+    straighten = Undistortion(lens)
+    bent = 0.0
+    for seed in range(8):
+        X_WT, X_WM = poses(seed)
+        image = render(PARTS, lens, X_WT, X_WM)
+        expected = detect_parts(render(PARTS, CAMERA, X_WT, X_WM), *LOOKS)
+        for found, raw, true in zip(
+            detect_parts(straighten(image), *LOOKS),
+            detect_parts(image, *LOOKS),
+            expected,
+            strict=True,
+        ):
+            assert found.status == true.status == Status.VALID
+            np.testing.assert_allclose(found.tip, true.tip, rtol=0, atol=0.06)
+            assert found.angle == pytest.approx(true.angle, abs=5e-4)
+            bent = max(bent, abs(raw.angle - true.angle))
+    assert bent > 0.004
+
+
+@pytest.mark.parametrize("focal", [(800.0, 1000.0), (1000.0, 800.0)])
+@pytest.mark.parametrize("bend", [0.0, -1.0])
+def test_pixels_become_square(focal: tuple[float, float], bend: float) -> None:
+    turned = CameraPlacement(roll=0.4).camera
+    camera = dataclasses.replace(turned, focal=focal, distortion=(bend, 0, 0, 0, 0))
+    straighten = Undistortion.of(camera)
+    assert straighten is not None
+    # The same size of the pixels' shorter sides, and all that was in the image.
+    straight = camera.straight()
+    assert straight.focal == (1000.0, 1000.0)
+    assert (straight.width, straight.height) == ((400, 240) if focal[0] < focal[1] else (320, 300))
+    X_WT, X_WM = poses(3)
+    image = straighten(render(PARTS, camera, X_WT, X_WM))
+    assert image.shape == (straight.height, straight.width, 3)
+    expected = detect_parts(render(PARTS, straight, X_WT, X_WM), *LOOKS)
+    for found, true in zip(detect_parts(image, *LOOKS), expected, strict=True):
+        assert found.status == true.status == Status.VALID
+        np.testing.assert_allclose(found.tip, true.tip, rtol=0, atol=0.25)
+        assert found.angle == pytest.approx(true.angle, abs=2e-3)
+    for X in (X_WT, X_WM):
+        seen = camera.straightened(camera.project(X.translation()))
+        np.testing.assert_allclose(seen, straight.project(X.translation()), atol=1e-6)
+
+
+def test_square_pixels_stay_as_they_are() -> None:
+    assert Undistortion.of(CAMERA) is None
+    pixel = np.array([3.0, 4.0])
+    np.testing.assert_array_equal(CAMERA.straightened(pixel), pixel)
+    assert CAMERA.straight().centre == CAMERA.centre
+
+
+def test_what_the_lens_cant_show_is_the_border() -> None:
+    lens = dataclasses.replace(CAMERA, distortion=(-20.0, 0.0, 0.0, 0.0, 0.0))
+    image: Image = np.zeros((240, 320, 3), np.uint8)
+    image[0, :], image[-1, :], image[:, 0], image[:, -1] = 1, 2, 3, 4
+    straight = Undistortion(lens)(image)
+    # It folds back at 129 pixels.
+    np.testing.assert_array_equal(straight[120, [0, 319], 0], [3, 4])
+    assert straight[120, 160, 0] == 0
+
+
+def test_what_was_measured_of_the_papers_parts() -> None:
+    found = measurement_spread(4.0, peg=116, hole=80, gap=60)
+    assert found.lateral == pytest.approx(0.026, rel=0.1)
+    assert found.rotational == pytest.approx(2.5e-4, rel=0.2)
+
+
+def test_drawn_pictures_spread_as_the_law_says() -> None:
+    scenario = resolve(AlignmentScenario())
+    random = np.random.default_rng(0)
+    look = StillVision(scenario, lambda image: add_noise(image, 8.0, random))
+    poses = scenario.nominal_pose("peg"), scenario.nominal_pose("hole")
+    errors = np.array([look.error(*poses) for _ in range(12)])
+    spread = np.sqrt(errors[:, [1, 2, 4, 5]].var(axis=0, ddof=1).reshape(2, 2).mean(axis=1))
+    law = measurement_spread(8.0, peg=116, hole=80, gap=60)
+    pixel = scenario.cameras.pixel_size
+    assert spread[0] == pytest.approx(pixel * law.lateral, rel=0.4)
+    assert spread[1] == pytest.approx(law.rotational, rel=0.4)
+
+
+def test_short_edges_and_long_gaps_are_measured_less_surely() -> None:
+    usual = measurement_spread(4.0, peg=100, hole=100, gap=50)
+    assert measurement_spread(4.0, peg=50, hole=50, gap=25).rotational == pytest.approx(
+        usual.rotational * 2**1.5
+    )
+    longer = measurement_spread(4.0, peg=100, hole=100, gap=100)
+    assert longer.lateral > usual.lateral
+    assert longer.rotational == usual.rotational
+
+
+def test_the_block_reports_what_a_straight_image_shows() -> None:
+    lens = dataclasses.replace(CAMERA, distortion=(-1.0, 0.0, 0.0, 0.0, 0.0))
+    image = render(PARTS, lens, *poses(1))
+    block = PartDetector(*LOOKS, undistortion=Undistortion(lens))
+    expected = detect_parts(Undistortion(lens)(image), *LOOKS)
+    np.testing.assert_array_equal(block.measure(image), pack_detections(*expected))
+    raw = unpack_detections(PartDetector(*LOOKS).measure(image))
+    assert raw[0].angle != expected[0].angle
+
+
+def test_the_same_image_is_looked_at_once() -> None:
+    block = Brightness()
+    first, second = block.CreateDefaultContext(), block.CreateDefaultContext()
+    for context, level in ((first, 10), (second, 10), (first, None), (first, 10), (first, 20)):
+        image = None if level is None else np.full((6, 8, 3), level, np.uint8)
+        (seen,) = looked_at(block, image, context)
+        assert seen.tolist() == [-1 if level is None else level] * 2
+    assert block.looks == 2

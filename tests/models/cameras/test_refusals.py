@@ -1,0 +1,71 @@
+"""What cameras, their places and their models refuse, in one line each."""
+
+import dataclasses
+import math
+import re
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+
+from chamfer.models.cameras.camera import CameraPlacement
+from chamfer.models.cameras.camera_model import CameraModel
+from chamfer.models.validation import ParameterError
+
+CAMERA = CameraPlacement().camera
+NAN, INF = math.nan, math.inf
+camera = partial(dataclasses.replace, CAMERA)
+
+POSITIVE = "a finite number > 0"
+SIZE = "a whole number from 1 to 10000"
+TWO, THREE = "two finite numbers", "three finite numbers"
+FIVE = "five finite numbers: k1, k2, p1, p2, k3"
+
+
+@pytest.mark.parametrize(
+    ("make", "name", "value", "allowed"),
+    [
+        (CameraPlacement, "view", "zx", "xz, xy, yz"),
+        (CameraPlacement, "target", (0.0, NAN, 0.0), THREE),
+        (CameraPlacement, "target", (0.0, 0.0), THREE),
+        (CameraPlacement, "distance", 0.0, POSITIVE),
+        (CameraPlacement, "pixel_size", -1.0, POSITIVE),
+        (CameraPlacement, "roll", INF, "a finite number"),
+        (CameraPlacement, "width", 0, SIZE),
+        (CameraPlacement, "height", -3, SIZE),
+        (CameraPlacement, "height", 20000, SIZE),
+        (camera, "width", 0, "a whole number >= 1"),
+        (camera, "height", 0, "a whole number >= 1"),
+        (camera, "focal", (1000.0, 0.0), f"{TWO} > 0"),
+        (camera, "focal", (NAN, 1.0), f"{TWO} > 0"),
+        (camera, "centre", (0.0, INF), TWO),
+        (camera, "R_WC", 2 * np.eye(3), "a rotation matrix"),
+        (camera, "R_WC", np.eye(2), "a rotation matrix"),
+        (camera, "R_WC", np.diag([1.0, 1.0, -1.0]), "a rotation, not a reflection"),
+        (camera, "p_WC", np.array([0.0, 0.0, NAN]), THREE),
+        (camera, "p_WC", np.zeros(2), THREE),
+        (camera, "distortion", (0.1, 0.0), FIVE),
+        (camera, "distortion", (INF, 0, 0, 0, 0), FIVE),
+        (camera, "distortion", (0, 0, 0, 0, -1e200), "five numbers from -1e+30 to 1e+30"),
+        (CAMERA.miscalibrated, "focal_factor", 0.0, ""),
+        (CAMERA.miscalibrated, "focal_factor", NAN, ""),
+        (CAMERA.miscalibrated, "turn", (0.0, INF, 0.0), ""),
+        (CameraModel, "focal_length", (1000.0, 0.0), f"{TWO} > 0"),
+        (CameraModel, "focal_length", (1000.0,), TWO),
+        (CameraModel, "principal_point", (NAN, 1.0), TWO),
+        (CameraModel, "distortion", (0.1, 0.2), FIVE),
+        (CameraModel, "position", (0.1, 0.2, INF), THREE),
+        (CameraModel, "tilt", (0.1, 0.2, 0.3), TWO),
+        (CameraModel, "roll", NAN, "a finite number"),
+        (CameraModel, "camera", "left", "null without a file"),
+    ],
+)
+def test_a_field_is_named_with_what_is_allowed(
+    make: Callable[..., object], name: str, value: Any, allowed: str
+) -> None:
+    shown = ".*" if isinstance(value, np.ndarray) else re.escape(repr(value))
+    end = f"{re.escape(allowed)}$" if allowed else ""
+    with pytest.raises(ParameterError, match=rf"(?s)^{name} is {shown}, allowed: {end}"):
+        make(**{name: value})
