@@ -151,7 +151,7 @@ Look = Callable[..., list[Seen]]
 def test_each_corner_has_an_arrow_and_each_picture_a_bar(place: Place, look: Look) -> None:
     seen = [*look(place(5)), Seen(name="a$b.png", reason="the board is not found")]
     found = calibrate([seen], [SIZE])
-    residuals, coverage, _, errors = plot_residuals(found).axes
+    residuals, coverage, errors, _ = plot_residuals(found).axes
     (arrows,) = (one for one in residuals.collections if isinstance(one, Quiver))
     (pictures,) = found.pictures
     expected = np.concatenate([one.residuals for one in pictures if one.residuals is not None])
