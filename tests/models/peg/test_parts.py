@@ -29,19 +29,6 @@ def test_profiles_of_the_hole_part_begin_at_the_mouth() -> None:
     np.testing.assert_allclose(hole.bore, [[0, 0.012], [0.002, 0.01], [0.05, 0.01]])
 
 
-@pytest.mark.parametrize("sides", [3, 16, 127])
-def test_rings_have_the_area_of_the_circles(sides: int) -> None:
-    profile = np.array([[0.1, 0.5], [-0.3, 2.0]])
-    points = rings(profile, sides)
-    assert points.shape == (2, sides, 3)
-    for ring, (x, radius) in zip(points, profile, strict=True):
-        np.testing.assert_array_equal(ring[:, 0], x)
-        y, z = ring[:, 1], ring[:, 2]
-        area = np.sum(y * np.roll(z, -1) - z * np.roll(y, -1)) / 2
-        assert area == pytest.approx(math.pi * radius**2, rel=1e-12)
-        np.testing.assert_allclose(ring[:, 1:].mean(axis=0), 0, atol=1e-12)
-
-
 def triangles(text: str) -> tuple[np.ndarray, np.ndarray]:
     """Return corners, shape (n, 3, 3), and their normals of a Wavefront OBJ file."""
     rows = [line.split() for line in text.splitlines()]
