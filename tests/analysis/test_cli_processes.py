@@ -224,6 +224,7 @@ def test_a_campaign_of_the_real_command_is_the_same_with_more_processes(
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("default:the loop is unstable")
 def test_what_goes_wrong_in_another_process_is_one_line(
     out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -184,6 +184,7 @@ def test_without_alignments_nothing_is_simulated(outcome: Outcome) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:in 2 of 2 trials")  # they are short
 def test_simulated_alignments_end_in_the_diagram(aligned: Outcome) -> None:
     ends = aligned.tables["ends"]
     assert set(ends) == {"lateral_error", "rotational_error"}
