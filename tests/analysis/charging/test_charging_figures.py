@@ -5,17 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
-from matplotlib.patches import Circle
 
 from chamfer.analysis.charging.charging_figures import (
-    colour_of,
-    off_command,
-    parts,
     plot_charging,
     plot_path,
-    said,
 )
-from chamfer.analysis.charging.charging_runs import LIMITS, items_of
+from chamfer.analysis.charging.charging_runs import LIMITS
 from chamfer.analysis.scenario.experiment import Metric, Outcome
 from chamfer.diagrams.charging.charging_scenario import (
     CrucibleChargingScenario,
@@ -100,79 +95,6 @@ def test_wall_shows_the_carried_nugget_and_marks_the_slide(
     np.testing.assert_allclose(np.asarray(thick[0].get_ydata()), [*pushed, np.nan])
 
 
-def test_crown_ends_at_its_place_and_places_are_seen_from_above(
-    scenario: CrucibleChargingScenario, outcome: Outcome, names: tuple[str, ...]
-) -> None:
-    first, second, _ = items_of(scenario)
-    rows = len(VISITS)
-    where = np.tile([*first.goal], (rows, 1))
-    where[8:] = np.add(second.goal, [0.003, 0.0, 0.004])
-    traces = {f"nugget_{axis}": where[:, i] for i, axis in enumerate("xyz")}
-    figures = plot_charging(
-        scenario, replace(outcome, traces=dict(outcome.traces) | traces), names
-    )
-    away = drawn(figures["crown"].axes[0], "2: crown, 85 g")
-    np.testing.assert_allclose(away, [5.0, np.nan])  # mm; behind the last row there is none
-    (axes,) = figures["places"].axes
-    left = [np.ravel(line.get_xydata()) for line in axes.lines if line.get_marker() == "."]
-    np.testing.assert_allclose(left, 1e3 * where[[0, -1], :2])
-    goals = [np.ravel(line.get_xydata()) for line in axes.lines if line.get_marker() == "+"]
-    np.testing.assert_allclose(goals, 1e3 * np.array([first.goal[:2], second.goal[:2]]))
-    wall, *outlines = axes.patches
-    assert isinstance(wall, Circle)
-    assert wall.get_radius() == pytest.approx(150.0)
-    assert len(outlines) == 2
-
-
-STATES = ("home.out", "wall.slide", "wall.lost", "release.open", "done")
-SCENARIO = CrucibleChargingScenario(
-    plan=(PlanItem(), PlanItem(kind="bulk", mass=0.4, azimuth=0.0), PlanItem(azimuth=1.0))
-)
-TRACES = {
-    "time": np.array([1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0]),
-    "state": np.array([0.0, 1.0, 2.0, 1.0, 3.0, 1.0, 4.0]),
-    "item": np.array([0.0, 0.0, 0.0, 0.0, 0.0, 2.0, 2.0]),
-}
-
-
-def test_parts_are_an_items_rows_in_some_modes() -> None:
-    first, third = parts(SCENARIO, TRACES, STATES, "wall", "release")
-    assert (first.item, third.item) == (0, 2)
-    np.testing.assert_array_equal(first.rows, [1, 2, 3, 4])
-    np.testing.assert_allclose(first.time, [0.0, 0.5, 1.0, 1.5])
-    np.testing.assert_array_equal(third.rows, [5])
-    assert (first.label, third.label) == ("1: wall, 85 g", "3: wall, 85 g")
-    assert first.style["color"] == colour_of(0) != third.style["color"]
-
-
-def test_a_legend_is_not_longer_than_there_is_room() -> None:
-    many = CrucibleChargingScenario(plan=(PlanItem(kind="bulk"),) * 12)
-    rows = np.arange(12.0)
-    traces = {"time": rows, "state": np.ones(12), "item": rows}
-    labels = [part.label for part in parts(many, traces, STATES, "wall")]
-    assert labels[7:] == ["8: bulk, 85 g", "", "", "", ""]
-
-
-def test_a_part_may_begin_with_a_state() -> None:
-    (found,) = parts(SCENARIO, TRACES, STATES, "wall", first="wall.lost")
-    np.testing.assert_array_equal(found.rows, [2, 3])
-
-
-def test_off_the_command_is_a_distance() -> None:
-    traces = {f"nugget_{axis}": np.array([1.0]) for axis in "xyz"}
-    traces |= {
-        f"desired_{axis}": np.array([one]) for axis, one in zip("xyz", (1, 4, 5), strict=True)
-    }
-    np.testing.assert_allclose(off_command(traces), [5.0])
-
-
-def test_values_are_said_with_their_scale_and_without_a_minus_zero() -> None:
-    metrics = {"a": Metric(value=-0.0, unit=""), "b": Metric(value=None, unit="m")}
-    metrics["c"] = Metric(value=0.01234, unit="m")
-    outcome = Outcome(metrics=metrics, traces={}, simulated_seconds=0.0)
-    assert [said(outcome, name, 1e3) for name in "abcd"] == ["0", "-", "12.3", "-"]
-
-
 @pytest.fixture(scope="module")
 def chart() -> ChargingChart:
     return chart_of(resolve_charging(CrucibleChargingScenario(plan=(PlanItem(),))))
@@ -217,14 +139,3 @@ def test_each_state_stands_in_its_modes_row(chart: ChargingChart) -> None:
     heights = [found[one][1] for one in ("home.settle", "acquire.zero", "wall.lower", "done")]
     assert heights == sorted(heights)
     assert found["wall.lower"][1] < found["crown.lower"][1] < found["bulk.pour"][1]
-
-
-def test_a_stop_and_a_halt_are_drawn_where_they_were_taken(chart: ChargingChart) -> None:
-    steps = (
-        ("acquire.descend", "back_off.brake", "nothing there"),
-        ("back_off.brake", "stopped", "at rest, not to be moved"),
-        ("scan.pass", "halted", "operator's halt"),
-    )
-    found = shown(chart, taken(*HOMED, *steps))
-    assert {"stopped", "halted", "backoff.brake"} <= set(found)
-    assert "charging:0itemslaidin5.5s" in found

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from chamfer.analysis.campaign.trial_rows import encode
@@ -237,32 +236,3 @@ def figure() -> Figure:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(observer_comparison, "CASES", {name: CASES[name] for name in PAIR})
         return figures(ObserverComparisonScenario(), made())["observer-comparison"]
-
-
-def texts(axes: Axes) -> list[str]:
-    return [text.get_text() for text in axes.get_legend().get_texts()]
-
-
-def test_points_and_spread_are_those_of_the_trials(figure: Figure) -> None:
-    errors, coverage = figure.axes
-    names = texts(coverage)
-    lines = {one.get_label(): one for one in errors.get_lines()}
-    shares = {one.get_label(): one for one in coverage.get_lines()}
-    spans = [one.get_segments() for one in errors.collections]
-    assert len(spans) == len(OBSERVERS)
-    for j, observer in enumerate(OBSERVERS):
-        line, share = lines[names[j]], shares[names[j]]
-        np.testing.assert_allclose(line.get_xdata(), [1.0 + j, 11.0 + j])
-        percent = PERCENT.get(observer, 90.0)
-        np.testing.assert_allclose(share.get_xdata(), [percent, percent - 1])
-        # Both at the same height, between the neighbouring cases'.
-        heights = np.asarray(line.get_ydata())
-        np.testing.assert_array_equal(heights, share.get_ydata())
-        assert np.all(np.abs(heights - [0, 1]) < 0.5)
-        for i, ends in enumerate(spans[j]):
-            middle = 10.0 * i + 1 + j
-            np.testing.assert_allclose(ends[:, 0], [middle - 0.45, middle + 0.45])
-            np.testing.assert_allclose(ends[:, 1], heights[i])
-    heights = [np.asarray(lines[name].get_ydata())[0] for name in names[:-1]]
-    assert heights == sorted(heights)
-    assert len(set(heights)) == len(OBSERVERS)

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -24,7 +23,6 @@ from chamfer.analysis.surface.normal_metrics import (
 )
 from chamfer.analysis.surface.unknown_surface import (
     Traces,
-    control_figures,
     estimation_figures,
     large_noise_figures,
     noise_free_figures,
@@ -286,12 +284,6 @@ def test_without_noise_the_force_settles_at_the_desired_one(noise_free: Outcome)
     assert value(noise_free, "position.travel") == pytest.approx(4.67, abs=0.02)
 
 
-def test_what_the_thesis_prints_without_noise(noise_free: Outcome) -> None:
-    asked = [one for one in PUBLISHED if one.experiment == "unknown-surface-control-noise-free"]
-    assert {one.metric for one in asked} == {"force.settling_time_10", "force.final"}
-    assert all(one.ok for one in check(asked, noise_free.metrics))
-
-
 @pytest.mark.slow
 def test_with_noise_the_thesis_observer_leaves_ten_percent(noisy: Outcome) -> None:
     assert value(noisy, "force.min") == pytest.approx(4.6, abs=0.15)
@@ -320,7 +312,6 @@ def test_the_adaptive_observer_with_means_keeps_within_ten_percent() -> None:
 Array = NDArray[np.float64]
 
 LED, CONTROLLED = SURFACE_ESTIMATION, SURFACE_CONTROL
-SPACE = SurfaceSettings(shape="sphere")
 
 
 def outcome(scenario: EstimationScenario | TrackingScenario, **columns: Array) -> Outcome:
@@ -358,11 +349,6 @@ def drawn_led(
 ) -> Figure:
     resolved = resolve_estimation(scenario)
     return FIGURES[name](resolved, outcome(resolved, **columns))[name]
-
-
-def drawn_control(scenario: TrackingScenario = CONTROLLED) -> Figure:
-    resolved = resolve_tracking(scenario)
-    return control_figures(resolved, outcome(resolved))["unknown-surface-control"]
 
 
 def labels(axes: Axes) -> list[str]:
@@ -403,77 +389,3 @@ def test_truth_estimate_and_band_are_those_of_the_run() -> None:
     assert high == pytest.approx(100 + 6 + 6)
     kind = replace(LED, observer=ObserverSettings(kind="adaptive"))
     assert "estimate, adaptive" in labels(drawn_led(scenario=kind).axes[1])
-
-
-def test_the_halt_is_marked_if_it_is_in_the_run() -> None:
-    def halts(figure: Figure) -> list[float]:
-        return [
-            float(np.asarray(one.get_xdata())[0])
-            for axes in figure.axes
-            for one in axes.get_lines()
-            if len(np.asarray(one.get_xdata())) == 2
-        ]
-
-    figure = drawn_led()
-    assert halts(figure) == [15.0, 15.0]
-    assert [text.get_text() for text in figure.axes[1].texts] == ["halt"]
-    short = drawn_led(scenario=replace(LED, duration=10.0))
-    assert halts(short) == []
-    assert not short.axes[1].texts
-
-
-@pytest.mark.parametrize(
-    ("name", "scenario", "value", "window"),
-    [
-        ("surface-estimation", LED, 6.0, (8.0, 14.9)),
-        ("surface-estimation-smooth", SMOOTH, 3.0, (1.0, 15.0)),
-        ("surface-estimation-large-noise", LARGE_NOISE, 20.0, (3.4, 3.5)),
-    ],
-)
-def test_the_published_band_is_about_the_true_normal_where_it_counts(
-    name: str, scenario: EstimationScenario, value: float, window: tuple[float, float]
-) -> None:
-    figure = drawn_led(name, scenario)
-    assert published(figure) == [f"published band, ±{value:g}°"]
-    normal = figure.axes[1]
-    time, above = line(normal, f"published band, ±{value:g}°")
-    assert (time[0], time[-1]) == (
-        pytest.approx(window[0], abs=0.051),
-        pytest.approx(window[1], abs=0.051),
-    )
-    np.testing.assert_allclose(above, 90 + 12 * time / scenario.duration + value)
-    below = 90 + 12 * time / scenario.duration - value
-    assert any(
-        len(np.asarray(one.get_ydata())) == len(below) and np.allclose(one.get_ydata(), below)
-        for one in normal.get_lines()
-    )
-
-
-def test_published_forces_are_drawn() -> None:
-    figure = drawn_control()
-    forces = ["published least, 4.5 N", "published largest, 5.2 N"]
-    assert published(figure) == [*forces, "published band, ±6°"]
-    for label, value in zip(forces, (4.5, 5.2), strict=True):
-        np.testing.assert_array_equal(line(figure.axes[0], label)[1], value)
-
-
-@pytest.mark.parametrize(
-    ("name", "scenario"),
-    [
-        ("surface-estimation", replace(LED, trials=39)),
-        ("surface-estimation", replace(LED, observer=ObserverSettings(kind="gated"))),
-        ("surface-estimation-noise-free", NOISE_FREE),
-    ],
-)
-def test_published_bands_are_of_the_default_scenario_and_the_experiment(
-    name: str, scenario: EstimationScenario
-) -> None:
-    assert published(drawn_led(name, scenario)) == []
-
-
-def test_a_run_without_contact_can_be_drawn() -> None:
-    nothing = np.full(401, np.nan)
-    figure = drawn_led(true_angle=nothing, error=nothing, instantaneous=nothing)
-    FigureCanvasAgg(figure)
-    figure.canvas.draw()
-    assert np.all(np.isfinite(figure.axes[1].get_ylim()))
