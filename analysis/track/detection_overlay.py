@@ -1,17 +1,24 @@
-"""What was detected, drawn over the frames.
+"""What was detected, drawn over the frames, and the video of it.
 
 Below the frame a panel says in words what was found, so that no text covers a part.
 """
 
 import math
+import queue
+import threading
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.track.frame_source import silenced, utf8_path
 from chamfer.systems.cameras.camera_image import Image
 from chamfer.systems.vision.part_detection import Detection, Status
+from chamfer.systems.vision.part_detector import alignment_error
 
 Array = NDArray[np.float64]
 Colour = tuple[int, int, int]  # red, green, blue
@@ -53,6 +60,19 @@ def scale(width: int, height: int) -> float:
     return max(1, min(math.ceil(_SMALL[0] / width), math.ceil(_SMALL[1] / height)))
 
 
+class SeenParts(NamedTuple):
+    """What was found in one frame of one camera."""
+
+    image: Image  # red, green, blue, shape (height, width, 3), in which it was found
+    peg: Detection
+    hole: Detection
+
+    @property
+    def error(self) -> Array:
+        """Of :func:`chamfer.systems.vision.part_detector.alignment_error`, shape (3,)."""
+        return alignment_error(self.peg, self.hole)
+
+
 class Caption(NamedTuple):
     """Which frame is shown."""
 
@@ -61,34 +81,37 @@ class Caption(NamedTuple):
     name: str  # of its file
 
 
-def draw(
-    image: Image, peg: Detection, hole: Detection, error: Array, caption: Caption, note: str = ""
-) -> Image:
+def draw(seen: SeenParts, caption: Caption, note: str = "") -> Image:
     """Return a frame with the axes that were found, the tips as crosses, and a panel below.
 
     A point (u, v) of the frame is at ``s (u + 1/2) - 1/2`` and likewise in v, where s is
     :func:`scale`: (0, 0) is the middle of the first pixel in both.
 
     Args:
-        image: Red, green, blue, shape (height, width, 3).
-        peg: What was found of the peg.
-        hole: What was found of the hole part.
-        error: Of :func:`chamfer.systems.vision.part_detector.alignment_error`.
+        seen: The frame and what was found in it.
         caption: Which frame it is.
         note: A further line of the panel, none if it is empty.
     """
-    height, width = image.shape[:2]
+    height, width = seen.image.shape[:2]
     s = scale(width, height)
     size = (max(round(s * width), 1), max(round(s * height), 1))
     picture = cv2.resize(
-        image, size, interpolation=cv2.INTER_NEAREST if s >= 1 else cv2.INTER_AREA
+        seen.image, size, interpolation=cv2.INTER_NEAREST if s >= 1 else cv2.INTER_AREA
     )
     unit = max(1, round(max(size) / 960))  # pixels, half the width of a line
-    parts = ((peg, PEG_COLOUR), (hole, HOLE_COLOUR))
+    parts = ((seen.peg, PEG_COLOUR), (seen.hole, HOLE_COLOUR))
     for part, colour in parts:
-        _draw_axis(picture, part, colour, s, unit)
+        if not part.status.lost:
+            middle = s * (np.array(part.point) + 0.5) - 0.5
+            way = sum(picture.shape[:2]) * _along(part)
+            _line(picture, middle - way, middle + way, colour, unit)
     for part, colour in parts:  # above both axes
-        _draw_tip(picture, part, colour, s, unit)
+        if part.status == Status.VALID:
+            tip = s * (np.array(part.tip) + 0.5) - 0.5
+            along = _along(part)
+            across = np.array([-along[1], along[0]])
+            for way in (along + across, along - across):
+                _line(picture, tip - 7 * unit * way, tip + 7 * unit * way, colour, unit)
 
     full = max(size[0], _PANEL_WIDTH)
     unit_text = min(full / _PANEL_WIDTH, 2.0)
@@ -96,32 +119,12 @@ def draw(
     # The encoder halves the resolution of colours and so wants even sides.
     sheet = np.full((_even(size[1] + panel_height), _even(full), 3), _DARK, np.uint8)
     sheet[: size[1], : size[0]] = picture
-    _write_panel(sheet[size[1] :], peg, hole, error, caption, note, unit_text)
+    _write_panel(sheet[size[1] :], seen, caption, note, unit_text)
     return sheet
 
 
 def _even(size: int) -> int:
     return size + size % 2
-
-
-def _draw_axis(
-    picture: cv2.typing.MatLike, part: Detection, colour: Colour, s: float, unit: int
-) -> None:
-    if not part.status.lost:
-        middle = s * (np.array(part.point) + 0.5) - 0.5
-        way = sum(picture.shape[:2]) * _along(part)
-        _line(picture, middle - way, middle + way, colour, unit)
-
-
-def _draw_tip(
-    picture: cv2.typing.MatLike, part: Detection, colour: Colour, s: float, unit: int
-) -> None:
-    if part.status == Status.VALID:
-        tip = s * (np.array(part.tip) + 0.5) - 0.5
-        along = _along(part)
-        across = np.array([-along[1], along[0]])
-        for way in (along + across, along - across):
-            _line(picture, tip - 7 * unit * way, tip + 7 * unit * way, colour, unit)
 
 
 def _along(part: Detection) -> Array:
@@ -137,22 +140,14 @@ def _line(
         cv2.line(picture, ends[0], ends[1], ink, thickness, cv2.LINE_AA, _SHIFT)
 
 
-def _write_panel(
-    panel: Image,
-    peg: Detection,
-    hole: Detection,
-    error: Array,
-    caption: Caption,
-    note: str,
-    unit: float,
-) -> None:
+def _write_panel(panel: Image, seen: SeenParts, caption: Caption, note: str, unit: float) -> None:
     # Each at a place of its own, so that nothing moves when a number gets longer.
     moment = "" if math.isnan(caption.time) else f"{caption.time:.4f} s"
     lines = (
         (_PAPER, {10: f"frame {caption.frame}", 170: moment, 280: caption.name}),
-        (PEG_COLOUR, {10: "peg", **_found(peg)}),
-        (HOLE_COLOUR, {10: "hole part", **_found(hole)}),
-        (_PAPER, {10: "error", **_error(error)}),
+        (PEG_COLOUR, {10: "peg", **_found(seen.peg)}),
+        (HOLE_COLOUR, {10: "hole part", **_found(seen.hole)}),
+        (_PAPER, {10: "error", **_error(seen.error)}),
         (_PAPER, {10: note}),
     )
     for k, (colour, texts) in enumerate(lines):
@@ -186,3 +181,114 @@ def _error(error: Array) -> dict[int, str]:
         for value, digits, unit in zip(error.tolist(), (2, 2, 4), ("px", "px", "rad"), strict=True)
     )
     return {100: f"along {along}", 260: f"across {across}", 420: f"angle {angle}"}
+
+
+_SLOWEST, _FASTEST = 1.0, 240.0  # frames/s that players take
+_CODE: Final = cv2.VideoWriter.fourcc(*"VP80")
+_UNKNOWN: Final = 30.0  # frames/s, where nobody says how fast frames were taken
+_LIVE: Final = 15.0  # frames/s; encoding takes longer than detection
+
+
+class Overlay:
+    """A video of what is found in each frame, which grows while the block runs.
+
+    Args:
+        path: Of the file, which ends in .webm.
+        rate: Frames/s, or NaN; the video plays at 1 to 240.
+    """
+
+    def __init__(self, path: Path, rate: float) -> None:
+        self._path = path
+        rate = _UNKNOWN if math.isnan(rate) else rate
+        self._rate = round(min(max(rate, _SLOWEST), _FASTEST), 3)
+        self._writer: cv2.VideoWriter | None = None
+        self._last: cv2.typing.MatLike | None = None
+        self._written = 0
+
+    def show(self, seen: Sequence[SeenParts], captions: Sequence[Caption], note: str = "") -> None:
+        """Append what was found in the frames of one moment.
+
+        Raises:
+            UserError: If the video can't be written.
+        """
+        self.write(sheet(seen, captions, note))
+
+    def write(self, image: Image, time: float | None = None) -> None:
+        """Append an image.
+
+        Args:
+            image: Red, green, blue, shape (height, width, 3), of the same even size as all others.
+            time: When it is shown, s after the first one: the one before stays until then. Where
+                that is sooner than a frame's length after it, the image is left out. None: after
+                the one before.
+
+        Raises:
+            UserError: If the video can't be written.
+        """
+        if self._writer is None:
+            width, height = image.shape[1::-1]
+            with silenced(), utf8_path(self._path) as name:
+                size = (width, height)
+                writer = cv2.VideoWriter(name, cv2.CAP_FFMPEG, _CODE, self._rate, size)
+            if not writer.isOpened():
+                raise UserError(f"{self._path.name} can't be written, {width} x {height} pixels")
+            self._writer = writer
+        picture = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
+        due = self._written if time is None else round(time * self._rate)
+        while self._last is not None and self._written < due:
+            self._writer.write(self._last)
+            self._written += 1
+        if self._written <= due:
+            self._writer.write(picture)
+            self._last, self._written = picture, self._written + 1
+
+    def close(self) -> None:
+        """Complete the file; nothing can be appended any more."""
+        if self._writer is not None:
+            self._writer.release()
+
+
+class LiveOverlay(Overlay):
+    """The same of frames that come whether they are looked at or not.
+
+    A thread of its own draws and encodes, and takes the next frame when it is done with one. The
+    video takes as long as the frames did.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, _LIVE)
+        self._next: queue.Queue[tuple[Sequence[SeenParts], Sequence[Caption], str] | None] = (
+            queue.Queue(1)
+        )
+        self._fault: UserError | None = None
+        self._thread = threading.Thread(target=self._draw, daemon=True)
+        self._thread.start()
+
+    def show(self, seen: Sequence[SeenParts], captions: Sequence[Caption], note: str = "") -> None:
+        """Show what was found, unless other frames are still being drawn."""
+        if self._fault is not None:
+            raise self._fault
+        if not self._next.full():
+            self._next.put((seen, captions, note))
+
+    def close(self) -> None:
+        """Complete the file."""
+        if self._thread.is_alive():
+            self._next.put(None)
+            self._thread.join()
+        super().close()
+
+    def _draw(self) -> None:
+        while (shown := self._next.get()) is not None:
+            if self._fault is None:
+                try:
+                    self.write(sheet(*shown), shown[1][0].time)
+                except UserError as error:
+                    self._fault = error
+
+
+def sheet(seen: Sequence[SeenParts], captions: Sequence[Caption], note: str = "") -> Image:
+    """Return what was found in the frames of all cameras, side by side."""
+    sheets = [draw(one, caption, note) for one, caption in zip(seen, captions, strict=True)]
+    height = max(len(one) for one in sheets)
+    return np.hstack([np.pad(one, ((0, height - len(one)), (0, 0), (0, 0))) for one in sheets])

@@ -13,8 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Any, ClassVar, Final, NamedTuple, Protocol, Self
+from typing import Any, ClassVar, Final, NamedTuple, Self
 
 import cv2
 import numpy as np
@@ -76,44 +75,12 @@ class Frame(NamedTuple):
     time: float | None = None  # s, after the first one; None: it doesn't say
 
 
-class FrameSource(Protocol):
-    """The frames of one camera, recorded or live."""
-
-    @property
-    def announced(self) -> int | None:
-        """How many frames it says it has, which may be an estimate."""
-
-    @property
-    def number(self) -> int | None:
-        """How many frames there are, as far as that is known."""
-
-    @property
-    def timed(self) -> bool:
-        """Whether it says when its frames were taken, or how fast."""
-
-    @property
-    def live(self) -> bool:
-        """Whether it goes on until it is stopped."""
-
-    @property
-    def missed(self) -> int:
-        """How many frames came while too many others waited."""
-
-    def frames(self, stopped: Callable[[], bool] = ...) -> Iterator[Frame]:
-        """Yield the frames in order until there are no more, or it is stopped."""
-
-
-def never() -> bool:
-    """Return that nothing is stopped."""
-    return False
-
-
 @dataclass(frozen=True, kw_only=True)
 class Recording:
     """Where frames are on disk; :func:`open_recording` makes one."""
 
-    live: ClassVar[bool] = False
-    missed: ClassVar[int] = 0
+    live: ClassVar = False  # whether it goes on until it is stopped
+    missed: ClassVar = 0
 
     files: tuple[Path, ...]  # the images in order, or the video
     video: bool
@@ -130,7 +97,7 @@ class Recording:
         """Whether it says how fast its frames were taken."""
         return self.video
 
-    def frames(self, stopped: Callable[[], bool] = never) -> Iterator[Frame]:
+    def frames(self, stopped: Callable[[], bool] = lambda: False) -> Iterator[Frame]:
         """Yield the frames in order, all of one size; it ends by itself.
 
         Raises:
@@ -173,13 +140,12 @@ def open_recording(paths: Sequence[Path]) -> Recording:
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             raise UserError(f"{path}: {reason}, allowed: {_ALLOWED}") from error
-    if all(path.is_file() and _is_image(path) for path in paths):
-        return Recording(files=_in_order(paths), video=False)
+    others = [path for path in paths if not (path.is_file() and _is_image(path))]
+    if not others:
+        return Recording(files=tuple(sorted(paths, key=_natural)), video=False)
     if len(paths) > 1:
-        other = next(path for path in paths if not (path.is_file() and _is_image(path)))
-        raise UserError(f"{other} is one of several files and no image, allowed: {_ALLOWED}")
-    (path,) = paths
-    return _folder(path) if path.is_dir() else _open_video(path)
+        raise UserError(f"{others[0]} is one of several files and no image, allowed: {_ALLOWED}")
+    return _folder(others[0]) if others[0].is_dir() else _open_video(others[0])
 
 
 def require_paired(left: Recording, right: Recording, *, rated: bool) -> None:
@@ -212,10 +178,6 @@ def _is_image(path: Path) -> bool:
     return path.suffix.lower() in IMAGE_ENDINGS
 
 
-def _in_order(paths: Sequence[Path]) -> tuple[Path, ...]:
-    return tuple(sorted(paths, key=_natural))
-
-
 def _natural(path: Path) -> tuple[object, ...]:
     """Return a key that compares the numbers in a path as numbers."""
     # Texts and numbers take turns, so that like is compared with like.
@@ -235,7 +197,7 @@ def _folder(folder: Path) -> Recording:
     if not found:
         endings = ", ".join(sorted(IMAGE_ENDINGS))
         raise UserError(f"{folder} holds no images, allowed: files that end in {endings}")
-    return Recording(files=_in_order(found), video=False)
+    return Recording(files=tuple(sorted(found, key=_natural)), video=False)
 
 
 def _open_video(path: Path) -> Recording:
@@ -279,25 +241,22 @@ def _video(path: Path) -> Iterator[Frame]:
 
 
 def _images(paths: Sequence[Path]) -> Iterator[Frame]:
+    """Yield images with 8 bits a channel: grey as it is in all three, without transparency."""
     for path in paths:
         try:
             data = np.frombuffer(path.read_bytes(), np.uint8)
         except OSError as error:
             raise UserError(f"{path}: {error.strerror}") from error
-        yield Frame(shown_name(path), _decoded(path, data))
-
-
-def _decoded(path: Path, data: Image) -> Image:
-    """Return an image with 8 bits a channel: grey as it is in all three, without transparency."""
-    with silenced():
-        try:
-            # From memory, where OpenCV refuses a JPEG that ends too early; in a file it fills up.
-            image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
-        except cv2.error:  # too large
-            image = None
-    if image is None:
-        raise UserError(f"{path} can't be decoded, allowed: an image that is whole")
-    return rgb(image)
+        with silenced():
+            try:
+                # From memory, where OpenCV refuses a JPEG that ends too early; in a file it
+                # fills up.
+                image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+            except cv2.error:  # too large
+                image = None
+        if image is None:
+            raise UserError(f"{path} can't be decoded, allowed: an image that is whole")
+        yield Frame(shown_name(path), rgb(image))
 
 
 def rgb(image: cv2.typing.MatLike) -> Image:
@@ -351,10 +310,10 @@ class LiveCamera:
         UserError: If it can't be opened.
     """
 
-    announced: ClassVar[int | None] = None
-    number: ClassVar[int | None] = None
-    timed: ClassVar[bool] = True
-    live: ClassVar[bool] = True
+    announced: ClassVar = None
+    number: ClassVar = None
+    timed: ClassVar = True
+    live: ClassVar = True
 
     def __init__(self, path: Path, size: tuple[int, int] | None = None) -> None:
         self._path = path
@@ -362,7 +321,7 @@ class LiveCamera:
         self._waiting: queue.Queue[tuple[Any, float]] = queue.Queue(_WAITING)
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._read, daemon=True)
-        self._missed = 0
+        self.missed = 0  # frames that came while too many others waited
 
     def __enter__(self) -> Self:
         """Open the camera and begin to read."""
@@ -385,12 +344,7 @@ class LiveCamera:
         rate = self._capture.get(cv2.CAP_PROP_FPS)
         return rate if math.isfinite(rate) and rate > 0 else None
 
-    @property
-    def missed(self) -> int:
-        """How many frames came while too many others waited."""
-        return self._missed
-
-    def frames(self, stopped: Callable[[], bool] = never) -> Iterator[Frame]:
+    def frames(self, stopped: Callable[[], bool] = lambda: False) -> Iterator[Frame]:
         """Yield the frames with their times, s after the first one.
 
         Raises:
@@ -421,7 +375,7 @@ class LiveCamera:
             try:
                 self._waiting.put_nowait((image, self._moment()))
             except queue.Full:
-                self._missed += 1
+                self.missed += 1
         self._capture.release()
 
     def _moment(self) -> float:
@@ -430,12 +384,7 @@ class LiveCamera:
         taken = float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1e3
         return taken if 0 <= now - taken < _OLDEST else now
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Stop reading and give the camera back, unless its driver keeps it."""
         self._ended.set()
         self._thread.join(_OLDEST)

@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
@@ -23,14 +23,14 @@ from chamfer.analysis.track.detection_overlay import (
     PEG_COLOUR,
     REASONS,
     Caption,
+    SeenParts,
     draw,
 )
-from chamfer.analysis.track.frame_source import Frame, open_recording
+from chamfer.analysis.track.frame_source import open_recording
 from chamfer.analysis.track.track_files import FOLDER
 from chamfer.systems.cameras.camera_image import Image
 from chamfer.systems.vision.part_appearance import HOLE_PART, PEG, Appearance, Range
 from chamfer.systems.vision.part_detection import Detection, Status, detect, detect_parts
-from chamfer.systems.vision.part_detector import alignment_error
 from chamfer.systems.vision.soft_edges import contrast
 
 Array = NDArray[np.float64]
@@ -209,8 +209,7 @@ def read_box(text: str, name: str) -> Box:
     return box
 
 
-@dataclass(frozen=True, kw_only=True)
-class Learned:
+class Learned(NamedTuple):
     """What the parts look like, and what is found of them in the picture."""
 
     looks: tuple[Appearance, Appearance]
@@ -430,7 +429,7 @@ def _checked(
             raise UserError(
                 f"the {name} is found outside its box by {colour}, at ({u:.0f}, {v:.0f})"
             )
-    return Learned(looks=looks, found=found)
+    return Learned(looks, found)
 
 
 PARTS, PICTURE = "parts.yaml", "parts.png"
@@ -466,7 +465,11 @@ def learn_parts(picture: Path, peg_box: str, hole_box: str, *, out: Path) -> dic
     paths = [folder / PARTS, folder / PICTURE]
     if paths[0].exists():
         say(f"{paths[0]} is replaced")
-    shown = cv2.imencode(".png", _shown(frame, boxes, learned))[1]
+    image = frame.image.copy()
+    for (x, y, width, height), colour in zip(boxes, (PEG_COLOUR, HOLE_COLOUR), strict=True):
+        cv2.rectangle(image, (x, y), (x + width - 1, y + height - 1), colour)
+    sheet = draw(SeenParts(image, *learned.found), Caption(0, math.nan, frame.name))
+    shown = cv2.imencode(".png", cv2.cvtColor(sheet, cv2.COLOR_RGB2BGR))[1]
     try:
         folder.mkdir(exist_ok=True)
         write_text(paths[0], _HEADER.format(picture=frame.name, name=PARTS) + block(looks))
@@ -475,14 +478,3 @@ def learn_parts(picture: Path, peg_box: str, hole_box: str, *, out: Path) -> dic
     except OSError as error:
         raise UserError(f"{folder} can't be written: {error.strerror or error}") from error
     return {**looks, "files": [str(path) for path in paths]}
-
-
-def _shown(frame: Frame, boxes: tuple[Box, Box], learned: Learned) -> cv2.typing.MatLike:
-    """Return the picture with the boxes and what was found, blue, green, red."""
-    image = frame.image.copy()
-    for (x, y, width, height), colour in zip(boxes, (PEG_COLOUR, HOLE_COLOUR), strict=True):
-        cv2.rectangle(image, (x, y), (x + width - 1, y + height - 1), colour)
-    peg, hole = learned.found
-    error = alignment_error(peg, hole)
-    sheet = draw(image, peg, hole, error, Caption(0, math.nan, frame.name))
-    return cv2.cvtColor(sheet, cv2.COLOR_RGB2BGR)

@@ -1,26 +1,10 @@
 """The command ``chamfer track``: frames in, detections and an overlay video out."""
 
 import argparse
-from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any
 
 from chamfer.analysis.scenario.experiment import Catalogue
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from chamfer.analysis.track.part_finder import PartTracker
-    from chamfer.analysis.track.track_table import Track
-    from chamfer.analysis.track.tracking import SynchronisedFrames, TrackScenario
-    from chamfer.models.cameras.camera import Camera
-
-_INTERRUPTED: Final = 130  # exit statuses
-_ERROR: Final = 1
-_NOT_LEARNED: Final = (
-    *("files", "device", "save_frames", "camera_model", "right", "frames", "rate", "no_video"),
-    *("scenario", "settings"),
-)
 
 
 def add_track(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentParser:
@@ -92,7 +76,7 @@ def add_track(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
             metavar="X,Y,W,H",
             help=f"box around the {part} in PICTURE: upper left corner and size, pixels",
         )
-    parser.add_argument("--frames", metavar="N", type=_count, help="end after N frames")
+    parser.add_argument("--frames", metavar="N", help="end after N frames")
     parser.add_argument(
         "--rate",
         metavar="HZ",
@@ -103,217 +87,7 @@ def add_track(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
     return parser
 
 
-def _count(text: str) -> int:
-    import re
-
-    from chamfer.analysis.scenario.errors import UserError
-
-    if not re.fullmatch("[0-9]{1,9}", text) or int(text) < 1:
-        raise UserError(f"--frames is {text!r}, allowed: a whole number from 1 to 999999999")
-    return int(text)
-
-
 def _track(arguments: argparse.Namespace, _: Catalogue) -> int:
-    from chamfer.analysis.report.console import say
-    from chamfer.analysis.track.frame_source import CameraError
+    from chamfer.analysis.track.tracking import track
 
-    try:
-        return _run(arguments)
-    except CameraError as error:
-        say(str(error))
-        return _ERROR
-    except KeyboardInterrupt:
-        say("interrupted, nothing was written")
-        return _INTERRUPTED
-
-
-def _run(arguments: argparse.Namespace) -> int:
-    boxes = arguments.peg_box, arguments.hole_box
-    if arguments.learn is not None:
-        return _learn(arguments)
-    if any(box is not None for box in boxes):
-        from chamfer.analysis.scenario.errors import UserError
-
-        raise UserError("boxes are given without --learn")
-    return _find(arguments)
-
-
-def _learn(arguments: argparse.Namespace) -> int:
-    from chamfer.analysis.report.results import json_text
-    from chamfer.analysis.scenario.errors import UserError
-    from chamfer.analysis.track.learning import learn_parts
-
-    for option in ("peg_box", "hole_box"):
-        if getattr(arguments, option) is None:
-            raise UserError(f"--learn is given without --{option.replace('_', '-')}")
-    for option in _NOT_LEARNED:
-        if getattr(arguments, option):
-            name = "FILES" if option == "files" else f"--{option.replace('_', '-')}"
-            name = "--set" if option == "settings" else name
-            raise UserError(f"{name} and --learn are given, allowed: one of them")
-    said = learn_parts(arguments.learn, arguments.peg_box, arguments.hole_box, out=arguments.out)
-    if arguments.json:
-        print(json_text(said), end="")
-    else:
-        print(*said["files"], sep="\n")
-    return 0
-
-
-def _find(arguments: argparse.Namespace) -> int:
-    from chamfer.analysis.campaign.progress import TerminalProgress
-    from chamfer.analysis.command.output_folder import require_writable
-    from chamfer.analysis.report.console import say
-    from chamfer.analysis.scenario.errors import UserError
-    from chamfer.analysis.track.track_files import FOLDER, FRAMES, FrameFolder
-    from chamfer.analysis.track.tracking import stop_request, write_track
-
-    scenario = _scenario(arguments)
-    cameras = _cameras(arguments)
-    folder = arguments.out / FOLDER
-    try:
-        with ExitStack() as stack:
-            source = _source(arguments, scenario, cameras, stack)
-            tracker = _tracker(scenario, cameras, source)
-            require_writable(arguments.out, [FOLDER])
-            saved = None
-            if arguments.save_frames:
-                saved = stack.enter_context(FrameFolder(folder / FRAMES))
-            stopped = stack.enter_context(stop_request())
-            if not source.ends:
-                say(f"frames of {arguments.device} as they come, Ctrl-C ends it")
-            with TerminalProgress("track") as progress:
-
-                def warn() -> None:
-                    with progress.aside():
-                        say(f"what is in {folder} is replaced")
-
-                found, paths = write_track(
-                    arguments.out,
-                    source,
-                    tracker,
-                    video=not arguments.no_video,
-                    saved=saved,
-                    replaces=warn,
-                    stopped=stopped,
-                    progress=progress,
-                )
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise UserError(f"{arguments.out} can't be written: {reason}") from error
-    if saved is not None:
-        paths.append(folder / FRAMES)
-    return _end(arguments, source, scenario, found, paths)
-
-
-def _scenario(arguments: argparse.Namespace) -> "TrackScenario":
-    from chamfer.analysis.command.scenario_file import read_scenario
-    from chamfer.analysis.scenario.errors import UserError
-    from chamfer.analysis.scenario.scenario_io import make_scenario
-    from chamfer.analysis.track.tracking import TrackScenario
-
-    settings = [*arguments.settings]
-    if arguments.rate is not None:
-        settings.append(f"rate={arguments.rate}")
-    file = arguments.scenario
-    given = None if file is None else read_scenario(file, "track")
-    scenario = make_scenario(TrackScenario(), given=given, settings=settings)
-    if arguments.device is None:
-        if not arguments.files:
-            raise UserError("nothing to look at, allowed: FILES or --device")
-        if arguments.save_frames:
-            raise UserError("--save-frames is given without --device")
-    elif arguments.files:
-        raise UserError("FILES and --device are given, allowed: one of them")
-    elif scenario.rate is not None:
-        allowed = "null with --device, whose frames have times"
-        raise UserError(f"rate is {scenario.rate:g}, allowed: {allowed}")
-    return scenario
-
-
-def _cameras(arguments: argparse.Namespace) -> "tuple[Camera, ...]":
-    """Return the cameras as they are calibrated; none if that is not known."""
-    from chamfer.analysis.scenario.errors import UserError
-    from chamfer.analysis.track.part_finder import read_cameras
-
-    if arguments.right and arguments.device is not None:
-        raise UserError("--right and --device are given, allowed: --right with FILES")
-    if arguments.camera_model is None:
-        if arguments.right:
-            raise UserError("--right is given without --camera-model")
-        return ()
-    return read_cameras(arguments.camera_model, 2 if arguments.right else 1)
-
-
-def _tracker(
-    scenario: "TrackScenario", cameras: "Sequence[Camera]", source: "SynchronisedFrames"
-) -> "PartTracker":
-    from chamfer.analysis.track.part_finder import MetricFinder, PartFinder
-
-    known = source.timed or scenario.rate is not None
-    continuity = scenario.continuity if known else None
-    finders = [
-        PartFinder(scenario.peg, scenario.hole, camera, continuity)
-        for camera in cameras or (None,)
-    ]
-    return finders[0] if len(finders) == 1 else MetricFinder(cameras, finders)
-
-
-def _source(
-    arguments: argparse.Namespace,
-    scenario: "TrackScenario",
-    cameras: "Sequence[Camera]",
-    stack: ExitStack,
-) -> "SynchronisedFrames":
-    import math
-
-    from chamfer.analysis.track.frame_source import (
-        LiveCamera,
-        device_path,
-        open_recording,
-        require_paired,
-    )
-    from chamfer.analysis.track.tracking import SynchronisedFrames
-
-    if arguments.device is None:
-        recordings = [open_recording(arguments.files)]
-        if arguments.right:
-            recordings.append(open_recording(arguments.right))
-            require_paired(*recordings, rated=scenario.rate is not None)
-        return SynchronisedFrames(recordings, scenario.rate_of(recordings[0]), arguments.frames)
-    size = (cameras[0].width, cameras[0].height) if cameras else None
-    camera = stack.enter_context(LiveCamera(device_path(arguments.device), size))
-    return SynchronisedFrames([camera], camera.rate or math.nan, arguments.frames)
-
-
-def _end(
-    arguments: argparse.Namespace,
-    source: "SynchronisedFrames",
-    scenario: "TrackScenario",
-    found: "Track",
-    paths: list[Path],
-) -> int:
-    """Say what was found and how it ended, and return the exit status."""
-    from chamfer.analysis.report.console import say
-    from chamfer.analysis.report.results import json_text
-    from chamfer.analysis.scenario.errors import UserError
-    from chamfer.analysis.track.frame_source import CameraError
-    from chamfer.analysis.track.tracking import document, text
-
-    kept = f"what was found in {found.frames} frame{'s' * (found.frames != 1)} is kept"
-    if found.frames == 0:
-        say("interrupted before the first frame, nothing was written")
-        return _INTERRUPTED
-    said = document(source, scenario, found, paths)
-    print(json_text(said) if arguments.json else text(said), end="")
-    if isinstance(found.fault, CameraError):
-        say(f"{found.fault}, {kept}")
-        return _ERROR
-    if isinstance(found.fault, OSError):
-        reason = found.fault.strerror or found.fault
-        raise UserError(f"{arguments.out} can't be written: {reason}, {kept}")
-    if found.fault is not None:
-        raise UserError(f"{found.fault}, {kept}")
-    if found.interrupted:
-        say(f"interrupted, {kept}")
-        return _INTERRUPTED
-    return 0
+    return track(arguments)

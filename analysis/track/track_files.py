@@ -1,26 +1,37 @@
 """What tracking leaves on disk: tables, the overlay video, the frames of a live camera."""
 
+import csv
 import fcntl
+import math
 import os
 import tempfile
-from collections.abc import Callable, Iterator
+from array import array
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import TracebackType
 from typing import Final, Self
 
 import cv2
+import numpy as np
 
 from chamfer.analysis.report.atomic_write import replacing
 from chamfer.analysis.report.traces import write_table
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import Table
-from chamfer.analysis.track.overlay_video import LiveOverlay, Overlay
+from chamfer.analysis.track.detection_overlay import REASONS, Caption, LiveOverlay, Overlay
+from chamfer.analysis.track.frame_source import Frame
+from chamfer.analysis.track.part_finder import Sighting
 from chamfer.systems.cameras.camera_image import Image
+from chamfer.systems.vision.part_detection import Status
 
 FOLDER: Final = "track"
 CSV, PARQUET, VIDEO = "detections.csv", "detections.parquet", "overlay.webm"
 FRAMES: Final = "frames"
+STATUS: Final = "_status"  # end of the columns that are numbers of :class:`Status`
+
+_FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")  # with what spreadsheets begin one
+_IN_PIXELS: Final = ("_u", "_v", "error_along", "error_across")  # ends of columns
+_PIXELS, _SI = 4, 6  # decimals, of what is in pixels and of s, rad and m
 
 
 class TrackFiles:
@@ -29,51 +40,83 @@ class TrackFiles:
     They are made in a hidden folder; :meth:`finish` moves them into ``out/track``, where they
     replace those of an earlier run. Without it nothing of them stays.
 
+    The lines for people have three kinds of column more than the table: ``file``, and behind every
+    status, which is a name there, the reason in words. What was not found is empty. A file whose
+    name a spreadsheet would take for a formula has an apostrophe in front of it.
+
     Args:
         out: The folder of all results.
-        video: Whether to write the overlay video.
+        columns: Names of what is found in a frame.
     """
 
-    def __init__(self, out: Path, *, video: bool) -> None:
+    def __init__(self, out: Path, columns: Sequence[str]) -> None:
         self._out = out
-        self._with_video = video
-        self.overlay: Overlay | None = None  # the video, if it is to be written
+        self._columns = ("time", *columns)
+        self._values = array("d")
+        self._overlay: Overlay | None = None
 
     def __enter__(self) -> Self:
-        """Make the hidden folder."""
+        """Make the hidden folder and begin the lines."""
         self._staging = tempfile.TemporaryDirectory(prefix=".unfinished-", dir=self._out)
-        self._csv = (self._folder / CSV).open("w", encoding="utf-8", newline="\n")
+        self._folder = Path(self._staging.name)
+        self._csv = (self._folder / CSV).open("w", encoding="utf-8", newline="")
+        self._lines = csv.writer(self._csv, lineterminator="\n")
+        names = [name for column in self._columns[1:] for name in _names(column)]
+        self._lines.writerow(["frame", "file", "time", *names])
         return self
 
-    def begin(self, header: str, rate: float, *, live: bool) -> None:
-        """Begin the table with its header and, if it is to be written, the video.
+    def add_overlay(self, rate: float, *, live: bool) -> None:
+        """Write the video, too.
 
         Args:
-            header: Line of the columns' names.
             rate: Of the frames, frames/s, or NaN.
             live: Whether the frames come whether they are looked at or not.
         """
-        self._csv.write(header)
-        if self._with_video:
-            path = self._folder / VIDEO
-            self.overlay = LiveOverlay(path) if live else Overlay(path, rate)
+        path = self._folder / VIDEO
+        self._overlay = LiveOverlay(path) if live else Overlay(path, rate)
 
-    def add_line(self, line: str) -> None:
-        """Append a line of the table; it is on disk when this returns."""
-        self._csv.write(line)
+    def add(self, frames: Sequence[Frame], time: float, found: Sighting) -> None:
+        """Append what was found at a time, s, or NaN; its line is on disk when this returns."""
+        number, file = len(self), frames[0].name
+        row = (time, *found.values)
+        cells = [
+            cell
+            for column, value in zip(self._columns, row, strict=True)
+            for cell in _cells(column, value)
+        ]
+        shown = f"'{file}" if file.startswith(_FORMULA) else file
+        self._lines.writerow([number, shown, *cells])
         self._csv.flush()
+        self._values.extend(row)
+        if self._overlay is not None:
+            captions = [Caption(number, time, frame.name) for frame in frames]
+            self._overlay.show(found.seen, captions, found.note)
 
-    def finish(self, table: Table, replaces: Callable[[], None]) -> list[Path]:
+    def __len__(self) -> int:
+        """Return how many rows there are."""
+        return len(self._values) // len(self._columns)
+
+    def table(self) -> Table:
+        """Return the columns ``frame``, from 0, ``time``, s, and what was found."""
+        values = np.array(self._values).reshape(-1, len(self._columns))
+        return {
+            "frame": np.arange(len(values)),
+            **{
+                name: column.astype(np.int64) if name.endswith(STATUS) else column
+                for name, column in zip(self._columns, values.T.copy(), strict=True)
+            },
+        }
+
+    def finish(self, replaces: Callable[[], None]) -> list[Path]:
         """Complete the files, move them to where they stay and return their paths.
 
         Args:
-            table: All of it.
             replaces: Called before the files of an earlier run are replaced, if there are any.
         """
         self._csv.close()
-        if self.overlay is not None:
-            self.overlay.close()
-        write_table(self._folder / PARQUET, table)
+        if self._overlay is not None:
+            self._overlay.close()
+        write_table(self._folder / PARQUET, self.table())
         folder = self._out / FOLDER
         folder.mkdir(exist_ok=True)
         with _alone(folder):
@@ -85,22 +128,29 @@ class TrackFiles:
                 os.replace(self._folder / path.name, path)
         return paths
 
-    @property
-    def _folder(self) -> Path:
-        return Path(self._staging.name)
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Remove the hidden folder and what is left in it."""
         with suppress(OSError):  # a full disk: what was not written now has been said before
             self._csv.close()
-        if self.overlay is not None:
-            self.overlay.close()
+        if self._overlay is not None:
+            self._overlay.close()
         self._staging.cleanup()
+
+
+def _names(column: str) -> Iterator[str]:
+    yield column
+    if column.endswith(STATUS):
+        yield f"{column.removesuffix(STATUS)}_reason"
+
+
+def _cells(column: str, value: float) -> Iterator[str]:
+    if column.endswith(STATUS):
+        status = Status(int(value))
+        yield status.name
+        yield "" if status == Status.VALID else REASONS[status]
+    else:
+        digits = _PIXELS if column.endswith(_IN_PIXELS) else _SI
+        yield "" if math.isnan(value) else f"{value:z.{digits}f}"
 
 
 @contextmanager
@@ -147,12 +197,7 @@ class FrameFolder:
         with replacing(self._folder / name) as temporary:
             temporary.write_bytes(picture.tobytes())
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Leave no folder, nor one around it, where there was no frame."""
         with suppress(OSError):
             self._folder.rmdir()

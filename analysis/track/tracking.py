@@ -1,31 +1,58 @@
 """Frames to a table of where the peg and the hole part are, and an overlay video."""
 
+import argparse
 import math
+import re
 import signal
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final
 
+import numpy as np
+
+from chamfer.analysis.campaign.progress import TerminalProgress
+from chamfer.analysis.command.output_folder import require_writable
+from chamfer.analysis.command.scenario_file import read_scenario
 from chamfer.analysis.report.check_text import number
-from chamfer.analysis.report.console import table
+from chamfer.analysis.report.console import say, table
+from chamfer.analysis.report.results import json_text
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.experiment import Progress
-from chamfer.analysis.scenario.scenario_io import unstructure
-from chamfer.analysis.track.detection_overlay import REASONS, Caption
-from chamfer.analysis.track.frame_source import CameraError, Frame, FrameSource, Recording
-from chamfer.analysis.track.part_finder import PartTracker, Sighting
-from chamfer.analysis.track.track_files import FrameFolder, TrackFiles
-from chamfer.analysis.track.track_table import Rows, Track
+from chamfer.analysis.scenario.experiment import Progress, Table
+from chamfer.analysis.scenario.scenario_io import make_scenario, unstructure
+from chamfer.analysis.track.detection_overlay import REASONS
+from chamfer.analysis.track.frame_source import (
+    CameraError,
+    Frame,
+    LiveCamera,
+    Recording,
+    device_path,
+    open_recording,
+    require_paired,
+)
+from chamfer.analysis.track.learning import learn_parts
+from chamfer.analysis.track.part_finder import PartFinder, Sighting, read_cameras
+from chamfer.analysis.track.track_files import FOLDER, FRAMES, STATUS, FrameFolder, TrackFiles
+from chamfer.models.cameras.camera import Camera
 from chamfer.models.validation import ParameterError
 from chamfer.systems.vision.continuity import ContinuityParams
 from chamfer.systems.vision.part_appearance import HOLE_PART, PEG, Appearance
 from chamfer.systems.vision.part_detection import Status
 
+IMAGE_RATE: Final = 80.0  # Hz, section 4; images don't say how fast they were taken
+
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+_RATES: Final = (1e-4, 1e6)  # Hz, from a picture in three hours to the fastest cameras
+_INTERRUPTED: Final = 130  # exit statuses
+_ERROR: Final = 1
+_NOT_LEARNED: Final = (
+    *("files", "device", "save_frames", "camera_model", "right", "frames", "rate", "no_video"),
+    *("scenario", "settings"),
+)
 
 
 @contextmanager
@@ -55,11 +82,6 @@ def stop_request() -> Iterator[Callable[[], bool]]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-IMAGE_RATE: Final = 80.0  # Hz, section 4; images don't say how fast they were taken
-
-_RATES: Final = (1e-4, 1e6)  # Hz, from a picture in three hours to the fastest cameras
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,39 +114,22 @@ class SynchronisedFrames:
         limit: The most moments; None: as many as there are.
     """
 
-    def __init__(self, of: Sequence[FrameSource], rate: float, limit: int | None = None) -> None:
+    def __init__(
+        self, of: Sequence[Recording | LiveCamera], rate: float, limit: int | None = None
+    ) -> None:
         self._of = of
-        self.rate = rate
-        self._known = [one.number for one in of if one.number is not None]
-        self.number = min([*self._known, *([] if limit is None else [limit])], default=None)
         self._limit = limit
-
-    @property
-    def announced(self) -> int | None:
-        """How many frames a video says it has, if all of them are to be looked at."""
-        if self._limit is not None:
-            return None
-        return min((one.announced for one in self._of if one.announced is not None), default=None)
-
-    @property
-    def unpaired(self) -> int:
-        """How many frames of the longer of two recordings have no partner, as far as is known."""
-        return max(self._known, default=0) - min(self._known, default=0)
-
-    @property
-    def timed(self) -> bool:
-        """Whether it says when its frames were taken, or how fast."""
-        return self._of[0].timed
-
-    @property
-    def live(self) -> bool:
-        """Whether a camera takes the frames now."""
-        return self._of[0].live
-
-    @property
-    def ends(self) -> bool:
-        """Whether it ends by itself."""
-        return not self.live or self._limit is not None
+        self.rate = rate
+        self.live = of[0].live  # whether a camera takes the frames now
+        self.timed = of[0].timed  # whether it says when its frames were taken, or how fast
+        self.ends = not self.live or limit is not None  # by itself
+        known = [one.number for one in of if one.number is not None]
+        # Frames of the longer of two recordings without a partner, as far as is known.
+        self.unpaired = max(known, default=0) - min(known, default=0)
+        self.number = min([*known, *([] if limit is None else [limit])], default=None)
+        # How many frames a video says it has, if all of them are to be looked at.
+        announced = [one.announced for one in of if one.announced is not None and limit is None]
+        self.announced = min(announced, default=None)
 
     @property
     def missed(self) -> int:
@@ -139,15 +144,44 @@ class SynchronisedFrames:
             if count == self._limit:
                 return
 
-    def time(self, number: int, frame: Frame) -> float:
-        """Return when a frame was taken, s after the first one, or NaN."""
-        return number / self.rate if frame.time is None else frame.time
+
+@dataclass(frozen=True, kw_only=True)
+class Track:
+    """What was found in frames."""
+
+    table: Table  # a row per frame
+    size: tuple[int, int]  # pixels, width and height
+    interrupted: bool = False  # before the last frame
+    fault: Exception | None = None  # why it ended before the last frame without being asked to
+    missed: int = 0  # frames of a live camera that came while others were looked at
+
+    @property
+    def frames(self) -> int:
+        """How many frames there are."""
+        return len(self.table["frame"])
+
+    @property
+    def both_valid(self) -> int:
+        """In how many frames tip and axis of both parts were found, by each camera."""
+        columns = [self.table[name] for name in self.table if name.endswith(STATUS)]
+        return int(np.all(np.array(columns) == Status.VALID, axis=0).sum())
+
+    def counts(self) -> dict[str, dict[str, int]]:
+        """Return how many frames have each status that occurs, by part and camera."""
+        return {
+            name.removesuffix(STATUS): {
+                Status(status).name: count
+                for status, count in sorted(Counter(column.tolist()).items())
+            }
+            for name, column in self.table.items()
+            if name.endswith(STATUS)
+        }
 
 
 def write_track(
     out: Path,
     source: SynchronisedFrames,
-    tracker: PartTracker,
+    finder: PartFinder,
     *,
     video: bool,
     saved: FrameFolder | None = None,
@@ -157,13 +191,13 @@ def write_track(
 ) -> tuple[Track, list[Path]]:
     """Find the parts in every frame, and write the tables and, if asked for, the overlay video.
 
-    The columns are ``frame``, from 0, ``time``, s, and those of the tracker. What was found
-    until then is written whatever ends it before the last frame.
+    The columns are ``frame``, from 0, ``time``, s, and those of the finder. What was found until
+    then is written whatever ends it before the last frame.
 
     Args:
         out: The folder of all results.
         source: Where the frames come from.
-        tracker: Finds the parts in them.
+        finder: Finds the parts in them.
         video: Whether to write the overlay.
         saved: Where to keep the frames; None: nowhere.
         replaces: Called before the files of an earlier run are replaced, if there are any.
@@ -177,43 +211,185 @@ def write_track(
         UserError: If the first frame can't be read.
         CameraError: If a live camera sends no frame at all.
     """
-    rows, size = Rows(tracker.columns), (0, 0)
+    size = (0, 0)
     fault: Exception | None = None
-    with TrackFiles(out, video=video) as files:
-        files.begin(rows.header(), source.rate, live=source.live)
+    with TrackFiles(out, finder.columns) as files:
+        if video:
+            files.add_overlay(source.rate, live=source.live)
         try:
             for k, frames in enumerate(source.moments(stopped)):
                 if stopped():
                     break
-                time = source.time(k, frames[0])
+                first = frames[0]
+                time = k / source.rate if first.time is None else first.time
                 if saved is not None:
-                    saved.save(frames[0].name, frames[0].image)
-                found = tracker.find([frame.image for frame in frames], time)
-                files.add_line(rows.add(frames[0].name, time, found.values))
-                if files.overlay is not None:
-                    files.overlay.show(found, [Caption(k, time, frame.name) for frame in frames])
-                size = (frames[0].image.shape[1], frames[0].image.shape[0])
+                    saved.save(first.name, first.image)
+                found = finder.find([frame.image for frame in frames], time)
+                files.add(frames, time, found)
+                size = (first.image.shape[1], first.image.shape[0])
                 progress((k + 1) / source.number if source.number else math.nan, _doing(k, found))
         except (UserError, CameraError, OSError) as error:
-            if not len(rows):
+            if not len(files):
                 raise
             fault = error
         track = Track(
-            table=rows.table(),
+            table=files.table(),
             size=size,
-            rate=source.rate,
             # Ctrl-C is how a live camera ends, unless it is to end by itself.
-            interrupted=stopped() and len(rows) != source.number and source.ends,
+            interrupted=stopped() and len(files) != source.number and source.ends,
             fault=fault,
             missed=source.missed,
         )
-        return track, files.finish(track.table, replaces) if len(rows) else []
+        return track, files.finish(replaces) if len(files) else []
 
 
 def _doing(number: int, found: Sighting) -> str:
     seen = found.seen[0]
     peg, hole = REASONS[seen.peg.status], REASONS[seen.hole.status]
     return f"frame {number + 1}, peg {peg}, hole part {hole}"
+
+
+def track(arguments: argparse.Namespace) -> int:
+    """Do what the command was asked for, and return its exit status."""
+    try:
+        return _find(arguments) if arguments.learn is None else _learn(arguments)
+    except CameraError as error:
+        say(str(error))
+        return _ERROR
+    except KeyboardInterrupt:
+        say("interrupted, nothing was written")
+        return _INTERRUPTED
+
+
+def _learn(arguments: argparse.Namespace) -> int:
+    for option in ("peg_box", "hole_box"):
+        if getattr(arguments, option) is None:
+            raise UserError(f"--learn is given without --{option.replace('_', '-')}")
+    names = {"files": "FILES", "settings": "--set"}
+    for option in _NOT_LEARNED:
+        if getattr(arguments, option):
+            name = names.get(option, f"--{option.replace('_', '-')}")
+            raise UserError(f"{name} and --learn are given, allowed: one of them")
+    said = learn_parts(arguments.learn, arguments.peg_box, arguments.hole_box, out=arguments.out)
+    print(json_text(said) if arguments.json else "\n".join([*said["files"], ""]), end="")
+    return 0
+
+
+def _find(arguments: argparse.Namespace) -> int:
+    if arguments.peg_box is not None or arguments.hole_box is not None:
+        raise UserError("boxes are given without --learn")
+    scenario = _scenario(arguments)
+    limit = _limit(arguments.frames)
+    cameras = _cameras(arguments)
+    folder = arguments.out / FOLDER
+    try:
+        with ExitStack() as stack:
+            source = _source(arguments, scenario, cameras, limit, stack)
+            known = source.timed or scenario.rate is not None
+            continuity = scenario.continuity if known else None
+            finder = PartFinder(scenario.peg, scenario.hole, cameras, continuity)
+            require_writable(arguments.out, [FOLDER])
+            saved = None
+            if arguments.save_frames:
+                saved = stack.enter_context(FrameFolder(folder / FRAMES))
+            stopped = stack.enter_context(stop_request())
+            if not source.ends:
+                say(f"frames of {arguments.device} as they come, Ctrl-C ends it")
+            with TerminalProgress("track") as progress:
+
+                def warn() -> None:
+                    with progress.aside():
+                        say(f"what is in {folder} is replaced")
+
+                found, paths = write_track(
+                    arguments.out,
+                    source,
+                    finder,
+                    video=not arguments.no_video,
+                    saved=saved,
+                    replaces=warn,
+                    stopped=stopped,
+                    progress=progress,
+                )
+    except OSError as error:
+        raise UserError(f"{arguments.out} can't be written: {error.strerror or error}") from error
+    if saved is not None:
+        paths.append(folder / FRAMES)
+    if found.frames == 0:
+        say("interrupted before the first frame, nothing was written")
+        return _INTERRUPTED
+    said = document(source, scenario, found, paths)
+    print(json_text(said) if arguments.json else text(said), end="")
+    kept = f"what was found in {_frames(found.frames)} is kept"
+    if isinstance(found.fault, CameraError):
+        say(f"{found.fault}, {kept}")
+        return _ERROR
+    if isinstance(found.fault, OSError):
+        reason = found.fault.strerror or found.fault
+        raise UserError(f"{arguments.out} can't be written: {reason}, {kept}")
+    if found.fault is not None:
+        raise UserError(f"{found.fault}, {kept}")
+    if found.interrupted:
+        say(f"interrupted, {kept}")
+        return _INTERRUPTED
+    return 0
+
+
+def _scenario(arguments: argparse.Namespace) -> TrackScenario:
+    settings = [*arguments.settings]
+    if arguments.rate is not None:
+        settings.append(f"rate={arguments.rate}")
+    file = arguments.scenario
+    given = None if file is None else read_scenario(file, "track")
+    scenario = make_scenario(TrackScenario(), given=given, settings=settings)
+    if arguments.device is None:
+        if not arguments.files:
+            raise UserError("nothing to look at, allowed: FILES or --device")
+        if arguments.save_frames:
+            raise UserError("--save-frames is given without --device")
+    elif arguments.files:
+        raise UserError("FILES and --device are given, allowed: one of them")
+    elif scenario.rate is not None:
+        allowed = "null with --device, whose frames have times"
+        raise UserError(f"rate is {scenario.rate:g}, allowed: {allowed}")
+    return scenario
+
+
+def _limit(text: str | None) -> int | None:
+    if text is None:
+        return None
+    if not re.fullmatch("[0-9]{1,9}", text) or int(text) < 1:
+        raise UserError(f"--frames is {text!r}, allowed: a whole number from 1 to 999999999")
+    return int(text)
+
+
+def _cameras(arguments: argparse.Namespace) -> tuple[Camera, ...]:
+    """Return the cameras as they are calibrated; none if that is not known."""
+    if arguments.right and arguments.device is not None:
+        raise UserError("--right and --device are given, allowed: --right with FILES")
+    if arguments.camera_model is None:
+        if arguments.right:
+            raise UserError("--right is given without --camera-model")
+        return ()
+    return read_cameras(arguments.camera_model, 2 if arguments.right else 1)
+
+
+def _source(
+    arguments: argparse.Namespace,
+    scenario: TrackScenario,
+    cameras: Sequence[Camera],
+    limit: int | None,
+    stack: ExitStack,
+) -> SynchronisedFrames:
+    if arguments.device is None:
+        recordings = [open_recording(arguments.files)]
+        if arguments.right:
+            recordings.append(open_recording(arguments.right))
+            require_paired(*recordings, rated=scenario.rate is not None)
+        return SynchronisedFrames(recordings, scenario.rate_of(recordings[0]), limit)
+    size = (cameras[0].width, cameras[0].height) if cameras else None
+    camera = stack.enter_context(LiveCamera(device_path(arguments.device), size))
+    return SynchronisedFrames([camera], camera.rate or math.nan, limit)
 
 
 def document(
@@ -230,7 +406,7 @@ def document(
         "fault": None if found.fault is None else str(found.fault),
         "width": width,
         "height": height,
-        "rate": None if math.isnan(found.rate) else found.rate,
+        "rate": None if math.isnan(source.rate) else source.rate,
         "both_valid": found.both_valid,
         "statuses": found.counts(),
         "scenario": unstructure(scenario),

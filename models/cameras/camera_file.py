@@ -29,7 +29,7 @@ import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
-from chamfer.models.cameras.camera import Matrix
+from chamfer.models.cameras.camera import Camera, Matrix
 from chamfer.models.validation import ParameterError
 
 Pair = tuple[float, float]
@@ -88,6 +88,18 @@ class CalibratedCamera:
     distortion: Distortion  # k1, k2, p1, p2, k3 of OpenCV's model
     reprojection_error: float | None = None  # pixels, root of the mean square
     sd: IntrinsicDeviations | None = None
+
+    def placed(self, pose: FramePose) -> Camera:
+        """Return the camera at a place in the world."""
+        return Camera(
+            width=self.width,
+            height=self.height,
+            focal=self.focal_length,
+            centre=self.principal_point,
+            R_WC=pose.rotation,
+            p_WC=np.array(pose.translation),
+            distortion=self.distortion,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

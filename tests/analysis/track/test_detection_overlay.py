@@ -3,28 +3,30 @@
 import math
 import threading
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.track import overlay_video
+from chamfer.analysis.track import detection_overlay
 from chamfer.analysis.track.detection_overlay import (
     HOLE_COLOUR,
     PEG_COLOUR,
     REASONS,
     Caption,
+    LiveOverlay,
+    Overlay,
+    SeenParts,
     draw,
     scale,
+    sheet,
 )
-from chamfer.analysis.track.overlay_video import LiveOverlay, VideoFile, sheet
-from chamfer.analysis.track.part_finder import SeenParts, Sighting
 from chamfer.systems.vision.part_detection import Detection, Status
 
 Array = np.ndarray
 NOTHING = Detection(status=Status.NO_COLOUR)
-NO_ERROR = np.full(3, math.nan)
 CAPTION = Caption(3, 0.0375, "frame3.png")
 
 
@@ -35,7 +37,7 @@ def valid(u: float, v: float, angle: float = 0.0) -> Detection:
 
 def drawn(peg: Detection = NOTHING, hole: Detection = NOTHING, width: int = 320) -> Array:
     image = np.full((240, width, 3), 200, np.uint8)
-    return draw(image, peg, hole, NO_ERROR, CAPTION)
+    return draw(SeenParts(image, peg, hole), CAPTION)
 
 
 def ink(sheet: Array, colour: tuple[int, int, int], rows: slice = slice(None)) -> Array:
@@ -84,7 +86,7 @@ def test_every_status_has_its_words() -> None:
 
 def test_panel_is_below_the_picture_and_leaves_it_alone() -> None:
     image = np.random.default_rng(0).integers(0, 256, (240, 320, 3), dtype=np.uint8)
-    sheet = draw(image, NOTHING, NOTHING, NO_ERROR, CAPTION)
+    sheet = draw(SeenParts(image, NOTHING, NOTHING), CAPTION)
     np.testing.assert_array_equal(sheet[:480], image.repeat(2, axis=0).repeat(2, axis=1))
 
 
@@ -99,16 +101,12 @@ def test_the_scale_is_a_whole_number_of_pixels_where_it_can_be() -> None:
 def test_any_size_has_even_sides_and_room_for_the_text(size: tuple[int, int]) -> None:
     width, height = size
     image = np.full((height, width, 3), 200, np.uint8)
-    part = Detection(status=Status.OCCLUDED, angle=0.01, point=(width / 2, height / 2))
-    caption = Caption(1234567, 12345.6789, "n" * 300 + "ä.png")
-    error = np.array([-1000.0, 1000.0, -1.0])
-    sheet = draw(image, part, NOTHING, error, caption, note="n" * 300)
+    hole = valid(width / 2, height / 2, 0.01)
+    seen = SeenParts(image, valid(width + 1000, height + 1000, -1.0), hole)
+    sheet = draw(seen, Caption(1234567, 12345.6789, "n" * 300 + "ä.png"), note="n" * 300)
     assert sheet.shape[0] % 2 == sheet.shape[1] % 2 == 0
     assert sheet.shape[1] >= 640
     assert max(sheet.shape[:2]) <= 2200
-
-
-Array = np.ndarray
 
 
 @pytest.mark.parametrize(
@@ -116,28 +114,28 @@ Array = np.ndarray
 )
 def test_rates_that_the_encoder_would_not_take(tmp_path: Path, rate: float, played: float) -> None:
     path = tmp_path / "a.webm"
-    with VideoFile(path, rate) as video:
-        for _ in range(5):
-            video.write(np.zeros((48, 64, 3), np.uint8))
+    write(path, rate, [(None, 0)] * 5)
     assert cv2.VideoCapture(str(path)).get(cv2.CAP_PROP_FPS) == pytest.approx(played, rel=1e-3)
 
 
-def levels(path: Path) -> list[int]:
+def write(path: Path, rate: float, images: list[tuple[float | None, int]]) -> None:
+    """Write a video of grey images, their times and levels given."""
+    video = Overlay(path, rate)
+    for time, level in images:
+        video.write(np.full((48, 64, 3), level, np.uint8), time)
+    video.close()
+
+
+def levels(path: Path, where: Any = ...) -> list[int]:
     capture, found = cv2.VideoCapture(str(path)), []
     while (frame := capture.read())[0]:
-        found.append(int(frame[1].mean()))
+        found.append(int(frame[1][where].mean()))
     return found
-
-
-def grey(level: int, size: tuple[int, int] = (64, 48)) -> Array:
-    return np.full((size[1], size[0], 3), level, np.uint8)
 
 
 def test_images_with_times_stay_until_the_next_one(tmp_path: Path) -> None:
     path = tmp_path / "a.webm"
-    with VideoFile(path, 10.0) as video:
-        for time, level in ((0.0, 50), (0.1, 100), (0.11, 250), (0.42, 150), (0.5, 200)):
-            video.write(grey(level), time)
+    write(path, 10.0, [(0.0, 50), (0.1, 100), (0.11, 250), (0.42, 150), (0.5, 200)])
     assert levels(path) == pytest.approx([50, 100, 100, 100, 150, 200], abs=5)
 
 
@@ -145,17 +143,13 @@ def test_a_video_that_the_encoder_does_not_take(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     said = r"a\.webm can't be written, 16400 x 16 pixels"
-    with VideoFile(tmp_path / "a.webm", 30.0) as video, pytest.raises(UserError, match=said):
-        video.write(grey(0, (16400, 16)))
+    with pytest.raises(UserError, match=said):
+        Overlay(tmp_path / "a.webm", 30.0).write(np.zeros((16, 16400, 3), np.uint8))
     assert capfd.readouterr().err == ""
 
 
-def sighting(*levels: int, width: int = 64) -> Sighting:
-    seen = [
-        SeenParts(image=np.full((48, width, 3), level, np.uint8), peg=NOTHING, hole=NOTHING)
-        for level in levels
-    ]
-    return Sighting(seen=tuple(seen), values=[])
+def seen(*levels: int) -> list[SeenParts]:
+    return [SeenParts(np.full((48, 64, 3), one, np.uint8), NOTHING, NOTHING) for one in levels]
 
 
 def caption(time: float) -> list[Caption]:
@@ -172,41 +166,37 @@ def test_a_frame_that_comes_while_another_is_drawn_is_left_out(
         assert go.wait(30)
         return sheet(*arguments)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(overlay_video, "sheet", slow)
+    monkeypatch.setattr(detection_overlay, "sheet", slow)
     path = tmp_path / "a.webm"
     overlay = LiveOverlay(path)
-    overlay.show(sighting(100), caption(0.0))
+    overlay.show(seen(100), caption(0.0))
     assert begun.wait(30)
     for time, level in ((0.1, 150), (0.2, 10), (0.3, 10)):
-        overlay.show(sighting(level), caption(time))  # only the first of them waits
+        overlay.show(seen(level), caption(time))  # only the first of them waits
     go.set()
     overlay.close()
-    capture, found = cv2.VideoCapture(str(path)), []
-    while (frame := capture.read())[0]:
-        found.append(int(frame[1][24, 32].mean()))
     # The first one stays until the second one's time, 0.1 s in frames of 1/15 s.
-    assert found == pytest.approx([100, 100, 150], abs=6)
+    assert levels(path, np.s_[24, 32]) == pytest.approx([100, 100, 150], abs=6)
 
 
 def test_what_goes_wrong_is_said_by_the_next_frame(tmp_path: Path) -> None:
     overlay = LiveOverlay(tmp_path / "no folder" / "a.webm")
-    overlay.show(sighting(100), caption(0.0))
+    overlay.show(seen(100), caption(0.0))
     overlay.close()
     with pytest.raises(UserError, match=r"a\.webm can't be written"):
-        overlay.show(sighting(100), caption(0.1))
+        overlay.show(seen(100), caption(0.1))
 
 
 def test_cameras_are_side_by_side() -> None:
-    both = sheet(sighting(100, 50), [Caption(0, 0.0, "a"), Caption(0, 0.0, "b")])
-    one = sheet(sighting(100), caption(0.0))
+    both = sheet(seen(100, 50), [Caption(0, 0.0, "a"), Caption(0, 0.0, "b")])
+    one = sheet(seen(100), caption(0.0))
     assert both.shape == (one.shape[0], 2 * one.shape[1], 3)
     assert (both[10, 10, 0], both[10, one.shape[1] + 10, 0]) == (100, 50)
 
 
 def test_a_name_that_is_no_text(tmp_path: Path) -> None:
     path = tmp_path / "a\udcff.webm"
-    with VideoFile(path, 30.0) as video:
-        video.write(grey(90))
+    write(path, 30.0, [(None, 90)])
     copy = tmp_path / "copy.webm"
     copy.write_bytes(path.read_bytes())
     assert levels(copy) == pytest.approx([90], abs=5)

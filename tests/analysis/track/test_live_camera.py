@@ -14,12 +14,7 @@ import pytest
 from chamfer.analysis.cli import main
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.track import frame_source, tracking
-from chamfer.analysis.track.frame_source import (
-    CameraError,
-    LiveCamera,
-    device_path,
-    never,
-)
+from chamfer.analysis.track.frame_source import CameraError, LiveCamera, device_path
 
 DEVICE = Path("/dev/null")
 
@@ -36,7 +31,7 @@ def rows(out: Path) -> list[dict[str, str]]:
 def test_frames_have_the_times_at_which_they_were_taken(camera: ModuleType, stamps: bool) -> None:
     camera.STAMPS, camera.COUNT = stamps, 6
     with LiveCamera(DEVICE) as live:
-        frames = live.frames(never)
+        frames = live.frames()
         first = next(frames)
         time.sleep(0.1)  # while it waits its frames are kept, and their times do not change
         found = [first, *(next(frames) for _ in range(5))]
@@ -51,7 +46,7 @@ def test_frames_have_the_times_at_which_they_were_taken(camera: ModuleType, stam
 def test_what_comes_too_fast_is_counted(camera: ModuleType) -> None:
     camera.PERIOD = 0.001
     with LiveCamera(DEVICE) as live:
-        frames = live.frames(never)
+        frames = live.frames()
         next(frames)
         time.sleep(0.1)
         assert live.missed > 10
@@ -79,7 +74,7 @@ def test_a_camera_that_is_unplugged(camera: ModuleType, tmp_path: Path) -> None:
     with live:
         live._path = tmp_path / "video0"
         with pytest.raises(CameraError, match="video0 has gone"):
-            next(live.frames(never))
+            next(live.frames())
 
 
 ALLOWED = "allowed: the number of a camera, as 0 for /dev/video0, or its path"

@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from chamfer.analysis.cli import main
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.track.part_finder import MetricFinder, PartFinder, read_cameras
+from chamfer.analysis.track.detection_overlay import SeenParts
+from chamfer.analysis.track.part_finder import SPACE_COLUMNS, PartFinder, in_space, read_cameras
 from chamfer.models.cameras.camera import Camera, CameraPlacement
 from chamfer.models.cameras.camera_file import (
     CalibratedCamera,
@@ -26,7 +27,7 @@ from chamfer.models.cameras.camera_file import (
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.systems.cameras.software_camera import render
 from chamfer.systems.vision.part_appearance import HOLE_PART, PEG
-from chamfer.systems.vision.part_detection import Status
+from chamfer.systems.vision.part_detection import Status, detect_parts
 
 PARTS = ColouredParts()
 LENSES = ((-3.0, 1.0, 0.01, -0.005, 0.0), (2.0, 0.0, 0.0, 0.01, 0.0))
@@ -145,7 +146,7 @@ def test_pixels_are_those_of_a_camera_without_distortion(
 
 
 def test_what_one_camera_does_not_see_is_not_known_in_space() -> None:
-    finder = MetricFinder([LEFT, RIGHT], [PartFinder(PEG, HOLE_PART, c) for c in (LEFT, RIGHT)])
+    finder = PartFinder(PEG, HOLE_PART, [LEFT, RIGHT])
     peg, hole = poses(0)
     images = [render(PARTS, LEFT, peg, hole), render(PARTS, RIGHT, peg, None)]
     found = dict(zip(finder.columns, finder.find(images, 0.0).values, strict=True))
@@ -157,12 +158,12 @@ def test_what_one_camera_does_not_see_is_not_known_in_space() -> None:
 def test_cameras_in_one_plane_with_the_axis_know_nothing_in_space() -> None:
     left = CameraPlacement(roll=0.0).camera
     cameras = [left, left.placed(left.R_WC, left.p_WC + np.array([0.05, 0, 0]))]
-    finder = MetricFinder(cameras, [PartFinder(PEG, HOLE_PART)] * 2)
+    finder = PartFinder(PEG, HOLE_PART, cameras)
     pair = RigidTransform([-0.02, 0, 0.001]), RigidTransform([0.02, 0, 0.002])
     found = finder.find([render(PARTS, camera, *pair) for camera in cameras], 0.0)
     values = dict(zip(finder.columns, found.values, strict=True))
     assert values["peg_status"] == values["right_hole_status"] == Status.VALID
-    assert all(math.isnan(values[name]) for name in finder.columns[-20:])
+    assert all(math.isnan(values[name]) for name in SPACE_COLUMNS)
     assert found.note == "in space: -"
 
 
@@ -172,10 +173,13 @@ def test_cameras_that_disagree_on_the_tip_know_nothing_in_space() -> None:
     turned = [replace(PEG, front=-1), replace(HOLE_PART, front=1)]
     peg, hole = RigidTransform([-0.02, 0, 0]), RigidTransform([0.02, 0, 0])
     images = [render(PARTS, camera, peg, hole) for camera in cameras]
-    right = MetricFinder(cameras, [PartFinder(PEG, HOLE_PART), PartFinder(*turned)])
-    values = dict(zip(right.columns, right.find(images, 0.0).values, strict=True))
-    assert values["right_peg_status"] == Status.VALID
-    assert math.isnan(values["peg_x"])
+    looks = [(PEG, HOLE_PART), turned]
+    seen = [
+        SeenParts(image, *detect_parts(image, *look))
+        for image, look in zip(images, looks, strict=True)
+    ]
+    assert seen[1].peg.status == Status.VALID
+    assert np.isnan(in_space(cameras, seen)).all()
 
 
 # Mistakes

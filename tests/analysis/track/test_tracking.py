@@ -15,11 +15,11 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from chamfer.analysis.report.traces import read_table
 from chamfer.analysis.scenario.experiment import Progress
-from chamfer.analysis.track.frame_source import Recording, never, open_recording
+from chamfer.analysis.track.frame_source import Recording, open_recording
 from chamfer.analysis.track.part_finder import PartFinder
-from chamfer.analysis.track.track_table import Track
 from chamfer.analysis.track.tracking import (
     SynchronisedFrames,
+    Track,
     TrackScenario,
     stop_request,
     write_track,
@@ -178,7 +178,7 @@ def test_video_gives_the_same_but_for_what_it_loses(
     found, _ = run(tmp_path, recording)
     np.testing.assert_allclose(found.table["time"], np.arange(FRAMES) / 50)
     for i, part in enumerate(("peg", "hole")):
-        assert set(found.statuses(part)) == {Status.VALID}
+        assert found.counts()[part] == {"VALID": FRAMES}
         true = [tip(poses(k)[i]) for k in range(FRAMES)]
         assert np.linalg.norm(tips(found, part) - true, axis=1).max() < allowed
 
@@ -325,7 +325,7 @@ def test_two_recordings_end_with_the_shorter_one(folder: Path) -> None:
     shorter = replace(longer, files=longer.files[:3])
     source = SynchronisedFrames([longer, shorter], 80.0)
     assert (source.number, source.unpaired) == (3, FRAMES - 1)
-    assert [[one.name for one in frames] for frames in source.moments(never)] == [
+    assert [[one.name for one in frames] for frames in source.moments(lambda: False)] == [
         [f"frame{k}.png"] * 2 for k in range(3)
     ]
 
