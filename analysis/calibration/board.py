@@ -27,9 +27,11 @@ ALLOWED: Final = (
     "(squares, side of a square, side of a marker, OpenCV's dictionary)"
 )
 _UNITS: Final = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
-_COUNTS: Final = re.compile(r"([0-9]{1,3})x([0-9]{1,3})")
-_LENGTH: Final = re.compile(r"([0-9]*\.?[0-9]+)(mm|cm|m)")
-_MOST: Final = 100  # squares along a side
+_LENGTH: Final = r"([0-9]*\.?[0-9]+)(mm|cm|m)"
+_SIZE: Final = rf"([0-9]{{1,3}})x([0-9]{{1,3}}):{_LENGTH}"
+_CHESSBOARD: Final = re.compile(f"chessboard:{_SIZE}")
+_CHARUCO: Final = re.compile(f"charuco:{_SIZE}:{_LENGTH}:([^:]*)")
+_LEAST, _MOST = 3, 100  # squares along a side
 _LEAST_FOUND: Final = 6  # corners of a ChArUco board
 # Half a side of what cornerSubPix looks at; the shares are the best on photographs and drawings.
 _OF_SPACING: Final = 0.34  # of the least distance between a chessboard's corners
@@ -37,10 +39,6 @@ _OF_GAP: Final = 0.8  # of the least distance between a ChArUco board's corners 
 _WINDOWS: Final = (2, 20)  # pixels
 _LARGEST_SEARCHED: Final = 1280  # pixels, longest side: larger pictures take minutes
 _STOP: Final = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-4)  # moves, pixels
-
-
-class _NoBoardError(Exception):
-    """A text describes no board."""
 
 
 class NotFoundError(Exception):
@@ -83,7 +81,11 @@ class Chessboard:
         """
         size = (self.columns, self.rows)
         shrunk = max(1.0, max(image.shape) / _LARGEST_SEARCHED)
-        small = _shrunk(image, shrunk)
+        small = image
+        if shrunk > 1:
+            height, width = (round(side / shrunk) for side in image.shape)
+            resized = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
+            small = resized.astype(np.uint8, copy=False)
         found, corners = cv2.findChessboardCorners(small, size)
         if not found:
             found, corners = cv2.findChessboardCornersSB(small, size, flags=cv2.CALIB_CB_ACCURACY)
@@ -145,7 +147,9 @@ class Charuco:
         if np.linalg.matrix_rank(points - points[0], tol=self.square / 2) < 2:
             raise NotFoundError("the corners that are found lie on one line")
         pixels = corners.reshape(-1, 2).astype(float)
-        gap = _least_distance(pixels) * (1 - self.marker / self.square) / 2
+        distances, _ = KDTree(pixels).query(pixels, k=2)
+        nearest = float(np.min(np.asarray(distances)[:, 1]))
+        gap = nearest * (1 - self.marker / self.square) / 2
         return Corners(points=points, pixels=_refined(image, pixels, _OF_GAP * gap))
 
 
@@ -158,61 +162,31 @@ def parse_board(text: str) -> Board:
     Raises:
         ParameterError: If it describes none.
     """
-    kind, *parts = text.split(":")
-    try:
-        if kind == "chessboard" and len(parts) == 2:
-            columns, rows = _counts(parts[0], 3)
-            return Chessboard(columns=columns, rows=rows, square=_length(parts[1]))
-        if kind == "charuco" and len(parts) == 4:
-            return _charuco(text, *parts)
-    except _NoBoardError:
-        pass
-    raise ParameterError("board", text, ALLOWED)
-
-
-def _charuco(text: str, counts: str, square: str, marker: str, dictionary: str) -> Charuco:
-    columns, rows = _counts(counts, 3)
+    found = _CHESSBOARD.fullmatch(text) or _CHARUCO.fullmatch(text)
+    if found is None:
+        raise ParameterError("board", text, ALLOWED)
+    columns, rows = int(found[1]), int(found[2])
+    numbers = found.groups()[2:6]
+    lengths = [
+        float(number) * _UNITS[unit]
+        for number, unit in zip(numbers[::2], numbers[1::2], strict=True)
+    ]
+    counted = all(_LEAST <= count <= _MOST for count in (columns, rows))
+    if not (counted and all(1e-4 <= length <= 100 for length in lengths)):
+        raise ParameterError("board", text, ALLOWED)
+    if len(lengths) == 1:
+        return Chessboard(columns=columns, rows=rows, square=lengths[0])
+    square, marker = lengths
+    dictionary = found[7]
     names = sorted(name for name in dir(cv2.aruco) if re.fullmatch(r"DICT_[A-Z0-9_]+", name))
     if dictionary not in names:
         raise ParameterError("board", text, f"one of OpenCV's dictionaries, {', '.join(names)}")
-    board = Charuco(
-        columns=columns,
-        rows=rows,
-        square=_length(square),
-        marker=_length(marker),
-        dictionary=dictionary,
-    )
-    if not board.marker < board.square:
+    if not marker < square:
         raise ParameterError("board", text, "markers that are smaller than the squares")
-    markers = columns * rows // 2
     known = len(cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary)).bytesList)
-    if markers > known:
+    if columns * rows // 2 > known:
         raise ParameterError("board", text, f"at most {known} markers, as {dictionary} has")
-    return board
-
-
-def _counts(text: str, least: int) -> tuple[int, int]:
-    found = _COUNTS.fullmatch(text)
-    columns, rows = (int(found[1]), int(found[2])) if found else (0, 0)
-    if not (least <= columns <= _MOST and least <= rows <= _MOST):
-        raise _NoBoardError
-    return columns, rows
-
-
-def _length(text: str) -> float:
-    found = _LENGTH.fullmatch(text)
-    length = float(found[1]) * _UNITS[found[2]] if found else 0.0
-    if not 1e-4 <= length <= 100:
-        raise _NoBoardError
-    return length
-
-
-def _shrunk(image: Grey, factor: float) -> Grey:
-    if factor == 1:
-        return image
-    height, width = (round(side / factor) for side in image.shape)
-    small = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
-    return small.astype(np.uint8, copy=False)
+    return Charuco(columns=columns, rows=rows, square=square, marker=marker, dictionary=dictionary)
 
 
 def _refined(image: Grey, pixels: Array, half: float) -> Array:
@@ -221,12 +195,6 @@ def _refined(image: Grey, pixels: Array, half: float) -> Array:
     corners = np.ascontiguousarray(pixels.reshape(-1, 1, 2), np.float32)
     refined = cv2.cornerSubPix(image, corners, (side, side), (-1, -1), _STOP)
     return refined[:, 0].astype(float)
-
-
-def _least_distance(pixels: Array) -> float:
-    """Return how far the two nearest of places, shape (n, 2), are apart."""
-    distances, _ = KDTree(pixels).query(pixels, k=2)
-    return float(np.min(np.asarray(distances)[:, 1]))
 
 
 def _outside(image: Grey, grid: Array) -> float:

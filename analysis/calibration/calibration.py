@@ -1,7 +1,9 @@
-"""One camera or two calibrated from where they saw a board's corners."""
+"""One camera or two calibrated from pictures of a board: what ``chamfer calibrate`` does."""
 
+import argparse
+import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
@@ -9,10 +11,13 @@ from typing import Any, Final
 
 import cv2
 import numpy as np
+import yaml
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from chamfer.analysis.calibration.board import Board, Grey, NotFoundError
+from chamfer.analysis.calibration.board import Board, NotFoundError, parse_board
 from chamfer.analysis.calibration.camera_fit import (
     Fit,
     Owner,
@@ -23,6 +28,12 @@ from chamfer.analysis.calibration.camera_fit import (
     rms,
     transform,
 )
+from chamfer.analysis.campaign.progress import TerminalProgress
+from chamfer.analysis.command.output_folder import require_writable
+from chamfer.analysis.drawing.figure_kit import colour_bar
+from chamfer.analysis.drawing.figure_style import dress, new_figure
+from chamfer.analysis.report.console import say, table
+from chamfer.analysis.report.results import json_text, save_figures, write_whole
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import Progress
 from chamfer.analysis.track.frame_source import Recording, open_recording, shown_name
@@ -32,18 +43,21 @@ from chamfer.models.cameras.camera_file import (
     FramePose,
     IntrinsicDeviations,
     MeasuredPose,
+    camera_text,
+    plain_pose,
 )
+from chamfer.models.validation import ParameterError
 
+Array = NDArray[np.float64]
 Size = tuple[int, int]  # pixels, width and height
 
+CAMERA: Final = "camera.yaml"
+EYES: Final = ("left", "right")
 
-@dataclass(frozen=True, kw_only=True)
-class BoardPictures:
-    """What was seen of a board in the pictures of a camera."""
-
-    seen: tuple[Seen, ...]
-    size: Size  # of most pictures; (0, 0) if none can be read
-    contents: Mapping[bytes, str]  # names of the pictures by what is in them
+_FOLDER: Final = "calibrate"
+_INTERRUPTED: Final = 130  # exit status
+_FARTHEST: Final = 1e4  # m and rad
+_TURN: Final = 1e-6  # rad and m, of numerical derivatives
 
 
 def picture_files(paths: Sequence[Path]) -> tuple[Path, ...]:
@@ -59,68 +73,44 @@ def picture_files(paths: Sequence[Path]) -> tuple[Path, ...]:
 
 
 def see_board(
-    board: Board, files: Sequence[Path], *, others: Mapping[bytes, str], progress: Progress
-) -> BoardPictures:
-    """Look for a board in pictures.
+    board: Board, files: Sequence[Path], *, names: dict[bytes, str], progress: Progress
+) -> tuple[list[Seen], Size]:
+    """Look for a board in pictures, and return what was seen and the size of most of them.
 
     Args:
         board: The board.
         files: The pictures.
-        others: Pictures that are not to be used once more.
+        names: Of pictures that are not to be used once more, by what is in them; these are added.
         progress: Told after every picture.
     """
-    seen: list[Seen] = []
-    sizes: list[Size | None] = []
-    contents: dict[bytes, str] = {}
+    found: list[tuple[Seen, Size | None]] = []
     for k, file in enumerate(files):
-        name = shown_name(file)
+        name, size = shown_name(file), None
         try:
-            image = _grey(file)
+            (frame,) = Recording(files=(file,), video=False).frames()
+            image = cv2.cvtColor(frame.image, cv2.COLOR_RGB2GRAY).astype(np.uint8, copy=False)
+            size = image.shape[1], image.shape[0]
+            key = sha256(repr(image.shape).encode() + image.tobytes()).digest()
+            if key in names:
+                raise NotFoundError(f"the same picture as {names[key]}")
+            names[key] = name
+            seen = Seen(name=name, corners=board.find(image))
         except UserError as error:
             reason = str(error).removeprefix(f"{file}").removeprefix(name).lstrip(": ")
-            seen.append(Seen(name=name, reason=reason))
-            sizes.append(None)
-        else:
-            key = sha256(repr(image.shape).encode() + image.tobytes()).digest()
-            same = contents.get(key, others.get(key))
-            contents.setdefault(key, name)
-            seen.append(_look(board, image, name, same))
-            sizes.append((image.shape[1], image.shape[0]))
+            seen = Seen(name=name, reason=reason)
+        except NotFoundError as error:
+            seen = Seen(name=name, reason=str(error))
+        found.append((seen, size))
         progress((k + 1) / len(files), f"picture {k + 1}")
-    known = [size for size in sizes if size is not None]
-    size = Counter(known).most_common(1)[0][0] if known else (0, 0)
-    return BoardPictures(
-        seen=tuple(_of_size(one, own, size) for one, own in zip(seen, sizes, strict=True)),
-        size=size,
-        contents=contents,
-    )
-
-
-def _look(board: Board, image: Grey, name: str, same: str | None) -> Seen:
-    if same is not None:
-        return Seen(name=name, reason=f"the same picture as {same}")
-    try:
-        return Seen(name=name, corners=board.find(image))
-    except NotFoundError as error:
-        return Seen(name=name, reason=str(error))
-
-
-def _of_size(one: Seen, own: Size | None, size: Size) -> Seen:
-    if own is None or own == size:
-        return one
-    reason = "it is {} x {} pixels, most are {} x {}".format(*own, *size)
-    return replace(one, corners=None, reason=reason)
-
-
-def _grey(file: Path) -> Grey:
-    (frame,) = Recording(files=(file,), video=False).frames()
-    return cv2.cvtColor(frame.image, cv2.COLOR_RGB2GRAY).astype(np.uint8, copy=False)
-
-
-Array = NDArray[np.float64]
-
-EYES: Final = ("left", "right")
-_TURN: Final = 1e-6  # rad and m, of numerical derivatives
+    sizes = Counter(size for _, size in found if size is not None)
+    most = sizes.most_common(1)[0][0] if sizes else (0, 0)
+    odd = "it is {} x {} pixels, most are {} x {}"
+    return [
+        seen
+        if size is None or size == most
+        else replace(seen, corners=None, reason=odd.format(*size, *most))
+        for seen, size in found
+    ], most
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -141,14 +131,6 @@ class Picture:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class KnownPlace:
-    """A picture of the left camera with the board at a known place in the world."""
-
-    picture: int  # its number
-    X_WB: Array  # of the board's frame in the world, shape (4, 4)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Calibration:
     """Calibrated cameras, and what became of each of their pictures."""
 
@@ -160,16 +142,17 @@ class Calibration:
 
 def calibrate(
     seen: Sequence[Sequence[Seen]],
-    sizes: Sequence[tuple[int, int]],
+    sizes: Sequence[Size],
     *,
-    known: KnownPlace | None = None,
+    known: tuple[int, Array] | None = None,
 ) -> Calibration:
     """Calibrate one camera, or two whose pictures were taken in pairs.
 
     Args:
         seen: Pictures of each camera; those of the same number were taken at the same time.
         sizes: Of each camera's pictures, width and height, pixels.
-        known: Where the board was in one of the left camera's pictures.
+        known: The number of one of the left camera's pictures, and X_WB of the board in it,
+            shape (4, 4).
 
     Raises:
         UserError: If the pictures don't tell what the cameras are.
@@ -189,7 +172,7 @@ def calibrate(
         cameras=CameraFile(
             left=left,
             right=others[0] if others else None,
-            pose=_stereo_pose(fit) if others else None,
+            pose=_measured(fit, [fit.adjustment.places.stereo], _inverse) if others else None,
             world_pose=None if known is None else _world_pose(fit, known, seen[0]),
         ),
         pictures=pictures,
@@ -210,9 +193,7 @@ def _picture(one: Seen, fit: Fit, owner: Owner) -> Picture:
     )
 
 
-def _camera(
-    fit: Fit, camera: int, size: tuple[int, int], pictures: Sequence[Picture]
-) -> CalibratedCamera:
+def _camera(fit: Fit, camera: int, size: Size, pictures: Sequence[Picture]) -> CalibratedCamera:
     residuals = [one.residuals for one in pictures if one.residuals is not None]
     values, deviations = map(_named, fit.adjustment.intrinsic(camera))
     return CalibratedCamera(
@@ -225,23 +206,22 @@ def _camera(
 
 
 def _named(intrinsic: Array) -> dict[str, Any]:
-    parts = np.split(intrinsic, [2, 4])
-    names = ("focal_length", "principal_point", "distortion")
-    return {name: tuple(part.tolist()) for name, part in zip(names, parts, strict=True)}
+    fx, fy, cx, cy, *distortion = intrinsic.tolist()
+    return {
+        "focal_length": (fx, fy),
+        "principal_point": (cx, cy),
+        "distortion": tuple(distortion),
+    }
 
 
-def _stereo_pose(fit: Fit) -> MeasuredPose:
-    return _measured(fit, [fit.adjustment.places.stereo], _inverse)
-
-
-def _world_pose(fit: Fit, known: KnownPlace, seen: Sequence[Seen]) -> MeasuredPose:
-    owner = (0, known.picture)
-    if owner in fit.left_out:
+def _world_pose(fit: Fit, known: tuple[int, Array], seen: Sequence[Seen]) -> MeasuredPose:
+    number, X_WB = known
+    if (0, number) in fit.left_out:
         raise UserError(
-            f"{seen[known.picture].name} can't tell where the camera stands: {fit.left_out[owner]}"
+            f"{seen[number].name} can't tell where the camera stands: {fit.left_out[0, number]}"
         )
-    board = fit.adjustment.places.board(fit.moment(owner))
-    return _measured(fit, [board], lambda pose: known.X_WB @ _inverse(pose))
+    board = fit.adjustment.places.board(fit.moment((0, number)))
+    return _measured(fit, [board], lambda pose: X_WB @ _inverse(pose))
 
 
 def _board_pose(fit: Fit, owner: Owner) -> MeasuredPose:
@@ -288,8 +268,259 @@ def _moved(found: Array, other: Array) -> Array:
 
 
 def _frame_pose(vector: Array) -> FramePose:
-    (a, b, c), (x, y, z) = np.split(vector, 2)
-    return FramePose(
-        rotation_vector=(float(a), float(b), float(c)),
-        translation=(float(x), float(y), float(z)),
+    a, b, c, x, y, z = vector.tolist()
+    return FramePose(rotation_vector=(a, b, c), translation=(x, y, z))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Do what the command was asked for, and return its exit status."""
+    try:
+        board = parse_board(arguments.board)
+    except ParameterError as error:
+        raise UserError(f"--{error}") from error
+    known = _known_place(arguments)
+    if not board.directed and (arguments.right or known):
+        raise UserError(
+            f"--board is {arguments.board!r}, allowed with two cameras or a known place: one of "
+            "the two numbers odd and the other even, so that its ends can be told apart"
+        )
+    files = [picture_files(paths) for paths in (arguments.files, arguments.right) if paths]
+    if len(files) == 2 and len(files[0]) != len(files[1]):
+        raise UserError(
+            f"--right is {len(files[1])} pictures, allowed: {len(files[0])}, as of the left camera"
+        )
+    require_writable(arguments.out, [_FOLDER])
+    folder = arguments.out / _FOLDER
+    try:
+        with TerminalProgress(_FOLDER) as progress:
+            found = _found(board, files, known, progress)
+        if (folder / CAMERA).exists():
+            say(f"what is in {folder} is replaced")
+        figures = {"residuals": plot_residuals(found)}
+
+        def fill(staging: Path) -> None:
+            save_figures(staging, figures)
+            (staging / CAMERA).write_text(camera_text(found.cameras), encoding="utf-8")
+
+        write_whole(folder, fill, last=CAMERA)
+    except KeyboardInterrupt:
+        say("interrupted, nothing was written")
+        return _INTERRUPTED
+    except OSError as error:
+        raise UserError(f"{arguments.out} can't be written: {error.strerror or error}") from error
+    paths = [folder / name for name in (CAMERA, "residuals.png", "residuals.svg")]
+    document = _document(found, paths)
+    print(json_text(document) if arguments.json else _text(document), end="")
+    return 0
+
+
+def _known_place(arguments: argparse.Namespace) -> tuple[Path, Array] | None:
+    """Return the picture of the known place, and X_WB."""
+    if (arguments.board_picture is None) != (arguments.board_pose is None):
+        has, lacks = ("picture", "pose") if arguments.board_pose is None else ("pose", "picture")
+        raise UserError(f"--board-{has} is given without --board-{lacks}, allowed: both")
+    if arguments.board_pose is None:
+        return None
+    try:
+        numbers = [float(text) for text in arguments.board_pose.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 6 or not all(abs(one) <= _FARTHEST for one in numbers):
+        raise UserError(
+            f"--board-pose is {arguments.board_pose!r}, allowed: six numbers, "
+            "x,y,z,roll,pitch,yaw, m and rad"
+        )
+    X_WB = np.eye(4)
+    X_WB[:3, :3] = Rotation.from_euler("xyz", numbers[3:]).as_matrix()
+    X_WB[:3, 3] = numbers[:3]
+    (picture,) = picture_files([arguments.board_picture])[:1]
+    return picture, X_WB
+
+
+def _found(
+    board: Board,
+    files: Sequence[Sequence[Path]],
+    known: tuple[Path, Array] | None,
+    progress: Progress,
+) -> Calibration:
+    left = list(files[0])
+    place = None
+    if known is not None:
+        picture, X_WB = known
+        same = [k for k, file in enumerate(left) if file.resolve() == picture.resolve()]
+        left += [] if same else [picture]
+        place = (same[0] if same else len(left) - 1), X_WB
+    pictures = []
+    names: dict[bytes, str] = {}
+    each = [left, *files[1:]]
+    for k, of in enumerate(each):
+
+        def told(fraction: float, doing: str = "", k: int = k) -> None:
+            progress((k + fraction) / len(each), doing)
+
+        pictures.append(see_board(board, of, names=names, progress=told))
+        names = {key: f"the left camera's {name}" for key, name in names.items()}
+    seen, sizes = zip(*pictures, strict=True)
+    return calibrate(seen, sizes, known=place)
+
+
+def _document(found: Calibration, paths: Sequence[Path]) -> dict[str, Any]:
+    return {
+        "camera": yaml.safe_load(camera_text(found.cameras)),
+        "pictures": {
+            eye: [
+                {
+                    "name": one.name,
+                    "error": one.error,
+                    "left_out": one.left_out or None,
+                    "alone": one.alone or None,
+                    "board": None if one.board is None else plain_pose(one.board),
+                }
+                for one in of
+            ]
+            for eye, of in zip(EYES, found.pictures, strict=False)
+        },
+        "pairs": found.pairs,
+        "notes": list(found.notes),
+        "files": [str(path) for path in paths],
+    }
+
+
+def _text(document: dict[str, Any]) -> str:
+    camera, pictures = document["camera"], document["pictures"]
+    lines = []
+    for eye, of in pictures.items():
+        one = camera if eye == "left" else camera["right"]
+        used = sum(picture["error"] is not None for picture in of)
+        whose = f"{eye} camera: " if len(pictures) > 1 else ""
+        lines.append(
+            f"{whose}{used} of {len(of)} pictures, {one['width']} x {one['height']} pixels, "
+            f"reprojection error {one['reprojection_error']:.3f} pixels"
+        )
+        rows = [("", "", "standard deviation", "")]
+        rows += _rows(one, one["sd"], "focal_length", ("fx", "fy"), "pixels")
+        rows += _rows(one, one["sd"], "principal_point", ("cx", "cy"), "pixels")
+        rows += _rows(one, one["sd"], "distortion", ("k1", "k2", "p1", "p2", "k3"), "")
+        lines += [f"  {line}" for line in table(rows, right=(1, 2))]
+        lines += [f"  {line}" for line in table([_row(picture) for picture in of], right=(1,))]
+    whose = "the left camera" if len(pictures) > 1 else "the camera"
+    for name, said in (
+        ("pose", f"the right camera in the left one's frame, from {document['pairs']} pairs"),
+        ("world_pose", f"{whose} in the world"),
+    ):
+        if name in camera:
+            sd = camera["sd"][name]
+            rows = [("", "", "standard deviation", "")]
+            rows += _rows(camera[name], sd, "rotation_vector", ("rx", "ry", "rz"), "rad")
+            rows += _rows(camera[name], sd, "translation", ("x", "y", "z"), "m")
+            lines += [said, *(f"  {line}" for line in table(rows, right=(1, 2)))]
+    return "\n".join([*lines, *document["notes"], *document["files"], ""])
+
+
+def _rows(
+    values: dict[str, Any],
+    sd: dict[str, Any],
+    key: str,
+    names: Sequence[str],
+    unit: str,
+) -> list[tuple[str, str, str, str]]:
+    """Return rows of a name, a value with as many digits as are known, its deviation, a unit."""
+    rows = []
+    for name, value, deviation in zip(names, values[key], sd[key], strict=True):
+        digits = 1 - math.floor(math.log10(deviation)) if deviation > 0 else 6
+        digits = min(max(digits, 0), 9)
+        rows.append((name, f"{value:.{digits}f}", f"{deviation:.{digits}f}", unit))
+    return rows
+
+
+def _row(picture: dict[str, Any]) -> tuple[str, str, str]:
+    if picture["left_out"]:
+        return picture["name"], "", f"left out: {picture['left_out']}"
+    alone = f"  for this camera alone: {picture['alone']}" if picture["alone"] else ""
+    return picture["name"], f"{picture['error']:.3f}", f"pixels{alone}"
+
+
+_USED, _OUT = "#1b4f9c", "#b00020"
+_CELLS: Final = (16, 12)  # of the picture, in which corners are counted
+_LONG: Final = 0.05  # of the picture's width, an arrow of a long residual
+_NAMED: Final = 40  # pictures, at most, that are called by their names
+
+
+def plot_residuals(found: Calibration) -> Figure:
+    """Draw a row for each camera: residuals, coverage and the error of each picture."""
+    cameras = [found.cameras.left, *([found.cameras.right] if found.cameras.right else [])]
+    most = max(map(len, found.pictures))
+    height = max(4.2, 0.17 * min(most, _NAMED) + 1.4)
+    figure = new_figure(15.0, height * len(cameras))
+    panels = figure.subplots(len(cameras), 3, width_ratios=(1.25, 1.25, 1.0), squeeze=False)
+    whose = [""] if len(cameras) == 1 else ["Left camera: ", "Right camera: "]
+    rows = zip(panels, cameras, found.pictures, whose, strict=True)
+    for (residuals, coverage, errors), camera, pictures, name in rows:
+        _residuals(residuals, camera, *_corners(pictures), name)
+        _coverage(coverage, camera, _corners(pictures)[0])
+        for axes in (residuals, coverage):
+            axes.set_xlim(-0.5, camera.width - 0.5)
+            axes.set_ylim(camera.height - 0.5, -0.5)
+            axes.set_aspect("equal")
+        _errors(errors, pictures)
+    return figure
+
+
+def _corners(pictures: tuple[Picture, ...]) -> tuple[Array, Array]:
+    """Return all corners and what remains in them, pixels, both shape (n, 2)."""
+    used = [one for one in pictures if one.pixels is not None and one.residuals is not None]
+    pixels = np.concatenate([one.pixels for one in used if one.pixels is not None])
+    residuals = np.concatenate([one.residuals for one in used if one.residuals is not None])
+    return pixels, residuals
+
+
+def _residuals(
+    axes: Axes, camera: CalibratedCamera, pixels: Array, residuals: Array, whose: str
+) -> None:
+    long = float(np.quantile(np.linalg.norm(residuals, axis=1), 0.95)) or 1e-9
+    shown = float(f"{long:.1g}")
+    arrows = axes.quiver(
+        *pixels.T,
+        *residuals.T,
+        angles="xy",
+        scale_units="xy",
+        scale=long / (_LONG * camera.width),
+        width=0.0018,
+        color=_USED,
     )
+    axes.quiverkey(
+        arrows, 0.93, 0.04, shown, f"{shown:g} px", labelpos="W", fontproperties={"size": 8}
+    )
+    axes.plot(*camera.principal_point, "+", color=_OUT, markersize=10)
+    title = f"{whose}Seen minus projected, rms {camera.reprojection_error:.3f} px"
+    dress(axes, title=title, x="u / pixels", y="v / pixels")
+
+
+def _coverage(axes: Axes, camera: CalibratedCamera, pixels: Array) -> None:
+    u = np.linspace(-0.5, camera.width - 0.5, _CELLS[0] + 1)
+    v = np.linspace(-0.5, camera.height - 0.5, _CELLS[1] + 1)
+    counts, _, _ = np.histogram2d(pixels[:, 0], pixels[:, 1], bins=[u, v])
+    shown = np.where(counts > 0, counts, np.nan)
+    mesh = axes.pcolormesh(u, v, shown.T, cmap="Blues", vmin=0)
+    colour_bar(axes, mesh, "corners / cell", shrink=0.8)
+    covered = 100 * float(np.mean(counts > 0))
+    dress(axes, title=f"Corners in {covered:.0f} % of the cells", x="u / pixels", y="v / pixels")
+
+
+def _errors(axes: Axes, pictures: tuple[Picture, ...]) -> None:
+    places = np.arange(len(pictures))
+    axes.barh(places, [one.error or 0.0 for one in pictures], color=_USED, height=0.7)
+    for place, one in enumerate(pictures):
+        if one.left_out:
+            axes.text(0, place, " left out", color=_OUT, fontsize=7, va="center")
+    dress(axes, title="Error of each picture", x="rms / pixels", y="")
+    if len(pictures) <= _NAMED:
+        axes.set_yticks(places, [_short(one.name) for one in pictures], fontsize=7)
+    else:
+        axes.set_ylabel("picture / number", fontsize=9)
+    axes.set_ylim(len(pictures) - 0.4, -0.6)
+
+
+def _short(name: str) -> str:
+    """Return a name as a label: no longer than a label may be, and nothing in it is a formula."""
+    return (name if len(name) <= 24 else f"...{name[-21:]}").replace("$", r"\$")

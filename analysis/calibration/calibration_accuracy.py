@@ -7,12 +7,12 @@ from functools import partial
 from typing import Final
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from chamfer.analysis.calibration.board import NotFoundError, parse_board
 from chamfer.analysis.calibration.calibration import calibrate
-from chamfer.analysis.calibration.calibration_figures import plot_calibrations
 from chamfer.analysis.calibration.camera_fit import Seen
 from chamfer.analysis.calibration.drawn_boards import (
     BoardPicture,
@@ -24,6 +24,8 @@ from chamfer.analysis.calibration.drawn_boards import (
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_metrics import rate
 from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.drawing.figure_kit import draw_cumulative
+from chamfer.analysis.drawing.figure_style import BAND, LIMIT, Style, dress, legend, new_figure
 from chamfer.analysis.scenario.experiment import (
     Metric,
     Outcome,
@@ -205,9 +207,53 @@ def _metrics(scenario: CalibrationScenario, traces: Table) -> dict[str, Metric]:
     }
 
 
+_POINT: Final[Style] = {"color": "#1b4f9c", "linestyle": "none", "marker": "o", "markersize": 3}
+_SPREAD: Final = 0.3  # of a column, to either side
+
+
 def figures(scenario: CalibrationScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    figure = plot_calibrations(
-        outcome, PARAMETERS, focal_errors(outcome.traces), near=NEAR, deviations=DEVIATIONS
-    )
+    """Draw errors over standard deviations, how many are within, and focal lengths' errors."""
+    figure = new_figure(13.0, 4.6)
+    over, within, lengths = figure.subplots(1, 3, width_ratios=(1.5, 1.0, 1.0))
+    _over(over, outcome)
+    _within(within, outcome)
+    _lengths(lengths, focal_errors(outcome.traces))
     return {"calibration-accuracy": figure}
+
+
+def _over(axes: Axes, outcome: Outcome) -> None:
+    for i, name in enumerate(PARAMETERS):
+        off = outcome.traces[f"{name}_error"] / outcome.traces[f"{name}_sd"]
+        places = i + np.linspace(-_SPREAD, _SPREAD, len(off))
+        axes.plot(places, off, **_POINT, alpha=0.6, label="a set" if i == 0 else None)
+    axes.axhspan(-DEVIATIONS, DEVIATIONS, **BAND)
+    axes.set_xticks(range(len(PARAMETERS)), PARAMETERS)
+    largest = max(np.abs(axes.get_ylim()).max(), DEVIATIONS + 1)
+    axes.set_ylim(-largest, largest)
+    y = "error / standard deviation"
+    dress(axes, title="Each parameter in each set", x="", y=y)
+    legend(axes, loc="upper right")
+
+
+def _within(axes: Axes, outcome: Outcome) -> None:
+    def values(key: str) -> Array:
+        return np.array([outcome.metrics[f"{name}.{key}"].value for name in PARAMETERS], float)
+
+    shares, low, high = values("within"), values("within.low"), values("within.high")
+    places = np.arange(len(PARAMETERS))
+    axes.errorbar(places, shares, [shares - low, high - shares], **_POINT, capsize=3)
+    axes.axhline(95, **LIMIT, label="asked: 95 %")
+    axes.set_xticks(places, PARAMETERS)
+    axes.set_ylim(min(80, *low) - 1, 101)
+    dress(axes, title=f"Within {DEVIATIONS:g} standard deviations", x="", y="sets / %")
+    legend(axes, loc="lower right")
+
+
+def _lengths(axes: Axes, focal: Array) -> None:
+    draw_cumulative(axes, focal, {"color": _POINT["color"]}, "drawn sets")
+    axes.axvline(NEAR, **LIMIT, label=f"asked: {NEAR:g} %")
+    axes.set_xlim(0, 1.1 * max(NEAR, float(focal.max())))
+    axes.set_ylim(0, 101)
+    axes.locator_params(axis="x", nbins=5)
+    dress(axes, title="Focal lengths", x="error, at most / %", y="sets / %")
+    legend(axes, loc="lower right")

@@ -50,11 +50,6 @@ class Places:
         """Return where a camera's intrinsic parameters are."""
         return slice(camera * INTRINSIC, (camera + 1) * INTRINSIC)
 
-    def distortion(self, camera: int) -> slice:
-        """Return where a camera's distortion is."""
-        end = self.intrinsic(camera).stop
-        return slice(end - _DISTORTION, end)
-
     @property
     def stereo(self) -> slice:
         """Where the pose from the left to the right camera is; empty for one camera."""
@@ -102,10 +97,6 @@ class Adjustment:
     def lens(self, camera: int) -> tuple[Array, Array]:
         """Return a camera's matrix, shape (3, 3), and distortion, shape (5,), as OpenCV does."""
         return _lens(self.parameters[self.places.intrinsic(camera)])
-
-    def board(self, picture: int) -> Array:
-        """Return the pose that takes points from a board to the left camera, shape (6,)."""
-        return self.parameters[self.places.board(picture)]
 
 
 def adjust(
@@ -306,22 +297,22 @@ def transform(pose: Array) -> Array:
 
 
 def fit_camera(seen: Sequence[Seen], size: tuple[int, int], *, whose: str = "") -> Fit:
-    """Fit one camera to its pictures.
+    """Fit one camera to its pictures, of a size in pixels.
 
     The picture that fits worst is left out as long as it is far worse than most are.
 
-    Args:
-        seen: Its pictures.
-        size: Of the pictures, width and height, pixels.
-        whose: Put in front of what is said.
-
     Raises:
-        UserError: If the pictures don't tell what the camera is.
+        UserError: If the pictures don't tell what the camera is; ``whose`` is put in front.
     """
     left_out = {(0, k): one.reason for k, one in enumerate(seen) if one.corners is None}
     kept = [k for k, one in enumerate(seen) if one.corners is not None]
     while True:
-        _require_enough(len(kept), seen, left_out, whose)
+        if len(kept) < LEAST_PICTURES:
+            why = next((f" ({seen[k].name}: {said})" for (_, k), said in left_out.items()), "")
+            raise UserError(
+                f"{whose}{len(kept)} of {len(seen)} pictures show the board{why}, "
+                f"allowed: at least {LEAST_PICTURES}"
+            )
         sights = tuple(_sight(seen[k], 0, j) for j, k in enumerate(kept))
         fit = Fit(
             adjustment=_adjusted(sights, size, whose),
@@ -344,17 +335,16 @@ def fit_pair(seen: Sequence[Sequence[Seen]], fits: Sequence[Fit]) -> Fit:
     """Fit two cameras together to all of their pictures.
 
     Pairs that don't fit the others are taken apart; both of their pictures are still used, each
-    for its own camera.
-
-    Args:
-        seen: Pictures of each camera; those of the same number were taken at the same time.
-        fits: Of each camera alone.
+    for its own camera. Pictures of the same number were taken at the same time.
 
     Raises:
         UserError: If too few pairs tell where the cameras stand to each other.
     """
     X_LB, X_RB = (
-        {k: transform(fit.adjustment.board(j)) for j, (_, k) in enumerate(fit.owners)}
+        {
+            k: transform(fit.adjustment.parameters[fit.adjustment.places.board(j)])
+            for j, (_, k) in enumerate(fit.owners)
+        }
         for fit in fits
     )
     paired = sorted(X_LB.keys() & X_RB.keys())
@@ -371,7 +361,8 @@ def fit_pair(seen: Sequence[Sequence[Seen]], fits: Sequence[Fit]) -> Fit:
             alone |= dict.fromkeys([(0, k), (1, k)], _UNLIKE)
     while len(paired) >= LEAST_PICTURES:
         fit = _together(seen, fits, X_LB, X_RB, X_RL, paired, alone)
-        errors = {k: _pair_error(fit, k) for k in paired}
+        left = dict(zip(fit.owners, fit.adjustment.residuals, strict=True))
+        errors = {k: rms(np.concatenate([left[0, k], left[1, k]])) for k in paired}
         worst = max(paired, key=errors.__getitem__)
         if not errors[worst] > _BEYOND * median:
             return fit
@@ -388,12 +379,7 @@ def fit_pair(seen: Sequence[Sequence[Seen]], fits: Sequence[Fit]) -> Fit:
 
 
 def doubts(fit: Fit, sizes: Sequence[tuple[int, int]], whose: Sequence[str]) -> tuple[str, ...]:
-    """Return what is to be said of what is hardly known.
-
-    Args:
-        fit: Of all cameras.
-        sizes: Of their pictures, width and height, pixels.
-        whose: Put in front of what is said of each.
+    """Return what is to be said of what is hardly known of cameras with pictures of some sizes.
 
     Raises:
         UserError: If one is not known.
@@ -426,20 +412,9 @@ def _bent(fit: Fit, camera: int, size: tuple[int, int]) -> float:
     unbent = cv2.undistortPoints(np.array(corners), matrix, distortion)
     ahead = np.column_stack([np.reshape(unbent, (-1, 2)), np.ones(len(corners))])
     _, jacobian = cv2.projectPoints(ahead, np.zeros(3), np.zeros(3), matrix, distortion)
-    where = fit.adjustment.places.distortion(camera)
-    return float(fit.adjustment.deviations(where, np.array(jacobian, float)[:, -5:]).max())
-
-
-def _require_enough(
-    count: int, seen: Sequence[Seen], left_out: Mapping[Owner, str], whose: str
-) -> None:
-    if count >= LEAST_PICTURES:
-        return
-    why = next((f" ({seen[k].name}: {reason})" for (_, k), reason in left_out.items()), "")
-    raise UserError(
-        f"{whose}{count} of {len(seen)} pictures show the board{why}, "
-        f"allowed: at least {LEAST_PICTURES}"
-    )
+    end = fit.adjustment.places.intrinsic(camera).stop
+    distorted = np.array(jacobian, float)[:, -_DISTORTION:]
+    return float(fit.adjustment.deviations(slice(end - _DISTORTION, end), distorted).max())
 
 
 def _sight(one: Seen, camera: int, picture: int) -> BoardView:
@@ -474,16 +449,13 @@ def _agreed(
     right: Fit,
 ) -> tuple[Array, dict[int, float]]:
     """Return the pair's pose by which the others are predicted best, and their errors, pixels."""
-    best: tuple[float, Array, dict[int, float]] | None = None
-    for k in paired:
-        X_RL = X_RB[k] @ np.linalg.inv(X_LB[k])
-        errors = {j: _predicted(right, _sight(seen[j], 1, 0), X_RL @ X_LB[j]) for j in paired}
-        median = float(np.median(list(errors.values())))
-        if best is None or median < best[0]:
-            best = median, X_RL, errors
-    if best is None:
-        raise ValueError("there are no pairs")
-    return best[1:]
+    poses = [X_RB[k] @ np.linalg.inv(X_LB[k]) for k in paired]
+    errors = [
+        {j: _predicted(right, _sight(seen[j], 1, 0), X_RL @ X_LB[j]) for j in paired}
+        for X_RL in poses
+    ]
+    best = int(np.argmin([np.median(list(one.values())) for one in errors]))
+    return poses[best], errors[best]
 
 
 def _predicted(right: Fit, sight: BoardView, X_RB: Array) -> float:
@@ -518,7 +490,9 @@ def _together(
             boards.append(X_LR @ X)
     sights = tuple(_sight(seen[c][k], c, moments[c, k]) for c, k in owners)
     intrinsic = [fit.adjustment.intrinsic(0)[0] for fit in fits]
-    start = np.concatenate([*intrinsic, *(_as_vector(X) for X in (X_RL, *boards))])
+    turns = [Rotation.from_matrix(X[:3, :3]).as_rotvec() for X in (X_RL, *boards)]
+    poses = [np.append(turn, X[:3, 3]) for turn, X in zip(turns, (X_RL, *boards), strict=True)]
+    start = np.concatenate([*intrinsic, *poses])
     noise = [max(_LEAST_NOISE, fit.adjustment.noise) for fit in fits]
     return Fit(
         adjustment=adjust(sights, start, places=Places(2), noise=noise),
@@ -532,15 +506,6 @@ def _together(
         alone=dict(alone),
         pairs=len(paired),
     )
-
-
-def _pair_error(fit: Fit, number: int) -> float:
-    both = [fit.adjustment.residuals[fit.owners.index((camera, number))] for camera in (0, 1)]
-    return rms(np.concatenate(both))
-
-
-def _as_vector(X: Array) -> Array:
-    return np.concatenate([Rotation.from_matrix(X[:3, :3]).as_rotvec(), X[:3, 3]])
 
 
 def _in_space(points: Array) -> Array:

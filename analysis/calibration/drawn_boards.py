@@ -56,19 +56,10 @@ class BoardPoses:
 def draw_board(
     board: Board, camera: Camera, picture: BoardPicture, random: np.random.Generator
 ) -> Grey:
-    """Return what a camera sees of a board.
-
-    Args:
-        board: The board, whose frame is the camera's world.
-        camera: The camera.
-        picture: Blur and noise.
-        random: Of the noise.
-
-    Returns:
-        Grey levels, shape (height, width).
-    """
+    """Return what a camera, whose world is the board, sees of it: grey levels."""
     image = np.full((camera.height, camera.width), _BEHIND)
-    image += (_WHITE - _BEHIND) * _covered(_paper(board), camera)
+    paper = _outline(board, board.square / 2)
+    _paint(image, board_corners(paper, camera), _WHITE - _BEHIND)
     for square in _black(board):
         _paint(image, board_corners(square, camera), _BLACK - _WHITE)
     if picture.blur:
@@ -131,7 +122,7 @@ def _black(board: Board) -> Iterator[Array]:
     """Yield what is black: outlines in the board's frame, m, shape (n, 2)."""
     for corner, black in _squares(board):
         if black:
-            yield _side_by_side(corner, board.square)
+            yield corner + board.square * _UNIT
     if isinstance(board, Charuco):
         dictionary = board.drawing.getDictionary()
         cells = dictionary.markerSize + 2  # with its border
@@ -140,41 +131,25 @@ def _black(board: Board) -> Iterator[Array]:
         for place, marker in zip(first, np.ravel(board.drawing.getIds()), strict=True):
             bits = np.asarray(dictionary.generateImageMarker(int(marker), cells))
             for row, column in np.argwhere(bits == 0):
-                corner = place + size * np.array([column, row])
-                yield _side_by_side(corner, size)
+                yield place + size * np.array([column, row]) + size * _UNIT
 
 
-def _side_by_side(corner: Array, side: float) -> Array:
-    """Return a square's outline from its first corner on, in pieces, shape (n, 2)."""
-    along = np.arange(_PIECES) / _PIECES
-    zero, one = np.zeros(_PIECES), np.ones(_PIECES)
-    x = np.concatenate([along, one, 1 - along, zero])
-    y = np.concatenate([zero, along, one, 1 - along])
-    return corner + side * np.column_stack([x, y])
+_ALONG: Final = np.arange(_PIECES) / _PIECES
+_ZERO, _ONE = np.zeros(_PIECES), np.ones(_PIECES)
+_UNIT: Final = np.column_stack(  # a square's outline from its first corner on, in pieces
+    [
+        np.concatenate([_ALONG, _ONE, 1 - _ALONG, _ZERO]),
+        np.concatenate([_ZERO, _ALONG, _ONE, 1 - _ALONG]),
+    ]
+)
 
 
-def _outline(board: Board) -> Array:
-    """Return the outline of all squares, m, shape (n, 2)."""
+def _outline(board: Board, margin: float = 0.0) -> Array:
+    """Return the outline of all squares and a margin, m, shape (n, 2)."""
     corners = np.array([corner for corner, _ in _squares(board)])
-    return _rectangle(corners.min(axis=0), corners.max(axis=0) + board.square)
-
-
-def _paper(board: Board) -> Array:
-    """Return the outline of the paper: half a square wider than all squares."""
-    outline = _outline(board)
-    edge = board.square / 2
-    return _rectangle(outline.min(axis=0) - edge, outline.max(axis=0) + edge)
-
-
-def _rectangle(low: Array, high: Array) -> Array:
-    unit = _side_by_side(np.zeros(2), 1.0)
-    return low + (high - low) * unit
-
-
-def _covered(outline: Array, camera: Camera) -> Array:
-    image = np.zeros((camera.height, camera.width))
-    _paint(image, board_corners(outline, camera), 1.0)
-    return image
+    low, high = corners.min(axis=0) - margin, corners.max(axis=0) + board.square + margin
+    outline: Array = low + (high - low) * _UNIT
+    return outline
 
 
 def _paint(image: Array, polygon: Array, level: float) -> None:

@@ -11,12 +11,11 @@ from scipy.spatial.transform import Rotation
 from chamfer.analysis.calibration.board import Chessboard
 from chamfer.analysis.calibration.calibration import (
     Calibration,
-    KnownPlace,
     calibrate,
     picture_files,
+    plot_residuals,
     see_board,
 )
-from chamfer.analysis.calibration.calibration_figures import plot_residuals
 from chamfer.analysis.calibration.camera_fit import Seen
 from chamfer.analysis.calibration.drawn_boards import BoardPoses
 from chamfer.models.cameras.camera import Camera
@@ -41,8 +40,8 @@ def silent(fraction: float, doing: str = "") -> None:
 
 def test_the_photographs(photographs: Path, board: Chessboard, tmp_path: Path) -> None:
     files = picture_files([photographs])
-    pictures = see_board(board, files, others={}, progress=silent)
-    found = calibrate([pictures.seen], [pictures.size])
+    seen, size = see_board(board, files, names={}, progress=silent)
+    found = calibrate([seen], [size])
     camera = found.cameras.left
     assert (camera.width, camera.height, len(files)) == (640, 480, 13)
     assert all(picture.error is not None for picture in found.pictures[0])
@@ -93,8 +92,7 @@ def calibrated_pair(
         for there in places
     ]
     seen = [look(places, seed, name="left"), look(others, seed + 1000, noise=0.1, name="right")]
-    known = KnownPlace(picture=0, X_WB=X_WB)
-    found = calibrate(seen, [SIZE, SIZE], known=known)
+    found = calibrate(seen, [SIZE, SIZE], known=(0, X_WB))
     off = [
         deviations_off(one.board, board_seen_from(there))
         for pictures, standing in zip(found.pictures, (places, others), strict=True)
@@ -122,7 +120,7 @@ def test_two_cameras_and_where_they_stand(camera: Camera, place: Place, look: Lo
 
 def test_a_camera_in_the_world_by_a_picture_of_its_own(place: Place, look: Look) -> None:
     places = place(6, 3)
-    found = calibrate([look(places)], [SIZE], known=KnownPlace(picture=0, X_WB=X_WB))
+    found = calibrate([look(places)], [SIZE], known=(0, X_WB))
     assert found.cameras.pose is None
     off = deviations_off(found.cameras.world_pose, X_WB @ in_front(places))
     assert np.abs(off).max() < 4
@@ -140,12 +138,6 @@ def test_what_is_said_of_pictures(place: Place, look: Look) -> None:
     rms = float(np.sqrt(np.mean(np.square(errors))))
     assert found.cameras.left.reprojection_error == pytest.approx(rms)
     assert found.cameras.right is None
-
-
-SIZE = (640, 480)
-
-Place = Callable[..., list[Camera]]
-Look = Callable[..., list[Seen]]
 
 
 def test_each_corner_has_an_arrow_and_each_picture_a_bar(place: Place, look: Look) -> None:

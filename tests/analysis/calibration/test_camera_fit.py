@@ -123,7 +123,6 @@ def test_corners_that_tell_nothing_are_refused(
         adjust(fit.sights[:1], start, places=Places(1), noise=[1.0])
 
 
-SIZE = (640, 480)
 X_LR = np.eye(4)
 X_LR[:3, :3] = Rotation.from_rotvec([0.02, -0.15, 0.03]).as_matrix()
 X_LR[:3, 3] = [0.1, 0.005, 0.01]
