@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from chamfer.analysis.servo.response_metrics import step_metrics
+from chamfer.diagrams.servo.compiled_loop import compensate
 from chamfer.diagrams.servo.servo_scenario import STEP, ResolvedServoScenario, fsm_axis, resolve
-from chamfer.systems.servo.compiled_compensator import compensate
 
 Samples = NDArray[np.float64]
 LoopName = Literal["pid", "fsm"]

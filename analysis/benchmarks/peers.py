@@ -19,7 +19,7 @@ from scipy.integrate import odeint, solve_ivp
 
 from chamfer.analysis.benchmarks.engine import LoopCase, LoopEngine, LoopName, Samples
 from chamfer.analysis.linear.simulate import simulate
-from chamfer.diagrams.servo.compiled_loop import fuse_pid_loop, run_fsm_trials
+from chamfer.diagrams.servo.compiled_loop import run_fsm_trials
 from chamfer.diagrams.servo.servo_loops import make_pid_loop, make_servo_diagram
 from chamfer.diagrams.servo.servo_scenario import fsm_axis
 from chamfer.systems.exact_discretisation import fuse
@@ -70,10 +70,10 @@ def compiled(case: LoopCase, loop: LoopName) -> list[LoopEngine]:
 
     pid = LoopEngine(
         name=COMPILED,
-        build=lambda: fuse_pid_loop(case.scenario, "velocity"),
+        build=lambda: fuse(make_pid_loop(case.scenario, "velocity")),
         run=run_pid,
         accuracy=1e-10,
-        note="fused by hand, solved by matrix powers",
+        note="fused, solved by matrix powers",
     )
     if loop == "pid":
         return [pid]

@@ -34,6 +34,15 @@ class Progress(Protocol):
         """
 
 
+def part_of(progress: Progress, begin: float, end: float) -> Progress:
+    """Return what is told by a part of a run, from one fraction of it to another."""
+
+    def told(fraction: float, doing: str = "") -> None:
+        progress(begin + (end - begin) * fraction, doing)
+
+    return told
+
+
 @dataclass(frozen=True, kw_only=True)
 class Metric:
     """A measured number; ``value`` is None where it is undefined, and ``note`` says why."""

@@ -16,11 +16,10 @@ from pydrake.systems.framework import Diagram
 from chamfer.analysis.drawing.figure_kit import Curve, ReferenceLine, draw_lines
 from chamfer.analysis.drawing.figure_style import FSM, PUBLISHED, Style, dress, legend, new_figure
 from chamfer.analysis.linear.to_control import to_control
-from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
-from chamfer.analysis.servo import loop_margins
-from chamfer.analysis.servo.compensator_criteria import axis_machine, gore_findings
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column, part_of
+from chamfer.analysis.servo.loop_margins import as_metrics, loop_margins
 from chamfer.analysis.servo.response_metrics import FINAL_PART
-from chamfer.analysis.servo.servo_runs import run_loops
+from chamfer.analysis.servo.servo_response import run_loops
 from chamfer.diagrams.servo.compiled_loop import run_fsm_trials
 from chamfer.diagrams.servo.servo_loops import make_pid_loop, make_servo_diagram
 from chamfer.diagrams.servo.servo_scenario import (
@@ -36,16 +35,30 @@ from chamfer.diagrams.servo.servo_scenario import (
 )
 from chamfer.models.plants.servo_plant import SpringMassDamperParams
 from chamfer.models.validation import ParameterError, require_positive
-from chamfer.systems.servo.compensator import AxisParams
+from chamfer.systems.servo.compensator import (
+    AxisMemory,
+    AxisParams,
+    CompensatorChart,
+    CompensatorInputs,
+    CompensatorMemory,
+    CompensatorParams,
+    make_axis_chart,
+    make_compensator_chart,
+)
 from chamfer.systems.servo.describing_function import predict_limit_cycle
-from chamfer.systems.servo.desired_trajectory import Step
+from chamfer.systems.servo.desired_trajectory import Sinusoid, Step
 from chamfer.systems.servo.pid import PidParams
 from chamfer.systems.servo.servo_plant import make_spring_mass_damper
-from chamfer.systems.servo.settling import allowed_large_error, guarantee
-from chamfer.systems.statechart.finite_machine import tarraf_properties
+from chamfer.systems.servo.settling import SettlingPlant, allowed_axis, guarantee
+from chamfer.systems.statechart.chart import Chart, Snapshot, Transition
+from chamfer.systems.statechart.chart_design import not_connected, not_local, not_used, replay
+from chamfer.systems.statechart.finite_machine import FiniteMachine, explore, tarraf_properties
+
+Array = NDArray[np.float64]
 
 SETTLES, REVERSES, CYCLES, UNFINISHED = 0, 1, 2, 3  # verdicts of the map
 TICKS = 320  # of a trial
+_LEVELS = 4  # large increments up to the limit; the machine is finite because it is limited
 _QUIET = 0.25  # of a trial, at its end, without an action: it has come to rest
 _SHARES = tuple(np.geomspace(0.8, 12.0, 12).tolist())  # of the bound, for the limit cycles
 _SEARCH_DURATION = 2.5  # s
@@ -114,20 +127,16 @@ STABILITY: Final = StabilityScenario()
 def run(scenario: StabilityScenario, seed: int, progress: Progress) -> Outcome:
     """Map what settles, find the limit cycles and check the paper's criteria."""
     loop, grid = scenario.loop, scenario.map
-    cells = _map(loop, grid, seed, _part(progress, 0.0, 0.6))
+    cells = _map(loop, grid, seed, part_of(progress, 0.0, 0.6))
     progress(0.6, "limit cycles")
     cycles = _limit_cycles(loop, seed)
     metrics = _map_metrics(cells) | _cycle_metrics(cycles)
     progress(0.63, "criteria")
     metrics |= _criteria(loop, seed)
-    metrics |= loop_margins.as_metrics(
-        "pid",
-        loop_margins.loop_margins(
-            to_control(make_pid_loop(loop, "velocity"), input="controller PID::u0")
-        ),
-    )
+    pid = to_control(make_pid_loop(loop, "velocity"), input="controller PID::u0")
+    metrics |= as_metrics("pid", loop_margins(pid))
     for begin, end, rate in ((0.65, 0.7, 80), (0.7, 1.0, 1000)):
-        metrics |= _velocity_search(loop, grid.settings, rate, seed, _part(progress, begin, end))
+        metrics |= _velocity_search(loop, grid.settings, rate, seed, part_of(progress, begin, end))
     return Outcome(
         metrics=metrics,
         traces=cells,
@@ -136,54 +145,38 @@ def run(scenario: StabilityScenario, seed: int, progress: Progress) -> Outcome:
     )
 
 
-def _part(progress: Progress, begin: float, end: float) -> Progress:
-    def report(fraction: float, doing: str = "") -> None:
-        progress(begin + (end - begin) * fraction, doing)
-
-    return report
-
-
-def _axis(scenario: StepScenario, dead_zone: float, increment: float) -> AxisParams:
+def _axes(
+    scenario: StepScenario, plant: SettlingPlant, dead_zone: float, increments: Sequence[float]
+) -> list[AxisParams]:
+    of = {"dead_zone": dead_zone, "divider": scenario.fsm.divider}
     error = scenario.measurement.bound
-    return AxisParams(
-        dead_zone=dead_zone,
-        large_error=allowed_large_error(
-            settling_plant(scenario, "position"),
-            dead_zone=dead_zone,
-            measurement_error=error,
-            increment=increment,
-            divider=scenario.fsm.divider,
-        ),
-        increment=increment,
-        divider=scenario.fsm.divider,
-    )
+    return [
+        allowed_axis(plant, measurement_error=error, increment=increment, **of)
+        for increment in increments
+    ]
 
 
 def _map(
     scenario: StepScenario, grid: MapParams, seed: int, progress: Progress
-) -> dict[str, NDArray[np.float64]]:
+) -> dict[str, Array]:
     error = scenario.measurement.bound
     theorem = settling_plant(scenario, "position")
-    names = ("dead_zone", "increment", "share", "small_band", "guaranteed", "verdict")
-    rows: dict[str, list[float]] = {name: [] for name in names}
+    rows: list[dict[str, float]] = []
     dead_zones = np.linspace(*grid.dead_zone, grid.points)
     for i, dead_zone in enumerate(dead_zones.tolist()):
         progress(i / len(dead_zones), "map")
         increments = np.geomspace(*grid.increment, grid.points).tolist()
-        axes = [_axis(scenario, dead_zone, increment) for increment in increments]
+        axes = _axes(scenario, theorem, dead_zone, increments)
         done = classify(axes, scenario, trials=grid.trials, seed=seed * grid.points + i)
         for axis, verdict in zip(axes, done, strict=True):
             said = guarantee(axis, theorem, error)
-            rows["dead_zone"].append(dead_zone)
-            rows["increment"].append(axis.increment)
-            rows["share"].append(said.small_share)
-            rows["small_band"].append(float(said.small_band))
-            rows["guaranteed"].append(float(said.everywhere))
-            rows["verdict"].append(float(verdict))
-    return {name: column(values) for name, values in rows.items()}
+            row = {"dead_zone": dead_zone, "increment": axis.increment, "share": said.small_share}
+            row |= {"small_band": said.small_band, "guaranteed": said.everywhere}
+            rows.append(row | {"verdict": verdict})
+    return {name: column([row[name] for row in rows]) for name in rows[0]}
 
 
-def _map_metrics(cells: Mapping[str, NDArray[np.float64]]) -> dict[str, Metric]:
+def _map_metrics(cells: Mapping[str, Array]) -> dict[str, Metric]:
     guaranteed, verdict, share = cells["guaranteed"] > 0, cells["verdict"], cells["share"]
     moving, cycling = (verdict != SETTLES) & (verdict != UNFINISHED), verdict == CYCLES
 
@@ -208,28 +201,28 @@ def _map_metrics(cells: Mapping[str, NDArray[np.float64]]) -> dict[str, Metric]:
     }
 
 
-def _limit_cycles(scenario: StepScenario, seed: int) -> dict[str, NDArray[np.float64]]:
+def _limit_cycles(scenario: StepScenario, seed: int) -> dict[str, Array]:
     plant = make_spring_mass_damper(scenario.plant, "position")
     theorem = settling_plant(scenario, "position")
     dead_zone, error = scenario.fsm.dead_zone, scenario.measurement.bound
     bound = 2 * (dead_zone - error) / (1 + theorem.total) / theorem.gain * scenario.fsm.divider
-    axes = [_axis(scenario, dead_zone, share * bound) for share in _SHARES]
+    axes = _axes(scenario, theorem, dead_zone, [share * bound for share in _SHARES])
     delay = scenario.measurement.delay_samples
     predicted = [
         predict_limit_cycle(plant, axis, scenario.fsm.period, delay_samples=delay) for axis in axes
     ]
-    measured = oscillation(axes, scenario, seed=seed)
+    frequency, amplitude = oscillation(axes, scenario, seed=seed)
     return {
         "share": column(_SHARES),
         "increment": column([axis.increment for axis in axes]),
         "predicted_frequency": column([math.nan if p is None else p.frequency for p in predicted]),
         "predicted_amplitude": column([math.nan if p is None else p.amplitude for p in predicted]),
-        "measured_frequency": measured.frequency,
-        "measured_amplitude": measured.amplitude,
+        "measured_frequency": frequency,
+        "measured_amplitude": amplitude,
     }
 
 
-def _cycle_metrics(cycles: Mapping[str, NDArray[np.float64]]) -> dict[str, Metric]:
+def _cycle_metrics(cycles: Mapping[str, Array]) -> dict[str, Metric]:
     def first(name: str) -> Metric:
         found = cycles["share"][np.isfinite(cycles[name])]
         note = "" if len(found) else "none up to the largest increment tried"
@@ -260,14 +253,7 @@ def _criteria(scenario: StepScenario, seed: int) -> dict[str, Metric]:
             unit="1/m",
             note="in small increments per m of error" if finite else "no finite gain",
         )
-    sinusoid = resolve(
-        SinusoidScenario(
-            plant=scenario.plant,
-            camera=scenario.camera,
-            pid=scenario.pid,
-            fsm=scenario.fsm,
-        )
-    )
+    sinusoid = resolve(SinusoidScenario(**vars(scenario) | {"desired": Sinusoid()}))
     every = round(sinusoid.fsm.period / sinusoid.step)
     traces = run_loops(sinusoid, ("fsm_compensation",), seed=seed).traces
     errors = (traces["desired_trajectory"] - traces["fsm_compensation.actual_trajectory"])[::every]
@@ -276,6 +262,95 @@ def _criteria(scenario: StepScenario, seed: int) -> dict[str, Metric]:
         findings = gore_findings(fig3_axis, errors.tolist(), period, folded=folded)
         metrics[name] = Metric(value=2 - len(findings), unit="", note="; ".join(findings))
     return metrics
+
+
+def axis_machine(axis: AxisParams, *, accumulated: bool) -> FiniteMachine:
+    """Return the finite machine that the chart of one axis is.
+
+    Its inputs are the five classes of the error. With ``accumulated`` the total compensation, in
+    small increments, is state and output; otherwise the output is the increment and the total,
+    which no later increment depends on, is left out of the state.
+    """
+    limited = replace(axis, limit=_LEVELS * axis.increment)
+    chart = make_axis_chart(limited)
+    small = axis.small_increment
+    errors = (0.0, axis.dead_zone, axis.large_error, -axis.dead_zone, -axis.large_error)
+
+    def step(state: tuple[str, int], error: float) -> tuple[tuple[str, int], float]:
+        name, level = state
+        snapshot = Snapshot(name, 0.0, AxisMemory(level * small, 0.0), True)
+        following, _ = chart.step(snapshot, error, 0.0)
+        total = round(following.memory.compensation / small)
+        if accumulated:
+            return (following.state, total), float(total)
+        return (following.state, 0), following.memory.increment / small
+
+    return explore((chart.initial, 0), errors, step, input_size=[abs(error) for error in errors])
+
+
+def lap_chart(params: CompensatorParams) -> CompensatorChart:
+    """Return Fig. 3 as it is drawn: every lap begins in, and returns to, the initial state.
+
+    The chart that runs does a lap in one tick and does not return. Here a lap takes two ticks,
+    the first decides as the one tick does and the second returns.
+    """
+    folded = make_compensator_chart(params)
+    decide = [replace(transition, source=folded.initial) for transition in folded.transitions]
+    returns: list[Transition[CompensatorInputs, CompensatorMemory]] = [
+        Transition(
+            source=state.name, target=folded.initial, guard=lambda _: True, label="next lap"
+        )
+        for state in folded.states
+        if state.name != folded.initial and state.outcome is None
+    ]
+    return Chart(
+        folded.name,
+        states=folded.states,
+        transitions=[*decide, *returns],
+        memory=folded.memory,
+    )
+
+
+def gore_findings(
+    axis: AxisParams, errors: list[float], period: float, *, folded: bool
+) -> tuple[str, ...]:
+    """Return what contradicts Gore's two criteria in the compensator's charts, in words.
+
+    Args:
+        axis: The compensator's axis.
+        errors: A closed-loop run's errors, m, one per tick.
+        period: s, of the ticks.
+        folded: Whether the chart of Fig. 3 is the one that runs, with a lap in one tick, or as
+            it is drawn.
+
+    The trajectory ends with the run, and a tenth of it is lost to the camera.
+    """
+    blind = range(len(errors) // 2, len(errors) // 2 + len(errors) // 10)
+    seen = [math.nan if i in blind else error for i, error in enumerate(errors)]
+    params = CompensatorParams(axes=(axis,), period=period, end_time=(len(errors) - 1) * period)
+    fig3 = make_compensator_chart(params) if folded else lap_chart(params)
+    ticks = 1 if folded else 2  # of a lap
+    fig3_inputs = [CompensatorInputs((error,), None, None) for error in seen for _ in range(ticks)]
+    fig4 = make_axis_chart(axis)
+    fig4_inputs = [error for error in seen if math.isfinite(error)]
+    local = [
+        *not_local(fig3, fig3_inputs, period=period / ticks),
+        *not_local(fig4, fig4_inputs, period=period),
+    ]
+    unused = [
+        *not_used(fig3, replay(fig3, fig3_inputs, period=period / ticks)),
+        *not_used(fig4, replay(fig4, fig4_inputs, period=period)),
+    ]
+    apart = [*not_connected(fig3), *not_connected(fig4)]
+    findings = []
+    if local:
+        findings.append(f"criterion 1: the rest depends on what {', '.join(local)} does")
+    if unused or apart:
+        ways = [f"no way from {start} to {end}" for start, end in apart]
+        findings.append(
+            "criterion 2: " + ", ".join([f"{name} not used" for name in unused] + ways)
+        )
+    return tuple(findings)
 
 
 def _velocity_search(
@@ -367,20 +442,16 @@ def classify(
     return worst
 
 
-@dataclass(frozen=True, kw_only=True)
-class Oscillation:
-    """The steady oscillation of one axis; NaN where it came to rest."""
-
-    frequency: NDArray[np.float64]  # rad/s, shape (n,)
-    amplitude: NDArray[np.float64]  # half of peak to peak, shape (n,)
-
-
 def oscillation(
     axes: Sequence[AxisParams], scenario: StepScenario, *, seed: int = 0
-) -> Oscillation:
+) -> tuple[Array, Array]:
     """Simulate settings from rest at their large error and measure how they keep oscillating.
 
     Plant, in the position form, and camera are the scenario's.
+
+    Returns:
+        Frequency, rad/s, and amplitude of the error, m, half of peak to peak, shape (n,) each;
+        NaN where it came to rest.
     """
     period = scenario.fsm.period
     errors = np.array([axis.large_error for axis in axes])
@@ -406,7 +477,7 @@ def oscillation(
             lasted = time[rising[-1]] - time[rising[0]]
             frequency[i] = 2 * np.pi * (len(rising) - 1) / lasted
             amplitude[i] = float(np.ptp(error)) / 2
-    return Oscillation(frequency=frequency, amplitude=amplitude)
+    return frequency, amplitude
 
 
 def make_diagram(scenario: StabilityScenario) -> Diagram:

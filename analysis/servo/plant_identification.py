@@ -21,7 +21,6 @@ from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, colu
 from chamfer.analysis.servo.response_metrics import StepMetrics, step_metrics
 from chamfer.diagrams.servo.servo_loops import make_pid_loop
 from chamfer.diagrams.servo.servo_scenario import PlantParams, StepScenario
-from chamfer.models.plants.servo_plant import SpringMassDamperParams
 from chamfer.models.validation import ParameterError, require_positive
 from chamfer.systems.servo.pid import PidParams
 
@@ -65,7 +64,7 @@ IDENTIFICATION: Final = IdentificationScenario()
 
 def identify(
     *, rise_time: float, overshoot: float, stiffness: float, pid: PidParams
-) -> SpringMassDamperParams:
+) -> PlantParams:
     """Return the plant for which the PID loop of eq. (2) has that rise time and overshoot.
 
     Args:
@@ -78,9 +77,12 @@ def identify(
         ParameterError: If no plant of that stiffness is found.
     """
 
+    def plant(logs: NDArray[np.float64]) -> PlantParams:
+        mass, damping = np.exp(logs).tolist()
+        return PlantParams(mass=mass, damping=damping, stiffness=stiffness, form="velocity")
+
     def residual(logs: NDArray[np.float64]) -> list[float]:
-        plant = _plant(logs, stiffness)
-        measured = pid_step(plant, pid, rise_time)
+        measured = pid_step(plant(logs), pid, rise_time)
         if measured.rise_time is None or measured.overshoot is None:
             return [1.0, 1.0]
         return [measured.rise_time / rise_time - 1, (measured.overshoot - overshoot) / 100]
@@ -91,16 +93,13 @@ def identify(
         raise ParameterError(
             "plant.stiffness", stiffness, "one for which a plant with this response exists"
         )
-    return _plant(found.x, stiffness)
+    return plant(found.x)
 
 
-def pid_step(plant: SpringMassDamperParams, pid: PidParams, rise_time: float) -> StepMetrics:
+def pid_step(plant: PlantParams, pid: PidParams, rise_time: float) -> StepMetrics:
     """Measure the PID loop's step response over many rise times."""
-    params = PlantParams(
-        mass=plant.mass, damping=plant.damping, stiffness=plant.stiffness, form="velocity"
-    )
     step = _PERIODS * rise_time / _STEPS
-    loop = make_pid_loop(StepScenario(plant=params, pid=pid), "velocity")
+    loop = make_pid_loop(StepScenario(plant=plant, pid=pid), "velocity")
     run = simulate(loop, duration=_STEPS * step, step=step)
     return step_metrics(run.time, run.outputs["actual_trajectory"], 1.0)
 
@@ -110,39 +109,27 @@ def run(scenario: IdentificationScenario, seed: int, progress: Progress) -> Outc
     each = scenario.plant.stiffness
     finished = run_each(partial(_identify, scenario), each, progress)
     finished.split(each, lambda stiffness: stiffness)  # none may be without a plant
-    names = ("mass", "damping", "damping_ratio", "final_value")
-    rows = {"stiffness": column(each)} | {name: finished.column(name) for name in names}
     units = {"mass": "kg", "damping": "N s/m", "damping_ratio": "", "final_value": "m"}
+    rows = {"stiffness": column(each)} | {name: finished.column(name) for name in units}
     metrics = {
         f"stiffness_{stiffness:g}.{name}": Metric(value=float(rows[name][i]), unit=unit)
         for i, stiffness in enumerate(each)
         for name, unit in units.items()
     }
-    return Outcome(
-        metrics=metrics,
-        traces=rows,
-        simulated_seconds=_PERIODS * scenario.rise_time,
-    )
+    return Outcome(metrics=metrics, traces=rows, simulated_seconds=_PERIODS * scenario.rise_time)
 
 
 def _identify(scenario: IdentificationScenario, stiffness: float) -> Row:
+    rise_time, pid = scenario.rise_time, scenario.pid
     plant = identify(
-        rise_time=scenario.rise_time,
-        overshoot=scenario.overshoot,
-        stiffness=stiffness,
-        pid=scenario.pid,
+        rise_time=rise_time, overshoot=scenario.overshoot, stiffness=stiffness, pid=pid
     )
     return {
         "mass": plant.mass,
         "damping": plant.damping,
         "damping_ratio": plant.damping / 2 / math.sqrt(plant.mass * stiffness),
-        "final_value": pid_step(plant, scenario.pid, scenario.rise_time).final,
+        "final_value": pid_step(plant, pid, rise_time).final,
     }
-
-
-def _plant(logs: NDArray[np.float64], stiffness: float) -> SpringMassDamperParams:
-    mass, damping = np.exp(logs).tolist()
-    return SpringMassDamperParams(mass=mass, damping=damping, stiffness=stiffness)
 
 
 def figures(scenario: IdentificationScenario, outcome: Outcome) -> Mapping[str, Figure]:

@@ -1,14 +1,17 @@
 """Figs. 8 and 9: the PID and the FSM loop answer a step and a sinusoid."""
 
 import math
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
+from pydrake.systems.primitives import LinearSystem
 
 from chamfer.analysis.drawing.figure_kit import (
     Curve,
@@ -17,7 +20,9 @@ from chamfer.analysis.drawing.figure_kit import (
     draw_lines,
     metric_value,
 )
-from chamfer.analysis.drawing.figure_style import DESIRED, LOOPS, NOTE, PUBLISHED, new_figure
+from chamfer.analysis.drawing.figure_style import DESIRED, NOTE, PUBLISHED, new_figure
+from chamfer.analysis.drawing.figure_style import LOOPS as LOOKS
+from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.published.fsm_visual_servoing import OVERSHOOT, RISE_TIME
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.analysis.servo.response_metrics import (
@@ -25,21 +30,17 @@ from chamfer.analysis.servo.response_metrics import (
     step_metrics,
     tracking_metrics,
 )
-from chamfer.analysis.servo.servo_runs import (
-    ServoRun,
-    pid_response,
-    run_compiled_loops,
-    run_loops,
-)
-from chamfer.diagrams.servo.servo_loops import make_servo_diagram
+from chamfer.diagrams.servo.servo_loops import LOOPS, make_pid_loop, make_servo_diagram
 from chamfer.diagrams.servo.servo_scenario import (
+    RADIANS_PER_STEP,
     STEP,
     ResolvedServoScenario,
     SinusoidScenario,
     resolve,
 )
-from chamfer.models.plants.servo_plant import Form
+from chamfer.models.plants.linear_response import fastest_mode
 from chamfer.models.validation import ParameterError
+from chamfer.systems.exact_discretisation import fuse
 from chamfer.systems.servo.compensator import (
     AxisParams,
     CompensatorParams,
@@ -49,25 +50,146 @@ from chamfer.systems.servo.compensator import (
 from chamfer.systems.servo.desired_trajectory import Sinusoid
 from chamfer.systems.statechart.chart import Chart
 
+Array = NDArray[np.float64]
+
+SIGNALS: Final = ("desired_trajectory", "controller", "actual_trajectory")
+_MOST_STEPS: Final = 5_000_000
+_LARGEST_ROUNDING: Final = 1e-2  # of a loop, of the exponents of its response at its end
+_LARGEST_GROWTH: Final = 6.0  # e-foldings of an unstable loop that are simulated
 _STEP_LOOPS = ("pid", "fsm", "fsm_velocity", "fsm_feedforward", "pid_position", "pid_command")
 _SINUSOID_LOOPS = ("pid", "fsm", "fsm_compensation", "fsm_velocity", "pid_position")
+_SWEPT = ("pid", "fsm", "fsm_compensation")
 _SWEEP = tuple(np.geomspace(0.1, 5.0, 9).tolist())  # rad/s
 _TRANSIENT = 0.1  # of the first period
 
 
-def run_step(scenario: ResolvedServoScenario, seed: int, progress: Progress) -> Outcome:
+@dataclass(frozen=True, kw_only=True)
+class ServoRun:
+    """What the loops did."""
+
+    traces: dict[str, Array]  # time, desired_trajectory and <loop>.<signal>
+    growth: dict[str, float]  # 1/s, of each unstable loop
+    pid_loops: dict[str, LinearSystem]  # each as one block
+
+
+def run_loops(
+    scenario: ResolvedServoScenario,
+    loops: Sequence[str],
+    *,
+    seed: int,
+    progress: Progress | None = None,
+    compiled: bool = False,
+) -> ServoRun:
+    """Simulate loops, exactly and on the same times.
+
+    Each runs on its own, so that all FSM loops see the same noise of the camera; ``compiled``
+    without Drake's simulator, for the points of a sweep. The traces of an unstable loop end, with
+    NaN, after at most six e-foldings.
+    """
+    duration, step = scenario.duration, scenario.step
+    machines: dict[str, dict[str, Array]] = {}
+    names = [name for name in loops if LOOPS[name].controller == "FSM"]
+    for i, name in enumerate(names):
+        machines[name] = _run_machine(scenario, name, seed, compiled)
+        if progress is not None:
+            progress((i + 1) / len(names))
+    last = machines[names[-1]]
+    traces = {name: last[name] for name in ("time", "desired_trajectory")}
+    growth, pid_loops = {}, {}
+    for name in loops:
+        if name in machines:
+            traces |= {f"{name}.{signal}": machines[name][signal] for signal in SIGNALS[1:]}
+            continue
+        form = LOOPS[name].form or scenario.plant.form
+        loop = pid_loops[name] = fuse(make_pid_loop(scenario, form))
+        _require_exact(name, loop, duration)
+        rate = growth_rate(loop)
+        if rate > 0:
+            growth[name] = rate
+        lasts = duration if rate == 0 else min(duration, _LARGEST_GROWTH / rate)
+        outputs = simulate(loop, duration=lasts, step=step).outputs["y0"]
+        for signal, values in zip(SIGNALS[1:], outputs.T[1:], strict=True):
+            missing = np.full(len(traces["time"]) - len(values), math.nan)
+            traces[f"{name}.{signal}"] = np.concatenate([values, missing])
+    return ServoRun(traces=traces, growth=growth, pid_loops=pid_loops)
+
+
+def _run_machine(
+    scenario: ResolvedServoScenario, name: str, seed: int, compiled: bool
+) -> dict[str, Array]:
+    """Return time and signals of an FSM loop."""
+    loop, duration, step = LOOPS[name], scenario.duration, scenario.step
+    if not compiled:
+        diagram = make_servo_diagram(scenario, loops=(name,), signals=SIGNALS, step=step)
+        run = simulate(diagram, duration=duration, step=step, seed=seed)
+        return {"time": run.time, **{one: run.outputs[f"{name}.{one}"] for one in SIGNALS}}
+    # Loading the compiler takes longer than one run, which has no use for it.
+    from chamfer.diagrams.servo.compiled_loop import run_fsm_trials
+
+    trials = run_fsm_trials(
+        scenario,
+        loop.form or scenario.plant.form,
+        duration=duration,
+        step=step,
+        feedforward=loop.feedforward,
+        seed=seed,
+    )
+    return {"time": trials.time, **{one: getattr(trials, one)[0] for one in SIGNALS}}
+
+
+def pid_response(scenario: ResolvedServoScenario, run: ServoRun, name: str) -> tuple[Array, Array]:
+    """Return times and actual trajectory of a PID loop, fine enough for its fastest mode.
+
+    They are the run's unless the loop is faster than the plant, which the run's steps follow.
+
+    Raises:
+        ParameterError: If it takes too many steps.
+    """
+    duration, step = scenario.duration, scenario.step
+    loop = run.pid_loops[name]
+    initial = loop.CreateDefaultContext().get_continuous_state_vector().CopyToVector()
+    fastest = fastest_mode(loop.A(), loop.C()[-1], initial)
+    if step * fastest <= RADIANS_PER_STEP:
+        return run.traces["time"], run.traces[f"{name}.actual_trajectory"]
+    finer = step / 2.0 ** math.ceil(math.log2(step * fastest / RADIANS_PER_STEP))
+    if duration / finer > _MOST_STEPS:
+        raise ParameterError(
+            f"the fastest mode of {name}",
+            fastest,
+            f"at most {RADIANS_PER_STEP * _MOST_STEPS / duration:.4g} 1/s in {duration:g} s",
+        )
+    fine = simulate(loop, duration=duration, step=finer)
+    return fine.time, fine.outputs["y0"][:, -1]
+
+
+def _require_exact(name: str, loop: LinearSystem, duration: float) -> None:
+    """Refuse a loop of which rounding leaves nothing: poles and response would be made up."""
+    fastest = float(np.abs(loop.A()).max())
+    most = _LARGEST_ROUNDING / (np.finfo(np.float64).eps * duration)
+    if not fastest <= most:
+        raise ParameterError(
+            f"the largest coefficient of {name}",
+            fastest,
+            f"at most {most:.4g}, gains and plant make the loop overflow",
+        )
+
+
+def growth_rate(loop: LinearSystem) -> float:
+    """Return the largest real part of a PID loop's poles, 1/s, or 0 for a stable loop.
+
+    The poles on the imaginary axis are those of the desired trajectory.
+    """
+    poles = np.linalg.eigvals(loop.A())
+    largest = float(poles.real.max())
+    return largest if largest > 1e-9 * float(np.abs(poles).max()) else 0.0
+
+
+def run_step(
+    scenario: ResolvedServoScenario, seed: int, progress: Progress, *, compiled: bool = False
+) -> Outcome:
     """Run Fig. 8: a step, on the plants that the paper and the hardware have."""
-    return _measure_step(scenario, run_loops(scenario, _STEP_LOOPS, seed=seed, progress=progress))
-
-
-def run_step_compiled(scenario: ResolvedServoScenario, seed: int, progress: Progress) -> Outcome:
-    """Do the same for a point of a sweep."""
-    return _measure_step(scenario, run_compiled_loops(scenario, _STEP_LOOPS, seed=seed))
-
-
-def _measure_step(scenario: ResolvedServoScenario, run: ServoRun) -> Outcome:
-    if scenario.desired.amplitude == 0:
-        raise ParameterError("desired.amplitude", 0.0, "a finite number other than 0")
+    run = run_loops(scenario, _STEP_LOOPS, seed=seed, progress=progress, compiled=compiled)
+    _require_amplitude(scenario)
     reference = scenario.desired.amplitude
     metrics: dict[str, Metric] = {}
     for name in _STEP_LOOPS:
@@ -81,35 +203,31 @@ def _measure_step(scenario: ResolvedServoScenario, run: ServoRun) -> Outcome:
         metrics |= step_metrics(time, actual, reference).as_metrics(name, "m")
         if name.startswith("pid"):
             metrics[f"{name}.growth_rate"] = Metric(value=0.0, unit="1/s", note="stable")
-    metrics |= _compensator_metrics(scenario.axis, scenario.plant.form)
+    metrics |= _compensator_metrics(scenario)
     metrics["fsm.slope_ratio"] = _slope_ratio(scenario.axis, reference, run)
     return Outcome(metrics=metrics, traces=run.traces, simulated_seconds=scenario.duration)
 
 
-def run_sinusoid(scenario: ResolvedServoScenario, seed: int, progress: Progress) -> Outcome:
+def _require_amplitude(scenario: ResolvedServoScenario) -> None:
+    if scenario.desired.amplitude == 0:
+        raise ParameterError("desired.amplitude", 0.0, "a finite number other than 0")
+
+
+run_step_compiled = partial(run_step, compiled=True)  # for a point of a sweep
+
+
+def run_sinusoid(
+    scenario: ResolvedServoScenario, seed: int, progress: Progress, *, compiled: bool = False
+) -> Outcome:
     """Run Fig. 9: a sinusoid, and the error over its frequency."""
     run = run_loops(
         scenario,
         _SINUSOID_LOOPS,
         seed=seed,
         progress=lambda done, doing="": progress(0.3 * done, doing),
+        compiled=compiled,
     )
-    return _measure_sinusoid(scenario, run, seed, progress)
-
-
-def run_sinusoid_compiled(
-    scenario: ResolvedServoScenario, seed: int, progress: Progress
-) -> Outcome:
-    """Do the same for a point of a sweep."""
-    run = run_compiled_loops(scenario, _SINUSOID_LOOPS, seed=seed)
-    return _measure_sinusoid(scenario, run, seed, progress)
-
-
-def _measure_sinusoid(
-    scenario: ResolvedServoScenario, run: ServoRun, seed: int, progress: Progress
-) -> Outcome:
-    if scenario.desired.amplitude == 0:
-        raise ParameterError("desired.amplitude", 0.0, "a finite number other than 0")
+    _require_amplitude(scenario)
     metrics: dict[str, Metric] = {}
     for name in _SINUSOID_LOOPS:
         if name in run.growth:
@@ -126,7 +244,7 @@ def _measure_sinusoid(
             metrics, "fsm.transient_error_rms", "pid.transient_error_rms"
         ),
     }
-    metrics |= _compensator_metrics(scenario.axis, scenario.plant.form)
+    metrics |= _compensator_metrics(scenario)
     sweep = _sweep(scenario, seed, progress)
     for name in ("fsm", "fsm_compensation"):
         metrics[f"{name}.better_below"] = _crossover(sweep, name)
@@ -136,6 +254,9 @@ def _measure_sinusoid(
         simulated_seconds=scenario.duration,
         tables={"frequencies": sweep},
     )
+
+
+run_sinusoid_compiled = partial(run_sinusoid, compiled=True)
 
 
 def _tracking(frequency: float, run: ServoRun, name: str) -> TrackingMetrics:
@@ -150,32 +271,22 @@ def _tracking(frequency: float, run: ServoRun, name: str) -> TrackingMetrics:
     )
 
 
-def _sweep(
-    scenario: ResolvedServoScenario, seed: int, progress: Progress
-) -> dict[str, NDArray[np.float64]]:
-    loops = ("pid", "fsm", "fsm_compensation")
-    rows: dict[str, list[float]] = {"frequency": [], **{name: [] for name in loops}}
+def _sweep(scenario: ResolvedServoScenario, seed: int, progress: Progress) -> dict[str, Array]:
+    rows: dict[str, list[float]] = {"frequency": [], **{name: [] for name in _SWEPT}}
     for i, frequency in enumerate(_SWEEP):
         progress(0.3 + 0.7 * i / len(_SWEEP), f"{frequency:.2g} rad/s")
         desired = Sinusoid(amplitude=scenario.desired.amplitude, frequency=frequency)
-        at = resolve(
-            SinusoidScenario(
-                desired=desired,
-                plant=scenario.plant,
-                pid=scenario.pid,
-                fsm=scenario.fsm,
-                camera=scenario.camera,
-            )
-        )
-        run = run_compiled_loops(at, loops, seed=seed)
+        other = {"desired": desired, "duration": None, "step": None}
+        at = resolve(SinusoidScenario(**vars(scenario) | other))
+        run = run_loops(at, _SWEPT, seed=seed, compiled=True)
         rows["frequency"].append(frequency)
-        for name in loops:
+        for name in _SWEPT:
             unstable = name in run.growth
             rows[name].append(math.nan if unstable else _tracking(frequency, run, name).error_rms)
     return {name: column(values) for name, values in rows.items()}
 
 
-def _crossover(sweep: Mapping[str, NDArray[np.float64]], name: str) -> Metric:
+def _crossover(sweep: Mapping[str, Array], name: str) -> Metric:
     advantage = np.log(sweep[name] / sweep["pid"])
     worse = np.flatnonzero(~(advantage < 0))
     if len(worse) == 0:
@@ -205,8 +316,8 @@ def _ratio(metrics: Mapping[str, Metric], over: str, under: str) -> Metric:
     return Metric(value=a / b, unit="")
 
 
-def _compensator_metrics(axis: AxisParams, form: Form) -> dict[str, Metric]:
-    unit = "m" if form == "position" else "N"
+def _compensator_metrics(scenario: ResolvedServoScenario) -> dict[str, Metric]:
+    axis, unit = scenario.axis, "m" if scenario.plant.form == "position" else "N"
     return {
         "fsm.increment": Metric(value=axis.increment, unit=unit),
         "fsm.large_error": Metric(value=axis.large_error, unit="m"),
@@ -234,9 +345,7 @@ def make_diagram(scenario: ResolvedServoScenario) -> Diagram:
     return make_servo_diagram(scenario)
 
 
-def make_charts(
-    scenario: ResolvedServoScenario,
-) -> tuple[Chart[Any, Any], ...]:
+def make_charts(scenario: ResolvedServoScenario) -> tuple[Chart[Any, Any], ...]:
     """Return the state charts."""
     axis = scenario.axis
     return (
@@ -245,22 +354,11 @@ def make_charts(
     )
 
 
-def step_figures(scenario: ResolvedServoScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    return {"step-response": plot_step(scenario, outcome)}
-
-
-def sinusoid_figures(scenario: ResolvedServoScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    return {"sinusoid-response": plot_sinusoid(scenario, outcome)}
-
-
-_SWEPT = ("pid", "fsm", "fsm_compensation")
 _OTHERS = ("fsm_feedforward", "fsm_velocity", "pid_position", "pid_command")
 _ERROR, _RESPONSE = "desired minus actual / mm", "trajectory / m"
 
 
-def plot_step(scenario: ResolvedServoScenario, outcome: Outcome) -> Figure:
+def step_figures(scenario: ResolvedServoScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw Fig. 8: the responses, the PID's rise, the errors at the end, the other plants."""
     figure = new_figure()
     overview, rise, errors, others = figure.subplots(2, 2).ravel()
@@ -282,7 +380,7 @@ def plot_step(scenario: ResolvedServoScenario, outcome: Outcome) -> Figure:
         others.text(0.06, 2.1 * height, f"unstable, {growth:.3g} 1/s", fontsize=8)
     others.set_ylim(*sorted((-0.6 * height, 3.4 * height)))
     others.set_xlim(0, min(1.0, float(time[-1])))
-    return figure
+    return {"step-response": figure}
 
 
 def _step_rise(axes: Axes, scenario: ResolvedServoScenario, outcome: Outcome) -> None:
@@ -320,7 +418,7 @@ def _step_rise(axes: Axes, scenario: ResolvedServoScenario, outcome: Outcome) ->
     axes.text(8e3 * rise, 0.95 * final, f"final {final:.3f} m ", ha="right", fontsize=8)
 
 
-def plot_sinusoid(scenario: ResolvedServoScenario, outcome: Outcome) -> Figure:
+def sinusoid_figures(scenario: ResolvedServoScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw Fig. 9: the responses, the errors, and the error over the frequency."""
     figure = new_figure(10.0, 7.5)
     panels = figure.subplot_mosaic([["response", "response"], ["error", "sweep"]])
@@ -332,7 +430,7 @@ def plot_sinusoid(scenario: ResolvedServoScenario, outcome: Outcome) -> Figure:
     draw_lines(response, time, lines, title=title, y=_RESPONSE, key="upper right", columns=4)
     zone, lines = _dead_zone(scenario), _errors(outcome, "pid", "fsm")
     draw_lines(error, time, lines, title="(b) Error", y=_ERROR, bands=[zone], key="upper right")
-    loops, marked = {name: LOOPS[name] for name in _SWEPT}, {"marker": "o", "ms": 3}
+    loops, marked = {name: LOOKS[name] for name in _SWEPT}, {"marker": "o", "ms": 3}
     here = ReferenceLine(scenario.frequency, "frequency of (a), (b)", DESIRED, upright=True)
     draw_lines(
         panels["sweep"],
@@ -345,7 +443,7 @@ def plot_sinusoid(scenario: ResolvedServoScenario, outcome: Outcome) -> Figure:
         log=True,
         key="upper left",
     )
-    return figure
+    return {"sinusoid-response": figure}
 
 
 def _desired(outcome: Outcome, label: str | None = "desired") -> Curve:
@@ -365,11 +463,11 @@ def _responses(outcome: Outcome, *names: str, beyond: float = np.inf) -> list[Cu
         gone = np.flatnonzero(~(np.abs(shown) < beyond))
         if len(gone):
             shown[gone[0] + 1 :] = np.nan
-        lines.append(Curve(shown, *LOOPS[name]))
+        lines.append(Curve(shown, *LOOKS[name]))
     return lines
 
 
 def _errors(outcome: Outcome, *names: str) -> list[Curve]:
     desired = outcome.traces["desired_trajectory"]
     actual = ((name, outcome.traces[f"{name}.actual_trajectory"]) for name in names)
-    return [Curve(1e3 * (desired - values), *LOOPS[name]) for name, values in actual]
+    return [Curve(1e3 * (desired - values), *LOOKS[name]) for name, values in actual]

@@ -16,24 +16,53 @@ from numpy.typing import NDArray
 from pydrake.common import RandomDistribution, RandomGenerator
 from pydrake.systems.analysis import DiscreteTimeApproximation, Simulator
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import LinearSystem, LogVectorOutput, RandomSource
+from pydrake.systems.primitives import LogVectorOutput, RandomSource
 from scipy.linalg import block_diag
 
 from chamfer.diagrams.servo.servo_scenario import ServoScenario, fsm_axis, has_feedforward
-from chamfer.models.plants.servo_plant import Form, plant_blocks
+from chamfer.models.plants.servo_plant import Form
 from chamfer.models.validation import ParameterError
 from chamfer.systems.compiled import compiled
 from chamfer.systems.exact_discretisation import count_samples
+from chamfer.systems.servo.compensation_law import (
+    class_increment,
+    error_class,
+    is_measured,
+    limited_sum,
+)
 from chamfer.systems.servo.compensator import AxisParams
-from chamfer.systems.servo.compiled_compensator import compensate
 from chamfer.systems.servo.desired_trajectory import make_desired_trajectory
-from chamfer.systems.servo.pid import make_pid
 from chamfer.systems.servo.servo_plant import make_spring_mass_damper
 from chamfer.systems.vision.measured_error import seen
 
 Array = NDArray[np.float64]
 
 _seen = compiled(seen)
+_class_increment = compiled(class_increment)
+_error_class = compiled(error_class)
+_is_measured = compiled(is_measured)
+_limited_sum = compiled(limited_sum)
+
+
+@compiled
+def compensate(
+    compensation: float,
+    error: float,
+    dead_zone: float,
+    large_error: float,
+    increment: float,
+    divider: float,
+    limit: float,
+) -> tuple[float, float]:
+    """Run one tick of Figs. 3 and 4 with the parameters of an axis.
+
+    An error that is NaN, as nothing was measured, holds the total ``compensation``. Returned are
+    the new one, and the increment that the tick asked for before the limit.
+    """
+    if not _is_measured(error):
+        return compensation, 0.0
+    asked = _class_increment(_error_class(error, dead_zone, large_error), increment, divider)
+    return _limited_sum(compensation, asked, limit), asked
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,39 +255,3 @@ def _dot(row: Array, column: Array) -> float:
     for i in range(len(row)):
         total += row[i] * column[i]
     return total
-
-
-def fuse_pid_loop(scenario: ServoScenario, form: Form) -> LinearSystem:
-    """Return Fig. 6 as one block: its diagram, fused.
-
-    Without Drake's linearisation it takes a hundredth of the time. The loop is linear, so that
-    :func:`chamfer.analysis.linear.simulate.simulate` solves it by matrix powers. The output is
-    desired trajectory m, force N (commanded position m), actual trajectory.
-    """
-    trajectory = make_desired_trajectory(scenario.desired)
-    pid = make_pid(scenario.pid)
-    blocks = plant_blocks(scenario.plant, form)
-    start = trajectory.CreateDefaultContext().get_continuous_state_vector().CopyToVector()
-    # The force balance is added up as in the diagram: the matrix exponential of a stiff loop
-    # answers to the last digits of its argument.
-    motion, rate = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0 / blocks.mass]])
-    matrix = block_diag(trajectory.A(), pid.A(), motion)
-    of_trajectory, of_pid, of_plant = slice(0, len(start)), slice(-4, -2), slice(-2, None)
-    desired, force, actual, environment = np.zeros((4, 1, len(matrix)))
-    desired[:, of_trajectory] = trajectory.C()
-    actual[:, of_plant] = blocks.output
-    environment[:, of_plant] = blocks.reaction
-    error = desired - actual
-    force[:, of_pid] = pid.C()
-    force += pid.D() * error
-    matrix[of_pid] += pid.B() @ error
-    matrix[of_plant] += rate @ (blocks.input_gain * force + environment)
-    loop = LinearSystem(
-        A=matrix,
-        B=np.zeros((len(matrix), 0)),
-        C=np.vstack([desired, force, actual]),
-        D=np.zeros((3, 0)),
-    )
-    loop.configure_default_state(np.concatenate([start, np.zeros(4)]))
-    loop.set_name("PID loop")
-    return loop

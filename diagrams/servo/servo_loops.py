@@ -112,34 +112,11 @@ def make_pid_loop(
 
     With a user's own controller only trajectory and plant take exact steps.
     """
-    own = controller is not None
-
-    def linear(system: System) -> System:
-        return discretise(system, step) if own and step is not None else system
-
-    builder = DiagramBuilder()
-    desired = builder.AddNamedSystem(
-        "desired trajectory", linear(make_desired_trajectory(scenario.desired))
-    )
-    vision = builder.AddNamedSystem("computer vision", _make_continuous_error())
-    if controller is None:
-        law = builder.AddNamedSystem("controller PID", make_pid(scenario.pid))
-        error, force = law.get_input_port(), law.get_output_port()
-    else:
+    if controller is not None:
         require_ports("controller", controller, inputs={"error": 1}, outputs={"compensation": 1})
-        law = builder.AddNamedSystem("controller", controller)
-        error, force = law.GetInputPort("error"), law.GetOutputPort("compensation")
-    plant = builder.AddNamedSystem("plant", linear(make_plant(scenario.plant, form)))
-    builder.Connect(desired.get_output_port(0), vision.GetInputPort("desired_trajectory"))
-    builder.Connect(plant.get_output_port(0), vision.GetInputPort("actual_trajectory"))
-    builder.Connect(vision.get_output_port(), error)
-    builder.Connect(force, plant.get_input_port(0))
-    builder.ExportOutput(desired.get_output_port(0), "desired_trajectory")
-    builder.ExportOutput(force, "controller")
-    builder.ExportOutput(plant.get_output_port(0), "actual_trajectory")
-    loop = builder.Build()
-    loop.set_name("PID loop")
-    return loop if step is None or own else discretise(loop, step)
+        return _wire("PID", scenario, form, controller, step=step)
+    loop = _wire("PID", scenario, form, None)
+    return loop if step is None else discretise(loop, step)
 
 
 def make_fsm_loop(
@@ -158,6 +135,26 @@ def make_fsm_loop(
     if feedforward is None:
         feedforward = has_feedforward(scenario)
     feedforward = feedforward and form == "position"
+    if controller is not None:
+        require_ports(
+            "controller",
+            controller,
+            inputs={"error": 1} | ({"desired_trajectory": 1} if feedforward else {}),
+            outputs={"compensation": 1} | ({"command": 1} if feedforward else {}),
+        )
+    return _wire("FSM", scenario, form, controller, step=step, feedforward=feedforward)
+
+
+def _wire(
+    kind: Literal["PID", "FSM"],
+    scenario: ServoScenario,
+    form: Form,
+    own: LeafSystem | None,
+    *,
+    step: float | None = None,
+    feedforward: bool = False,
+) -> Diagram:
+    """Close the loop through its own law, or the one of its kind."""
 
     def linear(system: System) -> System:
         return system if step is None else discretise(system, step)
@@ -166,34 +163,36 @@ def make_fsm_loop(
     desired = builder.AddNamedSystem(
         "desired trajectory", linear(make_desired_trajectory(scenario.desired))
     )
-    vision = add_measured_error(builder, scenario.measurement)
-    if controller is None:
-        axis = fsm_axis(scenario, form)
-        law = TrajectoryCompensator(CompensatorParams(axes=(axis,), period=scenario.fsm.period))
-        law = builder.AddNamedSystem("controller FSM", law)
+    vision: System
+    law: System
+    if kind == "PID":
+        vision = builder.AddNamedSystem("computer vision", _make_continuous_error())
+        law = own or make_pid(scenario.pid)
     else:
-        fed = (("desired_trajectory", "command"),) if feedforward else ()
-        require_ports(
-            "controller",
-            controller,
-            inputs={"error": 1} | {wanted: 1 for wanted, _ in fed},
-            outputs={"compensation": 1} | {wanted: 1 for _, wanted in fed},
+        vision = add_measured_error(builder, scenario.measurement)
+        axis = fsm_axis(scenario, form)
+        law = own or TrajectoryCompensator(
+            CompensatorParams(axes=(axis,), period=scenario.fsm.period)
         )
-        law = builder.AddNamedSystem("controller", controller)
+    builder.AddNamedSystem("controller" if own else f"controller {kind}", law)
     plant = builder.AddNamedSystem("plant", linear(make_plant(scenario.plant, form)))
-    command = law.GetOutputPort("compensation")
+    if kind == "PID" and own is None:
+        error, compensation = law.get_input_port(0), law.get_output_port(0)
+    else:
+        error, compensation = law.GetInputPort("error"), law.GetOutputPort("compensation")
+    command = compensation
     if feedforward:
         builder.Connect(desired.get_output_port(0), law.GetInputPort("desired_trajectory"))
         command = law.GetOutputPort("command")
     builder.Connect(desired.get_output_port(0), vision.GetInputPort("desired_trajectory"))
     builder.Connect(plant.get_output_port(0), vision.GetInputPort("actual_trajectory"))
-    builder.Connect(vision.GetOutputPort("error"), law.GetInputPort("error"))
+    builder.Connect(vision.GetOutputPort("error"), error)
     builder.Connect(command, plant.get_input_port(0))
     builder.ExportOutput(desired.get_output_port(0), "desired_trajectory")
-    builder.ExportOutput(law.GetOutputPort("compensation"), "controller")
+    builder.ExportOutput(compensation, "controller")
     builder.ExportOutput(plant.get_output_port(0), "actual_trajectory")
     loop = builder.Build()
-    loop.set_name("FSM loop")
+    loop.set_name(f"{kind} loop")
     return loop
 
 

@@ -20,8 +20,7 @@ from chamfer.systems.servo.pid import PidParams
 from chamfer.systems.servo.servo_plant import make_spring_mass_damper
 from chamfer.systems.servo.settling import (
     SettlingPlant,
-    allowed_increment,
-    allowed_large_error,
+    allowed_axis,
     approach_time,
     sample_plant,
 )
@@ -196,24 +195,16 @@ def fsm_axis(scenario: ServoScenario, form: Form) -> AxisParams:
             divider=fsm.divider,
             limit=fsm.limit or math.inf,
         )
-    plant, error = settling_plant(scenario, form), scenario.measurement.bound
-    increment = fsm.increment or allowed_increment(
-        plant, dead_zone=fsm.dead_zone, measurement_error=error, divider=fsm.divider
-    )
-    return AxisParams(
+    plant = settling_plant(scenario, form)
+    axis = allowed_axis(
+        plant,
         dead_zone=fsm.dead_zone,
-        large_error=fsm.large_error
-        or allowed_large_error(
-            plant,
-            dead_zone=fsm.dead_zone,
-            measurement_error=error,
-            increment=increment,
-            divider=fsm.divider,
-        ),
-        increment=increment,
+        measurement_error=scenario.measurement.bound,
         divider=fsm.divider,
+        increment=fsm.increment,
         limit=fsm.limit or 2 * max(amplitude, fsm.dead_zone) / plant.gain,
     )
+    return replace(axis, large_error=fsm.large_error or axis.large_error)
 
 
 def has_feedforward(scenario: ServoScenario) -> bool:

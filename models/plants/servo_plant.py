@@ -52,38 +52,19 @@ class StateSpace(NamedTuple):
     D: NDArray[np.float64]
 
 
-class PlantBlocks(NamedTuple):
-    """The inner loop of Fig. 5 as numbers: A(s) moves a mass, B(s) is what answers it."""
-
-    mass: float  # kg, of A(s) = 1/(m s), force N to velocity m/s
-    reaction: tuple[float, float]  # N/m and N s/m, of B(s): force per position and velocity
-    input_gain: float  # N per unit of the input
-    output: tuple[float, float]  # of the state (position m, velocity m/s)
-
-
-def plant_blocks(params: SpringMassDamperParams, form: Form) -> PlantBlocks:
-    """Return the blocks of the spring-mass-damper, from which all its models are made.
+def state_space(params: SpringMassDamperParams, form: Form) -> StateSpace:
+    """Return the spring-mass-damper with the state (position m, velocity m/s).
 
     ``velocity`` is ``s/(m s^2 + b s + k)``, force N to velocity m/s: what the paper says it
     simulated, with a zero at s = 0. ``position`` is ``k/(m s^2 + b s + k)``, commanded position m
     to position m: what the hardware does, by the stiffness K_p of eq. (1). ``compliance`` is
     ``1/(m s^2 + b s + k)``, force N to position m.
     """
-    return PlantBlocks(
-        mass=params.mass,
-        reaction=(-params.stiffness, -params.damping),
-        input_gain=params.stiffness if form == "position" else 1.0,
-        output=(0.0, 1.0) if form == "velocity" else (1.0, 0.0),
-    )
-
-
-def state_space(params: SpringMassDamperParams, form: Form) -> StateSpace:
-    """Return the spring-mass-damper with the state (position m, velocity m/s)."""
-    blocks = plant_blocks(params, form)
+    m, b, k = params.mass, params.damping, params.stiffness
     return StateSpace(
-        A=np.array([[0.0, 1.0], np.array(blocks.reaction) / blocks.mass]),
-        B=np.array([[0.0], [blocks.input_gain / blocks.mass]]),
-        C=np.array([blocks.output]),
+        A=np.array([[0.0, 1.0], [-k / m, -b / m]]),
+        B=np.array([[0.0], [(k if form == "position" else 1.0) / m]]),
+        C=np.array([[0.0, 1.0] if form == "velocity" else [1.0, 0.0]]),
         D=np.zeros((1, 1)),
     )
 

@@ -8,7 +8,6 @@ from chamfer.models.plants.servo_plant import (
     Form,
     SpringMassDamperParams,
     StateSpace,
-    plant_blocks,
     state_space,
 )
 
@@ -26,30 +25,30 @@ def make_spring_mass_damper(params: SpringMassDamperParams, form: Form) -> Linea
 
 
 def make_plant(params: SpringMassDamperParams, form: Form) -> Diagram:
-    """Build the inner loop of Fig. 5: A(s) moves the mass, B(s) is what the environment answers.
+    """Build the inner loop of Fig. 5, with the transfer function of :func:`state_space`.
 
-    It has the transfer function of :func:`make_spring_mass_damper`: A(s) is the free mass, force N
-    to (position m, velocity m/s); B(s) the reaction of spring and damper. In the position form the
-    stiffness K_p of eq. (1) turns the commanded position into a force.
+    A(s) is the free mass, force N to (position m, velocity m/s); B(s) the reaction of spring and
+    damper. In the position form the stiffness K_p of eq. (1) turns the commanded position into a
+    force.
     """
-    blocks = plant_blocks(params, form)
+    model = state_space(params, form)
     builder = DiagramBuilder()
     balance = builder.AddNamedSystem("force balance", Adder(2, 1))
     motion = builder.AddNamedSystem(
         "impedance control A(s)",
         LinearSystem(
             A=np.array([[0.0, 1.0], [0.0, 0.0]]),
-            B=np.array([[0.0], [1.0 / blocks.mass]]),
+            B=np.array([[0.0], [1.0 / params.mass]]),
             C=np.eye(2),
             D=np.zeros((2, 1)),
         ),
     )
     environment = builder.AddNamedSystem(
-        "environment B(s)", MatrixGain(D=np.array([blocks.reaction]))
+        "environment B(s)", MatrixGain(D=np.array([[-params.stiffness, -params.damping]]))
     )
-    actual = builder.AddNamedSystem("actual trajectory", MatrixGain(D=np.array([blocks.output])))
+    actual = builder.AddNamedSystem("actual trajectory", MatrixGain(D=model.C))
     if form == "position":
-        stiffness = builder.AddNamedSystem("stiffness K_p", Gain(blocks.input_gain, 1))
+        stiffness = builder.AddNamedSystem("stiffness K_p", Gain(params.stiffness, 1))
         builder.Connect(stiffness.get_output_port(), balance.get_input_port(0))
         builder.ExportInput(stiffness.get_input_port(), "commanded_trajectory")
     else:

@@ -175,11 +175,7 @@ def _index(j: int, tail: NDArray[np.float64]) -> int:
 
 
 def allowed_increment(
-    plant: SettlingPlant,
-    *,
-    dead_zone: float,
-    measurement_error: float,
-    divider: float = 5.0,
+    plant: SettlingPlant, *, dead_zone: float, measurement_error: float, divider: float = 5.0
 ) -> float:
     """Return the large increment n that the theorem allows, in the compensation's unit.
 
@@ -229,6 +225,30 @@ def allowed_large_error(
     samples = int(np.argmax(dies_out)) + _ROUNDING
     waiting = dead_zone + 2 * measurement_error + large * (1.0 + tail[0]) + samples * small
     return float(waiting)
+
+
+def allowed_axis(
+    plant: SettlingPlant,
+    *,
+    dead_zone: float,
+    measurement_error: float,
+    divider: float = 5.0,
+    increment: float | None = None,
+    share: float = 1.0,
+    limit: float = math.inf,
+) -> AxisParams:
+    """Return an axis with the large error that the theorem allows.
+
+    Its increment is that share of the one that the theorem allows, if none is given. The other
+    arguments are those of :func:`allowed_increment`.
+    """
+    given = {"dead_zone": dead_zone, "divider": divider}
+    if increment is None:
+        increment = share * allowed_increment(plant, measurement_error=measurement_error, **given)
+    large_error = allowed_large_error(
+        plant, measurement_error=measurement_error, increment=increment, **given
+    )
+    return AxisParams(increment=increment, large_error=large_error, limit=limit, **given)
 
 
 def designed_axis(

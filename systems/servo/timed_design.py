@@ -1,7 +1,6 @@
 """State machine and PID, each designed by its theory to have settled after a given time."""
 
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -11,11 +10,7 @@ from chamfer.models.validation import ParameterError, require_positive
 from chamfer.systems.servo.compensation_law import class_increment, error_class, limited_sum
 from chamfer.systems.servo.compensator import AxisParams
 from chamfer.systems.servo.sampled_pid import PidGains, lag_and_dead_time, tuned_gains
-from chamfer.systems.servo.settling import (
-    SettlingPlant,
-    allowed_increment,
-    allowed_large_error,
-)
+from chamfer.systems.servo.settling import SettlingPlant, allowed_axis
 
 _DIVIDERS: Final = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
 _HALVINGS: Final = 20
@@ -44,13 +39,7 @@ class SettlingTask:
             raise ParameterError("tolerance", self.tolerance, allowed)
 
 
-def timed_axis(
-    task: SettlingTask,
-    plant: SettlingPlant,
-    *,
-    dividers: Sequence[float] = _DIVIDERS,
-    limit: float = math.inf,
-) -> AxisParams:
+def timed_axis(task: SettlingTask, plant: SettlingPlant, *, limit: float = math.inf) -> AxisParams:
     """Return the state machine's parameters that do a task with the largest margin.
 
     A measured error inside the dead zone means that the true one is within the tolerance. Of all
@@ -60,62 +49,41 @@ def timed_axis(
     Args:
         task: What is wanted.
         plant: Gain and step response with all dead times, sampled at the task's period.
-        dividers: Of the large increment, that are tried.
         limit: Of the compensation.
 
     Raises:
         ParameterError: If even the largest increments that the theorem allows are too slow.
     """
     ticks = math.ceil(task.settling_time / task.period) + 1
-    best: tuple[float, AxisParams] | None = None
-    for divider in dividers:
 
-        def axis(share: float, divider: float = divider) -> AxisParams:
-            return _axis(task, plant, divider=divider, share=share, limit=limit)
+    def axis(divider: float, share: float) -> AxisParams:
+        return allowed_axis(
+            plant,
+            dead_zone=task.tolerance - task.measurement_error,
+            measurement_error=task.measurement_error,
+            divider=divider,
+            share=share,
+            limit=limit,
+        )
 
-        def in_time(share: float, axis: Callable[[float], AxisParams] = axis) -> bool:
-            return settled_after(axis(share), plant, task, ticks=ticks) <= task.settling_time
+    def in_time(one: AxisParams) -> bool:
+        return settled_after(one, plant, task, ticks=ticks) <= task.settling_time
 
-        if not in_time(1.0):
-            continue
+    shares: dict[float, float] = {}  # smallest one that is fast enough, by divider
+    for divider in _DIVIDERS:
         slow, fast = 0.0, 1.0
+        if not in_time(axis(divider, fast)):
+            continue
         for _ in range(_HALVINGS):
             middle = (slow + fast) / 2
-            slow, fast = (slow, middle) if in_time(middle) else (middle, fast)
-        if best is None or fast < best[0]:
-            best = fast, axis(fast)
-    if best is None:
-        fastest = [
-            _axis(task, plant, divider=divider, share=1.0, limit=limit) for divider in dividers
-        ]
-        least = min(settled_after(one, plant, task) for one in fastest)
+            slow, fast = (slow, middle) if in_time(axis(divider, middle)) else (middle, fast)
+        shares[divider] = fast
+    if not shares:
+        least = min(settled_after(axis(one, 1.0), plant, task) for one in _DIVIDERS)
         allowed = f"at least {least:.4g} s, for the state machine with this plant and camera"
         raise ParameterError("settling_time", task.settling_time, allowed)
-    return best[1]
-
-
-def _axis(
-    task: SettlingTask, plant: SettlingPlant, *, divider: float, share: float, limit: float
-) -> AxisParams:
-    """Return parameters that use a share of what the settling theorem allows."""
-    dead_zone, error = task.tolerance - task.measurement_error, task.measurement_error
-    increment = share * allowed_increment(
-        plant, dead_zone=dead_zone, measurement_error=error, divider=divider
-    )
-    large_error = allowed_large_error(
-        plant,
-        dead_zone=dead_zone,
-        measurement_error=error,
-        increment=increment,
-        divider=divider,
-    )
-    return AxisParams(
-        dead_zone=dead_zone,
-        large_error=large_error,
-        increment=increment,
-        divider=divider,
-        limit=limit,
-    )
+    best = min(shares, key=lambda one: shares[one])
+    return axis(best, shares[best])
 
 
 def settled_after(

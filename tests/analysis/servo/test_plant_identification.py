@@ -8,7 +8,7 @@ from chamfer.analysis.servo.plant_identification import (
     identify,
     pid_step,
 )
-from chamfer.models.plants.servo_plant import SpringMassDamperParams
+from chamfer.diagrams.servo.servo_scenario import PlantParams
 from chamfer.models.validation import ParameterError
 from chamfer.systems.servo.pid import PidParams
 
@@ -27,13 +27,13 @@ def test_the_plants_behind_fig_8(stiffness: float, mass: float, damping: float) 
 
 def test_the_default_plant_is_the_identified_one() -> None:
     plant = identify(rise_time=0.00888, overshoot=10.5, stiffness=700.0, pid=PidParams())
-    default = SpringMassDamperParams()
+    default = PlantParams()
     assert plant.mass == pytest.approx(default.mass, abs=1e-5)
     assert plant.damping == pytest.approx(default.damping, abs=1e-3)
 
 
 def test_a_known_plant_is_found_again() -> None:
-    known = SpringMassDamperParams(mass=1.7, damping=40.0, stiffness=500.0)
+    known = PlantParams(mass=1.7, damping=40.0, stiffness=500.0)
     measured = pid_step(known, PidParams(), 0.008)
     assert measured.rise_time is not None
     assert measured.overshoot is not None

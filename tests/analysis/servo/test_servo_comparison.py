@@ -10,18 +10,21 @@ import pytest
 from chamfer.analysis.campaign.campaign import Trials
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.scenario.experiment import Outcome, load, select
-from chamfer.analysis.servo.comparison_trials import (
+from chamfer.analysis.servo.servo_comparison import (
     CONDITIONS,
     CONTROLLERS,
     CRITERIA,
     ResolvedServoComparisonScenario,
     ServoComparisonScenario,
     StepSpread,
+    answer,
+    design_metrics,
+    differences,
     drawn,
     measure,
     resolve_comparison,
+    run,
 )
-from chamfer.analysis.servo.servo_comparison import answer, design_metrics, differences, run
 from chamfer.diagrams.servo.comparison_loop import ServoCameraParams
 from chamfer.models.plants.measured_step import unit_response
 from chamfer.models.plants.servo_plant import ServoPlantParams, transfer_function

@@ -11,9 +11,8 @@ from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
 from chamfer.analysis.report.checks import check
 from chamfer.analysis.scenario.experiment import Experiment, Metric, Outcome, load, select
-from chamfer.analysis.servo.servo_runs import growth_rate, run_compiled_loops, run_loops
-from chamfer.diagrams.servo.compiled_loop import fuse_pid_loop
-from chamfer.diagrams.servo.servo_loops import LOOPS
+from chamfer.analysis.servo.servo_response import growth_rate, run_loops
+from chamfer.diagrams.servo.servo_loops import LOOPS, make_pid_loop
 from chamfer.diagrams.servo.servo_scenario import (
     CameraParams,
     ServoScenario,
@@ -22,6 +21,7 @@ from chamfer.diagrams.servo.servo_scenario import (
     resolve,
 )
 from chamfer.models.validation import ParameterError
+from chamfer.systems.exact_discretisation import fuse
 from chamfer.systems.servo.desired_trajectory import Sinusoid, Step
 from chamfer.systems.servo.pid import PidParams
 
@@ -167,7 +167,7 @@ def test_a_shorter_sinusoid_than_can_be_measured_is_refused() -> None:
 def test_eq_2_is_unstable_on_the_commanded_position_only() -> None:
     scenario = resolve(StepScenario())
     rates = {
-        name: growth_rate(fuse_pid_loop(scenario, loop.form))
+        name: growth_rate(fuse(make_pid_loop(scenario, loop.form)))
         for name, loop in LOOPS.items()
         if loop.controller == "PID" and loop.form
     }
@@ -202,7 +202,7 @@ def test_a_compiled_run_is_the_run() -> None:
     scenario = resolve(SinusoidScenario(duration=0.7))
     run, compiled = (
         run_loops(scenario, list(LOOPS), seed=0),
-        run_compiled_loops(scenario, list(LOOPS), seed=0),
+        run_loops(scenario, list(LOOPS), seed=0, compiled=True),
     )
     assert compiled.growth == run.growth
     assert list(compiled.traces) == list(run.traces)

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chamfer.analysis.linear.simulate import simulate
-from chamfer.diagrams.servo.compiled_loop import FsmTrials, fuse_pid_loop, run_fsm_trials
-from chamfer.diagrams.servo.servo_loops import make_fsm_loop, make_pid_loop
+from chamfer.diagrams.servo.compiled_loop import FsmTrials, run_fsm_trials
+from chamfer.diagrams.servo.servo_loops import make_fsm_loop
 from chamfer.diagrams.servo.servo_scenario import (
     STEP,
     CameraParams,
@@ -18,14 +18,11 @@ from chamfer.diagrams.servo.servo_scenario import (
     fsm_axis,
 )
 from chamfer.models.plants.servo_plant import Form
-from chamfer.systems.exact_discretisation import fuse
 from chamfer.systems.servo.compensator import AxisParams
 from chamfer.systems.servo.desired_trajectory import Sinusoid, Step
-from chamfer.systems.servo.pid import PidParams
 
 FORMS = ("position", "velocity", "compliance")
 SIGNALS = ("desired_trajectory", "controller", "actual_trajectory")
-DESIRED = (Step(amplitude=0.7), Sinusoid(amplitude=0.7, frequency=5.0))
 EXAMPLES = 100
 CLOSE = 1e-9  # m, from a guard, where rounding may decide
 
@@ -134,34 +131,6 @@ def test_fsm_trials_are_what_the_diagram_does() -> None:
 
     compare()
     assert sum(set_aside) < 0.01 * len(set_aside)
-
-
-@settings(max_examples=30, deadline=None)
-@given(
-    seed=st.integers(0, 2**32 - 1), form=st.sampled_from(FORMS), desired=st.sampled_from(DESIRED)
-)
-def test_a_fused_pid_loop_is_the_diagram_to_the_last_digit(
-    seed: int, form: Form, desired: Step | Sinusoid
-) -> None:
-    random = np.random.default_rng(seed)
-    scenario = ServoScenario(
-        desired=desired,
-        plant=draw_plant(random, form),
-        pid=PidParams(
-            proportional=10 ** random.uniform(0, 3),
-            integral=10 ** random.uniform(0, 5),
-            derivative=random.uniform(-1, 1),
-            filter=10 ** random.uniform(2, 5),
-        ),
-    )
-    found, expected = fuse_pid_loop(scenario, form), fuse(make_pid_loop(scenario, form))
-    np.testing.assert_array_equal(found.A(), expected.A())
-    np.testing.assert_array_equal(found.C(), expected.C())
-    starts = [
-        loop.CreateDefaultContext().get_continuous_state_vector().CopyToVector()
-        for loop in (found, expected)
-    ]
-    np.testing.assert_array_equal(*starts)
 
 
 GRID = {"duration": 2.5, "step": 1 / 80}

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
 
+from chamfer.diagrams.servo.compiled_loop import compensate
 from chamfer.systems.servo.compensator import (
     AxisMemory,
     AxisParams,
@@ -16,7 +17,6 @@ from chamfer.systems.servo.compensator import (
     make_axis_chart,
     make_compensator_chart,
 )
-from chamfer.systems.servo.compiled_compensator import compensate
 
 # Binary fractions, so that sums of increments are exact.
 AXIS = AxisParams(dead_zone=0.125, large_error=1.0, increment=0.5, divider=4.0)
