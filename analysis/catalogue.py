@@ -273,7 +273,7 @@ CATALOGUE: Final = Catalogue(
             name="design-accuracy",
             paper=SERVOING,
             figure="section 5",
-            summary="whether designs are what they are called: drawn cells, each "
+            summary="whether designs are what they are called: randomised cells, each "
             "assessed and simulated",
             study=True,
             seconds=300,
@@ -337,7 +337,7 @@ CATALOGUE: Final = Catalogue(
         Entry(
             name="calibration-accuracy",
             paper=SERVOING,
-            summary="how exactly cameras are calibrated from drawn boards, and whether it says so",
+            summary="how exactly cameras are calibrated from rendered boards, and if it says so",
             study=True,
             seconds=300,
             module="chamfer.analysis.calibration.calibration_accuracy",

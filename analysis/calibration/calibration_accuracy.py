@@ -94,7 +94,7 @@ class DrawnCameras:
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationScenario:
-    """Sets of drawn pictures, each of another camera."""
+    """Sets of rendered images, each of another camera."""
 
     sets: int = 40  # of pictures
     pictures: int = 12  # of a set

@@ -76,14 +76,14 @@ class RemedyMeans:
 
 @dataclass(frozen=True, kw_only=True)
 class ChargingCampaignScenario:
-    """Drawn cycles, each with every remedy."""
+    """Randomised cycles, each with every remedy."""
 
     cycle: CrucibleChargingScenario = field(default_factory=lambda: _CYCLE)
     spread: SpreadParams = SpreadParams()
     means: RemedyMeans = RemedyMeans()
     remedies: tuple[str, ...] = ("none", "compensation")
     # of none, decoupling, compensation, soft_gripper and all
-    trials: int = 1  # drawn cycles, each of which is run with each remedy
+    trials: int = 1  # randomised cycles, each of which is run with each remedy
 
     def __post_init__(self) -> None:
         if not self.remedies or not set(self.remedies) <= set(REMEDIES):
@@ -117,7 +117,7 @@ REMEDIES: Final[dict[str, tuple[Remedy, ...]]] = {
     "all": (_decouple, _compensate, _soften),
 }
 CHARGING_CAMPAIGN: Final = ChargingCampaignScenario()
-# What of a drawn cycle is told in its row.
+# What of a randomised cycle is told in its row.
 DRAWN: Final = ("mass", "bias", "lean", "tilt", "wall_friction", "quill_friction", "size_error")
 SLIDES: Final = ("wall.slide_force_min", "wall.slide_force")  # N, drawn over the friction
 
@@ -138,7 +138,7 @@ def limits_of(cycle: CrucibleChargingScenario) -> tuple[Published, ...]:
 
 
 class RemedyTrial(NamedTuple):
-    """A drawn cycle with a remedy."""
+    """A randomised cycle with a remedy."""
 
     remedy: str
     trial: int
@@ -193,7 +193,7 @@ def _rougher(friction: SurfaceFriction, by: float) -> SurfaceFriction:
 
 
 def run_campaign(scenario: ChargingCampaignScenario, seed: int, progress: Progress) -> Outcome:
-    """Run every drawn cycle with every remedy."""
+    """Run every randomised cycle with every remedy."""
     # In the order of the draws, and none told how many there are: more go on where few ended.
     tasks = [
         RemedyTrial(remedy, trial)
@@ -342,7 +342,7 @@ def _shares(
         )
         look = {"color": color, "markersize": 4}
         draw_intervals(axes, rows + offset, share, low, high, look, label)
-    title = f"Share of drawn cycles (n = {trials}) within each limit, with 95 % intervals"
+    title = f"Share of randomised cycles (n = {trials}) within each limit, with 95 % intervals"
     dress(axes, title=title, x="share / %", y="")
     name_rows(axes, names)
     axes.set_xlim(-2, 102)

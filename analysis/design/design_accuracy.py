@@ -1,4 +1,4 @@
-"""Whether designs are as they are called: drawn cells, each assessed and simulated."""
+"""Whether designs are as they are called: randomised cells, each assessed and simulated."""
 
 import math
 from collections.abc import Mapping

@@ -60,7 +60,7 @@ class Sight(NamedTuple):
 
 
 def sight(scenario: ResolvedDesignScenario) -> Sight:
-    """Return what the cameras measure, by drawn pictures and by the law of edges.
+    """Return what the cameras measure, by rendered images and by the law of edges.
 
     The bias is that of a picture without noise of the aligned parts, with the true cameras, their
     light and lenses, measured with the believed ones; if ``spread.cameras`` is not zero, the
@@ -78,7 +78,7 @@ def sight(scenario: ResolvedDesignScenario) -> Sight:
 def sight_links(scenario: ResolvedDesignScenario, seen: Sight) -> list[Link]:
     """Return whether the parts are found: before the insertion, and on the way into the hole."""
     if seen.starts < seen.of_starts:
-        source = f"both parts found in {seen.starts} of {seen.of_starts} drawn pictures"
+        source = f"both parts found in {seen.starts} of {seen.of_starts} rendered images"
         first = at_least("sight", seen.starts / seen.of_starts, 1.0, "of the pictures", source)
     else:
         size = max(smallest_part(scenario), 1.0)

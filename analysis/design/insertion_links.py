@@ -1,6 +1,6 @@
 """What the errors at the touch make of the insertion: reach, wedging, jamming, forces, depth.
 
-Errors are those of the drawn cells (:mod:`chamfer.analysis.design.settling`), and each link's
+Errors are those of the randomised cells (:mod:`chamfer.analysis.design.settling`), and each link's
 bound is that of the worst one: of n drawn ones it bounds 1 - 3 / n of all, with 95 % confidence.
 """
 

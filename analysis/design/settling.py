@@ -1,4 +1,4 @@
-"""What the compensation leaves of the errors, and how soon: by theorem, and of drawn cells.
+"""What the compensation leaves of the errors, and how soon: by theorem, and of randomised cells.
 
 Drawn are the loops of all axes, all draws at once, until the parts touch.
 """

@@ -499,7 +499,7 @@ def _median(values: Array, unit: str, note: str) -> Metric:
 def _probability(
     scenario: InsertionMapScenario, drawn: DrawnCells, found: Trials[BlindFeedScenario]
 ) -> dict[str, Array]:
-    """Return a row a drawn cell: the share of draws that is seated, and its interval."""
+    """Return a row a randomised cell: the share of draws that is seated, and its interval."""
     rows: dict[str, list[float]] = {name: [] for name in _PROBABILITY}
     for start in scenario.starts(drawn.plane, drawn.points):
         of = found.select(partial(_same_cell, start))
@@ -523,7 +523,7 @@ def _same_cell(start: BlindFeedScenario, other: BlindFeedScenario) -> bool:
 
 
 def _overall(table: Mapping[str, Array]) -> dict[str, Metric]:
-    """Return success over the drawn cells of each verdict, with its interval."""
+    """Return success over the randomised cells of each verdict, with its interval."""
     metrics: dict[str, Metric] = {}
     for said in FeedVerdict:
         of = table["predicted_verdict"] == said

@@ -40,7 +40,7 @@ PUBLISHED: Final[tuple[Published, ...]] = (
                  "all parameters are assumed, the paper prints none"))),
     *(row for name, aim in _SUCCESS.items() for row in of(name,
         at_least("success_rate", aim, "%", "our aim",
-                 "the paper prints no rate; the errors of its worlds are assumed"),
+                 "the paper prints no rate; the errors that it drew are assumed"),
         at_most("false_done", 0.0, "%", "our aim",
                 "of a plug that is said to be mated and is not"),
         at_most("force.peak_share", 1.5, "", "our aim",
