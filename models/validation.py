@@ -8,8 +8,9 @@ came from (the command line) only has to put the path in front.
 import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import fields
 from reprlib import Repr
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 Value = TypeVar("Value")
 
@@ -82,6 +83,12 @@ def require_positive(params: object, *names: str, most: float = math.inf) -> Non
             raise ParameterError(name, value, "a finite number > 0")
         if value > most:
             raise ParameterError(name, value, f"a finite number > 0 and <= {most:g}")
+
+
+def require_all_positive(params: Any, *but: str) -> None:
+    """Raise :class:`ParameterError` unless every float of a dataclass but some is positive."""
+    names = [one.name for one in fields(params) if one.type is float and one.name not in but]
+    require_positive(params, *names)
 
 
 def require_not_negative(params: object, *names: str) -> None:

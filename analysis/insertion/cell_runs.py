@@ -28,10 +28,10 @@ from chamfer.systems.statechart.chart import Chart
 from chamfer.systems.strategies.insertion_chart import (
     STOPPED,
     WORDS,
+    InsertionTask,
     InsertionTrouble,
     make_insertion_chart,
 )
-from chamfer.systems.strategies.insertion_task import InsertionTask
 
 Array = NDArray[np.float64]
 

@@ -44,12 +44,12 @@ from chamfer.systems.force.desired_pose import FeedOffset
 from chamfer.systems.force.impedance_controller import SpringForce
 from chamfer.systems.servo.measurement_selector import MeasurementSelector
 from chamfer.systems.strategies.insertion_chart import (
+    InsertionTask,
     InsertionTaskParams,
     InsertParams,
     ResolvedInsertParams,
 )
 from chamfer.systems.strategies.insertion_decision import DecisionParams, InsertionRegion
-from chamfer.systems.strategies.insertion_task import InsertionTask
 from chamfer.systems.vision.cell_error import AXES
 
 FEED_SPEED: Final = 0.02  # m/s, of the feed; assumed

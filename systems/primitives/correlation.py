@@ -27,8 +27,8 @@ amplitude, and a g that drifts by d over the cycle adds d N / (2 pi).
 
 import cmath
 import math
-from dataclasses import dataclass, fields
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -140,10 +140,8 @@ class CorrelatorParams:
 
     def resolved(self, *, samples: int, period: float) -> "ResolvedCorrelatorParams":
         """Return the parameters with these values where they leave them open."""
-        own = {one.name: getattr(self, one.name) for one in fields(self)}
-        found = {"samples": samples, "period": period}
-        left_open = {name: value for name, value in found.items() if own[name] is None}
-        return ResolvedCorrelatorParams(**own | left_open)
+        given: dict[str, Any] = {k: value for k, value in vars(self).items() if value is not None}
+        return ResolvedCorrelatorParams(**{"samples": samples, "period": period} | given)
 
 
 @dataclass(frozen=True, kw_only=True)

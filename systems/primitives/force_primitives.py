@@ -7,7 +7,7 @@ perturbs: a maintained velocity v, once in contact, is the force ``D |v|``.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Final, Literal, NamedTuple
+from typing import Any, ClassVar, Final, Literal, NamedTuple
 
 from chamfer.models.validation import (
     ParameterError,
@@ -46,17 +46,14 @@ class PrimitiveLoad(NamedTuple):
 
 def along(direction: Direction, values: Vector) -> float:
     """Return the part of six elements, angular above linear, along or about a direction."""
-    return _sign(direction) * values[index_of(direction)]
+    value = values[index_of(direction)]
+    return -value if direction[0] == "-" else value
 
 
 def velocity(direction: Direction, speed: float) -> Vector:
     """Return the velocity, six elements, of a speed in a direction, m/s or rad/s."""
-    index = index_of(direction)
-    return tuple(_sign(direction) * speed if i == index else 0.0 for i in range(len(AXIS_NAMES)))
-
-
-def _sign(direction: Direction) -> float:
-    return -1.0 if direction[0] == "-" else 1.0
+    index, way = index_of(direction), -speed if direction[0] == "-" else speed
+    return tuple(way if i == index else 0.0 for i in range(len(AXIS_NAMES)))
 
 
 def index_of(direction: Direction) -> int:
@@ -70,14 +67,27 @@ def noise_of(sensed: Observation, index: int) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class GuardedMove(Primitive):
+class Directed(Primitive):
+    """A primitive along or about an axis."""
+
+    direction: Direction = "-z"
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "direction", DIRECTIONS)
+
+    def begin(self, sensed: Observation) -> Any:
+        """Remember where it begins."""
+        return along(self.direction, sensed.carriage)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuardedMove(Directed):
     """Moves straight, or turns, until it meets resistance.
 
     Events: ``contact`` when what opposes the motion reaches the threshold, ``lost`` at the limit.
     A threshold that the sensor's noise would reach is raised beyond it.
     """
 
-    direction: Direction = "-z"
     speed: float = 0.01  # m/s or rad/s; assumed
     threshold: float = 4.0  # N or N m, against the motion; assumed
     limit: float = 0.03  # m or rad, where it gives up; assumed
@@ -86,7 +96,7 @@ class GuardedMove(Primitive):
     WORD: ClassVar[str] = "gmove"
 
     def __post_init__(self) -> None:
-        require_one_of(self, "direction", DIRECTIONS)
+        super().__post_init__()
         require_positive(self, "speed", "threshold", "limit")
         require_not_negative(self, "sure")
 
@@ -100,10 +110,6 @@ class GuardedMove(Primitive):
         """How hard it pushes."""
         return PrimitiveLoad(self.direction, self.speed, self.threshold)
 
-    def begin(self, sensed: Observation) -> float:
-        """Remember where it begins."""
-        return along(self.direction, sensed.carriage)
-
     def step(self, sensed: Observation, memory: float, time: float) -> Stepped:
         """Go on, unless it meets something."""
         noise = self.sure * noise_of(sensed, index_of(self.direction))
@@ -115,20 +121,19 @@ class GuardedMove(Primitive):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stick(Primitive):
+class Stick(Directed):
     """Keeps contact by a maintained velocity, whose force is D times it, and watches over it.
 
     Event: ``lost`` when the tip has gone further than the threshold in the velocity's direction.
     """
 
-    direction: Direction = "-z"
     speed: float = 0.005  # m/s or rad/s, maintained; assumed
     threshold: float = 0.001  # m or rad; assumed
 
     WORD: ClassVar[str] = "stick"
 
     def __post_init__(self) -> None:
-        require_one_of(self, "direction", DIRECTIONS)
+        super().__post_init__()
         require_positive(self, "speed")
         if not self.threshold > 0:
             raise ParameterError("threshold", self.threshold, "a number > 0, infinity for none")
@@ -142,10 +147,6 @@ class Stick(Primitive):
     def load(self) -> PrimitiveLoad:
         """How hard it pushes."""
         return PrimitiveLoad(self.direction, self.speed)
-
-    def begin(self, sensed: Observation) -> float:
-        """Remember where it begins."""
-        return along(self.direction, sensed.carriage)
 
     def step(self, sensed: Observation, memory: float, time: float) -> Stepped:
         """Maintain the velocity while there is contact."""

@@ -17,10 +17,9 @@ from chamfer.models.validation import (
     require_finite,
     require_not_negative,
     require_numbers,
-    require_one_of,
     require_positive,
 )
-from chamfer.systems.primitives.force_primitives import DIRECTIONS, Direction, along
+from chamfer.systems.primitives.force_primitives import Directed, along
 from chamfer.systems.primitives.primitive import (
     STILL,
     Event,
@@ -117,7 +116,7 @@ class _Averaged(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Way(Primitive):
+class Way(Directed):
     """Looks, at rest, how far it is from where it began.
 
     It waits, then takes the mean. Events: ``done`` if that is between the bounds, else ``jammed``.
@@ -126,7 +125,6 @@ class Way(Primitive):
     the turn since then gives how high that point was.
     """
 
-    direction: Direction = "-z"
     least: float = 0.001  # m or rad
     most: float = math.inf  # m or rad
     beside: tuple[float, float] = (0.0, 0.0)  # m, along x and y: from the tip to what touched
@@ -136,7 +134,7 @@ class Way(Primitive):
     WORD: ClassVar[str] = "way"
 
     def __post_init__(self) -> None:
-        require_one_of(self, "direction", DIRECTIONS)
+        super().__post_init__()
         require_finite(self, "least")
         require_positive(self, "wait", "time")
         if not self.most > self.least:
@@ -176,8 +174,8 @@ class Way(Primitive):
 class _Weighed(NamedTuple):
     """Readings of the force downwards."""
 
-    sum: float  # N
-    readings: int
+    sum: float = 0.0  # N
+    readings: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,7 +210,7 @@ class Held(Primitive):
 
     def begin(self, sensed: Observation) -> _Weighed:
         """Nothing is weighed yet."""
-        return _Weighed(0.0, 0)
+        return _Weighed()
 
     def step(self, sensed: Observation, memory: _Weighed, time: float) -> Stepped:
         """Ask the gripper, and weigh."""
@@ -224,11 +222,8 @@ class Held(Primitive):
         weighed = _Weighed(memory.sum - sensed.wrench[_DOWN], memory.readings + 1)
         if closed < self.time:
             return Stepped(weighed)
-        return Stepped(weighed, STILL, "lost" if self._missing(weighed, sensed) else "done")
-
-    def _missing(self, weighed: _Weighed, sensed: Observation) -> bool:
-        """Return whether there is less than half of the weight, where that can be told."""
         if not self.weight or sensed.spread is None:
-            return False
+            return Stepped(weighed, STILL, "done")
         hidden = _SURE * sensed.spread[_DOWN] * math.sqrt(2 / weighed.readings)
-        return weighed.sum / weighed.readings < self.weight / 2 and hidden <= self.weight / 2
+        light = weighed.sum / weighed.readings < self.weight / 2
+        return Stepped(weighed, STILL, "lost" if light and hidden <= self.weight / 2 else "done")

@@ -17,20 +17,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Final, Literal, NamedTuple
 
-from chamfer.models.validation import (
-    ParameterError,
-    require_finite,
-    require_one_of,
-    require_positive,
-)
-from chamfer.systems.primitives.force_primitives import (
-    DIRECTIONS,
-    Direction,
-    PrimitiveLoad,
-    along,
-    velocity,
-)
-from chamfer.systems.primitives.primitive import STILL, Event, Observation, Primitive, Stepped
+from chamfer.models.validation import ParameterError, require_all_positive, require_finite
+from chamfer.systems.primitives.force_primitives import Directed, PrimitiveLoad, along, velocity
+from chamfer.systems.primitives.primitive import STILL, Event, Observation, Stepped
 from chamfer.systems.statechart.chart import TIME_TOLERANCE
 
 # Windows of a look whether it creeps: until the force has settled, and of a mean.
@@ -71,7 +60,7 @@ class _Pushing(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Seat(Primitive):
+class Seat(Directed):
     """Pushes with a rising force until the end stop, or until more force is not justified.
 
     Window by window it compares the means of place and force. Where the force rises as against
@@ -84,7 +73,6 @@ class Seat(Primitive):
     ``free`` and with ``share`` of all force at which it has moved, or with the limit.
     """
 
-    direction: Direction = "-z"
     speed: float = 0.006  # m/s or rad/s, at first; its force is D times it; assumed
     growth: float = 1.1  # of the speed, per window in which nothing moves; assumed
     fastest: float = 0.2  # m/s or rad/s, that the speed grows to at most; assumed
@@ -113,10 +101,9 @@ class Seat(Primitive):
     WORD: ClassVar[str] = "seat"
 
     def __post_init__(self) -> None:
-        require_one_of(self, "direction", DIRECTIONS)
-        require_positive(self, "speed", "fastest", "window", "still", "stiffness", "limit")
-        require_positive(self, "steepest")
+        super().__post_init__()
         require_finite(self, "distance")
+        require_all_positive(self, "distance", "harder")
         for name in ("growth", "rise", "share"):
             if not 1 < getattr(self, name) < math.inf:
                 raise ParameterError(name, getattr(self, name), "a finite number > 1")
@@ -224,8 +211,8 @@ class Seat(Primitive):
         looks = False
         if self.steep is not None and self.through is not None:
             looks = self.steep[0] <= memory.moved <= self.steep[1]
-        if looks and self.through is not None:
-            memory = memory._replace(proved=max(memory.proved, self.through / self.share))
+            if looks:
+                memory = memory._replace(proved=max(memory.proved, self.through / self.share))
         allowed = memory.proved if looks else self._most(memory)
         most = self._speed(memory, allowed)
         if memory.speed < most:
@@ -278,15 +265,10 @@ class Seat(Primitive):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Press(Primitive):
+class Press(Directed):
     """Goes on with the velocity that was commanded before it began; it has no event."""
 
-    direction: Direction = "-z"
-
     WORD: ClassVar[str] = "press"
-
-    def __post_init__(self) -> None:
-        require_one_of(self, "direction", DIRECTIONS)
 
     def begin(self, sensed: Observation) -> float:
         """Remember what accommodation perturbed last: the command of the state before."""

@@ -6,6 +6,7 @@ without Drake.
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Final, NamedTuple
 
 from chamfer.models.connectors.connector import Connector
@@ -20,7 +21,6 @@ from chamfer.systems.primitives.primitive import (
     STILL,
     Event,
     Observation,
-    Stepped,
     Vector,
     sensed_sizes,
 )
@@ -50,20 +50,25 @@ _ROUNDING = 1e-6  # samples
 _SIZE: Final = 6
 
 
-def check_skill(skill: Skill) -> None:
-    """Check what can be known without a clock.
+def _states_of(skill: Skill) -> Iterator[tuple[SkillState, str]]:
+    """Yield all states that run something, each with what a message calls it."""
+    for state in (*skill.states, _retract_of(skill)):
+        yield state, f"skill {skill.name!r}: {state.name!r}"
 
-    Raises:
-        ChartError: If a state runs nothing, has no finite time or one that is too short for what
-            it runs, has an answer to an event that can't be, counts from a mark that may not have
-            been made, or looks for the obstruction of a dither that it does not run.
-    """
+
+def _check_skill(skill: Skill) -> None:
+    """Check what can be known without a clock."""
     for state in skill.states:
         if state.name in (DONE, RETRACT, FAILED):
             raise ChartError(f"skill {skill.name!r}: {state.name!r} is a state of every skill")
-    for state in (*skill.states, retract_of(skill)):
-        where = f"skill {skill.name!r}: {state.name!r}"
-        _check_fields(skill.name, state, where)
+    for state, where in _states_of(skill):
+        if not state.run:
+            raise ChartError(f"{where} runs no primitive")
+        if not 0 < state.timeout < math.inf:
+            allowed = "allowed: a finite number > 0"
+            raise ChartError(f"{where}: the timeout is {state.timeout!r}, {allowed}")
+        if state.grip not in (None, "open", "close"):
+            raise ChartError(f"{where} has the grip {state.grip!r}, allowed: open, close, None")
         _check_answers(state, where)
         _check_times(state, where)
         for watch, axis, _ in _watched(state):
@@ -79,8 +84,7 @@ def check_timing(skill: Skill, period: float) -> None:
         ChartError: If a dither is too fast for the ticks, or the windows in which it is watched
             are not a cycle of it, or more than there is time for.
     """
-    for state in (*skill.states, retract_of(skill)):
-        where = f"skill {skill.name!r}: {state.name!r}"
+    for state, where in _states_of(skill):
         for dither in _dithers(state):
             fastest = 1 / (_TICKS * period)
             if dither.frequency > fastest:
@@ -115,7 +119,7 @@ def check_forces(skill: Skill, damping: Sequence[float], connector: Connector) -
     Raises:
         ChartError: If a force or torque is never reached, or more than the connector stands.
     """
-    for state in (*skill.states, retract_of(skill)):
+    for state, where in _states_of(skill):
         own = state.damping or STILL
         for primitive in state.run:
             load = getattr(primitive, "load", None)
@@ -126,22 +130,20 @@ def check_forces(skill: Skill, damping: Sequence[float], connector: Connector) -
             reached = (own[index] or damping[index]) * load.speed
             stands = connector.largest_force if linear else connector.largest_torque
             unit = "N" if linear else "N m"
-            where = f"skill {skill.name!r}: {state.name!r}: {primitive.label}"
             if reached <= load.force < math.inf:
                 raise ChartError(
-                    f"{where} ends at {load.force:g} {unit}, "
+                    f"{where}: {primitive.label} ends at {load.force:g} {unit}, "
                     f"allowed: less than {reached:g} {unit}, the damping times its speed"
                 )
             # What is pushed stiffly is not told by its speed.
             if stands < (most := min(load.force, reached)) < math.inf:
                 raise ChartError(
-                    f"{where} pushes with {most:g} {unit}, "
+                    f"{where}: {primitive.label} pushes with {most:g} {unit}, "
                     f"allowed: at most {stands:g} {unit}, which {connector.name} stands"
                 )
 
 
-def retract_of(skill: Skill) -> SkillState:
-    """Return the state in which a skill retracts after a failure."""
+def _retract_of(skill: Skill) -> SkillState:
     return SkillState(name=RETRACT, run=skill.retract, on={}, timeout=skill.retract_timeout)
 
 
@@ -150,18 +152,6 @@ def targets(answer: str | Retry | None) -> list[str]:
     if isinstance(answer, Retry):
         return [answer.target, *targets(answer.then)]
     return [] if answer is None else [answer]
-
-
-def _check_fields(skill: str, state: SkillState, where: str) -> None:
-    if not state.run:
-        raise ChartError(f"{where} runs no primitive")
-    if not 0 < state.timeout < math.inf:
-        raise ChartError(
-            f"skill {skill!r}: the timeout of {state.name!r} is {state.timeout!r}, "
-            "allowed: a finite number > 0"
-        )
-    if state.grip not in (None, "open", "close"):
-        raise ChartError(f"{where} has the grip {state.grip!r}, allowed: open, close, None")
 
 
 def _check_answers(state: SkillState, where: str) -> None:
@@ -250,7 +240,6 @@ class SkillMemory(NamedTuple):
 
 SkillChart = Chart[Observation, SkillMemory]
 _Tick = Tick[Observation, SkillMemory]
-_Action = Callable[[_Tick], SkillMemory]
 
 
 def make_skill_chart(skill: Skill) -> SkillChart:
@@ -260,11 +249,13 @@ def make_skill_chart(skill: Skill) -> SkillChart:
     transitions are the outcomes.
 
     Raises:
-        ChartError: If a name is unknown, used twice or taken, a state can't be reached, or
-            :func:`check_skill` refuses the skill.
+        ChartError: If a name is unknown, used twice or taken, or a state can't be reached, runs
+            nothing, has no finite time or one that is too short for what it runs, has an answer to
+            an event that can't be, counts from a mark that may not have been made, or looks for
+            the obstruction of a dither that it does not run.
     """
-    check_skill(skill)
-    retract = retract_of(skill)
+    _check_skill(skill)
+    retract = _retract_of(skill)
     states = [*map(_chart_state, skill.states), _chart_state(retract)]
     transitions = [t for state in skill.states for t in _transitions(state)]
     ends = [
@@ -306,16 +297,20 @@ def _chart_state(state: SkillState) -> State[Observation, SkillMemory]:
         )
 
     def during(tick: _Tick) -> SkillMemory:
-        _require_finite(tick.inputs)
+        for name in ("carriage", "motion", "wrench", "perturbed"):
+            values = getattr(tick.inputs, name)
+            if not all(map(math.isfinite, values)):  # no guard would ever see it
+                raise ParameterError(name, list(values), "finite numbers")
         time = tick.time_in_state
         stepped = [
             primitive.step(tick.inputs, memory, time)
             for primitive, memory in zip(run, tick.memory.memories, strict=True)
         ]
         event = next((one.event for one in stepped if one.event is not None), None)
+        total = tuple(sum(one.velocity[i] for one in stepped) for i in range(_SIZE))
         return tick.memory._replace(
             # What has ended commands nothing more, also in the tick before it is left.
-            velocity=STILL if event is not None else _sum(stepped),
+            velocity=STILL if event is not None else total,
             event=event,
             memories=tuple(one.memory for one in stepped),
         )
@@ -326,21 +321,10 @@ def _chart_state(state: SkillState) -> State[Observation, SkillMemory]:
     return State(name=state.name, entry=entry, during=during, note=", ".join(labels))
 
 
-def _require_finite(sensed: Observation) -> None:
-    """Raise if a force or a place is not known: no guard would ever see it."""
-    for name in ("carriage", "motion", "wrench", "perturbed"):
-        values: Vector = getattr(sensed, name)
-        if not all(map(math.isfinite, values)):
-            raise ParameterError(name, list(values), "finite numbers")
-
-
-def _sum(stepped: Sequence[Stepped]) -> Vector:
-    return tuple(sum(one.velocity[i] for one in stepped) for i in range(_SIZE))
-
-
 def _stop(tick: _Tick) -> SkillMemory:
-    still = tick.memory._replace(velocity=STILL, event=None, memories=(), damping=STILL)
-    return still._replace(looks=False, tares=False)
+    return tick.memory._replace(
+        velocity=STILL, event=None, memories=(), damping=STILL, looks=False, tares=False
+    )
 
 
 def _late(state: SkillState, tick: _Tick) -> bool:
@@ -350,24 +334,24 @@ def _late(state: SkillState, tick: _Tick) -> bool:
 def _transitions(state: SkillState) -> list[Transition[Observation, SkillMemory]]:
     found = []
     for outcome, answer in state.on.items():
-        guard = _guard(state, outcome)
         if isinstance(answer, str):
+            guard = _guard(state, outcome)
             found.append(Transition(source=state.name, target=answer, label=outcome, guard=guard))
             continue
         first, label = 0, str(outcome)
         retry: Retry | None = answer
         while retry is not None:
-            last = first + retry.at_most
+            tries = range(first, first + retry.at_most)
             found.append(
                 Transition(
                     source=state.name,
                     target=retry.target,
                     label=f"{label}, {retry.at_most} times at most",
-                    guard=_while_tried(guard, (state.name, outcome), first, last),
-                    action=_count((state.name, outcome)),
+                    guard=_guard(state, outcome, tries),
+                    action=partial(_counted, (state.name, outcome)),
                 )
             )
-            first, retry, label = last, retry.then, f"{outcome} again"
+            first, retry, label = tries.stop, retry.then, f"{outcome} again"
 
     def ended(tick: _Tick) -> bool:
         return tick.memory.event is not None or _late(state, tick)
@@ -382,25 +366,27 @@ def _transitions(state: SkillState) -> list[Transition[Observation, SkillMemory]
     return found
 
 
-def _guard(state: SkillState, outcome: Outcome) -> Callable[[_Tick], bool]:
-    if outcome == "timed out":
-        return lambda tick: tick.memory.event is None and _late(state, tick)
-    return lambda tick: tick.memory.event == outcome
-
-
-def _while_tried(
-    guard: Callable[[_Tick], bool], edge: tuple[str, str], first: int, last: int
+def _guard(
+    state: SkillState, outcome: Outcome, tries: range | None = None
 ) -> Callable[[_Tick], bool]:
-    return lambda tick: guard(tick) and first <= tick.memory.tried(*edge) < last
+    """Return the guard of an outcome, the first time or as often as it was tried again."""
+
+    def guard(tick: _Tick) -> bool:
+        event = tick.memory.event
+        ends = event is None and _late(state, tick) if outcome == "timed out" else event == outcome
+        return ends and (tries is None or tick.memory.tried(state.name, outcome) in tries)
+
+    return guard
 
 
-def _count(edge: tuple[str, str]) -> _Action:
-    def action(tick: _Tick) -> SkillMemory:
-        memory = tick.memory
-        counts = {**dict(memory.retries), edge: memory.tried(*edge) + 1}
-        return memory._replace(retries=tuple(counts.items()))
+def _counted(edge: tuple[str, str], tick: _Tick) -> SkillMemory:
+    memory = tick.memory
+    counts = {**dict(memory.retries), edge: memory.tried(*edge) + 1}
+    return memory._replace(retries=tuple(counts.items()))
 
-    return action
+
+def _flag(name: str) -> MachineOutput[SkillMemory]:
+    return MachineOutput(size=1, read=lambda memory: (float(getattr(memory, name)),))
 
 
 class SkillMachine(StateMachine[Observation, SkillMemory]):
@@ -454,9 +440,7 @@ class SkillMachine(StateMachine[Observation, SkillMemory]):
             sizes=sensed_sizes(parts),
             outputs={
                 "velocity": MachineOutput(size=_SIZE, read=lambda memory: memory.velocity),
-                "closed": MachineOutput(size=1, read=lambda memory: (float(memory.closed),)),
-                "looks": MachineOutput(size=1, read=lambda memory: (float(memory.looks),)),
-                "tares": MachineOutput(size=1, read=lambda memory: (float(memory.tares),)),
+                **{name: _flag(name) for name in ("closed", "looks", "tares")},
                 "damping": MachineOutput(size=_SIZE, read=lambda memory: memory.damping),
                 "retries": MachineOutput(
                     size=1,

@@ -7,7 +7,7 @@ frequencies.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Final, Literal
 
 import numpy as np
@@ -21,12 +21,12 @@ from chamfer.models.validation import (
     require_positive,
 )
 from chamfer.systems.primitives.primitive import STILL, Event, Observation, Primitive, Stepped
+from chamfer.systems.statechart.chart import TIME_TOLERANCE
 
 Axis = Literal["x", "y", "z"]
 
 AXES: Final[tuple[Axis, ...]] = ("x", "y", "z")
 _ELEMENTS: Final = ("rx", "ry", "rz", "x", "y", "z")
-_TOLERANCE: Final = 1e-9  # s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +57,7 @@ class MoveDx(Primitive):
 
     def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
         """Return the velocity; the event ``done`` when the way is covered."""
-        if time >= self.duration - _TOLERANCE:
+        if time >= self.duration - TIME_TOLERANCE:
             return Stepped(None, STILL, "done")
         return Stepped(None, tuple(way / self.duration for way in self.displacement))
 
@@ -99,7 +99,7 @@ class Dither(Primitive):
 
     def done(self, time: float) -> bool:
         """Say whether the cycles are done."""
-        return time >= self.duration - _TOLERANCE
+        return time >= self.duration - TIME_TOLERANCE
 
     @property
     def label(self) -> str:
@@ -125,32 +125,17 @@ def lissajous(*, first: Dither, axis: Axis, repeats: int) -> tuple[Dither, Dithe
     """Return two dithers that together cover an area, frequencies (N + 1) / N apart (section 2).
 
     Args:
-        first: The slower one; its cycles are set to ``repeats``.
+        first: The slower one; its cycles are set to N, ``repeats``, until the pattern repeats.
         axis: Of the faster one.
-        repeats: N, cycles of the slower one until the pattern repeats.
-
-    Raises:
-        ParameterError: If the axes are the same or N is not positive.
+        repeats: N.
     """
     if axis == first.axis:
         raise ParameterError("axis", axis, f"another one than {first.axis}")
     if not repeats >= 1:
         raise ParameterError("repeats", repeats, "a whole number >= 1")
     ratio = (repeats + 1) / repeats
-    slow = Dither(
-        kind=first.kind,
-        axis=first.axis,
-        amplitude=first.amplitude,
-        frequency=first.frequency,
-        cycles=float(repeats),
-    )
-    fast = Dither(
-        kind=first.kind,
-        axis=axis,
-        amplitude=first.amplitude,
-        frequency=ratio * first.frequency,
-        cycles=float(repeats + 1),
-    )
+    slow = replace(first, cycles=float(repeats))
+    fast = replace(first, axis=axis, frequency=ratio * first.frequency, cycles=float(repeats + 1))
     return slow, fast
 
 
@@ -194,7 +179,7 @@ class Spiral(Primitive):
 
     def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
         """Return the velocity; the event ``done`` at the end."""
-        if time >= self.duration - _TOLERANCE:
+        if time >= self.duration - TIME_TOLERANCE:
             return Stepped(None, STILL, "done")
         angle = self.angle(time)
         rate = self.speed / math.hypot(1.0, angle)  # of the radius, and of the turn around
@@ -236,8 +221,7 @@ class TrajectoryPrimitive(LeafSystem):
         nothing = Observation(STILL, STILL, STILL)  # they follow the time alone
 
         def calc(context: Context, vector: BasicVector) -> None:
-            time = context.get_time()
-            steps = [primitive.step(nothing, None, time) for primitive in primitives]
-            vector.SetFromVector(np.sum([one.velocity for one in steps], axis=0))
+            steps = [one.step(nothing, None, context.get_time()).velocity for one in primitives]
+            vector.SetFromVector(np.sum(steps, axis=0))
 
         self.DeclareVectorOutputPort("velocity", 6, calc, {self.time_ticket()})

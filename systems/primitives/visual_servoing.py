@@ -18,26 +18,21 @@ from numpy.typing import NDArray
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.validation import ParameterError, require_positive
 from chamfer.systems.primitives.primitive import STILL, Event, Observation, Vector
+from chamfer.systems.statechart.chart import TIME_TOLERANCE
 from chamfer.systems.vision.part_detection import Detection
 from chamfer.systems.vision.part_detector import DETECTION_SIZE, unpack_detections
 
 Array = NDArray[np.float64]
 
-_TOLERANCE: Final = 1e-9  # s
 _MOVED: Final = (0.005, 0.001)  # rad, m, after which a live image cannot be the same
 
 
 def image_law(J: Array, deviation: Array, *, period: float, damping: Array) -> Array:
     """Return ``u = -(T J' T J + L)^-1 T J' (x - x_D)``: eq. of [13] with Q = 1.
 
-    It makes ``|x + T J u - x_D|^2 + u' L u`` least: the error that is expected a period later and
-    what the motion costs.
-
-    Args:
-        J: How the features move with u, shape (m, n), m >= n.
-        deviation: x - x_D, the features and where they should be, shape (m,).
-        period: T, s.
-        damping: L, shape (n, n).
+    It makes ``|x + T J u - x_D|^2 + u' L u`` least: the error that is expected a period T, s,
+    later and what the motion costs. J, how the features move with u, has the shape (m, n), m >= n,
+    the ``deviation`` x - x_D (m,), the ``damping`` L (n, n).
     """
     step = period * J
     u: Array = np.asarray(np.linalg.solve(step.T @ step + damping, -step.T @ deviation))
@@ -111,12 +106,7 @@ class ServoingParams:
 
     def with_frames(self, period: float) -> "Servoing":
         """Return the law for frames of a period, s."""
-        return Servoing(
-            gain=self.gain,
-            settled_frames=self.settled_frames,
-            lost_frames=self.lost_frames,
-            period=period,
-        )
+        return Servoing(**vars(self), period=period)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,7 +164,7 @@ class Servoing(ServoingParams):
         return watch._replace(settled=None, missing=first), event
 
     def _lasted(self, duration: float, frames: int) -> bool:
-        return duration >= frames * self.period - _TOLERANCE
+        return duration >= frames * self.period - TIME_TOLERANCE
 
 
 def _moved(before: Vector, after: Vector) -> bool:
@@ -194,11 +184,7 @@ class StaticCameras:
         require_positive(self, "depth")
 
     def views(self, names: Sequence[str]) -> list[Camera]:
-        """Return cameras by the names of their views.
-
-        Raises:
-            ParameterError: If one is not there.
-        """
+        """Return cameras by the names of their views; all have to be there."""
         cameras = []
         for name in names:
             camera: Camera | None = getattr(self, name)
@@ -209,12 +195,7 @@ class StaticCameras:
 
 
 def seen_part(sensed: Observation, view: str, part: int) -> Detection | None:
-    """Return what a static camera sees of a part; None: it sees nothing of it.
-
-    Args:
-        sensed: What the primitive may know.
-        view: ``xz`` or ``yz``.
-        part: Its place in the detections, from 0.
+    """Return what a static camera sees of a part, by its place in the detections; None: nothing.
 
     Raises:
         ParameterError: If the camera looks for fewer parts.

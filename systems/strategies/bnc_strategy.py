@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal, get_args
 
 from chamfer.models.connectors.bnc_connector import BncConnector
-from chamfer.models.validation import require_one_of, require_positive
+from chamfer.models.validation import require_one_of
 from chamfer.systems.primitives.force_primitives import Obstructed, Stick
 from chamfer.systems.primitives.position_primitives import Way
 from chamfer.systems.primitives.seating import Press, Seat
@@ -57,24 +57,6 @@ class BncConnectorSkillParams(PlugInsertionParams):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(
-            self,
-            "wider",
-            "stud_limit",
-            "face_time",
-            "face",
-            "end",
-            "sweep_amplitude",
-            "sweep_frequency",
-            "turn_speed",
-            "turn_torque",
-            "turn_distance",
-            "pull_speed",
-            "pull_force",
-            "pull_limit",
-            "rise",
-            "harder",
-        )
         require_one_of(self, "turn", get_args(Turn))
 
 
@@ -85,14 +67,10 @@ def make_bnc_connector_skill(
     period: float = 0.01,
     before: Sequence[SkillState] = (),
 ) -> Skill:
-    """Return the skill.
+    """Return the skill, for a connector as it is believed to be.
 
-    Args:
-        params: Speeds, forces and amplitudes.
-        connector: As it is believed to be: its depths and its mating force.
-        period: s, between two ticks.
-        before: States that grasp and transport the plug; the last one leads to ``tare``.
-            Without them the plug is held from the begin.
+    The ticks are ``period`` apart, s. The states ``before`` grasp and transport the plug, the last
+    one leads to ``tare``; without them it is held from the begin.
     """
     stick = Stick(speed=params.maintained, threshold=params.drop)
     again = Retry("out", params.retries)
@@ -154,23 +132,16 @@ def make_bnc_connector_skill(
             on={"contact": "at the studs", "lost": "at the studs"},
             timeout=5.0,
         ),
-        SkillState(
-            name="at the studs",
-            from_mark=True,
-            run=[params.hold, depth(connector.setback - params.drop)],
-            on={"done": "feel", "jammed": again},
-            timeout=1.0,
+        params.at_least(
+            "at the studs",
+            depth(connector.setback - params.drop),
+            {"done": "feel", "jammed": again},
         ),
-        SkillState(
-            name="feel",
-            from_mark=True,
-            run=[
-                params.hold,
-                # Deeper than the studs is one whose slots they are in.
-                depth(connector.setback + params.drop / 2),
-            ],
-            on={"done": "compress", "jammed": "find slots"},
-            timeout=1.0,
+        params.at_least(
+            "feel",
+            # Deeper than the studs is one whose slots they are in.
+            depth(connector.setback + params.drop / 2),
+            {"done": "compress", "jammed": "find slots"},
         ),
         SkillState(
             name="find slots",

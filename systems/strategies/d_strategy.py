@@ -12,10 +12,10 @@ that is known, and how high the edge was beside its middle with it.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 from chamfer.models.connectors.d_connector import DConnector
-from chamfer.models.validation import require_not_negative, require_positive
+from chamfer.models.validation import require_not_negative
 from chamfer.systems.primitives.force_primitives import Hold, Level, Obstructed
 from chamfer.systems.primitives.position_primitives import Centre, Way
 from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
@@ -29,14 +29,7 @@ from chamfer.systems.strategies.face_and_search import (
 )
 
 _ACROSS: Final[tuple[Axis, ...]] = ("x", "y")
-_LYING: Final = (
-    math.inf,
-    0.0,
-    math.inf,
-    math.inf,
-    math.inf,
-    0.0,
-)  # damping: only ry and z give way
+_LYING: Final = (math.inf, 0.0, math.inf, math.inf, math.inf, 0.0)  # only ry and z give way
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,27 +63,11 @@ class DConnectorSkillParams(PlugInsertionParams):
     verify_threshold: float = 1.1
     # of the correlation C, below it the plug is held; free is pi^2/8
 
+    MAY_BE_ZERO: ClassVar = ("twist_amplitude", "settle_amplitude", "push_dither")
+
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(
-            self,
-            "level_time",
-            "search_threshold",
-            "twist_frequency",
-            "turn_gain",
-            "settle_cycles",
-            "entry",
-            "short",
-            "through_share",
-            "back_off",
-            "pull_speed",
-            "pull_force",
-            "pull_limit",
-            "verify_amplitude",
-            "verify_frequency",
-            "verify_threshold",
-        )
-        require_not_negative(self, "twist_amplitude", "settle_amplitude", "push_dither")
+        require_not_negative(self, *self.MAY_BE_ZERO)
 
 
 def make_d_connector_skill(
@@ -100,18 +77,15 @@ def make_d_connector_skill(
     period: float = 0.01,
     before: Sequence[SkillState] = (),
 ) -> Skill:
-    """Return the skill.
+    """Return the skill, for a connector as it is believed to be.
 
-    Args:
-        params: Speeds, forces and amplitudes.
-        connector: As it is believed to be: its depths, its rim and its mating force.
-        period: s, between two ticks.
-        before: States that grasp and transport the plug; the last one leads to ``tare``.
-            Without them the plug is held from the begin.
+    The ticks are ``period`` apart, s. The states ``before`` grasp and transport the plug, the last
+    one leads to ``tare``; without them it is held from the begin.
     """
     section = connector.plug_section
     rim = (0.0, -(section.height / 2 + connector.lead_in))  # its narrow edge, which touches first
     mated = connector.mated_depth - params.short
+    again = Retry("out", params.retries)
     duration = params.search[0].duration
     twist = Dither(
         kind="rotary",
@@ -156,16 +130,12 @@ def make_d_connector_skill(
             name="rotary search",
             from_mark=True,
             run=[*params.searching, twist, Centre(dither=twist, gain=params.turn_gain)],
-            on={"lost": "settle", "done": Retry("out", params.retries)},
+            on={"lost": "settle", "done": again},
             timeout=2 * duration,
         ),
         settled(params.hold, params.settle_amplitude, params.settle_cycles, then="feel"),
-        SkillState(
-            name="feel",
-            from_mark=True,
-            run=[params.hold, depth(connector.pin_depth - params.entry)],
-            on={"done": "push", "jammed": Retry("out", params.retries)},
-            timeout=1.0,
+        params.at_least(
+            "feel", depth(connector.pin_depth - params.entry), {"done": "push", "jammed": again}
         ),
         SkillState(
             name="push",
@@ -187,17 +157,11 @@ def make_d_connector_skill(
             ],
             on={
                 "done": "rest",
-                "jammed": Retry("back off", 1, then=Retry("out", params.retries)),
+                "jammed": Retry("back off", 1, then=again),
             },
             timeout=30.0,
         ),
-        SkillState(
-            name="rest",
-            from_mark=True,
-            run=[params.hold, depth(mated)],
-            on={"done": "verify", "jammed": Retry("free", 1)},
-            timeout=1.0,
-        ),
+        params.at_least("rest", depth(mated), {"done": "verify", "jammed": Retry("free", 1)}),
         SkillState(
             name="back off",
             run=[up(params.back_off, 0.2)],

@@ -8,16 +8,18 @@ the search by a tilted peg are not of the paper; their primitives are. All numbe
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 from chamfer.models.connectors.connector import Connector
-from chamfer.models.validation import ParameterError, require_positive
+from chamfer.models.validation import ParameterError, require_all_positive
 from chamfer.systems.primitives.force_primitives import GuardedMove, Hold, Stick
 from chamfer.systems.primitives.position_primitives import Centre, Place, Way
 from chamfer.systems.primitives.primitive import Primitive
 from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import Outcome, Retry, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx, lissajous
+
+Answers = Mapping[Outcome, str | Retry]
 
 # Damping of accommodation, 0 for its own. Where nothing is touched nothing has to give way, so
 # that neither bias nor noise moves the tool; on the face it is laid down; gives way to forces
@@ -48,19 +50,17 @@ class FaceFeelingParams:
     out_speed: float = 0.1  # m/s, of a plug that is pulled out: D times it overcomes what holds it
     retract: float = 0.03  # m, back from the socket after a failure
 
+    MAY_BE_ZERO: ClassVar[tuple[str, ...]] = ()  # all other floats are positive
+
     def __post_init__(self) -> None:
-        require_positive(self, "tare_time", "approach_speed", "contact_force", "approach_limit")
-        require_positive(self, "beside", "clearance", "maintained", "limit_share")
-        require_positive(self, "free_share")
-        require_positive(self, "out_speed", "retract")
+        require_all_positive(self, *self.MAY_BE_ZERO)
         if not self.limit_share >= 1:
             allowed = "a number >= 1: with less than its mating force nothing mates"
             raise ParameterError("limit_share", self.limit_share, allowed)
         if not self.free_share <= self.limit_share:
             allowed = f"at most limit_share, {self.limit_share:g}"
             raise ParameterError("free_share", self.free_share, allowed)
-        if not (isinstance(self.retries, int) and self.retries >= 1):
-            raise ParameterError("retries", self.retries, "a whole number >= 1")
+        require_whole(self, "retries")
 
     @property
     def hold(self) -> Stick:
@@ -92,14 +92,8 @@ class FaceFeelingParams:
         """
         way = (0.0, 0.0, 0.0, 0.0, self.beside, 0.0)
         return (
-            self._tare("tare", "beside"),
-            SkillState(
-                name="beside",
-                run=[MoveDx(displacement=way, duration=0.5)],
-                on={"done": "touch"},
-                timeout=1.0,
-                damping=STIFF,
-            ),
+            tare("tare", self.tare_time, "beside"),
+            moved("beside", MoveDx(displacement=way, duration=0.5), "touch"),
             SkillState(
                 name="touch",
                 run=[self.guarded(self.approach_limit)],
@@ -130,7 +124,7 @@ class FaceFeelingParams:
                 on={"done": "tare again"},
                 timeout=3.0,
             ),
-            self._tare("tare again", then),
+            tare("tare again", self.tare_time, then),
         )
 
     @property
@@ -138,14 +132,10 @@ class FaceFeelingParams:
         """Goes over where the plug goes in, from the mark."""
         return Place(offset=(0.0, -self.beside, self.clearance))
 
-    def _tare(self, name: str, then: str) -> SkillState:
+    def at_least(self, name: str, depth: Way, on: Answers, *, timeout: float = 1.0) -> SkillState:
+        """Return the state that looks whether a plug at rest is that deep, from the mark."""
         return SkillState(
-            name=name,
-            run=[MoveDx(duration=self.tare_time)],
-            on={"done": then},
-            timeout=2 * self.tare_time,
-            tares=True,
-            damping=STIFF,
+            name=name, from_mark=True, run=[self.hold, depth], on=on, timeout=timeout
         )
 
     @property
@@ -168,10 +158,7 @@ class PlugInsertionParams(FaceFeelingParams):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "drop", "search_press", "hold_gain", "centring")
-        require_positive(self, "search_amplitude", "search_frequency")
-        if not (isinstance(self.search_repeats, int) and self.search_repeats >= 1):
-            raise ParameterError("search_repeats", self.search_repeats, "a whole number >= 1")
+        require_whole(self, "search_repeats")
 
     @property
     def search(self) -> tuple[Dither, Dither]:
@@ -196,8 +183,27 @@ class PlugInsertionParams(FaceFeelingParams):
         )
 
 
+def require_whole(params: object, name: str) -> None:
+    """Raise :class:`ParameterError` unless the named field is a whole number, 1 or more."""
+    value = getattr(params, name)
+    if not (isinstance(value, int) and value >= 1):
+        raise ParameterError(name, value, "a whole number >= 1")
+
+
+def tare(name: str, time: float, then: str) -> SkillState:
+    """Return the state in which the force sensor takes its zero for a time, s."""
+    return replace(moved(name, MoveDx(duration=time), then), tares=True)
+
+
+def moved(name: str, motion: MoveDx, then: str) -> SkillState:
+    """Return the state of a motion in free space."""
+    return SkillState(
+        name=name, run=[motion], on={"done": then}, timeout=2 * motion.duration, damping=STIFF
+    )
+
+
 def pull_test(
-    on: Mapping[Outcome, str | Retry],
+    on: Answers,
     *,
     speed: float,
     force: float,
@@ -243,39 +249,20 @@ class TouchParams(FaceFeelingParams):
     end: float = 0.001  # m, before the mated depth, from which on a stop counts as the end
     short: float = 0.00025  # m, that what is mated may seem to lack of its depth
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_positive(self, "lie_time", "entered", "drop", "push_speed", "end", "short")
-
     def laid_flat(self, *, then: str) -> tuple[SkillState, ...]:
-        """Return the states from ``tare`` on until the plug is flat, above its socket.
-
-        Args:
-            then: State that follows.
-        """
-        return self.feel_face(
-            MoveDx(duration=self.lie_time),
-            timeout=2 * self.lie_time,
-            damping=_LYING,
-            then=then,
-        )
+        """Return the states from ``tare`` on until the plug is flat, above its socket."""
+        lies = MoveDx(duration=self.lie_time)
+        return self.feel_face(lies, timeout=2 * self.lie_time, damping=_LYING, then=then)
 
     def at_depth(self, depth: float, then: str, again: Retry) -> SkillState:
         """Return the state that looks how deep a plug at rest is, m."""
-        return SkillState(
-            name="depth",
-            from_mark=True,
-            run=[self.hold, Way(least=depth - self.short)],
-            on={"done": then, "jammed": again},
-            timeout=2.0,
-        )
+        on: Answers = {"done": then, "jammed": again}
+        return self.at_least("depth", Way(least=depth - self.short), on, timeout=2.0)
 
     def touched(self, *, search: str, found: str) -> tuple[SkillState, ...]:
         """Return the states from ``tare`` on until the plug is on the face over its socket.
 
-        Args:
-            search: State that follows where the plug stands on the face.
-            found: State that follows where it has gone into its socket at once.
+        There ``search`` follows; ``found`` where it has gone into its socket at once.
         """
         return (
             *self.laid_flat(then="down"),
@@ -316,10 +303,7 @@ class TiltSearchParams:
     stand_time: float = 1.5  # s, in which it is stood up
 
     def __post_init__(self) -> None:
-        require_positive(
-            self, "back", "lean_time", "speed", "threshold", "press", "amplitude", "cycles"
-        )
-        require_positive(self, "frequency", "stand_time")
+        require_all_positive(self)
         if not 0 < self.angle < math.pi / 6:
             raise ParameterError("angle", self.angle, "0 < angle < pi/6 rad")
 
@@ -335,23 +319,13 @@ class TiltSearchParams:
     ) -> tuple[SkillState, ...]:
         """Return the states from ``lean`` on, which begins over the hole, in free space.
 
-        Args:
-            touch: How it touches.
-            radius: Of the peg, m.
-            found: State that follows a peg in the hole.
-            again: What follows where it is not.
+        ``found`` follows a peg in the hole, of a radius in m, and ``again`` where it is not.
         """
         low = radius * math.sin(self.angle)  # of the rim, below its middle
         lean = (self.angle, 0.0, 0.0, 0.0, self.back, low)
         wall = Stick(direction="-y", speed=self.press, threshold=math.inf)
         return (
-            SkillState(
-                name="lean",
-                run=[MoveDx(displacement=lean, duration=self.lean_time)],
-                on={"done": "lower"},
-                damping=STIFF,
-                timeout=2 * self.lean_time,
-            ),
+            moved("lean", MoveDx(displacement=lean, duration=self.lean_time), "lower"),
             SkillState(
                 name="lower",
                 from_mark=True,

@@ -7,20 +7,25 @@ and close again all around.
 """
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.models.validation import ParameterError, require_not_negative, require_positive
+from chamfer.models.validation import (
+    require_all_positive,
+    require_not_negative,
+    require_positive,
+)
 from chamfer.systems.primitives.position_primitives import Held, Place
+from chamfer.systems.primitives.primitive import Primitive
 from chamfer.systems.primitives.skill import Retry, SkillState
-from chamfer.systems.primitives.trajectory_primitives import MoveDx
+from chamfer.systems.primitives.trajectory_primitives import AXES
 from chamfer.systems.primitives.vision_primitives import VisTranslation
 from chamfer.systems.primitives.visual_servoing import Servoing, StaticCameras
-from chamfer.systems.strategies.face_and_search import STIFF
+from chamfer.systems.strategies.face_and_search import STIFF, tare, up
 
 PLUG: Final = 0  # places of the parts in the detections
 SOCKET: Final = 1
@@ -62,17 +67,7 @@ class GraspAndTransportParams:
     timeout: float = 15.0  # s, of every state
 
     def __post_init__(self) -> None:
-        require_positive(
-            self,
-            "mark",
-            "weighing_time",
-            "closing_time",
-            "around",
-            "lift",
-            "speed",
-            "tolerance",
-            "timeout",
-        )
+        require_all_positive(self, "weight")
         if self.top is not None:
             require_positive(self, "top")
         if self.weight is not None:
@@ -80,10 +75,9 @@ class GraspAndTransportParams:
 
     def resolved(self, *, top: float, weight: float) -> "ResolvedGraspAndTransportParams":
         """Return the parameters with these values where they leave them open."""
-        own = {one.name: getattr(self, one.name) for one in fields(self)}
         found = {"top": top, "weight": weight}
-        left_open = {name: value for name, value in found.items() if own[name] is None}
-        return ResolvedGraspAndTransportParams(**own | left_open)
+        given = {name: value for name, value in vars(self).items() if value is not None}
+        return ResolvedGraspAndTransportParams(**found | given)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,12 +104,7 @@ def make_grasp_and_transport(
         servoing: How fast, and when it ends.
         above: Where the plug's tip is to be over the socket's face after the transport, m.
         then: The state that follows.
-
-    Raises:
-        ParameterError: If ``above`` is not three finite numbers.
     """
-    if len(above) != 3 or not all(map(math.isfinite, above)):
-        raise ParameterError("above", above, "three finite numbers")
     to_plug = VisTranslation(
         axes=("x", "z"),
         cameras=cameras,
@@ -127,96 +116,42 @@ def make_grasp_and_transport(
         tolerance=params.tolerance,
         servoing=servoing,
     )
-    lift = MoveDx(
-        displacement=(0.0, 0.0, 0.0, 0.0, 0.0, params.lift), duration=params.lift / params.speed
-    )
     watched = Held(time=math.inf)
     weight = params.weight
-    zero = SkillState(
-        name="zero",
-        run=[MoveDx(duration=params.weighing_time)],
-        on={"done": GRASP},
-        timeout=2 * params.weighing_time,
-        tares=True,
-        damping=STIFF,
-    )
-    weigh = SkillState(
-        name="weigh",
-        run=[Held(wait=params.closing_time, time=params.weighing_time, weight=weight)],
-        on={"done": TRANSPORT},
-        timeout=params.timeout,
-        damping=STIFF,
-    )
+
+    def state(name: str, *run: Primitive, then: str, **fields: Any) -> SkillState:
+        on = {"done": then} | fields.pop("on", {})
+        return SkillState(
+            name=name, run=run, on=on, timeout=params.timeout, damping=STIFF, **fields
+        )
+
+    close = replace(to_plug, axes=("y",)), replace(to_plug, servoing=replace(servoing, ends=False))
+    lift = up(params.lift, params.lift / params.speed)
+    weigh = Held(wait=params.closing_time, time=params.weighing_time, weight=weight)
+    again: Retry | None = None  # one place after the other
+    for i in range(len(_AROUND), 0, -1):
+        again = Retry(f"around {i}", 1, then=again)
+    to_socket = replace(to_plug, axes=AXES, moved=PLUG, target=SOCKET, offset=above)
     return (
-        SkillState(
-            name="reach",
-            run=[to_plug],
-            on={"done": "close in"},
-            timeout=params.timeout,
-            looks=True,
-            grip="open",
-            damping=STIFF,
-        ),
-        SkillState(
-            name="close in",
-            run=[
-                replace(to_plug, axes=("y",)),
-                replace(to_plug, servoing=replace(servoing, ends=False)),
-            ],
-            on={"done": "zero" if weight else GRASP},
-            timeout=params.timeout,
-            looks=True,
-            damping=STIFF,
-        ),
-        *([zero] if weight else []),
-        SkillState(
-            name=GRASP,
-            run=[Held(wait=params.closing_time)],
-            on={"done": "lift", "lost": _tried(len(_AROUND))},
-            timeout=params.timeout,
-            grip="close",
-            damping=STIFF,
+        state("reach", to_plug, then="close in", looks=True, grip="open"),
+        state("close in", *close, then="zero" if weight else GRASP, looks=True),
+        *([tare("zero", params.weighing_time, GRASP)] if weight else []),
+        state(
+            GRASP, Held(wait=params.closing_time), then="lift", on={"lost": again}, grip="close"
         ),
         *(
-            SkillState(
-                name=f"around {i + 1}",
-                run=[Place(offset=_scaled(np.subtract(place, before), params.around))],
-                on={"done": GRASP},
-                timeout=params.timeout,
+            state(
+                f"around {i + 1}",
+                Place(offset=_scaled(np.subtract(place, before), params.around)),
+                then=GRASP,
                 grip="open",
-                damping=STIFF,
             )
             for i, (before, place) in enumerate(pairwise(((0, 0, 0), *_AROUND)))
         ),
-        SkillState(
-            name="lift",
-            run=[lift, watched],
-            on={"done": "weigh" if weight else TRANSPORT},
-            timeout=params.timeout,
-            damping=STIFF,
-        ),
-        *([weigh] if weight else []),
-        SkillState(
-            name=TRANSPORT,
-            run=[
-                replace(to_plug, axes=("x", "y", "z"), moved=PLUG, target=SOCKET, offset=above),
-                watched,
-            ],
-            on={"done": then},
-            timeout=params.timeout,
-            looks=True,
-            damping=STIFF,
-        ),
+        state("lift", lift, watched, then="weigh" if weight else TRANSPORT),
+        *([state("weigh", weigh, then=TRANSPORT)] if weight else []),
+        state(TRANSPORT, to_socket, watched, then=then, looks=True),
     )
-
-
-def _tried(times: int) -> Retry:
-    """Return the answer to a grip that holds nothing: one place after the other."""
-    answer = None
-    for i in range(times, 0, -1):
-        answer = Retry(f"around {i}", 1, then=answer)
-    assert answer is not None
-    return answer
 
 
 def _scaled(way: NDArray[np.int64], by: float) -> tuple[float, float, float]:

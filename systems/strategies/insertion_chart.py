@@ -18,6 +18,7 @@ from chamfer.models.validation import (
 )
 from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
 from chamfer.systems.statechart.chart import ANY, TIME_TOLERANCE, Chart, State, Tick, Transition
+from chamfer.systems.statechart.state_machine import MachineOutput, StateMachine
 from chamfer.systems.strategies.insertion_decision import (
     DecisionParams,
     InsertionRegion,
@@ -127,7 +128,7 @@ class ResolvedInsertParams(InsertParams):
 
 @dataclass(frozen=True, kw_only=True)
 class InsertionTaskParams:
-    """Parameters of :class:`chamfer.systems.strategies.insertion_task.InsertionTask`."""
+    """Parameters of :class:`InsertionTask`."""
 
     decide: DecisionParams
     insert: ResolvedInsertParams
@@ -219,8 +220,7 @@ _GATE: Final = -0.004  # m, of depth, from where on the lateral error decides wh
 
 def make_insertion_chart(params: InsertionTaskParams) -> InsertionChart:
     """Return the chart; a peg that is not seated at last ends in a state that says why."""
-    guards, actions = _Guards(params), _Actions(params)
-    decide, insert = params.decide, params.insert
+    rules, decide, insert = _Rules(params), params.decide, params.insert
 
     def go(
         source: str, target: str, label: str, guard: _Guard, action: _Action | None = None
@@ -232,60 +232,62 @@ def make_insertion_chart(params: InsertionTaskParams) -> InsertionChart:
         "wait": f"after {params.wait:g} s",
         "at_once": "at once",
     }[decide.kind]
+    held, late = _blamed(InsertionTrouble.HELD), _blamed(InsertionTrouble.NOT_ALIGNED)
+    not_aligned = "gave_up", "not aligned in time", rules.late, late
+    at_limit = "limit_reached", "compensation at its limit", rules.at_limit
     return Chart(
         "insertion",
         states=[
-            State(name="approach", during=actions.look, note="on the way to the gap"),
-            State(name="align", entry=actions.begin, during=actions.look, note="compensates"),
-            State(name="decide", during=actions.look, note="compensates"),
-            State(name="insert", during=actions.advance, note="feeds along the hole's axis"),
-            State(name="check", during=actions.rest, note="at rest: how deep is it?"),
-            State(name="release", during=actions.withdraw, note="takes the push away"),
-            State(name="back_off", during=actions.withdraw, note="back to the gap"),
-            State(name="seated", during=actions.rest, outcome="done"),
+            State(name="approach", during=rules.look, note="on the way to the gap"),
+            State(name="align", entry=rules.begin, during=rules.look, note="compensates"),
+            State(name="decide", during=rules.look, note="compensates"),
+            State(name="insert", during=rules.advance, note="feeds along the hole's axis"),
+            State(name="check", during=rules.rest, note="at rest: how deep is it?"),
+            State(name="release", during=rules.withdraw, note="takes the push away"),
+            State(name="back_off", during=rules.withdraw, note="back to the gap"),
+            State(name="seated", during=rules.rest, outcome="done"),
             *(
-                State(name=name, during=actions.stop, outcome="failed")
+                State(name=name, during=rules.stop, outcome="failed")
                 for name in ("gave_up", *STOPPED)
             ),
         ],
         transitions=[
-            go(ANY, "blind", "the cameras see no parts", guards.blind),
-            go(ANY, "overloaded", f"force above {insert.force_limit:g} N", guards.overloaded),
-            go(ANY, "saturated", "a joint at its torque limit", guards.saturated),
-            go(ANY, "diverging", "compensated, the error grows", guards.diverges),
-            go("align", "limit_reached", "compensation at its limit", guards.at_limit),
-            go("decide", "limit_reached", "compensation at its limit", guards.at_limit),
-            go("insert", "limit_reached", "compensation at its limit", guards.at_limit),
-            go("approach", "align", "there, cameras count", guards.is_there),
-            go("align", "gave_up", "not aligned in time", guards.late, actions.late),
-            go("align", "decide", "enough frames", guards.measured),
-            go("decide", "insert", begins, guards.decided, actions.tare),
-            go("decide", "gave_up", "not aligned in time", guards.late, actions.late),
-            go("decide", "align", "a frame is missing", guards.unmeasured),
-            go("insert", "check", "deep enough", guards.deep),
-            go("insert", "check", "on the bottom", guards.on_bottom),
-            go("insert", "back_off", "would miss the mouth", guards.beside, actions.miss),
-            go("insert", "release", f"stuck, {insert.push:g} N", guards.stuck, actions.note_stop),
-            go("insert", "check", "end of the feed", guards.fed),
-            go("check", "seated", f"{100 * SEATED:g} % of the depth", guards.seated),
-            go("check", "release", "not deep enough", guards.rested, actions.note_stop),
-            go("release", "back_off", "push is gone", guards.released, actions.note_release),
-            go("back_off", "gave_up", "can't be pulled out", guards.held, actions.hold),
-            go("back_off", "gave_up", "last attempt", guards.last, actions.judge),
-            go("back_off", "align", "back at the gap", guards.back, actions.judge),
+            go(ANY, "blind", "the cameras see no parts", lambda tick: tick.inputs.blind[0] >= 0.5),
+            go(ANY, "overloaded", f"force above {insert.force_limit:g} N", rules.overloaded),
+            go(ANY, "saturated", "a joint at its torque limit", rules.saturated),
+            go(ANY, "diverging", "compensated, the error grows", rules.diverges),
+            *(go(source, *at_limit) for source in ("align", "decide", "insert")),
+            go("approach", "align", "there, cameras count", rules.is_there),
+            go("align", *not_aligned),
+            go("align", "decide", "enough frames", rules.measured),
+            go("decide", "insert", begins, rules.decided, rules.tare),
+            go("decide", *not_aligned),
+            go("decide", "align", "a frame is missing", lambda tick: not rules.measured(tick)),
+            go("insert", "check", "deep enough", rules.deep),
+            go("insert", "check", "on the bottom", rules.on_bottom),
+            go("insert", "back_off", "would miss the mouth", rules.beside, rules.miss),
+            go("insert", "release", f"stuck, {insert.push:g} N", rules.stuck, rules.note_stop),
+            go("insert", "check", "end of the feed", rules.fed),
+            go("check", "seated", f"{100 * SEATED:g} % of the depth", rules.seated),
+            go("check", "release", "not deep enough", rules.rested, rules.note_stop),
+            go("release", "back_off", "push is gone", rules.released, rules.note_release),
+            go("back_off", "gave_up", "can't be pulled out", rules.held, held),
+            go("back_off", "gave_up", "last attempt", rules.last, rules.judge),
+            go("back_off", "align", "back at the gap", rules.back, rules.judge),
         ],
         memory=InsertionMemory(),
     )
 
 
-class _Guards:
-    """When the chart goes on."""
+def _blamed(trouble: InsertionTrouble) -> _Action:
+    return lambda tick: tick.memory._replace(trouble=trouble)
+
+
+class _Rules:
+    """When the chart goes on, and what it does."""
 
     def __init__(self, params: InsertionTaskParams) -> None:
         self._params = params
-
-    def blind(self, tick: InsertionTick) -> bool:
-        return tick.inputs.blind[0] >= 0.5
 
     def overloaded(self, tick: InsertionTick) -> bool:
         load = math.hypot(*tick.memory.load(tick.inputs))
@@ -312,12 +314,9 @@ class _Guards:
         count = 1 if self._params.decide.kind == "at_once" else self._params.decide.frames
         return len(tick.memory.window(tick.inputs, count)) >= count
 
-    def unmeasured(self, tick: InsertionTick) -> bool:
-        return not self.measured(tick)
-
     def decided(self, tick: InsertionTick) -> bool:
         params, decide = self._params, self._params.decide
-        if self.unmeasured(tick):
+        if not self.measured(tick):
             return False
         if decide.kind == "margin":
             window = tick.memory.window(tick.inputs, decide.frames)
@@ -373,14 +372,6 @@ class _Guards:
 
     def last(self, tick: InsertionTick) -> bool:
         return self.back(tick) and tick.memory.attempts >= self._params.insert.attempts
-
-
-class _Actions:
-    """What the chart does."""
-
-    def __init__(self, params: InsertionTaskParams) -> None:
-        self._params = params
-        self._guards = _Guards(params)
 
     def _observe(self, tick: InsertionTick, rate: float) -> InsertionMemory:
         """Go on with the feed and remember what the sensors say."""
@@ -464,7 +455,7 @@ class _Actions:
     def note_stop(self, tick: InsertionTick) -> InsertionMemory:
         stuck = tick.memory.load(tick.inputs)[0] >= self._params.insert.push
         trouble = InsertionTrouble.JAMMED if stuck else InsertionTrouble.SHORT
-        if self._guards.off_mouth(tick):
+        if self.off_mouth(tick):
             trouble = InsertionTrouble.BESIDE
         return tick.memory._replace(stopped=tick.memory.depth(tick.inputs), trouble=trouble)
 
@@ -489,13 +480,88 @@ class _Actions:
                 trouble = InsertionTrouble.AT_MOUTH
         return memory._replace(trouble=trouble)
 
-    def hold(self, tick: InsertionTick) -> InsertionMemory:
-        return tick.memory._replace(trouble=InsertionTrouble.HELD)
-
-    def late(self, tick: InsertionTick) -> InsertionMemory:
-        return tick.memory._replace(trouble=InsertionTrouble.NOT_ALIGNED)
-
 
 def _fed(tick: InsertionTick) -> float:
     """Return how far the feed is now, m."""
     return tick.memory.feed + tick.memory.rate * (tick.time - tick.memory.time)
+
+
+def _number(name: str) -> MachineOutput[InsertionMemory]:
+    return MachineOutput(size=1, read=lambda memory: (float(getattr(memory, name)),))
+
+
+class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
+    """Decides when the peg is inserted, how far it is fed, and whether it is in.
+
+    .. pydrake_system::
+
+        name: InsertionTask
+        input_ports:
+        - error
+        - valid
+        - blind
+        - diverged
+        - compensation
+        - force
+        - advance
+        - peg_saturated
+        - hole_saturated (optional)
+        output_ports:
+        - feed
+        - compensates
+        - attempts
+        - errors
+        - sensed_force
+        - sensed_depth
+        - trouble
+        - state
+
+    ``error``, ``valid`` and ``blind`` are those of the cameras, ``compensation``, shape (6,), m
+    and rad, what has been made of them, ``diverged`` that of
+    :class:`chamfer.systems.servo.divergence_watch.DivergenceWatch`; ``force`` and ``advance`` are
+    those of :class:`chamfer.systems.force.impedance_controller.SpringForce`, ``<arm>_saturated``,
+    of each joint, those of the impedance controllers. ``feed`` goes to
+    :class:`chamfer.systems.force.desired_pose.FeedOffset`, ``compensates``, shape (2,), to
+    :class:`chamfer.systems.servo.measurement_selector.MeasurementSelector`. ``errors``, shape
+    (4,), are the last :class:`chamfer.systems.strategies.insertion_decision.MeasuredErrors`, 0
+    before there are any; ``sensed_force``, shape (3,), N, along the hole's axes, and
+    ``sensed_depth``, m, are what the arm knows of the contact, tared where the advance began;
+    ``trouble`` is the :class:`InsertionTrouble` of the
+    attempt.
+
+    Args:
+        params: Parameters.
+        peg_joints: How many joints the peg's arm has.
+        hole_joints: Likewise the hole's; nothing is connected where it is no arm.
+    """
+
+    def __init__(self, params: InsertionTaskParams, *, peg_joints: int, hole_joints: int) -> None:
+        super().__init__(
+            make_insertion_chart(params),
+            inputs=InsertionInputs,
+            sizes={
+                "error": 6,
+                "valid": 1,
+                "blind": 1,
+                "diverged": 1,
+                "compensation": 6,
+                "force": 3,
+                "advance": 1,
+                "peg_saturated": peg_joints,
+                "hole_saturated": hole_joints,
+            },
+            outputs={
+                "feed": MachineOutput(
+                    size=3, read=lambda memory: (memory.feed, memory.rate, memory.time)
+                ),
+                "compensates": MachineOutput(
+                    size=2,
+                    read=lambda memory: (float(memory.compensates), float(memory.along)),
+                ),
+                **{name: _number(name) for name in ("attempts", "sensed_depth", "trouble")},
+                "errors": MachineOutput(size=4, read=lambda memory: tuple(memory.errors)),
+                "sensed_force": MachineOutput(size=3, read=lambda memory: memory.sensed_force),
+            },
+            optional=("hole_saturated",),
+            period=params.period,
+        )

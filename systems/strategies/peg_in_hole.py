@@ -10,12 +10,17 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from chamfer.models.connectors.round_peg import RoundPeg
-from chamfer.models.validation import ParameterError, require_one_of, require_positive
+from chamfer.models.validation import require_one_of
 from chamfer.systems.primitives.force_primitives import Stick
 from chamfer.systems.primitives.primitive import Primitive
 from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Dither, Spiral, lissajous
-from chamfer.systems.strategies.face_and_search import ALONG, TiltSearchParams, TouchParams
+from chamfer.systems.strategies.face_and_search import (
+    ALONG,
+    TiltSearchParams,
+    TouchParams,
+    require_whole,
+)
 
 Search = Literal["dithers", "spiral", "tilt"]
 
@@ -40,9 +45,7 @@ class PegInHoleSkillParams(TouchParams):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_one_of(self, "search", get_args(Search))
-        require_positive(self, "amplitude", "frequency")
-        if not (isinstance(self.repeats, int) and self.repeats >= 1):
-            raise ParameterError("repeats", self.repeats, "a whole number >= 1")
+        require_whole(self, "repeats")
 
     def to_hole(self, radius: float, again: Retry) -> tuple[SkillState, ...]:
         """Return the states from ``tare`` on, until a peg that is in the hole leads to ``insert``.
@@ -84,14 +87,10 @@ def make_peg_in_hole_skill(
     period: float = 0.01,
     before: Sequence[SkillState] = (),
 ) -> Skill:
-    """Return the skill.
+    """Return the skill, for parts as they are believed to be.
 
-    Args:
-        params: Speeds, forces and amplitudes.
-        connector: As it is believed to be: its depth and what presses it home.
-        period: s, between two ticks, on which this strategy does not depend.
-        before: States that grasp and transport the peg; the last one leads to ``tare``. Without
-            them the peg is held from the begin.
+    The ticks are ``period`` apart, s. The states ``before`` grasp and transport the peg, the last
+    one leads to ``tare``; without them it is held from the begin.
     """
     depth = connector.mated_depth
     again = Retry("out", params.retries)
@@ -107,9 +106,4 @@ def make_peg_in_hole_skill(
         ),
         params.at_depth(depth, DONE, again),
     )
-    return Skill(
-        name="peg in a hole",
-        states=states,
-        retract=[params.out],
-        held=not before,
-    )
+    return Skill(name="peg in a hole", states=states, retract=[params.out], held=not before)

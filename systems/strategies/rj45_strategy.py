@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from chamfer.models.connectors.rj45_connector import Rj45Connector
-from chamfer.models.validation import ParameterError, require_positive
+from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.force_primitives import Stick
 from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
 from chamfer.systems.primitives.trajectory_primitives import MoveDx, Spiral
@@ -37,8 +37,6 @@ class Rj45ConnectorSkillParams(TouchParams):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "settle_amplitude", "settle_cycles", "rest_time")
-        require_positive(self, "pull_speed", "pull_force", "pull_limit", "push_still")
         if not 1 < self.push_growth < math.inf:
             raise ParameterError("push_growth", self.push_growth, "a finite number > 1")
 
@@ -50,14 +48,10 @@ def make_rj45_connector_skill(
     period: float = 0.01,
     before: Sequence[SkillState] = (),
 ) -> Skill:
-    """Return the skill.
+    """Return the skill, for a connector as it is believed to be.
 
-    Args:
-        params: Speeds, forces and amplitudes.
-        connector: As it is believed to be: its depth and its mating force.
-        period: s, between two ticks, on which this strategy does not depend.
-        before: States that grasp and transport the plug; the last one leads to ``tare``. Without
-            them the plug is held from the begin.
+    The ticks are ``period`` apart, s. The states ``before`` grasp and transport the plug, the last
+    one leads to ``tare``; without them it is held from the begin.
     """
     stick = Stick(speed=params.maintained, threshold=params.drop)
     depth = connector.mated_depth

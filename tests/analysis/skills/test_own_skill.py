@@ -112,7 +112,7 @@ def test_ones_own_primitives_get_names() -> None:
         ),
         (
             STATE % ("{MoveDx: }", "{done: done}", ".nan") + "\nretract: [{MoveDx: }]",
-            "skill 'x': the timeout of 'a' is nan, allowed: a finite number > 0",
+            "skill 'x': 'a': the timeout is nan, allowed: a finite number > 0",
         ),
         (
             STATE % ("{MoveDx: }", "{lost: done}", 3) + "\nretract: [{MoveDx: }]",

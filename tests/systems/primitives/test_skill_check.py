@@ -57,7 +57,7 @@ GO: Final = state("go", Fake(), on={"done": DONE})
         *[
             (
                 [state("go", Fake(), on={"done": DONE}, timeout=time)],
-                f"skill 'test': the timeout of 'go' is {time}, allowed: a finite number > 0",
+                f"skill 'test': 'go': the timeout is {time}, allowed: a finite number > 0",
             )
             for time in (0.0, math.inf, math.nan)
         ],
