@@ -5,8 +5,8 @@ import sys
 import time
 from collections.abc import Sequence
 
-from chamfer.analysis.audit.contexts import CONTEXTS, EXEMPTIONS, Exemption
-from chamfer.analysis.audit.field_audit import KINDS, FieldVerdict, audit
+from chamfer.analysis.audit.contexts import CONTEXTS, EXEMPTIONS, Context
+from chamfer.analysis.audit.field_audit import CRASH, KINDS, FieldVerdict, audit
 from chamfer.analysis.campaign.campaign import parallel
 from chamfer.analysis.campaign.progress import TerminalProgress
 from chamfer.analysis.campaign.workers import cores
@@ -17,12 +17,7 @@ from chamfer.analysis.scenario.experiment import Catalogue, select
 
 
 def main(argv: Sequence[str] | None = None, *, catalogue: Catalogue = CATALOGUE) -> int:
-    """Audit experiments and return the exit status: 1 if a field changes nothing.
-
-    Args:
-        argv: The arguments after the command's name, those of the process unless given.
-        catalogue: Where the experiments are.
-    """
+    """Audit experiments and return the exit status: 1 if a field changes nothing."""
     parser = argparse.ArgumentParser(
         prog="python -m chamfer.analysis.audit",
         description="Perturbs each field of each experiment's scenario at reduced size and lists "
@@ -53,13 +48,14 @@ def main(argv: Sequence[str] | None = None, *, catalogue: Catalogue = CATALOGUE)
     return 1 if any(is_wrong(verdict, EXEMPTIONS) for verdict in verdicts) else 0
 
 
-def is_wrong(verdict: FieldVerdict, exemptions: Sequence[Exemption]) -> bool:
+def is_wrong(verdict: FieldVerdict, exemptions: Sequence[Context]) -> bool:
     """Whether a verdict has to be looked at."""
     exempt = any(one.holds_for(verdict.experiment, verdict.path) for one in exemptions)
-    return bool(verdict.crashes) or (verdict.kind in ("silent", "undecided") and not exempt)
+    crashed = any(CRASH in what for _, what in verdict.tried)
+    return crashed or (verdict.kind in ("silent", "undecided") and not exempt)
 
 
-def report(verdicts: Sequence[FieldVerdict], exemptions: Sequence[Exemption]) -> str:
+def report(verdicts: Sequence[FieldVerdict], exemptions: Sequence[Context]) -> str:
     """Return a table of the experiments and what has to be looked at, with all that was tried."""
     rows: list[tuple[str, ...]] = [("experiment", "fields", *KINDS, "CPU s")]
     for name in dict.fromkeys(verdict.experiment for verdict in verdicts):
@@ -71,11 +67,12 @@ def report(verdicts: Sequence[FieldVerdict], exemptions: Sequence[Exemption]) ->
     lines = table(rows, right=range(1, len(rows[0])))
     for verdict in verdicts:
         if verdict.kind == "bounds":
-            lines.append(f"{verdict.experiment}: {verdict.path} only bounds: {verdict.said}")
+            said = dict(reversed(verdict.tried))["bounds"]  # the first one
+            lines.append(f"{verdict.experiment}: {verdict.path} only bounds: {said}")
     for verdict in verdicts:
         if is_wrong(verdict, exemptions):
             lines += ["", f"{verdict.experiment}: {verdict.path} is {verdict.kind}"]
-            lines += [f"  {line}" for line in verdict.tried]
+            lines += [f"  {what}" for _, what in verdict.tried]
     return "\n".join(lines)
 
 

@@ -5,55 +5,40 @@ pattern and a setting stands in both for the same fields above.
 """
 
 import re
-from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from typing import Final
+from typing import Final, NamedTuple
 
 
-@dataclass(frozen=True)
-class Exemption:
-    """A field that changes nothing and is right to."""
+class Context(NamedTuple):
+    """Settings, ``path=value``, with which fields act; none for fields that are right not to."""
 
-    path: str
-    reason: str
+    paths: str  # patterns, with spaces between them
+    settings: tuple[str, ...] = ()
     experiment: str = "*"
 
     def holds_for(self, experiment: str, path: str) -> bool:
         """Whether it is for that field of that experiment."""
-        return fnmatchcase(experiment, self.experiment) and fnmatchcase(path, self.path)
-
-
-@dataclass(frozen=True)
-class Context(Exemption):
-    """Settings, ``path=value``, with which a field acts."""
-
-    settings: tuple[str, ...] = ()
+        return fnmatchcase(experiment, self.experiment) and self._pattern(path) is not None
 
     def settings_for(self, path: str) -> tuple[str, ...]:
         """Return the settings for a field that it holds for."""
+        pattern = self._pattern(path) or ""
         parts = path.split(".")
         above = ""
-        while self.path.startswith("*") and not fnmatchcase(path[len(above) :], self.path[1:]):
+        while pattern.startswith("*") and not fnmatchcase(path[len(above) :], pattern[1:]):
             above += f"{parts.pop(0)}."
         return tuple(re.sub(r"^\*", above, setting) for setting in self.settings)
 
+    def _pattern(self, path: str) -> str | None:
+        return next((one for one in self.paths.split() if fnmatchcase(path, one)), None)
 
-def _where(path: str, *settings: str, why: str, of: str = "*") -> Context:
-    return Context(path, why, of, settings)
+
+def _where(paths: str, *settings: str, of: str = "*") -> Context:
+    return Context(paths, settings, of)
 
 
 _BLOW: Final = ("*task.kick_time=2.2", "duration=3")  # loses contact
-_FAINT: Final = (  # a force that is hardly felt
-    "*task.force=1",
-    "*sensor.noise=1",
-    "*detection.detect=0.5",
-    "*detection.release=0.1",
-)
 _OVERDAMPED: Final = ("*impedance.damping_ratio=5", "*impedance.allow_unstable=true")
-_WAM: Final = ("robot=wam",)
-_JAMS: Final = ("obstacle=0.003",)
-
-_THICK: Final = ("peg_excess=0.0003", "duration=6")
 _WEDGED: Final = (
     "initial_error=[0, 0.002, 0, 0, 0, -0.1]",
     "decide.kind=at_once",
@@ -61,167 +46,99 @@ _WEDGED: Final = (
     "duration=4",
 )
 
-CONTEXTS: Final[tuple[Context, ...]] = (
-    # Servo loops.
-    _where("map.trials", "map.points=9", why="cells that some trials leave"),
-    # Hybrid control.
-    *(
-        _where(f"*task.{name}", "*task.amplitude=0.01", why="of the sinusoid")
-        for name in ("frequency", "blend", "along")
-    ),
-    _where("*surface.wavelength", "*surface.ripple=1e-4", why="of the ripple"),
-    _where("*task.kick_speed", *_BLOW, why="that a blow gives"),
-    _where("*controller.creep_*", *_BLOW, why="to find lost contact"),
-    _where("*controller.loss_mode", *_BLOW, why="while contact is lost"),
-    _where("*detection.*", *_FAINT, why="told by a force between the two"),
-    _where("*controller.inertia", "*controller.full_dynamics=true", why="of the full dynamics"),
+CONTEXTS: Final = (
+    # Servo loops: cells that some trials leave.
+    _where("map.trials", "map.points=9"),
+    # Hybrid control: of the sinusoid, of the ripple, of a blow, and while contact is lost.
+    _where("*task.frequency *task.blend *task.along", "*task.amplitude=0.01"),
+    _where("*surface.wavelength", "*surface.ripple=1e-4"),
+    _where("*task.kick_speed *controller.creep_* *controller.loss_mode", *_BLOW),
+    # Told by a force that is hardly felt.
     _where(
-        "*controller.full_dynamics",
-        "*controller.law=projected",
-        why="not with the transposed Jacobian",
-        of="puma-*",
+        "*detection.*",
+        *("*task.force=1", "*sensor.noise=1", "*detection.detect=0.5", "*detection.release=0.1"),
     ),
+    _where("*controller.inertia", "*controller.full_dynamics=true"),
+    # Not with the transposed Jacobian.
+    _where("*controller.full_dynamics", "*controller.law=projected", of="puma-*"),
+    # Without stiffness all arms' loops are unstable, as with so much force integral.
     _where(
-        "*controller.allow_unstable",
-        "*controller.stiffness=0",
-        "*controller.allow_unstable=true",
-        why="without stiffness all arms' loops are unstable",
+        "*controller.allow_unstable", "*controller.stiffness=0", "*controller.allow_unstable=true"
     ),
     _where(
         "controller.allow_unstable",
-        "controller.force_integral=50",
-        "controller.allow_unstable=true",
-        why="with so much force integral the loop is unstable",
+        *("controller.force_integral=50", "controller.allow_unstable=true"),
         of="unknown-surface-control*",
     ),
-    _where(
-        "arm.elbow",
-        "controller.allow_unstable=true",
-        why="unstable with the other sign",
-        of="planar-*",
-    ),
-    _where("*sensor.decoupling", "*sensor.cross_talk=0.1", why="of the cross-talk"),
-    _where(
-        "*friction_compensation.bandwidth",
-        "*friction_compensation={bandwidth: 20}",
-        why="none by default",
-    ),
-    # Unknown surfaces.
-    _where("friction.wavelength", "friction.ripple=0.2", why="of the ripple"),
-    _where("friction.jump_*", "friction.jump=0.3", why="of the jump"),
-    _where(
-        "*surface.friction.wavelength",
-        "*surface.friction={coefficient: 0.3, ripple: 0.2}",
-        why="of the ripple",
-    ),
-    _where(
-        "*surface.friction.jump_*",
-        "*surface.friction={coefficient: 0.3, jump: 0.3}",
-        why="of the jump",
-    ),
-    _where(
-        "observer.halt_speed",
-        "observer.kind=gated",
-        "observer.halt_speed=0.15",
-        why="of the gate, and about as fast as the motion",
-    ),
+    _where("arm.elbow", "controller.allow_unstable=true", of="planar-*"),
+    _where("*sensor.decoupling", "*sensor.cross_talk=0.1"),
+    _where("*friction_compensation.bandwidth", "*friction_compensation={bandwidth: 20}"),
+    # Unknown surfaces: of the ripple, of the jump, of a gate about as fast as the motion.
+    _where("friction.wavelength", "friction.ripple=0.2"),
+    _where("friction.jump_*", "friction.jump=0.3"),
+    _where("*surface.friction.wavelength", "*surface.friction={coefficient: 0.3, ripple: 0.2}"),
+    _where("*surface.friction.jump_*", "*surface.friction={coefficient: 0.3, jump: 0.3}"),
+    _where("observer.halt_speed", "observer.kind=gated", "observer.halt_speed=0.15"),
     # The work cell.
-    _where("*pid.*", "*controller.kind=pid", why="of the PID"),
-    _where("*impedance.allow_unstable", *_OVERDAMPED, why="beyond the bound"),
-    _where("*cameras.most_misses", "*cameras.frames.miss=0.7", why="frames are missing"),
-    *(
-        _where(
-            f"*cameras.continuity.{name}",
-            f"*cameras.continuity={{{slow}}}",
-            why="so slow that noise is a jump; by default nothing is",
-        )
-        for name, slow in (
-            ("speed", "speed: 5"),
-            ("turning", "turning: 0.05"),
-            ("most_jumps", "speed: 5"),
-        )
-    ),
+    _where("*pid.*", "*controller.kind=pid"),
+    _where("*impedance.allow_unstable", *_OVERDAMPED),
+    _where("*cameras.most_misses", "*cameras.frames.miss=0.7"),
+    # So slow that noise is a jump; by default nothing is.
     _where(
-        "*motion_time", "*start_offset=[0, 0, -0.02]", why="on the way from the start to the goal"
+        "*cameras.continuity.speed *cameras.continuity.most_jumps",
+        "*cameras.continuity={speed: 5}",
     ),
-    *(
-        _where(
-            f"hole.{name}",
-            "hole.payload_error=0.05",
-            why="of an arm that its payload moves",
-            of="vertical-tracking",
-        )
-        for name in ("payload_position", "joint_friction")
-    ),
-    # Insertion by sight.
-    *(
-        _where(f"insert.{name}", *_THICK, why="of a peg that is stuck", of="insertion*")
-        for name in ("push", "attempts", "hold_force", "force_limit")
-    ),
-    _where("insert.pull", *_WEDGED, why="of a peg that is held", of="insertion*"),
-    _where("insert.held_force", *_WEDGED, why="of a peg that is held", of="insertion*"),
+    _where("*cameras.continuity.turning", "*cameras.continuity={turning: 0.05}"),
+    _where("*motion_time", "*start_offset=[0, 0, -0.02]"),  # on the way to the goal
+    # Of an arm that its payload moves.
     _where(
-        "insert.bottom_force", "parts.bore_depth=0.014", why="of a blind hole", of="insertion*"
+        "hole.payload_position hole.joint_friction",
+        "hole.payload_error=0.05",
+        of="vertical-tracking",
     ),
+    # Insertion by sight: a peg that is stuck, one that is held, a blind hole, parts that do not
+    # get aligned, a decision that waits.
+    _where(
+        "insert.push insert.attempts insert.hold_force insert.force_limit",
+        *("peg_excess=0.0003", "duration=6"),
+        of="insertion*",
+    ),
+    _where("insert.pull insert.held_force", *_WEDGED, of="insertion*"),
+    _where("insert.bottom_force", "parts.bore_depth=0.014", of="insertion*"),
     _where(
         "decide.timeout",
-        "compensated=none",
-        "initial_error=[0, 0.006, 0, 0, 0, 0]",
-        "duration=15",
-        why="of parts that do not get aligned",
+        *("compensated=none", "initial_error=[0, 0.006, 0, 0, 0, 0]", "duration=15"),
         of="insertion*",
     ),
-    _where(
-        "compensation_time",
-        "decide.kind=wait",
-        "duration=6",
-        why="that the decision waits",
-        of="insertion*",
-    ),
-    *(
-        _where(
-            f"{above}axis",
-            f"{above}hole.kind=fixture",
-            why="two arms don't reach each other downwards",
-        )
-        for above in ("", "alignment.")
-    ),
-    # Skills.
-    _where("dither.axis", "constraint.index=3", why="hindered along x, else all axes are alike"),
+    _where("compensation_time", "decide.kind=wait", "duration=6", of="insertion*"),
+    # Two arms don't reach each other downwards.
+    _where("axis", "hole.kind=fixture"),
+    _where("alignment.axis", "alignment.hole.kind=fixture"),
+    # Skills: hindered along x, else all axes are alike; beyond the bound; of the WAM.
+    _where("dither.axis", "constraint.index=3"),
     _where(
         "accommodation.allow_unstable",
         "accommodation.damping=[1, 1, 1, 400, 400, 400]",
         "accommodation.allow_unstable=true",
-        why="beyond the bound",
     ),
-    _where("arm.*", *_WAM, why="of the WAM", of="*connector*"),
     _where(
         "impedance.allow_unstable",
-        *_WAM,
+        "robot=wam",
         *(setting.removeprefix("*") for setting in _OVERDAMPED),
-        why="of the WAM, beyond the bound",
         of="*connector*",
     ),
-    _where("impedance.*", *_WAM, why="of the WAM", of="*connector*"),
-    _where("arm.*", *_WAM, why="of the WAM", of="skill"),
-    _where("impedance.*", *_WAM, why="of the WAM", of="skill"),
-    _where("gripper.*", "sight={}", why="it grasps", of="skill"),
-    _where("gripper.*", "sight={}", why="it grasps", of="*success"),
-    _where(
-        "*servoing.lost_frames",
-        "loop.frames.miss=0.3",
-        why="frames are missing",
-        of="vision-primitives",
-    ),
-    _where("sight.servoing.lost_frames", "sight={frames: {miss: 0.3}}", why="frames are missing"),
-    _where("skill.back_off", *_JAMS, why="of a push that jams"),
-    _where("skill.re*", *_JAMS, why="of a push that jams"),
+    _where("arm.* impedance.*", "robot=wam", of="*connector*"),
+    _where("arm.* impedance.*", "robot=wam", of="skill"),
+    _where("gripper.*", "sight={}", of="skill"),
+    _where("gripper.*", "sight={}", of="*success"),
+    # Frames are missing.
+    _where("*servoing.lost_frames", "loop.frames.miss=0.3", of="vision-primitives"),
+    _where("sight.servoing.lost_frames", "sight={frames: {miss: 0.3}}"),
+    _where("skill.back_off skill.re*", "obstacle=0.003"),  # of a push that jams
 )
 EXEMPTIONS: Final = (
-    Exemption("*connector.largest_*", "what a connector stands refuses skills that push harder"),
-    Exemption(
-        "task.along",
-        "in the plane only the sign of what is at right angles to the approach counts",
-        "planar-unknown-wall",
-    ),
+    # What a connector stands refuses skills that push harder.
+    Context("*connector.largest_*"),
+    # In the plane only the sign of what is at right angles to the approach counts.
+    Context("task.along", experiment="planar-unknown-wall"),
 )

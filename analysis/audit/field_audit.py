@@ -1,6 +1,7 @@
 """Perturbs one field of an experiment after the other and looks whether anything changes."""
 
 import hashlib
+import json
 import math
 import re
 import signal
@@ -9,13 +10,12 @@ import traceback
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from itertools import islice
 from types import FrameType, NoneType
 from typing import Any, Final, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
-from numpy.typing import NDArray
 
 from chamfer.analysis.audit.contexts import Context
 from chamfer.analysis.campaign.campaign import run_each
@@ -37,6 +37,11 @@ _FACTORS: Final = (1.1, 0.9, 0.5, 2.0, 0.1, 10.0, 0.01, -1.0)
 _INSTEAD_OF_ZERO: Final = (0.01, -0.1, 0.1, 1.0, 10.0)
 _ALONE: Final = 2  # values of an element while the others stay
 _INSTEAD_OF_INFINITY: Final = (1.0, 0.01, 100.0)
+_UNKNOWN: Final[dict[Any, tuple[Any, ...]]] = {  # where a value is None
+    bool: (False, True),
+    int: (1, 2, 10),
+    float: (1.0, 0.1, 0.01, 0.001, 10.0),
+}
 
 # As in a command: what is said in one line. The last is what Drake makes of failed assertions.
 _REFUSALS: Final = (
@@ -47,7 +52,7 @@ _REFUSALS: Final = (
     MemoryError,
     SystemExit,
 )
-_CRASH: Final = "traceback:"
+CRASH: Final = "traceback:"
 
 Kind = Literal["effective", "bounds", "silent", "undecided", "refused"]
 KINDS: Final[tuple[Kind, ...]] = get_args(Kind)  # the weightiest first
@@ -61,21 +66,27 @@ class Base:
     settings: tuple[tuple[str, ...], ...]  # groups of path=value, each over those before it
     in_context: bool = False
 
+    def scenario(self) -> Any:
+        """Return the scenario; a context may need more than one step to exist."""
+        scenario = load(self.entry).default
+        for settings in self.settings:
+            scenario = make_scenario(scenario, settings=settings)
+        return scenario
+
 
 @dataclass(frozen=True, kw_only=True)
 class Reference:
-    """What a base measures unperturbed, and what of that comes out differently each time.
+    """What a base measures unperturbed."""
 
-    Wall times do; nothing else should.
-    """
-
-    measured: Mapping[str, str]  # digest of each metric and column; none if the base is refused
-    unstable: frozenset[str] = frozenset()
+    # A digest of each metric and column, None for what comes out differently each time, as wall
+    # times do. Nothing if the base is refused.
+    measured: Mapping[str, str | None]
     seconds: float = 0.0
 
     def differs(self, measured: Mapping[str, str]) -> bool:
         """Whether a run measured anything else."""
-        names = (self.measured.keys() | measured.keys()) - self.unstable
+        unstable = {name for name, one in self.measured.items() if one is None}
+        names = (self.measured.keys() | measured.keys()) - unstable
         return any(self.measured.get(name) != measured.get(name) for name in names)
 
 
@@ -90,20 +101,22 @@ class FieldTask:
 
 @dataclass(frozen=True, kw_only=True)
 class FieldVerdict:
-    """What came of a field.
-
-    It is effective if a perturbation changed what is measured. Else it bounds if one was refused
-    for the sake of another field; it is silent if one ran, undecided if those that ran took too
-    long or ended with a traceback, or if no context allows it, and refused if all were.
-    """
+    """What came of a field."""
 
     experiment: str
     path: str
-    kind: Kind
-    tried: tuple[str, ...]  # path=value, and what came of it
-    said: str  # the one among them that shows what it is
-    crashes: tuple[str, ...]  # those that ended with a traceback
+    tried: tuple[tuple[Kind, str], ...]  # path=value, and what came of it
     seconds: float  # of the processor
+
+    @property
+    def kind(self) -> Kind:
+        """What the weightiest perturbation says of the field.
+
+        It is effective if one changed what is measured. Else it bounds if one was refused for the
+        sake of another field; it is silent if one ran, undecided if those that ran took too long
+        or ended with a traceback, or if no context allows it, and refused if all were.
+        """
+        return min((kind for kind, _ in self.tried), key=KINDS.index, default="refused")
 
 
 class _TooLongError(BaseException):
@@ -132,7 +145,7 @@ def audit(
     for entry in entries:
         plain = Base(entry=entry, settings=(entry.reduced, tuple(settings)))
         try:
-            scenario = _scenario(plain)
+            scenario = plain.scenario()
         except UserError as error:
             raise UserError(f"{entry.name} can't be reduced: {error}") from error
         for leaf in leaves(scenario):
@@ -145,7 +158,10 @@ def audit(
     )
     for _, failure in found.failed:
         raise UserError(failure.reason)
-    references = dict(zip(found.tasks, map(_reference, found.rows), strict=True))
+    references = {
+        base: Reference(measured=json.loads(row["measured"]), seconds=row["seconds"])
+        for base, row in zip(found.tasks, found.rows, strict=True)
+    }
     tasks = [
         FieldTask(
             entry=entry,
@@ -159,99 +175,65 @@ def audit(
         tasks,
         lambda fraction, doing="": progress(_REFERENCES + (1 - _REFERENCES) * fraction, doing),
     )
-    verdicts = [_verdict(row) for row in audited.rows]
-    verdicts += [_failed(task, failure.reason) for task, failure in audited.failed]
-    order = {(task.entry.name, task.path): i for i, task in enumerate(tasks)}
-    return sorted(verdicts, key=lambda verdict: order[verdict.experiment, verdict.path])
-
-
-def _reference(row: Row) -> Reference:
-    return Reference(
-        measured=dict(zip(row["names"].tolist(), row["digests"].tolist(), strict=True)),
-        unstable=frozenset(row["unstable"].tolist()),
-        seconds=row["seconds"],
-    )
-
-
-def _verdict(row: Row) -> FieldVerdict:
-    lists = {name: tuple(row[name].tolist()) for name in ("tried", "crashes")}
-    return FieldVerdict(**{**row, **lists})
-
-
-def _failed(task: FieldTask, reason: str) -> FieldVerdict:
-    """Return the verdict on a field whose perturbation took the process along."""
-    return FieldVerdict(
-        experiment=task.entry.name,
-        path=task.path,
-        kind="undecided",
-        tried=(reason,),
-        said=reason,
-        crashes=(reason,),
-        seconds=0.0,
-    )
+    verdicts = {
+        (task.entry, task.path): FieldVerdict(
+            experiment=task.entry.name,
+            path=task.path,
+            tried=tuple((kind, what) for kind, what in json.loads(row["tried"])),
+            seconds=row["seconds"],
+        )
+        for task, row in zip(audited.tasks, audited.rows, strict=True)
+    }
+    for task, failure in audited.failed:  # a perturbation took the process along
+        verdicts[task.entry, task.path] = FieldVerdict(
+            experiment=task.entry.name,
+            path=task.path,
+            tried=(("undecided", f"{CRASH} {failure.reason}"),),
+            seconds=0.0,
+        )
+    return [verdicts[key] for key in plans]
 
 
 def measure(base: Base) -> Row:
     """Run a base unperturbed, twice; in a context that an experiment refuses nothing is measured.
 
     Returns:
-        The ``names`` of all that is measured, their ``digests``, those of them that are
-        ``unstable``, and how many ``seconds`` a run takes.
+        What a :class:`Reference` holds, the digests as JSON.
 
     Raises:
         UserError: If it doesn't run.
     """
     started = time.perf_counter()
     try:
-        first, second = (_run(_scenario(base), base.entry) for _ in range(2))
+        first, second = (_run(base.scenario(), base.entry) for _ in range(2))
     except _REFUSALS as error:
         if base.in_context:
-            return {**dict.fromkeys(("names", "digests", "unstable"), _texts(())), "seconds": 0.0}
+            return {"measured": "{}", "seconds": 0.0}
         raise UserError(f"{base.entry.name} doesn't run: {error}") from error
-    return {
-        "names": _texts(tuple(first)),
-        "digests": _texts(tuple(first.values())),
-        "unstable": _texts([name for name in first if first[name] != second.get(name)]),
-        "seconds": (time.perf_counter() - started) / 2,
-    }
-
-
-def _texts(values: Sequence[str]) -> NDArray[np.str_]:
-    return np.array(values, dtype=np.str_)
+    stable = {name: one if one == second.get(name) else None for name, one in first.items()}
+    seconds = (time.perf_counter() - started) / 2
+    return {"measured": json.dumps(stable), "seconds": seconds}
 
 
 def audit_field(task: FieldTask) -> Row:
     """Perturb a field in every way, around every base, until something changes.
 
     Returns:
-        The fields of a :class:`FieldVerdict`.
+        What was ``tried``, as JSON, and the ``seconds`` of a :class:`FieldVerdict`.
     """
     started = time.process_time()
-    kinds: list[Kind] = [] if task.bases else ["undecided"]
-    tried: list[str] = []
-    crashes: list[str] = []
+    tried: list[tuple[Kind, str]] = []
+    if not task.bases:
+        tried.append(("undecided", "no context allows it"))
     for base, reference in task.bases:
         for setting in _perturbed(base, task.path):
             kind, what = _try(base, setting, reference)
-            kinds.append(kind)
-            tried.append(f"{setting}: {what}")
-            if what.startswith(_CRASH):
-                crashes.append(tried[-1])
+            tried.append((kind, f"{setting}: {what}"))
             if kind == "effective":
                 break
-        if "effective" in kinds:
+        if tried and tried[-1][0] == "effective":
             break
-    verdict: Kind = next((kind for kind in KINDS if kind in kinds), "refused")
-    said = (what for kind, what in zip(kinds, tried, strict=False) if kind == verdict)
-    return {
-        "experiment": task.entry.name,
-        "path": task.path,
-        "kind": verdict,
-        "tried": _texts(tried),
-        "said": next(said, ""),
-        "crashes": _texts(crashes),
-        "seconds": time.process_time() - started,
-    }
+    return {"tried": json.dumps(tried), "seconds": time.process_time() - started}
 
 
 def digests(outcome: Outcome) -> dict[str, str]:
@@ -267,43 +249,22 @@ def digests(outcome: Outcome) -> dict[str, str]:
 
 def _bases(plain: Base, leaf: Leaf, contexts: Sequence[Context]) -> tuple[Base, ...]:
     """Return a leaf's contexts, and last of all none."""
-    within = [
-        replace(plain, settings=(*plain.settings, *groups), in_context=True)
-        for context in contexts
-        if context.holds_for(plain.entry.name, leaf.path)
-        for groups in [_groups(context.settings_for(leaf.path), leaf)]
-    ]
-    return (
-        *within,
-        replace(
-            plain,
-            settings=(*plain.settings, *_given(leaf)),
-            in_context=leaf.above is not None,
-        ),
-    )
-
-
-def _groups(settings: tuple[str, ...], leaf: Leaf) -> tuple[tuple[str, ...], ...]:
-    """Return a context's settings, and before them what makes the leaf exist unless they do."""
-    sets = any(setting.partition("=")[0] == leaf.above for setting in settings)
-    return (settings,) if sets else (*_given(leaf), settings)
-
-
-def _given(leaf: Leaf) -> tuple[tuple[str, ...], ...]:
-    """Return what makes a leaf below a null exist; refused if that needs more than defaults."""
-    return () if leaf.above is None else ((f"{leaf.above}={{}}",),)
-
-
-def _scenario(base: Base) -> Any:
-    scenario = load(base.entry).default
-    for settings in base.settings:
-        scenario = make_scenario(scenario, settings=settings)
-    return scenario
+    # Makes a leaf below a null exist; refused if that needs more than defaults.
+    given = () if leaf.above is None else ((f"{leaf.above}={{}}",),)
+    last = replace(plain, settings=plain.settings + given, in_context=leaf.above is not None)
+    found = []
+    for context in contexts:
+        if context.holds_for(plain.entry.name, leaf.path):
+            settings = context.settings_for(leaf.path)
+            sets = any(setting.partition("=")[0] == leaf.above for setting in settings)
+            groups = (settings,) if sets else (*given, settings)
+            found.append(replace(plain, settings=plain.settings + groups, in_context=True))
+    return (*found, last)
 
 
 def _perturbed(base: Base, path: str) -> Iterator[str]:
     """Yield settings of the field that differ from what it is."""
-    scenario = _scenario(base)
+    scenario = base.scenario()
     (leaf,) = (one for one in leaves(scenario) if one.path == path)
     resolved = {one.path: one.value for one in leaves(load(base.entry).resolve(scenario))}
     for value in perturbations(leaf.value, leaf.kind, resolved.get(path)):
@@ -314,7 +275,7 @@ def _try(base: Base, setting: str, reference: Reference) -> tuple[Kind, str]:
     """Return what comes of a perturbation, and the same in words."""
     limit = max(_LEAST, _LONGEST * reference.seconds)
     try:
-        scenario = make_scenario(_scenario(base), settings=[setting])
+        scenario = make_scenario(base.scenario(), settings=[setting])
         with _at_most(limit):
             found = _run(scenario, base.entry)
     except _REFUSALS as error:
@@ -324,7 +285,7 @@ def _try(base: Base, setting: str, reference: Reference) -> tuple[Kind, str]:
     except _TooLongError:
         return "undecided", f"given up after {limit:.0f} s"
     except Exception as error:
-        return "undecided", f"{_CRASH} {traceback.format_exception_only(error)[-1].strip()}"
+        return "undecided", f"{CRASH} {traceback.format_exception_only(error)[-1].strip()}"
     return ("effective", "a change") if reference.differs(found) else ("silent", "no change")
 
 
@@ -339,11 +300,7 @@ def _run(scenario: Any, entry: Entry) -> dict[str, str]:
     experiment = load(entry)
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return digests(experiment.run(experiment.resolve(scenario), _SEED, _unheard))
-
-
-def _unheard(fraction: float, doing: str = "") -> None:
-    """Let a run report to nobody."""
+        return digests(experiment.run(experiment.resolve(scenario), _SEED, lambda *_, **__: None))
 
 
 @contextmanager
@@ -391,70 +348,41 @@ def _candidates(value: Any, kind: Any, resolved: Any) -> Iterator[Any]:
     elif isinstance(value, int):
         yield from (value + 1, value - 1, 2 * value, value // 5, value + 5)
     elif isinstance(value, float):
-        yield from _numbers(value)
+        if value == 0:
+            yield from _INSTEAD_OF_ZERO
+        elif math.isinf(value):
+            yield from (math.copysign(one, value) for one in _INSTEAD_OF_INFINITY)
+        else:
+            yield from (factor * value for factor in _FACTORS)
     elif isinstance(value, tuple):
-        yield from _tuples(value)
+        # All elements together, then one at a time, then other lengths.
+        yield from map(list, zip(*(_candidates(x, type(x), x) for x in value), strict=False))
+        for i, x in enumerate(value):
+            for candidate in islice(_candidates(x, type(x), x), _ALONE):
+                yield [*value[:i], candidate, *value[i + 1 :]]
+        yield from (list(value[:-1]), [*value, *value[-1:]])
+        if not value:
+            yield from ([0], [1], [0.01])
     else:
         yield from _values_of(kind)
     if value is not None and NoneType in choices:
         yield None
 
 
-def _numbers(value: float) -> Iterator[float]:
-    if value == 0:
-        yield from _INSTEAD_OF_ZERO
-    elif math.isinf(value):
-        yield from (math.copysign(one, value) for one in _INSTEAD_OF_INFINITY)
-    else:
-        yield from (factor * value for factor in _FACTORS)
-
-
-def _tuples(value: Sequence[Any]) -> Iterator[list[Any]]:
-    """Yield lists whose elements are all perturbed, then one at a time, then of other lengths."""
-    for together in zip(*(_candidates(one, type(one), one) for one in value), strict=False):
-        yield list(together)
-    for i, element in enumerate(value):
-        for candidate in islice(_candidates(element, type(element), element), _ALONE):
-            yield [*value[:i], candidate, *value[i + 1 :]]
-    yield list(value[:-1])
-    yield [*value, *value[-1:]]
-    if not value:
-        yield from ([0], [1], [0.01])
-
-
 def _values_of(kind: Any) -> Iterator[Any]:
     """Yield values of a type of which none is known."""
     if get_origin(kind) is Literal:
         yield from get_args(kind)
-    elif kind is bool:
-        yield from (False, True)
-    elif kind is int:
-        yield from (1, 2, 10)
-    elif kind is float:
-        yield from (1.0, 0.1, 0.01, 0.001, 10.0)
+    elif kind in _UNKNOWN:
+        yield from _UNKNOWN[kind]
     elif get_origin(kind) is tuple:
-        yield from _lists_of(get_args(kind))
-    elif is_dataclass(kind):
-        yield from _mappings_of(kind)
-
-
-def _mappings_of(kind: Any) -> Iterator[dict[str, Any]]:
-    """Yield mappings that give a dataclass the fields without a default."""
-    hints = get_type_hints(kind)
-    required = [
-        field.name
-        for field in fields(kind)
-        if field.default is MISSING and field.default_factory is MISSING
-    ]
-    if not required:
-        yield {}
-        return
-    for values in zip(*(_values_of(hints[name]) for name in required), strict=False):
-        yield dict(zip(required, values, strict=True))
-
-
-def _lists_of(kinds: Sequence[Any]) -> Iterator[list[Any]]:
-    lengths = (1, 2, 3, 6, 7) if kinds[-1] is Ellipsis else (len(kinds),)
-    for length in lengths:
-        for one in _values_of(kinds[0]):
-            yield [one] * length
+        of = get_args(kind)
+        for length in (1, 2, 3, 6, 7) if of[-1] is Ellipsis else [len(of)]:
+            yield from ([one] * length for one in _values_of(of[0]))
+    elif is_dataclass(kind):  # a mapping of the fields without a default
+        hints = get_type_hints(kind)
+        required = [one.name for one in fields(kind) if one.default is one.default_factory]
+        if not required:
+            yield {}
+        for values in zip(*(_values_of(hints[name]) for name in required), strict=False):
+            yield dict(zip(required, values, strict=True))

@@ -6,80 +6,54 @@ taken; what is timed is the way from a built model to the arrays of results.
 
 import argparse
 import math
-import platform
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from importlib.metadata import PackageNotFoundError, version
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 from chamfer.analysis.benchmarks import peg_benchmark as insertion
 from chamfer.analysis.benchmarks import speed
 from chamfer.analysis.benchmarks.engine import (
-    Agreement,
+    LoopCase,
     LoopEngine,
     LoopName,
-    Times,
     agree,
     exact,
     interleave,
-    make_case,
     median,
     ratio,
 )
 from chamfer.analysis.benchmarks.peers import (
+    CHAMFER,
     COMPILED,
-    EngineSource,
+    DRAKE,
+    PER_TICK,
     engines,
-    how_to_install,
-    installed,
+    missing,
+    versions,
 )
-from chamfer.analysis.benchmarks.peg_benchmark import Insertions, Result, sure
 from chamfer.analysis.benchmarks.speed import COMMAND, IMPORTS, Rounds
 from chamfer.analysis.report.atomic_write import write_text
+from chamfer.analysis.report.console import table
 from chamfer.analysis.report.results import json_text
 
-_TITLES: Final[Mapping[LoopName, str]] = {
+_TITLES: Final[dict[LoopName, str]] = {
     "pid": "PID loop, step of 1 m, 2.5 s, output every 1 ms",
     "fsm": "FSM loop, step of 1 m, 2.5 s, output at the ticks, 80 Hz",
 }
-_REFERENCE: Final = "Chamfer"
-_PER_TICK: Final = "SciPy RK45 per tick"
-# Drake as it comes is no peer of the FSM loop: it runs the same compensator.
-_PEERS: Final[Mapping[LoopName, tuple[str, ...]]] = {
-    "fsm": ("python-control", _PER_TICK, "bdsim", "pathsim"),
-    "pid": (
-        "Drake as it comes",
-        "SciPy LSODA, solve_ivp",
-        "SciPy LSODA, odeint",
-        "python-control",
-        "bdsim",
-        "pathsim",
-    ),
-}
 _INTERRUPTED: Final = 130  # exit status
-
-
-@dataclass
-class ColdStart:
-    """Times, s, of fresh processes by what they did, and why the ones that failed did."""
-
-    times: Rounds = field(default_factory=dict)
-    failures: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass
 class Findings:
     """Everything that has been found so far."""
 
-    engines: dict[LoopName, list[LoopEngine]] = field(default_factory=dict)
-    agreements: dict[LoopName, list[Agreement]] = field(default_factory=dict)
-    times: dict[LoopName, dict[str, Times]] = field(default_factory=dict)
-    cold: ColdStart = field(default_factory=ColdStart)
+    loops: dict[LoopName, list[LoopEngine]] = field(default_factory=dict)
+    cold: Rounds = field(default_factory=dict)  # s, of fresh processes by what they did
+    cold_failures: dict[str, str] = field(default_factory=dict)  # why the others failed
     real_time: Rounds = field(default_factory=dict)  # simulated over elapsed seconds
     updates: dict[str, float] = field(default_factory=dict)  # s, least, by observer
-    insertions: Insertions = field(default_factory=Insertions)
-    missing: list[EngineSource] = field(default_factory=list)
+    insertions: insertion.Insertions = field(default_factory=dict)
     interrupted: bool = False
 
 
@@ -88,7 +62,7 @@ class Target:
     """A ratio of two times, or a distance from statics, and the bound on it."""
 
     text: str
-    relation: Literal["at_least", "at_most"]
+    relation: str  # >= or <=
     bound: float
     measured: float | None  # None: not measured
 
@@ -97,136 +71,80 @@ class Target:
         """Whether the bound is kept; None if it was not measured."""
         if self.measured is None:
             return None
-        at_least = self.relation == "at_least"
-        return self.measured >= self.bound if at_least else self.measured <= self.bound
-
-
-def targets(found: Findings) -> list[Target]:
-    """Return the targets with what was measured: to be ahead of every peer, and by how much."""
-
-    def run(loop: LoopName, name: str) -> float | None:
-        taken = found.times.get(loop, {})
-        return taken[name].run if name in taken else None
-
-    def scaled(value: float | None, by: float) -> float | None:
-        return None if value is None else by * value
-
-    cold, one = found.cold.times, insertion.CHAMFER
-    trial = run("fsm", COMPILED)
-    in_time = {name: median(found.real_time.get(name)) for name in speed.REAL_TIME}
-    start = ratio(median(cold.get(COMMAND)), median(cold.get(IMPORTS)))
-    rows = [
-        (
-            f"{loop.upper()} loop: {name} / {_REFERENCE}",
-            ">=",
-            1.0,
-            ratio(run(loop, name), run(loop, _REFERENCE)),
+        return (
+            self.measured >= self.bound if self.relation == ">=" else self.measured <= self.bound
         )
-        for loop, names in _PEERS.items()
-        for name in names
-    ]
-    times_faster = ratio(run("fsm", _PER_TICK), trial)
-    rows += [
-        (f"FSM loop: {_PER_TICK} / {COMPILED}", ">=", 100.0, times_faster),
-        (f"FSM loop: {COMPILED}, s for 10,000 trials on one core", "<=", 20.0, scaled(trial, 1e4)),
-        (f"{COMMAND} / {IMPORTS}", "<=", 2.0, start),
-    ]
-    rows += [
-        (f"{name}: simulated / elapsed", ">=", bound, in_time[name])
-        for name, bound in speed.REAL_TIME.items()
-    ]
-    rows += [
-        (
-            f"an update of the observer {name}, us",
-            "<=",
-            1e6 * bound,
-            scaled(found.updates.get(name), 1e6),
-        )
-        for name, bound in speed.UPDATES.items()
-    ]
-    agrees = insertion.agreement(found.insertions, one)
-    onset = insertion.worst_onset(found.insertions, one)
-    force = insertion.worst_force(found.insertions, one)
-    rows += [
-        ("insertions: outcome as exact statics say where they are sure, %", ">=", 100.0, agrees),
-        ("insertions: onset from Whitney's closed form, mm", "<=", 0.1, onset),
-        ("insertions: peak from exact statics at 3 to 5 degrees, %", "<=", 6.0, force),
-    ]
-    return [
-        Target(text, "at_least" if sign == ">=" else "at_most", bound, measured)
-        for text, sign, bound, measured in rows
-    ]
 
 
-def agreement_text(loop: LoopName, agreements: Sequence[Agreement]) -> str:
+def targets(found: Findings) -> Iterator[Target]:
+    """Yield the targets with what was measured: to be ahead of every peer, and by how much."""
+    runs = {
+        (loop, one.name): median(one.running) for loop, of in found.loops.items() for one in of
+    }
+    for (loop, name), run in runs.items():
+        # Drake as it comes is no peer of the FSM loop: it runs the same compensator.
+        if name not in (CHAMFER, COMPILED) and (loop, name) != ("fsm", DRAKE):
+            times_faster = ratio(run, runs.get((loop, CHAMFER)))
+            yield Target(f"{loop.upper()} loop: {name} / {CHAMFER}", ">=", 1.0, times_faster)
+    trial = runs.get(("fsm", COMPILED))
+    times_faster = ratio(runs.get(("fsm", PER_TICK)), trial)
+    yield Target(f"FSM loop: {PER_TICK} / {COMPILED}", ">=", 100.0, times_faster)
+    many = None if trial is None else 1e4 * trial
+    yield Target(f"FSM loop: {COMPILED}, s for 10,000 trials on one core", "<=", 20.0, many)
+    start = ratio(median(found.cold.get(COMMAND)), median(found.cold.get(IMPORTS)))
+    yield Target(f"{COMMAND} / {IMPORTS}", "<=", 2.0, start)
+    for name, bound in speed.REAL_TIME.items():
+        factor = median(found.real_time.get(name))
+        yield Target(f"{name}: simulated / elapsed", ">=", bound, factor)
+    for name, bound in speed.UPDATES.items():
+        update = 1e6 * found.updates[name] if name in found.updates else None
+        yield Target(f"an update of the observer {name}, us", "<=", bound, update)
+    for text, relation, bound, judge in (
+        ("outcome as exact statics say where they are sure, %", ">=", 100.0, insertion.agreement),
+        ("onset from Whitney's closed form, mm", "<=", 0.1, insertion.worst_onset),
+        ("peak from exact statics at 3 to 5 degrees, %", "<=", 6.0, insertion.worst_force),
+    ):
+        yield Target(f"insertions: {text}", relation, bound, judge(found.insertions))
+
+
+def agreement_text(loop: LoopName, compared: Sequence[LoopEngine]) -> str:
     """Return the table of a loop's results against the exact solution."""
     rows = [
         (
-            found.engine,
-            _number(found.difference, "{:.1e}"),
-            f"{found.accuracy:.0e}",
-            _number(found.steady_state_error, "{:.6f}"),
-            _number(found.rise_time, "{:.6f}"),
-            found.failure or ("ok" if found.ok else "DIFFERS"),
+            one.name,
+            _number(one.difference, "{:.1e}"),
+            f"{one.accuracy:.0e}",
+            _number(one.steady_state_error, "{:.6f}"),
+            _number(one.rise_time, "{:.6f}"),
+            one.failure or ("ok" if one.ok else "DIFFERS"),
         )
-        for found in agreements
+        for one in compared
     ]
     header = ("engine", "largest difference m", "promised m", "final error m", "rise time s", "")
     return _titled(f"Agreement: {_TITLES[loop]}", header, rows, right=(1, 2, 3, 4))
 
 
-def times_text(loop: LoopName, engines: Sequence[LoopEngine], times: Mapping[str, Times]) -> str:
-    """Return the table of a loop's times."""
-    reference = times[engines[0].name].run if engines and engines[0].name in times else None
+def times_text(loop: LoopName, compared: Sequence[LoopEngine]) -> str:
+    """Return the table of a loop's times; ratios are to the first engine."""
     rows = []
-    for engine in engines:
-        taken = times.get(engine.name, Times())
-        spent = [_number(one, "{:.3f}", 1e3) for one in (taken.build, taken.run, taken.least)]
-        slower = _number(ratio(taken.run, reference), "{:.3g}")
-        rows.append((engine.name, *spent, str(taken.rounds), slower, engine.note))
+    for one in compared:
+        if not one.failure:
+            run, least = median(one.running), min(one.running, default=None)
+            spent = [_number(t, "{:.3f}", 1e3) for t in (median(one.building), run, least)]
+            slower = _number(ratio(run, median(compared[0].running)), "{:.3g}")
+            rows.append((one.name, *spent, str(len(one.running)), slower, one.note))
     header = ("engine", "build ms", "run ms", "least ms", "rounds", "ratio", "settings")
     title = f"Times from a built model to arrays, medians: {_TITLES[loop]}"
     return _titled(title, header, rows, right=(1, 2, 3, 4, 5))
 
 
-def cold_text(cold: ColdStart) -> str:
-    """Return the table of the fresh processes."""
-    rows = [
-        (
-            name,
-            _number(median(cold.times.get(name)), "{:.2f}"),
-            str(len(cold.times.get(name, []))),
-            cold.failures.get(name, ""),
-        )
-        for name in dict.fromkeys([*cold.times, *cold.failures])
-    ]
-    return _titled("Cold start", ("fresh process", "median s", "rounds", ""), rows, right=(1, 2))
-
-
-def real_time_text(real_time: Rounds) -> str:
-    """Return the table of the loops in real time."""
-    rows = [
-        (name, _number(median(factors), "{:.1f}"), str(len(factors)))
-        for name, factors in real_time.items()
-    ]
-    header = ("experiment", "simulated / elapsed", "rounds")
-    return _titled("Loops against real time, medians", header, rows, right=(1, 2))
-
-
-def updates_text(updates: Mapping[str, float]) -> str:
-    """Return the table of the observers' updates, and their times over the thesis filter's."""
-    thesis = updates["thesis"]
-    rows = [(name, f"{1e6 * one:.0f}", f"{one / thesis:.2f}") for name, one in updates.items()]
-    header = ("observer", "us", "over thesis")
-    return _titled("Updates of the surface observers, least", header, rows, right=(1, 2))
-
-
-def insertions_text(insertions: Insertions) -> str:
+def insertions_text(found: insertion.Insertions) -> str:
     """Return the table of the insertions: outcome, onset and peak of each engine, and its cost."""
     rows = []
-    for one, said in insertions.predicted.items():
-        cells = [f"{one[0]:g}", f"{one[1]:g}", "yes" if sure(insertions, one) else "no"]
-        for result in (said, *(of[one] for of in insertions.results.values())):
+    for one in found[insertion.STATICS]:
+        cells = [f"{one[0]:g}", f"{one[1]:g}", "yes" if insertion.sure(one) else "no"]
+        for results in found.values():
+            result = results[one]
             cells += [
                 "seated" if result.seated else "stopped",
                 _number(result.onset, "{:.2f}", 1e3),
@@ -235,101 +153,97 @@ def insertions_text(insertions: Insertions) -> str:
             ]
         rows.append(cells)
     header = ["mm", "degrees", "sure"]
-    for name in ("statics", *insertions.results):
+    for name in found:
         header += [name, "onset mm", "N", "ms"]
     title = "A sprung peg fed into its hole, cap 40 N: seated or stopped"
     return _titled(title, header, rows, right=[k for k in range(len(header)) if k not in (2, 3)])
 
 
-def summary_text(findings: Findings) -> str:
+def summary_text(found: Findings) -> str:
     """Return what comes after the tables: targets, what is missing, versions."""
     rows = [
         (
             target.text,
-            f"{'>=' if target.relation == 'at_least' else '<='} {target.bound:g}",
+            f"{target.relation} {target.bound:g}",
             _number(target.measured, "{:.2f}"),
             {True: "met", False: "MISSED", None: "not measured"}[target.ok],
         )
-        for target in targets(findings)
+        for target in targets(found)
     ]
-    lines = [how_to_install(source) for source in findings.missing]
-    if findings.interrupted:
+    lines = [f"{name} is not installed and left out: pip install '.[bench]'" for name in missing()]
+    if found.interrupted:
         lines.append("interrupted: this is what there was")
-    lines.append(", ".join(f"{name} {found}" for name, found in versions().items()))
-    table = _titled("Targets", ("ratio", "target", "measured", ""), rows, right=(2,))
-    return "\n\n".join([table, "\n".join(lines)])
+    lines.append(", ".join(f"{name} {number}" for name, number in versions().items()))
+    targeted = _titled("Targets", ("ratio", "target", "measured", ""), rows, right=(2,))
+    return "\n\n".join([targeted, "\n".join(lines)])
 
 
 def report_text(found: Findings) -> str:
     """Return all tables but those of the agreement, and the summary."""
-    tables = [times_text(loop, those, found.times[loop]) for loop, those in found.engines.items()]
-    if found.cold.times or found.cold.failures:
-        tables.append(cold_text(found.cold))
+    tables = [times_text(loop, compared) for loop, compared in found.loops.items()]
+    if found.cold or found.cold_failures:
+        rows = [
+            (
+                name,
+                _number(median(found.cold.get(name)), "{:.2f}"),
+                str(len(found.cold.get(name, []))),
+                found.cold_failures.get(name, ""),
+            )
+            for name in dict.fromkeys([*found.cold, *found.cold_failures])
+        ]
+        header = ("fresh process", "median s", "rounds", "")
+        tables.append(_titled("Cold start", header, rows, right=(1, 2)))
     if found.real_time:
-        tables.append(real_time_text(found.real_time))
+        factors = [
+            (name, _number(median(of), "{:.1f}"), str(len(of)))
+            for name, of in found.real_time.items()
+        ]
+        columns = ("experiment", "simulated / elapsed", "rounds")
+        title = "Loops against real time, medians"
+        tables.append(_titled(title, columns, factors, right=(1, 2)))
     if found.updates:
-        tables.append(updates_text(found.updates))
-    if found.insertions.predicted:
+        costs = [
+            (name, f"{1e6 * cost:.0f}", f"{cost / found.updates['thesis']:.2f}")
+            for name, cost in found.updates.items()
+        ]
+        title = "Updates of the surface observers, least"
+        tables.append(_titled(title, ("observer", "us", "over thesis"), costs, right=(1, 2)))
+    if found.insertions:
         tables.append(insertions_text(found.insertions))
     return "\n\n".join([*tables, summary_text(found)])
 
 
-def document(findings: Findings) -> dict[str, Any]:
+def document(found: Findings) -> dict[str, Any]:
     """Return everything as a JSON document, times in s."""
-    insertions = findings.insertions
     return {
         "versions": versions(),
-        "interrupted": findings.interrupted,
-        "missing": [how_to_install(source) for source in findings.missing],
+        "interrupted": found.interrupted,
+        "missing": missing(),
         "loops": {
-            loop: [_engine_document(engine, findings.times[loop]) for engine in engines]
-            for loop, engines in findings.engines.items()
+            loop: [_engine_document(one) for one in compared]
+            for loop, compared in found.loops.items()
         },
-        "agreement": {
-            loop: [{**asdict(found), "ok": found.ok} for found in agreements]
-            for loop, agreements in findings.agreements.items()
-        },
-        "cold_start": asdict(findings.cold),
-        "real_time": {"factors": findings.real_time},
-        "updates": {"seconds": findings.updates},
+        "cold_start": {"times": found.cold, "failures": found.cold_failures},
+        "real_time": {"factors": found.real_time},
+        "updates": {"seconds": found.updates},
         "insertions": {
             name: [
-                {"lateral_mm": one[0], "tilt_deg": one[1], **_finite(result)}
+                # JSON has no infinity.
+                {"lateral_mm": one[0], "tilt_deg": one[1], **result._asdict()}
+                | {"force": result.force if math.isfinite(result.force) else None}
                 for one, result in of.items()
             ]
-            for name, of in {"statics": insertions.predicted, **insertions.results}.items()
+            for name, of in found.insertions.items()
         },
-        "targets": [{**asdict(target), "ok": target.ok} for target in targets(findings)],
+        "targets": [{**asdict(target), "ok": target.ok} for target in targets(found)],
     }
 
 
-def _finite(result: Result) -> dict[str, Any]:
-    """Return a result without infinity, which JSON doesn't have."""
-    return {**result._asdict(), "force": result.force if math.isfinite(result.force) else None}
-
-
-def _engine_document(engine: LoopEngine, times: Mapping[str, Times]) -> dict[str, Any]:
-    taken = times.get(engine.name, Times())
-    return {
-        "engine": engine.name,
-        "note": engine.note,
-        "build": taken.building,
-        "run": taken.running,
-        "trials": taken.trials,
-        "build_median": taken.build,
-        "run_median": taken.run,
-    }
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of Python and of all engines, missing ones included."""
-    found = {"python": platform.python_version()}
-    for name in ("drake", "numpy", "scipy", "control", "bdsim", "pathsim", "fullseye", "mujoco"):
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = "missing"
-    return found
+def _engine_document(engine: LoopEngine) -> dict[str, Any]:
+    plain = {one.name: getattr(engine, one.name) for one in fields(engine)}
+    del plain["build"], plain["run"]
+    medians = {"build_median": median(engine.building), "run_median": median(engine.running)}
+    return {**plain, "ok": engine.ok, **medians}
 
 
 def _number(value: float | None, form: str, scale: float = 1.0) -> str:
@@ -339,31 +253,12 @@ def _number(value: float | None, form: str, scale: float = 1.0) -> str:
 def _titled(
     title: str, header: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[int]
 ) -> str:
-    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
-
-    def line(cells: Sequence[str]) -> str:
-        aligned = (
-            cell.rjust(width) if i in right else cell.ljust(width)
-            for i, (cell, width) in enumerate(zip(cells, widths, strict=True))
-        )
-        return f"| {' | '.join(aligned)} |"
-
-    rule = [
-        "-" * (width - 1) + ":" if i in right else "-" * width for i, width in enumerate(widths)
-    ]
-    return "\n".join([title, "", line(header), line(rule), *map(line, rows)])
+    return "\n".join([title, "", *table([header, *rows], right)])
 
 
-def main(
-    argv: Sequence[str] | None = None, *, environment: Mapping[str, str] | None = None
-) -> int:
-    """Run the benchmark, print the report and return the exit status.
-
-    Args:
-        argv: The arguments, those of the process unless given.
-        environment: Of the fresh processes, that of this one unless given.
-    """
-    arguments = _parser().parse_args(argv)
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the benchmark, print the report and return the exit status."""
+    arguments = _arguments(argv)
     found = Findings()
     try:
         _measure_loops(found, rounds=arguments.rounds, share=arguments.share)
@@ -372,12 +267,8 @@ def main(
             speed.measure_updates(found.updates)
         if arguments.insertion != "none":
             insertion.measure_cells(found.insertions, insertion.CELLS[arguments.insertion])
-            found.missing += installed([insertion.SOURCE])[1]
         if arguments.cold:
-            cold = found.cold
-            speed.measure_cold_start(
-                cold.times, cold.failures, rounds=arguments.cold, environment=environment
-            )
+            speed.measure_cold_start(found.cold, found.cold_failures, rounds=arguments.cold)
     except KeyboardInterrupt:
         found.interrupted = True
     print(report_text(found))
@@ -386,26 +277,22 @@ def main(
     return _INTERRUPTED if found.interrupted else 0
 
 
-def _measure_loops(findings: Findings, *, rounds: int, share: float) -> None:
-    case = make_case()
-    present, findings.missing = installed()
+def _measure_loops(found: Findings, *, rounds: int, share: float) -> None:
     for loop in _TITLES:
-        solution = exact(case, loop)
-        agreements = findings.agreements[loop] = []
-        compared = findings.engines[loop] = []
-        findings.times[loop] = {}
+        case = LoopCase(loop)
+        solution = exact(case)
+        compared = found.loops[loop] = []
         try:
-            for engine in engines(present, case, loop):
-                agreements.append(agree(engine, case, loop, solution))
-                if not agreements[-1].failure:
-                    compared.append(engine)
+            for engine in engines(case):
+                agree(engine, case, solution)
+                compared.append(engine)
         finally:
-            print(f"{agreement_text(loop, agreements)}\n", flush=True)
-    for loop in _TITLES:
-        interleave(findings.engines[loop], findings.times[loop], rounds=rounds, share=share)
+            print(f"{agreement_text(loop, compared)}\n", flush=True)
+    for compared in found.loops.values():
+        interleave([one for one in compared if not one.failure], rounds=rounds, share=share)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m chamfer.analysis.benchmarks",
         description="Runs the two loops of the first paper in Chamfer and in other simulators, "
@@ -413,13 +300,13 @@ def _parser() -> argparse.ArgumentParser:
         "against real time, the surface observers, and the insertion of a sprung peg.",
     )
     counts = {
-        "--rounds": (1, 15, "of each loop"),
-        "--cold": (0, 5, "rounds of fresh processes, 0 for none"),
-        "--contact": (0, 3, "rounds of the contact loops, 0 for none, nor of the observers"),
+        "rounds": (1, 15, "of each loop"),
+        "cold": (0, 5, "rounds of fresh processes, 0 for none"),
+        "contact": (0, 3, "rounds of the contact loops, 0 for none, nor of the observers"),
     }
-    for name, (least, default, text) in counts.items():
+    for name, (_, default, text) in counts.items():
         said = f"{text} (default: {default})"
-        parser.add_argument(name, type=_AtLeast(least), default=default, metavar="N", help=said)
+        parser.add_argument(f"--{name}", type=int, default=default, metavar="N", help=said)
     parser.add_argument(
         "--share",
         type=float,
@@ -434,20 +321,8 @@ def _parser() -> argparse.ArgumentParser:
         help="cells of the insertion: the reference's five, or a grid too (default: all)",
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the report as JSON too")
-    return parser
-
-
-@dataclass(frozen=True)
-class _AtLeast:
-    """A whole number from ``least`` on, as an argument of the command line."""
-
-    least: int
-
-    def __call__(self, text: str) -> int:
-        value = int(text)
-        if value < self.least:
-            raise argparse.ArgumentTypeError(f"is {text}, allowed: {self.least} or more")
-        return value
-
-    def __repr__(self) -> str:
-        return "whole number"
+    arguments = parser.parse_args(argv)
+    for name, (least, _, _) in counts.items():
+        if (value := getattr(arguments, name)) < least:
+            parser.error(f"--{name} is {value}, allowed: {least} or more")
+    return arguments

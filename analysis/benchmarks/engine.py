@@ -1,6 +1,6 @@
 """The two loops of the first paper as numbers, what solves them exactly, and what times a solver.
 
-Another simulator is an :class:`LoopEngine`: it builds a model of a loop and runs it. Its result is
+Another simulator is a :class:`LoopEngine`: it builds a model of a loop and runs it. Its result is
 compared with the exact one before any time is taken.
 """
 
@@ -28,45 +28,23 @@ _DURATION: Final = 2.5  # s, section 5
 _PID_STEP: Final = 1e-3  # s, of the output of the PID loop
 
 
-@dataclass(frozen=True, kw_only=True)
 class LoopCase:
-    """A resolved step scenario as the plain numbers that the other engines' models take."""
+    """The default step scenario over a duration, s, as the plain numbers that models take."""
 
-    scenario: ResolvedServoScenario
-    duration: float  # s
-
-    @property
-    def amplitude(self) -> float:
-        """Height of the step, m."""
-        return self.scenario.desired.amplitude
-
-    @property
-    def period(self) -> float:
-        """Time between the state machine's ticks, s."""
-        return self.scenario.fsm.period
-
-    def time(self, loop: LoopName) -> Samples:
-        """Return the times, s, at which a loop's output is wanted: every 1 ms, or the ticks."""
-        step = _PID_STEP if loop == "pid" else self.period
-        return np.arange(round(self.duration / step) + 1, dtype=np.float64) * step
-
-    @cached_property
-    def dynamics(self) -> Samples:
-        """Matrix of the mass on spring and damper, state (position m, velocity m/s)."""
+    def __init__(self, loop: LoopName, duration: float = _DURATION) -> None:
+        self.loop = loop
+        self.duration = duration
+        self.scenario: ResolvedServoScenario = resolve(replace(STEP, duration=duration))
+        plant, pid = self.scenario.plant, self.scenario.pid
+        self.amplitude = self.scenario.desired.amplitude  # m, of the step
+        self.step = _PID_STEP if loop == "pid" else self.scenario.fsm.period  # s, of the output
+        steps = np.arange(round(duration / self.step) + 1, dtype=np.float64)
+        self.time: Samples = steps * self.step
+        self.mass_damping_stiffness = plant.mass, plant.damping, plant.stiffness  # kg, N s/m, N/m
+        self.gains = pid.proportional, pid.integral, pid.derivative, pid.filter  # of eq. (2)
         m, b, k = self.mass_damping_stiffness
-        return np.array([[0.0, 1.0], [-k / m, -b / m]])
-
-    @property
-    def mass_damping_stiffness(self) -> tuple[float, float, float]:
-        """The plant's m kg, b N s/m and k N/m."""
-        plant = self.scenario.plant
-        return plant.mass, plant.damping, plant.stiffness
-
-    @property
-    def gains(self) -> tuple[float, float, float, float]:
-        """P, I, D and N of eq. (2)."""
-        pid = self.scenario.pid
-        return pid.proportional, pid.integral, pid.derivative, pid.filter
+        # Of the mass on spring and damper, state (position m, velocity m/s).
+        self.dynamics: Samples = np.array([[0.0, 1.0], [-k / m, -b / m]])
 
     @cached_property
     def compensate(self) -> Callable[[float, float], float]:
@@ -84,76 +62,49 @@ class LoopCase:
         return tick
 
 
-def make_case(duration: float = _DURATION) -> LoopCase:
-    """Return the default step scenario over a duration, s."""
-    scenario = resolve(replace(STEP, duration=duration))
-    return LoopCase(scenario=scenario, duration=duration)
-
-
-def exact(case: LoopCase, loop: LoopName) -> Samples:
+def exact(case: LoopCase) -> Samples:
     """Return the exact output of a loop, m, by matrix exponentials over one output step."""
-    return _exact_pid(case) if loop == "pid" else _exact_fsm(case)
-
-
-def _exact_pid(case: LoopCase) -> Samples:
-    """The state is position, velocity, integral of the error, filtered error and the step."""
     m, b, k = case.mass_damping_stiffness
     p, i, d, n = case.gains
-    loop = np.array(
-        [
+    if case.loop == "pid":  # position, velocity, integral of the error, filtered error, step
+        shown, state = 1, np.array([0.0, 0.0, 0.0, 0.0, case.amplitude])
+        rates = [
             [0.0, 1.0, 0.0, 0.0, 0.0],
             [-k / m, -(b + p + d * n) / m, i / m, -d * n / m, (p + d * n) / m],
             [0.0, -1.0, 0.0, 0.0, 1.0],
             [0.0, -n, 0.0, -n, n],
             [0.0, 0.0, 0.0, 0.0, 0.0],
         ]
-    )
-    step = expm(loop * _PID_STEP)
-    state = np.array([0.0, 0.0, 0.0, 0.0, case.amplitude])
-    output = np.empty_like(case.time("pid"))
+    else:  # position, velocity, compensation
+        shown, state = 0, np.zeros(3)
+        rates = [[0.0, 1.0, 0.0], [-k / m, -b / m, k / m], [0.0, 0.0, 0.0]]
+    step = expm(np.array(rates) * case.step)
+    output = np.empty_like(case.time)
     for row in range(len(output)):
-        output[row] = state[1]
+        output[row] = state[shown]
+        if case.loop == "fsm":
+            state[2] = case.compensate(float(state[2]), case.amplitude - float(state[0]))
         state = step @ state
     return output
 
 
-def _exact_fsm(case: LoopCase) -> Samples:
-    m, _, k = case.mass_damping_stiffness
-    held = np.zeros((3, 3))
-    held[:2, :2] = case.dynamics
-    held[1, 2] = k / m
-    step = expm(held * case.period)
-    state = np.zeros(3)
-    output = np.empty_like(case.time("fsm"))
-    for row in range(len(output)):
-        output[row] = state[0]
-        state[2] = case.compensate(float(state[2]), case.amplitude - float(state[0]))
-        state = step @ state
-    return output
-
-
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True)
 class LoopEngine:
-    """A simulator with one of the loops."""
+    """A simulator with one of the loops, and what was found of it."""
 
     name: str
-    build: Callable[[], Any]  # returns a model that is good for one run
+    build: Callable[[], Any] = lambda: None  # returns a model that is good for one run
     run: Callable[[Any], Samples]  # from a built model to the output at the wanted times, m
     accuracy: float  # m, largest difference from the exact solution that the settings promise
     note: str  # the settings
     trials: int = 1  # that a run makes at once; its time is shared among them
 
-
-@dataclass(frozen=True, kw_only=True)
-class Agreement:
-    """An engine's result against the exact one, or the reason why there is none."""
-
-    engine: str
-    difference: float | None = None  # m, the largest at the common times
-    accuracy: float  # m, what the engine promises
+    difference: float | None = None  # m, from the exact solution, the largest
     steady_state_error: float | None = None  # m
     rise_time: float | None = None  # s
-    failure: str = ""
+    failure: str = ""  # why there is no result
+    building: list[float] = field(default_factory=list)  # s, a value per round
+    running: list[float] = field(default_factory=list)  # s, from the model to arrays, per trial
 
     @property
     def ok(self) -> bool:
@@ -161,92 +112,46 @@ class Agreement:
         return self.difference is not None and self.difference <= self.accuracy
 
 
-def agree(engine: LoopEngine, case: LoopCase, loop: LoopName, solution: Samples) -> Agreement:
+def agree(engine: LoopEngine, case: LoopCase, solution: Samples) -> None:
     """Run an engine once and compare it with the exact solution.
 
     Another version of a peer may not know the calls made here: that is a finding, not the end.
     """
-    none = Agreement(engine=engine.name, accuracy=engine.accuracy)
     try:
         output = engine.run(engine.build())
     except Exception as error:
         reason = " ".join(str(error).split()) or "no message"
-        return replace(none, failure=f"{type(error).__name__}: {reason}")
+        engine.failure = f"{type(error).__name__}: {reason}"
+        return
     if output.shape != solution.shape:
-        said = f"gave {output.shape[0]} samples instead of {solution.shape[0]}"
-        return replace(none, failure=said)
-    if not np.all(np.isfinite(output)):
-        return replace(none, failure="gave a result that is not finite")
-    measured = step_metrics(case.time(loop), output, case.amplitude)
-    return replace(
-        none,
-        difference=float(np.abs(output - solution).max()),
-        steady_state_error=measured.steady_state_error,
-        rise_time=measured.rise_time,
-    )
-
-
-@dataclass
-class Times:
-    """What was measured of one engine, s, a value per round."""
-
-    trials: int = 1  # of a round
-    building: list[float] = field(default_factory=list)
-    running: list[float] = field(default_factory=list)
-
-    @property
-    def rounds(self) -> int:
-        """How many rounds have been measured."""
-        return len(self.running)
-
-    @property
-    def build(self) -> float | None:
-        """Median time of building the model, s, or None before the first round."""
-        return median(self.building)
-
-    @property
-    def run(self) -> float | None:
-        """Median time of a trial from the model to the arrays of results, s."""
-        return statistics.median(self.running) / self.trials if self.running else None
-
-    @property
-    def least(self) -> float | None:
-        """Least time of a trial from the model to the arrays of results, s."""
-        return min(self.running) / self.trials if self.running else None
-
-    @property
-    def spent(self) -> float:
-        """Time spent so far, s."""
-        return sum(self.building) + sum(self.running)
+        engine.failure = f"gave {output.shape[0]} samples instead of {solution.shape[0]}"
+    elif not np.all(np.isfinite(output)):
+        engine.failure = "gave a result that is not finite"
+    else:
+        measured = step_metrics(case.time, output, case.amplitude)
+        engine.difference = float(np.abs(output - solution).max())
+        engine.steady_state_error = measured.steady_state_error
+        engine.rise_time = measured.rise_time
 
 
 def interleave(
     engines: Sequence[LoopEngine],
-    times: dict[str, Times],
     *,
     rounds: int,
     share: float,
     clock: Callable[[], float] = perf_counter,
 ) -> None:
-    """Run the engines in turns, so that a busy machine is busy for all of them.
+    """Time the engines in turns, so that a busy machine is busy for all of them.
 
     Every round begins with another engine, so that none always follows the same one. An engine
-    that would exceed its share of the time sits the rest out, after one round at least.
-
-    Args:
-        engines: Which ones; their names are the keys of ``times``.
-        times: Is filled as the rounds go, so that an interrupt leaves what there is.
-        rounds: How many.
-        share: s, for each engine.
-        clock: Gives the time, s.
+    that would exceed its ``share`` of the time, s, sits the rest out, after one round at least.
+    An interrupt leaves what there is.
     """
-    for engine in engines:
-        times.setdefault(engine.name, Times(trials=engine.trials))
     for number in range(rounds):
         first = number % len(engines)
         for engine in (*engines[first:], *engines[:first]):
-            taken = times[engine.name]
-            if taken.rounds and taken.spent * (1 + 1 / taken.rounds) > share:
+            spent = sum(engine.building) + engine.trials * sum(engine.running)
+            if engine.running and spent * (1 + 1 / len(engine.running)) > share:
                 continue
             gc.collect()
             start = clock()
@@ -254,8 +159,8 @@ def interleave(
             built = clock()
             engine.run(model)
             end = clock()
-            taken.building.append(built - start)
-            taken.running.append(end - built)
+            engine.building.append(built - start)
+            engine.running.append((end - built) / engine.trials)
 
 
 def median(values: Sequence[float] | None) -> float | None:

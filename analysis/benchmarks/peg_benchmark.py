@@ -7,13 +7,13 @@ both directions. Of ``fullseye`` its scene is used with a feed of ours, without 
 
 import math
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from chamfer.analysis.benchmarks.peers import EngineSource, installed
+from chamfer.analysis.benchmarks.peers import missing
 from chamfer.analysis.insertion.insertion_runs import insert, measure, median
 from chamfer.analysis.insertion.insertion_runs import predict as statics
 from chamfer.diagrams.insertion.peg_insertion import (
@@ -31,11 +31,12 @@ Cell = tuple[float, float]  # lateral error, mm, and tilt, degrees
 TABLE: Final = ((0.0, 3.0), (0.0, 5.0), (1.0, 5.0), (0.0, 7.0), (0.0, 9.0))
 GRID: Final = tuple((x, t) for x in (0.0, 1.0, 2.0, 3.0) for t in (1.0, 2.0, 3.0))
 CELLS: Final = {"table": TABLE, "all": (*TABLE, *GRID)}
-SOURCE: Final = EngineSource(requires="pegsim", distribution="fullseye", extra="bench")
+STATICS: Final = "statics"
 CHAMFER: Final = "Chamfer, Drake"
 PEER: Final = "fullseye, MuJoCo"
 _WRIST, _SERVO = 600.0, 4000.0  # N/m, of the peer, in series
 _SETTLE: Final = 0.3  # s, until the peer's peg hangs at rest on its springs
+_DOUBT: Final = (0.9, 1.0, 1.1)  # of the tilt
 _NEAR_TIP: Final = 1.5e-3  # m along the peg: closer contacts are the tip's, as the peer has it
 
 
@@ -48,12 +49,7 @@ class Result(NamedTuple):
     seconds: float  # of the process
 
 
-@dataclass
-class Insertions:
-    """Results by engine and cell, and what exact statics say."""
-
-    results: dict[str, dict[Cell, Result]] = field(default_factory=dict)
-    predicted: dict[Cell, Result] = field(default_factory=dict)
+Insertions = dict[str, dict[Cell, Result]]  # by engine, exact statics among them
 
 
 def cell(lateral: float, degrees: float) -> PegInsertionScenario:
@@ -84,22 +80,15 @@ def cell(lateral: float, degrees: float) -> PegInsertionScenario:
     )
 
 
-def engines() -> dict[str, Callable[[PegInsertionScenario], Result]]:
-    """Return the engines that are installed."""
-    found: dict[str, Callable[[PegInsertionScenario], Result]] = {CHAMFER: insert_in_drake}
-    if installed([SOURCE])[0]:
-        found[PEER] = insert_in_mujoco
-    return found
-
-
 def measure_cells(found: Insertions, cells: Sequence[Cell]) -> None:
-    """Run every engine on every cell."""
-    for name, run in engines().items():
-        results = found.results.setdefault(name, {})
+    """Run every engine that is installed on every cell."""
+    engines = {STATICS: predict, CHAMFER: insert_in_drake, PEER: insert_in_mujoco}
+    if "fullseye" in missing():
+        del engines[PEER]
+    for name, run in engines.items():
+        results = found.setdefault(name, {})
         for one in cells:
             results[one] = run(cell(*one))
-    for one in cells:
-        found.predicted[one] = predict(cell(*one))
 
 
 def insert_in_drake(scenario: PegInsertionScenario) -> Result:
@@ -203,26 +192,26 @@ def predict(scenario: PegInsertionScenario) -> Result:
     )
 
 
-def sure(found: Insertions, one: Cell) -> bool:
+def sure(one: Cell) -> bool:
     """Whether the statics leave no doubt of a cell: a tenth more or less tilt changes nothing."""
-    scenario, seated = cell(*one), found.predicted[one].seated
-    tilts = (share * scenario.tilt for share in (0.9, 1.1))
-    return all(predict(replace(scenario, tilt=tilt)).seated == seated for tilt in tilts)
+    scenario = cell(*one)
+    return len({predict(replace(scenario, tilt=by * scenario.tilt)).seated for by in _DOUBT}) == 1
 
 
-def agreement(found: Insertions, engine: str) -> float | None:
-    """Return in which share of the sure cells an engine does what the statics say, %."""
-    results = found.results.get(engine, {})
+def agreement(found: Insertions) -> float | None:
+    """Return in which share of the sure cells Chamfer does what the statics say, %."""
     right = [
-        results[one].seated == found.predicted[one].seated for one in results if sure(found, one)
+        result.seated == found[STATICS][one].seated
+        for one, result in found.get(CHAMFER, {}).items()
+        if sure(one)
     ]
     return 100 * sum(right) / len(right) if right else None
 
 
-def worst_onset(found: Insertions, engine: str) -> float | None:
-    """Return by how much onsets differ at most from Whitney's closed form, mm."""
+def worst_onset(found: Insertions) -> float | None:
+    """Return by how much Chamfer's onsets differ at most from Whitney's closed form, mm."""
     differences = []
-    for one, result in found.results.get(engine, {}).items():
+    for one, result in found.get(CHAMFER, {}).items():
         if result.onset is not None:
             of = cell(*one)
             said = two_point_onset(of.parts, of.support, of.lateral, of.tilt)
@@ -230,11 +219,11 @@ def worst_onset(found: Insertions, engine: str) -> float | None:
     return max(differences, default=None)
 
 
-def worst_force(found: Insertions, engine: str) -> float | None:
-    """Return by how much peaks at 3 to 5 degrees differ at most from exact statics, %."""
+def worst_force(found: Insertions) -> float | None:
+    """Return by how much Chamfer's peaks at 3 to 5 degrees differ from exact statics, %."""
     differences = [
-        100 * abs(result.force / found.predicted[one].force - 1)
-        for one, result in found.results.get(engine, {}).items()
-        if 3.0 <= one[1] <= 5.0 and found.predicted[one].seated
+        100 * abs(result.force / found[STATICS][one].force - 1)
+        for one, result in found.get(CHAMFER, {}).items()
+        if 3.0 <= one[1] <= 5.0 and found[STATICS][one].seated
     ]
     return max(differences, default=None)

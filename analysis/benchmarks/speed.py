@@ -1,6 +1,7 @@
 """What Chamfer takes by itself: a fresh process, loops against real time, surface observers."""
 
 import gc
+import os
 import subprocess
 import sys
 import tempfile
@@ -13,6 +14,7 @@ from typing import Any, Final, NamedTuple
 
 from pydrake.systems.framework import Diagram
 
+from chamfer.analysis.benchmarks.__main__ import THREADS
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.surface.normal_trials import Contender, contender, cost, slide
 from chamfer.diagrams.cell.alignment import make_alignment_diagram
@@ -68,20 +70,14 @@ REAL_TIME: Final = {  # simulated over elapsed, at least
     "d-connector": 1.0,
     "bnc-connector": 1.0,
 }
-UPDATES: Final[Mapping[str, float]] = {"thesis": 40e-6, "adaptive": 200e-6}  # s, at most
+UPDATES: Final[Mapping[str, float]] = {"thesis": 40.0, "adaptive": 200.0}  # us, at most
 
 
-def measure_cold_start(
-    times: Rounds,
-    failures: dict[str, str],
-    *,
-    rounds: int,
-    environment: Mapping[str, str] | None = None,
-) -> None:
+def measure_cold_start(times: Rounds, failures: dict[str, str], *, rounds: int) -> None:
     """Time the command in a fresh process, s, against the imports no result can do without.
 
-    The processes start in turns; the first round only warms the file cache. One that fails is
-    not started again, and its last line is kept.
+    The processes start in turns, with as many threads as they like; the first round only warms
+    the file cache. One that fails is not started again, and its last line is kept.
     """
     python = sys.executable
     with tempfile.TemporaryDirectory() as folder:
@@ -93,18 +89,18 @@ def measure_cold_start(
         }
         for number in range(rounds + 1):
             for name in [name for name in commands if name not in failures]:
-                elapsed, failure = _start(commands[name], environment)
+                elapsed, failure = _start(commands[name])
                 if failure:
                     failures[name] = failure
                 elif number > 0:
                     times.setdefault(name, []).append(elapsed)
 
 
-def _start(command: Sequence[str], environment: Mapping[str, str] | None) -> tuple[float, str]:
+def _start(command: Sequence[str]) -> tuple[float, str]:
     start = perf_counter()
     process = subprocess.run(
         command,
-        env=environment,
+        env={name: value for name, value in os.environ.items() if name not in THREADS},
         cwd=Path(__file__).parents[2],
         capture_output=True,
         text=True,
@@ -194,9 +190,9 @@ def measure_updates(seconds: dict[str, float], *, updates: int = 5000) -> None:
     """Find the least time of an update, s, of every surface observer on Fig. 5-3's slide."""
     scenario = resolve_estimation(EstimationScenario(duration=15.0))
     on = slide(scenario)
-    contenders: dict[str, Contender] = {}
-    for kind in KINDS:
-        contenders[kind] = contender(scenario, ObserverSettings(kind=kind), on)
+    contenders: dict[str, Contender] = {
+        kind: contender(scenario, ObserverSettings(kind=kind), on) for kind in KINDS
+    }
     known = {one.name: getattr(scenario.observer, one.name) for one in fields(SensingParams)}
     newton = ConstrainedFilter(ConstrainedFilterParams(**known, solver="newton"))
     contenders[NEWTON] = Contender(filter=newton, predicted=None)
