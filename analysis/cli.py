@@ -128,29 +128,13 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
     listing = commands.add_parser("list", help="list the experiments", allow_abbrev=False)
-    _add_json(listing)
     listing.set_defaults(command=_list)
-
-    _add_json(add_fields(commands))
+    fields = add_fields(commands)
 
     run = commands.add_parser("run", help="run experiments by name", allow_abbrev=False)
     run.add_argument("names", nargs="+", metavar="NAME", help="an experiment of `chamfer list`")
-    _add_scenario(run)
-    _add_out(run)
-    _add_seed(run)
-    _add_trials(run)
-    _add_json(run)
     run.set_defaults(command=_run)
-
-    sweep = add_sweep(commands)
-    for add in (_add_scenario, _add_out, _add_seed, _add_trials, _add_json):
-        add(sweep)
-
-    design = add_design(commands)
-    for add in (_add_scenario, _add_out, _add_seed, _add_trials, _add_json):
-        add(design)
-
-    _add_json(add_compare(commands))
+    sweep, design, compare = add_sweep(commands), add_design(commands), add_compare(commands)
 
     reproduce = commands.add_parser(
         "reproduce",
@@ -167,10 +151,6 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="run the studies instead: maps, campaigns, ablations, accuracy",
     )
-    _add_out(reproduce)
-    _add_seed(reproduce)
-    _add_trials(reproduce)
-    _add_json(reproduce)
     reproduce.set_defaults(command=_reproduce)
 
     diagram = commands.add_parser(
@@ -182,21 +162,19 @@ def _parser() -> argparse.ArgumentParser:
     )
     diagram.add_argument("name", metavar="NAME", help="an experiment of `chamfer list`")
     diagram.add_argument("--chart", action="store_true", help="draw its state charts too")
-    _add_scenario(diagram)
-    _add_out(diagram)
     diagram.set_defaults(command=_diagram)
 
-    view = add_view(commands)
-    _add_scenario(view)
-    _add_seed(view)
-
-    track = add_track(commands)
-    for add in (_add_scenario, _add_out, _add_json):
-        add(track)
-
-    calibrate = add_calibrate(commands)
-    for add in (_add_out, _add_json):
-        add(calibrate)
+    view, track, calibrate = add_view(commands), add_track(commands), add_calibrate(commands)
+    for command in (run, sweep, design, diagram, view, track):
+        _add_scenario(command)
+    for command in (run, sweep, design, reproduce, diagram, track, calibrate):
+        _add_out(command)
+    for command in (run, sweep, design, reproduce, view):
+        _add_seed(command)
+    for command in (run, sweep, design, reproduce):
+        _add_trials(command)
+    for command in (listing, fields, run, sweep, design, compare, reproduce, track, calibrate):
+        _add_json(command)
     return parser
 
 
@@ -281,44 +259,42 @@ def _list(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
 def _run(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     from chamfer.analysis.command.running import prepare
 
-    entries = catalogue.entries
-    chosen = select(entries, arguments.names)
+    chosen = select(catalogue.entries, arguments.names)
     jobs = prepare(
         chosen, file=arguments.scenario, settings=arguments.settings, catalogue=catalogue
     )
-    _require_writable(arguments.out, chosen)
-    with _session(arguments, entries, catalogue) as session:
+    with _session(arguments, chosen, catalogue) as session:
         return session.run_all(jobs)
 
 
 def _reproduce(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
-    entries = catalogue.entries
-    chosen = entries if arguments.paper is None else select_paper(entries, arguments.paper)
-    chosen = [entry for entry in chosen if entry.study == arguments.studies]
-    _require_writable(arguments.out, chosen)
-    with _session(arguments, entries, catalogue) as session:
+    entries: Sequence[Entry] = catalogue.entries
+    if arguments.paper is not None:
+        entries = select_paper(entries, arguments.paper)
+    chosen = [entry for entry in entries if entry.study == arguments.studies]
+    with _session(arguments, chosen, catalogue) as session:
         return session.reproduce_all(chosen)
 
 
 @contextmanager
 def _session(
-    arguments: argparse.Namespace, entries: Sequence[Entry], catalogue: Catalogue
+    arguments: argparse.Namespace, chosen: Sequence[Entry], catalogue: Catalogue
 ) -> "Iterator[Session]":
+    """Refuse a folder that can't be written, and say which results in it are replaced."""
     from chamfer.analysis.campaign.cluster import engines
     from chamfer.analysis.campaign.workers import cores
-    from chamfer.analysis.command.session import Session
+    from chamfer.analysis.command.output_folder import require_writable
+    from chamfer.analysis.command.session import Order, Session
+    from chamfer.analysis.report.results import RESULT
 
+    out, fresh = arguments.out, arguments.fresh
+    require_writable(out, [entry.name for entry in chosen])
+    earlier = [entry.name for entry in chosen if (out / entry.name / RESULT).exists()]
+    if earlier:
+        say(f"what is in {out} of {', '.join(earlier)} is replaced")
+    order = Order(catalogue=catalogue, out=out, seed=arguments.seed, fresh=fresh)
     with engines(arguments.workers or cores(), arguments.cluster) as (here, trials):
-        yield Session(
-            entries,
-            out=arguments.out,
-            seed=arguments.seed,
-            as_json=arguments.json,
-            here=here,
-            trials=trials,
-            fresh=arguments.fresh,
-            catalogue=catalogue,
-        )
+        yield Session(order=order, as_json=arguments.json, here=here, trials=trials)
 
 
 def _diagram(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
@@ -334,17 +310,6 @@ def _diagram(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     for path in write_drawings(arguments.out / arguments.name, drawings):
         print(path)
     return 0
-
-
-def _require_writable(out: Path, chosen: Sequence[Entry]) -> None:
-    """Refuse a folder that can't be written, and say which results in it are replaced."""
-    from chamfer.analysis.command.output_folder import require_writable
-    from chamfer.analysis.report.results import RESULT
-
-    require_writable(out, [entry.name for entry in chosen])
-    earlier = [entry.name for entry in chosen if (out / entry.name / RESULT).exists()]
-    if earlier:
-        say(f"what is in {out} of {', '.join(earlier)} is replaced")
 
 
 def _seed(text: str) -> int:

@@ -185,7 +185,7 @@ def run(
     if artifacts.replay is not None:
         document["replay"] = REPLAY
     folder = out / job.entry.name
-    with _written(folder):
+    with written(folder):
         write_result(folder, document, artifacts)
     campaign.finish()
     return document
@@ -274,7 +274,7 @@ def write_drawings(folder: Path, drawings: Mapping[str, str]) -> list[Path]:
     Raises:
         UserError: If they can't be written.
     """
-    with _written(folder):
+    with written(folder):
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in drawings.items():
             write_text(folder / name, text)
@@ -344,8 +344,9 @@ def _reason(error: BaseException, asked: Sequence[str]) -> str | None:
 
 
 @contextmanager
-def _written(folder: Path) -> Iterator[None]:
+def written(path: Path) -> Iterator[None]:
+    """Say in one line that a file or a folder can't be written."""
     try:
         yield
     except OSError as error:
-        raise UserError(f"{folder} can't be written: {error.strerror or error}") from error
+        raise UserError(f"{path} can't be written: {error.strerror or error}") from error

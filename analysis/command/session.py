@@ -1,18 +1,30 @@
-"""Runs experiments, says how they went and keeps the report up to date."""
+"""Runs experiments, says how they went and keeps the report up to date.
+
+Reproducing runs them side by side in worker processes, which write their folders themselves. What
+had ended before with the same sources, seed and scenario is kept. The quick ones come first, so
+that there is soon something to see, then the longest, so that no core waits at the end.
+
+An experiment that needs trials asks for them and is begun anew when they have run: then it finds
+them in its folder, as it does after an interrupt. So all share the same workers, no process waits
+for another one, and the main process holds no results.
+"""
 
 import sys
+import time
+import traceback
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import closing, nullcontext, redirect_stdout, suppress
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
-from chamfer.analysis.campaign.campaign import Campaign
-from chamfer.analysis.campaign.progress import TerminalProgress
-from chamfer.analysis.campaign.workers import Engine
-from chamfer.analysis.catalogue import CATALOGUE
-from chamfer.analysis.command.running import Job, run, trials_path
-from chamfer.analysis.command.side_by_side import Ended, Order, SideBySide
+from chamfer.analysis.campaign.campaign import Campaign, TrialsWantedError
+from chamfer.analysis.campaign.progress import TerminalProgress, duration
+from chamfer.analysis.campaign.workers import Engine, LostError, StartError
+from chamfer.analysis.command.running import Job, finished, prepare, run, trials_path, written
 from chamfer.analysis.report.atomic_write import write_text
 from chamfer.analysis.report.check_text import counts, counts_text
 from chamfer.analysis.report.checks import load_paper
@@ -20,51 +32,59 @@ from chamfer.analysis.report.console import failed_text, result_text, say
 from chamfer.analysis.report.report import REPORT, write_report
 from chamfer.analysis.report.results import RESULT, json_text, read_result
 from chamfer.analysis.report.results_table import TABLE, results_table
-from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.experiment import Catalogue, Entry
+from chamfer.analysis.scenario.errors import ExperimentError, UserError
+from chamfer.analysis.scenario.experiment import Catalogue, Entry, Progress
+
+_TRIES: Final = 2  # of an experiment whose process dies
+_QUICK: Final = 5.0  # s, what an experiment may take that is among the first
 
 
+@dataclass(frozen=True, kw_only=True)
+class Order:
+    """What the runs of a command have in common."""
+
+    catalogue: Catalogue
+    out: Path  # the folder of the results
+    seed: int
+    fresh: bool  # whether to run again what had ended before
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ended:
+    """What became of an experiment: its result, or the error that ended it."""
+
+    entry: Entry
+    result: dict[str, Any] | None = None  # its document
+    error: str = ""  # in one line
+    trace: str = ""  # where the error is a bug
+    kept: bool = False  # it had ended before
+    warned: Sequence[warnings.WarningMessage] = ()
+
+
+@dataclass(kw_only=True)
 class Session:
-    """The runs of one command.
+    """The runs of one command."""
 
-    Args:
-        entries: All experiments that there are, for the report.
-        out: The folder of the results.
-        seed: Of all randomness.
-        as_json: Whether standard output gets one JSON document, and nothing else.
-        here: Where experiments run side by side.
-        trials: Where trials run.
-        fresh: Whether to forget trials that have finished before.
-        catalogue: Where experiments and published values are.
-    """
-
-    def __init__(
-        self,
-        entries: Sequence[Entry],
-        *,
-        out: Path,
-        seed: int,
-        as_json: bool,
-        here: Engine,
-        trials: Engine,
-        fresh: bool,
-        catalogue: Catalogue = CATALOGUE,
-    ) -> None:
-        self._entries = entries
-        self._out = out
-        self._seed = seed
-        self._as_json = as_json
-        self._here = here
-        self._trials = trials
-        self._fresh = fresh
-        self._catalogue = catalogue
-        self._results: list[dict[str, Any]] = []
-        self._errors: list[str] = []
+    order: Order
+    as_json: bool  # whether standard output gets one JSON document, and nothing else
+    here: Engine  # where experiments run side by side, with access to the results' folder
+    trials: Engine  # where trials run, which may be the same
+    results: list[dict[str, Any]] = field(default_factory=list)
+    errors: list[str] = field(default_factory=list)
 
     def run_all(self, jobs: Sequence[Job]) -> int:
         """Run prepared experiments and return the exit status; an error ends the session."""
+        seed, out = self.order.seed, self.order.out
         for i, job in enumerate(jobs):
-            self._run(job, i, len(jobs))
+            name = job.entry.name
+            label = name if len(jobs) == 1 else f"[{i + 1}/{len(jobs)}] {name}"
+            campaign = self._campaign(name, fresh=self.order.fresh)
+            # An experiment that prints must not spoil the JSON document.
+            quiet = redirect_stdout(sys.stderr) if self.as_json else nullcontext()
+            with quiet, TerminalProgress(label) as progress, closing(campaign):
+                result = run(job, seed=seed, out=out, progress=progress, campaign=campaign)
+            self._take(result)
+            self._write_report()
         return self._end()
 
     def reproduce_all(self, entries: Sequence[Entry]) -> int:
@@ -72,48 +92,66 @@ class Session:
 
         An experiment that ends with an error is reported and the others go on.
         """
-        orders = [
-            Order(
-                entry=entry,
-                catalogue=self._catalogue,
-                seed=self._seed,
-                out=self._out,
-                fresh=self._fresh,
-            )
-            for entry in entries
-        ]
         with TerminalProgress("reproduce") as progress:
-            side_by_side = SideBySide(here=self._here, trials=self._trials, progress=progress)
-            self._write_report(side_by_side.status())
+            headway = _Headway(entries, progress)
+            self._write_report(headway.status())
             try:
-                with closing(side_by_side.run(orders)) as runs:
+                with closing(self._side_by_side(headway)) as runs:
                     for ended in runs:
                         with progress.aside():
                             self._report(ended)
-                        self._write_report(side_by_side.status())
+                        self._write_report(headway.status())
             finally:
                 self._write_report()
-        order = [entry.name for entry in self._entries]
-        self._results.sort(key=lambda result: order.index(result["experiment"]))
-        self._errors.sort(key=lambda error: order.index(error.partition(":")[0]))
+        order = [entry.name for entry in self.order.catalogue.entries]
+        self.results.sort(key=lambda result: order.index(result["experiment"]))
+        self.errors.sort(key=lambda error: order.index(error.partition(":")[0]))
         self._write_table()
         return self._end()
 
-    def _run(self, job: Job, index: int, count: int) -> None:
-        name = job.entry.name
-        label = name if count == 1 else f"[{index + 1}/{count}] {name}"
-        campaign = Campaign(
-            trials_path(self._out, name),
-            processors=self._trials.processors(),
-            engine=self._trials,
-            fresh=self._fresh,
-        )
-        # An experiment that prints must not spoil the JSON document.
-        quiet = redirect_stdout(sys.stderr) if self._as_json else nullcontext()
-        with quiet, TerminalProgress(label) as progress, closing(campaign):
-            result = run(job, seed=self._seed, out=self._out, progress=progress, campaign=campaign)
-        self._take(result)
-        self._write_report()
+    def _campaign(self, name: str, *, fresh: bool) -> Campaign:
+        path, processors = trials_path(self.order.out, name), self.trials.processors()
+        return Campaign(path, processors=processors, engine=self.trials, fresh=fresh)
+
+    def _side_by_side(self, headway: "_Headway") -> Generator[Ended]:
+        """Yield what becomes of each experiment when it has ended."""
+        turns = sorted(headway.entries, key=_turn)
+        with ThreadPoolExecutor(max(1, len(turns))) as threads:
+            try:
+                runs = [threads.submit(self._conduct, entry, headway) for entry in turns]
+                for future in as_completed(runs):
+                    headway.ended.append(future.result())
+                    yield headway.ended[-1]
+            except BaseException:
+                self.here.close()
+                self.trials.close()
+                raise
+
+    def _conduct(self, entry: Entry, headway: "_Headway") -> Ended:
+        began, fresh, lost = time.monotonic(), self.order.fresh, 0
+        with closing(self._campaign(entry.name, fresh=False)) as campaign:
+            while True:
+                headway.tell(entry.name)
+                there = partial(
+                    Campaign,
+                    trials_path(self.order.out, entry.name),
+                    processors=self.trials.processors(),
+                    fresh=fresh,
+                    failures=campaign.failures,
+                    seconds=time.monotonic() - began,
+                )
+                try:
+                    answer = self.here.submit(_perform, self.order, entry, there).result()
+                    if isinstance(answer, Ended):
+                        return answer
+                    fresh = False
+                    campaign.supply(answer, partial(headway.tell, entry.name))
+                except LostError as error:
+                    lost += 1
+                    if lost == _TRIES:
+                        return Ended(entry=entry, error=str(error))
+                except (UserError, ExperimentError, StartError) as error:
+                    return Ended(entry=entry, error=str(error))
 
     def _report(self, ended: Ended) -> None:
         for one in ended.warned:
@@ -125,61 +163,116 @@ class Session:
             print(ended.trace, end="", file=sys.stderr)
         prefix = f"{ended.entry.name}: "
         line = " ".join(ended.error.removeprefix(prefix).split())
-        self._errors.append(prefix + line)
-        say(self._errors[-1])
+        self.errors.append(prefix + line)
+        say(self.errors[-1])
 
     def _take(self, result: dict[str, Any]) -> None:
-        self._results.append(result)
-        if not self._as_json:
+        self.results.append(result)
+        if not self.as_json:
             print(result_text(result), end="\n\n", flush=True)
 
     def _write_report(self, running: str = "") -> None:
-        write_report(self._out, self._entries, self._catalogue, running=running)
+        catalogue = self.order.catalogue
+        write_report(self.order.out, catalogue.entries, catalogue, running=running)
 
     def _write_table(self) -> None:
-        results = self._all_results()
-        papers = {result["paper"] for result in results}
-        titles = {key: load_paper(key, self._catalogue).title for key in papers}
-        studies = {entry.name for entry in self._entries if entry.study}
-        path = self._out / TABLE
-        try:
-            write_text(
-                path,
-                results_table(results, titles, self._errors, studies=studies, seed=self._seed),
-            )
-        except OSError as error:
-            raise UserError(f"{path} can't be written: {error.strerror or error}") from error
-
-    def _all_results(self) -> list[dict[str, Any]]:
-        """Return those of this run, and of earlier ones with the same seed and defaults."""
-        found = {result["experiment"]: result for result in self._results}
-        for entry in self._entries:
+        """Write a table of this run's results, and of earlier ones of the seed and defaults."""
+        catalogue, seed = self.order.catalogue, self.order.seed
+        found = {result["experiment"]: result for result in self.results}
+        for entry in catalogue.entries:
             with suppress(OSError, ValueError, LookupError):
-                document = read_result(self._out / entry.name / RESULT)
-                if document["seed"] == self._seed and not document["overrides"]:
+                document = read_result(self.order.out / entry.name / RESULT)
+                if document["seed"] == seed and not document["overrides"]:
                     found.setdefault(entry.name, document)
-        order = [entry.name for entry in self._entries]
-        return sorted(found.values(), key=lambda result: order.index(result["experiment"]))
+        results = [found[one.name] for one in catalogue.entries if one.name in found]
+        titles = {
+            key: load_paper(key, catalogue).title for key in {one["paper"] for one in results}
+        }
+        studies = {entry.name for entry in catalogue.entries if entry.study}
+        path = self.order.out / TABLE
+        with written(path):
+            write_text(
+                path, results_table(results, titles, self.errors, studies=studies, seed=seed)
+            )
 
     def _end(self) -> int:
-        report = self._out / REPORT
-        counted = counts(check for result in self._results for check in result["checks"])
-        if self._as_json:
+        report = self.order.out / REPORT
+        counted = counts(check for result in self.results for check in result["checks"])
+        failed = {one["experiment"]: one["failed_trials"] for one in self.results}
+        if self.as_json:
             document = {
-                "results": self._results,
+                "results": self.results,
                 "checks": counted,
-                "errors": self._errors,
+                "errors": self.errors,
                 "report": str(report),
             }
             print(json_text(document), end="")
         else:
             print(counts_text(counted))
-            for result in self._results:
-                if failed := result["failed_trials"]:
-                    print(f"{result['experiment']}: {failed_text(failed)}")
-            for error in self._errors:
+            for name, trials in failed.items():
+                if trials:
+                    print(f"{name}: {failed_text(trials)}")
+            for error in self.errors:
                 print(f"ended with an error: {error}")
-            if self._results:
+            if self.results:
                 print(f"report: {report}")
-        any_failed = any(result["failed_trials"] for result in self._results)
-        return 1 if any_failed or self._errors else 0
+        return 1 if any(failed.values()) or self.errors else 0
+
+
+class _Headway:
+    """How far experiments are that run at the same time."""
+
+    def __init__(self, entries: Sequence[Entry], progress: Progress) -> None:
+        self.entries = entries
+        self.ended: list[Ended] = []
+        self._progress = progress
+        self._began = time.monotonic()
+
+    def tell(self, name: str, fraction: float = 0.0, doing: str = "") -> None:
+        """Tell how far they are, and what an experiment is doing."""
+        done = _seconds(one.entry for one in self.ended)
+        self._progress(done / _seconds(self.entries), f"{self.status()}, {name} {doing}")
+
+    def status(self) -> str:
+        """Return how many have ended, and how long the others may take."""
+        text = f"{len(self.ended)} of {len(self.entries)}"
+        run = [one.entry for one in self.ended if not one.kept]
+        left = _seconds(self.entries) - _seconds(one.entry for one in self.ended)
+        if len(self.ended) == len(self.entries) or not run:
+            return text
+        pace = (time.monotonic() - self._began) / _seconds(run)
+        return f"{text}, about {duration(left * pace)} left"
+
+
+def _seconds(entries: Iterable[Entry]) -> float:
+    return sum(entry.seconds for entry in entries)
+
+
+def _turn(entry: Entry) -> tuple[bool, float]:
+    long = entry.seconds > _QUICK
+    return long, -entry.seconds if long else entry.seconds
+
+
+def _perform(
+    order: Order, entry: Entry, make_campaign: Callable[[], Campaign]
+) -> Ended | TrialsWantedError:
+    """Run an experiment up to its end or the first trials that have neither ended nor failed."""
+    made = partial(Ended, entry=entry)
+    with warnings.catch_warnings(record=True) as warned, closing(make_campaign()) as campaign:
+        try:
+            (job,) = prepare([entry], catalogue=order.catalogue)
+            if not order.fresh and (result := finished(job, seed=order.seed, out=order.out)):
+                return made(result=result, kept=True)
+            result = run(job, seed=order.seed, out=order.out, progress=_quiet, campaign=campaign)
+            return made(result=result, warned=warned)
+        except TrialsWantedError as wanted:
+            return wanted
+        except (UserError, ExperimentError) as error:
+            return made(error=str(error), warned=warned)
+        except Exception as error:
+            message = f"{type(error).__name__}: {error}"
+            return made(error=message, trace=traceback.format_exc(), warned=warned)
+
+
+def _quiet(fraction: float, doing: str = "") -> None:
+    """Tell nobody."""

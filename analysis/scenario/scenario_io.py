@@ -7,6 +7,10 @@ booleans, Literals, tuples of these and ``X | None``. Every mistake ends in a
 A scenario may say that a group which is left open is as another one:
 ``LIKE: ClassVar[Mapping[str, str]]``, such as ``{"believed_part": "part"}``. Where only some
 fields of it are given, the others are those of that other group, and not defaults.
+
+A group may be given by the name of a preset, ``parts=factory-8mm``. Its dataclass says which there
+are: ``PRESETS: ClassVar[Mapping[str, Mapping[str, object]]]``, by name the fields that are not as
+by default.
 """
 
 import hashlib
@@ -14,16 +18,13 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from typing import Any, Final, TypeVar
+from typing import Any, TypeVar
 
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.plain_data import joined, make_converter, structured
-from chamfer.analysis.scenario.scenario_presets import with_presets
+from chamfer.analysis.scenario.plain_data import joined, plain_data, structured
 from chamfer.analysis.scenario.scenario_yaml import block, one_line, parse_value
 
 Scenario = TypeVar("Scenario")
-
-_CONVERTER: Final = make_converter()
 
 
 def make_scenario(
@@ -40,13 +41,13 @@ def make_scenario(
     Raises:
         UserError: If a field doesn't exist or its value is not allowed.
     """
-    plain: dict[Any, Any] = _CONVERTER.unstructure(default)
+    plain: dict[Any, Any] = plain_data(default)
     for override in (given or {}, *_parse_settings(settings)):
-        plain = _merge(plain, _CONVERTER.unstructure(with_presets(override, default)))
+        plain = _merge(plain, override, default)
     for name, other in likes(type(default)).items():
         if getattr(default, name) is None and isinstance(plain[name], Mapping):
-            plain[name] = _merge(plain[other], plain[name])
-    scenario = structured(_CONVERTER, plain, type(default))
+            plain[name] = _merge(plain[other], plain[name], None)
+    scenario: Scenario = structured(plain, type(default))
     _refuse_not_finite(scenario, default, "")
     return scenario
 
@@ -65,17 +66,17 @@ def unstructure(scenario: object) -> dict[str, Any]:
 
 def plain_value(value: object) -> Any:
     """Return a field's value as JSON can hold it, as :func:`unstructure` does."""
-    return _json_ready(_CONVERTER.unstructure(value))
+    return _json_ready(plain_data(value))
 
 
 def value_text(value: object) -> str:
     """Return a field's value as ``--set`` takes it."""
-    return one_line(_CONVERTER.unstructure(value))
+    return one_line(plain_data(value))
 
 
 def scenario_text(scenario: object) -> str:
     """Return the scenario as YAML, with a line for each field."""
-    return block(_CONVERTER.unstructure(scenario))
+    return block(plain_data(scenario))
 
 
 def sha256(plain: Mapping[str, Any]) -> str:
@@ -115,12 +116,21 @@ def _at(nested: Any, path: str) -> Any:
     return nested
 
 
-def _merge(plain: Mapping[Any, Any], override: Mapping[Any, Any]) -> dict[Any, Any]:
+def _merge(
+    plain: Mapping[Any, Any], override: Mapping[Any, Any], default: object, path: str = ""
+) -> dict[Any, Any]:
+    """Return plain data with what overrides it; ``default`` says which presets there are."""
     merged = dict(plain)
     for name, value in override.items():
-        inner = merged.get(name)
-        if isinstance(inner, Mapping) and isinstance(value, Mapping):
-            value = _merge(inner, value)
+        inner: Any = getattr(default, str(name), None)
+        presets = getattr(type(inner), "PRESETS", {})
+        if isinstance(value, str) and presets:
+            if value not in presets:
+                allowed = f"{', '.join(presets)}, or its fields"
+                raise UserError(f"{joined(path, name)} is {value!r}, allowed: {allowed}")
+            value = plain_data(type(inner)(**presets[value]))
+        elif isinstance(value, Mapping) and isinstance(merged.get(name), Mapping):
+            value = _merge(merged[name], value, inner, joined(path, str(name)))
         merged[name] = value
     return merged
 

@@ -36,7 +36,7 @@ class _Loader(yaml.SafeLoader):
     def get_single_node(self) -> yaml.Node | None:
         node: yaml.Node | None = super().get_single_node()
         if node is not None:
-            _count(node, {})
+            _require_few(node)
         return node
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
@@ -62,31 +62,19 @@ def _resolve(tag: str, pattern: str, first: list[str]) -> None:
     )
 
 
-def _count(node: yaml.Node, counted: dict[int, int]) -> int:
-    """Return how many values and keys a node has, each as often as an alias names it.
-
-    Args:
-        node: Where to count.
-        counted: Counts by the identity of nodes, 0 for those around this one.
-
-    Raises:
-        ConstructorError: If a node is inside itself, or has more than ``_MOST``.
-    """
-    if isinstance(node, yaml.ScalarNode):
-        return 1
-    if id(node) not in counted:
-        counted[id(node)] = 0
-        inside = node.value
+def _require_few(document: yaml.Node) -> None:
+    """Refuse a document with too many values and keys, each as often as an alias names it."""
+    inside = [document]
+    for _ in range(_MOST):
+        if not inside:
+            return
+        node = inside.pop()
         if isinstance(node, yaml.MappingNode):
-            inside = [inner for pair in node.value for inner in pair]
-        counted[id(node)] = 1 + sum(_count(inner, counted) for inner in inside)
-    count = counted[id(node)]
-    if not count:
-        raise yaml.constructor.ConstructorError(None, None, "it contains itself", node.start_mark)
-    if count > _MOST:
-        problem = f"more than {_MOST} values, aliases counted as often as they are used"
-        raise yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
-    return count
+            inside += [inner for pair in node.value for inner in pair]
+        elif isinstance(node, yaml.SequenceNode):
+            inside += node.value
+    problem = f"more than {_MOST} values, aliases counted as often as they are used"
+    raise yaml.constructor.ConstructorError(None, None, problem, document.start_mark)
 
 
 def _text(loader: _Loader, node: yaml.ScalarNode) -> str:

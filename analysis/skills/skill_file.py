@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.plain_data import make_converter, structured
+from chamfer.analysis.scenario.plain_data import plain_data, structured
 from chamfer.analysis.scenario.scenario_yaml import block, read_mapping
 from chamfer.systems.primitives.primitive import Primitive
 from chamfer.systems.primitives.skill import PRIMITIVES, Skill
@@ -53,7 +53,7 @@ def skill_of(plain: Mapping[Any, Any], primitives: Primitives = PRIMITIVES) -> S
     Raises:
         UserError: If a field doesn't exist or is not allowed, or the skill can't be run.
     """
-    skill = structured(make_converter({Primitive: primitives}), plain, Skill)
+    skill: Skill = structured(plain, Skill, named={Primitive: primitives})
     try:
         make_skill_chart(skill)
     except ChartError as error:
@@ -67,5 +67,4 @@ def skill_text(skill: Skill, primitives: Primitives = PRIMITIVES) -> str:
     Raises:
         UserError: If it runs a primitive without a name.
     """
-    converter = make_converter({Primitive: primitives}, omit_defaults=True)
-    return block(converter.unstructure(skill))
+    return block(plain_data(skill, named={Primitive: primitives}, omit_defaults=True))

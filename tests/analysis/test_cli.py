@@ -100,7 +100,7 @@ def test_list_and_help_import_nothing_heavy(arguments: list[str]) -> None:
     program = (
         "import sys\nfrom chamfer.analysis.cli import main\n"
         f"try:\n    main({arguments})\nexcept SystemExit:\n    pass\n"
-        "heavy = {'numpy', 'pydrake', 'matplotlib', 'scipy', 'yaml', 'cattrs', 'pyarrow'}\n"
+        "heavy = {'numpy', 'pydrake', 'matplotlib', 'scipy', 'yaml', 'pyarrow'}\n"
         "print(sorted(heavy & set(sys.modules)))"
     )
     ended = subprocess.run(
