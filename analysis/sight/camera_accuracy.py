@@ -30,12 +30,10 @@ from chamfer.analysis.sight.detection_trials import (
     WIDE,
     Poses,
     PoseSpread,
-    Reach,
     TrialCamera,
     draw_poses,
     kinds,
     measure,
-    trial_camera,
 )
 from chamfer.analysis.sight.picture_conditions import PictureQuality
 from chamfer.diagrams.cell.cell_vision import VIEWS, CellCameras
@@ -111,10 +109,14 @@ def _cameras(scenario: AccuracyScenario, rolled: bool) -> dict[View, TrialCamera
     """Return the cameras; a process makes them once."""
     cameras = scenario.cameras if rolled else replace(scenario.cameras, roll=0.0)
     # They look at the middle of the gap, the world's origin.
-    placements = {view: cameras.placement(view, (0.0, 0.0, 0.0)) for view in VIEWS}
     return {
-        view: trial_camera(scenario.parts, placement.camera, cameras.renderer, cameras.blur)
-        for view, placement in placements.items()
+        view: TrialCamera(
+            scenario.parts,
+            cameras.placement(view, (0.0, 0.0, 0.0)).camera,
+            cameras.renderer,
+            cameras.blur,
+        )
+        for view in VIEWS
     }
 
 
@@ -248,25 +250,7 @@ def resolve_camera_accuracy(scenario: AccuracyScenario) -> AccuracyScenario:
     return scenario
 
 
-def _said(scenario: AccuracyScenario, case: AccuracyCase) -> str:
-    reach: Reach = getattr(scenario, case.spread).peg
-    rolled = f"{scenario.cameras.roll:g} rad" if case.rolled else "0"
-    return f"within {1e3 * reach.distance:g} mm, {1e3 * reach.angle:g} mrad; roll {rolled}"
-
-
-def figures(scenario: AccuracyScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    figure = plot_accuracy(
-        outcome,
-        cases={name: _said(scenario, case) for name, case in CASES.items()},
-        kinds=kinds(scenario.cameras.renderer),
-        pixel_size=scenario.cameras.pixel_size,
-    )
-    return {"camera-accuracy": figure}
-
-
-VIEW_TITLES: Final = {"xz": "X-Z, seen along Y", "xy": "X-Y, seen from above"}
-KIND_LABELS: Final = {"clean": "clean", "noisy": "noisy", "sampled": "sampled"}
+_VIEW_TITLES: Final = {"xz": "X-Z, seen along Y", "xy": "X-Y, seen from above"}
 
 _PEG, _HOLE, _BOTH = "#b00020", "#1b4f9c", "#555555"
 _IN_IMAGE: Final[Mapping[str, tuple[str, Style]]] = {
@@ -291,30 +275,23 @@ _BEYOND: Final = 20  # pixels of the axis that are drawn beyond the tip
 _ZOOM: Final = 10  # pixels to either side of the tip
 
 
-def plot_accuracy(
-    outcome: Outcome, *, cases: Mapping[str, str], kinds: Sequence[str], pixel_size: float
-) -> Figure:
-    """Draw the example frames and, for every case and kind of image, rms and largest errors.
-
-    Args:
-        outcome: With the metrics, and the tables ``frames`` and ``frame_detections``.
-        cases: What is said of each, by name, in the traces' order.
-        kinds: Of images.
-        pixel_size: What a pixel covers at the parts, m.
-    """
+def figures(scenario: AccuracyScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Draw the example frames and, for every case and kind of image, rms and largest errors."""
+    pixel_size = scenario.cameras.pixel_size
+    names = kinds(scenario.cameras.renderer)
     figure = new_figure(13.0, 8.2)
     top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=(0.42, 1.0))[:, 0]
     _frames(top, outcome.tables)
     panels = bottom.subplots(1, 4, sharey=True)
     lateral, axial, angle, space = panels
-    claim = SIGNAL_ACCURACY / pixel_size
+    rows = [i * (len(names) + 1) + j + 1 for i in range(len(CASES)) for j in range(len(names))]
+    factors = {name: 1 / pixel_size if "scaled" in name else 1.0 for name in _IN_IMAGE}
     for axes, quantity, title in (
         (lateral, "lateral", "Across the axis"),
         (axial, "axial", "Along the axis"),
     ):
-        factors = {name: 1 / pixel_size if "scaled" in name else 1.0 for name in _IN_IMAGE}
-        _errors(axes, outcome, cases, kinds, _IN_IMAGE, quantity, factors)
-        axes.axvline(claim, label="published: sub-millimetre", **PUBLISHED)
+        _errors(axes, outcome, names, rows, _IN_IMAGE, quantity, factors)
+        axes.axvline(SIGNAL_ACCURACY / pixel_size, label="published: sub-millimetre", **PUBLISHED)
         dress(axes, title=title, x="error / px", y="")
         above = axes.secondary_xaxis(
             "top",
@@ -322,9 +299,9 @@ def plot_accuracy(
         )
         above.set_xlabel("at the parts / mm", fontsize=9)
         above.tick_params(labelsize=8)
-    _errors(angle, outcome, cases, kinds, _IN_IMAGE, "angle", dict.fromkeys(_IN_IMAGE, 1e3))
+    _errors(angle, outcome, names, rows, _IN_IMAGE, "angle", dict.fromkeys(_IN_IMAGE, 1e3))
     dress(angle, title="Angle of the axis", x="error / mrad", y="")
-    _errors(space, outcome, cases, kinds, _IN_SPACE, "tip", dict.fromkeys(_IN_SPACE, 1e3))
+    _errors(space, outcome, names, rows, _IN_SPACE, "tip", dict.fromkeys(_IN_SPACE, 1e3))
     space.axvline(1e3 * SIGNAL_ACCURACY, **PUBLISHED)
     dress(space, title="Tips in space, by stereo", x="error / mm", y="")
     for axes in panels:
@@ -333,59 +310,48 @@ def plot_accuracy(
     ends = np.array([axes.get_xlim() for axes in (lateral, axial)])
     for axes in (lateral, axial):
         axes.set_xlim(ends[:, 0].min(), ends[:, 1].max())
-    rows, labels, heads = _row_places(cases, kinds)
-    lateral.set_yticks(rows, labels)
+    lateral.set_yticks(rows, names * len(CASES))
     lateral.set_ylim(max(rows) + 0.6, -0.6)  # of all panels
-    for axes in panels:
-        for _, row in heads[1:]:
-            axes.axhline(row - 0.5, color="#dddddd", linewidth=0.8)
-    for text, row in heads:
+    for i, case in enumerate(CASES.values()):
+        head = i * (len(names) + 1)
+        if i:
+            for axes in panels:
+                axes.axhline(head - 0.5, color="#dddddd", linewidth=0.8)
+        reach = getattr(scenario, case.spread).peg
+        rolled = f"{scenario.cameras.roll:g} rad" if case.rolled else "0"
+        text = f"within {1e3 * reach.distance:g} mm, {1e3 * reach.angle:g} mrad; roll {rolled}"
         lateral.text(
-            0.02, row, text, transform=lateral.get_yaxis_transform(), fontsize=8, va="center"
+            0.02, head, text, transform=lateral.get_yaxis_transform(), fontsize=8, va="center"
         )
     poses = len(np.unique(outcome.traces["trial"]))
     text = f"Errors in {poses} poses each: rms (marker) and largest (end of the line)"
-    if "sampled" in kinds:
+    if "sampled" in names:
         text += "; sampled: a pixel shows one point of the scene, not its mean"
     bottom.suptitle(text, fontsize=10)
-    handles, names = lateral.get_legend_handles_labels()
+    handles, labels = lateral.get_legend_handles_labels()
     more, others = space.get_legend_handles_labels()
     bottom.legend(
         [*handles, more[-1]],
-        [*names, others[-1]],
+        [*labels, others[-1]],
         loc="outside lower center",
         ncols=8,
         fontsize=8,
         edgecolor="none",
     )
-    return figure
-
-
-def _row_places(
-    cases: Mapping[str, str], kinds: Sequence[str]
-) -> tuple[list[int], list[str], list[tuple[str, int]]]:
-    """Return where the rows are and their labels, and the headings of the cases with theirs."""
-    rows, labels, heads = [], [], []
-    for i, text in enumerate(cases.values()):
-        heads.append((text, i * (len(kinds) + 1)))
-        for j, kind in enumerate(kinds):
-            rows.append(heads[-1][1] + j + 1)
-            labels.append(KIND_LABELS[kind])
-    return rows, labels, heads
+    return {"camera-accuracy": figure}
 
 
 def _errors(
     axes: Axes,
     outcome: Outcome,
-    cases: Mapping[str, str],
     kinds: Sequence[str],
+    rows: Sequence[int],
     series: Mapping[str, tuple[str, Style]],
     quantity: str,
     factors: Mapping[str, float],
 ) -> None:
     """Mark the rms of each series in each row, with a line to the largest error."""
-    rows, _, _ = _row_places(cases, kinds)
-    names = [f"{case}.{kind}" for case in cases for kind in kinds]
+    names = [f"{case}.{kind}" for case in CASES for kind in kinds]
     offsets = np.linspace(-0.33, 0.33, len(series))
     for offset, (name, (label, look)) in zip(offsets, series.items(), strict=True):
         rms, largest = (
@@ -403,7 +369,7 @@ def _frames(figure: SubFigure, tables: Mapping[str, Table]) -> None:
     """Draw the pixels of both views, what was found in them, and the peg's tip enlarged."""
     marks = tables["frame_detections"]
     panels = figure.subplots(1, 4, width_ratios=(2.1, 1.0, 2.1, 1.0))
-    for view, title in enumerate(VIEW_TITLES.values()):
+    for view, title in enumerate(_VIEW_TITLES.values()):
         frame, enlarged = panels[2 * view : 2 * view + 2]
         pixels, extent = _picture(tables["frames"], view)
         found = {name: values[marks["view"] == view] for name, values in marks.items()}

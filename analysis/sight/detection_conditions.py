@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Final, NamedTuple
@@ -24,7 +24,13 @@ from chamfer.analysis.scenario.experiment import (
     Table,
     column,
 )
-from chamfer.analysis.sight.detection_trials import WIDE, PoseSpread, draw_poses
+from chamfer.analysis.sight.detection_trials import (
+    PARTS,
+    WIDE,
+    PoseSpread,
+    detection_error,
+    draw_poses,
+)
 from chamfer.analysis.sight.picture_conditions import (
     CONDITIONS,
     Condition,
@@ -50,7 +56,6 @@ from chamfer.systems.vision.part_detection import Detection, Status, detect_part
 Array = NDArray[np.float64]
 
 SEVERITIES: Final = ("mild", "middle", "severe")
-PARTS: Final = ("peg", "hole")
 
 _MOST_PICTURES: Final = 10_000
 _PHOTOGRAPHS: Final = "clutter"  # the condition that needs them
@@ -162,28 +167,12 @@ def _detect(scenario: ResolvedConditionsScenario, seed: int, task: ConditionTask
     """Return what was found of both parts, and how far off it is, each of shape (2,)."""
     image, looks, truths = picture(scenario, seed, task)
     found = detect_parts(image, *looks)
-    errors = np.array([_errors(*pair) for pair in zip(found, truths, strict=True)])
+    errors = np.array([detection_error(*pair) for pair in zip(found, truths, strict=True)])
     statuses = np.array([one.status for one in found], float)
     return {"status": statuses, **{name: errors[:, i] for i, name in enumerate(_ERRORS)}}
 
 
 _ERRORS: Final[Mapping[str, str]] = {"axial": "px", "lateral": "px", "angle": "rad"}
-
-
-def _errors(found: Detection, true: Detection) -> tuple[float, float, float]:
-    """Return found minus true: of the tip along the axis, of the axis across and its angle."""
-    if found.status.lost:
-        return (math.nan, math.nan, math.nan)
-    cos, sin = math.cos(true.angle), math.sin(true.angle)
-    angle = found.angle - true.angle
-    seen = np.subtract(found.point, true.tip)
-    along, aside = cos * seen[0] + sin * seen[1], cos * seen[1] - sin * seen[0]
-    lateral = aside - math.tan(angle) * along
-    axial = math.nan
-    if found.status == Status.VALID:
-        tip = np.subtract(found.tip, true.tip)
-        axial, lateral = cos * tip[0] + sin * tip[1], cos * tip[1] - sin * tip[0]
-    return float(axial), float(lateral), angle
 
 
 def run(scenario: ResolvedConditionsScenario, seed: int, progress: Progress) -> Outcome:
@@ -310,63 +299,43 @@ def resolve_detection_conditions(scenario: ConditionsScenario) -> ResolvedCondit
     return ResolvedConditionsScenario(**{**vars(scenario), "photographs": photographs})
 
 
-def figures(scenario: ResolvedConditionsScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    said = {name: CONDITIONS[name].said for name in scenario.conditions}
-    levels: dict[str, Sequence[float]] = {name: CONDITIONS[name].levels for name in said}
-    return {
-        "detection-conditions": plot_conditions(outcome, said, levels, SEVERITIES),
-        "detection-conditions-pictures": plot_pictures(
-            outcome, said, levels, order=tuple(CONDITIONS), size=_SHOWN
-        ),
-    }
-
-
 _COLOURS: Final = {"found": "#8fc79a", "refused": "#d9d9d9", "wrong": "#b00020"}
 _SAID: Final = {"found": "found", "refused": "refused", "wrong": "valid but wrong"}
 _EXPLAINED: Final = 40  # %, refused, from which on it is said why
 _COLUMNS: Final = 5  # of pictures
 
 
-def _words(reasons: str) -> str:
-    """Return the most frequent reason of a refusal, as of 'peg NOT_STRAIGHT 12, hole ...'."""
-    part, status, _ = reasons.split(", ")[0].split(" ")
-    return f"{part}: {status.lower().replace('_', ' ')}"
+def figures(scenario: ResolvedConditionsScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Draw which share of the pictures ended how, and a picture of each condition."""
+    return {
+        "detection-conditions": _plot_conditions(scenario, outcome),
+        "detection-conditions-pictures": _plot_pictures(scenario, outcome),
+    }
 
 
-def plot_conditions(
-    outcome: Outcome,
-    said: Mapping[str, str],
-    levels: Mapping[str, Sequence[float]],
-    severities: Sequence[str],
-) -> Figure:
-    """Draw for every condition and severity which share of the pictures ended how.
-
-    Args:
-        outcome: With the metrics.
-        said: What is said of each condition, by name, with its level as {}.
-        levels: Of each severity, by condition.
-        severities: Their names.
-    """
-    figure = new_figure(12.0, 1.6 + 0.27 * len(said))
-    panels: list[Axes] = list(figure.subplots(1, len(severities), sharey=True, squeeze=False)[0])
-    for k, (axes, severity) in enumerate(zip(panels, severities, strict=True)):
+def _plot_conditions(scenario: ResolvedConditionsScenario, outcome: Outcome) -> Figure:
+    figure = new_figure(12.0, 1.6 + 0.27 * len(scenario.conditions))
+    panels: list[Axes] = list(figure.subplots(1, len(SEVERITIES), sharey=True, squeeze=False)[0])
+    for k, (axes, severity) in enumerate(zip(panels, SEVERITIES, strict=True)):
         rows, texts = [], []
-        for row, condition in enumerate(said):
+        for row, condition in enumerate(scenario.conditions):
             found = {one: outcome.metrics[f"{condition}.{severity}.{one}"] for one in _COLOURS}
             shares = {one: metric.value or 0.0 for one, metric in found.items()}
             own = {"wrong": f"{shares['wrong']:.0f}"}  # however small
             if shares["refused"] > _EXPLAINED:
-                why = _words(found["refused"].note)
-                own["refused"] = f"{shares['refused']:.0f} {why}"
+                # The most frequent reason, as of 'peg NOT_STRAIGHT 12, hole ...'.
+                part, status, _ = found["refused"].note.split(", ")[0].split(" ")
+                why = status.lower().replace("_", " ")
+                own["refused"] = f"{shares['refused']:.0f} {part}: {why}"
             rows.append(shares)
             texts.append(own)
-            level = f"{levels[condition][k]:g}"
+            level = f"{CONDITIONS[condition].levels[k]:g}"
             axes.text(101, row, level, va="center", fontsize=7, color="#555555")
         draw_shares(axes, rows, _COLOURS, texts)
         axes.set_title(severity, fontsize=10, loc="left", fontweight="bold")
         axes.set_xlabel("pictures / %", fontsize=9)
-    name_rows(panels[0], [text.split(", ")[0] for text in said.values()])
+    said = [CONDITIONS[condition].said for condition in scenario.conditions]
+    name_rows(panels[0], [text.split(", ")[0] for text in said])
     count, wrong = (outcome.metrics[name].value or 0.0 for name in ("pictures", "wrong"))
     figure.suptitle(
         f"{count:.0f} pictures, both parts wanted in each: {wrong:.0f} valid but wrong; "
@@ -377,33 +346,18 @@ def plot_conditions(
     return figure
 
 
-def plot_pictures(
-    outcome: Outcome,
-    said: Mapping[str, str],
-    levels: Mapping[str, Sequence[float]],
-    *,
-    order: Sequence[str],
-    size: tuple[int, int],
-) -> Figure:
-    """Draw a picture of each condition at its middle severity.
-
-    Args:
-        outcome: With the table ``pictures``.
-        said: What is said of each condition, by name, with its level as {}.
-        levels: Of each severity, by condition.
-        order: Names of the conditions as they are numbered in the table.
-        size: Of the pictures, pixels, width and height.
-    """
+def _plot_pictures(scenario: ResolvedConditionsScenario, outcome: Outcome) -> Figure:
     table = outcome.tables["pictures"]
-    rows = math.ceil(len(said) / _COLUMNS)
+    rows = math.ceil(len(scenario.conditions) / _COLUMNS)
     figure = new_figure(2.4 * _COLUMNS, 1.45 * rows)
     panels = figure.subplots(rows, _COLUMNS, squeeze=False).ravel()
     for axes in panels:
         axes.set_axis_off()
-    for axes, (condition, text) in zip(panels, said.items(), strict=False):
-        of = table["condition"] == order.index(condition)
-        pixels = np.column_stack([table[name][of] for name in ("red", "green", "blue")])
-        axes.imshow(pixels.reshape(size[1], size[0], 3), interpolation="nearest")
-        title = text.format(levels[condition][1])
-        axes.set_title(title, fontsize=8, loc="left")
+    width, height = _SHOWN
+    for axes, name in zip(panels, scenario.conditions, strict=False):
+        of = table["condition"] == tuple(CONDITIONS).index(name)
+        pixels = np.column_stack([table[colour][of] for colour in ("red", "green", "blue")])
+        axes.imshow(pixels.reshape(height, width, 3), interpolation="nearest")
+        condition = CONDITIONS[name]
+        axes.set_title(condition.said.format(condition.levels[1]), fontsize=8, loc="left")
     return figure

@@ -5,7 +5,7 @@ and the axis, which stays a straight line. A silhouette need not be symmetric ab
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -29,7 +29,6 @@ from chamfer.systems.vision.part_detector import alignment_error
 from chamfer.systems.vision.two_plane_stereo import PartInSpace, locate, metric_error
 
 Array = NDArray[np.float64]
-Draw = Callable[[RigidTransform, RigidTransform], Image]
 
 PARTS: Final = ("peg", "hole")
 
@@ -60,13 +59,25 @@ class Poses(NamedTuple):
     X_WM: RigidTransform  # of the hole part's mouth
 
 
-@dataclass(frozen=True, kw_only=True)
 class TrialCamera:
-    """A camera, and what draws the parts for it."""
+    """A camera that draws the parts; VTK needs what ``missing_graphics`` looks for.
 
-    camera: Camera
-    draw: Draw
-    draw_sampled: Draw | None  # None where draw samples by itself
+    Args:
+        parts: What is to be drawn.
+        camera: The camera.
+        renderer: What draws.
+        blur: Of the software camera, pixels, not of sampled images.
+    """
+
+    def __init__(
+        self, parts: ColouredParts, camera: Camera, renderer: Renderer, blur: float
+    ) -> None:
+        self.camera = camera
+        self._parts, self._style = parts, SceneStyle(blur=blur)
+        self._vtk = None
+        if renderer == "vtk":
+            self._vtk = VtkCamera(parts, camera)
+            self._context = self._vtk.CreateDefaultContext()
 
     def images(self, poses: Poses, noise: float, random: np.random.Generator) -> dict[str, Image]:
         """Return images of the parts, each of shape (height, width, 3), by their kind.
@@ -80,53 +91,25 @@ class TrialCamera:
             noise: Standard deviation, grey levels.
             random: Where the noise comes from.
         """
-        clean = self.draw(*poses)
-        images = {"clean": clean, "noisy": add_noise(clean, noise, random)}
-        if self.draw_sampled is not None:
-            images["sampled"] = self.draw_sampled(*poses)
-        return images
+        if self._vtk is not None:
+            for name, X_WP in zip(("peg_pose", "hole_pose"), poses, strict=True):
+                self._vtk.GetInputPort(name).FixValue(self._context, pose_vector(X_WP))
+            clean: Image = (
+                self._vtk.GetOutputPort("image").Eval(self._context).data[..., :3].copy()
+            )
+            return {"clean": clean, "noisy": add_noise(clean, noise, random)}
+        clean = render(self._parts, self.camera, *poses, style=self._style)
+        sharp = render(self._parts, self.camera, *poses, style=_SHARP)
+        return {
+            "clean": clean,
+            "noisy": add_noise(clean, noise, random),
+            "sampled": _nearest_colours(sharp, self._parts),
+        }
 
 
 def kinds(renderer: Renderer) -> tuple[str, ...]:
     """Return the kinds of images that there are with a renderer; VTK samples by itself."""
     return ("clean", "noisy", "sampled") if renderer == "software" else ("clean", "noisy")
-
-
-def trial_camera(
-    parts: ColouredParts, camera: Camera, renderer: Renderer, blur: float
-) -> TrialCamera:
-    """Return a camera with its renderer; VTK needs what ``missing_graphics`` looks for.
-
-    Args:
-        parts: What is to be drawn.
-        camera: The camera.
-        renderer: What draws.
-        blur: Of the software camera, pixels, not of sampled images.
-    """
-    if renderer == "vtk":
-        return TrialCamera(camera=camera, draw=_vtk(parts, camera), draw_sampled=None)
-    style = SceneStyle(blur=blur)
-
-    def draw(X_WT: RigidTransform, X_WM: RigidTransform) -> Image:
-        return render(parts, camera, X_WT, X_WM, style=style)
-
-    def draw_sampled(X_WT: RigidTransform, X_WM: RigidTransform) -> Image:
-        return _nearest_colours(render(parts, camera, X_WT, X_WM, style=_SHARP), parts)
-
-    return TrialCamera(camera=camera, draw=draw, draw_sampled=draw_sampled)
-
-
-def _vtk(parts: ColouredParts, camera: Camera) -> Draw:
-    block = VtkCamera(parts, camera)
-    context = block.CreateDefaultContext()
-
-    def draw(X_WT: RigidTransform, X_WM: RigidTransform) -> Image:
-        block.GetInputPort("peg_pose").FixValue(context, pose_vector(X_WT))
-        block.GetInputPort("hole_pose").FixValue(context, pose_vector(X_WM))
-        rgb: Image = block.GetOutputPort("image").Eval(context).data[..., :3].copy()
-        return rgb
-
-    return draw
 
 
 def _nearest_colours(rgb: Image, parts: ColouredParts) -> Image:
@@ -146,7 +129,7 @@ def true_detection(camera: Camera, X_WP: RigidTransform) -> Detection:
     return _seen(*camera.project(np.array([p_WP, p_WP + _ON_AXIS * axis])))
 
 
-def parallel_detection(camera: Camera, X_WP: RigidTransform) -> Detection:
+def _parallel_detection(camera: Camera, X_WP: RigidTransform) -> Detection:
     """Return where a part's origin and x axis are at right angles to the optical axis, m."""
     p_WP, axis = X_WP.translation(), X_WP.rotation().matrix()[:, 0]
     return _seen(*(np.array([p_WP, p_WP + axis]) @ camera.R_WC[:, :2]))
@@ -178,13 +161,6 @@ def measure(
     - ``space``: distance of the tips and angle of the axes by two-plane stereo, and of the way
       and the turn from the peg to the hole (``relative``); without a sign.
 
-    Args:
-        parts: What was drawn.
-        cameras: Of each view.
-        images: The frame of each view.
-        poses: Where the parts are.
-        pixel_size: What a pixel covers at the parts, m.
-
     Returns:
         By name, the statuses of :data:`STATUSES` and the errors of :data:`UNITS`.
     """
@@ -196,19 +172,28 @@ def measure(
         true = [true_detection(camera, X_WP) for X_WP in poses]
         for name, one, other in zip(PARTS, found, true, strict=True):
             measured[f"{view}.{name}.status"] = float(one.status)
-            measured |= _named(f"{view}.{name}", _difference(one, other))
+            measured |= _named(f"{view}.{name}", detection_error(one, other))
         signal = alignment_error(*found)
         measured |= _named(f"{view}.error", signal - alignment_error(*true))
-        parallel = [parallel_detection(camera, X_WP) for X_WP in poses]
+        parallel = [_parallel_detection(camera, X_WP) for X_WP in poses]
         scaled = signal * [pixel_size, pixel_size, 1.0]
         measured |= _named(f"{view}.scaled", scaled - alignment_error(*parallel))
     return measured | _in_space([cameras[view] for view in VIEWS], detected, poses)
 
 
-def _difference(found: Detection, true: Detection) -> Array:
+def detection_error(found: Detection, true: Detection) -> Array:
+    """Return found minus true: of the tip along the axis, of the axis across, and its angle.
+
+    Where the tip is not known, ``across`` is measured where the axis passes it.
+    """
     cos, sin = math.cos(true.angle), math.sin(true.angle)
-    du, dv = np.subtract(found.tip, true.tip)
-    return np.array([cos * du + sin * dv, cos * dv - sin * du, found.angle - true.angle])
+    angle = found.angle - true.angle
+    if found.status == Status.VALID:
+        du, dv = np.subtract(found.tip, true.tip)
+        return np.array([cos * du + sin * dv, cos * dv - sin * du, angle])
+    du, dv = np.subtract(found.point, true.tip)
+    along, aside = cos * du + sin * dv, cos * dv - sin * du
+    return np.array([math.nan, aside - math.tan(angle) * along, angle])
 
 
 def _named(target: str, errors: Array) -> dict[str, float]:
@@ -268,10 +253,8 @@ NEAR: Final = PoseSpread(
 def draw_poses(gap: float, spread: PoseSpread, random: np.random.Generator) -> Poses:
     """Return random poses of the parts.
 
-    Args:
-        gap: From the peg's tip to the hole's mouth, nominal, m; the world's origin is its middle.
-        spread: Where the parts may be.
-        random: Where they are.
+    The gap, m, is from the peg's tip to the hole's mouth, nominal; the world's origin is its
+    middle.
     """
     X_WM = RigidTransform([gap / 2, 0.0, 0.0]) @ _deviation(spread.hole, random)
     X_MT = RigidTransform([-gap, 0.0, 0.0]) @ _deviation(spread.peg, random)

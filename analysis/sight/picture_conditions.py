@@ -140,8 +140,7 @@ class Scene:
 
     def over(self, background: Light, parts: ColouredParts | None = None) -> Light:
         """Return the parts in front of a background."""
-        light, share = self.layer(parts)
-        return light + (1 - share[..., np.newaxis]) * background
+        return _before(background, *self.layer(parts))
 
     def along(self, part: int) -> tuple[Share, Share]:
         """Return how far pixels are ahead of a part's end, and aside of its axis, pixels."""
@@ -161,10 +160,19 @@ class Scene:
         return np.asarray(grains / grains.std(), np.float32)
 
 
+def _plain(scene: Scene, level: float = 0.0) -> Light:
+    return scene.over(scene.flat())
+
+
 def _soft(distance: Share, width: float = 1.0) -> Share:
     """Return 1 inside of an edge, distance < 0, and 0 outside, of a soft edge's width."""
     inside: Share = np.clip(0.5 - distance / width, 0, 1)
     return inside
+
+
+def _before(background: Light, light: Light, share: Share) -> Light:
+    """Return the light of what covers a share of each pixel, in front of a background."""
+    return light + (1 - share[..., np.newaxis]) * background
 
 
 def _mixed(under: Light, over: Light | Colour, share: Share) -> Light:
@@ -189,7 +197,7 @@ def _gradient(scene: Scene, level: float) -> Light:
     angle = scene.random.uniform(0, 2 * math.pi)
     v, u = np.mgrid[-1 : 1 : scene.camera.height * 1j, -1 : 1 : scene.camera.width * 1j]
     light = 1 + level / 2 * (math.cos(angle) * u + math.sin(angle) * v)
-    shaded: Light = scene.over(scene.flat()) * light[..., np.newaxis]
+    shaded: Light = _plain(scene) * light[..., np.newaxis]
     return shaded
 
 
@@ -205,7 +213,7 @@ def _shadow(scene: Scene, level: float) -> Light:
     shadow = cv2.warpAffine(share, move, share.shape[::-1])
     shadow = cv2.GaussianBlur(shadow, (0, 0), 3.0 * scene.pixel)
     behind = scene.flat() * (1 - level * shadow[..., np.newaxis])
-    return np.asarray(light + (1 - share[..., np.newaxis]) * behind, np.float32)
+    return np.asarray(_before(behind, light, share), np.float32)
 
 
 def _reflection(scene: Scene, level: float) -> Light:
@@ -215,7 +223,7 @@ def _reflection(scene: Scene, level: float) -> Light:
     image = cv2.warpAffine(light, move, size)
     weak = level * cv2.warpAffine(share, move, size)[..., np.newaxis]
     behind = (1 - weak) * scene.flat() + level * image
-    return np.asarray(light + (1 - share[..., np.newaxis]) * behind, np.float32)
+    return np.asarray(_before(behind, light, share), np.float32)
 
 
 # On the parts
@@ -228,7 +236,7 @@ def _highlight(scene: Scene, level: float) -> Light:
         ahead, aside = scene.along(part)
         stripe = _soft(np.abs(aside + 0.25 * half) - 0.2 * half, 2.0)
         light = _mixed(light, white, level * stripe * (ahead < 8 * scene.pixel))
-    return light + (1 - share[..., np.newaxis]) * scene.flat()
+    return _before(scene.flat(), light, share)
 
 
 def _shading(scene: Scene, level: float) -> Light:
@@ -237,13 +245,13 @@ def _shading(scene: Scene, level: float) -> Light:
         ahead, aside = scene.along(part)
         dark = level * np.clip(0.5 + aside / (2 * half), 0, 1)
         light = light * (1 - dark * (ahead < 8 * scene.pixel))[..., np.newaxis]
-    return light + (1 - share[..., np.newaxis]) * scene.flat()
+    return _before(scene.flat(), light, share)
 
 
 def _faded(scene: Scene, level: float) -> Light:
     light, share = scene.layer()
     light = (1 - level) * light + level * share[..., np.newaxis] * _GREY
-    return light + (1 - share[..., np.newaxis]) * scene.flat()
+    return _before(scene.flat(), light, share)
 
 
 def _alike(scene: Scene, level: float) -> Light:
@@ -287,7 +295,7 @@ def _end_cover(part: int) -> "Draw":
         turn = scene.random.uniform(-0.03, 0.03)
         inside = _soft(-(ahead + turn * aside) - level * scene.pixel, 1.7)
         other, _ = scene.along(1 - part)
-        return _mixed(scene.over(scene.flat()), scene.flat(), inside * (other > 5))
+        return _mixed(_plain(scene), scene.flat(), inside * (other > 5))
 
     return draw
 
@@ -296,11 +304,11 @@ def _side_cover(scene: Scene, level: float) -> Light:
     ahead, aside = scene.along(0)
     (half, _), _ = scene.lengths()
     inside = _soft(half - level * scene.pixel - aside, 1.7) * (aside < 1.5 * half)
-    return _mixed(scene.over(scene.flat()), scene.flat(), inside * (ahead < 8 * scene.pixel))
+    return _mixed(_plain(scene), scene.flat(), inside * (ahead < 8 * scene.pixel))
 
 
 def _wire(scene: Scene, level: float) -> Light:
-    light = scene.over(scene.flat())
+    light = _plain(scene)
     for part, (half, length) in enumerate(scene.lengths()):
         ahead, aside = scene.along(part)
         lean = scene.random.uniform(-0.7, 0.7)
@@ -312,10 +320,6 @@ def _wire(scene: Scene, level: float) -> Light:
 
 
 # How it is seen
-
-
-def _plain(scene: Scene, level: float = 0.0) -> Light:
-    return scene.over(scene.flat())
 
 
 def _blur(scene: Scene, level: float) -> Light:

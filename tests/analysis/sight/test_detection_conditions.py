@@ -20,10 +20,9 @@ from chamfer.analysis.sight.detection_conditions import (
     ConditionsCameras,
     ConditionsScenario,
     ConditionTask,
-    _errors,
     picture,
 )
-from chamfer.analysis.sight.detection_trials import Reach
+from chamfer.analysis.sight.detection_trials import Reach, detection_error
 from chamfer.analysis.sight.picture_conditions import CONDITIONS
 from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.camera_image import Image
@@ -114,11 +113,11 @@ def test_a_detector_that_is_wrong_is_counted(monkeypatch: pytest.MonkeyPatch) ->
 def test_errors_of_an_axis_are_measured_at_the_tip() -> None:
     true = Detection(status=Status.VALID, tip=(100.0, 50.0), angle=0.0, point=(100.0, 50.0))
     seen = Detection(status=Status.OCCLUDED, angle=0.01, point=(50.0, 50.2))
-    axial, lateral, angle = _errors(seen, true)
+    axial, lateral, angle = detection_error(seen, true)
     assert math.isnan(axial)
     assert lateral == pytest.approx(0.7, abs=1e-3)  # 0.2 and 50 pixels at 10 mrad
     assert angle == 0.01
-    assert np.isnan(_errors(Detection(status=Status.BLURRED), true)).all()
+    assert np.isnan(detection_error(Detection(status=Status.BLURRED), true)).all()
 
 
 def test_pictures_without_photographs(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,9 +13,9 @@ from chamfer.analysis.sight.detection_trials import (
     STATUSES,
     UNITS,
     Poses,
+    TrialCamera,
     kinds,
     measure,
-    trial_camera,
 )
 from chamfer.diagrams.cell.cell_vision import VIEWS, Renderer
 from chamfer.models.cameras.camera import Camera, CameraPlacement
@@ -159,7 +159,7 @@ def test_images_of_a_camera_by_kind() -> None:
         ("clean", "noisy"),
     ]
     camera, poses = CAMERAS["xz"], some_poses(0)
-    images = trial_camera(SHAPES, camera, "software", 0.7).images(
+    images = TrialCamera(SHAPES, camera, "software", 0.7).images(
         poses, 4.0, np.random.default_rng(0)
     )
     assert tuple(images) == kinds("software")
@@ -169,7 +169,7 @@ def test_images_of_a_camera_by_kind() -> None:
     colours = np.unique(images["sampled"].reshape(-1, 3), axis=0)
     assert sorted(map(tuple, colours.tolist())) == sorted([RED, BLUE, (200, 200, 200)])
     # A pixel is the part's if more than half of it is.
-    sharp = trial_camera(SHAPES, camera, "software", 0.0).images(
+    sharp = TrialCamera(SHAPES, camera, "software", 0.0).images(
         poses, 0.0, np.random.default_rng(0)
     )
     np.testing.assert_array_equal(sharp["noisy"], sharp["clean"])
