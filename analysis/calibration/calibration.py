@@ -41,7 +41,7 @@ from chamfer.models.cameras.camera_file import (
     CalibratedCamera,
     CameraFile,
     FramePose,
-    IntrinsicDeviations,
+    Intrinsics,
     MeasuredPose,
     camera_text,
     plain_pose,
@@ -201,7 +201,7 @@ def _camera(fit: Fit, camera: int, size: Size, pictures: Sequence[Picture]) -> C
         height=size[1],
         **values,
         reprojection_error=rms(np.concatenate(residuals)),
-        sd=IntrinsicDeviations(**deviations),
+        sd=Intrinsics(**deviations),
     )
 
 

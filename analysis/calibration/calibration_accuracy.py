@@ -34,7 +34,7 @@ from chamfer.analysis.scenario.experiment import (
     column,
 )
 from chamfer.models.cameras.camera import Camera
-from chamfer.models.cameras.camera_file import CalibratedCamera, IntrinsicDeviations
+from chamfer.models.cameras.camera_file import CalibratedCamera, Intrinsics
 from chamfer.models.validation import ParameterError, require_not_negative
 
 Array = NDArray[np.float64]
@@ -146,7 +146,7 @@ def _calibrate(scenario: CalibrationScenario, seed: int, number: int) -> Row:
     }
 
 
-def _vector(of: CalibratedCamera | IntrinsicDeviations) -> Array:
+def _vector(of: CalibratedCamera | Intrinsics) -> Array:
     return np.array([*of.focal_length, *of.principal_point, *of.distortion])
 
 

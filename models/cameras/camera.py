@@ -7,7 +7,7 @@ hole's arm, Z up.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Final, Literal
 
@@ -101,14 +101,10 @@ class Camera:
         return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
     def project(self, p_W: Vector) -> Vector:
-        """Return the pixels at which points appear.
+        """Return the pixels u and v, shape (..., 2), at which points appear.
 
-        Args:
-            p_W: Points in the world frame, m, shape (..., 3).
-
-        Returns:
-            u and v, shape (..., 2); NaN for points that are not in front of the camera, or where
-            the distortion would fold them back.
+        NaN for points that are not in front of the camera, or where the distortion would fold
+        them back. The points ``p_W``, shape (..., 3), are in the world frame, m.
         """
         p_C = (p_W - self.p_WC) @ self.R_WC
         depth = p_C[..., 2:]
@@ -123,11 +119,7 @@ class Camera:
     def undistorted(self, pixel: Vector) -> Vector:
         """Return where this camera without distortion would show what is seen at pixels.
 
-        Args:
-            pixel: u and v, shape (..., 2).
-
-        Returns:
-            u and v, shape (..., 2); NaN where nothing can be seen.
+        Both of shape (..., 2); NaN where nothing can be seen.
         """
         if self.lens is None:
             return np.asarray(pixel, dtype=float)
@@ -137,11 +129,7 @@ class Camera:
     def distorted(self, pixel: Vector) -> Vector:
         """Return where this camera shows what it would show at pixels without distortion.
 
-        Args:
-            pixel: u and v, shape (..., 2).
-
-        Returns:
-            u and v, shape (..., 2); NaN where the distortion would fold back.
+        Both of shape (..., 2); NaN where the distortion would fold back.
         """
         if self.lens is None:
             return np.asarray(pixel, dtype=float)
@@ -167,28 +155,21 @@ class Camera:
         if f > _OBLONG * min(self.focal):
             allowed = f"two of which none is more than {_OBLONG} times the other"
             raise ParameterError("focal_length", self.focal, allowed)
-        more = [f / one for one in self.focal]
-        width, height = (
-            round(k * n) for k, n in zip(more, (self.width, self.height), strict=True)
-        )
-        u, v = (k * (c + 0.5) - 0.5 for k, c in zip(more, self.centre, strict=True))
+        more_u, more_v = (f / one for one in self.focal)
+        cx, cy = self.centre
         return replace(
             self,
-            width=width,
-            height=height,
+            width=round(more_u * self.width),
+            height=round(more_v * self.height),
             focal=(f, f),
-            centre=(u, v),
+            centre=(more_u * (cx + 0.5) - 0.5, more_v * (cy + 0.5) - 0.5),
             distortion=UNDISTORTED,
         )
 
     def straightened(self, pixel: Vector) -> Vector:
         """Return where :meth:`straight` shows what this camera shows at pixels.
 
-        Args:
-            pixel: u and v, shape (..., 2).
-
-        Returns:
-            u and v, shape (..., 2); NaN where nothing can be seen.
+        Both of shape (..., 2); NaN where nothing can be seen.
         """
         straight, pixels = self.straight(), self.undistorted(pixel)
         if straight.focal == self.focal:
@@ -203,11 +184,7 @@ class Camera:
     def ray(self, pixel: Vector) -> Vector:
         """Return the unit vectors, shape (..., 3), world frame, towards what is seen at pixels.
 
-        Args:
-            pixel: u and v, shape (..., 2).
-
-        Returns:
-            The vectors; NaN where nothing can be seen.
+        NaN where nothing can be seen.
         """
         direction = np.ones((*np.shape(pixel)[:-1], 3))
         direction[..., :2] = self._at_unit_focal(pixel)
@@ -216,11 +193,9 @@ class Camera:
         return rotated
 
     def point(self, pixel: Vector, depth: float) -> Vector:
-        """Return the point that is seen at a pixel, m, world frame, shape (3,).
+        """Return the point, m, world frame, shape (3,), that is seen at a pixel, shape (2,).
 
-        Args:
-            pixel: u and v, shape (2,).
-            depth: Of the point along the optical axis, m.
+        The depth, m, is along the optical axis.
         """
         p_C = depth * np.append(self._at_unit_focal(pixel), 1.0)
         p_W: Vector = self.p_WC + self.R_WC @ p_C
@@ -229,9 +204,7 @@ class Camera:
     def point_jacobian(self, pixel: Vector, depth: float) -> Matrix:
         """Return how fast the image of a point moves with the point, pixels / m, shape (2, 3).
 
-        Args:
-            pixel: u and v of the point, shape (2,).
-            depth: Of the point along the optical axis, m.
+        The point is seen at a pixel, shape (2,), at a depth along the optical axis, m.
         """
         point = self._at_unit_focal(pixel)
         x, y = point
@@ -242,12 +215,7 @@ class Camera:
         return jacobian
 
     def placed(self, R_WC: Matrix, p_WC: Vector) -> "Camera":
-        """Return this camera at another place.
-
-        Args:
-            R_WC: Its orientation, shape (3, 3).
-            p_WC: Its place, m, shape (3,).
-        """
+        """Return this camera at another place: orientation, shape (3, 3), and position, m."""
         return replace(self, R_WC=R_WC, p_WC=p_WC)
 
     def miscalibrated(
@@ -255,10 +223,8 @@ class Camera:
     ) -> "Camera":
         """Return this camera as it is believed to be where its calibration is wrong.
 
-        Args:
-            focal_factor: Of the believed focal length to the true one.
-            turn: From the true to the believed orientation, rotation vector in the camera's
-                frame, rad; the camera's place stays.
+        The focal factor is of the believed to the true focal length; the turn from the true to the
+        believed orientation is a rotation vector in the camera's frame, rad; the place stays.
 
         Raises:
             ParameterError: If the focal factor is not positive or the turn is not finite.
@@ -299,15 +265,8 @@ class CameraStand:
 
     def placement(self, view: View, target: tuple[float, float, float]) -> "CameraPlacement":
         """Return where a camera that looks at a target, m, in the world, stands."""
-        return CameraPlacement(
-            view=view,
-            target=target,
-            distance=self.distance,
-            pixel_size=self.pixel_size,
-            roll=self.roll,
-            width=self.width,
-            height=self.height,
-        )
+        stand = {one.name: getattr(self, one.name) for one in fields(CameraStand)}
+        return CameraPlacement(view=view, target=target, **stand)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,7 +21,7 @@ the place along the axes, of the frame in which the pose is given. What is said 
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -61,12 +61,12 @@ class FramePose:
 
 
 @dataclass(frozen=True, kw_only=True)
-class IntrinsicDeviations:
-    """Standard deviations of what lies within a camera."""
+class Intrinsics:
+    """What lies within a camera, or its standard deviations."""
 
-    focal_length: Pair  # pixels
-    principal_point: Pair  # pixels
-    distortion: Distortion
+    focal_length: Pair  # pixels, along u and v
+    principal_point: Pair  # pixels, where the optical axis meets the image
+    distortion: Distortion  # k1, k2, p1, p2, k3 of OpenCV's model
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,16 +78,13 @@ class MeasuredPose:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CalibratedCamera:
+class CalibratedCamera(Intrinsics):
     """What a calibration says of a camera, wherever it stands."""
 
     width: int  # pixels
     height: int  # pixels
-    focal_length: Pair  # pixels, along u and v
-    principal_point: Pair  # pixels, where the optical axis meets the image
-    distortion: Distortion  # k1, k2, p1, p2, k3 of OpenCV's model
     reprojection_error: float | None = None  # pixels, root of the mean square
-    sd: IntrinsicDeviations | None = None
+    sd: Intrinsics | None = None
 
     def placed(self, pose: FramePose) -> Camera:
         """Return the camera at a place in the world."""
@@ -132,8 +129,7 @@ def read_camera(path: Path) -> CameraFile:
             allowed; its name is the file's and the field's.
     """
     try:
-        document = _document(path)
-        return _file(document)
+        return _file(_document(path))
     except ParameterError as error:
         raise ParameterError(f"{path}: {error.name}", error.value, error.allowed) from error
 
@@ -216,27 +212,26 @@ def _file(document: Any) -> CameraFile:
 
 
 def _camera(given: Mapping[str, Any], path: str) -> CalibratedCamera:
-    sizes: dict[str, Any] = {
-        name: _size(given.get(name), f"{path}{name}") for name in ("width", "height")
-    }
-    numbers: dict[str, Any] = {
-        name: _numbers(given.get(name), f"{path}{name}", count, positive=name == "focal_length")
-        for name, count in _INTRINSIC.items()
-    }
+    values: dict[str, Any] = {}
+    for name in ("width", "height"):
+        size = values[name] = given.get(name)
+        if isinstance(size, bool) or not isinstance(size, int) or not 1 <= size <= _LARGEST_SIZE:
+            raise ParameterError(
+                f"{path}{name}", size, f"a whole number from 1 to {_LARGEST_SIZE}"
+            )
+    for name, count in _INTRINSIC.items():
+        sign = " > 0" if name == "focal_length" else ""
+        values[name] = _numbers(given.get(name), f"{path}{name}", count, sign)
     error = given.get("reprojection_error")
     if error is not None:
-        error = _deviation(error, f"{path}reprojection_error")
-    camera = CalibratedCamera(**sizes, **numbers, reprojection_error=error)
-    if given.get("sd") is None:
-        return camera
-    deviations = _fields(given["sd"], f"{path}sd", (*_INTRINSIC, *_POSES))
-    if not deviations.keys() & _INTRINSIC.keys():
-        return camera
-    sds = {
-        name: _deviations(deviations.get(name), f"{path}sd.{name}", count)
-        for name, count in _INTRINSIC.items()
-    }
-    return replace(camera, sd=IntrinsicDeviations(**sds))
+        values["reprojection_error"] = _number(error)
+        if not 0 <= values["reprojection_error"] < math.inf:
+            raise ParameterError(f"{path}reprojection_error", error, "a finite number >= 0")
+    if given.get("sd") is not None:
+        sd = _fields(given["sd"], f"{path}sd", (*_INTRINSIC, *_POSES))
+        if sd.keys() & _INTRINSIC.keys():
+            values["sd"] = Intrinsics(**_group(sd, f"{path}sd", _INTRINSIC, " >= 0"))
+    return CalibratedCamera(**values)
 
 
 def _measured(
@@ -244,13 +239,21 @@ def _measured(
 ) -> MeasuredPose | None:
     if given.get(name) is None:
         return None
-    fields = _fields(given[name], name, tuple(_POSE))
-    value = {key: _numbers(fields.get(key), f"{name}.{key}", 3) for key in _POSE}
+    value = _group(_fields(given[name], name, tuple(_POSE)), name, _POSE)
     if deviations.get(name) is None:
         return MeasuredPose(value=FramePose(**value))
-    fields = _fields(deviations[name], f"sd.{name}", tuple(_POSE))
-    sd = {key: _deviations(fields.get(key), f"sd.{name}.{key}", 3) for key in _POSE}
+    path = f"sd.{name}"
+    sd = _group(_fields(deviations[name], path, tuple(_POSE)), path, _POSE, " >= 0")
     return MeasuredPose(value=FramePose(**value), sd=FramePose(**sd))
+
+
+def _group(
+    given: Mapping[str, Any], path: str, counts: Mapping[str, int], sign: str = ""
+) -> dict[str, Any]:
+    return {
+        name: _numbers(given.get(name), f"{path}.{name}", count, sign)
+        for name, count in counts.items()
+    }
 
 
 def _fields(value: Any, path: str, names: tuple[str, ...]) -> Mapping[str, Any]:
@@ -275,31 +278,11 @@ def _number(value: Any) -> float:
         return math.nan
 
 
-def _numbers(value: Any, path: str, count: int, *, positive: bool = False) -> Any:
-    allowed = f"{_WORDS[count]} finite numbers{' > 0' if positive else ''}"
-    if not isinstance(value, list) or len(value) != count:
-        raise ParameterError(path, value, allowed)
-    numbers = tuple(_number(one) for one in value)
-    if not np.isfinite(numbers).all() or (positive and min(numbers) <= 0):
-        raise ParameterError(path, value, allowed)
+def _numbers(value: Any, path: str, count: int, sign: str) -> Any:
+    """Return so many numbers, which are finite and, with a sign " > 0" or " >= 0", so."""
+    listed = isinstance(value, list) and len(value) == count
+    numbers = tuple(_number(one) for one in value) if listed else (math.nan,)
+    allowed = np.isfinite(numbers).all() and not (sign and min(numbers) < 0)
+    if not allowed or (sign == " > 0" and 0 in numbers):
+        raise ParameterError(path, value, f"{_WORDS[count]} finite numbers{sign}")
     return numbers
-
-
-def _deviations(value: Any, path: str, count: int) -> Any:
-    numbers = _numbers(value, path, count)
-    if min(numbers) < 0:
-        raise ParameterError(path, value, f"{_WORDS[count]} finite numbers >= 0")
-    return numbers
-
-
-def _deviation(value: Any, path: str) -> float:
-    number = _number(value)
-    if not (math.isfinite(number) and number >= 0):
-        raise ParameterError(path, value, "a finite number >= 0")
-    return number
-
-
-def _size(value: Any, path: str) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= _LARGEST_SIZE:
-        raise ParameterError(path, value, f"a whole number from 1 to {_LARGEST_SIZE}")
-    return value

@@ -1,7 +1,7 @@
 """What is believed of a camera, and what is true of it, where that is not as its stand says."""
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Self, get_args
 
@@ -127,10 +127,8 @@ class CameraModel:
 
     def over(self, other: Self) -> Self:
         """Return this model, with what it leaves open as another one says."""
-        given = {one.name: getattr(self, one.name) for one in fields(self)}
-        return replace(
-            other, **{name: value for name, value in given.items() if value is not None}
-        )
+        given = {name: value for name, value in vars(self).items() if value is not None}
+        return replace(other, **given)
 
     def of(self, camera: Camera) -> Camera:
         """Return the camera of this model beside a camera, by which what is open is filled in.
@@ -140,19 +138,13 @@ class CameraModel:
         """
         if self.file is not None:
             raise ParameterError("file", self.file, "null where it is used; resolve reads files")
-        model = self.over(type(self).like(camera))
-        assert model.focal_length is not None
-        assert model.principal_point is not None
-        assert model.distortion is not None
-        assert model.position is not None
-        assert model.tilt is not None
-        assert model.roll is not None
-        turn = Rotation.from_rotvec([*model.tilt, 0.0]) * Rotation.from_rotvec([0, 0, model.roll])
+        turn = Rotation.from_rotvec([*(self.tilt or (0.0, 0.0)), 0.0])
+        turn *= Rotation.from_rotvec([0.0, 0.0, self.roll or 0.0])
         return replace(
             camera,
-            focal=model.focal_length,
-            centre=model.principal_point,
-            distortion=model.distortion,
+            focal=self.focal_length or camera.focal,
+            centre=self.principal_point or camera.centre,
+            distortion=self.distortion or camera.distortion,
             R_WC=camera.R_WC @ turn.as_matrix(),
-            p_WC=camera.p_WC + camera.R_WC @ np.array(model.position),
+            p_WC=camera.p_WC + camera.R_WC @ np.array(self.position or (0.0, 0.0, 0.0)),
         )

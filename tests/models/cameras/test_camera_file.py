@@ -10,7 +10,7 @@ from chamfer.models.cameras.camera_file import (
     CalibratedCamera,
     CameraFile,
     FramePose,
-    IntrinsicDeviations,
+    Intrinsics,
     MeasuredPose,
     camera_text,
     read_camera,
@@ -57,9 +57,7 @@ def test_a_file_by_hand_needs_no_deviations_and_may_say_1e_3(path: Path) -> None
 
 def test_what_is_written_is_read_again_with_the_public_names_at_the_top(path: Path) -> None:
     path.write_text(ONE)
-    sd = IntrinsicDeviations(
-        focal_length=(0.5, 0.5), principal_point=(0.6, 0.6), distortion=(0.1,) * 5
-    )
+    sd = Intrinsics(focal_length=(0.5, 0.5), principal_point=(0.6, 0.6), distortion=(0.1,) * 5)
     pose = FramePose(rotation_vector=(0.0, 0.1, 0.0), translation=(1.0, 0.0, 0.0))
     left = replace(read_camera(path).left, reprojection_error=0.25, sd=sd)
     measured = MeasuredPose(value=pose, sd=pose)
