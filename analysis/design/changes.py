@@ -35,9 +35,7 @@ class DesignField:
 
     def get(self, scenario: DesignScenario) -> float:
         """Return its value in a resolved scenario."""
-        if self.read is not None:
-            return self.read(scenario)
-        return float(attrgetter(self.path)(scenario))
+        return float((self.read or attrgetter(self.path))(scenario))
 
     def set(self, scenario: DesignScenario, value: float) -> DesignScenario:
         """Return a scenario whose open fields are open still with another value of it."""
@@ -83,7 +81,7 @@ def _with_joint_friction(scenario: DesignScenario, value: float) -> DesignScenar
     return scenario
 
 
-FIELDS: Final[tuple[DesignField, ...]] = (
+_FIELDS: Final = (
     DesignField(
         "impedance.stiffness",
         "N/m",
@@ -134,6 +132,7 @@ FIELDS: Final[tuple[DesignField, ...]] = (
         write=_with_joint_friction,
     ),
 )
+FIELDS: Final = {field.path: field for field in _FIELDS}
 
 _STEP: Final = 0.1  # of a field, to either side, for the sensitivity
 _LOOKS: Final = 5  # factors to either side at which a field is tried
@@ -175,7 +174,7 @@ def changes(
     here = _of(resolved, seed)
     usual = tightest(here.values()).name
     found = []
-    for k, field in enumerate(FIELDS):
+    for k, field in enumerate(FIELDS.values()):
         if progress is not None:
             progress(k / len(FIELDS), field.path)
         value = field.get(resolved)
@@ -187,20 +186,18 @@ def changes(
         to = None
         if not certain and _helps(here, less, more):
             to = _to_certain(scenario, field, value, _ends(field, here, less, more), seed)
-        settings: list[str] = []
+        change = Change(
+            path=field.path,
+            unit=field.unit,
+            value=value,
+            sensitivity=_sensitivity(usual, less, here, more),
+            to=to,
+            meaning=field.meaning,
+        )
         if to is not None:
             settings = overrides(field.set(scenario, to), scenario, lambda given: given)
-        found.append(
-            Change(
-                path=field.path,
-                unit=field.unit,
-                value=value,
-                sensitivity=_sensitivity(usual, less, here, more),
-                to=to,
-                meaning=field.meaning,
-                settings=tuple(settings),
-            )
-        )
+            change = replace(change, settings=tuple(settings))
+        found.append(change)
     return tuple(sorted(found, key=lambda one: -abs(one.sensitivity)))
 
 
@@ -208,14 +205,6 @@ def smallest_change(found: Sequence[Change]) -> Change | None:
     """Return the change that makes the design certain by the smallest factor, if any does."""
     able = [(abs(math.log(one.to / one.value)), one) for one in found if one.to is not None]
     return min(able, key=lambda pair: pair[0])[1] if able else None
-
-
-def changed(scenario: DesignScenario, path: str, value: float) -> DesignScenario:
-    """Return a scenario, not resolved, with another value of one of :data:`FIELDS`."""
-    for field in FIELDS:
-        if field.path == path:
-            return field.set(scenario, value)
-    raise ParameterError("path", path, ", ".join(field.path for field in FIELDS))
 
 
 def _of(resolved: ResolvedDesignScenario, seed: int) -> Links:
@@ -252,17 +241,18 @@ def _sensitivity(name: str, less: Links | None, here: Links, more: Links | None)
 def _helps(here: Links, *others: Links | None) -> bool:
     """Return whether a field does anything to a link that is beyond its limit, or to none is."""
     beyond = [link for link in here.values() if link.margin < 0]
-    for links in others:
-        if links is None:
-            continue
-        if not beyond or links.keys() != here.keys():
-            return True
-        for link in beyond:
-            if not abs(links[link.name].bound - link.bound) <= _SAME * abs(link.bound):
-                return True
-            if not abs(links[link.name].allowed - link.allowed) <= _SAME * abs(link.allowed):
-                return True
-    return False
+
+    def same(links: Links, link: Link, name: str) -> bool:
+        value = getattr(link, name)
+        return bool(abs(getattr(links[link.name], name) - value) <= _SAME * abs(value))
+
+    return any(
+        not beyond
+        or links.keys() != here.keys()
+        or not all(same(links, link, name) for link in beyond for name in ("bound", "allowed"))
+        for links in others
+        if links is not None
+    )
 
 
 def _ends(
@@ -313,8 +303,8 @@ def _to_certain(
                 middle = (inner + outer) / 2
                 inner, outer = (inner, middle) if holds(middle) else (middle, outer)
             for way in (outer, widest):
-                changed = resolve_design(field.set(scenario, math.exp(way) * value))
-                if assess(changed, seed).verdict == "certain":
+                other = resolve_design(field.set(scenario, math.exp(way) * value))
+                if assess(other, seed).verdict == "certain":
                     best = way
                     break
             break

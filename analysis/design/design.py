@@ -63,12 +63,7 @@ def assess(scenario: ResolvedDesignScenario, seed: int = 0, *, draws: int | None
 
     Certain: every link's bound is within its limit, and so are all drawn errors. No: of the drawn
     errors hardly any could go in, by an interval below 5 %. Else likely, with the share of the
-    drawn errors that is inside.
-
-    Args:
-        scenario: Resolved.
-        seed: Of the draws.
-        draws: How many; None: as the scenario says.
+    drawn errors that is inside. None ``draws``: as many as the scenario says.
     """
     drawn = draw_errors(scenario, seen := sight(scenario), seed, draws or scenario.draws)
     links = chain(scenario, seen, drawn)

@@ -1,6 +1,7 @@
 """Whether designs are as they are called: randomised cells, each assessed and simulated."""
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -25,6 +26,7 @@ from chamfer.analysis.scenario.experiment import (
     Progress,
     Table,
     column,
+    part_of,
 )
 from chamfer.diagrams.cell.work_cell import HoleKind
 from chamfer.diagrams.insertion.insertion import FEED_SPEED
@@ -148,14 +150,9 @@ def assess_drawn(scenario: DrawnDesignsScenario, seed: int, design: int) -> Row:
         found = assess(cell, trial_seed(seed, design))
     except ParameterError as error:
         return {**row, "verdict": REFUSED, "limiting_link": str(error)}
-    return {
-        "margin": found.margin,
-        "share": found.share,
-        "share.low": found.share_low,
-        "share.high": found.share_high,
-        "verdict": found.verdict,
-        "limiting_link": found.limiting_link,
-    }
+    numbers = (found.margin, found.share, found.share_low, found.share_high)
+    said = {"verdict": found.verdict, "limiting_link": found.limiting_link}
+    return {**dict(zip(row, numbers, strict=True)), **said}
 
 
 def insert_once(scenario: DrawnDesignsScenario, seed: int, task: Task) -> Row:
@@ -172,18 +169,18 @@ def run(scenario: DrawnDesignsScenario, seed: int, progress: Progress) -> Outcom
     assessed = run_each(
         partial(assess_drawn, drawn, seed),
         range(scenario.designs),
-        partial(_part, progress, 0.0, _ASSESSED),
+        part_of(progress, 0.0, _ASSESSED),
     )
-    there = [
-        design
+    tasks = [
+        (design, trial)
         for design, row in zip(assessed.tasks, assessed.rows, strict=True)
+        for trial in range(scenario.trials)
         if row["verdict"] != REFUSED
     ]
-    if not there:
+    if not tasks:
         raise ParameterError("designs", scenario.designs, "so many that there can be one of them")
-    tasks = [(design, trial) for design in there for trial in range(scenario.trials)]
     inserted = run_each(
-        partial(insert_once, drawn, seed), tasks, partial(_part, progress, _ASSESSED, 1.0)
+        partial(insert_once, drawn, seed), tasks, part_of(progress, _ASSESSED, 1.0)
     )
     traces = _designs(scenario, seed, assessed, inserted)
     return Outcome(
@@ -193,21 +190,16 @@ def run(scenario: DrawnDesignsScenario, seed: int, progress: Progress) -> Outcom
     )
 
 
-def _part(progress: Progress, begin: float, end: float, fraction: float, doing: str = "") -> None:
-    progress(begin + (end - begin) * fraction, doing)
-
-
 def _designs(
     scenario: DrawnDesignsScenario, seed: int, assessed: Trials[int], inserted: Trials[Task]
 ) -> Table:
     """Return a row a design: what it is, how it is called, and what became of its insertions."""
-    seated = {design: [0.0, 0.0] for design in assessed.tasks}
+    good = dict.fromkeys(assessed.tasks, 0.0)
+    count = Counter(design for design, _ in inserted.tasks)
     for (design, _), row in zip(inserted.tasks, inserted.rows, strict=True):
-        seated[design][0] += row["seated"]
-        seated[design][1] += 1
+        good[design] += row["seated"]
     ends = [
-        interval(int(good), int(count)) if count else (np.nan, np.nan)
-        for good, count in seated.values()
+        interval(int(good[one]), count[one]) if count[one] else (np.nan, np.nan) for one in good
     ]
     sizes = [scenario.sizes(seed, design) for design in assessed.tasks]
     return {
@@ -216,19 +208,17 @@ def _designs(
         "verdict": np.array([row["verdict"] for row in assessed.rows]),
         "limiting_link": np.array([row["limiting_link"] for row in assessed.rows]),
         **{
-            name.replace(".", "_"): _finite(assessed.column(name))
+            # NaN for the numbers of links that are without bound.
+            name.replace(".", "_"): np.where(
+                np.isfinite(one := assessed.column(name)), one, np.nan
+            )
             for name in ("margin", "share", "share.low", "share.high")
         },
-        "seated": column([good for good, _ in seated.values()]),
-        "trials": column([count for _, count in seated.values()]),
+        "seated": column(list(good.values())),
+        "trials": column([count[one] for one in good]),
         "low": column([low for low, _ in ends]),
         "high": column([high for _, high in ends]),
     }
-
-
-def _finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return numbers, NaN for those of links that are without bound."""
-    return np.where(np.isfinite(values), values, np.nan)
 
 
 def accuracy(traces: Table) -> dict[str, Metric]:
@@ -240,14 +230,15 @@ def accuracy(traces: Table) -> dict[str, Metric]:
         "some": simulated & (seated > 0) & (seated < trials),
         "none": simulated & (seated == 0),
     }
-    metrics = {}
-    for said in VERDICTS:
-        for name, of in became.items():
-            metrics[f"confusion.{said}.{name}"] = Metric(
-                value=float(np.sum(of & (verdict == said))),
-                unit="",
-                note=f"designs called {said} of whose insertions {name} were seated",
-            )
+    metrics = {
+        f"confusion.{said}.{name}": Metric(
+            value=float(np.sum(of & (verdict == said))),
+            unit="",
+            note=f"designs called {said} of whose insertions {name} were seated",
+        )
+        for said in VERDICTS
+        for name, of in became.items()
+    }
     metrics["refused"] = Metric(
         value=float(np.sum(verdict == REFUSED)), unit="", note="designs that there can't be"
     )
@@ -256,30 +247,21 @@ def accuracy(traces: Table) -> dict[str, Metric]:
         ("no", f"at most {NO_SEATED:g}"),
     ):
         of = simulated & (verdict == said)
-        metrics |= _share(
-            f"{said}.seated",
-            int(seated[of].sum()),
-            int(trials[of].sum()),
-            f"insertions of designs called {said}, {asked} % is asked for",
-        )
+        note = f"insertions of designs called {said}, {asked} % is asked for"
+        metrics |= _share(f"{said}.seated", int(seated[of].sum()), int(trials[of].sum()), note)
     for name, said in (("all", "certain"), ("none", "no")):
         of = became[name]
-        metrics |= _share(
-            f"{name}_seated.called_{said}",
-            int(np.sum(of & (verdict == said))),
-            int(of.sum()),
-            f"designs of which {name} were seated, at least {DARES:g} % is asked for",
-        )
+        note = f"designs of which {name} were seated, at least {DARES:g} % is asked for"
+        called = int(np.sum(of & (verdict == said)))
+        metrics |= _share(f"{name}_seated.called_{said}", called, int(of.sum()), note)
     likely = simulated & (verdict == "likely")
-    if likely.any():
-        error = traces["share"][likely] - seated[likely] / trials[likely]
-        metrics["likely.share_error"] = Metric(
-            value=100 * float(np.mean(error)),
-            unit="%",
-            note=f"predicted less simulated share seated, mean of {int(likely.sum())} designs",
-        )
-    else:
-        metrics["likely.share_error"] = Metric(value=None, unit="%", note="no design is likely")
+    error = traces["share"][likely] - seated[likely] / trials[likely]
+    note = f"predicted less simulated share seated, mean of {int(likely.sum())} designs"
+    metrics["likely.share_error"] = Metric(
+        value=100 * float(np.mean(error)) if likely.any() else None,
+        unit="%",
+        note=note if likely.any() else "no design is likely",
+    )
     return metrics
 
 
@@ -291,11 +273,6 @@ def _share(name: str, good: int, count: int, note: str) -> dict[str, Metric]:
         f"{name}{end}": Metric(value=None, unit="%", note=f"there are none: {note}")
         for end in ("", ".low", ".high")
     }
-
-
-def figures(scenario: DrawnDesignsScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    return {"accuracy": plot_accuracy(outcome.traces, outcome.metrics)}
 
 
 _BECAME: Final = ("all", "some", "none")
@@ -341,3 +318,8 @@ def _seated(axes: Axes, traces: Table, over: NDArray[np.float64]) -> None:
         look: Style = {"color": colour, "marker": _MARKERS[said], "linestyle": "", "capsize": 2}
         axes.errorbar(over[of], seated, yerr=ends, elinewidth=0.8, label=said, **look)
     axes.set_ylim(-0.05, 1.05)
+
+
+def figures(scenario: DrawnDesignsScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Return the figures by file name."""
+    return {"accuracy": plot_accuracy(outcome.traces, outcome.metrics)}

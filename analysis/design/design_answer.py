@@ -2,6 +2,7 @@
 
 import math
 import shlex
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -24,13 +25,10 @@ from chamfer.analysis.report.results import (
     write_whole,
 )
 from chamfer.analysis.report.traces import write_table
-from chamfer.analysis.scenario.experiment import Progress
+from chamfer.analysis.scenario.experiment import Progress, part_of
 from chamfer.analysis.scenario.scenario_io import scenario_text, sha256, unstructure
 
-# What is done, and up to which share of the whole it is told to be.
-_CHANGES: Final = "changes"
 _MAP: Final = "map"
-_INSERTIONS: Final = "insertions"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,35 +65,25 @@ def answer(
     Raises:
         ParameterError: If there can be no such design.
     """
-    wanted = {_CHANGES: what_to_change, _MAP: axes is not None, _INSERTIONS: trials > 0}
+    wanted = {"changes": what_to_change, _MAP: axes is not None, "insertions": trials > 0}
     asked = [name for name, is_asked in wanted.items() if is_asked]
-
-    def stage(name: str) -> Progress:
-        begin, whole = asked.index(name), len(asked)
-
-        def told(fraction: float, doing: str = "") -> None:
-            progress((begin + fraction) / whole, f"{name} {doing}".rstrip())
-
-        return told
-
+    stages = {
+        name: part_of(progress, i / len(asked), (i + 1) / len(asked), name)
+        for i, name in enumerate(asked)
+    }
     scenario = resolve_design(given)
     design = assess(scenario, seed)
     return Answer(
         scenario=scenario,
         seed=seed,
         design=design,
-        changes=changes(given, seed, stage(_CHANGES)) if what_to_change else None,
-        map=map_design(given, axes, seed, stage(_MAP)) if axes else None,
-        verified=verify(scenario, design, trials, seed, stage(_INSERTIONS)) if trials else None,
+        changes=changes(given, seed, stages["changes"]) if what_to_change else None,
+        map=map_design(given, axes, seed, stages[_MAP]) if axes else None,
+        verified=verify(scenario, design, trials, seed, stages["insertions"]) if trials else None,
     )
 
 
 PAGE: Final = "design.html"
-
-
-def folder_name(name: str) -> str:
-    """Return the name of the folder of a design."""
-    return f"design-{name}"
 
 
 def design_document(
@@ -103,11 +91,7 @@ def design_document(
 ) -> dict[str, Any]:
     """Return what ``result.json`` holds; numbers are in SI units, null where not finite.
 
-    Args:
-        name: Of what is designed.
-        answer: What was found.
-        overrides: The settings that make the design of the default one.
-        wall_seconds: s, that it took.
+    The overrides are the settings that make the design of the default one.
     """
     design = answer.design
     plain = unstructure(answer.scenario)
@@ -165,7 +149,6 @@ def write_design(folder: Path, answer: Answer, document: dict[str, Any]) -> None
 
 
 def _map_document(found: DesignMap) -> dict[str, Any]:
-    kinds, counts = _unique(found.verdict.ravel().tolist())
     return {
         **{
             name: {"path": one.path, "unit": one.unit, "from": one.values[0], "to": one.values[-1]}
@@ -173,14 +156,9 @@ def _map_document(found: DesignMap) -> dict[str, Any]:
         },
         "points": [len(found.x.values), len(found.y.values)],
         "computed": int(found.computed.sum()),
-        "verdicts": dict(zip(kinds, counts, strict=True)),
+        "verdicts": dict(sorted(Counter(found.verdict.ravel().tolist()).items())),
         "table": f"{_MAP}.parquet",
     }
-
-
-def _unique(values: Sequence[str]) -> tuple[list[str], list[int]]:
-    kinds = sorted(set(values))
-    return kinds, [values.count(kind) for kind in kinds]
 
 
 def _command(name: str, answer: Answer, overrides: Sequence[str]) -> str:

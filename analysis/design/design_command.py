@@ -64,7 +64,6 @@ def _design(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     from chamfer.analysis.design.design_answer import (
         answer,
         design_document,
-        folder_name,
         write_design,
     )
     from chamfer.analysis.design.design_map import POINTS, parse_map
@@ -85,7 +84,7 @@ def _design(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     trials = _trials(arguments.verify, MOST_TRIALS)
     axes = parse_map(resolved, arguments.map, POINTS) if arguments.map else None
     asked = tuple(overrides(given, default, resolve_design))
-    folder = arguments.out / folder_name(name)
+    folder = arguments.out / f"design-{name}"
     require_writable(arguments.out, [folder.name])
     if (folder / RESULT).exists():
         say(f"what is in {folder} is replaced")

@@ -23,18 +23,19 @@ from numpy.typing import NDArray
 from chamfer.analysis.campaign.campaign import try_each
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.command.scenario_fields import leaves, matching
-from chamfer.analysis.design.changes import FIELDS, changed
+from chamfer.analysis.design.changes import FIELDS
 from chamfer.analysis.design.design import assess
 from chamfer.analysis.design.design_scenario import FEWEST, DesignScenario, resolve_design
 from chamfer.analysis.design.design_words import scaled
 from chamfer.analysis.drawing.figure_style import Style, dress, new_figure
 from chamfer.analysis.scenario.errors import ExperimentError, UserError
-from chamfer.analysis.scenario.experiment import Progress, Table
+from chamfer.analysis.scenario.experiment import Progress, Table, part_of
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.models.validation import ParameterError
 
 POINTS: Final = 41  # along each axis
 _STRIDES: Final = (4, 2, 1)  # of grids one after the other
+_COMPUTED: Final = ("verdict", "limiting", "margin", "inside")
 REFUSED: Final = "refused"  # beside the verdicts: there is no such design
 _NUMBER: Final = r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
 _AXIS: Final = re.compile(rf"([^:\s]+):({_NUMBER}):({_NUMBER})")
@@ -75,15 +76,10 @@ class DesignMap:
 
 
 def parse_map(resolved: DesignScenario, texts: Sequence[str], points: int) -> list[MapAxis]:
-    """Return the two axes that ``--map`` says.
+    """Return the two axes that ``--map`` says, texts ``PATH:a:b``, of a resolved design.
 
     A field is one of :data:`chamfer.analysis.design.changes.FIELDS`, which may stand for several
     that change together, or any other number of the scenario.
-
-    Args:
-        resolved: The design.
-        texts: ``PATH:a:b`` each.
-        points: Along each axis.
 
     Raises:
         UserError: If they are not two, or a field doesn't exist, is no number or may not be what
@@ -106,7 +102,7 @@ def map_design(
         scenario: Not resolved: what it leaves open follows from the two fields too.
         axes: Of :func:`parse_map`.
         seed: Of the drawn errors.
-        progress: Told how many rows are done.
+        progress: Told how far it is.
     """
     x, y = axes
     shape = len(y.values), len(x.values)
@@ -119,21 +115,19 @@ def map_design(
         inside=np.full(shape, np.nan),
         computed=np.zeros(shape, dtype=np.bool_),
     )
-    first = next(one for one in _STRIDES if not any((count - 1) % one for count in shape))
+    first = next(one for one in _STRIDES if not any((size - 1) % one for size in shape))
     strides = [one for one in _STRIDES if one <= first]
+    count = len(strides)
     wanted = np.zeros(shape, dtype=np.bool_)
     wanted[::first, ::first] = True
     for k, stride in enumerate(strides):
         if k:
             wanted = _refined(found, stride)
-        _compute(found, wanted, scenario, seed, partial(_part, progress, k, len(strides)))
+        begin, end, name = k / count, (k + 1) / count, f"grid {k + 1} of {count},"
+        _compute(found, wanted, scenario, seed, part_of(progress, begin, end, name))
     return replace(
         found, verdict=found.verdict.astype(np.str_), limiting=found.limiting.astype(np.str_)
     )
-
-
-def _part(progress: Progress, k: int, count: int, fraction: float, doing: str = "") -> None:
-    progress((k + fraction) / count, f"grid {k + 1} of {count}, {doing}")
 
 
 def _refined(found: DesignMap, stride: int) -> NDArray[np.bool_]:
@@ -185,7 +179,7 @@ def _compute(
         raise ExperimentError(f"--map {y.path}: {done.failed[0][1].reason}")
     for row, values in zip(rows, done.rows, strict=True):
         of = wanted[row]
-        for name in ("verdict", "limiting", "margin", "inside"):
+        for name in _COMPUTED:
             getattr(found, name)[row, of] = values[name]
         found.computed[row, of] = True
 
@@ -199,12 +193,9 @@ def _row(
 ) -> Row:
     y, x_values = task
     points = [_point(scenario, ((y_path, y), (x_path, x)), seed) for x in x_values]
-    verdict, limiting, margin, inside = zip(*points, strict=True)
     return {
-        "verdict": np.array(verdict),
-        "limiting": np.array(limiting),
-        "margin": np.array(margin),
-        "inside": np.array(inside),
+        name: np.array(values)
+        for name, values in zip(_COMPUTED, zip(*points, strict=True), strict=True)
     }
 
 
@@ -228,10 +219,9 @@ def _axis(resolved: DesignScenario, text: str, points: int) -> MapAxis:
     if not (np.isfinite([low, high]).all() and low < high):
         raise UserError(f"--map {path} is {low:g}:{high:g}, allowed: finite, the lower end first")
     values = np.linspace(low, high, points)
-    for field in FIELDS:
-        if field.path == path:
-            here = float(field.get(resolved))
-            return MapAxis(path=path, unit=field.unit, values=tuple(values.tolist()), here=here)
+    if field := FIELDS.get(path):
+        here = field.get(resolved)
+        return MapAxis(path=path, unit=field.unit, values=tuple(values.tolist()), here=here)
     known = {leaf.path: leaf for leaf in leaves(resolved)}
     if path not in known:
         matching(list(known.values()), path)  # says what is close
@@ -247,8 +237,8 @@ def _axis(resolved: DesignScenario, text: str, points: int) -> MapAxis:
 
 def _with(scenario: DesignScenario, path: str, value: float) -> DesignScenario:
     """Return a scenario with another value of a field that can be changed alone or with others."""
-    if any(field.path == path for field in FIELDS):
-        return changed(scenario, path, value)
+    if path in FIELDS:
+        return FIELDS[path].set(scenario, value)
     text = int(value) if value == int(value) else value
     return make_scenario(scenario, settings=[f"{path}={text!r}"])
 

@@ -61,35 +61,26 @@ def verdict_sentence(document: Document) -> str:
     return _SAID[document["verdict"]]
 
 
-def limiting(document: Document) -> Document:
-    """Return the link with the smallest margin."""
-    name = document["limiting_link"]
-    link: Document = next(one for one in document["links"] if one["name"] == name)
-    return link
-
-
 def limit_sentence(document: Document) -> str:
     """Return what limits a design, and by how much."""
-    link = limiting(document)
-    allowed = quantity(link["allowed"], link["unit"])
+    name = document["limiting_link"]
+    link = next(one for one in document["links"] if one["name"] == name)
+    bound = "infinite" if link["bound"] is None else quantity(link["bound"], link["unit"])
     return (
-        f"{link['name']}: {bound_text(link)}, {relation(link)} {allowed} is allowed, margin "
-        f"{quantity(link['margin'], link['unit'])} ({percent(document['margin'])})"
+        f"{name}: {bound}, {relation(link)} {quantity(link['allowed'], link['unit'])} is allowed, "
+        f"margin {quantity(link['margin'], link['unit'])} ({percent(document['margin'])})"
     )
-
-
-def bound_text(link: Document) -> str:
-    """Return what a link comes to; null in the document is infinite."""
-    return "infinite" if link["bound"] is None else quantity(link["bound"], link["unit"])
 
 
 def link_cells(link: Document) -> tuple[str, str, str, str]:
     """Return bound, what is allowed, margin and unit of a link, as numbers in one unit."""
-    values = [link[name] for name in ("bound", "allowed", "margin")]
     bound, allowed, margin = (
-        "-" if one is None else number(scaled(one, link["unit"])[0]) for one in values
+        "-" if link[name] is None else number(scaled(link[name], link["unit"])[0])
+        for name in ("bound", "allowed", "margin")
     )
-    return "infinite" if values[0] is None else bound, allowed, margin, scaled(0, link["unit"])[1]
+    if link["bound"] is None:  # null in the document is infinite
+        bound = "infinite"
+    return bound, allowed, margin, scaled(0, link["unit"])[1]
 
 
 def effective(document: Document) -> tuple[list[Document], str]:
@@ -101,14 +92,10 @@ def effective(document: Document) -> tuple[list[Document], str]:
 
 def relation(link: Document) -> str:
     """Return on which side of what is allowed a link has to be."""
-    return "at least" if _at_least(link) else "at most"
-
-
-def _at_least(link: Document) -> bool:
     bound, allowed, margin = (link[name] for name in ("bound", "allowed", "margin"))
     if None in (bound, allowed, margin):
-        return False
-    return bool((bound > allowed) == (margin > 0))
+        return "at most"
+    return "at least" if (bound > allowed) == (margin > 0) else "at most"
 
 
 def source(link: Document) -> str:

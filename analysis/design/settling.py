@@ -37,11 +37,12 @@ from chamfer.systems.vision.cell_error import AXES
 
 Array = NDArray[np.float64]
 
+_AT_A_TIME: Final = 40  # ticks, after which it is asked whether all draws are over
 ACROSS: Final[Mapping[Kind, tuple[str, str]]] = {
     "lateral": ("y", "z"),
     "rotational": ("pitch", "yaw"),
 }
-SEEN: Final = tuple(axis for axes in ACROSS.values() for axis in axes)
+SEEN: Final = {axis: kind for kind, axes in ACROSS.items() for axis in axes}
 GRAVITY: Final = 9.81  # m/s^2
 _SURE: Final = 3.0  # standard deviations of a frame that a bound has
 _DESIGNED: Final = 0.91  # of the theorem's bound, which designed increments use, rounded
@@ -113,30 +114,29 @@ def loops(scenario: ResolvedDesignScenario) -> dict[str, Loop]:
     stiffness = (*scenario.impedance.stiffness, *scenario.impedance.rotational_stiffness)
     start = start_error(scenario)
     found = {}
-    for kind, axes in ACROSS.items():
+    for axis, kind in SEEN.items():
+        k = AXES.index(axis)
         unit = 1 / scenario.cameras.pixel_size if kind == "lateral" else 1.0
-        for axis in axes:
-            k = AXES.index(axis)
-            plants = [one[axis] for one in responses]
-            gain = float(np.mean([plant.gain for plant in plants])) / unit
-            longest = max(len(plant.undelivered) for plant in plants)
-            undelivered = np.mean([_padded(plant, longest) for plant in plants], axis=0)
-            held, wound = (
-                sum(float(getattr(at_tool[arm], name)[k]) for arm in scenario.arms if shares[arm])
-                for name in ("held", "wound")
-            )
-            middle, reach = start[k], float(getattr(scenario.spread, kind))
-            for arm, sign in (("peg", -1.0), ("hole", 1.0)):
-                if arm in at_tool:
-                    moved, off = _moved(scenario, at_tool, arm)
-                    middle, reach = middle + sign * moved[k], reach + off[k]
-            found[axis] = Loop(
-                SettlingPlant(gain, undelivered),
-                held / stiffness[k],
-                wound / stiffness[k],
-                middle,
-                reach,
-            )
+        plants = [one[axis] for one in responses]
+        gain = float(np.mean([plant.gain for plant in plants])) / unit
+        longest = max(len(plant.undelivered) for plant in plants)
+        late = [np.pad(one.undelivered, (0, longest - len(one.undelivered))) for one in plants]
+        held, wound = (
+            sum(float(getattr(at_tool[arm], name)[k]) for arm in scenario.arms if shares[arm])
+            for name in ("held", "wound")
+        )
+        middle, reach = start[k], float(getattr(scenario.spread, kind))
+        for arm, sign in (("peg", -1.0), ("hole", 1.0)):
+            if arm in at_tool:
+                moved, off = _moved(scenario, at_tool[arm], arm)
+                middle, reach = middle + sign * moved[k], reach + off[k]
+        found[axis] = Loop(
+            SettlingPlant(gain, np.mean(late, axis=0)),
+            held / stiffness[k],
+            wound / stiffness[k],
+            middle,
+            reach,
+        )
     return found
 
 
@@ -164,27 +164,22 @@ def settled(scenario: ResolvedDesignScenario, seen: Sight) -> Array:
     friction leaves, and follows the noise. Along the axis and about it nothing is said.
     """
     found = np.full(len(AXES), math.inf)
-    for kind, axes in ACROSS.items():
-        for axis in axes:
-            k = AXES.index(axis)
-            if scenario.compensated == "none":
-                loop = loops(scenario)[axis]
-                left = abs(loop.middle) + loop.reach
-            elif scenario.controller.kind == "fsm":
-                pixel = scenario.cameras.pixel_size if kind == "lateral" else 1.0
-                left = pixel * getattr(scenario.compensator, kind).closed.dead_zone
-            else:
-                left = loops(scenario)[axis].play + _SURE * seen.spread[k]
-            found[k] = left + seen.bias[k]
+    for axis, kind in SEEN.items():
+        k, loop = AXES.index(axis), loops(scenario)[axis]
+        if scenario.compensated == "none":
+            left = abs(loop.middle) + loop.reach
+        elif scenario.controller.kind == "fsm":
+            left = metric_axis(scenario, kind).dead_zone
+        else:
+            left = loop.play + _SURE * seen.spread[k]
+        found[k] = left + seen.bias[k]
     return found
 
 
 def metric_axis(scenario: ResolvedDesignScenario, kind: Kind) -> AxisParams:
     """Return one of the state machine's elements in m and rad instead of pixels."""
     axis: AxisParams = getattr(scenario.compensator, kind).closed
-    if kind == "rotational":
-        return axis
-    pixel = scenario.cameras.pixel_size
+    pixel = scenario.cameras.pixel_size if kind == "lateral" else 1.0
     return replace(axis, dead_zone=pixel * axis.dead_zone, large_error=pixel * axis.large_error)
 
 
@@ -192,10 +187,8 @@ def metric_gains(scenario: ResolvedDesignScenario, kind: Kind) -> PidGains:
     """Return one of the PID laws for errors in m and rad instead of pixels."""
     gains: PidGains = getattr(scenario.pid, kind).closed
     pixel = scenario.cameras.pixel_size if kind == "lateral" else 1.0
-    more = {
-        name: getattr(gains, name) / pixel for name in ("proportional", "integral", "derivative")
-    }
-    return replace(gains, **more)
+    names = ("proportional", "integral", "derivative")
+    return replace(gains, **{name: getattr(gains, name) / pixel for name in names})
 
 
 def settling_links(scenario: ResolvedDesignScenario, seen: Sight) -> list[Link]:
@@ -236,23 +229,13 @@ def settling_links(scenario: ResolvedDesignScenario, seen: Sight) -> list[Link]:
     return links
 
 
-def _padded(plant: SettlingPlant, length: int) -> Array:
-    return np.pad(plant.undelivered, (0, length - len(plant.undelivered)))
-
-
-def _moved(
-    scenario: ResolvedDesignScenario, at_tool: Mapping[ArmName, ArmAtTool], arm: ArmName
-) -> tuple[Array, Array]:
+def _moved(scenario: ResolvedDesignScenario, one: ArmAtTool, arm: ArmName) -> tuple[Array, Array]:
     """Return where unknown masses move a tool to, and how unsure that is, m and rad, (6,)."""
     settings: CellArmSettings = getattr(scenario, arm)
-    one, spread = at_tool[arm], scenario.spread
+    spread = scenario.spread
     middle = one.payload + (settings.mass_scale - 1) * one.links
     off = spread.payload * one.payload, settings.mass_scale * spread.link_mass * one.links
     return middle, np.abs(off[0]) + np.abs(off[1])
-
-
-_KINDS: Final[tuple[Kind, ...]] = tuple(kind for kind, axes in ACROSS.items() for _ in axes)
-_AT_A_TIME: Final = 40  # ticks, after which it is asked whether all draws are over
 
 
 class DrawnErrors(NamedTuple):
@@ -279,7 +262,7 @@ def draw_errors(
     """
     generator = np.random.default_rng([seed, 0])
     of = [loops(scenario)[axis] for axis in SEEN]
-    spread = np.array([[getattr(scenario.spread, kind)] for kind in _KINDS])
+    spread = np.array([[getattr(scenario.spread, kind)] for kind in SEEN.values()])
     shape = (len(of), draws)
     commanded = spread * generator.uniform(-1.0, 1.0, shape)
     others = np.array([[loop.reach] for loop in of]) - spread
@@ -303,7 +286,7 @@ def draw_errors(
         wound = np.array([[loop.wound] for loop in of])
         left = left + wound * generator.uniform(-1.0, 1.0, shape)
     y, z, pitch, yaw = left
-    initial = np.array(scenario.initial_error)[[AXES.index(axis) for axis in SEEN[:2]]]
+    initial = np.array(scenario.initial_error)[[AXES.index(axis) for axis in ACROSS["lateral"]]]
     pull = np.array(scenario.impedance.stiffness)[1:, np.newaxis]
     return DrawnErrors(
         force=np.linalg.norm(pull * (initial[:, np.newaxis] + commanded[:2]), axis=0),
@@ -317,8 +300,8 @@ def _law(scenario: ResolvedDesignScenario) -> Law:
     if scenario.compensated == "none":
         return no_law
     if scenario.controller.kind == "fsm":
-        return fsm_law([metric_axis(scenario, kind) for kind in _KINDS])
-    return pid_law([metric_gains(scenario, kind) for kind in _KINDS])
+        return fsm_law([metric_axis(scenario, kind) for kind in SEEN.values()])
+    return pid_law([metric_gains(scenario, kind) for kind in SEEN.values()])
 
 
 def _until_touch(

@@ -34,11 +34,11 @@ class Progress(Protocol):
         """
 
 
-def part_of(progress: Progress, begin: float, end: float) -> Progress:
+def part_of(progress: Progress, begin: float, end: float, name: str = "") -> Progress:
     """Return what is told by a part of a run, from one fraction of it to another."""
 
     def told(fraction: float, doing: str = "") -> None:
-        progress(begin + (end - begin) * fraction, doing)
+        progress(begin + (end - begin) * fraction, f"{name} {doing}".strip())
 
     return told
 

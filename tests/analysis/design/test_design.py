@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from chamfer.analysis.design.changes import FIELDS, changed, changes, smallest_change
+from chamfer.analysis.design.changes import FIELDS, changes, smallest_change
 from chamfer.analysis.design.design import Design, assess, contradiction, interval
 from chamfer.analysis.design.design_scenario import DesignScenario, drawn_design, resolve_design
 from chamfer.analysis.design.detection import Sight
@@ -15,7 +15,6 @@ from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.wedging import rotation_bounds
-from chamfer.models.validation import ParameterError
 from chamfer.systems.strategies.insertion_decision import InsertionRegion
 from chamfer.systems.vision.cell_error import AXES
 
@@ -36,7 +35,7 @@ def test_the_papers_cell_is_certain() -> None:
 
 
 def test_arms_too_stiff_for_the_largest_start_are_stopped_by_their_own_springs() -> None:
-    stiff = changed(USUAL, "impedance.stiffness", 3000.0)
+    stiff = FIELDS["impedance.stiffness"].set(USUAL, 3000.0)
     found = assessed(stiff)
     start = next(link for link in found.links if link.name == "start.force")
     assert start.bound == pytest.approx(3000 * 0.01 * 2**0.5)
@@ -78,10 +77,9 @@ def test_what_makes_a_cell_certain_that_is_not(monkeypatch: pytest.MonkeyPatch) 
     # What bears on it, what does not, and a width: each field takes a second.
     tried = ("impedance.stiffness", "spread.lateral", "insert.force_limit")
     other = ("parts.friction", "parts.chamfer_width")
-    fields = [one for one in FIELDS if one.path in (*tried, *other)]
-    assert len(fields) == 5
+    fields = {one: FIELDS[one] for one in (*tried, *other)}
     monkeypatch.setattr("chamfer.analysis.design.changes.FIELDS", fields)
-    stiff = changed(USUAL, "impedance.stiffness", 1300.0)
+    stiff = FIELDS["impedance.stiffness"].set(USUAL, 1300.0)
     assert assessed(stiff).limiting_link == "start.force"
     found = {one.path: one for one in changes(stiff)}
     stiffness, start = found["impedance.stiffness"], found["spread.lateral"]
@@ -95,18 +93,13 @@ def test_what_makes_a_cell_certain_that_is_not(monkeypatch: pytest.MonkeyPatch) 
     assert smallest is not None
     assert smallest.path in tried
     remade = make_scenario(stiff, settings=smallest.settings)
-    assert remade == changed(stiff, smallest.path, known(smallest.to))
+    assert remade == FIELDS[smallest.path].set(stiff, known(smallest.to))
     assert assessed(remade).verdict == "certain"
 
 
 def known(value: float | None) -> float:
     assert value is not None
     return value
-
-
-def test_a_field_that_there_is_not_is_refused() -> None:
-    with pytest.raises(ParameterError, match="path is 'nothing'"):
-        changed(USUAL, "nothing", 1.0)
 
 
 CELL = resolve_design(DesignScenario())
