@@ -5,25 +5,42 @@ What a skill believes is the scenario itself; what truly is differs from trial t
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from operator import mul
 from typing import Any, Final, Literal, TypeVar
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_metrics import prefixed, rate, trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.drawing.figure_kit import (
+    colour_bar,
+    draw_cumulative,
+    draw_distribution,
+    draw_intervals,
+    metric_value,
+    name_rows,
+)
+from chamfer.analysis.drawing.figure_style import (
+    FORCE,
+    FSM,
+    LIMIT,
+    PID,
+    PUBLISHED,
+    Style,
+    dress,
+    legend,
+    new_figure,
+)
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column
 from chamfer.analysis.skills.ablation import CHANGES, SkillChange, whole
-from chamfer.analysis.skills.connector_campaign_figures import (
-    plot_ablation,
-    plot_searches,
-    plot_success,
-)
 from chamfer.analysis.skills.insertion_metrics import (
     INSERTION,
     InsertionVerdict,
@@ -171,11 +188,8 @@ def resolve_peg_campaign(scenario: PegCampaignScenario) -> ResolvedPegCampaignSc
 def randomised(scenario: S, seed: int, trial: int) -> S:
     """Return the randomised scenario of one of a seed's trials.
 
-    What is believed is the scenario itself. Every trial takes the same draws in the same order, so
-    that one spread does not change another's.
-
-    Raises:
-        ParameterError: If an obstacle would have no room in the socket.
+    Every trial takes the same draws in the same order, so that one spread does not change
+    another's. An obstacle that has no room in the socket is refused.
     """
     random, spread = np.random.default_rng([seed, trial]), scenario.spread
 
@@ -219,15 +233,15 @@ def _miscalibrated(
     sight: ResolvedSightSettings, focal: list[float], turns: list[list[float]]
 ) -> ResolvedSightSettings:
     """Return the cameras, believed to be as they are but for errors."""
-    cameras = {
-        name: replace(
-            getattr(sight, name),
-            focal_factor=getattr(sight, name).focal_factor * (1 + factor),
-            turn=tuple(np.add(getattr(sight, name).turn, turn).tolist()),
+    xz, yz = (
+        replace(
+            one,
+            focal_factor=one.focal_factor * (1 + factor),
+            turn=tuple(np.add(one.turn, turn).tolist()),
         )
-        for name, factor, turn in zip(("xz", "yz"), focal, turns, strict=True)
-    }
-    return replace(sight, **cameras)
+        for one, factor, turn in zip((sight.xz, sight.yz), focal, turns, strict=True)
+    )
+    return replace(sight, xz=xz, yz=yz)
 
 
 # Of a trial: errors, rad and m; the true connector's friction and mating force, N, 1 if
@@ -292,17 +306,10 @@ def success_figures(scenario: ResolvedCampaignScenario, outcome: Outcome) -> Map
 
 # A search or what a skill lacks, and the number of a trial.
 VariantTask = tuple[str, int]
-# What the searches are compared by, beside their rates of success, and the skills of an ablation.
-_COMPARED: Final = ("duration", "force.peak_mean", "retries")
-_SHOWN: Final = (
-    "success_rate",
-    "false_done",
-    "duration",
-    "force.peak_share",
-    "torque.peak",
-    "success_rate.low",
-    "success_rate.high",
-)
+# What the searches are compared by, and the skills of an ablation.
+_RATES: Final = ("success_rate", "success_rate.low", "success_rate.high")
+_COMPARED: Final = (*_RATES, "duration", "force.peak_mean", "retries")
+_SHOWN: Final = (*_RATES, "false_done", "duration", "force.peak_share", "torque.peak")
 WITHOUT_SIGHT: Final = "without_sight"
 
 
@@ -334,18 +341,8 @@ def run_searches(scenario: ResolvedPegCampaignScenario, seed: int, progress: Pro
     found = {search: success_metrics(its) for search, its in attempts.items()}
     metrics = annotated(found[own])
     for search, its in found.items():
-        metrics |= prefixed(
-            search,
-            {
-                name: metric
-                for name, metric in its.items()
-                if name.startswith("success_rate") or name in _COMPARED
-            },
-        )
-    traces = _stacked(
-        {**attempt_rows(its), "search": np.array([search] * len(its), dtype=np.str_)}
-        for search, its in attempts.items()
-    )
+        metrics |= prefixed(search, {name: its[name] for name in _COMPARED})
+    traces = _stacked("search", attempts)
     return Outcome(metrics=metrics, traces=traces, simulated_seconds=math.fsum(traces["duration"]))
 
 
@@ -383,15 +380,9 @@ def run_ablation(scenario: ResolvedCampaignScenario, seed: int, progress: Progre
     for name, its in attempts.items():
         found = success_metrics(its)
         metrics |= prefixed(name, {key: found[key] for key in _SHOWN})
-    kept = ("success", "false_done", "duration", "force.peak_share", "obstacle", "reason")
-    rows = {name: attempt_rows(its) for name, its in attempts.items()}
-    traces = _stacked(
-        {
-            "skill": np.array([name] * len(its["trial"]), dtype=np.str_),
-            **{key: its[key] for key in ("trial", *kept)},
-        }
-        for name, its in rows.items()
-    )
+    kept = ("trial", "success", "false_done", "duration", "force.peak_share", "obstacle", "reason")
+    rows = _stacked("skill", attempts)
+    traces = {name: rows[name] for name in ("skill", *kept)}
     return Outcome(
         metrics=metrics, traces=traces, simulated_seconds=float(traces["duration"].sum())
     )
@@ -402,9 +393,12 @@ def ablation_figures(scenario: ResolvedCampaignScenario, outcome: Outcome) -> di
     return {"ablation": plot_ablation(outcome, ablated_skills(scenario))}
 
 
-def _stacked(tables: Iterable[Table]) -> Table:
-    each = list(tables)
-    return {name: np.concatenate([table[name] for table in each]) for name in each[0]}
+def _stacked(variant: str, attempts: Mapping[str, Trials[int]]) -> Table:
+    """Return the rows of all variants, with the name of each in a column."""
+    names = np.repeat(np.array(list(attempts)), [len(its) for its in attempts.values()])
+    tables = [attempt_rows(its) for its in attempts.values()]
+    each = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
+    return {variant: names, **each}
 
 
 def annotated(metrics: Mapping[str, Metric]) -> dict[str, Metric]:
@@ -477,3 +471,152 @@ def attempt_rows(attempts: Trials[int]) -> Table:
         **{name: attempts.column(name) for name in names},
         "reason": np.array([row["reason"] for row in attempts.rows], dtype=np.str_),
     }
+
+
+AIM: Final = 1.5  # of the mating force
+_GOOD: Final[Style] = {"marker": "o", "s": 36, "edgecolor": "white", "linewidth": 0.6}
+_FAILED: Final[Style] = {"marker": "x", "s": 60, "color": "#b00020", "linewidth": 2.0}
+_LISTED: Final = 6  # reasons in the figure
+_STYLES: Final[tuple[Style, ...]] = (FSM, PID, {**PID, "color": "#2a7f3f", "linestyle": ":"})
+_TRIAL: Final[Style] = {"s": 26, "edgecolor": "white", "linewidth": 0.6}
+
+
+def plot_success(outcome: Outcome, *, middle: Sequence[float]) -> Figure:
+    """Draw the trials over their initial errors, rad above m, and peak forces and durations."""
+    rows = outcome.traces
+    figure = new_figure(11.0, 8.0)
+    (lateral, angular), (force, duration) = figure.subplots(2, 2)
+    free = np.isnan(rows["obstacle"])
+    good, failed = free & (rows["success"] > 0), free & ~(rows["success"] > 0)
+    others = "" if free.all() else f"; {(~free).sum()} more with an obstacle"
+    figure.suptitle(
+        f"{good.sum()} of {free.sum()} insertions succeed{_interval(outcome)}{others}",
+        fontsize=12,
+        fontweight="bold",
+    )
+    _errors(
+        lateral,
+        [1e3 * rows[f"initial_{axis}"] for axis in "xy"],
+        good,
+        failed,
+        shade=rows["retries"],
+        shaded="retries",
+    )
+    dress(lateral, title="(a) Lateral errors", x="x / mm", y="y / mm")
+    degrees = [np.rad2deg(rows[f"initial_r{axis}"] - middle[i]) for i, axis in enumerate("xyz")]
+    about = f" beyond {math.degrees(middle[2]):.0f}°" if middle[2] else ""
+    _errors(angular, degrees[:2], good, failed, shade=degrees[2], shaded=f"about z{about} / deg")
+    dress(angular, title="(b) Angular errors", x="about x / deg", y="about y / deg")
+    reasons = Counter(sorted(reason for reason in rows["reason"][free].tolist() if reason))
+    for text, count in reasons.most_common(_LISTED):
+        lateral.scatter([], [], label=f"{text} ({count})", **_FAILED)
+    if failed.any():
+        figure.legend(loc="outside lower left", ncols=2, fontsize=8, frameon=False)
+    draw_distribution(force, rows["force.peak_share"], least=AIM)
+    force.axvline(1.0, label="mating force", **LIMIT)
+    force.axvline(AIM, label=f"our aim, {AIM:g} times that", **PUBLISHED)
+    dress(
+        force,
+        title="(c) Largest force of a run over its true mating force",
+        x="force along the insertion / mating force",
+        y="runs",
+    )
+    legend(force, loc="upper right")
+    draw_distribution(duration, rows["duration"])
+    dress(duration, title="(d) Duration of a run", x="time / s", y="runs")
+    return figure
+
+
+def _interval(outcome: Outcome) -> str:
+    """Return the rate of success with its interval; nothing if there is none."""
+    ends = [metric_value(outcome.metrics, name) for name in _RATES]
+    known = not np.isnan(ends).any()
+    return ": {:.0f} %, 95 % interval {:.1f} to {:.1f} %".format(*ends) if known else ""
+
+
+def _errors(
+    axes: Axes,
+    errors: Sequence[NDArray[np.float64]],
+    good: NDArray[np.bool_],
+    failed: NDArray[np.bool_],
+    *,
+    shade: NDArray[np.float64],
+    shaded: str,
+) -> None:
+    x, y = errors
+    dots = axes.scatter(x[good], y[good], c=shade[good], cmap="viridis", **_GOOD)
+    axes.scatter(x[failed], y[failed], zorder=3, **_FAILED)
+    axes.set_aspect("equal", adjustable="datalim")
+    if good.any():
+        colour_bar(axes, dots, shaded, ticks=MaxNLocator(integer=True))
+
+
+def plot_searches(rows: Table) -> Figure:
+    """Draw which share of the trials is done after which time, and times against the first's.
+
+    Trials with an obstacle are left out.
+    """
+    free = np.isnan(rows["obstacle"])
+    figure = new_figure(11.0, 4.6)
+    share, pairs = figure.subplots(1, 2)
+    times = {}
+    for search, style in zip(dict.fromkeys(rows["search"].tolist()), _STYLES, strict=False):
+        its = free & (rows["search"] == search)
+        done = np.where(rows["success"][its] > 0, rows["duration"][its], np.inf)
+        times[search] = dict(zip(rows["trial"][its].tolist(), done.tolist(), strict=True))
+        draw_cumulative(share, done, style, search)
+    share.set_ylim(0.0, 102.0)
+    share.set_xlim(0.0, None)
+    dress(
+        share,
+        title="(a) Done after",
+        x="time / s",
+        y="share of the trials without an obstacle / %",
+    )
+    legend(share, loc="lower right")
+    (first, its), *rest = times.items()
+    ends = [math.inf, 0.0]
+    for (search, others), style in zip(rest, _STYLES[1:], strict=False):
+        both = np.array([(its[trial], others[trial]) for trial in its if trial in others])
+        both = both[np.isfinite(both).all(axis=1)]
+        if len(both):
+            pairs.scatter(*both.T, label=search, color=style["color"], **_TRIAL)
+            ends = [min(ends[0], both.min()), max(ends[1], both.max())]
+    if ends[1]:
+        line = [0.95 * ends[0], 1.05 * ends[1]]
+        pairs.plot(line, line, label="the same time", **LIMIT)
+        legend(pairs, loc="upper left")
+    pairs.set_aspect("equal", adjustable="datalim")
+    dress(
+        pairs,
+        title="(b) The same randomised scenarios",
+        x=f"time with {first} / s",
+        y="time with another search / s",
+    )
+    return figure
+
+
+def plot_ablation(outcome: Outcome, skills: Sequence[str]) -> Figure:
+    """Draw the rate of success, the duration and the peak force of every skill."""
+    figure = new_figure(11.0, 1.6 + 0.45 * len(skills))
+    rate, duration, force = figure.subplots(1, 3, sharey=True)
+    middle, low, high = (
+        [metric_value(outcome.metrics, f"{name}.success_rate{end}") for name in skills]
+        for end in ("", ".low", ".high")
+    )
+    draw_intervals(rate, np.arange(len(skills)), middle, low, high, {"color": FORCE["color"]})
+    for place, name in enumerate(skills):
+        own = outcome.traces["skill"] == name
+        for axes, measured in ((duration, "duration"), (force, "force.peak_share")):
+            values = outcome.traces[measured][own]
+            axes.plot(values, np.full(len(values), place), "|", color=FORCE["color"])
+            axes.plot([values.mean()], [place], "o", color=FORCE["color"])
+    name_rows(rate, [name.replace("_", " ") for name in skills])
+    rate.set_xlim(-3, 103)
+    force.axvline(1.0, **LIMIT)
+    for axes in (duration, force):
+        axes.set_xlim(left=0.0)
+    dress(rate, title="(a) Success, 95 % interval", x="runs with a free way / %", y="")
+    dress(duration, title="(b) Duration, runs and mean", x="time / s", y="")
+    dress(force, title="(c) Peak force, runs and mean", x="force / true mating force", y="")
+    return figure

@@ -2,11 +2,13 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from functools import lru_cache, partial
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from pydrake.common import RandomGenerator
@@ -16,6 +18,8 @@ from pydrake.systems.framework import Diagram
 from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_metrics import rate, trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.drawing.figure_kit import Curve, ReferenceLine, draw_lines, trial_curves
+from chamfer.analysis.drawing.figure_style import DESIRED, Style, dress, legend, new_figure
 from chamfer.analysis.scenario.experiment import (
     Metric,
     Outcome,
@@ -23,7 +27,6 @@ from chamfer.analysis.scenario.experiment import (
     Table,
     column,
 )
-from chamfer.analysis.skills.vision_trials_figures import plot_vision_primitives
 from chamfer.diagrams.skills.vision_servo import (
     NAMES,
     PARTS,
@@ -37,7 +40,6 @@ from chamfer.diagrams.skills.vision_servo import (
 )
 from chamfer.models.arms.wrist import tip_pose
 from chamfer.models.validation import ParameterError, require_between, require_positive
-from chamfer.systems.pose import pose_vector
 from chamfer.systems.primitives.primitive import EVENTS, TICK, Event
 from chamfer.systems.primitives.vision_primitives import (
     FixedPointRotation,
@@ -61,7 +63,6 @@ class VisionTrial:
     event: Event | None  # None: time was up, or the primitive refused what it was to believe
     time: float  # s, when it ended
     times: Array  # s, shape (n,)
-    displacement: Array  # rad above m, of the carriage, shape (n, 6)
     errors: Array  # m and rad, of true_errors, shape (n, 2)
     seen: float | None  # pixels, in the end; None: undefined
     slowest_root: float  # of the theory; below 1 the loop settles
@@ -106,7 +107,7 @@ def draw(
         start[2], start[5] = random.uniform(-0.5, 0.5), 0.0
         target[2], target[5] = random.uniform(-0.2, 0.2), 0.0
     return VisionServoScenario(
-        **{field.name: getattr(loop, field.name) for field in fields(loop)} | {"angle": angle},
+        **vars(loop) | {"angle": angle},
         primitive=name,
         start=tuple(start.tolist()),
         target=tuple(target.tolist()),
@@ -140,8 +141,7 @@ def true_errors(scenario: VisionServoScenario, displacement: Array) -> tuple[flo
 def seen_error(scenario: VisionServoScenario, displacement: Array) -> float | None:
     """Return the error in images without noise, pixels, the largest of a primitive's features.
 
-    Of the translation it is the part that is believed to be reducible. None: the primitive has no
-    error in pixels, or sees nothing.
+    Of the translation it is the part that is believed to be reducible. None: it has no such error.
     """
     primitive = scenario.parameters
     if isinstance(primitive, VisGrasp):
@@ -191,16 +191,10 @@ def _jacobian(scenario: VisionServoScenario) -> Array:
     return primitive.jacobian(middle)
 
 
-@lru_cache(maxsize=8)
-def _diagram(scenario: VisionServoScenario) -> Diagram:
-    return make_vision_servo_diagram(scenario)
-
-
 def run_trial(scenario: VisionServoScenario, *, seed: int, most: float) -> VisionTrial:
     """Run a primitive until it has an event, or its time, s, is up; the seed is the images'."""
     start = np.array(scenario.start)
     try:
-        primitive = scenario.parameters
         root = max(
             slowest_root(one, delay=scenario.frames.latency) for one in shares(scenario).tolist()
         )
@@ -209,39 +203,15 @@ def run_trial(scenario: VisionServoScenario, *, seed: int, most: float) -> Visio
             event=None,
             time=0.0,
             times=np.zeros(1),
-            displacement=start[np.newaxis],
             errors=np.array([true_errors(scenario, start)]),
             seen=None,
             slowest_root=math.inf,
         )
-    # What a Context holds does not make another diagram.
-    plain = VisionServoScenario()
-    diagram = _diagram(
-        replace(
-            scenario,
-            start=plain.start,
-            target=plain.target,
-            gap=plain.gap,
-            angle=plain.angle,
-            servoing=plain.servoing,
-            believed_lever=plain.believed_lever,
-            xz=_RIGHT,
-            yz=_RIGHT,
-            hand=_RIGHT,
-        )
-    )
+    diagram = make_vision_servo_diagram(scenario)
     simulator = Simulator(diagram)
     context = simulator.get_mutable_context()
     diagram.SetRandomContext(context, RandomGenerator(seed))
-    carriage, runner, target = (
-        diagram.GetSubsystemByName(name) for name in ("carriage", "primitive", "target")
-    )
-    carriage.GetMyMutableContextFromRoot(context).SetContinuousState(start)
-    target.get_mutable_source_value(target.GetMyMutableContextFromRoot(context)).SetFromVector(
-        pose_vector(tip_pose(np.array(scenario.target)))
-    )
-    runner.set_primitive(runner.GetMyMutableContextFromRoot(context), primitive)
-
+    runner = diagram.GetSubsystemByName("primitive")
     output = diagram.GetOutputPort("displacement")
     times, displacements = [0.0], [start]
     event = None
@@ -258,7 +228,6 @@ def run_trial(scenario: VisionServoScenario, *, seed: int, most: float) -> Visio
         event=event,
         time=times[-1],
         times=np.array(times),
-        displacement=np.array(displacements),
         errors=np.array([true_errors(scenario, one) for one in displacements]),
         seen=seen_error(scenario, displacements[-1]) if event == "done" else None,
         slowest_root=root,
@@ -430,7 +399,9 @@ def _rows(finished: Trials[VisionTask]) -> Table:
     return {
         "primitive": column([NAMES.index(task.name) for task in finished.tasks]),
         "trial": column([task.trial for task in finished.tasks]),
-        "event": column([_code(trial) for trial in trials]),
+        "event": column(
+            [0 if one.event is None else 1 + EVENTS.index(one.event) for one in trials]
+        ),
         "time": column([trial.time for trial in trials]),
         "error_px": column([math.nan if one.seen is None else one.seen for one in trials]),
         "error_m": column([trial.errors[-1, 0] for trial in trials]),
@@ -439,24 +410,18 @@ def _rows(finished: Trials[VisionTask]) -> Table:
     }
 
 
-def _code(trial: VisionTrial) -> float:
-    return 0.0 if trial.event is None else 1.0 + EVENTS.index(trial.event)
-
-
 def _courses(finished: Trials[VisionTask]) -> Table:
-    courses: dict[str, list[Array]] = {}
-    for task, trial in zip(finished.tasks, _trials(finished), strict=True):
-        count = len(trial.times)
-        rows = {
-            "primitive": np.full(count, float(NAMES.index(task.name))),
-            "trial": np.full(count, float(task.trial)),
-            "time": trial.times,
-            "error_m": trial.errors[:, 0],
-            "error_rad": trial.errors[:, 1],
-        }
-        for name, values in rows.items():
-            courses.setdefault(name, []).append(values)
-    return {name: np.concatenate(values) for name, values in courses.items()}
+    trials = _trials(finished)
+    counts = [len(trial.times) for trial in trials]
+    errors = np.concatenate([trial.errors for trial in trials])
+    names = column([NAMES.index(task.name) for task in finished.tasks])
+    return {
+        "primitive": np.repeat(names, counts),
+        "trial": np.repeat(column([task.trial for task in finished.tasks]), counts),
+        "time": np.concatenate([trial.times for trial in trials]),
+        "error_m": errors[:, 0].copy(),
+        "error_rad": errors[:, 1].copy(),
+    }
 
 
 def _cells(finished: Trials[VisionTask]) -> Table:
@@ -480,11 +445,11 @@ def map_metrics(cells: Table) -> dict[str, Metric]:
             note=f"of {len(cells['converged'])} trials settle if the theory says so",
         )
     }
+    straight, exact = cells["angle"] == 0, cells["focal_factor"] == 1
+    shorter = straight & (cells["focal_factor"] <= 1)
     for prefix, good in found.items():
-        straight = cells["angle"] == 0
-        exact = cells["focal_factor"] == 1
-        low, _ = _around(cells["focal_factor"][straight], good[straight], 1.0)
-        _, angle = _around(cells["angle"][exact], good[exact], 0.0)
+        low = _farthest(cells["focal_factor"][shorter], good[shorter], reverse=True)
+        angle = _farthest(cells["angle"][exact], good[exact])
         metrics[f"{prefix}margin.focal_factor"] = Metric(
             value=low, unit="", note="least one that settles, orientation right"
         )
@@ -494,33 +459,119 @@ def map_metrics(cells: Table) -> dict[str, Metric]:
     return metrics
 
 
-def _around(places: Array, good: NDArray[np.bool_], start: float) -> tuple[float | None, ...]:
-    """Return the ends of the range about a start in which all is good; None: it is not there."""
-    each = sorted(set(places.tolist()))
-    if start not in each:
-        return None, None
-    fine = [bool(good[places == place].all()) for place in each]
-    first = last = each.index(start)
-    if not fine[first]:
-        return None, None
-    while first > 0 and fine[first - 1]:
-        first -= 1
-    while last + 1 < len(each) and fine[last + 1]:
-        last += 1
-    return each[first], each[last]
-
-
-def figures(scenario: VisionPrimitivesScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    figure = plot_vision_primitives(
-        outcome,
-        names=NAMES,
-        wrong=f"focal lengths wrong by {100 * scenario.focal_error:.3g} %, "
-        f"orientations by {math.degrees(scenario.orientation_error):.3g} degrees",
-    )
-    return {"vision-primitives": figure}
+def _farthest(places: Array, good: NDArray[np.bool_], *, reverse: bool = False) -> float | None:
+    """Return the last place, in order, up to which all is good; None: there is none."""
+    last = None
+    for place in sorted(set(places.tolist()), reverse=reverse):
+        if not good[places == place].all():
+            break
+        last = place
+    return last
 
 
 def make_diagram(scenario: VisionPrimitivesScenario) -> Diagram:
     """Return the wiring, for the block diagram."""
     return make_vision_servo_diagram(trial_of(scenario, 0, VisionTask("translation", 0)))
+
+
+_COURSE: Final[Style] = {"color": "#1b4f9c", "linewidth": 0.7, "alpha": 0.6}
+_SHADES: Final = ListedColormap(["#f3d3c8", "#f5ead0", "#d4e3f3"])  # none, some, all settle
+_LEAST: Final = 1e-2  # mm or mrad, below which the panels show nothing
+
+
+class _Panel(NamedTuple):
+    name: VisionPrimitive
+    title: str
+    column: str
+    label: str
+
+
+_PANELS: Final = (
+    _Panel("translation", "Translation along x, y, z", "error_m", "tip to goal / mm"),
+    _Panel("rotation", "Rotation: alignment of lines", "error_rad", "axis to axis / mrad"),
+    _Panel("fixed_point", "Rotation about a fixed point", "error_rad", "turn left / mrad"),
+    _Panel("grasp", "Visual grasp, eye in hand", "error_m", "centre to centre / mm"),
+)
+
+
+def figures(scenario: VisionPrimitivesScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Draw the errors of all trials over time, the held point, and the map of calibration."""
+    wrong = (
+        f"focal lengths wrong by {100 * scenario.focal_error:.3g} %, "
+        f"orientations by {math.degrees(scenario.orientation_error):.3g} degrees"
+    )
+    figure = new_figure(13.5, 7.6)
+    figure.suptitle(f"True errors of all trials; {wrong}", fontsize=11)
+    grid = figure.add_gridspec(2, 8)
+    for i, panel in enumerate(_PANELS):
+        axes = figure.add_subplot(grid[0, 2 * i : 2 * i + 2])
+        courses = _curves(outcome, panel.name, panel.column)
+        share = outcome.metrics[f"{panel.name}.converged"]
+        title = f"({'abcd'[i]}) {panel.title}\n{share.note} settle"
+        draw_lines(axes, (), courses, title=title, y=panel.label)
+        axes.set_yscale("log")
+        axes.set_ylim(bottom=_LEAST)
+    axes = figure.add_subplot(grid[1, :3])
+    alone = outcome.metrics["fixed_point.unheld.max"].value
+    levels = []
+    if alone is not None:
+        label = "largest, if the point was not held"
+        levels = [ReferenceLine(1e3 * alone, label, DESIRED)]
+    draw_lines(
+        axes,
+        (),
+        _curves(outcome, "fixed_point", "error_m"),
+        title="(e) The fixed point, on the way",
+        y="point from start / mm",
+        levels=levels,
+        key="center right" if levels else None,
+    )
+    axes.set_ylim(bottom=0.0)
+    _draw_map(figure.add_subplot(grid[1, 3:]), outcome)
+    return {"vision-primitives": figure}
+
+
+def _curves(outcome: Outcome, primitive: VisionPrimitive, error: str) -> list[Curve]:
+    table = outcome.tables["courses"]
+    of = table["primitive"] == NAMES.index(primitive)
+    columns = table["time"][of], 1e3 * table[error][of], table["trial"][of]
+    return trial_curves(*columns, _COURSE)
+
+
+def _draw_map(axes: Axes, outcome: Outcome) -> None:
+    cells = outcome.tables["map"]
+    focal, angle = np.unique(cells["focal_factor"]), np.unique(cells["angle"])
+    share = np.empty((len(angle), len(focal)))
+    for i, one in enumerate(angle):
+        for j, other in enumerate(focal):
+            of = (cells["angle"] == one) & (cells["focal_factor"] == other)
+            share[i, j] = np.mean(cells["converged"][of])
+            roots = cells["theory_root"][of]
+            # Beside each other, a mark for each trial.
+            for k, root in enumerate(roots):
+                x = j + 0.5 * ((k + 0.5) / len(roots) - 0.5)
+                marker = "o" if root < 1 else "x"
+                axes.plot(x, i, marker, color="#555555", mfc="none", ms=5)
+    shades = np.where(share == 0, 0, np.where(share < 1, 1, 2))
+    axes.pcolormesh(
+        np.arange(len(focal) + 1) - 0.5,
+        np.arange(len(angle) + 1) - 0.5,
+        shades,
+        cmap=_SHADES,
+        vmin=0,
+        vmax=2,
+        edgecolors="white",
+        linewidth=1.0,
+    )
+    axes.set_xticks(range(len(focal)), [f"{one:g}" for one in focal])
+    axes.set_yticks(range(len(angle)), [f"{np.degrees(one):.0f}" for one in angle])
+    for style, label in (("o", "theory: settles"), ("x", "theory: does not")):
+        axes.plot([], [], style, color="#555555", mfc="none", ms=5, label=label)
+    legend(axes, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
+    title = "(f) Translation: blue, all settle; yellow, some; red, none"
+    dress(
+        axes,
+        title=title,
+        x="believed focal length / true one",
+        y="orientation error / degrees",
+    )

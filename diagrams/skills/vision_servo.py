@@ -195,11 +195,7 @@ def view_of(scenario: VisionServoScenario, view: View | Literal["hand"], at: Arr
 
 
 def make_vision_servo_diagram(scenario: VisionServoScenario) -> Diagram:
-    """Build the loop of one primitive.
-
-    The carriage is an integrator of its velocity. Where it is, the primitive and the target's pose
-    are in the Context, of the subsystems ``carriage``, ``primitive`` and ``target``: one diagram
-    serves many trials.
+    """Build the loop of one primitive; the carriage is an integrator of its velocity.
 
     It exports ``displacement``, rad above m, ``velocity``, rad/s above m/s, shape (6,), and
     ``event``.

@@ -47,10 +47,9 @@ from chamfer.models.connectors.connector import (
     Range,
     block,
     prism,
-    require_ranges,
     turns,
 )
-from chamfer.models.validation import ParameterError, require_positive
+from chamfer.models.validation import ParameterError
 
 _RIM_SPHERES: Final = 8
 _STAVES: Final = 8
@@ -99,20 +98,11 @@ class BncConnector(PartsConnector):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_ranges(self, "barrel_diameter", "tips_diameter", "stud_diameter", "slot_width")
-        require_ranges(self, "bore_diameter")
-        require_positive(self, "setback", "overlap", "detent", "lead_in", "spring_travel")
-        require_positive(self, "spring_force", "spring_radius")
-        require_positive(self, "mass", "sleeve_diameter", "sleeve_length")
-        require_positive(self, "socket_diameter", "socket_length")
         least = self.barrel_diameter[1] / 2
         if not self.overlap > least:
             raise ParameterError(
                 "overlap", self.overlap, f"more than the barrel's radius, {least} m"
             )
-        self._require_room()
-
-    def _require_room(self) -> None:
         barrel, tips = self.barrel_diameter[1], self.tips_diameter[0]
         if not self.bore_diameter[0] > barrel:
             allowed = f"more than the largest barrel, {barrel} m"
@@ -211,13 +201,7 @@ class BncConnector(PartsConnector):
         return prism(self.socket_diameter / 2, -self.socket_length, 0.0)
 
     def add_plug(self, plant: MultibodyPlant, body: RigidBody, X_BP: RigidTransform) -> None:
-        """Add the sleeve and what is in it to a body that holds it.
-
-        Args:
-            plant: Not yet finalized.
-            body: Which holds the sleeve.
-            X_BP: Place of P on it.
-        """
+        """Add the sleeve and what is in it to a body that holds it, X_BP its place there."""
         super().add_plug(plant, body, X_BP)
         _show(plant, body, X_BP, self.sleeve_diameter, 0.0, self.sleeve_length, _SLEEVE_COLOUR)
 

@@ -8,7 +8,7 @@ touches; the depth is how far P's origin is below S's.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import product
 from typing import ClassVar, Final, Literal, NamedTuple, Protocol, Self
 
@@ -32,6 +32,7 @@ from pydrake.multibody.tree import RigidBody
 
 from chamfer.models.validation import (
     ParameterError,
+    require_all_positive,
     require_not_negative,
     require_one_of,
     require_positive,
@@ -133,15 +134,9 @@ def add_pieces(
     material: ContactMaterial,
     rgba: Array | None,
 ) -> None:
-    """Add the pieces of a part to a body, to be touched and to be seen.
+    """Add the pieces of a part to a body, to be touched, and to be seen if they have a colour.
 
-    Args:
-        plant: Not yet finalized.
-        body: Which holds them.
-        X_BP: Place of the part's frame on the body.
-        pieces: Convex ones.
-        material: Of their contacts.
-        rgba: Colour to be seen in, 0 to 1, shape (4,); None: they are not seen.
+    X_BP is the place of the part's frame on the body; the plant is not yet finalized.
     """
     properties = ProximityProperties()
     AddContactMaterial(
@@ -177,10 +172,18 @@ class PartsConnector:
 
     NAME: ClassVar[str]
     PARTNERS: ClassVar[Sequence[tuple[str, str]]]  # of the plug and of the socket, that touch
+    MAY_BE_ZERO: ClassVar[Sequence[str]] = ()  # all other floats are positive
 
     def __post_init__(self) -> None:
         require_one_of(self, "tolerance", ("nominal", "worst"))
-        require_positive(self, "largest_force", "largest_torque")
+        require_all_positive(self, *self.MAY_BE_ZERO)
+        for one in fields(self):
+            limits = getattr(self, one.name)
+            if one.type == Range and not (
+                len(limits) == 2 and 0 < limits[0] <= limits[1] < math.inf
+            ):
+                allowed = "two finite numbers, 0 < least <= largest"
+                raise ParameterError(one.name, limits, allowed)
 
     @property
     def name(self) -> str:
@@ -220,33 +223,18 @@ class PartsConnector:
         parts: Sequence[ConnectorPart],
     ) -> None:
         for part in parts:
-            named = of_part(part.name, part.pieces)
+            # The name of its part in front, by which a filter finds a piece.
+            named = [one._replace(name=f"{part.name}:{one.name}") for one in part.pieces]
             add_pieces(plant, body, X, named, part.material, part.rgba)
         let_touch(plant, self.PARTNERS)
-
-
-def require_ranges(params: object, *names: str) -> None:
-    """Raise unless every named field is a smallest and a largest value."""
-    for name in names:
-        limits = getattr(params, name)
-        if len(limits) != 2 or not 0 < limits[0] <= limits[1] < math.inf:
-            raise ParameterError(name, limits, "two finite numbers, 0 < least <= largest")
-
-
-def of_part(part: str, pieces: Sequence[ConvexPiece]) -> list[ConvexPiece]:
-    """Return the pieces with the name of their part in front, by which a filter finds them."""
-    return [piece._replace(name=f"{part}:{piece.name}") for piece in pieces]
 
 
 def let_touch(plant: MultibodyPlant, pairs: Sequence[tuple[str, str]]) -> None:
     """Keep every part of a plug apart from every part of its socket but those of the pairs.
 
     To be called after the plug and after the socket was added, in any order: a call filters what
-    is there. What belongs to no part is left alone.
-
-    Args:
-        plant: Not yet finalized, and registered with a scene graph.
-        pairs: A part of the plug and a part of the socket that touch, each.
+    is there. What belongs to no part is left alone. Each of the ``pairs`` is a part of the plug
+    and a part of the socket that touch.
     """
     scene_graph = Parser(plant).scene_graph()  # the only way from a plant to its geometry
     inspector = scene_graph.model_inspector()

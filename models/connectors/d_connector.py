@@ -29,7 +29,6 @@ from chamfer.models.connectors.connector import (
     at,
     box_corners,
     capsule,
-    require_ranges,
 )
 from chamfer.models.validation import (
     ParameterError,
@@ -148,14 +147,11 @@ class DConnector(PartsConnector):
         ("plug walls", "socket rim"),
         ("plug pins", "socket tines"),
     )
+    MAY_BE_ZERO: ClassVar[Sequence[str]] = ("pin_funnel", "side_angle")
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_ranges(self, "plug_width", "plug_height", "plug_length", "pin_diameter")
-        require_ranges(self, "socket_width", "socket_height", "socket_length")
-        require_positive(self, "plug_corner", "socket_corner", "lead_in", "travel", "contacts")
-        require_positive(self, "mass")
-        require_positive(self, "pitch", "pin_recess", "tine_deflection", "tine_force")
+        require_positive(self, "contacts")
         require_not_negative(self, "pin_funnel")
         if not np.all(self.clearance > 0):
             allowed = f"more than the socket's, {self.socket_width} x {self.socket_height} m"
@@ -230,11 +226,7 @@ class DConnector(PartsConnector):
         return box_corners(0.040, 0.0125, -0.025, 0.0)
 
     def pin_force(self, depth: Array) -> Array:
-        """Return the force against a slow insertion in line by all tines, N.
-
-        Args:
-            depth: Of the plug, m, any shape.
-        """
+        """Return the force against a slow insertion in line by all tines, N; depth in m."""
         height = np.clip(self._tine_reach - (depth - self.pin_depth), 0, None)
         distance = np.hypot(self._pin_radius - self._tine_spread, height)
         press = self._tine_stiffness * np.clip(self._pin_radius - distance, 0, None)

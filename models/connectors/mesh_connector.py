@@ -23,7 +23,7 @@ from pydrake.multibody.tree import RigidBody
 from scipy.spatial import ConvexHull, QhullError
 
 from chamfer.models.connectors.connector import Array, ContactMaterial, ConvexPiece, add_pieces
-from chamfer.models.validation import ParameterError, require_positive
+from chamfer.models.validation import ParameterError, require_all_positive
 
 Triangles = NDArray[np.intp]
 
@@ -163,17 +163,15 @@ class MeshConnector:
     unit: float = 0.001  # m, of the files' lengths
     mated_depth: float  # m, of a plug that is fully in
     mating_force: float  # N, largest that the insertion of a plug in line takes
-    lead_in: float = (
-        0.0005  # m, depth up to which a plug beside its place still slides off sideways
-    )
+    lead_in: float = 0.0005
+    # m, depth up to which a plug beside its place still slides off sideways
     largest_force: float = 100.0  # N, that plug and socket stand along any axis; assumed
     largest_torque: float = 1.5  # N m, that they stand about any axis; assumed
     mass: float = 0.02  # kg, of the plug; assumed
     material: ContactMaterial = ContactMaterial()  # of both
 
     def __post_init__(self) -> None:
-        require_positive(self, "unit", "mated_depth", "mating_force", "lead_in")
-        require_positive(self, "largest_force", "largest_torque", "mass")
+        require_all_positive(self)
         for name in ("plug", "socket"):
             path = getattr(self, name)
             try:
@@ -248,15 +246,9 @@ def divide(source: Path, target: Path, *, concavity: float = _FINEST) -> float:
 
     The pieces cover the solids and fill what is narrower than the concavity: look at them, and
     make what has to fit exactly, such as the walls of a narrow hole, of convex objects yourself.
-    It takes seconds; the same file gives the same pieces.
-
-    Args:
-        source: A Wavefront file.
-        target: Another one, with a convex object for each piece.
-        concavity: That a piece may have at most, as a share of the solid's size, 0.01 to 1.
-
-    Returns:
-        The volume that the pieces have more than the solids, as a share of the solids'.
+    It takes seconds; the same file gives the same pieces. What is returned is the volume that the
+    pieces have more than the solids, as a share of the solids'. The concavity is what a piece may
+    have at most, as a share of the solid's size, 0.01 to 1.
 
     Raises:
         ParameterError: If the concavity is not allowed.

@@ -33,9 +33,8 @@ from chamfer.models.connectors.connector import (
     at,
     block,
     box_corners,
-    require_ranges,
 )
-from chamfer.models.validation import ParameterError, require_positive
+from chamfer.models.validation import ParameterError
 
 _SIDES: Final = (1.0, -1.0)
 _WALL: Final = 0.004  # m, thickness of what is touched on one side
@@ -91,11 +90,6 @@ class Rj45Connector(PartsConnector):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_ranges(self, "plug_width", "plug_height", "jack_width", "jack_height")
-        require_positive(self, "lead_in", "travel", "plug_length", "latch_force")
-        require_positive(self, "mass")
-        require_positive(self, "latch_deflection", "latch_radius", "latch_play", "contact_force")
-        require_positive(self, "contact_deflection", "contact_depth", "contact_radius")
         for plug, jack in (("plug_width", "jack_width"), ("plug_height", "jack_height")):
             least = getattr(self, jack)[0]
             if not getattr(self, plug)[1] < least:
@@ -172,11 +166,7 @@ class Rj45Connector(PartsConnector):
         return box_corners(width, height, -self.travel - _WALL, 0.0)
 
     def insertion_force(self, depth: Array) -> Array:
-        """Return the force against a slow insertion in line, by latch and contacts, N.
-
-        Args:
-            depth: Of the plug, m, any shape.
-        """
+        """Return the force against a slow insertion in line, N, at depths in m."""
         mu = self.material.friction
         height = np.clip(self.contact_depth + self.lead_in - depth, 0.0, None)
         side = self.contact_radius - self.contact_deflection

@@ -37,7 +37,7 @@ from chamfer.models.connectors.connector import (
     turns,
 )
 from chamfer.models.peg.peg_and_hole import PRESETS, PegAndHole, PegHoleGeometry
-from chamfer.models.validation import ParameterError, require_positive
+from chamfer.models.validation import ParameterError
 
 _PAPER: Final = PegHoleGeometry()
 _SIDES: Final = 8  # directions in which peg and hole are exactly round
@@ -98,8 +98,6 @@ class RoundPeg(PartsConnector):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "hole_radius", "peg_radius", "tolerance_width", "lead_in", "depth")
-        require_positive(self, "peg_length", "hole_length", "outer_radius", "seating_force")
         if not self.peg_radius + self.tolerance_width < self.hole_radius:
             allowed = f"less than hole_radius - tolerance_width, of {self.hole_radius!r} m"
             raise ParameterError("peg_radius", self.peg_radius, allowed)

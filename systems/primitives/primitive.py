@@ -96,10 +96,9 @@ class Primitive:
 class _Content:
     """The block's state. It is immutable, so that contexts may share it instead of copying."""
 
-    __slots__ = ("begun", "last", "primitive")
+    __slots__ = ("begun", "last")
 
-    def __init__(self, primitive: Primitive, begun: float | None, last: Stepped) -> None:
-        self.primitive = primitive
+    def __init__(self, begun: float | None, last: Stepped) -> None:
         self.begun = begun  # s; None: not yet
         self.last = last
 
@@ -132,10 +131,10 @@ class PrimitiveRunner(LeafSystem):
     touched. ``velocity``, shape (6,), rad/s above m/s, is held between ticks. ``event`` is 0 while
     the primitive runs, then 1 + the event's place in :data:`EVENTS`.
 
-    Abstract state: the primitive, when it began, and what it did last.
+    Abstract state: when the primitive began, and what it did last.
 
     Args:
-        primitive: What to run; :meth:`set_primitive` gives a Context another one.
+        primitive: What to run.
         parts: That the static cameras look for.
         period: s, time between ticks.
         offset: s, time of the first tick.
@@ -158,15 +157,12 @@ class PrimitiveRunner(LeafSystem):
             name: self.DeclareVectorInputPort(name, size)
             for name, size in sensed_sizes(parts).items()
         }
-        state = self.DeclareAbstractState(Value[object](_start(primitive)))
+        self._primitive = primitive
+        state = self.DeclareAbstractState(Value[object](_Content(None, Stepped(None))))
         depends = {self.abstract_state_ticket(state)}
         self.DeclareVectorOutputPort("velocity", 6, self._calc_velocity, depends)
         self.DeclareVectorOutputPort("event", 1, self._calc_event, depends)
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, offset, self._tick)
-
-    def set_primitive(self, context: Context, primitive: Primitive) -> None:
-        """Let a Context of the block run another primitive, from its next tick on."""
-        context.SetAbstractState(0, _start(primitive))
 
     def event(self, context: Context) -> Event | None:
         """Return the event with which the primitive ended; None: it goes on."""
@@ -184,8 +180,8 @@ class PrimitiveRunner(LeafSystem):
         vector.SetAtIndex(0, 0.0 if event is None else 1.0 + EVENTS.index(event))
 
     def _tick(self, context: Context, state: DrakeState) -> None:
-        content = self._content(context)
-        primitive, last = content.primitive, content.last
+        content, primitive = self._content(context), self._primitive
+        last = content.last
         if last.event is not None:
             return
         time = context.get_time()
@@ -200,7 +196,7 @@ class PrimitiveRunner(LeafSystem):
             )
         if stepped.event is not None:
             stepped = stepped._replace(velocity=STILL)
-        content = _Content(primitive, begun, stepped)
+        content = _Content(begun, stepped)
         state.get_mutable_abstract_state().get_mutable_value(0).set_value(content)
 
     def _sensed(self, context: Context, velocity: Vector) -> Observation:
@@ -212,7 +208,3 @@ class PrimitiveRunner(LeafSystem):
         if "carriage" not in read:
             raise ParameterError(f"carriage of {self.get_name()}", None, "a connected port")
         return Observation(**{"motion": velocity, "wrench": STILL, **read})
-
-
-def _start(primitive: Primitive) -> _Content:
-    return _Content(primitive, None, Stepped(None))

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from chamfer.analysis.scenario.experiment import Metric, Outcome
-from chamfer.analysis.skills.connector_campaign_figures import plot_searches, plot_success
+from chamfer.analysis.skills.connector_campaign import plot_searches, plot_success
 
 MIDDLE = (0.0, 0.0, 0.6, 0.0, 0.0, 0.0)
 

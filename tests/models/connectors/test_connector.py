@@ -23,7 +23,6 @@ from chamfer.models.connectors.connector import (
     ConvexPiece,
     add_pieces,
     let_touch,
-    of_part,
 )
 from chamfer.models.connectors.d_connector import DConnector, DSection
 from chamfer.models.connectors.rj45_connector import Rj45Connector
@@ -106,7 +105,8 @@ def empty_plant() -> tuple[MultibodyPlant, SceneGraph]:
 def add(plant: MultibodyPlant, part: str) -> None:
     socket = part in ("lock", "wall", "obstacle")
     body = plant.world_body() if socket else plant.GetBodyByName("hand")
-    add_pieces(plant, body, RigidTransform(), of_part(part, BALLS), MATERIAL, None)
+    balls = [one._replace(name=f"{part}:{one.name}") for one in BALLS]
+    add_pieces(plant, body, RigidTransform(), balls, MATERIAL, None)
 
 
 def candidates(plant: MultibodyPlant, scene_graph: SceneGraph) -> set[frozenset[str]]:

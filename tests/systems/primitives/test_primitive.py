@@ -129,20 +129,6 @@ def test_what_a_primitive_is_shown() -> None:
     assert primitive.shown[0][0] == Observation(**expected)
 
 
-def test_another_primitive_begins_anew() -> None:
-    first, second = Counting(ticks=2), Counting(ticks=2, event="lost", velocity=(0.5,) * 6)
-    simulator, block, context = loop(first, HERE, period=0.1)
-    simulator.AdvanceTo(0.25)
-    assert block.event(context) == "contact"
-    block.set_primitive(context, second)
-    simulator.AdvanceTo(0.35)
-    assert block.event(context) is None
-    assert block.GetOutputPort("velocity").Eval(context).tolist() == [0.5] * 6
-    simulator.AdvanceTo(0.45)
-    assert block.event(context) == "lost"
-    assert [time for _, time in second.shown] == pytest.approx([-1, 0, 0.1])
-
-
 def test_nan_does_not_leave_the_block() -> None:
     simulator, _, _ = loop(Counting(velocity=(math.nan,) * 6), HERE)
     with pytest.raises(ParameterError, match=r"^velocity of count is .*, allowed: finite numbers"):
