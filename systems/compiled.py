@@ -65,6 +65,14 @@ def _imported(file: Path) -> frozenset[Path]:
 
 
 @compiled
+def add_product(matrix: Array, vector: Array, total: Array) -> None:
+    """Add the product of a matrix and a vector to a total."""
+    for i in range(len(total)):
+        for k in range(len(vector)):
+            total[i] += matrix[i, k] * vector[k]
+
+
+@compiled
 def inverse(matrix: Array) -> Array:
     """Invert a symmetric positive definite matrix (Gauss-Jordan, needs no pivoting).
 

@@ -1,13 +1,17 @@
 """A hybrid position/force loop as linear sampled systems, one for each mode it may be in.
 
-Each is the whole loop about a pose: arm, contact, sensors and law. Left out are dry friction of
-joints and of a tip that sticks, the noise and coarseness of sensors, the jitter of the torque's
-delay, and what a change of mode does: a loop that is stable in each mode may still bounce or hunt.
+Each is the whole loop about a pose: arm, contact, sensors and law. The arm is that of
+:class:`chamfer.systems.contact.arm_in_contact.ArmInContact`, by differences of its equations of
+motion: inertia, viscous friction, gravity, the gripper, and what the contact force does as the arm
+turns and the surface bends. A surface on which the tip slides drags at it by Coulomb's friction.
+Left out are dry friction of joints and of a tip that sticks, the noise and coarseness of sensors,
+the jitter of the torque's delay, and what a change of mode does: a loop that is stable in each
+mode may still bounce or hunt.
 """
 
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, Final, NamedTuple, Protocol, TypeVar
 
@@ -15,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario, SlidingTask, fill
+from chamfer.models.surfaces.surface import locate
 from chamfer.models.validation import ParameterError, known
-from chamfer.systems.contact.linear_arm import LinearArm, Touch, linear_arm, rest_stretch
+from chamfer.systems.contact.arm_dynamics import ArmState
 from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
 from chamfer.systems.force.hybrid_controller import Pose, linear_law
 from chamfer.systems.force.sampled_loop import (
@@ -37,8 +42,10 @@ from chamfer.systems.sensing.force_sensor import LoadCellParams, gauges
 
 Array = NDArray[np.float64]
 
-_STEP = 1e-6  # rad or m, of the differences
-_TURNS = 4  # of the search for where the arm is with a gripper that gives
+_STEP: Final = 1e-6  # rad or m, of the differences
+_TURNS: Final = 4  # of the search for where the arm is with a gripper that gives
+_TIP_TURNS: Final = 8  # of that for where a stretched gripper's tip is
+_FOLLOWS: Final = 1e-5  # s, in which a tip without mass and damping comes to rest
 
 
 class LinearLoop(NamedTuple):
@@ -51,35 +58,26 @@ class LinearLoop(NamedTuple):
     period: float  # s
     delay: float = 0.0  # s, of the torque
 
-    def sampled_arm(self, delay: float = 0.0) -> Sampled:
-        """Return the arm as the computer meets it, with a further delay of the torque, s."""
-        return held(self.arm, period=self.period, delay=self.delay + delay)
+    def period_map(self, factor: float = 1.0, delay: float = 0.0) -> Array:
+        """Return what a period does to the states, with a factor and further delay of the torque.
 
-    def period_map(self) -> Array:
-        """Return what a period does to the loop's states."""
-        return closed(self.sampled_arm(), self.law)
+        The delay is in s.
+        """
+        arm = held(self.arm, period=self.period, delay=self.delay + delay)
+        return closed(arm, self.law, factor)
 
-    def growth_rate(self) -> float:
+    def growth_rate(self, factor: float = 1.0, delay: float = 0.0) -> float:
         """Return how fast the loop grows, 1/s; infinite where numbers overflow."""
         with np.errstate(all="ignore"):
-            return growth_rate(self.period_map(), self.period)
+            return growth_rate(self.period_map(factor, delay), self.period)
 
     def gain_margin(self) -> float | None:
         """Return :func:`chamfer.systems.force.sampled_loop.gain_margin`."""
-        with np.errstate(all="ignore"):
-            arm = self.sampled_arm()
-            return gain_margin(
-                lambda factor: growth_rate(closed(arm, self.law, factor), self.period)
-            )
+        return gain_margin(self.growth_rate)
 
     def delay_margin(self) -> float | None:
         """Return :func:`chamfer.systems.force.sampled_loop.delay_margin`, s."""
-
-        def grows(delay: float) -> float:
-            return growth_rate(closed(self.sampled_arm(delay), self.law), self.period)
-
-        with np.errstate(all="ignore"):
-            return delay_margin(grows, self.period)
+        return delay_margin(lambda delay: self.growth_rate(delay=delay), self.period)
 
 
 def linear_loops(scenario: HybridScenario) -> tuple[LinearLoop, ...]:
@@ -123,6 +121,14 @@ def linear_loop(scenario: HybridScenario, name: str, mode: int, endpoint: Array)
     return _Linearised(scenario).loop(name, mode, endpoint)
 
 
+def _slope(function: Callable[[Array], Array], x: Array) -> Array:
+    """Return a function's derivative by central differences, a column for each entry of x."""
+    steps = _STEP * np.eye(len(x))
+    return np.column_stack(
+        [(function(x + axis) - function(x - axis)) / (2 * _STEP) for axis in steps]
+    )
+
+
 class _Linearised:
     """A scenario with all that does not depend on the mode."""
 
@@ -147,8 +153,8 @@ class _Linearised:
                 raise ParameterError(
                     "gripper.stiffness", scenario.gripper.stiffness, allowed
                 ) from error
-            state = self._dynamics.evaluate(q, np.zeros(len(q)))
-            stretch = rest_stretch(self._touching(state.p_WC, way), state)
+            state = self._at_rest(q)
+            stretch = self._stretch(state, self._drag(state, way))
             endpoint = place - np.eye(len(place), 3) @ stretch
         return self.loop(name, CONTACT, endpoint, way)
 
@@ -157,15 +163,8 @@ class _Linearised:
         scenario = self._scenario
         control, q = scenario.controller, scenario.joint_positions(endpoint)
         n, m = len(q), len(endpoint)
-        state = self._dynamics.evaluate(q, np.zeros(n))
-        touch = self._touching(state.p_WC, way) if mode == CONTACT else None
-        arm = linear_arm(self._dynamics, q, self._viscous, touch)
-        law = linear_law(
-            self._pose(q, mode),
-            np.eye(m) if mode == APPROACH else position_selection(scenario.direction),
-            control,
-            mode,
-        )
+        P = np.eye(m) if mode == APPROACH else position_selection(scenario.direction)
+        law = linear_law(self._pose(q, mode), P, control, mode)
         law = series(linear_encoders(scenario.encoders, n, period=control.period, beside=m), law)
         if scenario.friction_compensation is not None:
             follow = scenario.friction_compensation.follow(control.period)
@@ -173,48 +172,95 @@ class _Linearised:
             seen = np.hstack([np.zeros((n, n)), np.diag(viscous), np.zeros((n, m))])
             lag = (1 - follow) * np.eye(n)
             law = parallel(law, Sampled(lag, follow * seen, lag, follow * seen))
-        return LinearLoop(
-            name,
-            mode,
-            self._sensed(arm, self._reading(state.R_WE)),
-            law,
-            control.period,
-            known("computation_delay", control.computation_delay),
-        )
+        delay = known("computation_delay", control.computation_delay)
+        arm = self._arm(q, way if mode == CONTACT else None)
+        return LinearLoop(name, mode, arm, law, control.period, delay)
 
-    def _touching(self, p_WC: Array, way: float) -> Touch:
-        """Return the contact at a point, m, shape (3,)."""
-        material, task = self._scenario.surface, self._scenario.task
+    def _at_rest(self, q: Array) -> ArmState:
+        return self._dynamics.evaluate(q, np.zeros(len(q)))
+
+    def _drag(self, state: ArmState, way: float) -> Array:
+        """Return the sliding surface's force on the tip by the normal one, world frame, (3,)."""
         along = np.array([*self._scenario.along, 0.0, 0.0])[:3]
-        x, y, z = (-way * material.friction.at(p_WC) * along).tolist()
-        gripper = self._scenario.gripper
-        return Touch(
-            self._surface, material.stiffness, material.damping, task.force, gripper, (x, y, z)
-        )
+        return np.asarray(-way * self._scenario.surface.friction.at(state.p_WC) * along)
 
-    def _sensed(self, arm: LinearArm, reading: Array) -> Plant:
-        """Return the arm with its force sensor, whose filter is as if in continuous time."""
-        sensor, n = self._scenario.sensor, arm.drive.shape[1]
+    def _stretch(self, state: ArmState, drag: Array) -> Array:
+        """Return by how much the gripper gives at rest, m, shape (3,), world frame; rigid: 0."""
+        stretch, gripper = np.zeros(3), self._scenario.gripper
+        if gripper is None:
+            return stretch
+        stiffness = state.R_WE @ np.array(gripper.matrix(3)) @ state.R_WE.T
+        for _ in range(_TIP_TURNS):
+            normal = locate(self._surface, state.p_WC + stretch).normal
+            stretch = np.linalg.solve(stiffness, self._scenario.task.force * (normal + drag))
+        return stretch
+
+    def _arm(self, q: Array, way: float | None) -> Plant:
+        """Return the arm at rest at q, shape (n,), with its force sensor's filter.
+
+        ``way`` is that of the sliding tip, 0 if it sticks, None out of contact. States are the
+        joints' positions and velocities, with a gripper in contact the tip's place in the world,
+        shape (3,), less those at rest, and the filter's.
+        """
+        scenario, n = self._scenario, len(q)
+        rest = self._at_rest(q)
+        place, K, rest_force = rest.p_WC, None, np.zeros(3)
+        springs, slows = np.zeros((3, 3)), np.zeros((3, 3))
+        if way is not None:
+            material, force, drag = scenario.surface, scenario.task.force, self._drag(rest, way)
+            place = rest.p_WC + self._stretch(rest, drag)
+            begin = locate(self._surface, place)
+            rest_force = force * (begin.normal + drag)
+            slows = material.damping * np.outer(begin.normal + drag, begin.normal)
+
+            def pushed(p: Array) -> Array:
+                gap, normal = locate(self._surface, p)
+                load: Array = (force + material.stiffness * (begin.gap - gap)) * (normal + drag)
+                return load
+
+            springs = _slope(pushed, place)
+            K = None if scenario.gripper is None else np.array(scenario.gripper.matrix(3))
+
+        def loads(at: Array) -> Array:
+            """Return the joints' load, and the gripper's force on the arm while the tip stays."""
+            state, pull = self._at_rest(at), np.zeros(3)
+            if K is not None:
+                pull = state.R_WE @ K @ state.R_WE.T @ (place - state.p_WC)
+            return np.concatenate([state.J_v_WC.T @ rest_force - state.bias, pull])
+
+        changes, J = _slope(loads, q), rest.J_v_WC
+        turning, moved = changes[:n], changes[n:]
+        tip: Array = np.zeros((0, 2 * n))
+        surface_force = np.hstack([springs @ J, -slows @ J])
+        if K is not None and scenario.gripper is not None:
+            D = np.array(scenario.gripper.damping_matrix(3)) + _FOLLOWS * K
+            K, D = (rest.R_WE @ matrix @ rest.R_WE.T for matrix in (K, D))
+            # Without mass the tip feels as much from the surface as from the gripper.
+            gives = np.hstack([-moved, D @ J, springs - K])
+            tip = np.asarray(np.linalg.solve(D + slows, gives), dtype=np.float64)
+            surface_force = np.hstack([np.zeros((3, 2 * n)), springs]) - slows @ tip
+        load = J.T @ surface_force
+        load[:, :n] += turning
+        load[:, n : 2 * n] -= np.diag(self._viscous)
+        flow = np.vstack([np.eye(n, len(load.T), n), np.linalg.solve(rest.mass, load), tip])
+        drive = np.zeros((len(flow), n))
+        drive[n : 2 * n] = np.linalg.inv(rest.mass)
+        # The sensor's filter is as if in continuous time.
+        sensor, measured = scenario.sensor, self._reading(rest.R_WE) @ surface_force
         bandwidth, late = known("bandwidth", sensor.bandwidth), known("delay", sensor.delay)
-        measured = reading @ arm.force
-        motion = np.eye(2 * n, len(arm.flow))
+        motion, states = np.eye(2 * n, len(flow)), len(flow)
         if not bandwidth:
-            return Plant(arm.flow, arm.drive, motion, measured, late)
+            return Plant(flow, drive, motion, measured, late)
         m, fast = len(measured), 2 * math.pi * bandwidth
         filtered = np.hstack([fast * measured, -fast * np.eye(m)])
-        flow = np.vstack([np.pad(arm.flow, ((0, 0), (0, m))), filtered])
-        return Plant(
-            flow,
-            np.pad(arm.drive, ((0, m), (0, 0))),
-            np.pad(motion, ((0, 0), (0, m))),
-            np.eye(m, len(flow), len(arm.flow)),
-            late,
-        )
+        flow = np.vstack([np.pad(flow, ((0, 0), (0, m))), filtered])
+        drive, motion = np.pad(drive, ((0, m), (0, 0))), np.pad(motion, ((0, 0), (0, m)))
+        return Plant(flow, drive, motion, np.eye(m, len(flow), states), late)
 
     def _pose(self, q: Array, mode: int) -> Pose:
         """Return what the controller knows of the arm at q."""
         scenario, n = self._scenario, len(q)
-        jacobian, still = scenario.ARM.jacobian, np.zeros(len(q))
+        jacobian = scenario.ARM.jacobian
         # At rest in contact the force integral has undone the offset of the switch. Out of it
         # nothing holds the push, and the arm is not at rest.
         pushes = (mode == CONTACT) * (2.0 if scenario.controller.bumpless else 1.0)
@@ -222,12 +268,9 @@ class _Linearised:
         turning, sinking = np.empty((n, n)), np.zeros((n, n))
         for j, axis in enumerate(_STEP * np.eye(n)):
             turning[:, j] = (jacobian(q + axis) - jacobian(q - axis)).T @ push / (2 * _STEP)
-            if scenario.controller.full_dynamics:
-                ahead, behind = (
-                    self._dynamics.evaluate(q + sign * axis, still).bias for sign in (1, -1)
-                )
-                sinking[:, j] = (ahead - behind) / (2 * _STEP)
-        return Pose(self._dynamics.evaluate(q, still).mass, jacobian(q), turning, sinking)
+        if scenario.controller.full_dynamics:
+            sinking = _slope(lambda at: self._at_rest(at).bias, q)
+        return Pose(self._at_rest(q).mass, jacobian(q), turning, sinking)
 
     def _reading(self, R_WE: Array) -> Array:
         """Return what the force sensor makes of a force on the tip, shape (m, 3)."""
@@ -273,13 +316,13 @@ def stability(scenario: HybridScenario) -> Stability:
 
 def stability_of(loops: tuple[LinearLoop, ...]) -> Stability:
     """Return growth and margins of a loop in its modes."""
-    free = any(loop.mode != CONTACT for loop in loops)
+    free = [loop.growth_rate() for loop in loops if loop.mode != CONTACT]
     gains = {loop.name: loop.gain_margin() for loop in loops}
     delays = {loop.name: loop.delay_margin() for loop in loops}
     gain, delay = _least(gains), _least(delays)
     return Stability(
-        growth=largest_growth(loops, contact=False) if free else None,
-        growth_contact=largest_growth(loops, contact=True),
+        growth=max(free, default=None),
+        growth_contact=max(loop.growth_rate() for loop in loops if loop.mode == CONTACT),
         gain_margin=gains.get(gain),
         delay_margin=delays.get(delay),
         least_gain=gain,
@@ -329,11 +372,6 @@ def refuse_or_warn(found: str, name: str, control: MayBeUnstable, remedy: str) -
         allowed = f"{remedy}: {found} (or controller.allow_unstable=true)"
         raise ParameterError(f"controller.{name}", getattr(control, name), allowed)
     warnings.warn(found, stacklevel=1)
-
-
-def largest_growth(loops: tuple[LinearLoop, ...], *, contact: bool) -> float:
-    """Return the largest growth of a loop's modes in contact, or of those out of it, 1/s."""
-    return max(loop.growth_rate() for loop in loops if (loop.mode == CONTACT) is contact)
 
 
 HybridScenarioT = TypeVar("HybridScenarioT", bound=HybridScenario)

@@ -17,7 +17,7 @@ from pydrake.multibody.tree import PrismaticJoint, RevoluteJoint
 
 from chamfer.models.arms.arm import Arm
 from chamfer.models.validation import ParameterError
-from chamfer.systems.compiled import compiled
+from chamfer.systems.compiled import add_product, compiled
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ class Pose(NamedTuple):
 
 
 @compiled
-def _cross(a: Array, b: Array, total: Array) -> None:
+def add_cross(a: Array, b: Array, total: Array) -> None:
     """Add the cross product of a and b to a total."""
     total[0] += a[1] * b[2] - a[2] * b[1]
     total[1] += a[2] * b[0] - a[0] * b[2]
@@ -57,15 +57,8 @@ def _cross(a: Array, b: Array, total: Array) -> None:
 
 
 @compiled
-def _turn(rotation: Array, vector: Array, total: Array) -> None:
-    """Add a turned vector to a total."""
-    for i in range(3):
-        for k in range(3):
-            total[i] += rotation[i, k] * vector[k]
-
-
-@compiled
-def _product(left: Array, right: Array, result: Array) -> None:
+def product(left: Array, right: Array, result: Array) -> None:
+    """Fill in the product of two matrices of 3 rows and columns."""
     for i in range(3):
         for j in range(3):
             total = 0.0
@@ -96,44 +89,43 @@ def pose(chain: Chain, q: Array) -> Pose:
     place, centre = np.zeros(3), np.empty(3)
     for j in range(n):
         before, after = rotations[j], rotations[j + 1]
-        _turn(before, chain.offset[j], place)
+        add_product(before, chain.offset[j], place)
         angular, linear = twist[j, :3], twist[j, 3:]
         if chain.prismatic[j]:
-            _turn(before, chain.axis[j], linear)
+            add_product(before, chain.axis[j], linear)
             for i in range(3):
                 place[i] += q[j] * linear[i]
             after[:] = before
         else:
-            _turn(before, chain.axis[j], angular)
-            _cross(place, angular, linear)
+            add_product(before, chain.axis[j], angular)
+            add_cross(place, angular, linear)
             _rotation(chain.axis[j], q[j], turn)
-            _product(before, turn, after)
+            product(before, turn, after)
         centre[:] = place
-        _turn(after, chain.centre[j], centre)
+        add_product(after, chain.centre[j], centre)
         size = 0.0
         for i in range(3):
             moment[j, i] = chain.mass[j] * centre[i]
             size += moment[j, i] * centre[i]
-        _product(after, chain.inertia[j], half)
+        product(after, chain.inertia[j], half)
+        product(half, after.T, inertia[j])
         for i in range(3):
             for k in range(3):
-                turned = 0.0
-                for m in range(3):
-                    turned += half[i, m] * after[k, m]
-                inertia[j, i, k] = turned - moment[j, i] * centre[k] + (size if i == k else 0.0)
-    _turn(rotations[n], chain.endpoint, place)
-    _product(rotations[n], chain.R_WE, rotations[n + 1])
+                inertia[j, i, k] -= moment[j, i] * centre[k]
+            inertia[j, i, i] += size
+    add_product(rotations[n], chain.endpoint, place)
+    product(rotations[n], chain.R_WE, rotations[n + 1])
     return Pose(twist, chain.mass, moment, inertia, rotations[n + 1], place)
 
 
 @compiled
 def _momentum(mass: float, moment: Array, inertia: Array, twist: Array, total: Array) -> None:
     """Add a body's spatial momentum, or its force for an acceleration, to a total."""
-    _turn(inertia, twist[:3], total[:3])
-    _cross(moment, twist[3:], total[:3])
+    add_product(inertia, twist[:3], total[:3])
+    add_cross(moment, twist[3:], total[:3])
     for i in range(3):
         total[3 + i] += mass * twist[3 + i]
-    _cross(twist[:3], moment, total[3:])
+    add_cross(twist[:3], moment, total[3:])
 
 
 @compiled
@@ -144,10 +136,8 @@ def mass_matrix(chain: Chain, at: Pose) -> Array:
     mass, moment, inertia, force = 0.0, np.zeros(3), np.zeros((3, 3)), np.empty(6)
     for j in range(n - 1, -1, -1):
         mass += at.mass[j]
-        for i in range(3):
-            moment[i] += at.moment[j, i]
-            for k in range(3):
-                inertia[i, k] += at.inertia[j, i, k]
+        moment += at.moment[j]
+        inertia += at.inertia[j]
         force[:] = 0.0
         _momentum(mass, moment, inertia, at.twist[j], force)
         for i in range(j + 1):
@@ -169,21 +159,19 @@ def link_forces(chain: Chain, at: Pose, v: Array) -> Array:
     n = len(chain.mass)
     forces = np.zeros((n, 6))
     speed, rate, joint, momentum = np.zeros(6), np.zeros(6), np.empty(6), np.empty(6)
-    for i in range(3):
-        rate[3 + i] = -chain.gravity[i]
+    rate[3:] = -chain.gravity
     for j in range(n):
-        for i in range(6):
-            joint[i] = at.twist[j, i] * v[j]
-            momentum[i] = 0.0
-            speed[i] += joint[i]
-        _cross(speed[:3], joint[:3], rate[:3])
-        _cross(speed[:3], joint[3:], rate[3:])
-        _cross(speed[3:], joint[:3], rate[3:])
+        joint[:] = at.twist[j] * v[j]
+        momentum[:] = 0.0
+        speed += joint
+        add_cross(speed[:3], joint[:3], rate[:3])
+        add_cross(speed[:3], joint[3:], rate[3:])
+        add_cross(speed[3:], joint[:3], rate[3:])
         _momentum(at.mass[j], at.moment[j], at.inertia[j], speed, momentum)
         _momentum(at.mass[j], at.moment[j], at.inertia[j], rate, forces[j])
-        _cross(speed[:3], momentum[:3], forces[j, :3])
-        _cross(speed[3:], momentum[3:], forces[j, :3])
-        _cross(speed[:3], momentum[3:], forces[j, 3:])
+        add_cross(speed[:3], momentum[:3], forces[j, :3])
+        add_cross(speed[3:], momentum[3:], forces[j, :3])
+        add_cross(speed[:3], momentum[3:], forces[j, 3:])
     return forces
 
 
@@ -214,14 +202,11 @@ def base_wrench(chain: Chain, at: Pose, v: Array, acceleration: Array) -> Array:
     mass, moment, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
     for j in range(n - 1, -1, -1):
         mass += at.mass[j]
-        for i in range(3):
-            moment[i] += at.moment[j, i]
-            for k in range(3):
-                inertia[i, k] += at.inertia[j, i, k]
+        moment += at.moment[j]
+        inertia += at.inertia[j]
         force[:] = 0.0
         _momentum(mass, moment, inertia, at.twist[j], force)
-        for i in range(6):
-            total[i] += forces[j, i] + acceleration[j] * force[i]
+        total += forces[j] + acceleration[j] * force
     return total
 
 
@@ -232,7 +217,7 @@ def point_jacobian(at: Pose, point: Array) -> Array:
     jacobian = np.empty((3, n))
     for j in range(n):
         jacobian[:, j] = at.twist[j, 3:]
-        _cross(at.twist[j, :3], point, jacobian[:, j])
+        add_cross(at.twist[j, :3], point, jacobian[:, j])
     return jacobian
 
 

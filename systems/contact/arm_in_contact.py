@@ -22,6 +22,7 @@ from chamfer.models.surfaces.surface import Surface, locate, proximity
 from chamfer.models.validation import (
     ParameterError,
     require_not_negative,
+    require_numbers,
     require_positive,
     require_same,
 )
@@ -73,8 +74,7 @@ class ContactPoint:
     def __post_init__(self) -> None:
         if self.surface.dimension != 3:
             raise ParameterError("surface", self.surface, "a surface in space")
-        if len(self.offset) != 3 or not all(map(math.isfinite, self.offset)):
-            raise ParameterError("offset", self.offset, "three finite numbers")
+        require_numbers(self, 3, "offset")
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +87,7 @@ class Load:
 
     def __post_init__(self) -> None:
         require_positive(self, "mass")
-        if len(self.centre) != 3 or not all(map(math.isfinite, self.centre)):
-            raise ParameterError("centre", self.centre, "three finite numbers")
+        require_numbers(self, 3, "centre")
         inertia = np.asarray(self.inertia)
         symmetric = inertia.shape == (3, 3) and np.array_equal(inertia, inertia.T)
         if not (symmetric and np.all(np.linalg.eigvalsh(inertia) >= 0.0)):

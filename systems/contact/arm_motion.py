@@ -6,16 +6,18 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.systems.compiled import compiled, inverse
+from chamfer.systems.compiled import add_product, compiled, inverse
 from chamfer.systems.contact.arm_dynamics import (
     Chain,
     Pose,
+    add_cross,
     base_wrench,
     bias,
     mass_matrix,
     point_jacobian,
     pose,
     potential,
+    product,
 )
 from chamfer.systems.contact.stick_slip import Material, Motion, StepModel, along, step
 
@@ -69,11 +71,8 @@ def output_sizes(n: int, points: int) -> dict[str, int]:
 
 @compiled
 def _tip(at: Pose, offset: Array, stretch: Array) -> Array:
-    point = np.empty(3)
-    for i in range(3):
-        point[i] = at.p_WE[i]
-        for k in range(3):
-            point[i] += at.R_WE[i, k] * (offset[k] + stretch[k])
+    point = at.p_WE.copy()
+    add_product(at.R_WE, offset + stretch, point)
     return point
 
 
@@ -84,19 +83,15 @@ def _locate(patch: Patch, which: int, point: Array, normal: Array) -> float:
     The gap is the level over its gradient's length, the normal the direction in which it grows:
     the contact's spring would else gain or lose energy where that length changes.
     """
-    gradient, turned = np.empty(3), np.empty(3)
-    level = float(patch.level[which])
-    centre, hessian = patch.point[which], patch.hessian[which]
+    level, hessian, gradient = float(patch.level[which]), patch.hessian[which], np.empty(3)
+    way = point - patch.point[which]
     for i in range(3):
-        bend = 0.0
-        for k in range(3):
-            bend += hessian[i, k] * (point[k] - centre[k])
-        level += (patch.gradient[which, i] + bend / 2) * (point[i] - centre[i])
+        bend = along(hessian[i], way)
+        level += (patch.gradient[which, i] + bend / 2) * way[i]
         gradient[i] = patch.gradient[which, i] + bend
     square = along(gradient, gradient)
     for i in range(3):
-        turned[i] = along(hessian[i], gradient)
-        normal[i] = gradient[i] - level * turned[i] / square
+        normal[i] = gradient[i] - level * along(hessian[i], gradient) / square
     normal /= math.sqrt(along(normal, normal))
     return level / math.sqrt(square)
 
@@ -112,26 +107,15 @@ def _quadratic(vector: Array, matrix: Array) -> float:
 @compiled
 def _turned(rotation: Array, matrix: Array) -> Array:
     """Return a matrix of the endpoint's frame in the world frame."""
-    half, result = np.zeros((3, 3)), np.zeros((3, 3))
-    for i in range(3):
-        for j in range(3):
-            for k in range(3):
-                half[i, j] += rotation[i, k] * matrix[k, j]
-    for i in range(3):
-        for j in range(3):
-            result[i, j] = along(half[i], rotation[j])
+    half, result = np.empty((3, 3)), np.empty((3, 3))
+    product(rotation, matrix, half)
+    product(half, rotation.T, result)
     return result
 
 
 @compiled
 def energies(
-    chain: Chain,
-    material: Material,
-    tool: Tool,
-    q: Array,
-    v: Array,
-    stretch: Array,
-    gap: Array,
+    chain: Chain, material: Material, tool: Tool, q: Array, v: Array, stretch: Array, gap: Array
 ) -> Array:
     """Return kinetic, potential and elastic energy, J, shape (3,)."""
     at = pose(chain, q)
@@ -158,9 +142,8 @@ def _carried(chain: Chain, tool: Tool, q: Array, v: Array) -> Array:
     """Return the velocity of the load's centre of mass, m/s, shape (3,), world frame."""
     at = pose(chain, q)
     jacobian = point_jacobian(at, _tip(at, tool.centre, np.zeros(3)))
-    velocity = np.empty(3)
-    for i in range(3):
-        velocity[i] = along(jacobian[i], v)
+    velocity = np.zeros(3)
+    add_product(jacobian, v, velocity)
     return velocity
 
 
@@ -197,15 +180,11 @@ def advance(
     """
     n, m, most = len(torque), len(tool.offset), (len(state) - 5 * len(torque) - 3) // 3
     q = state[:n].copy()
-    impulse = np.empty((m, 3))
-    for a in range(m):
-        for i in range(3):
-            impulse[a, i] = state[5 * n + 3 * a + i]
     motion = Motion(
         state[n : 2 * n].copy(),
         state[2 * n : 3 * n].copy(),
         state[3 * n : 4 * n].copy(),
-        impulse,
+        state[5 * n : 5 * n + 3 * m].copy().reshape((m, 3)),
     )
     change, stretch = state[4 * n : 5 * n].copy(), state[5 * n + 3 * most :].copy()
     gap = gaps(chain, tool, patch, q, stretch)
@@ -220,7 +199,6 @@ def advance(
         for a in range(most):
             after[contact + 6 * a + 3] = after[contact + 6 * a + 4] = 0.0
     error, unsolved, dissipated = 0.0, 0, outputs[energy + 3]
-    force, middle, stretched = np.empty(n), np.empty(n), np.zeros(3)
     normal, jacobian, points = np.empty((m, 3)), np.empty((m, 3, n)), np.empty((m, 3))
     yielding, stiffness = np.zeros((3, 3)), np.zeros((3, 3))
     began = np.zeros(3)
@@ -228,46 +206,31 @@ def advance(
         if tool.load > 0.0 and k == count - 1:
             began = _carried(chain, tool, q, motion.velocity)
         before = motion.velocity
-        for j in range(n):
-            middle[j] = q[j] + h * (before[j] + change[j] / 2) / 2
-        at = pose(chain, middle)
+        speed = before + change / 2
+        at = pose(chain, q + h * speed / 2)
         for a in range(m):
             points[a] = _tip(at, tool.offset[a], stretch)
             _locate(patch, a, points[a], normal[a])
             jacobian[a] = point_jacobian(at, points[a])
-        speed = before + change / 2
         slow = bias(chain, at, speed)
-        for j in range(n):
-            force[j] = torque[j] - slow[j]
-            for i in range(3):
-                force[j] += jacobian[0, i, j] * disturbance[i]
+        force, stretched = torque - slow, np.zeros(3)
+        add_product(jacobian[0].T, disturbance, force)
         if not tool.rigid:
             yielding, stiffness = _turned(at.R_WE, matrix), _turned(at.R_WE, tool.stiffness)
-            for i in range(3):
-                stretched[i] = along(at.R_WE[i], stretch)
+            add_product(at.R_WE, stretch, stretched)
+        mass, mu, rigid = mass_matrix(chain, at), patch.mu, tool.rigid
         model = StepModel(
-            mass_matrix(chain, at),
-            force,
-            jacobian,
-            gap,
-            normal,
-            patch.mu,
-            tool.rigid,
-            yielding,
-            stiffness,
-            stretched,
+            mass, force, jacobian, gap, normal, mu, rigid, yielding, stiffness, stretched
         )
         done = step(model, material, motion, h)
         motion, gap = done.motion, done.gap
         change = motion.velocity - before
+        q += done.displacement
+        viscous = material.viscous * done.displacement
+        after[base : base + n] = torque + (motion.joint_impulse - viscous) / h
         for j in range(n):
-            q[j] += done.displacement[j]
             after[energy + 4] += done.displacement[j] * (force[j] + slow[j])
-            viscous = material.viscous[j] * done.displacement[j]
-            after[base + j] = torque[j] + (motion.joint_impulse[j] - viscous) / h
-        for i in range(3):
-            for k in range(3):
-                stretch[i] += at.R_WE[k, i] * done.stretch[k]
+        add_product(at.R_WE.T, done.stretch, stretch)
         for a in range(m):
             push, own = along(normal[a], motion.impulse[a]) / h, contact + 6 * a
             after[own + 3] = max(after[own + 3], push)
@@ -280,10 +243,8 @@ def advance(
         pushed = motion.impulse[a] / h
         if a == 0:
             pushed = pushed + disturbance
-        for i in range(3):
-            j, k = (i + 1) % 3, (i + 2) % 3
-            wrench[i] -= points[a, j] * pushed[k] - points[a, k] * pushed[j]
-            wrench[3 + i] -= pushed[i]
+        add_cross(pushed, points[a], wrench[:3])
+        wrench[3:] -= pushed
     after[energy + 5 :] = wrench
     at = pose(chain, q)
     after[: 3 * most + 3] = 0.0
@@ -308,10 +269,8 @@ def advance(
             after[tip + 6 * a + 3 + i] = along(reached[i], motion.velocity)
     if tool.load > 0.0:
         speeding = (_carried(chain, tool, q, motion.velocity) - began) / h
-        for i in range(3):
-            for k in range(3):
-                lack = tool.load * (chain.gravity[k] - speeding[k])
-                after[3 * most + i] += at.R_WE[k, i] * lack
+        lack = tool.load * (chain.gravity - speeding)
+        add_product(at.R_WE.T, lack, after[3 * most : 3 * most + 3])
     after[energy : energy + 3] = energies(chain, material, tool, q, motion.velocity, stretch, gap)
     after[energy + 3] = dissipated
     new = np.concatenate(
@@ -321,11 +280,9 @@ def advance(
             motion.sticking,
             motion.joint_impulse,
             change,
-            np.zeros(3 * most),
+            motion.impulse.ravel(),
+            np.zeros(3 * (most - m)),
             stretch,
         )
     )
-    for a in range(m):
-        for i in range(3):
-            new[5 * n + 3 * a + i] = motion.impulse[a, i]
     return new, after, error, unsolved

@@ -39,19 +39,19 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.systems.compiled import compiled, inverse
+from chamfer.systems.compiled import add_product, compiled, inverse
+from chamfer.systems.contact.arm_dynamics import add_cross
 
 
 @compiled
 def normal_impulse(
     gap: float, free: float, reach: float, spring: float, damping: float, rigid: bool
 ) -> float:
-    """Return p for a gap of ``free + reach p`` after the step, N s.
+    """Return the only p, N s, with which the gap is ``free + reach p`` after the step.
 
-    The law falls with the gap after the step, which grows with p, so that there is exactly one;
-    each case has a closed form. ``gap``, m, is that before the step, negative while touching;
-    ``spring``, N s/m, the step's length times the stiffness; ``rigid``: the spring gives back all
-    that it takes, else it is implicit.
+    ``gap``, m, is that before the step, negative while touching; ``spring``, N s/m, the step's
+    length times the stiffness; ``rigid``: the spring gives back all that it takes, else it is
+    implicit.
     """
     if not rigid:
         wanted = -spring * free - damping * (free - min(gap, 0.0))
@@ -216,9 +216,8 @@ def mobility_of(problem: Conditions) -> Array:
     """
     n, rows = len(problem.bound), len(problem.before)
     result = np.empty((n + rows, n + rows))
+    result[:n] = problem.reach.T
     for cause in range(n + rows):
-        for j in range(n):
-            result[j, cause] = problem.reach[cause, j]
         for i in range(rows):
             mean = problem.mean if i % 3 else 0.5
             speed = mean * along(problem.rows[i], problem.reach[cause])
@@ -437,23 +436,19 @@ def _conditions(
     velocity = motion.velocity
     n, m = len(velocity), len(model.gap)
     rows, before = np.zeros((3 * m, n)), np.zeros(3 * m)
-    reach = np.empty((n + 3 * m, n))  # the velocity that a unit impulse along each row causes
+    reach = np.zeros((n + 3 * m, n))
     bound = np.empty(n)
     largest = 0.0
     for j in range(n):
         largest = max(largest, abs(velocity[j]))
         fading = 1.0 if motion.sticking[j] else math.exp(-((velocity[j] / material.stribeck) ** 2))
         bound[j] = h * material.coulomb[j] * (1.0 + (material.breakaway - 1.0) * fading)
-        for i in range(n):
-            reach[i, j] = compliance[i, j]
-        for i in range(3 * m):
-            for k in range(3):
-                rows[i, j] += axes[i, k] * model.J_v_WC[i // 3, k, j]
-            before[i] += rows[i, j] * velocity[j]
+    reach[:n] = compliance
     yielding = np.zeros((3 * m, 3 * m))
     for i in range(3 * m):
-        for j in range(n):
-            reach[n + i, j] = along(compliance[j], rows[i])
+        add_product(model.J_v_WC[i // 3].T, axes[i], rows[i])
+        before[i] = along(rows[i], velocity)
+        add_product(compliance, rows[i], reach[n + i])
         if not model.rigid:
             for k in range(3 * m):
                 for j in range(3):
@@ -492,14 +487,12 @@ def step(model: StepModel, material: Material, motion: Motion, h: float) -> Move
     """Take a step of ``h`` seconds."""
     mass, before = model.mass, motion.velocity
     n, m = len(before), len(model.gap)
-    axes = np.empty((3 * m, 3))  # rows: each point's normal and two tangents
+    axes = np.zeros((3 * m, 3))  # rows: each point's normal and two tangents
     for point in range(m):
-        normal, own = model.normal[point], axes[3 * point : 3 * point + 3]
-        own[1] = tangent(normal)
-        for i in range(3):
-            own[0, i] = normal[i]
-            j, k = (i + 1) % 3, (i + 2) % 3
-            own[2, i] = normal[j] * own[1, k] - normal[k] * own[1, j]
+        own = axes[3 * point : 3 * point + 3]
+        own[0] = model.normal[point]
+        own[1] = tangent(own[0])
+        add_cross(own[0], own[1], own[2])
     damped = mass.copy()
     momentum = np.empty(n)
     for j in range(n):
@@ -508,12 +501,10 @@ def step(model: StepModel, material: Material, motion: Motion, h: float) -> Move
         momentum[j] -= h * material.viscous[j] * before[j] / 2
     compliance = inverse(damped)
     problem = _conditions(model, material, motion, axes, compliance, h)
-    velocity, stretch = np.empty(n), np.zeros(3 * m)
-    for j in range(n):
-        velocity[j] = along(compliance[j], momentum)
+    velocity, stretch = np.zeros(n), np.zeros(3 * m)
+    add_product(compliance, momentum, velocity)
     impulse, pull = np.zeros(n + 3 * m), np.zeros(3)
-    for j in range(n):
-        impulse[j] = motion.joint_impulse[j]
+    impulse[:n] = motion.joint_impulse
     for i in range(3):
         pull[i] = h * along(model.stiffness[i], model.stretch)  # what keeps the stretch
     for i in range(3 * m):
@@ -521,9 +512,7 @@ def step(model: StepModel, material: Material, motion: Motion, h: float) -> Move
         if not model.rigid:
             for k in range(3):
                 stretch[i] -= problem.yielding[i, k] * along(axes[k], pull)
-    touched = np.empty(m, np.bool_)
-    for point in range(m):
-        touched[point] = impulse[n + 3 * point] > 0.0
+    touched = impulse[n::3] > 0.0
     for row in range(n + 3 * m):
         act(problem, velocity, stretch, row, impulse[row])
     error = solve(problem, velocity, stretch, impulse)
@@ -552,18 +541,12 @@ def step(model: StepModel, material: Material, motion: Motion, h: float) -> Move
         deep, was = min(gap[point], 0.0), min(model.gap[point], 0.0)
         dissipated -= material.stiffness[point] * (deep**2 - was**2) / 2
         approach[point] = -moved(problem, velocity, stretch, problem.mean, first) / h
-        slip[point] = (
-            math.hypot(
-                moved(problem, velocity, stretch, problem.mean, first + 1),
-                moved(problem, velocity, stretch, problem.mean, first + 2),
-            )
-            / h
-        )
+        along_b = moved(problem, velocity, stretch, problem.mean, first + 1)
+        along_c = moved(problem, velocity, stretch, problem.mean, first + 2)
+        slip[point] = math.hypot(along_b, along_c) / h
         if impulse[n + first] > 0.0 and not touched[point]:
             impact[point] = max(0.0, -problem.before[first])
-    for k in range(3):
-        for i in range(3):
-            change[k] += axes[i, k] * stretch[i]
+    add_product(axes[:3].T, stretch[:3], change)
     if not model.rigid:
         for i in range(3):
             dissipated -= along(model.stiffness[i], model.stretch + change / 2) * change[i]

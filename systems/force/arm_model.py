@@ -1,6 +1,5 @@
 """An arm with a tool as a MultibodyPlant: the simulated arm, and a controller's model of it."""
 
-import math
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -22,7 +21,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from chamfer.models.arms.serial_arm import SerialArm, searched_posture
 from chamfer.models.arms.wam import WAM
-from chamfer.models.validation import ParameterError, require_positive
+from chamfer.models.validation import ParameterError, require_numbers, require_positive
 from chamfer.systems.ports import finite_input
 from chamfer.systems.pose import POSE_SIZE, pose_vector
 
@@ -38,8 +37,7 @@ class Placement:
     rpy: Vector3 = (0.0, 0.0, 0.0)  # rad, about the fixed axes x, y, z in this order
 
     def __post_init__(self) -> None:
-        for name in ("position", "rpy"):
-            _require_three(self, name)
+        require_numbers(self, 3, "position", "rpy")
 
     @property
     def transform(self) -> RigidTransform:
@@ -62,8 +60,7 @@ class ToolParams:
 
     def __post_init__(self) -> None:
         require_positive(self, "mass")
-        _require_three(self, "centre_of_mass")
-        _require_three(self, "inertia")
+        require_numbers(self, 3, "centre_of_mass", "inertia")
         x, y, z = self.inertia
         if not (min(x, y, z) > 0 and 2 * max(x, y, z) <= x + y + z):
             raise ParameterError(
@@ -183,15 +180,6 @@ class TruePose(LeafSystem):
         output.SetFromVector(pose_vector(self._poses.Eval(context)[self._body]))
 
 
-def _require_three(params: object, name: str) -> None:
-    value = getattr(params, name)
-    if len(value) != 3 or not all(map(math.isfinite, value)):
-        raise ParameterError(name, value, "three finite numbers")
-
-
-SIZE = 6
-
-
 class ToolForce(LeafSystem):
     """Applies a wrench to a body at its origin.
 
@@ -212,7 +200,7 @@ class ToolForce(LeafSystem):
 
     def __init__(self, body: BodyIndex) -> None:
         super().__init__()
-        wrench = self.DeclareVectorInputPort("wrench", SIZE)
+        wrench = self.DeclareVectorInputPort("wrench", 6)
 
         def calc(context: Context, output: Any) -> None:
             value = finite_input(wrench, context)
@@ -229,28 +217,18 @@ class ToolForce(LeafSystem):
         )
 
 
-class ToolFriction(NamedTuple):
-    """Moments and forces along and about the axes, N m above N, shape (6,) each."""
+def tool_friction(J_V_WT: Array, dry_friction: Array) -> tuple[Array, Array]:
+    """Return what friction holds at rest, and what it takes of a motion, N m above N, (6,) each.
 
-    held: Array  # up to which no joint moves, if the tool is pushed so and not otherwise
-    wound: Array  # that the joints take of a tool that moves so and not otherwise
-
-
-def tool_friction(J_V_WT: Array, dry_friction: Array) -> ToolFriction:
-    """Return what friction holds at rest, and what it takes of a motion.
-
-    ``held`` is ``min_i tau_i / |J_i e|``. ``wound`` is the power that the joints lose over the
-    speed, ``sum_i tau_i |(J^+ e)_i|``, with the joints' speeds of least norm: by so much springs
-    are wound up once all joints slide. In between joint after joint gives way. The Jacobian, rad/s
-    above m/s, shape (6, n), is in the axes that are asked for; Coulomb's friction is in N m.
+    Up to ``min_i tau_i / |J_i e|`` no joint moves if the tool is pushed so and not otherwise. A
+    motion takes the power that the joints lose over the speed, ``sum_i tau_i |(J^+ e)_i|``, with
+    the joints' speeds of least norm: by so much springs are wound up once all joints slide. In
+    between joint after joint gives way. The Jacobian, rad/s above m/s, shape (6, n), is in the
+    axes that are asked for; Coulomb's friction is in N m.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         alone = dry_friction / np.abs(J_V_WT)
     # A joint that the push does not turn holds it whatever its friction is.
-    turned = np.abs(J_V_WT) > _SMALL * np.abs(J_V_WT).max()
-    held = np.min(np.where(turned, alone, np.inf), axis=1)
-    wound = dry_friction @ np.abs(np.linalg.pinv(J_V_WT))
-    return ToolFriction(held, np.asarray(wound, np.float64))
-
-
-_SMALL = 1e-6  # of the largest lever
+    turned = np.abs(J_V_WT) > 1e-6 * np.abs(J_V_WT).max()
+    held: Array = np.min(np.where(turned, alone, np.inf), axis=1)
+    return held, np.asarray(dry_friction @ np.abs(np.linalg.pinv(J_V_WT)), np.float64)

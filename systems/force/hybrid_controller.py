@@ -22,7 +22,7 @@ from chamfer.systems.contact.arm_dynamics import ArmDynamics
 from chamfer.systems.force.contact_detection import APPROACH, LOST
 from chamfer.systems.force.sampled_loop import Plant, Sampled, closed, growth_rate, held
 from chamfer.systems.force.selection import require_projection
-from chamfer.systems.ports import finite, require_ports
+from chamfer.systems.ports import finite, finite_input, require_ports
 
 Array = NDArray[np.float64]
 Law = Literal["inverse", "transpose", "projected"]
@@ -51,26 +51,19 @@ class PositionGains:
             if not all(0 <= gain < math.inf for gain in np.atleast_1d(gains)):
                 raise ParameterError(name, gains, "finite numbers >= 0")
 
-    def for_joints(self, n: int) -> "GainVectors":
-        """Return Kp, Ki and Kd of n joints or coordinates.
+    def for_joints(self, n: int) -> list[Array]:
+        """Return Kp, Ki and Kd of n joints or coordinates, shape (n,) each.
 
         Raises:
-            ParameterError: If there are more or fewer of them.
+            ParameterError: If one of the parameters is for more or fewer of them.
         """
+        found = []
         for name in ("stiffness", "integral", "damping"):
             gains = getattr(self, name)
             if isinstance(gains, tuple) and len(gains) != n:
                 raise ParameterError(name, gains, f"{n} numbers, or one for all")
-        every = (self.stiffness, self.integral, self.damping)
-        return GainVectors(*(np.full(n, gains, dtype=np.float64) for gains in every))
-
-
-class GainVectors(NamedTuple):
-    """The gains of the position domain, shape (n,) each."""
-
-    stiffness: Array
-    integral: Array
-    damping: Array
+            found.append(np.full(n, gains, dtype=np.float64))
+        return found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,20 +108,15 @@ class HybridControllerParams(HybridGains):
         if not all(map(math.isfinite, self.feedforward_torque or ())):
             raise ParameterError("feedforward_torque", self.feedforward_torque, "finite numbers")
 
-    def for_joints(self, n: int) -> GainVectors:
-        """Return Kp, Ki and Kd of n joints or coordinates.
-
-        Raises:
-            ParameterError: If one of the parameters is for more or fewer of them.
-        """
+    def for_joints(self, n: int) -> list[Array]:
+        """Return what :meth:`PositionGains.for_joints` does, all parameters checked."""
         if not all(0 <= index < n for index in self.held_integrators):
             raise ParameterError("held_integrators", self.held_integrators, f"indices below {n}")
         if self.inertia is not None and len(self.inertia) != n:
             raise ParameterError("inertia", self.inertia, f"{n} numbers")
         if self.feedforward_torque and len(self.feedforward_torque) != n:
-            raise ParameterError(
-                "feedforward_torque", self.feedforward_torque, f"{n} numbers, or none"
-            )
+            allowed = f"{n} numbers, or none"
+            raise ParameterError("feedforward_torque", self.feedforward_torque, allowed)
         return super().for_joints(n)
 
 
@@ -171,7 +159,7 @@ class HybridController(LeafSystem):
       ``tau = Kp e_q + I - Kd J^-1 P x'``
     * ``projected``: the same with the pseudo-inverse ``(P J)^+`` in place of ``J^-1 P``. It is
       ours: it moves the joints no more than the position domain needs, and the kinematic
-      instability of the inverse law (:mod:`chamfer.systems.force.hybrid_controller`) is gone.
+      instability of the inverse law is gone.
     * force: ``I_f += Kif F (F_d - F_m) T``, ``tau += J^T (F F_d + I_f - Kdf F x')``. The damping
       is ours: on a soft gripper the integral swings without it, from Kif = b / m on for an arm of
       mass m and viscous friction b. The thesis has none (0).
@@ -220,12 +208,9 @@ class HybridController(LeafSystem):
             raise ParameterError(
                 "full_dynamics", params.full_dynamics, "true with a model, false without one"
             )
-        self._arm = arm
-        self._params = params
+        self._arm, self._params, self._model = arm, params, dynamics
         self._gains = params.for_joints(n)
-        self._model: tuple[ArmDynamics, Array] | None = None
-        if dynamics is not None:
-            self._model = dynamics, np.array(known("inertia", params.inertia))
+        self._inertia = np.array(known("inertia", params.inertia)) if dynamics else np.ones(n)
         feedforward = known("feedforward_torque", params.feedforward_torque)
         self._known = np.array(feedforward or [0.0] * n)
         self._ports = [
@@ -263,14 +248,9 @@ class HybridController(LeafSystem):
         ports = self._ports
         if self._desired_velocity.HasValue(context):
             ports = [*ports, self._desired_velocity]
-        inputs = [port.Eval(context) for port in ports]
-        if not math.isfinite(np.concatenate(inputs).sum()):
-            for port, value in zip(ports, inputs, strict=True):
-                if not np.all(np.isfinite(value)):
-                    raise ParameterError(port.get_name(), value.tolist(), "finite numbers")
         held = context.get_discrete_state()
         memory = HybridMemory(*(held.value(i) for i in range(len(HybridMemory._fields))))
-        settled = self.step(memory, *inputs)
+        settled = self.step(memory, *(finite_input(port, context) for port in ports))
         finite("torque", settled.torque)
         values = state.get_mutable_discrete_state()
         for i, value in enumerate(settled):
@@ -354,24 +334,23 @@ class HybridController(LeafSystem):
     ) -> tuple[Array, Array]:
         """Return the position domain's torque and its integral."""
         params = self._params
-        gains = self._gains
+        stiffness, growth, damping = self._gains
         if params.law == "inverse":
             e, rate = inverse @ e, inverse @ rate
         elif params.law == "projected":
             projected = np.linalg.pinv(P @ J, rcond=1 / _WORST_CONDITION)
             e, rate = projected @ e, projected @ rate
-        growth = gains.integral * e * params.period
+        growth = growth * e * params.period
         if mode[0] != APPROACH and params.held_integrators:
             growth[list(params.held_integrators)] = 0.0
         integral = memory.position_integral + growth
-        effort: Array = gains.stiffness * e + integral - gains.damping * rate
+        effort: Array = stiffness * e + integral - damping * rate
         if params.law == "transpose":
             return J.T @ effort, integral
         if self._model is not None:
-            dynamics, inertia = self._model
-            model = dynamics.evaluate(q, v)
+            model = self._model.evaluate(q, v)
             # Gravity at the start is in the constant estimate already.
-            return model.mass @ (effort / inertia) + model.bias - self._known, integral
+            return model.mass @ (effort / self._inertia) + model.bias - self._known, integral
         return effort, integral
 
     def _inverse(self, q: Array, J: Array) -> Array:
@@ -387,15 +366,9 @@ class HybridController(LeafSystem):
 
 
 def require_hybrid_ports(controller: System, arm: Kinematics) -> None:
-    """Raise unless a system can take the :class:`HybridController`'s place.
+    """Raise :class:`ParameterError` unless a system has :class:`HybridController`'s ports.
 
-    Of an arm with n joints and m endpoint coordinates it needs the inputs ``encoders`` (2n,),
-    ``desired_position`` (m,), m (rad), ``desired_force`` and ``measured_force`` (m,), N,
-    ``selection`` (m * m,) and ``mode`` (1,), and the outputs ``torque`` (n,), N m or N,
-    ``position_error`` (m,), m (rad), and ``force_error`` (m,), N.
-
-    Raises:
-        ParameterError: Saying which port is wanted and which ones are there.
+    It can do without ``desired_velocity``.
     """
     n, m = arm.num_joints, arm.num_coordinates
     inputs = {"encoders": 2 * n, "desired_position": m, "desired_force": m, "measured_force": m}
@@ -460,15 +433,11 @@ class AccelerationFeedforward(LeafSystem):
         if np.any(acceleration):
             q = self._encoders.Eval(context)[: len(torque)]
             P = self._selection.Eval(context).reshape(len(acceleration), -1)
-            torque = self._torque(q, P @ acceleration)
-        state.get_mutable_discrete_state().set_value(0, torque)
-
-    def _torque(self, q: Array, acceleration: Array) -> Array:
-        try:
-            joints = np.linalg.solve(self._arm.jacobian(q), acceleration)
-        except np.linalg.LinAlgError:
             joints = np.full(len(q), np.nan)
-        return finite("torque", self._dynamics.evaluate(q, np.zeros(len(q))).mass @ joints)
+            with contextlib.suppress(np.linalg.LinAlgError):
+                joints = np.linalg.solve(self._arm.jacobian(q), P @ acceleration)
+            torque = self._dynamics.evaluate(q, np.zeros(len(q))).mass @ joints
+        state.get_mutable_discrete_state().set_value(0, finite("torque", torque))
 
 
 def position_map(J: Array, P: Array, law: Law) -> Array:
@@ -509,9 +478,9 @@ def linear_law(pose: Pose, P: Array, params: HybridControllerParams, mode: int) 
     the push with which lost contact is sought (1,). P, shape (m, m), is the position domain.
     """
     n, m, period = len(pose.J), len(P), params.period
-    gains = params.for_joints(n)
+    stiffness, integrates, damping = params.for_joints(n)
     seen = position_map(pose.J, P, params.law)
-    grows = period * np.diag(gains.integral) @ seen
+    grows = period * np.diag(integrates) @ seen
     if mode != APPROACH:
         grows[list(params.held_integrators)] = 0.0
     gain, known_load = np.eye(n), np.zeros((n, n))
@@ -526,8 +495,8 @@ def linear_law(pose: Pose, P: Array, params: HybridControllerParams, mode: int) 
     C, D = np.zeros((n, n + m + 1)), np.zeros((n, 2 * n + m))
     B[integral, q] = -grows
     C[:, integral] = gain
-    D[:, q] = known_load - gain @ (np.diag(gains.stiffness) @ seen + grows)
-    D[:, v] = -gain @ np.diag(gains.damping) @ seen
+    D[:, q] = known_load - gain @ (np.diag(stiffness) @ seen + grows)
+    D[:, v] = -gain @ np.diag(damping) @ seen
     pushes = np.eye(m) - P
     if mode == LOST and params.loss_mode:
         ahead = np.linalg.eigh(pushes)[1][:, -1:]

@@ -16,9 +16,9 @@ from scipy.linalg import eigh, null_space
 
 from chamfer.models.arms.serial_arm import SerialArm
 from chamfer.models.validation import ParameterError, require_not_negative, require_positive
-from chamfer.systems.compiled import compiled, inverse
+from chamfer.systems.compiled import add_product, compiled, inverse
 from chamfer.systems.force.arm_model import ArmModel, Vector3
-from chamfer.systems.ports import require_ports
+from chamfer.systems.ports import finite_input, require_ports
 from chamfer.systems.pose import POSE_SIZE, pose_vector
 
 Array = NDArray[np.float64]
@@ -43,23 +43,11 @@ def stable_damping_ratios(frequency: float, period: float) -> tuple[float, float
 
     A mass m is held by ``f = -(k x + d v)``, computed once a period T, s. If the plant takes n
     semi-implicit steps a period (v before x) the motion decays for ``d T/m + k T^2/(2 n m) < 2``
-    and ``d T/m > (1 - 1/n) k T^2/(2 m)``; n = 1 in the first, the bound d < 2 m/T on the damping
-    less a little for the stiffness, and n without end in the second are the worst cases. With the
-    frequency sqrt(k/m), rad/s, nothing is between the bounds if ``frequency * period`` is sqrt(2)
-    or more.
+    and ``d T/m > (1 - 1/n) k T^2/(2 m)``; the worst cases are n = 1 in the first and n without end
+    in the second. Of the frequency sqrt(k/m), rad/s, ``frequency * period`` must be below sqrt(2).
     """
     x = frequency * period
     return x / 4, (4 - x * x) / (4 * x)
-
-
-@compiled
-def all_finite(first: Array, second: Array, third: Array) -> bool:
-    """Return whether three vectors are finite."""
-    for vector in (first, second, third):
-        for value in vector:
-            if not math.isfinite(value):
-                return False
-    return True
 
 
 @compiled
@@ -82,81 +70,50 @@ def impedance_torque(
 ) -> Array:
     """Return limited torque, tool pose and saturation, shape (2 n + 7,); of n joints.
 
-    What they are is said by
-    :class:`chamfer.systems.force.impedance_controller.ImpedanceController`.
-
-    Args:
-        pose: [R_WT, p_WT], shape (3, 4).
-        jacobian: J_V_WT in the world's axes, shape (6, n).
-        mass: Mass matrix, shape (n, n).
-        gravity: Torque against gravity, N m, shape (n,).
-        encoders: q and velocity, rad and rad/s, shape (2 n,).
-        desired_pose: Quaternion, not zero, and m, shape (7,).
-        desired_velocity: rad/s and m/s in the world's axes, shape (6,).
-        last_pose: Whose quaternion decides the sign of the new one, shape (7,).
-        stiffness: N m/rad, then N/m, along the axes of the desired pose, shape (6,).
-        damping: In the axes of the desired pose, shape (6, 6).
-        posture: Rest posture, rad, shape (n,).
-        null_stiffness: N m/rad.
-        null_damping: N m s/rad.
-        regularisation: Added to the diagonal of ``J M^-1 J^T``, shape (6,).
-        limits: Largest torques, N m, shape (n,).
+    The law of :class:`ImpedanceController`, with ``pose`` = [R_WT, p_WT], shape (3, 4), and the
+    arm's J_V_WT, mass matrix and gravity torque; ``regularisation``, shape (6,), is added to the
+    diagonal of ``J M^-1 J^T``.
     """
     n = len(posture)
     q, v = encoders[:n], encoders[n:]
     tool = _quaternion(pose)
     wanted = _unit(desired_pose[:4])
     R_WD = _rotation(wanted)
+    R_DW = R_WD.T
+    zero = np.zeros(6)
 
     # Errors and the wrench of eq. (1), in the axes of D.
-    rate = np.zeros(6)
-    for i in range(6):
-        for k in range(n):
-            rate[i] += jacobian[i, k] * v[k]
-    slip, error = np.zeros(6), np.zeros(6)
+    rate = _plus(zero, jacobian, v)
+    slip, error, effort = np.zeros(6), np.zeros(6), np.zeros(6)
     vector = rotation_vector(wanted, tool)
-    for i in range(3):
-        error[i] = vector[i]
-        for k in range(3):
-            slip[i] += R_WD[k, i] * (rate[k] - desired_velocity[k])
-            slip[i + 3] += R_WD[k, i] * (rate[k + 3] - desired_velocity[k + 3])
-            error[i + 3] += R_WD[k, i] * (pose[k, 3] - desired_pose[k + 4])
-    wrench = np.zeros(6)
-    for i in range(6):
-        wrench[i] = stiffness[i] * error[i]
-    moment = gradient(vector, wrench[:3])
-    for i in range(6):
-        if i < 3:
-            wrench[i] = moment[i]
-        for k in range(6):
-            wrench[i] += damping[i, k] * slip[k]
-    effort = np.zeros(6)  # the same in the world's axes
-    for i in range(3):
-        for k in range(3):
-            effort[i] += R_WD[i, k] * wrench[k]
-            effort[i + 3] += R_WD[i, k] * wrench[k + 3]
+    slip[:3] = _plus(zero[:3], R_DW, rate[:3] - desired_velocity[:3])
+    slip[3:] = _plus(zero[:3], R_DW, rate[3:] - desired_velocity[3:])
+    error[:3] = vector
+    error[3:] = _plus(zero[:3], R_DW, pose[:, 3] - desired_pose[4:])
+    wrench = stiffness * error
+    wrench[:3] = gradient(vector, wrench[:3])
+    wrench = _plus(wrench, damping, slip)
+    effort[:3] = _plus(zero[:3], R_WD, wrench[:3])  # the same in the world's axes
+    effort[3:] = _plus(zero[:3], R_WD, wrench[3:])
 
     # How the joints move though the tool does not.
-    null, push = np.zeros(n), np.zeros(6)
+    torque = gravity.copy()
     if n > 6:
         null, push = _null_torque(
             jacobian, mass, q, v, rate, posture, null_stiffness, null_damping, regularisation
         )
+        torque += null
+        effort += push
+    torque = _plus(torque, jacobian.T, -effort)
 
     result = np.zeros(2 * n + 7)
     for i in range(n):
-        torque = gravity[i] + null[i]
-        for k in range(6):
-            torque -= jacobian[k, i] * (effort[k] + push[k])
-        result[i] = torque
-        if abs(torque) > limits[i]:
-            result[n + 7 + i] = math.copysign(1.0, torque)
-            result[i] = math.copysign(limits[i], torque)
-    sign = -1.0 if _dot(tool, last_pose[:4]) < 0 else 1.0
-    for i in range(4):
-        result[n + i] = sign * tool[i]
-    for i in range(3):
-        result[n + 4 + i] = pose[i, 3]
+        result[i] = torque[i]
+        if abs(torque[i]) > limits[i]:
+            result[n + 7 + i] = math.copysign(1.0, torque[i])
+            result[i] = math.copysign(limits[i], torque[i])
+    result[n : n + 4] = -tool if _dot(tool, last_pose[:4]) < 0 else tool
+    result[n + 4 : n + 7] = pose[:, 3]
     return result
 
 
@@ -174,36 +131,25 @@ def _null_torque(
 ) -> tuple[Array, Array]:
     """Return the torque towards the rest posture, (n,), and the wrench that it would be, (6,)."""
     n = len(posture)
-    # M^-1 J^T, and the effective inertia.
+    zero = np.zeros(6)
     inverse_mass = inverse(mass)
-    weighted = np.zeros((n, 6))
-    for i in range(n):
-        for j in range(6):
-            for k in range(n):
-                weighted[i, j] += inverse_mass[i, k] * jacobian[j, k]
-    mobility = np.zeros((6, 6))
-    for i in range(6):
-        mobility[i, i] = regularisation[i]
-        for j in range(6):
-            for k in range(n):
-                mobility[i, j] += jacobian[i, k] * weighted[k, j]
+    weighted = np.zeros((n, 6))  # M^-1 J^T
+    mobility = np.diag(regularisation)
+    for j in range(6):
+        weighted[:, j] = _plus(np.zeros(n), inverse_mass, jacobian[j])
+        mobility[:, j] = _plus(mobility[:, j], jacobian, weighted[:, j])
     inertia = inverse(mobility)
-    momentum, known, push = np.zeros(6), np.zeros(6), np.zeros(6)
-    for i in range(6):
-        for k in range(6):
-            momentum[i] += inertia[i, k] * rate[k]
-    null = np.zeros(n)
-    for i in range(n):
-        own_motion = v[i]
-        for k in range(6):
-            own_motion -= weighted[i, k] * momentum[k]
-        null[i] = null_stiffness * (posture[i] - q[i]) - null_damping * own_motion
-        for k in range(6):
-            known[k] += weighted[i, k] * null[i]
-    for i in range(6):
-        for k in range(6):
-            push[i] += inertia[i, k] * known[k]
-    return null, push
+    own_motion = _plus(v, weighted, -_plus(zero, inertia, rate))
+    null = null_stiffness * (posture - q) - null_damping * own_motion
+    return null, _plus(zero, inertia, _plus(zero, weighted.T, null))
+
+
+@compiled
+def _plus(start: Array, matrix: Array, vector: Array) -> Array:
+    """Return ``start + matrix vector``."""
+    total = start.copy()
+    add_product(matrix, vector, total)
+    return total
 
 
 @compiled
@@ -214,13 +160,10 @@ def rotation_vector(start: Array, end: Array) -> Array:
     """
     w = _dot(start, end)
     # The vector part of conj(start) end.
-    vector = _cross(end[1:], start[1:])
-    for i in range(3):
-        vector[i] += start[0] * end[i + 1] - end[0] * start[i + 1]
+    vector: Array = _cross(end[1:], start[1:]) + (start[0] * end[1:] - end[0] * start[1:])
     sine = math.sqrt(_dot(vector, vector))
     factor = 2 * math.atan2(sine, abs(w)) / sine if sine > 1e-12 else 2.0
-    for i in range(3):
-        vector[i] *= -factor if w < 0 else factor
+    vector *= -factor if w < 0 else factor
     return vector
 
 
@@ -235,10 +178,7 @@ def gradient(vector: Array, force: Array) -> Array:
     half = math.sqrt(square) / 2
     c = 1 / 12 if half < 1e-3 else (1 - half * math.cos(half) / math.sin(half)) / square
     twist = _cross(vector, force)
-    again = _cross(vector, twist)
-    moment = np.zeros(3)
-    for i in range(3):
-        moment[i] = force[i] + twist[i] / 2 + c * again[i]
+    moment: Array = force + twist / 2 + c * _cross(vector, twist)
     return moment
 
 
@@ -253,9 +193,7 @@ def _dot(a: Array, b: Array) -> float:
 @compiled
 def _unit(a: Array) -> Array:
     length = math.sqrt(_dot(a, a))
-    unit = np.zeros(len(a))
-    for i in range(len(a)):
-        unit[i] = a[i] / length if length > 0 else math.nan
+    unit: Array = a / (length if length > 0 else math.nan)
     return unit
 
 
@@ -390,28 +328,20 @@ class ImpedanceController(LeafSystem):
             finite or a quaternion is zero.
     """
 
-    def __init__(
-        self,
-        model: ArmModel,
-        posture: Array,
-        params: ImpedanceControllerParams,
-    ) -> None:
+    def __init__(self, model: ArmModel, posture: Array, params: ImpedanceControllerParams) -> None:
         super().__init__()
         n = model.arm.num_joints
-        self._model = model
-        self._params = params
-        self.posture = _checked_posture(model.arm, posture)  # rad, shape (n,)
+        self._model, self._params = model, params
+        self.posture = np.array(posture, dtype=np.float64)  # rad, shape (n,)
+        if self.posture.shape != (n,) or not model.arm.within_limits(self.posture):
+            raise ParameterError("rest posture", tuple(self.posture.tolist()), model.arm.ranges)
         self._limits = params.limits(model.arm)
         self._stiffness = np.array([*params.rotational_stiffness, *params.stiffness])
         rest = model.evaluate(self.posture)
         self._design(rest.X_WT.rotation().matrix(), rest.J_V_WT, rest.mass)
         self._ports = [
             self.DeclareVectorInputPort(name, size)
-            for name, size in (
-                ("encoders", 2 * n),
-                ("desired_pose", 7),
-                ("desired_velocity", 6),
-            )
+            for name, size in (("encoders", 2 * n), ("desired_pose", 7), ("desired_velocity", 6))
         ]
         for name, start in (
             ("torque", np.clip(rest.gravity, -self._limits, self._limits)),
@@ -446,17 +376,11 @@ class ImpedanceController(LeafSystem):
         )
         if not params.allow_unstable:
             _require_stable(params, "damping_ratio", float(self.frequencies[-1]))
-        self._design_null_space(null_space(J), mass)
-
-    def _design_null_space(self, free: Array, mass: Array) -> None:
-        """Set the damping of the joints' own motion, along the columns of ``free``.
-
-        Its slowest mode has the damping ratio that is asked for, all others more.
-        """
-        params = self._params
         self.null_damping = 0.0  # N m s/rad, of every joint; 0 where there is no null space
+        free = null_space(J)
         if not (free.size and params.null_stiffness):
             return
+        # The slowest mode has the damping ratio that is asked for, all others more.
         inertias = np.linalg.eigvalsh(free.T @ mass @ free)
         frequencies = np.sqrt(params.null_stiffness / inertias)
         slowest, inertia = float(frequencies[-1]), float(inertias[-1])
@@ -468,12 +392,8 @@ class ImpedanceController(LeafSystem):
 
     def _tick(self, context: Context, values: DiscreteValues) -> None:
         encoders, pose, velocity = self._ports
-        rate = velocity.Eval(context) if velocity.HasValue(context) else _STILL
-        inputs = (encoders.Eval(context), pose.Eval(context), rate)
-        if not all_finite(*inputs):
-            for port, value in zip(self._ports, inputs, strict=True):
-                if not np.all(np.isfinite(value)):
-                    raise ParameterError(port.get_name(), value.tolist(), "finite numbers")
+        rate = finite_input(velocity, context) if velocity.HasValue(context) else _STILL
+        inputs = finite_input(encoders, context), finite_input(pose, context), rate
         result = self.step(context.get_discrete_state(1).value(), *inputs)
         n = len(self.posture)
         for i, part in enumerate((result[:n], result[n : n + 7], result[n + 7 :])):
@@ -490,7 +410,6 @@ class ImpedanceController(LeafSystem):
 
         ``last_pose``, shape (7,), is the tool pose before; it decides the quaternion's sign.
         """
-        params = self._params
         tool = self._model.evaluate(encoders[: len(self.posture)])
         result = impedance_torque(
             tool.X_WT.GetAsMatrix34(),
@@ -504,30 +423,21 @@ class ImpedanceController(LeafSystem):
             self._stiffness,
             self.damping,
             self.posture,
-            params.null_stiffness,
+            self._params.null_stiffness,
             self.null_damping,
             self._regularisation,
             self._limits,
         )
         if not math.isfinite(float(result @ result)):
             if not float(desired_pose[:4] @ desired_pose[:4]) > 0:
-                raise ParameterError(
-                    "desired_pose", desired_pose.tolist(), "a quaternion that is not zero"
-                )
+                allowed = "a quaternion that is not zero"
+                raise ParameterError("desired_pose", desired_pose.tolist(), allowed)
             raise ParameterError("torque", result[: len(self.posture)].tolist(), "finite numbers")
         return result
 
 
 def require_impedance_ports(controller: System, num_joints: int) -> None:
-    """Raise unless a system can take the :class:`ImpedanceController`'s place.
-
-    Of an arm with n joints it needs the inputs ``encoders`` (2n,), ``desired_pose`` (7,) and
-    ``desired_velocity`` (6,), and the outputs ``torque`` (n,), N m, ``tool_pose`` (7,) and
-    ``saturated`` (n,).
-
-    Raises:
-        ParameterError: Saying which port is wanted and which ones are there.
-    """
+    """Raise :class:`ParameterError` unless a system has :class:`ImpedanceController`'s ports."""
     n = num_joints
     require_ports(
         "controller",
@@ -535,13 +445,6 @@ def require_impedance_ports(controller: System, num_joints: int) -> None:
         inputs={"encoders": 2 * n, "desired_pose": POSE_SIZE, "desired_velocity": 6},
         outputs={"torque": n, "tool_pose": POSE_SIZE, "saturated": n},
     )
-
-
-def _checked_posture(arm: SerialArm, posture: Array) -> Array:
-    q: Array = np.array(posture, dtype=np.float64)
-    if q.shape != (arm.num_joints,) or not arm.within_limits(q):
-        raise ParameterError("rest posture", tuple(q.tolist()), arm.ranges)
-    return q
 
 
 def _require_stable(
