@@ -15,9 +15,15 @@ from chamfer.models.cameras.camera import Camera
 from chamfer.models.cameras.camera_file import FramePose, read_camera
 from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.camera_image import Image
-from chamfer.systems.vision.continuity import ContinuityParams, LastSeen, follow
 from chamfer.systems.vision.part_appearance import Appearance
-from chamfer.systems.vision.part_detection import Detection, Status, detect_parts
+from chamfer.systems.vision.part_detection import (
+    ContinuityParams,
+    Detection,
+    LastSeen,
+    Status,
+    detect_parts,
+    follow,
+)
 from chamfer.systems.vision.part_detector import Undistortion, pack_detections
 from chamfer.systems.vision.two_plane_stereo import PartInSpace, locate, metric_error, planes_angle
 

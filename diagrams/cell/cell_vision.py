@@ -36,8 +36,8 @@ from chamfer.systems.vision.cell_error import (
     ImageClock,
     ImagePlaneError,
 )
-from chamfer.systems.vision.continuity import ContinuityParams
 from chamfer.systems.vision.part_appearance import Appearance, appearances
+from chamfer.systems.vision.part_detection import ContinuityParams
 from chamfer.systems.vision.part_detector import PartDetector, Undistortion
 from chamfer.systems.vision.two_plane_stereo import TwoPlaneStereo
 

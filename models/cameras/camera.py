@@ -139,7 +139,7 @@ class Camera:
 
     def without_distortion(self) -> "Camera":
         """Return this camera with another lens, which shows straight lines straight."""
-        return replace(self, distortion=UNDISTORTED)
+        return self if self.lens is None else replace(self, distortion=UNDISTORTED)
 
     def straight(self) -> "Camera":
         """Return this camera with a lens that shows straight lines straight, in square pixels.

@@ -254,13 +254,3 @@ def _gains(
     light = 1.0 - vignetting * (across**2 + down**2) / corner
     gains: Gains = (light[..., np.newaxis] * np.array(white_balance)).astype(np.float32)
     return gains
-
-
-def mean_image(images: Sequence[Image]) -> Image:
-    """Return what a sensor has collected that saw images one after the other, equally long."""
-    if len(images) == 1:
-        return images[0]
-    total = np.zeros(images[0].shape, np.float32)
-    for image in images:
-        cv2.accumulate(image, total)
-    return cv2.convertScaleAbs(total, alpha=1 / len(images)).astype(np.uint8, copy=False)

@@ -196,14 +196,12 @@ _AROUND: Final = 256  # corners of the circle that is kept
 
 
 def through_lens(camera: Camera, shapes: Sequence[Shape]) -> list[Shape]:
-    """Return shapes as a camera shows them.
+    """Return shapes, convex and as the camera without distortion shows them, as it shows them.
 
     What the lens would fold back is cut off.
-
-    Args:
-        camera: The camera, with distortion.
-        shapes: As the same camera without distortion shows them; all polygons are convex.
     """
+    if camera.lens is None:
+        return list(shapes)
     kept = []
     for (outline, colour), inside in shapes:
         polygon = _bent(camera, outline)

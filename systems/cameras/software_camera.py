@@ -22,7 +22,6 @@ from chamfer.models.peg.peg_and_hole import Colour, ColouredParts
 from chamfer.systems.cameras.camera_image import (
     Image,
     SensorParams,
-    mean_image,
     shaded,
     write_image,
 )
@@ -99,14 +98,8 @@ def render(
     Returns:
         Red, green, blue, shape (height, width, 3).
     """
-    if camera.lens is None:
-        shapes = scene_shapes(parts, camera, X_WT, X_WM, style)
-    else:
-        straight = scene_shapes(parts, camera.without_distortion(), X_WT, X_WM, style)
-        shapes = through_lens(camera, straight)
-    return paint_shapes(
-        camera.width, camera.height, shapes, background=style.background, blur=style.blur
-    )
+    shapes = scene_shapes(parts, camera.without_distortion(), X_WT, X_WM, style)
+    return paint_shapes(camera, shapes, style)
 
 
 def render_moving(
@@ -119,17 +112,8 @@ def render_moving(
 ) -> Image:
     """Return what a camera sees whose shutter is open while the parts move, evenly.
 
-    It is the mean of pictures of at most a pixel's motion each, of up to 32.
-
-    Args:
-        parts: Peg and hole part.
-        camera: The camera.
-        opening: X_WT and X_WM when the shutter opens; None: as when it closes.
-        closing: X_WT and X_WM when it closes; None: not there.
-        style: Background, brightness and blur.
-
-    Returns:
-        Red, green, blue, shape (height, width, 3).
+    It is the mean of pictures of at most a pixel's motion each, of up to 32. The poses X_WT and
+    X_WM are those when the shutter opens (None: as when it closes) and closes (None: not there).
     """
     ends = {"peg": parts.peg.profile[[0, -1], 0], "hole": parts.hole.outside[[0, -1], 0]}
     ways, travel = [], 0.0
@@ -143,12 +127,16 @@ def render_moving(
         travel = max(travel, float(np.nan_to_num(np.linalg.norm(moved, axis=1)).max()))
     count = min(max(math.ceil(travel / _STEP), 1), _MOST)
     shares = (np.arange(count) + 0.5) / count
-    return mean_image(
-        [
-            render(parts, camera, *(between(*way, share) for way in ways), style=style)
-            for share in shares.tolist()
-        ]
-    )
+    images = [
+        render(parts, camera, *(between(*way, share) for way in ways), style=style)
+        for share in shares.tolist()
+    ]
+    if count == 1:
+        return images[0]
+    total = np.zeros(images[0].shape, np.float32)
+    for image in images:
+        cv2.accumulate(image, total)
+    return cv2.convertScaleAbs(total, alpha=1 / count).astype(np.uint8, copy=False)
 
 
 def between(
@@ -164,25 +152,14 @@ def between(
     return RigidTransform(R, p_begin + share * (p_end - p_begin))
 
 
-def paint_shapes(
-    width: int, height: int, shapes: Sequence[Shape], *, background: Colour, blur: float
-) -> Image:
-    """Return the image of shapes, the first the farthest.
-
-    Args:
-        width: Pixels.
-        height: Pixels.
-        shapes: What is to be drawn, in this order.
-        background: Colour where there is nothing.
-        blur: Standard deviation of the lens' blur, pixels.
-
-    Returns:
-        Red, green, blue, shape (height, width, 3).
-    """
-    image = _blank(width, height, background).copy()
+def paint_shapes(camera: Camera, shapes: Sequence[Shape], style: SceneStyle) -> Image:
+    """Return the image of shapes as the camera without distortion shows them, farthest first."""
+    width, height = camera.width, camera.height
+    shapes = through_lens(camera, shapes)
+    image = _blank(width, height, style.background).copy()
     if not shapes:
         return image
-    margin = int(np.ceil(4 * blur)) + 1
+    margin = int(np.ceil(4 * style.blur)) + 1
     corners = np.concatenate([shape.outline.polygon for shape in shapes])
     size = np.array([width, height])
     left, top = np.clip(np.floor(corners.min(axis=0)).astype(int) - margin, 0, size).tolist()
@@ -195,8 +172,8 @@ def paint_shapes(
         paint(window, shape.outline.polygon - corner, shape.outline.colour, True)
         for polygon, colour in shape.inside:
             paint(window, polygon - corner, colour, False)
-    if blur:
-        cv2.GaussianBlur(window, (0, 0), blur, window, borderType=cv2.BORDER_REPLICATE)
+    if style.blur:
+        cv2.GaussianBlur(window, (0, 0), style.blur, window, borderType=cv2.BORDER_REPLICATE)
     image[top:bottom, left:right] = cv2.convertScaleAbs(window)
     return image
 

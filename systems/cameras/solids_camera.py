@@ -16,10 +16,10 @@ from pydrake.systems.framework import Context, LeafSystem
 from pydrake.systems.sensors import ImageRgba8U
 
 from chamfer.models.cameras.camera import Camera
-from chamfer.models.peg.peg_and_hole import Colour
-from chamfer.models.validation import ParameterError, require_not_negative
+from chamfer.models.peg.peg_and_hole import Colour, require_colour
+from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.camera_image import Image, write_image
-from chamfer.systems.cameras.scene import Patch, Shape, outline, through_lens
+from chamfer.systems.cameras.scene import Patch, SceneStyle, Shape, outline
 from chamfer.systems.cameras.software_camera import paint_shapes
 from chamfer.systems.pose import POSE_SIZE, pose_from_vector
 
@@ -43,29 +43,17 @@ class Solid:
             raise ParameterError(f"vertices of {self.name}", vertices.shape, allowed)
         if not np.isfinite(vertices).all():
             raise ParameterError(f"vertices of {self.name}", vertices.tolist(), "finite numbers")
-        if len(self.colour) != 3 or not all(0 <= channel <= 255 for channel in self.colour):
-            raise ParameterError("colour", self.colour, "three numbers from 0 to 255")
+        require_colour(self, "colour")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Lens:
-    """What there is between the solids and the image; all of it is assumed."""
-
-    background: Colour = (200, 200, 200)
-    blur: float = 0.7  # pixels, standard deviation
-
-    def __post_init__(self) -> None:
-        require_not_negative(self, "blur")
-
-
-_LENS: Final = Lens()
+_STYLE: Final = SceneStyle()
 
 
 def render_solids(
     camera: Camera,
     solids: Sequence[Solid],
     poses: Mapping[str, RigidTransform],
-    lens: Lens = _LENS,
+    style: SceneStyle = _STYLE,
 ) -> Image:
     """Return what a camera sees of solids.
 
@@ -76,12 +64,12 @@ def render_solids(
         camera: The camera.
         solids: The solids.
         poses: Of the solids' frames in the world by their names; one without is not in view.
-        lens: Background and blur.
+        style: Background and blur.
 
     Returns:
         Red, green, blue, shape (height, width, 3).
     """
-    pinhole = camera if camera.lens is None else camera.without_distortion()
+    pinhole = camera.without_distortion()
     seen: list[tuple[float, Shape]] = []
     for solid in solids:
         X_WB = poses.get(solid.name)
@@ -93,14 +81,7 @@ def render_solids(
             depth = float(((p_W - camera.p_WC) @ camera.R_WC[:, 2]).min())
             seen.append((depth, Shape(Patch(polygon, np.array(solid.colour, dtype=float)), ())))
     seen.sort(key=lambda one: -one[0])
-    shapes = [shape for _, shape in seen]
-    return paint_shapes(
-        camera.width,
-        camera.height,
-        shapes if camera.lens is None else through_lens(camera, shapes),
-        background=lens.background,
-        blur=lens.blur,
-    )
+    return paint_shapes(camera, [shape for _, shape in seen], style)
 
 
 class SolidsCamera(LeafSystem):
@@ -124,7 +105,9 @@ class SolidsCamera(LeafSystem):
         ParameterError: If there are no solids, or two have the same name.
     """
 
-    def __init__(self, camera: Camera, solids: Sequence[Solid], lens: Lens = _LENS) -> None:
+    def __init__(
+        self, camera: Camera, solids: Sequence[Solid], style: SceneStyle = _STYLE
+    ) -> None:
         super().__init__()
         names = [solid.name for solid in solids]
         if not names or len({*names, "camera"}) != len(names) + 1:
@@ -144,7 +127,7 @@ class SolidsCamera(LeafSystem):
             placed = camera
             if X_WC is not None:
                 placed = camera.placed(X_WC.rotation().matrix(), X_WC.translation())
-            write_image(output, render_solids(placed, solids, poses, lens))
+            write_image(output, render_solids(placed, solids, poses, style))
 
         model = Value(ImageRgba8U(camera.width, camera.height, 0))
         self.DeclareAbstractOutputPort(

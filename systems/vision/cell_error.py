@@ -12,7 +12,7 @@ from pydrake.systems.framework import State as DrakeState
 
 from chamfer.models.validation import ParameterError, require_finite, require_positive
 from chamfer.systems.cameras.software_camera import PosePorts
-from chamfer.systems.vision.continuity import ContinuityParams
+from chamfer.systems.vision.part_detection import ContinuityParams
 from chamfer.systems.vision.part_detector import ERROR_SIZE
 
 Array = NDArray[np.float64]

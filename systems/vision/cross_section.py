@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.models.peg.peg_and_hole import RED, Colour
+from chamfer.models.peg.peg_and_hole import RED, Colour, require_colour
 from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.camera_image import Image
 from chamfer.systems.vision.part_detection import Status
@@ -65,8 +65,7 @@ class CrossSectionParams:
     area: int = 200  # pixels, at least
 
     def __post_init__(self) -> None:
-        if len(self.colour) != 3 or not all(0 <= channel <= 255 for channel in self.colour):
-            raise ParameterError("colour", self.colour, "three numbers from 0 to 255")
+        require_colour(self, "colour")
         if not self.area >= 2:
             raise ParameterError("area", self.area, "a whole number >= 2")
 
@@ -75,11 +74,9 @@ _PARAMS: Final = CrossSectionParams()
 
 
 def cross_section(image: Image, params: CrossSectionParams = _PARAMS) -> CrossSection:
-    """Find the largest thing in an image that is not background.
+    """Find the largest thing in an image, shape (height, width, 3), that is not background.
 
-    Args:
-        image: Red, green, blue, shape (height, width, 3).
-        params: What to look for. The background is the image's median.
+    The background is the image's median.
     """
     background = np.median(image[4::8, 4::8].reshape(-1, 3), axis=0)
     *normal, square = contrast(np.array(params.colour, dtype=float), background)

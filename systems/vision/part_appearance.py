@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import cv2
 import numpy as np
 
-from chamfer.models.peg.peg_and_hole import Colour, ColouredParts, Section
+from chamfer.models.peg.peg_and_hole import Colour, ColouredParts
 from chamfer.models.validation import ParameterError, require_one_of, require_positive
 
 Range = tuple[float, float]  # least and most
@@ -130,10 +130,6 @@ def agree(looks: tuple[Appearance, Appearance], seen: tuple[Proportions, Proport
 
     Where the image cuts off the far end of one of them, the other has to be longer than believed,
     which no cover over an end makes it, and not narrower beside it, as by a cover along its side.
-
-    Args:
-        looks: Of the two parts.
-        seen: What was measured of them.
     """
     factors, widths, slack = [], [], math.inf
     for look, one in zip(looks, seen, strict=True):
@@ -166,10 +162,7 @@ _EDGES: Final = 0.5  # share of a short part's expected length that has to be st
 _WIDTH: Final = 1.5  # factor of the expected width, more or less
 
 
-_BESIDE: Final = (
-    0.05  # by which a part may be wider beside the other, relative to it: it is nearer
-)
-
+_BESIDE: Final = 0.05  # by which a nearer part may be wider beside the other, relative to it
 
 _LEVELS: Final = (
     ("hue", 0, 255),
@@ -209,32 +202,21 @@ def appearances(
         return found
     hole = parts.hole
     angle = peg.chamfer_angle if peg.chamfer else None
-    flat = parts.section == "square"
-    found = replace(found[0], end_angle=angle, flat=flat), replace(found[1], flat=flat)
-    sizes = (peg.radius, peg.length), (hole.outer_radius, hole.depth)
-    one, other = (
-        _sized(look, radius, length, pixel_size, distance, parts.section)
-        for look, (radius, length) in zip(found, sizes, strict=True)
-    )
-    return one, other
-
-
-def _sized(
-    look: Appearance,
-    radius: float,
-    length: float,
-    pixel_size: float,
-    distance: float,
-    section: Section,
-) -> Appearance:
-    """Return what to look for of a part of a known size."""
-    nearer = radius / distance if section == "square" else 0.0
-    # The sides that are seen are those of the near face; the ends are of either face.
-    return look.sized(
-        (1 + nearer) * radius / pixel_size,
-        (1 + nearer / 2) * length / pixel_size,
-        slack=_SLACK + nearer / 2,
-    )
+    found = replace(found[0], end_angle=angle), found[1]
+    looks = []
+    for look, radius, length in zip(
+        found, (peg.radius, hole.outer_radius), (peg.length, hole.depth), strict=True
+    ):
+        square = parts.section == "square"
+        nearer = radius / distance if square else 0.0
+        # The sides that are seen are those of the near face; the ends are of either face.
+        sized = replace(look, flat=square).sized(
+            (1 + nearer) * radius / pixel_size,
+            (1 + nearer / 2) * length / pixel_size,
+            slack=_SLACK + nearer / 2,
+        )
+        looks.append(sized)
+    return looks[0], looks[1]
 
 
 def _hue(parts: ColouredParts, name: str) -> int:

@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from chamfer.models.validation import ParameterError, require_positive
 from chamfer.systems.cameras.camera_image import Image
 from chamfer.systems.vision.part_appearance import Appearance, Proportions, Range, agree
 from chamfer.systems.vision.part_edges import Axis, find_axis, find_end, is_the_parts, proportions
@@ -68,14 +69,10 @@ _MERGED: Final = (Status.AT_BORDER, Status.NOT_STRAIGHT, Status.WRONG_SIZE, Stat
 
 
 def detect(image: Image, part: Appearance) -> Detection:
-    """Find one part in an image.
+    """Find one part in an image, red, green, blue, shape (height, width, 3).
 
     The axis in the image is taken to be within about 0.6 rad of the rows. An end with something
     else than background just beyond it counts as occluded, also where the part is in front.
-
-    Args:
-        image: Red, green, blue, shape (height, width, 3).
-        part: What to look for.
     """
     seen = colours(image)
     return _find(image, seen, part, colour_mask(seen, part), None).detection
@@ -190,3 +187,53 @@ def _measured(image: Image, blob: Blob, part: Appearance, other: Mask | None) ->
 
 def _within(value: float, limits: Range | None) -> bool:
     return limits is None or limits[0] <= value <= limits[1]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContinuityParams:
+    """How fast what is seen can change: parts don't jump."""
+
+    speed: float = 2000.0  # pixels/s, at most; 1 m/s at 0.5 mm a pixel, assumed
+    turning: float = 10.0  # rad/s, at most, of an axis in the image; assumed
+    most_jumps: int = 2  # in a row that are refused; what is still there then is believed; assumed
+
+    def __post_init__(self) -> None:
+        require_positive(self, "speed", "turning")
+        if not 0 <= self.most_jumps <= 1000:
+            raise ParameterError("most_jumps", self.most_jumps, "a whole number from 0 to 1000")
+
+    def jumps(self, moved: float, turned: float, seconds: float) -> bool:
+        """Return whether a change, pixels and rad, is too large for the time that it took."""
+        return moved > self.speed * seconds or abs(turned) > self.turning * seconds
+
+
+class LastSeen(NamedTuple):
+    """What is remembered of a part."""
+
+    detection: Detection | None = None  # that was last believed; None: none yet
+    time: float = -math.inf  # s, of that
+    refused: int = 0  # in a row since then, for being too far off
+
+
+def follow(
+    last: LastSeen, found: Detection, time: float, params: ContinuityParams
+) -> tuple[LastSeen, Detection]:
+    """Return what to remember of a part, and what to believe of it: what was found, or a jump.
+
+    What is elsewhere than the part can have got to at the image's time, s, is refused, but not for
+    good: if it stays, it was the last belief that was wrong.
+    """
+    if found.status.lost:
+        return last, found
+    before = last.detection
+    if before is not None and last.refused < params.most_jumps:
+        turned = math.remainder(found.angle - before.angle, math.tau)
+        if before.status == found.status == Status.VALID:
+            moved = math.dist(before.tip, found.tip)
+        else:  # across its axis
+            du, dv = np.subtract(found.point, before.point)
+            moved = abs(float(math.cos(before.angle) * dv - math.sin(before.angle) * du))
+        if params.jumps(moved, turned, time - last.time):
+            refused = LastSeen(before, last.time, last.refused + 1)
+            return refused, Detection(status=Status.JUMPED)
+    return LastSeen(found, time), found

@@ -58,11 +58,9 @@ def _solve(matrix: Array, right: Array, x: Array) -> None:
 
 @compiled
 def robust_fit(basis: Array, y: Array) -> tuple[Array, float, int, float]:
-    """Solve ``basis @ x = y`` by least squares with Tukey's weights.
+    """Solve ``basis @ x = y``, shape (n, m), by least squares with Tukey's weights.
 
-    Args:
-        basis: Shape (n, m).
-        y: Shape (n,); NaN elements are not there.
+    NaN elements of y are not there.
 
     Returns:
         x, shape (m,); the rms of the residuals that count; their number; by how much those in the
@@ -116,11 +114,7 @@ _STRAIGHT: Final = 0.2  # pixels; residuals below are never left out
 
 @compiled
 def fit_line(u: Array, v: Array) -> tuple[float, float, float, int, float]:
-    """Fit a line, leaving out what does not lie on it; NaN elements of v are not there.
-
-    Returns:
-        What a :class:`Line` has; without points it is no line.
-    """
+    """Fit a :class:`Line`, leaving out what does not lie on it; NaN in v is no point."""
     basis = np.ones((len(u), 2))
     basis[:, 1] = u - u[0]
     x, rms, points, bend = robust_fit(basis, v)
@@ -137,8 +131,8 @@ def fit_end(across: Array, along: Array, flat: bool = False) -> tuple[float, flo
         flat: Whether it is a line, as of a square face.
 
     Returns:
-        Where the middle of the face is, pixels; by how much the ellipse is ahead of it, pixels;
-        the rms of the residuals that count, pixels; their number.
+        Where the middle of the face is and by how much the ellipse is ahead of it, pixels; the rms
+        of the residuals that count, pixels; their number.
     """
     n = len(across)
     basis, y = np.zeros((n + 1, 3)), np.zeros(n + 1)
@@ -193,14 +187,7 @@ class _Side(NamedTuple):
 
 
 def find_axis(image: Image, blob: Blob, colour: Array, part: Appearance) -> Axis | Flaw:
-    """Return a blob's axis, or why it has none.
-
-    Args:
-        image: Red, green, blue, shape (height, width, 3).
-        blob: The part's pixels.
-        colour: Red, green and blue of the part.
-        part: What is looked for.
-    """
+    """Return the axis of a blob, whose mean colour is given, or why it has none."""
     width = blob.own.shape[1]
     u = np.arange(blob.left, blob.left + width, dtype=float)
     begin, stop = (round(share * width) for share in _MIDDLE)
@@ -314,13 +301,7 @@ def find_end(
     ends, not its outermost point, are level with the middle of the face. A square face has a
     straight edge: that of the nearer or of the farther side.
 
-    Args:
-        image: Red, green, blue, shape (height, width, 3).
-        blob: The part's pixels.
-        colour: Red, green and blue of the part.
-        part: What is looked for.
-        axis: Of the blob.
-        other: Which pixels have the colour of a part that may be before it.
+    The mask of the ``other`` part says where that may be before it.
     """
     radius = axis.half_width * part.end_ratio
     blurred = min(radius - _FACE * axis.blur, axis.half_width - _SIDE * axis.blur)
@@ -434,11 +415,8 @@ def _along_and_across(
 ) -> tuple[Array, Array]:
     """Return how far points are ahead of the axis' point, and aside of it, pixels.
 
-    Args:
-        starts: Columns and rows, shape (n, 2).
-        beyond: Pixels along the row, to the front, shape (n,).
-        axis: The axis.
-        front: 1: to the right; -1: to the left.
+    They are ``beyond`` the starts by so many pixels along the row, to the front: 1, to the right,
+    or -1, to the left.
     """
     cos, sin = math.cos(axis.angle), math.sin(axis.angle)
     u, v = starts[:, 0] + front * beyond - axis.u, starts[:, 1] - axis.v

@@ -42,12 +42,7 @@ class Blob(NamedTuple):
 
 @compiled
 def outline(own: Own, top: int) -> tuple[Array, Array]:
-    """Return the first and the last row of a blob in each column, NaN where it has none.
-
-    Args:
-        own: Of a :class:`Blob`.
-        top: Likewise.
-    """
+    """Return a :class:`Blob`'s first and last row in each column, NaN where it has none."""
     rows, columns = own.shape
     first, last = np.full(columns, np.nan), np.full(columns, np.nan)
     for j in range(columns):
@@ -66,21 +61,14 @@ def outline(own: Own, top: int) -> tuple[Array, Array]:
 def row_ends(
     own: Own, left: int, top: int, front: int, first: int, last: int, most: float
 ) -> EdgeStarts:
-    """Return the foremost pixel of a blob in each of some rows.
+    """Return the foremost pixel of a :class:`Blob` in each row of the image from first to last.
 
-    A row that a highlight crosses seems to end there, far from where the others do.
-
-    Args:
-        own: Of a :class:`Blob`.
-        left: Likewise.
-        top: Likewise.
-        front: 1: the one on the right; -1: on the left.
-        first: Row of the image, from.
-        last: Row of the image, to; rows without the blob are left out.
-        most: Pixels that an end may be away from the median of all.
+    It is the one on the right (front 1) or on the left (-1). A row that a highlight crosses seems
+    to end there, more than ``most`` pixels away from the median of all.
 
     Returns:
-        Column and row, shape (n, 2); the column is -1 where there is none.
+        Column and row, shape (n, 2), of the rows that the blob has; the column is -1 where there
+        is none.
     """
     rows, columns = own.shape
     first, last = max(first, top), min(last, top + rows - 1)
@@ -147,10 +135,7 @@ def median(values: NDArray[np.uint8]) -> Array:
 def colour_mask(seen: Colours, part: Appearance, stricter: int = 0) -> Mask:
     """Return which pixels have a part's colour, 255 or 0, shape (height, width).
 
-    Args:
-        seen: The image.
-        part: What is looked for.
-        stricter: By how much more saturated they have to be, of 255.
+    They have to be more saturated than the part by ``stricter``, of 255.
     """
     low, high = part.hue - part.hue_width, part.hue + part.hue_width
     least = min(part.saturation + stricter, 255), part.value
@@ -166,13 +151,9 @@ def colour_mask(seen: Colours, part: Appearance, stricter: int = 0) -> Mask:
 
 
 def blobs(mask: Mask, part: Appearance, *, bridged: bool) -> list[Blob]:
-    """Return what may be the part, the largest first.
+    """Return what of a mask may be the part, the largest first.
 
-    Args:
-        mask: Of :func:`colour_mask`.
-        part: What is looked for.
-        bridged: Whether pieces belong together that a highlight or a thin thing before the part
-            separates.
+    Bridged, pieces belong together that a highlight or a thin thing before the part separates.
     """
     left, top, width, height = cv2.boundingRect(mask)
     if not width:

@@ -4,6 +4,11 @@ A pixel on an edge shows part and background mixed by area. What it has left of 
 gives the area, whatever the part's brightness there: on a line of pixels across the edge the
 areas sum up to where the edge is. The background is the one beside that very edge, which may lie
 in a shadow or be of wood, and as many pixels are summed as the edge is blurred.
+
+In all that follows ``image`` is red, green, blue, shape (height, width, 3 or 4); ``starts``, shape
+(n, 2), are column and row of the last pixel of the part's mask on n lines across an edge, the
+column -1 where there is none; ``step`` is column and row from one pixel to the next, out of the
+part; ``part``, ``background``, ``common`` and ``beside`` are colours, red, green and blue.
 """
 
 import math
@@ -34,12 +39,8 @@ _SHADE: Final = (0.5, 1.6)  # brightness of a background beyond the end, of the 
 def moved(starts: EdgeStarts, step: Step, middle: float) -> EdgeStarts:
     """Return starts at the last pixel that shows more of the part than not.
 
-    A mask ends there, but where the part's colour gives way to another one long before.
-
-    Args:
-        starts: Column and row of the last pixel of the part's mask, shape (n, 2).
-        step: Column and row from one pixel to the next, out of the part.
-        middle: Of :func:`blur`.
+    A mask ends there, but where the part's colour gives way to another one long before. The middle
+    is that of :func:`blur`.
     """
     if math.isnan(middle) or round(middle - 0.5) == 0:
         return starts
@@ -50,9 +51,8 @@ def moved(starts: EdgeStarts, step: Step, middle: float) -> EdgeStarts:
 def window(width: float) -> int:
     """Return how many pixels of the background an edge needs that is blurred.
 
-    Args:
-        width: Over which the share falls from three quarters to a quarter, pixels: of a normal
-            blur 1.35 standard deviations. Two and a half of them are summed, and a pixel.
+    Over ``width`` pixels the share falls from three quarters to a quarter: of a normal blur 1.35
+    standard deviations. Two and a half of them are summed, and a pixel.
     """
     return int(1.0 + 1.9 * width)
 
@@ -62,10 +62,6 @@ def contrast(part: Array, background: Array) -> tuple[float, float, float, float
     """Return what of a background is at right angles to a part's colour, and its square.
 
     The part's shade does not matter to it: no shade of the part has any of it.
-
-    Args:
-        part: Red, green and blue of the part.
-        background: Red, green and blue of the background.
 
     Returns:
         Red, green and blue; grey levels squared, 0 where the background is too dark or too alike.
@@ -86,13 +82,7 @@ def colour_beyond(
 ) -> tuple[Array, float, int]:
     """Return the mean colour of pixels beyond an edge, without what differs from most of them.
 
-    Args:
-        image: Red, green, blue, shape (height, width, 3 or 4).
-        starts: Column and row of the last pixel of the part's mask, shape (n, 2); what is not in
-            the image is not there.
-        step: Column and row from one pixel to the next, out of the part.
-        first: Pixels beyond the start, from.
-        last: Pixels beyond the start, to.
+    Looked at are the pixels from ``first`` to ``last`` beyond the starts.
 
     Returns:
         Red, green and blue, shape (3,); the standard deviation of a pixel's channel; how many
@@ -135,12 +125,7 @@ def blur(
     Both amounts of a pixel are compared, of the part and of the background, so that a shadow is
     no blur.
 
-    Args:
-        image: Red, green, blue, shape (height, width, 3 or 4).
-        starts: Column and row of the last pixel of the part's mask, shape (n, 2).
-        step: Column and row from one pixel to the next, out of the part.
-        part: Red, green and blue of the part.
-        reach: Pixels to either side of the start that are looked at.
+    Up to ``reach`` pixels to either side of the starts are looked at.
 
     Returns:
         From three quarters of the part to a quarter, pixels, in the mean of some lines; where
@@ -185,17 +170,9 @@ def backgrounds_beyond(
 ) -> Array:
     """Return the background beyond an edge where it is, for each line across it.
 
-    Lines are taken together in blocks and the mean of each is used as far as it differs from the
-    common one by more than chance; between the blocks' middles it changes evenly.
-
-    Args:
-        image: Red, green, blue, shape (height, width, 3 or 4).
-        starts: Column and row of the last pixel of the part's mask, shape (n, 2).
-        step: Column and row from one pixel to the next, out of the part.
-        first: Pixels beyond the start that are background, from.
-        last: Pixels beyond the start that are background, to.
-        block: Lines in a block.
-        common: Red, green and blue, shape (3,).
+    Background are the pixels from ``first`` to ``last`` beyond the starts. ``block`` lines are
+    taken together and their mean is used as far as it differs from the common colour by more than
+    chance; between the blocks' middles it changes evenly.
 
     Returns:
         Red, green and blue, shape (n, 3).
@@ -232,14 +209,8 @@ def end_background(
 ) -> tuple[Array, EdgeStarts]:
     """Return the background beyond an end, for each line across it, and where it is one.
 
-    Background is what has the colour of the one beside the part, in light or shade.
-
-    Args:
-        image: Red, green, blue, shape (height, width, 3 or 4).
-        starts: Column and row of the last pixel of the part's mask, shape (n, 2).
-        step: Column and row from one pixel to the next, out of the part.
-        outside: Pixels beyond the start that are the edge's, of which the last two are looked at.
-        beside: Red, green and blue of the background beside the part.
+    Background is what has the colour of the one beside the part, in light or shade, in the last
+    two of the ``outside`` pixels of the edge.
 
     Returns:
         Red, green and blue, shape (n, 3); the starts, with the column -1 where something else
@@ -279,14 +250,8 @@ def soft_edges(
 ) -> Array:
     """Return how far the part reaches beyond the middle of the last pixel of its mask.
 
-    Args:
-        image: Red, green, blue, shape (height, width, 3 or 4).
-        starts: Column and row of the last pixel in the mask, shape (n, 2).
-        step: Column and row from one pixel to the next, out of the part.
-        part: Red, green and blue of the part; its brightness does not matter.
-        backgrounds: Red, green and blue of the background beyond, shape (n, 3).
-        inside: Pixels of the part that are summed, with the last one of its mask.
-        outside: Pixels of the background that are summed.
+    Summed are ``inside`` pixels of the part, with the last one of its mask, and ``outside`` pixels
+    of the backgrounds, shape (n, 3). The part's brightness does not matter.
 
     Returns:
         Pixels along the step, shape (n,); NaN where the line does not lead from the part to the
@@ -325,14 +290,8 @@ def soft_edges(
 def mean_share(image: Pixels, triangle: Array, part: Array, background: Array) -> float:
     """Return how much of the part is seen within a triangle, NaN where that is too small.
 
-    In light or shade, as in :func:`blur`. A pixel counts by how far it is from the triangle's
-    sides, since on them a pixel may show either.
-
-    Args:
-        image: Red, green, blue, shape (height, width, 3 or 4).
-        triangle: Corners u and v, pixels, shape (3, 2).
-        part: Red, green and blue of the part.
-        background: Red, green and blue of the background beyond.
+    In light or shade, as in :func:`blur`. A pixel counts by how far it is from the sides of the
+    triangle, pixels, shape (3, 2), since on them a pixel may show either.
     """
     height, width = image.shape[:2]
     of_background, of_part = contrast(part, background), contrast(background, part)
@@ -369,13 +328,6 @@ def edge_beyond(
     image: Pixels, starts: EdgeStarts, step: Step, part: Array, outside: int
 ) -> tuple[Array, Array]:
     """Return how far a long edge is beyond its starts, as :func:`soft_edges`, and what is beside.
-
-    Args:
-        image: Red, green, blue, shape (height, width, 3 or 4).
-        starts: Column and row of the last pixel in the mask, shape (n, 2).
-        step: Column and row from one pixel to the next, out of the part.
-        part: Red, green and blue of the part.
-        outside: Pixels of the background that are summed.
 
     Returns:
         Pixels along the step, shape (n,); red, green and blue of the background, shape (3,).

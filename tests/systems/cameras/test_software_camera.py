@@ -24,7 +24,7 @@ from chamfer.systems.cameras.software_camera import (
     render,
     render_moving,
 )
-from chamfer.systems.cameras.solids_camera import Lens, Solid, render_solids
+from chamfer.systems.cameras.solids_camera import Solid, render_solids
 from chamfer.systems.pose import pose_vector
 from chamfer.systems.vision.part_appearance import appearances
 
@@ -371,7 +371,7 @@ def test_an_edge_in_the_image_is_where_opencv_projects_it() -> None:
     vertices = np.array([[x, y, z] for x in (-1, 1) for y in (0.06, 0.4) for z in (0.5, 0.50001)])
     plate = Solid(name="plate", vertices=vertices, colour=(0, 0, 0))
     image = render_solids(
-        at, [plate], {"plate": RigidTransform()}, Lens(background=(200, 200, 200), blur=0.0)
+        at, [plate], {"plate": RigidTransform()}, SceneStyle(background=(200, 200, 200), blur=0.0)
     )
     free = (image[..., 0] / 200.0).sum(axis=0) - 0.5  # of each column, down to the edge
     x = np.linspace(-0.3, 0.3, 4001)
@@ -390,7 +390,7 @@ def test_what_the_lens_would_fold_back_is_not_drawn() -> None:
         vertices=np.array([[x, y, z] for x in (-1, 1) for y in (0, 0.1) for z in (-1, 1)]),
         colour=(0, 0, 0),
     )
-    image = render_solids(at, [plate], {"plate": RigidTransform()}, Lens(blur=0.0))
+    image = render_solids(at, [plate], {"plate": RigidTransform()}, SceneStyle(blur=0.0))
     v, u = np.mgrid[:240, :320]
     away = np.hypot(u - at.centre[0], v - at.centre[1])
     assert (image[away < 77] == 0).all()

@@ -11,7 +11,7 @@ from chamfer.models.peg.part_surfaces import rings
 from chamfer.models.peg.peg_and_hole import BLUE, RED, ColouredParts
 from chamfer.systems.cameras.scene import SceneStyle
 from chamfer.systems.cameras.software_camera import render
-from chamfer.systems.cameras.solids_camera import Lens, Solid, SolidsCamera, render_solids
+from chamfer.systems.cameras.solids_camera import Solid, SolidsCamera, render_solids
 from chamfer.systems.pose import pose_vector
 
 PARTS = ColouredParts()
@@ -41,7 +41,7 @@ def test_a_peg_as_a_solid_is_the_software_cameras_peg(view: Any) -> None:
 def test_a_cube_has_the_area_of_its_near_face() -> None:
     # A cube of 20 mm in the middle: its near face is at 0.49 m, a pixel there has 0.49 mm.
     image = render_solids(
-        camera(), [cube("one", 0.02, RED)], {"one": RigidTransform()}, Lens(blur=0.0)
+        camera(), [cube("one", 0.02, RED)], {"one": RigidTransform()}, SceneStyle(blur=0.0)
     )
     share = (200.0 - image[:, :, 1]) / 160
     assert share.sum() == pytest.approx((20 / 0.49) ** 2, rel=2e-3)

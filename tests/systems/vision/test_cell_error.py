@@ -14,8 +14,13 @@ from chamfer.systems.vision.cell_error import (
     ImageClock,
     ImagePlaneError,
 )
-from chamfer.systems.vision.continuity import ContinuityParams, LastSeen, follow
-from chamfer.systems.vision.part_detection import Detection, Status
+from chamfer.systems.vision.part_detection import (
+    ContinuityParams,
+    Detection,
+    LastSeen,
+    Status,
+    follow,
+)
 
 NOTHING = [math.nan] * 6
 SEEN = [70.0, -3.0, -4.0, 0.0, 0.02, -0.05]

@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from pydrake.common.value import Value
 from pydrake.systems.sensors import ImageRgba8U
 
+from chamfer.models.cameras.camera import CameraPlacement
 from chamfer.models.peg.peg_and_hole import RED
 from chamfer.systems.cameras.camera_image import write_image
-from chamfer.systems.cameras.scene import Patch, Shape
+from chamfer.systems.cameras.scene import Patch, SceneStyle, Shape
 from chamfer.systems.cameras.software_camera import paint_shapes
 from chamfer.systems.vision.cross_section import (
     CrossSection,
@@ -26,7 +27,7 @@ from chamfer.systems.vision.part_detection import Status
 
 def drawn(polygon: np.ndarray, colour: Any = RED) -> np.ndarray:
     shape = Shape(Patch(polygon, np.array(colour, dtype=float)), ())
-    return paint_shapes(320, 240, [shape], background=(200, 200, 200), blur=0.7)
+    return paint_shapes(CameraPlacement().camera, [shape], SceneStyle())
 
 
 def turned(points: Any, angle: float, centre: tuple[float, float]) -> np.ndarray:

@@ -11,10 +11,10 @@ from chamfer.models.cameras.camera import CameraPlacement
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import ParameterError
 from chamfer.systems.vision.cell_error import CellErrorParams, ExpectedError
-from chamfer.systems.vision.continuity import ContinuityParams
 from chamfer.systems.vision.cross_section import CrossSectionParams
 from chamfer.systems.vision.measured_error import MeasuredErrorParams
 from chamfer.systems.vision.part_appearance import PEG, appearances
+from chamfer.systems.vision.part_detection import ContinuityParams
 from chamfer.systems.vision.part_detector import PartsDetector
 from chamfer.systems.vision.two_plane_stereo import TwoPlaneStereo
 
