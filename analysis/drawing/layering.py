@@ -5,21 +5,27 @@ lines between two layers. Keys are hashable, wires pairs of them; nothing here i
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final, Generic, TypeVar
+from typing import Any, Final, Generic, TypeVar
+
+import numpy as np
+from scipy.optimize import LinearConstraint, milp
+from scipy.sparse import coo_array
 
 Key = TypeVar("Key", bound=Hashable)
 Pair = tuple[Key, Key]
 # Source, how far down it (0 to 1), target, how far down it; 0 for ends in any order.
 Link = tuple[Key, float, Key, float]
+# ``height[after] - height[before]`` is at least (as a tie: equal to) the last.
+Gap = tuple[Key, Key, float]
 _Ends = dict[Key, list[tuple[float, Key, float]]]
 
 CLEARANCE: Final = 7.0  # px, the least distance of parallel lines of different signals
 _SWEEPS: Final = 12
 _OVERLAP: Final = 1000  # crossings that two lines on top of each other are worth
-_EPSILON: Final = 1e-6
+_UPWARDS: Final = 1e-4  # how much a height is worth beside a tie
 
 
 def feedback(
@@ -56,26 +62,21 @@ def _depth_first(starts: Sequence[Key], pairs: Sequence[Pair[Key]]) -> set[int]:
     found: set[int] = set()
     trail: set[Key] = set()
     seen: set[Key] = set()
-    for start in starts:
-        if start in seen:
-            continue
-        seen.add(start)
-        trail.add(start)
-        stack = [(start, iter(leaving[start]))]
-        while stack:
-            key, remaining = stack[-1]
-            i = next(remaining, -1)
-            if i < 0:
-                stack.pop()
-                trail.discard(key)
-                continue
+
+    def visit(key: Key) -> None:
+        seen.add(key)
+        trail.add(key)
+        for i in leaving[key]:
             target = pairs[i][1]
             if target in trail:
                 found.add(i)
             elif target not in seen:
-                seen.add(target)
-                trail.add(target)
-                stack.append((target, iter(leaving[target])))
+                visit(target)
+        trail.discard(key)
+
+    for start in starts:
+        if start not in seen:
+            visit(start)
     return found
 
 
@@ -123,9 +124,7 @@ def assign_layers(
     all without predecessors, have the first layer for themselves, those of ``last`` the last one.
     """
     layer, _ = longest_paths(keys, pairs)
-    if any(first(key) for key in keys):
-        shift = 0 if all(first(key) or layer[key] for key in keys) else 1
-        layer = {key: 0 if first(key) else layer[key] + shift for key in keys}
+    layer = {key: 0 if first(key) else layer[key] + 1 for key in keys}
     following, preceding = _neighbours(pairs)
     free: dict[Key, bool] = {}
     for key in sorted(keys, key=lambda key: layer[key]):
@@ -140,64 +139,52 @@ def assign_layers(
     return {key: rank[layer[key]] for key in keys}
 
 
-def order_layers(layers: Sequence[Sequence[Key]], links: Sequence[Link[Key]]) -> list[list[Key]]:
-    """Return the layers reordered for few crossings: barycentres, then neighbours swapped.
+def connected(keys: Sequence[Key], pairs: Sequence[Pair[Key]]) -> dict[Key, int]:
+    """Return the number of the connected part in which every key is."""
+    part = {key: i for i, key in enumerate(keys)}
+    for source, target in pairs:
+        old, new = part[target], part[source]
+        part = {key: new if number == old else number for key, number in part.items()}
+    return part
+
+
+def order_layers(
+    layers: Sequence[Sequence[Key]],
+    links: Sequence[Link[Key]],
+    group: Callable[[Key], Any],
+) -> list[list[Key]]:
+    """Return the layers reordered by barycentres for few crossings.
 
     Args:
         layers: The keys of every layer from top to bottom; ties keep this order.
         links: Wires between neighbouring layers.
+        group: Keys of lower groups stand first.
     """
     following: _Ends[Key] = defaultdict(list)
     preceding: _Ends[Key] = defaultdict(list)
     for source, leaves_at, target, enters_at in links:
         following[source].append((leaves_at, target, enters_at))
         preceding[target].append((enters_at, source, leaves_at))
-    best = [list(layer) for layer in layers]
-    best_count = _crossings(best, following)
-    current = [list(layer) for layer in best]
+    current = [sorted(layer, key=group) for layer in layers]
+    best, best_count = list(current), _crossings(current, following)
     for sweep in range(_SWEEPS):
-        if best_count == 0:
-            break
         forward = sweep % 2 == 0
         indices = range(1, len(current)) if forward else range(len(current) - 2, -1, -1)
         for i in indices:
             fixed = current[i - 1] if forward else current[i + 1]
-            current[i] = _by_barycentre(current[i], fixed, preceding if forward else following)
-        _swap_neighbours(current, following, preceding)
+            place = {key: j for j, key in enumerate(fixed)}
+            centre = {}
+            for j, key in enumerate(current[i]):
+                ends = (preceding if forward else following)[key]
+                places = [place[other] + at for _, other, at in ends]
+                # A key without neighbours stays about where it is.
+                share = j * len(fixed) / len(current[i])
+                centre[key] = sum(places) / len(places) if places else share
+            current[i] = sorted(current[i], key=lambda key: (group(key), centre[key]))
         count = _crossings(current, following)
         if count < best_count:
-            best, best_count = [list(layer) for layer in current], count
+            best, best_count = list(current), count
     return best
-
-
-def _by_barycentre(layer: list[Key], fixed: list[Key], ends: _Ends[Key]) -> list[Key]:
-    place = {key: i for i, key in enumerate(fixed)}
-    scale = len(fixed) / max(len(layer), 1)
-    centre = {}
-    for i, key in enumerate(layer):
-        places = [place[other] + at for _, other, at in ends.get(key, ()) if other in place]
-        # A key without neighbours stays about where it is.
-        centre[key] = sum(places) / len(places) if places else i * scale
-    return sorted(layer, key=lambda key: centre[key])
-
-
-def _swap_neighbours(
-    layers: list[list[Key]], following: _Ends[Key], preceding: _Ends[Key]
-) -> None:
-    for i, layer in enumerate(layers):
-        sides = []
-        for other, ends in ((i - 1, preceding), (i + 1, following)):
-            if 0 <= other < len(layers):
-                sides.append(({key: j for j, key in enumerate(layers[other])}, ends))
-        for j in range(len(layer) - 1):
-            as_is = swapped = 0
-            for place, ends in sides:
-                above = [(place[key], at) for _, key, at in ends.get(layer[j], ())]
-                below = [(place[key], at) for _, key, at in ends.get(layer[j + 1], ())]
-                as_is += sum(a > b for a in above for b in below)
-                swapped += sum(b > a for a in above for b in below)
-            if swapped < as_is:
-                layer[j], layer[j + 1] = layer[j + 1], layer[j]
 
 
 def _crossings(layers: Sequence[Sequence[Key]], following: _Ends[Key]) -> int:
@@ -207,50 +194,35 @@ def _crossings(layers: Sequence[Sequence[Key]], following: _Ends[Key]) -> int:
         lines = [
             ((i, start), (place[target], end))
             for i, key in enumerate(left)
-            for start, target, end in following.get(key, ())
-            if target in place
+            for start, target, end in following[key]
         ]
         count += sum(a[0] < b[0] and a[1] > b[1] for a in lines for b in lines)
     return count
 
 
-# ``height[after] - height[before]`` is at least (as a tie: equal to) the last.
-Gap = tuple[Key, Key, float]
-
-
 def align(
-    keys: Sequence[Key], gaps: Sequence[Gap[Key]], ties: Sequence[Gap[Key]]
-) -> dict[Key, float]:
-    """Return the least heights that keep every gap, and ties in the order of their importance.
+    keys: Sequence[Key], gaps: Sequence[Gap[Key]], ties: Mapping[Gap[Key], float]
+) -> dict[Key, float] | None:
+    """Return heights that keep every gap and miss ties by little; None if gaps contradict.
 
-    A tie that contradicts the gaps and the ties before it is left out.
+    The sum of what every tie is missed by, times its weight, is least: a linear program.
     """
-    kept = list(gaps)
-    heights = dict.fromkeys(keys, 0.0)
-    _settle(heights, kept)
-    for before, after, distance in ties:
-        trial = dict(heights)
-        equal = [*kept, (before, after, distance), (after, before, -distance)]
-        if _settle(trial, equal):
-            heights, kept = trial, equal
-    return heights
-
-
-def _settle(heights: dict[Key, float], gaps: Sequence[Gap[Key]]) -> bool:
-    """Move heights up until every gap is kept; False if that never ends."""
-    bound = max(heights.values(), default=0.0) + sum(abs(gap[2]) for gap in gaps) + 1.0
-    for _ in range(len(heights) * 4 + 4):
-        moved = False
-        for before, after, distance in gaps:
-            least = heights[before] + distance
-            if heights[after] < least - _EPSILON:
-                heights[after] = least
-                moved = True
-                if least > bound:
-                    return False
-        if not moved:
-            return True
-    return False
+    if not keys:
+        return {}
+    place = {key: i for i, key in enumerate(keys)}
+    number, rows = len(keys), len(gaps) + 2 * len(ties)
+    # height[after] - height[before] >= distance; for a tie both ways, up to a slack.
+    both = [*gaps, *ties, *((after, before, -distance) for before, after, distance in ties)]
+    before, after = [place[gap[0]] for gap in both], [place[gap[1]] for gap in both]
+    slack = [number + i for i in range(len(ties))] * 2
+    data = np.repeat([-1.0, 1.0, 1.0], [rows, rows, len(slack)])
+    row = [*range(rows), *range(rows), *range(len(gaps), rows)]
+    matrix = coo_array((data, (row, [*before, *after, *slack])), (rows, number + len(ties)))
+    solution = milp(
+        [*[_UPWARDS] * number, *ties.values()],
+        constraints=LinearConstraint(matrix, [gap[2] for gap in both]),
+    )
+    return dict(zip(keys, solution.x.tolist(), strict=False)) if solution.success else None
 
 
 @dataclass(frozen=True)

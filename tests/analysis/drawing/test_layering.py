@@ -61,20 +61,23 @@ def test_a_disturbance_stands_before_its_target_and_ends_outside() -> None:
 
 
 def test_crossings_are_undone() -> None:
-    left, right = order_layers([["a", "b"], ["x", "y"]], [("a", 0, "y", 0), ("b", 0, "x", 0)])
+    crossed = [("a", 0, "y", 0), ("b", 0, "x", 0)]
+    left, right = order_layers([["a", "b"], ["x", "y"]], crossed, lambda _: 0)
     assert left.index("a") - left.index("b") == right.index("y") - right.index("x")
     fixed = [("a", 0.9, "x", 0), ("a", 0.1, "y", 0)]  # ports of a cluster
-    assert order_layers([["a"], ["x", "y"]], fixed) == [["a"], ["y", "x"]]
+    assert order_layers([["a"], ["x", "y"]], fixed, lambda _: 0) == [["a"], ["y", "x"]]
+    # What belongs to the lower group stays below.
+    assert order_layers([["a"], ["x", "y"]], fixed, lambda key: key == "y") == [["a"], ["x", "y"]]
 
 
 def test_the_more_important_tie_is_kept() -> None:
     # 0 is above 1, 2 above 3: the ties would have to cross.
-    y = align(range(4), [(0, 1, 10.0), (2, 3, 10.0)], [(0, 3, 0.0), (1, 2, 0.0)])
+    y = align(range(4), [(0, 1, 10.0), (2, 3, 10.0)], {(0, 3, 0.0): 2.0, (1, 2, 0.0): 1.0})
+    assert y is not None
     assert y[0] == pytest.approx(y[3])
     assert y[1] >= y[0] + 10
     assert y[2] <= y[3] - 10
-    y = align(range(3), [(0, 1, 100.0)], [(0, 2, 0.0), (1, 2, 0.0)])
-    assert y[0] <= y[2] <= y[1]
+    assert align(range(2), [(0, 1, 1.0), (1, 0, 1.0)], {}) is None
 
 
 @given(
@@ -85,7 +88,8 @@ def test_every_gap_is_kept(
     gaps: list[tuple[int, int, float]], ties: list[tuple[int, int, float]]
 ) -> None:
     least = [(i, min(i + step, 9), distance) for i, step, distance in gaps]
-    y = align(range(10), least, [tie for tie in ties if tie[0] != tie[1]])
+    y = align(range(10), least, {tie: 1.0 for tie in ties if tie[0] != tie[1]})
+    assert y is not None
     assert all(y[after] - y[before] >= distance - 1e-3 for before, after, distance in least)
 
 

@@ -232,7 +232,7 @@ def test_opposite_transitions_and_loops_of_a_chart(axis: Chart[None, None]) -> N
     back = _route(layout, "state settling", "state moving")
     assert len(there) == 2
     assert max(y for _, y in back) > there[0][1]
-    top = next(box.y for box in layout.boxes if box.node.id == "state moving")
+    moving = next(_rectangle(box) for box in layout.boxes if box.node.id == "state moving")
     loop = _route(layout, "state moving", "state moving")
-    assert loop[0][1] == loop[-1][1] == top
-    assert min(y for _, y in loop) < top
+    assert loop[0][0] == moving[2], "leaves to the right"
+    assert max(y for _, y in loop) > loop[-1][1] == moving[3], "comes back from below"
