@@ -161,7 +161,7 @@ def select(entries: Sequence[Entry], names: Sequence[str]) -> list[Entry]:
         UserError: If there is no experiment of a name.
     """
     by_name = {entry.name: entry for entry in entries}
-    return [by_name[_valid("experiment", name, by_name)] for name in dict.fromkeys(names)]
+    return [by_name[valid_name("experiment", name, by_name)] for name in dict.fromkeys(names)]
 
 
 def select_paper(entries: Sequence[Entry], paper: str) -> list[Entry]:
@@ -170,7 +170,7 @@ def select_paper(entries: Sequence[Entry], paper: str) -> list[Entry]:
     Raises:
         UserError: If no experiment belongs to that paper.
     """
-    _valid("paper", paper, dict.fromkeys(entry.paper for entry in entries))
+    valid_name("paper", paper, dict.fromkeys(entry.paper for entry in entries))
     return [entry for entry in entries if entry.paper == paper]
 
 
@@ -181,7 +181,12 @@ def column(values: "Sequence[float] | NDArray[Any]") -> "NDArray[np.float64]":
     return np.asarray(values, dtype=np.float64)
 
 
-def _valid(kind: str, name: str, names: dict[str, Any]) -> str:
+def valid_name(kind: str, name: str, names: Mapping[str, Any]) -> str:
+    """Return the name if it is one of the names, and else say which are.
+
+    Raises:
+        UserError: If it is none of them.
+    """
     if name in names:
         return name
     from difflib import get_close_matches

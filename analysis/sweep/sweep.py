@@ -9,12 +9,12 @@ From Python::
 """
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from difflib import get_close_matches
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,15 @@ from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.command.running import Job, prepare
 from chamfer.analysis.report.results import defined_metrics
 from chamfer.analysis.scenario.errors import ExperimentError, UserError
-from chamfer.analysis.scenario.experiment import Catalogue, Entry, Outcome, Progress, load, select
+from chamfer.analysis.scenario.experiment import (
+    Catalogue,
+    Entry,
+    Outcome,
+    Progress,
+    load,
+    select,
+    valid_name,
+)
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.analysis.scenario.scenario_yaml import one_line
 from chamfer.analysis.sweep.sweep_design import (
@@ -46,6 +54,7 @@ _PROBES: Final = 8  # points that may run to learn what an experiment measures
 _METRIC, _UNIT = "metric.", "unit."  # in front of names in a trial's row
 
 Kind = Literal["ok", "refused", "failed"]
+KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,11 +92,6 @@ class SweepTable(dict[str, NDArray[Any]]):
         super().__init__(columns)
         self.units = units  # of fields and metrics, "" for a pure number
 
-    @property
-    def columns(self) -> list[str]:
-        """The columns' names, in order."""
-        return list(self)
-
 
 @dataclass(frozen=True, kw_only=True)
 class SweepResult:
@@ -99,10 +103,28 @@ class SweepResult:
     metrics: dict[str, str]  # columns of metrics by the metrics' names
     counts: dict[Kind, int]  # of trials
     simulated_seconds: float
-    reasons: dict[str, int] = field(default_factory=dict)  # of points without a result
+    reasons: dict[str, int]  # of points without a result
 
 
-def sweep(
+def sweep(name: str, vary: Mapping[str, Spec], *, workers: int = 1, **options: Any) -> SweepTable:
+    """Run an experiment at many points of its scenario and return a row for each.
+
+    Args:
+        name: Of the experiment.
+        vary: The values of each field by its dotted path, or a
+            :class:`~chamfer.analysis.sweep.sweep_design.Drawn` interval.
+        workers: Processes; for more than one, a script's main module must allow to be imported.
+        options: Those of :func:`make_plan`.
+
+    Raises:
+        UserError: If a name, field or metric doesn't exist, or an argument is not allowed.
+    """
+    plan = make_plan(name, vary, **options)
+    with parallel(workers):
+        return run_sweep(plan, _silent).table
+
+
+def make_plan(
     name: str,
     vary: Mapping[str, Spec],
     *,
@@ -113,15 +135,13 @@ def sweep(
     points: int | None = None,
     settings: Sequence[str] = (),
     scenario: Path | None = None,
-    workers: int = 1,
     catalogue: Catalogue = CATALOGUE,
-) -> SweepTable:
-    """Run an experiment at many points of its scenario and return a row for each.
+) -> SweepPlan:
+    """Return what a sweep is to run.
 
     Args:
         name: Of the experiment.
-        vary: The values of each field by its dotted path, or a
-            :class:`~chamfer.analysis.sweep.sweep_design.Drawn` interval.
+        vary: As in :func:`sweep`.
         metrics: What to keep, all metrics unless given.
         trials: Seeds of each point: ``seed``, ``seed + 1``, ...
         seed: Of all randomness, draws of points as well.
@@ -130,42 +150,7 @@ def sweep(
         points: How many points to draw.
         settings: Fields, ``path=value``, that are another value than the default at all points.
         scenario: A file with such fields.
-        workers: Processes; for more than one, a script's main module must allow to be imported.
         catalogue: Where the experiments are.
-
-    Raises:
-        UserError: If a name, field or metric doesn't exist, or an argument is not allowed.
-    """
-    plan = make_plan(
-        name,
-        vary,
-        metrics=metrics,
-        trials=trials,
-        seed=seed,
-        design=design,
-        points=points,
-        settings=settings,
-        scenario=scenario,
-        catalogue=catalogue,
-    )
-    with parallel(workers):
-        return run_sweep(plan, _silent).table
-
-
-def make_plan(
-    name: str,
-    vary: Mapping[str, Spec],
-    *,
-    metrics: Sequence[str] | None,
-    trials: int,
-    seed: int,
-    design: Design | None,
-    points: int | None,
-    settings: Sequence[str],
-    scenario: Path | None,
-    catalogue: Catalogue,
-) -> SweepPlan:
-    """Return what a sweep is to run, see :func:`sweep`.
 
     Raises:
         UserError: If the experiment or a field doesn't exist, or an argument is not allowed.
@@ -176,7 +161,7 @@ def make_plan(
     for setting in settings:
         path = setting.partition("=")[0].strip()
         for one in varied:
-            if f"{path}.".startswith(f"{one.path}.") or f"{one.path}.".startswith(f"{path}."):
+            if _within(path, one.path) or _within(one.path, path):
                 raise UserError(f"{path} is set and {one.path} is varied")
     if not 1 <= trials <= MOST_TRIALS:
         raise UserError(f"trials is {trials}, allowed: an integer from 1 to {MOST_TRIALS}")
@@ -192,6 +177,10 @@ def make_plan(
     )
 
 
+def _within(path: str, above: str) -> bool:
+    return f"{path}.".startswith(f"{above}.")
+
+
 def run_sweep(plan: SweepPlan, progress: Progress) -> SweepResult:
     """Run all points.
 
@@ -200,23 +189,20 @@ def run_sweep(plan: SweepPlan, progress: Progress) -> SweepResult:
     Raises:
         UserError: If a metric is asked for that the experiment doesn't measure.
     """
-    each = [_settings(plan, point) for point in plan.points]
+    run = partial(run_point, plan.job.experiment.run_swept or plan.job.experiment.run)
     if plan.metrics is not None:
-        _require_measured(plan, each)
+        _require_measured(plan, run)
     tasks = [
-        PointTrial(entry=plan.job.entry, settings=settings, seed=plan.seed + i)
-        for settings in each
+        PointTrial(entry=plan.job.entry, settings=_settings(plan, point), seed=plan.seed + i)
+        for point in plan.points
         for i in range(plan.trials)
     ]
-    found = try_each(_runs_point(plan), tasks, progress)
-    rows = dict(zip(found.tasks, found.rows, strict=True))
-    rows |= {task: _without_result(failure) for task, failure in found.failed}
-    return _result(plan, tasks, [rows[task] for task in tasks])
-
-
-def _runs_point(plan: SweepPlan) -> Callable[[PointTrial], Row]:
-    experiment = plan.job.experiment
-    return partial(run_point, experiment.run_swept or experiment.run)
+    found = try_each(run, tasks, progress)
+    rows: dict[PointTrial, Row] = dict(zip(found.tasks, found.rows, strict=True))
+    for task, failure in found.failed:
+        kind: Kind = "refused" if failure.refused else "failed"
+        rows[task] = {"kind": kind, "status": failure.reason, "simulated_seconds": 0.0}
+    return _result(plan, [rows[task] for task in tasks])
 
 
 def run_point(run: Callable[[Any, int, Progress], Outcome], task: PointTrial) -> Row:
@@ -246,11 +232,6 @@ def run_point(run: Callable[[Any, int, Progress], Outcome], task: PointTrial) ->
     }
 
 
-def _without_result(failure: Failure) -> Row:
-    kind: Kind = "refused" if failure.refused else "failed"
-    return {"kind": kind, "status": failure.reason, "simulated_seconds": 0.0}
-
-
 def _silent(fraction: float, doing: str = "") -> None:
     """Tell nobody how far a point is."""
 
@@ -261,103 +242,85 @@ def _settings(plan: SweepPlan, point: Sequence[Any]) -> tuple[str, ...]:
     fixed = [
         setting
         for setting in plan.job.overrides
-        if not any(f"{setting.partition('=')[0]}.".startswith(f"{path}.") for path in paths)
+        if not any(_within(setting.partition("=")[0], path) for path in paths)
     ]
     values = zip(paths, map(one_line, point), strict=True)
     return (*fixed, *(f"{path}={value}" for path, value in values))
 
 
-def _require_measured(plan: SweepPlan, each: Sequence[tuple[str, ...]]) -> None:
+def _require_measured(plan: SweepPlan, run: Callable[[PointTrial], Row]) -> None:
     """Run points until all metrics that are asked for have been seen.
 
     Names of metrics depend on choices, such as that of a controller, and not on numbers: one
     point of each choice is enough.
     """
-    missing = dict.fromkeys(plan.metrics or ())
     known: dict[str, None] = {}
     seen = set()
     probes = 0
-    for point, settings in zip(plan.points, each, strict=True):
+    for point in plan.points:
         choice = tuple(one_line(value) for value in point if not _is_number(value))
         if choice in seen or probes == _PROBES:
             continue
         probes += 1
-        probe = PointTrial(entry=plan.job.entry, settings=settings, seed=plan.seed)
-        found = try_each(_runs_point(plan), [probe], _silent)
-        if not found.rows:
-            continue
-        seen.add(choice)
-        known |= dict.fromkeys(_names(found.rows[0]))
-        if not missing.keys() - known.keys():
+        probe = PointTrial(entry=plan.job.entry, settings=_settings(plan, point), seed=plan.seed)
+        for row in try_each(run, [probe], _silent).rows:
+            seen.add(choice)
+            known |= dict.fromkeys(_names(row))
+        wrong = [name for name in plan.metrics or () if name not in known]
+        if not wrong:
             return
-    wrong = [name for name in missing if name not in known]
-    if known and wrong:
-        close = get_close_matches(wrong[0], known, n=1)
-        suggestion = f", did you mean {close[0]!r}?" if close else ","
-        raise UserError(
-            f"{plan.job.entry.name} has no metric {wrong[0]!r}{suggestion} "
-            f"valid names: {', '.join(known)}"
-        )
+    if known:
+        valid_name("metric", wrong[0], known)
 
 
-def _names(row: Mapping[str, Any]) -> list[str]:
+def _names(row: Row) -> list[str]:
     return [name.removeprefix(_METRIC) for name in row if name.startswith(_METRIC)]
 
 
-def _result(
-    plan: SweepPlan, tasks: Sequence[PointTrial], rows: Sequence[Mapping[str, Any]]
-) -> SweepResult:
-    measured = dict.fromkeys(name for row in rows for name in _names(row))
-    names = list(measured if plan.metrics is None else plan.metrics)
+def _result(plan: SweepPlan, rows: Sequence[Row]) -> SweepResult:
+    """Return the result of rows, those of a point one after the other."""
     paths = [one.path for one in plan.varied]
+    names = dict.fromkeys(name for row in rows for name in _names(row))
+    if plan.metrics is not None:
+        names = dict.fromkeys(plan.metrics)
     # A metric may be named as a field, such as an increment that is derived unless it is given.
     columns = {name: f"measured.{name}" if name in paths else name for name in names}
-    values = {name: _values(rows, name) for name in names}
-    fields = {
-        one.path: as_column([point[i] for point in plan.points])
-        for i, one in enumerate(plan.varied)
-    }
     groups = [rows[k : k + plan.trials] for k in range(0, len(rows), plan.trials)]
     status = [_status(group) for group in groups]
-    table = dict(fields)
-    for name, column in columns.items():
-        if plan.trials == 1:
-            table[column] = values[name]
-            continue
-        means = [_mean(own) for own in values[name].reshape(-1, plan.trials)]
-        table[column] = np.array([mean for mean, _ in means])
-        table[f"{column}{INTERVAL}"] = np.array([half for _, half in means])
+    table = dict(zip(paths, map(as_column, zip(*plan.points, strict=True)), strict=True))
+    trials = {path: np.repeat(column, plan.trials) for path, column in table.items()}
     units = {one.path: one.unit for one in plan.varied}
-    for row in rows:
-        units |= {columns[name]: row[f"{_UNIT}{name}"] for name in _names(row) if name in columns}
+    for name, column in columns.items():
+        found = [row.get(f"{_METRIC}{name}") for row in rows]
+        values = np.array([math.nan if one is None else one for one in found], dtype=np.float64)
+        for row in rows:
+            units[column] = row.get(f"{_UNIT}{name}", units.get(column, ""))
+        trials[column] = table[column] = values
+        if plan.trials > 1:
+            means = [_mean(own) for own in values.reshape(-1, plan.trials)]
+            table[column], table[f"{column}{INTERVAL}"] = np.array(means).T
     table["status"] = np.array(status, dtype=object)
     table["seed"] = np.full(len(groups), plan.seed)
-    trials = {path: np.repeat(column, plan.trials) for path, column in fields.items()}
-    trials |= {columns[name]: values[name] for name in names}
     trials["status"] = np.array([row["status"] for row in rows], dtype=object)
-    trials["seed"] = np.array([task.seed for task in tasks])
-    kinds: tuple[Kind, ...] = ("ok", "refused", "failed")
-    reasons = [text for text in status if text != OK]
+    trials["seed"] = plan.seed + np.arange(len(rows)) % plan.trials
     return SweepResult(
         plan=plan,
         table=SweepTable(table, units),
         trials=trials,
         metrics=columns,
-        counts={kind: sum(row["kind"] == kind for row in rows) for kind in kinds},
+        counts={kind: sum(row["kind"] == kind for row in rows) for kind in KINDS},
         simulated_seconds=math.fsum(row["simulated_seconds"] for row in rows),
-        reasons={text: reasons.count(text) for text in dict.fromkeys(reasons)},
+        reasons=dict(Counter(text for text in status if text != OK)),
     )
 
 
 def as_column(values: Sequence[Any]) -> NDArray[Any]:
     """Return a field's values as numbers, or else as texts as ``--set`` takes them."""
-    if all(isinstance(value, int) and _is_number(value) for value in values):
-        return np.array(values, dtype=np.int64)
     if all(map(_is_number, values)):
-        return np.array(values, dtype=np.float64)
-    return np.array(
-        [value if isinstance(value, str) else one_line(value) for value in values], dtype=object
-    )
+        whole = all(isinstance(value, int) for value in values)
+        return np.array(values, dtype=np.int64 if whole else np.float64)
+    texts = [value if isinstance(value, str) else one_line(value) for value in values]
+    return np.array(texts, dtype=object)
 
 
 def _is_number(value: Any) -> bool:
@@ -366,17 +329,12 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, float)
 
 
-def _values(rows: Sequence[Mapping[str, Any]], name: str) -> NDArray[np.float64]:
-    found = [row.get(f"{_METRIC}{name}") for row in rows]
-    return np.array([math.nan if one is None else one for one in found], dtype=np.float64)
-
-
 def _mean(values: NDArray[np.float64]) -> tuple[float, float]:
     known = values[~np.isnan(values)]
     return mean_interval(known) if len(known) else (math.nan, math.nan)
 
 
-def _status(group: Sequence[Mapping[str, Any]]) -> str:
+def _status(group: Sequence[Row]) -> str:
     without = [str(row["status"]) for row in group if row["kind"] != "ok"]
     if not without or len(without) == len(group):
         return without[0] if without else OK

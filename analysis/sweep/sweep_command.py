@@ -1,22 +1,13 @@
 """The command ``chamfer sweep``: an experiment at many points of its scenario."""
 
 import argparse
-import math
 import re
 import time
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final
+from collections import Counter
+from typing import Any
 
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import Catalogue
-
-if TYPE_CHECKING:
-    from chamfer.analysis.sweep.sweep import SweepResult
-    from chamfer.analysis.sweep.sweep_design import Spec
-
-_SHOWN_POINTS: Final = 40
-_SHOWN_METRICS: Final = 6
-_DESIGNS: Final = ("grid", "sobol", "random")
 
 
 def add_sweep(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentParser:
@@ -43,7 +34,7 @@ def add_sweep(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
     )
     sweep.add_argument(
         "--design",
-        choices=_DESIGNS,
+        choices=("grid", "sobol", "random"),
         help="grid: all combinations of the values; sobol, random: --points draws, evenly spread "
         "or independent (default: grid, or sobol where a field is drawn)",
     )
@@ -51,7 +42,6 @@ def add_sweep(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
     sweep.add_argument(
         "--trials",
         metavar="N",
-        default="1",
         help="seeds of each point, from --seed on: metrics are means, with 95 %% intervals "
         "(default: 1)",
     )
@@ -73,19 +63,21 @@ def _sweep(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     from chamfer.analysis.report.report import write_report
     from chamfer.analysis.report.results import SWEEP, json_text
     from chamfer.analysis.sweep.sweep import MOST_TRIALS, make_plan, run_sweep
-    from chamfer.analysis.sweep.sweep_design import MOST_POINTS
-    from chamfer.analysis.sweep.sweep_files import folder_name, write_sweep
+    from chamfer.analysis.sweep.sweep_design import MOST_POINTS, parse_vary
+    from chamfer.analysis.sweep.sweep_files import folder_name, sweep_text, write_sweep
 
+    vary = dict(parsed := list(map(parse_vary, arguments.vary)))
+    if len(vary) < len(parsed):
+        twice = Counter(path for path, _ in parsed).most_common(1)[0][0]
+        raise UserError(f"{twice} is varied twice")
     plan = make_plan(
         arguments.name,
-        _vary(arguments.vary),
+        vary,
         metrics=arguments.metric,
-        trials=_count("--trials", arguments.trials, MOST_TRIALS),
+        trials=_count("--trials", arguments.trials, MOST_TRIALS) or 1,
         seed=arguments.seed,
         design=arguments.design,
-        points=None
-        if arguments.points is None
-        else _count("--points", arguments.points, MOST_POINTS),
+        points=_count("--points", arguments.points, MOST_POINTS),
         settings=arguments.settings,
         scenario=arguments.scenario,
         catalogue=catalogue,
@@ -105,55 +97,14 @@ def _sweep(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     if arguments.json:
         print(json_text({**document, "folder": str(folder), "report": str(report)}), end="")
     else:
-        print("\n".join(_text(result, document)))
+        print("\n".join(sweep_text(result, document)))
         print(f"points: {folder / 'points.csv'}\nreport: {report}")
     return 1 if result.counts["failed"] or not result.counts["ok"] else 0
 
 
-def _vary(texts: Sequence[str]) -> "dict[str, Spec]":
-    from chamfer.analysis.sweep.sweep_design import parse_vary
-
-    vary: dict[str, Spec] = {}
-    for path, spec in map(parse_vary, texts):
-        if path in vary:
-            raise UserError(f"{path} is varied twice")
-        vary[path] = spec
-    return vary
-
-
-def _count(option: str, text: str, most: int) -> int:
+def _count(option: str, text: str | None, most: int) -> int | None:
+    if text is None:
+        return None
     if not re.fullmatch("[0-9]{1,6}", text) or not 1 <= int(text) <= most:
         raise UserError(f"{option} is {text!r}, allowed: an integer from 1 to {most}")
     return int(text)
-
-
-def _text(result: "SweepResult", document: dict[str, Any]) -> list[str]:
-    """Return the points as a table for a terminal, shortened, and what became of them."""
-    from chamfer.analysis.report.console import table
-
-    paths = [field.path for field in result.plan.varied]
-    metrics = list(result.metrics.values())
-    columns = [*paths, *metrics[:_SHOWN_METRICS], "status"]
-    units = [result.table.units.get(name, "") for name in columns]
-    cells = [list(map(_cell, result.table[name][:_SHOWN_POINTS])) for name in columns]
-    rows = [columns, units, *zip(*cells, strict=True)]
-    lines = table(rows, right=range(len(columns) - 1))
-    left_out = []
-    if len(metrics) > _SHOWN_METRICS:
-        left_out.append(f"{len(metrics) - _SHOWN_METRICS} more metrics")
-    if document["points"] > _SHOWN_POINTS:
-        left_out.append(f"{document['points'] - _SHOWN_POINTS} more points")
-    if left_out:
-        lines.append(f"... {' and '.join(left_out)} in points.csv")
-    lines.append("")
-    lines.append(f"{document['points_ok']} of {document['points']} points ok")
-    lines += [f"{count} without a result: {reason}" for reason, count in result.reasons.items()]
-    return lines
-
-
-def _cell(value: Any) -> str:
-    from chamfer.analysis.report.check_text import number
-
-    if isinstance(value, str):
-        return value
-    return "-" if math.isnan(value) else number(float(value))

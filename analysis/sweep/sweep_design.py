@@ -3,22 +3,21 @@
 import itertools
 import math
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
-from types import NoneType
-from typing import Any, Final, Literal, get_args
+from typing import Any, Final, Literal, NamedTuple, get_args
 
 import numpy as np
 import scipy  # whose submodules are imported where they are used
 
-from chamfer.analysis.command.scenario_fields import Leaf, leaves
+from chamfer.analysis.command.scenario_fields import leaves
 from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.experiment import valid_name
 from chamfer.analysis.scenario.scenario_yaml import one_line, parse_value
 
 Design = Literal["grid", "sobol", "random"]
 
-DESIGNS: Final[tuple[Design, ...]] = get_args(Design)
 MOST_POINTS: Final = 100_000
 _DRAWS: Final = 64  # points unless said otherwise; a power of two balances Sobol's sequence
 _DIGITS: Final = 15  # significant, so that 0:1:11 has 0.3 and not 0.30000000000000004
@@ -45,8 +44,7 @@ class Drawn:
 Spec = Sequence[Any] | Drawn  # the values that a field takes, or where they are drawn from
 
 
-@dataclass(frozen=True, kw_only=True)
-class VariedField:
+class VariedField(NamedTuple):
     """A field of a scenario and what it is given."""
 
     path: str  # dotted
@@ -101,7 +99,20 @@ def varied_fields(scenario: Any, vary: Mapping[str, Spec]) -> tuple[VariedField,
     if not vary:
         raise UserError(f"no field is varied, allowed: one --vary or more, each {_SPECS}")
     known = {leaf.path: leaf for leaf in leaves(scenario)}
-    return tuple(_field(_leaf(known, path), spec) for path, spec in vary.items())
+    found = []
+    for path, spec in vary.items():
+        leaf = known[valid_name("field", path, known)]
+        kinds = {leaf.kind, *get_args(leaf.kind)}
+        if isinstance(spec, Drawn):
+            if not kinds & {int, float}:
+                raise UserError(f"{path} is no number, allowed: {path}=v1,v2,...")
+        elif isinstance(spec, str) or len(spec) == 0:
+            raise UserError(f"{path} is {spec!r}, allowed: one value or more, in a list")
+        elif twice := [text for text, n in Counter(map(one_line, spec)).items() if n > 1]:
+            raise UserError(f"{path} is {twice[0]} twice")
+        whole = int in kinds and float not in kinds
+        found.append(VariedField(path, leaf.unit, leaf.meaning, whole, spec))
+    return tuple(found)
 
 
 def design_points(
@@ -153,35 +164,6 @@ def _range(path: str, low: str, high: str, count: int) -> list[float] | list[int
     if all(math.isfinite(value) and value == int(value) for value in found):
         return [int(value) for value in found]
     return [float(f"{value:.{_DIGITS}g}") for value in found]
-
-
-def _leaf(known: Mapping[str, Leaf], path: str) -> Leaf:
-    if path in known:
-        return known[path]
-    close = get_close_matches(path, known, n=1)
-    suggestion = f", did you mean {close[0]!r}?" if close else ","
-    raise UserError(f"no field {path!r}{suggestion} valid fields: {', '.join(known)}")
-
-
-def _field(leaf: Leaf, spec: Spec) -> VariedField:
-    kinds = {kind for kind in (leaf.kind, *get_args(leaf.kind)) if kind is not NoneType}
-    if isinstance(spec, Drawn):
-        if not kinds & {int, float}:
-            raise UserError(f"{leaf.path} is no number, allowed: {leaf.path}=v1,v2,...")
-    elif isinstance(spec, str) or len(spec) == 0:
-        raise UserError(f"{leaf.path} is {spec!r}, allowed: one value or more, in a list")
-    else:
-        texts = [one_line(value) for value in spec]
-        twice = next((text for text in texts if texts.count(text) > 1), None)
-        if twice is not None:
-            raise UserError(f"{leaf.path} is {twice} twice")
-    return VariedField(
-        path=leaf.path,
-        unit=leaf.unit,
-        meaning=leaf.meaning,
-        whole=int in kinds and float not in kinds,
-        spec=spec,
-    )
 
 
 def _at(field: VariedField, share: float) -> Any:

@@ -7,15 +7,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from numpy.typing import NDArray
-
+from chamfer.analysis.report.check_text import number
+from chamfer.analysis.report.console import table
 from chamfer.analysis.report.results import SWEEP, json_text, save_figures, versions, write_whole
 from chamfer.analysis.report.traces import write_table
 from chamfer.analysis.scenario.scenario_io import unstructure
 from chamfer.analysis.sweep.sweep import OK, SweepPlan, SweepResult
 from chamfer.analysis.sweep.sweep_figures import plot_sweep
 
-_FIGURE: Final = "sweep"
+_SHOWN_POINTS: Final = 40  # in a terminal
+_SHOWN_METRICS: Final = 6
 _FORMULA: Final = ("=", "+", "-", "@")  # a text that begins so is one to a spreadsheet
 
 
@@ -31,12 +32,16 @@ def write_sweep(out: Path, result: SweepResult, wall_seconds: float) -> dict[str
         OSError: If it can't be written.
     """
     figure = plot_sweep(result)
-    figures = {} if figure is None else {_FIGURE: figure}
+    figures = {} if figure is None else {"sweep": figure}
     document = _document(result, wall_seconds, list(figures))
 
     def fill(folder: Path) -> None:
         write_table(folder / "points.parquet", result.table, infinite=True)
-        _write_csv(folder / "points.csv", result.table)
+        with (folder / "points.csv").open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(result.table)
+            columns = [column.tolist() for column in result.table.values()]
+            writer.writerows(map(_csv, row) for row in zip(*columns, strict=True))
         write_table(folder / "trials.parquet", result.trials, infinite=True)
         save_figures(folder, figures)
         (folder / SWEEP).write_text(json_text(document), encoding="utf-8")
@@ -45,7 +50,34 @@ def write_sweep(out: Path, result: SweepResult, wall_seconds: float) -> dict[str
     return document
 
 
-def command(plan: SweepPlan) -> str:
+def sweep_text(result: SweepResult, document: Mapping[str, Any]) -> list[str]:
+    """Return the points as a table for a terminal, shortened, and what became of them."""
+    metrics = list(result.metrics.values())
+    columns = [one.path for one in result.plan.varied] + [*metrics[:_SHOWN_METRICS], "status"]
+    units = [result.table.units.get(name, "") for name in columns]
+    cells = [list(map(_shown, result.table[name][:_SHOWN_POINTS])) for name in columns]
+    lines = table([columns, units, *zip(*cells, strict=True)], right=range(len(columns) - 1))
+    left_out = [
+        f"{count} more {what}"
+        for what, count in (
+            ("metrics", len(metrics) - _SHOWN_METRICS),
+            ("points", document["points"] - _SHOWN_POINTS),
+        )
+        if count > 0
+    ]
+    if left_out:
+        lines.append(f"... {' and '.join(left_out)} in points.csv")
+    lines += ["", f"{document['points_ok']} of {document['points']} points ok"]
+    return lines + [f"{n} without a result: {reason}" for reason, n in result.reasons.items()]
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    return "-" if math.isnan(value) else number(float(value))
+
+
+def _command(plan: SweepPlan) -> str:
     """Return the command that makes a sweep."""
     words = ["chamfer", "sweep", plan.job.entry.name]
     for field in plan.varied:
@@ -90,21 +122,13 @@ def _document(result: SweepResult, wall_seconds: float, figures: list[str]) -> d
         "versions": versions(),
         "simulated_seconds": result.simulated_seconds,
         "wall_seconds": round(wall_seconds, 4),
-        "command": command(plan),
+        "command": _command(plan),
         "figures": [f"{name}.{ending}" for name in figures for ending in ("svg", "png")],
     }
 
 
-def _write_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write a table as comma-separated values: numbers in full, nothing for NaN."""
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        for row in zip(*(column.tolist() for column in columns.values()), strict=True):
-            writer.writerow(map(_cell, row))
-
-
-def _cell(value: Any) -> Any:
+def _csv(value: Any) -> Any:
+    """Return a value as CSV has it: numbers in full, nothing for NaN."""
     if isinstance(value, str):
         return f"'{value}" if value.startswith(_FORMULA) else value
     return "" if isinstance(value, float) and math.isnan(value) else value

@@ -6,27 +6,19 @@ import pytest
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import Catalogue
 from chamfer.analysis.sweep.sweep import sweep
-from chamfer.analysis.sweep.sweep_design import Drawn
 
 
 def test_table_has_a_row_for_each_point(toys: Catalogue) -> None:
     table = sweep("fall", {"body.mass": [1, 2], "height": [3.0, 4.5]}, catalogue=toys)
-    assert table.columns == [
-        "body.mass",
-        "height",
-        "end",
-        "measured.height",
-        "overflow",
-        "undefined",
-        "status",
-        "seed",
+    assert list(table) == [
+        *("body.mass", "height", "end", "measured.height", "overflow", "undefined"),
+        *("status", "seed"),
     ]
     assert table["body.mass"].tolist() == [1, 1, 2, 2]
     assert table["height"].tolist() == [3.0, 4.5, 3.0, 4.5]
     assert table["measured.height"].tolist() == [3.0, 4.5, 3.0, 4.5]
     assert np.isnan(table["overflow"]).all()
     assert table["status"].tolist() == ["ok"] * 4
-    assert isinstance(table, dict)  # what pandas takes as columns
     assert table.units["body.mass"] == "kg"
     assert table.units["end"] == "m"
 
@@ -45,9 +37,8 @@ def test_refused_and_failing_points_are_rows_and_the_others_go_on(toys: Catalogu
         "body.mass is -1.0",
         "body.mass is 'x'",
     ]
-    assert sweep("broken", {"noise": [1.0]}, catalogue=toys)["status"].tolist() == [
-        "ZeroDivisionError: by zero (all.py, line 87)"
-    ]
+    (failed,) = sweep("broken", {"noise": [1.0]}, catalogue=toys)["status"]
+    assert failed.startswith("ZeroDivisionError: by zero (all.py, line ")
     (stopped,) = sweep("asserting", {"noise": [1.0]}, catalogue=toys)["status"]
     assert stopped.startswith("stopped by Drake: Failure at plant.cc:1")
 
@@ -72,20 +63,10 @@ def test_rest_of_the_scenario_is_what_is_set(toys: Catalogue) -> None:
         sweep("fall", {"body.mass": [1, 2]}, settings=["body.mass=7"], catalogue=toys)
 
 
-def test_draws_follow_from_the_seed(toys: Catalogue) -> None:
-    drawn = {"height": Drawn(1.0, 2.0)}
-    one = sweep("fall", drawn, points=6, seed=3, metrics=["end"], catalogue=toys)
-    assert len(set(one["height"])) == 6
-    again = sweep("fall", drawn, points=6, seed=3, metrics=["end"], catalogue=toys, design="sobol")
-    assert {name: column.tolist() for name, column in one.items()} == {
-        name: column.tolist() for name, column in again.items()
-    }
-
-
 def test_unknown_names_are_answered_by_valid_ones(toys: Catalogue) -> None:
     with pytest.raises(UserError, match=r"'ends', did you mean 'end'\? valid names: end, height"):
         sweep("fall", {"height": [200.0, 2.0]}, metrics=["ends"], catalogue=toys)
-    with pytest.raises(UserError, match="no field 'heigt', did you mean 'height'"):
+    with pytest.raises(UserError, match="unknown field 'heigt', did you mean 'height'"):
         sweep("fall", {"heigt": [2.0]}, catalogue=toys)
     with pytest.raises(UserError, match="unknown experiment 'falls'"):
         sweep("falls", {"height": [2.0]}, catalogue=toys)

@@ -17,18 +17,7 @@ from chamfer.analysis.sweep.sweep_figures import plot_sweep
 def figure(
     toys: Catalogue, vary: Mapping[str, Spec], *, trials: int = 1, points: int | None = None
 ) -> Figure | None:
-    plan = make_plan(
-        "fall",
-        vary,
-        metrics=["end"],
-        trials=trials,
-        seed=0,
-        design=None,
-        points=points,
-        settings=(),
-        scenario=None,
-        catalogue=toys,
-    )
+    plan = make_plan("fall", vary, metrics=["end"], trials=trials, points=points, catalogue=toys)
     drawn = plot_sweep(run_sweep(plan, lambda fraction, doing="": None))
     if drawn is not None:
         with warnings.catch_warnings():
@@ -47,12 +36,8 @@ def test_one_field_is_a_line_with_its_interval(toys: Catalogue) -> None:
     (axes,) = drawn.axes
     line = axes.get_lines()[0]
     assert np.asarray(line.get_xdata()).tolist() == [1.0, 2.0, 3.0, 200.0]  # in order
-    assert np.isnan(np.asarray(line.get_ydata(), dtype=float)).tolist() == [
-        False,
-        False,
-        False,
-        True,
-    ]
+    missing = np.isnan(np.asarray(line.get_ydata(), dtype=float))
+    assert missing.tolist() == [False, False, False, True]
     assert (axes.get_ylabel(), axes.get_xscale()) == ("end / m", "log")
     assert len(axes.collections) == 1  # the interval
     assert legend(drawn) == [
