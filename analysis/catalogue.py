@@ -4,6 +4,7 @@ Names are strings until an experiment runs, so that listing them imports neither
 Matplotlib. A name without a module is one of the entry's own ``module``.
 """
 
+from functools import partial
 from typing import Final
 
 from chamfer.analysis.scenario.experiment import Catalogue, Entry
@@ -11,6 +12,54 @@ from chamfer.analysis.scenario.experiment import Catalogue, Entry
 SERVOING: Final = "fsm-visual-servoing"
 HYBRID: Final = "hybrid-force-position"
 PRIMITIVES: Final = "sensorimotor-primitives"
+
+# path=value: the smallest runs of scenarios of the hybrid loop.
+_SHORT: Final = ("trials=1", "duration=3", "measure_after=2")
+_PLANAR: Final = ("task.speed=1", "duration=2.5", "measure_after=2")
+
+# Experiments that share most of what they are.
+_study = partial(Entry, study=True, seconds=300)
+_connector = partial(
+    Entry,
+    paper=PRIMITIVES,
+    module="chamfer.analysis.skills.connector_insertion",
+    resolve="chamfer.diagrams.skills.connector_scenario:resolve",
+    diagram="chamfer.diagrams.skills.connector_loop:make_connector_diagram",
+    charts="skill_charts",
+    replay="replay_insertion",
+    reduced=("step=0.002",),
+)
+_connector_study = partial(
+    _study,
+    paper=PRIMITIVES,
+    module="chamfer.analysis.skills.connector_campaign",
+)
+_wall = partial(
+    Entry,
+    paper=HYBRID,
+    figure="section 6.3",
+    module="chamfer.analysis.surface.unknown_wall",
+    resolve="chamfer.diagrams.surface.unknown_wall_loop:resolve_wall",
+    run="run_wall_trials",
+    diagram="chamfer.diagrams.surface.unknown_wall_loop:make_unknown_wall_diagram",
+    charts="make_charts",
+)
+_estimation = partial(
+    Entry,
+    paper=HYBRID,
+    module="chamfer.analysis.surface.unknown_surface",
+    resolve="chamfer.diagrams.surface.surface_estimation:resolve_estimation",
+    run="run_estimation_trials",
+    diagram="chamfer.diagrams.surface.surface_estimation:make_estimation_diagram",
+)
+_tracking = partial(
+    Entry,
+    paper=HYBRID,
+    module="chamfer.analysis.surface.unknown_surface",
+    resolve="chamfer.diagrams.surface.surface_tracking:resolve_tracking",
+    run="run_tracking_trials",
+    diagram="chamfer.diagrams.surface.surface_tracking:make_tracking_diagram",
+)
 
 
 def _contact(
@@ -37,13 +86,11 @@ def _contact(
 CATALOGUE: Final = Catalogue(
     published="chamfer.analysis.published",
     entries=(
-        Entry(
+        _study(
             name="jamming-diagram",
             paper=SERVOING,
             figure="Fig. 1",
             summary="which loads slide the peg over its depth, with those of simulated insertions",
-            study=True,
-            seconds=300,
             module="chamfer.analysis.insertion.jamming_diagram",
             scenario="JAMMING",
             resolve="resolve",
@@ -92,14 +139,12 @@ CATALOGUE: Final = Catalogue(
                 "points=41",
             ),
         ),
-        Entry(
+        _study(
             name="insertion-map",
             paper=SERVOING,
             figure="Fig. 2",
             summary="which errors go in, wedge, jam or miss in the cell, beside "
             "what theory says of them",
-            study=True,
-            seconds=300,
             module="chamfer.analysis.insertion.insertion_map",
             scenario="INSERTION_MAP",
             resolve="resolve",
@@ -188,13 +233,11 @@ CATALOGUE: Final = Catalogue(
                 "compensation_time=0.6",
             ),
         ),
-        Entry(
+        _study(
             name="fsm-stability",
             paper=SERVOING,
             figure="section 3",
             summary="where the FSM settles, reverses and cycles, against the settling theorem",
-            study=True,
-            seconds=300,
             module="chamfer.analysis.servo.fsm_stability",
             scenario="STABILITY",
             diagram="make_diagram",
@@ -204,27 +247,23 @@ CATALOGUE: Final = Catalogue(
                 "map.settings=20",
             ),
         ),
-        Entry(
+        _study(
             name="camera-accuracy",
             paper=SERVOING,
             figure="section 4",
             summary="how exactly both cameras see the parts: tips, axes, error "
             "signal, and in space",
-            study=True,
-            seconds=300,
             module="chamfer.analysis.sight.camera_accuracy",
             scenario="ACCURACY",
             resolve="resolve_camera_accuracy",
             reduced=("poses=3",),
         ),
-        Entry(
+        _study(
             name="detection-conditions",
             paper=SERVOING,
             figure="section 4",
             summary="in which light and with what beside them the parts are "
             "found, refused, or mistaken",
-            study=True,
-            seconds=300,
             module="chamfer.analysis.sight.detection_conditions",
             scenario="STUDY",
             resolve="resolve_detection_conditions",
@@ -248,14 +287,12 @@ CATALOGUE: Final = Catalogue(
                 "compensation_time=0.6",
             ),
         ),
-        Entry(
+        _study(
             name="camera-errors",
             paper=SERVOING,
             figure="section 5",
             summary="what errors of the cameras leave of the alignment, each "
             "alone and all at once",
-            study=True,
-            seconds=300,
             module="chamfer.analysis.cell.camera_errors",
             scenario="CAMERA_ERRORS",
             resolve="resolve",
@@ -269,14 +306,12 @@ CATALOGUE: Final = Catalogue(
                 "compensation_time=0.1",
             ),
         ),
-        Entry(
+        _study(
             name="design-accuracy",
             paper=SERVOING,
             figure="section 5",
             summary="whether designs are what they are called: randomised cells, each "
             "assessed and simulated",
-            study=True,
-            seconds=300,
             module="chamfer.analysis.design.design_accuracy",
             scenario="DRAWN_DESIGNS",
             reduced=(
@@ -309,14 +344,12 @@ CATALOGUE: Final = Catalogue(
                 "duration=2",
             ),
         ),
-        Entry(
+        _study(
             name="insertion-repeatability",
             paper=SERVOING,
             figure="section 5",
             summary="many insertions by sight from random starts: success, "
             "force, time, and other ways",
-            study=True,
-            seconds=300,
             module="chamfer.analysis.insertion.insertion_repeatability",
             scenario="chamfer.analysis.insertion.insertion_repeatability:INSERTION_REPEATABILITY",
             resolve="chamfer.analysis.insertion.insertion_repeatability:resolve_insertion_trials",
@@ -334,12 +367,10 @@ CATALOGUE: Final = Catalogue(
                 "spread.rotational=0.01",
             ),
         ),
-        Entry(
+        _study(
             name="calibration-accuracy",
             paper=SERVOING,
             summary="how exactly cameras are calibrated from rendered boards, and if it says so",
-            study=True,
-            seconds=300,
             module="chamfer.analysis.calibration.calibration_accuracy",
             scenario="CALIBRATION",
             reduced=(
@@ -347,12 +378,10 @@ CATALOGUE: Final = Catalogue(
                 "pictures=5",
             ),
         ),
-        Entry(
+        _study(
             name="alignment-fsm-vs-pid",
             paper=SERVOING,
             summary="the state machine against a PID law in the work cell, from the same starts",
-            study=True,
-            seconds=300,
             module="chamfer.analysis.cell.alignment_comparison",
             scenario="COMPARISON",
             resolve="resolve",
@@ -363,13 +392,11 @@ CATALOGUE: Final = Catalogue(
                 "compensation_time=0.6",
             ),
         ),
-        Entry(
+        _study(
             name="contact-convergence",
             paper=SERVOING,
             summary="depth and forces of an insertion over steps, stiffness, "
             "facets and approximations",
-            study=True,
-            seconds=300,
             module="chamfer.analysis.insertion.contact_convergence",
             scenario="CONVERGENCE",
             resolve="resolve",
@@ -386,13 +413,11 @@ CATALOGUE: Final = Catalogue(
                 "accuracies=[1e-2]",
             ),
         ),
-        Entry(
+        _study(
             name="servo-comparison",
             paper=SERVOING,
             summary="FSM or PID for a plant and a camera of one's own, both "
             "designed from one number",
-            study=True,
-            seconds=300,
             module="chamfer.analysis.servo.servo_comparison",
             scenario="COMPARISON",
             resolve="resolve_comparison",
@@ -406,203 +431,149 @@ CATALOGUE: Final = Catalogue(
             "planar-hold",
             "Fig. 2-5",
             "a two-link arm touches the crucible and pushes with 15 N",
-            "task.speed=1",
-            "duration=2.5",
-            "measure_after=2",
+            *_PLANAR,
         ),
         _contact(
             "planar-slide",
             "Fig. 2-6",
             "it slides along the crucible and keeps the force",
-            "task.speed=1",
-            "duration=2.5",
-            "measure_after=2",
+            *_PLANAR,
         ),
         _contact(
             "planar-slide-late",
             "Fig. 2-6",
             "the same with a torque one sample late, which the thesis' gains would not bear",
-            "task.speed=1",
-            "duration=2.5",
-            "measure_after=2",
+            *_PLANAR,
         ),
         _contact(
             "puma-roller-hold",
             "Fig. 3-5",
             "the Puma 250 presses a roller on a table",
-            "trials=1",
-            "duration=3",
-            "measure_after=2",
+            *_SHORT,
         ),
         _contact(
             "puma-roller-motion",
             "Fig. 3-6",
             "the Puma 250 rolls along a table",
-            "trials=1",
-            "duration=3",
-            "measure_after=2",
+            *_SHORT,
         ),
         _contact(
             "puma-nugget-hold",
             "Fig. 3-7",
             "the Puma 250 presses a nugget on a glass wall",
-            "trials=1",
-            "duration=3",
-            "measure_after=2",
+            *_SHORT,
         ),
         _contact(
             "puma-nugget-motion",
             "Fig. 3-8",
             "the Puma 250 slides a nugget along a glass wall",
-            "trials=1",
-            "duration=3",
-            "measure_after=2",
+            *_SHORT,
         ),
         _contact(
             "adept-roller-hold",
             "Fig. 3-11",
             "the Adept One presses a roller on a plate",
-            "trials=1",
             "task.speed=0.05",
-            "duration=3",
-            "measure_after=2",
+            *_SHORT,
         ),
         _contact(
             "adept-roller-motion",
             "Fig. 3-12",
             "the Adept One rolls along a plate",
-            "trials=1",
             "task.speed=0.05",
-            "duration=3",
-            "measure_after=2",
+            *_SHORT,
         ),
         _contact(
             "adept-nugget-hold",
             "Fig. 3-13",
             "the Adept One presses a nugget on a metal wall",
-            "trials=1",
-            "duration=3",
-            "measure_after=2",
+            *_SHORT,
         ),
         _contact(
             "adept-nugget-motion",
             "Fig. 3-14",
             "the Adept One slides a nugget along a metal wall",
-            "trials=1",
-            "duration=3",
-            "measure_after=2",
+            *_SHORT,
         ),
         _contact(
             "wrist-contention",
             "Fig. 3-15",
             "the wrist's angular integrator disturbs the force, switched off it does not",
-            "trials=1",
             "task.speed=0.05",
-            "duration=3",
-            "measure_after=2",
+            *_SHORT,
             run="run_contention",
             module="chamfer.analysis.contact.wrist_contention",
         ),
-        Entry(
+        _estimation(
             name="surface-estimation",
-            paper=HYBRID,
             figure="Fig. 5-3",
             summary="a gripper slides along an unknown surface, and an observer "
             "estimates the normal",
             seconds=10,
-            module="chamfer.analysis.surface.unknown_surface",
             scenario="chamfer.diagrams.surface.surface_estimation:SURFACE_ESTIMATION",
-            resolve="chamfer.diagrams.surface.surface_estimation:resolve_estimation",
-            run="run_estimation_trials",
             plot="estimation_figures",
-            diagram="chamfer.diagrams.surface.surface_estimation:make_estimation_diagram",
             reduced=(
                 "trials=2",
                 "lead.halt=1.5",
                 "duration=2",
             ),
         ),
-        Entry(
+        _estimation(
             name="surface-estimation-smooth",
-            paper=HYBRID,
             figure="Fig. 5-4",
             summary="the same with a surface that is known to be smooth",
             seconds=9,
-            module="chamfer.analysis.surface.unknown_surface",
             scenario="chamfer.diagrams.surface.surface_estimation:SMOOTH",
-            resolve="chamfer.diagrams.surface.surface_estimation:resolve_estimation",
-            run="run_estimation_trials",
             plot="smooth_figures",
-            diagram="chamfer.diagrams.surface.surface_estimation:make_estimation_diagram",
             reduced=(
                 "trials=2",
                 "lead.halt=1.5",
                 "duration=2",
             ),
         ),
-        Entry(
+        _estimation(
             name="surface-estimation-noise-free",
-            paper=HYBRID,
             figure="Fig. 5-5",
             summary="the same without noise: the normal is found exactly",
             seconds=3,
-            module="chamfer.analysis.surface.unknown_surface",
             scenario="chamfer.diagrams.surface.surface_estimation:NOISE_FREE",
-            resolve="chamfer.diagrams.surface.surface_estimation:resolve_estimation",
-            run="run_estimation_trials",
             plot="noise_free_figures",
-            diagram="chamfer.diagrams.surface.surface_estimation:make_estimation_diagram",
             reduced=(
                 "lead.halt=1.5",
                 "duration=2",
             ),
         ),
-        Entry(
+        _estimation(
             name="surface-estimation-large-noise",
-            paper=HYBRID,
             figure="Fig. 5-6",
             summary="the same with a sensor that is taken to be useless: the first estimate stays",
-            module="chamfer.analysis.surface.unknown_surface",
             scenario="chamfer.diagrams.surface.surface_estimation:LARGE_NOISE",
-            resolve="chamfer.diagrams.surface.surface_estimation:resolve_estimation",
-            run="run_estimation_trials",
             plot="large_noise_figures",
-            diagram="chamfer.diagrams.surface.surface_estimation:make_estimation_diagram",
             reduced=(
                 "trials=2",
                 "lead.halt=1.5",
                 "duration=2",
             ),
         ),
-        Entry(
+        _tracking(
             name="unknown-surface-control",
-            paper=HYBRID,
             figure="Fig. 5-8",
             summary="force and motion are controlled along an estimated surface",
             seconds=24,
-            module="chamfer.analysis.surface.unknown_surface",
             scenario="chamfer.diagrams.surface.surface_tracking:SURFACE_CONTROL",
-            resolve="chamfer.diagrams.surface.surface_tracking:resolve_tracking",
-            run="run_tracking_trials",
             plot="control_figures",
-            diagram="chamfer.diagrams.surface.surface_tracking:make_tracking_diagram",
             reduced=(
                 "trials=2",
                 "duration=2",
             ),
         ),
-        Entry(
+        _tracking(
             name="unknown-surface-control-noise-free",
-            paper=HYBRID,
             figure="Fig. 5-9",
             summary="the same without noise: the force settles at the desired one",
             seconds=3,
-            module="chamfer.analysis.surface.unknown_surface",
             scenario="chamfer.diagrams.surface.surface_tracking:SURFACE_CONTROL_NOISE_FREE",
-            resolve="chamfer.diagrams.surface.surface_tracking:resolve_tracking",
-            run="run_tracking_trials",
             plot="control_noise_free_figures",
-            diagram="chamfer.diagrams.surface.surface_tracking:make_tracking_diagram",
             reduced=("duration=2",),
         ),
         Entry(
@@ -623,14 +594,12 @@ CATALOGUE: Final = Catalogue(
                 "duration=2.5",
             ),
         ),
-        Entry(
+        _study(
             name="hybrid-stability",
             paper=HYBRID,
             figure="section 2.1.3",
             summary="where the Jacobian-inverse law is unstable out of contact, "
             "and what the loop bears",
-            study=True,
-            seconds=300,
             module="chamfer.analysis.contact.hybrid_stability",
             scenario="HYBRID_STABILITY",
             resolve="resolve_hybrid_stability",
@@ -640,13 +609,11 @@ CATALOGUE: Final = Catalogue(
                 "start=[1.0, -1.4]",
             ),
         ),
-        Entry(
+        _study(
             name="contact-recovery",
             paper=HYBRID,
             figure="section 2.1.4",
             summary="a blow breaks the contact: bounces that grow, and a mode that ends them",
-            study=True,
-            seconds=300,
             module="chamfer.analysis.contact.contact_recovery",
             scenario="chamfer.diagrams.contact.contact_scenarios:CONTACT_RECOVERY",
             resolve="chamfer.diagrams.contact.hybrid_loop_stability:resolve",
@@ -660,13 +627,11 @@ CATALOGUE: Final = Catalogue(
                 "duration=3",
             ),
         ),
-        Entry(
+        _study(
             name="friction-remedies",
             paper=HYBRID,
             figure="section 3.3",
             summary="what friction compensation, decoupling and full-dynamics control buy",
-            study=True,
-            seconds=300,
             module="chamfer.analysis.contact.friction_remedies",
             scenario="FRICTION_REMEDIES",
             resolve="resolve_friction_remedies",
@@ -681,14 +646,12 @@ CATALOGUE: Final = Catalogue(
                 "nugget.measure_after=0.5",
             ),
         ),
-        Entry(
+        _study(
             name="observer-model-error",
             paper=HYBRID,
             figure="section 4.2",
             summary="observers that are told a wrong stiffness, with a bias, a "
             "delay, a differenced rate",
-            study=True,
-            seconds=300,
             module="chamfer.analysis.surface.observer_model_error",
             scenario="MODEL_ERROR",
             resolve="resolve_model_error",
@@ -699,44 +662,35 @@ CATALOGUE: Final = Catalogue(
                 "latest=1",
             ),
         ),
-        Entry(
+        _study(
             name="observer-comparison",
             paper=HYBRID,
             figure="section 4.5",
             summary="eight observers of the normal on the same slides: error, "
             "honesty of the band, cost",
-            study=True,
-            seconds=300,
             module="chamfer.analysis.surface.observer_comparison",
             scenario="OBSERVER_COMPARISON",
             resolve="resolve_comparison",
             run="run_comparison",
             reduced=("trials=1",),
         ),
-        Entry(
+        _tracking(
             name="unknown-surface-control-adaptive",
-            paper=HYBRID,
             figure="section 5.3.4",
             summary="the same by the adaptive observer, which is given means of the force",
             seconds=20,
-            module="chamfer.analysis.surface.unknown_surface",
             scenario="chamfer.diagrams.surface.surface_tracking:SURFACE_CONTROL_ADAPTIVE",
-            resolve="chamfer.diagrams.surface.surface_tracking:resolve_tracking",
-            run="run_tracking_trials",
             plot="control_adaptive_figures",
-            diagram="chamfer.diagrams.surface.surface_tracking:make_tracking_diagram",
             reduced=(
                 "trials=2",
                 "duration=2",
             ),
         ),
-        Entry(
+        _study(
             name="sensing-sensitivity",
             paper=HYBRID,
             figure="section 6.2",
             summary="what each imperfection of sensors and computer costs the hybrid loops",
-            study=True,
-            seconds=300,
             module="chamfer.analysis.contact.sensing_sensitivity",
             scenario="SENSING_SENSITIVITY",
             resolve="resolve_sensing_sensitivity",
@@ -753,14 +707,12 @@ CATALOGUE: Final = Catalogue(
                 "adept.measure_after=0.1",
             ),
         ),
-        Entry(
+        _study(
             name="charging-campaign",
             paper=HYBRID,
             figure="section 6.3",
             summary="how many drawn charging cycles keep each limit, as they are "
             "and with remedies",
-            study=True,
-            seconds=300,
             module="chamfer.analysis.charging.charging_campaign",
             scenario="CHARGING_CAMPAIGN",
             resolve="resolve_campaign",
@@ -771,19 +723,12 @@ CATALOGUE: Final = Catalogue(
                 "cycle.duration=1",
             ),
         ),
-        Entry(
+        _wall(
             name="adept-unknown-wall",
-            paper=HYBRID,
-            figure="section 6.3",
             summary="the Adept One finds an unknown wall and slides along it",
             seconds=22,
-            module="chamfer.analysis.surface.unknown_wall",
             scenario="chamfer.diagrams.surface.unknown_wall_loop:ADEPT_WALL",
-            resolve="chamfer.diagrams.surface.unknown_wall_loop:resolve_wall",
-            run="run_wall_trials",
             plot="adept_figures",
-            diagram="chamfer.diagrams.surface.unknown_wall_loop:make_unknown_wall_diagram",
-            charts="make_charts",
             reduced=(
                 "trials=1",
                 "duration=2.5",
@@ -791,19 +736,12 @@ CATALOGUE: Final = Catalogue(
                 "task.kick_time=1.8",
             ),
         ),
-        Entry(
+        _wall(
             name="puma-unknown-wall",
-            paper=HYBRID,
-            figure="section 6.3",
             summary="the Puma 250 finds an unknown wall and slides along it",
             seconds=17,
-            module="chamfer.analysis.surface.unknown_wall",
             scenario="chamfer.diagrams.surface.unknown_wall_loop:PUMA_WALL",
-            resolve="chamfer.diagrams.surface.unknown_wall_loop:resolve_wall",
-            run="run_wall_trials",
             plot="puma_figures",
-            diagram="chamfer.diagrams.surface.unknown_wall_loop:make_unknown_wall_diagram",
-            charts="make_charts",
             reduced=(
                 "trials=1",
                 "duration=2.5",
@@ -811,19 +749,12 @@ CATALOGUE: Final = Catalogue(
                 "task.kick_time=1.8",
             ),
         ),
-        Entry(
+        _wall(
             name="planar-unknown-wall",
-            paper=HYBRID,
-            figure="section 6.3",
             summary="the two-link arm finds an unknown wall and slides along it",
             seconds=22,
-            module="chamfer.analysis.surface.unknown_wall",
             scenario="chamfer.diagrams.surface.unknown_wall_loop:PLANAR_WALL",
-            resolve="chamfer.diagrams.surface.unknown_wall_loop:resolve_wall",
-            run="run_wall_trials",
             plot="planar_figures",
-            diagram="chamfer.diagrams.surface.unknown_wall_loop:make_unknown_wall_diagram",
-            charts="make_charts",
             reduced=(
                 "trials=1",
                 "duration=3.5",
@@ -857,34 +788,20 @@ CATALOGUE: Final = Catalogue(
                 "duration=3.0",
             ),
         ),
-        Entry(
+        _connector(
             name="d-connector",
-            paper=PRIMITIVES,
             figure="Fig. 5",
             summary="a skill grasps a 25-pin D connector by sight and inserts it by force",
             seconds=9,
-            module="chamfer.analysis.skills.connector_insertion",
             scenario="chamfer.diagrams.skills.connector_scenario:D_CONNECTOR",
-            resolve="chamfer.diagrams.skills.connector_scenario:resolve",
-            diagram="chamfer.diagrams.skills.connector_loop:make_connector_diagram",
-            charts="skill_charts",
-            replay="replay_insertion",
-            reduced=("step=0.002",),
         ),
-        Entry(
+        _connector(
             name="bnc-connector",
-            paper=PRIMITIVES,
             figure="Fig. 6",
             summary="a skill grasps a BNC connector by sight, finds its slots by "
             "force and locks it",
             seconds=9,
-            module="chamfer.analysis.skills.connector_insertion",
             scenario="chamfer.diagrams.skills.connector_scenario:BNC_CONNECTOR",
-            resolve="chamfer.diagrams.skills.connector_scenario:resolve",
-            diagram="chamfer.diagrams.skills.connector_loop:make_connector_diagram",
-            charts="skill_charts",
-            replay="replay_insertion",
-            reduced=("step=0.002",),
         ),
         Entry(
             name="correlation",
@@ -897,29 +814,18 @@ CATALOGUE: Final = Catalogue(
             diagram="chamfer.diagrams.skills.dither_loops:make_correlation_diagram",
             reduced=("dither.cycles=5",),
         ),
-        Entry(
+        _connector(
             name="peg-skill",
-            paper=PRIMITIVES,
             figure="section 2",
             summary="a skill grasps a round peg by sight, aligns it by touch and "
             "searches its hole",
-            module="chamfer.analysis.skills.connector_insertion",
             scenario="chamfer.diagrams.skills.connector_scenario:ROUND_PEG",
-            resolve="chamfer.diagrams.skills.connector_scenario:resolve",
-            diagram="chamfer.diagrams.skills.connector_loop:make_connector_diagram",
-            charts="skill_charts",
-            replay="replay_insertion",
-            reduced=("step=0.002",),
         ),
-        Entry(
+        _connector_study(
             name="peg-skill-success",
-            paper=PRIMITIVES,
             figure="section 2",
             summary="a round peg is inserted in many randomised scenarios, by dithers, along a "
             "spiral and leaning",
-            study=True,
-            seconds=300,
-            module="chamfer.analysis.skills.connector_campaign",
             scenario="ROUND_PEG",
             resolve="resolve_peg_campaign",
             run="run_searches",
@@ -946,28 +852,17 @@ CATALOGUE: Final = Catalogue(
                 "map_angle=[0.0]",
             ),
         ),
-        Entry(
+        _connector(
             name="rj45-connector",
-            paper=PRIMITIVES,
             figure="section 4",
             summary="a skill grasps an RJ45 plug by sight, aligns it by touch and latches it",
             seconds=8,
-            module="chamfer.analysis.skills.connector_insertion",
             scenario="chamfer.diagrams.skills.connector_scenario:RJ45_CONNECTOR",
-            resolve="chamfer.diagrams.skills.connector_scenario:resolve",
-            diagram="chamfer.diagrams.skills.connector_loop:make_connector_diagram",
-            charts="skill_charts",
-            replay="replay_insertion",
-            reduced=("step=0.002",),
         ),
-        Entry(
+        _connector_study(
             name="d-connector-success",
-            paper=PRIMITIVES,
             figure="section 4",
             summary="a 25-pin D connector is grasped and inserted in many randomised scenarios",
-            study=True,
-            seconds=300,
-            module="chamfer.analysis.skills.connector_campaign",
             scenario="D_CONNECTOR",
             resolve="resolve_campaign",
             run="run_success",
@@ -977,14 +872,10 @@ CATALOGUE: Final = Catalogue(
                 "duration=3.0",
             ),
         ),
-        Entry(
+        _connector_study(
             name="bnc-connector-success",
-            paper=PRIMITIVES,
             figure="section 4",
             summary="a BNC connector is grasped and inserted in many randomised scenarios",
-            study=True,
-            seconds=300,
-            module="chamfer.analysis.skills.connector_campaign",
             scenario="BNC_CONNECTOR",
             resolve="resolve_campaign",
             run="run_success",
@@ -994,14 +885,10 @@ CATALOGUE: Final = Catalogue(
                 "duration=3.0",
             ),
         ),
-        Entry(
+        _connector_study(
             name="rj45-connector-success",
-            paper=PRIMITIVES,
             figure="section 4",
             summary="an RJ45 plug is grasped and inserted in many randomised scenarios",
-            study=True,
-            seconds=300,
-            module="chamfer.analysis.skills.connector_campaign",
             scenario="RJ45_CONNECTOR",
             resolve="resolve_campaign",
             run="run_success",
@@ -1011,13 +898,9 @@ CATALOGUE: Final = Catalogue(
                 "step=0.002",
             ),
         ),
-        Entry(
+        _connector_study(
             name="d-connector-ablation",
-            paper=PRIMITIVES,
             summary="a 25-pin D connector is inserted by skills that lack one of their primitives",
-            study=True,
-            seconds=300,
-            module="chamfer.analysis.skills.connector_campaign",
             scenario="D_ABLATION",
             resolve="resolve_campaign",
             run="run_ablation",
@@ -1027,13 +910,9 @@ CATALOGUE: Final = Catalogue(
                 "duration=0.1",
             ),
         ),
-        Entry(
+        _connector_study(
             name="bnc-connector-ablation",
-            paper=PRIMITIVES,
             summary="a BNC connector is inserted by skills that lack one of their primitives",
-            study=True,
-            seconds=300,
-            module="chamfer.analysis.skills.connector_campaign",
             scenario="BNC_ABLATION",
             resolve="resolve_campaign",
             run="run_ablation",

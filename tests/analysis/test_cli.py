@@ -214,11 +214,6 @@ def test_published_values_apply_to_the_default_scenario_only(
     assert "it does not bounce" in said
 
 
-def test_spelling_out_a_default_keeps_the_checks(toys: Catalogue, out: Path) -> None:
-    assert main(["run", "fall", "--out", str(out), "--set", "height=5"], catalogue=toys) == 0
-    assert len(result(out, "fall")["checks"]) == 3
-
-
 @pytest.mark.parametrize("name", ["scenario.yaml", "result.json"])
 @pytest.mark.parametrize("given", [[], ["--set", "body.mass=3.0"]])
 def test_a_result_is_remade_from_the_scenario_beside_it(
@@ -363,10 +358,3 @@ def test_a_run_warns_in_one_line(
     assert main(["run", "doubtful", "--out", str(out)], catalogue=wired) == 0
     assert capsys.readouterr().err == "chamfer: warning: nothing was seen\n"
     assert warnings.showwarning is before
-
-
-def test_version(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(["--version"])
-    assert ended.value.code == 0
-    assert capsys.readouterr().out.startswith("chamfer")

@@ -34,24 +34,10 @@ VALID = "valid names: interrupted, broken, asserting, slow, fall, trials"
             ["run", "fall", "trials", "--set", "noise=1"],
             "noise: no such field, valid fields: body, height, step (fall)",
         ),
-        (
-            ["run", "fall", "--set", "body.mass=-1"],
-            "body.mass is -1.0, allowed: a finite number > 0",
-        ),
-        (
-            ["run", "fall", "--set", "body.mass=nan"],
-            "body.mass is nan, allowed: a finite number > 0",
-        ),
-        (["run", "fall", "--set", "height=x"], "height is 'x', allowed: a number"),
         (["run", "fall", "--set", "height=200"], "height is 200.0, allowed: a number <= 100"),
-        (["run", "fall", "--set", "height"], "--set is 'height', allowed: path=value"),
         (
             ["run", "fall", "--scenario", "a.yaml", "--scenario", "b.yaml"],
             "--scenario is given twice, see chamfer run --help",
-        ),
-        (
-            ["run", "fall", "--out", "a", "--out", "a"],
-            "--out is given twice, see chamfer run --help",
         ),
         (["run", "fall", "--scenario", "no.yaml"], "no.yaml: No such file or directory"),
         (
@@ -59,27 +45,21 @@ VALID = "valid names: interrupted, broken, asserting, slow, fall, trials"
             "--seed is '-1', allowed: an integer from 0 to 4294967295",
         ),
         (
-            ["run", "fall", "--seed", "1.5"],
-            "--seed is '1.5', allowed: an integer from 0 to 4294967295",
-        ),
-        (
             ["run", "fall", "--seed", "4294967296"],
             "--seed is '4294967296', allowed: an integer from 0 to 4294967295",
         ),
         *(
             (
-                [*command, "--workers", text],
+                ["reproduce", "--workers", text],
                 f"--workers is {text!r}, allowed: an integer from 1 to 9999",
             )
-            for command in (["run", "fall"], ["reproduce"])
-            for text in ("0", "x", "1.5", "10000", "", "-2")
+            for text in ("0", "1.5", "10000", "")
         ),
         (
             ["diagram", "fall", "--workers", "2"],
             "unrecognized arguments: --workers 2, see chamfer --help",
         ),
         (["run"], "the following arguments are required: NAME, see chamfer run --help"),
-        (["fly"], None),
         ([], "the following arguments are required: COMMAND, see chamfer --help"),
         (["list", "--verbose"], "unrecognized arguments: --verbose, see chamfer --help"),
         (["reproduce", "--set", "a=1"], "unrecognized arguments: --set a=1, see chamfer --help"),
@@ -91,40 +71,15 @@ def test_mistakes_end_in_one_line_before_anything_is_made(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     arguments: list[str],
-    message: str | None,
+    message: str,
 ) -> None:
     (tmp_path / "cwd").mkdir()
     monkeypatch.chdir(tmp_path / "cwd")
     assert main(arguments, catalogue=toys) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
-    if message is None:
-        assert captured.err.startswith("chamfer: argument COMMAND: invalid choice: 'fly'")
-        assert captured.err.count("\n") == 1
-    else:
-        assert captured.err == f"chamfer: {message}\n"
+    assert captured.err == f"chamfer: {message}\n"
     assert list((tmp_path / "cwd").iterdir()) == []
-
-
-def test_a_broken_scenario_file_is_named_with_its_line(
-    toys: Catalogue, tmp_path: Path, out: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "fall.yaml"
-    path.write_text("height: 3\nbody: [\n")
-    arguments = ["run", "fall", "--scenario", str(path), "--out", str(out)]
-    assert main(arguments, catalogue=toys) == 2
-    assert capsys.readouterr().err.startswith(f"chamfer: {path}: line 3: ")
-    assert not out.exists()
-
-
-def test_a_result_of_another_experiment_is_refused(
-    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["run", "trials", "--out", str(out)], catalogue=toys) == 0
-    capsys.readouterr()
-    path = out / "trials" / "result.json"
-    assert main(["run", "fall", "--scenario", str(path), "--out", str(out)], catalogue=toys) == 2
-    assert capsys.readouterr().err == f"chamfer: {path} is a result of trials, not of fall\n"
 
 
 @pytest.mark.slow
@@ -154,12 +109,32 @@ def test_a_folder_that_can_t_be_written_is_refused_before_anything_runs(
     )
 
 
-def test_a_parameter_that_turns_out_impossible_in_the_run_is_one_line(
-    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("arguments", "status", "message"),
+    [
+        (["fall", "--set", "height=13"], 2, "fall: height is 13.0, allowed: a lucky number"),
+        (
+            ["broken", "--set", "noise=0.2"],
+            2,
+            "broken: can't be computed with noise=0.2: by zero",
+        ),
+        (
+            ["asserting"],
+            1,
+            "asserting: stopped by Drake: Failure at plant.cc:1 in f(): condition 'x > 0' failed.",
+        ),
+    ],
+)
+def test_what_ends_a_run_is_one_line(
+    toys: Catalogue,
+    out: Path,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    status: int,
+    message: str,
 ) -> None:
-    arguments = ["run", "fall", "--set", "height=13", "--out", str(out)]
-    assert main(arguments, catalogue=toys) == 2
-    assert capsys.readouterr().err == ("chamfer: fall: height is 13.0, allowed: a lucky number\n")
+    assert main(["run", *arguments, "--out", str(out)], catalogue=toys) == status
+    assert capsys.readouterr().err == f"chamfer: {message}\n"
     assert files(out) == []
 
 
@@ -197,25 +172,6 @@ def test_ports_of_different_sizes_are_named_in_one_line(
     assert "(size 2)" in message
     assert "System gain (size 3)" in message
     assert message.count("\n") == 1
-
-
-def test_numbers_that_cannot_be_computed_with_are_named(
-    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    arguments = ["run", "broken", "--set", "noise=0.2", "--out", str(out)]
-    assert main(arguments, catalogue=toys) == 2
-    message = "chamfer: broken: can't be computed with noise=0.2: by zero\n"
-    assert capsys.readouterr().err == message
-
-
-def test_an_assertion_of_drake_names_the_experiment(
-    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["run", "asserting", "--out", str(out)], catalogue=toys) == 1
-    assert capsys.readouterr().err == (
-        "chamfer: asserting: stopped by Drake: Failure at plant.cc:1 in f(): "
-        "condition 'x > 0' failed.\n"
-    )
 
 
 def test_a_bug_shows_its_traceback(toys: Catalogue, out: Path) -> None:

@@ -224,22 +224,6 @@ def test_a_campaign_of_the_real_command_is_the_same_with_more_processes(
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("default:the loop is unstable")
-def test_what_goes_wrong_in_another_process_is_one_line(
-    out: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    arguments = ["run", "unknown-surface-control-noise-free", "--workers", "2"]
-    unstable = ("controller.stiffness=1e9", "controller.allow_unstable=true")
-    for setting in ("trials=4", "duration=1", *unstable):
-        arguments += ["--set", setting]
-    assert main([*arguments, "--out", str(out)]) == 2
-    *warnings, message = capsys.readouterr().err.splitlines()
-    assert all(line.startswith("chamfer: warning: the loop is unstable") for line in warnings)
-    assert message.startswith("chamfer: unknown-surface-control-noise-free: ")
-    assert ", allowed: " in message
-
-
-@pytest.mark.slow
 def test_reproduce_runs_experiments_side_by_side(start: Start, toys: Catalogue, out: Path) -> None:
     printed = []
     for workers in ("1", "2"):

@@ -57,58 +57,26 @@ UNITS: Final = {
     ),
     *("m/pixel", "m/rad", "m/s", "rad/pixel", "pixels", "px", "rad", "rad/m", "rad/s", "s", "us"),
 }
-# Two runs of these take seconds.
-COSTLY: Final = {
-    "alignment",
-    "alignment-fsm-vs-pid",
-    "bnc-connector",
-    "bnc-connector-ablation",
-    "bnc-connector-success",
-    "camera-accuracy",
-    "camera-errors",
-    "contact-convergence",
-    "crucible-charging",
-    "contact-recovery",
-    "d-connector",
-    "d-connector-ablation",
-    "d-connector-success",
-    "design-accuracy",
-    "detection-conditions",
-    "friction-remedies",
-    "fsm-stability",
-    "hybrid-stability",
-    "insertion",
-    "insertion-map",
-    "insertion-repeatability",
-    "observer-comparison",
-    "observer-model-error",
-    "peg-skill",
-    "peg-skill-success",
-    "repeatability",
-    "rj45-connector",
-    "rj45-connector-success",
-    "sensing-sensitivity",
-    "sinusoid-response",
-    "vertical-tracking",
-    "vision-primitives",
-    "wedging-diagram",
-    "wrist-contention",
-}
-# Runs with other values of what another one runs, which is among the quick ones.
-AKIN: Final = {
-    "adept-nugget-motion",
-    "adept-roller-hold",
-    "adept-roller-motion",
-    "planar-slide-late",
-    "planar-unknown-wall",
-    "puma-nugget-hold",
-    "puma-nugget-motion",
-    "puma-roller-hold",
-    "puma-unknown-wall",
-    "surface-estimation-large-noise",
-    "surface-estimation-noise-free",
-    "surface-estimation-smooth",
-    "unknown-surface-control-noise-free",
+# Of the others two runs take seconds, or they run with other values what one of these does.
+QUICK: Final = {
+    "adept-nugget-hold",
+    "adept-unknown-wall",
+    "calibration-accuracy",
+    "charging-campaign",
+    "correlation",
+    "jamming-diagram",
+    "lissajous",
+    "peg-insertion",
+    "planar-hold",
+    "planar-slide",
+    "plant-identification",
+    "puma-roller-motion",
+    "servo-comparison",
+    "skill",
+    "step-response",
+    "surface-estimation",
+    "unknown-surface-control",
+    "unknown-surface-control-adaptive",
 }
 
 
@@ -129,9 +97,7 @@ class Ran:
 @pytest.fixture(
     scope="module",
     params=[
-        pytest.param(
-            entry, id=entry.name, marks=[pytest.mark.slow] if entry.name in COSTLY | AKIN else []
-        )
+        pytest.param(entry, id=entry.name, marks=[] if entry.name in QUICK else [pytest.mark.slow])
         for entry in ENTRIES
     ],
 )

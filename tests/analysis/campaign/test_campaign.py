@@ -3,10 +3,6 @@
 import errno
 import math
 import os
-import random
-import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
@@ -109,12 +105,6 @@ def test_rows_are_in_the_tasks_order_wherever_they_are_made(begin: Begin, toy: M
         assert [encode(row) for row in found.rows] == [encode(row) for row in here.rows]
 
 
-def test_slow_trials_do_not_change_the_order(begin: Begin, toy: ModuleType) -> None:
-    seconds = [0.5, 0.1, 0.0, 0.0, 0.2, 0.0]
-    found = begin()(toy.sleep, seconds, quiet)
-    assert found.column("seconds").tolist() == seconds
-
-
 def test_the_runner_is_that_of_the_block(toy: ModuleType) -> None:
     pids = {row["pid"] for row in run_each(toy.process, range(3), quiet).rows}
     assert pids == {os.getpid()}
@@ -136,12 +126,6 @@ def test_one_task_is_run_here_and_raises(begin: Begin, toy: ModuleType) -> None:
             run_each(toy.misbehave, ["refuse"], quiet)
         with pytest.raises(TypeError):
             run_each(toy.misbehave, ["wrong row"], quiet)
-
-
-def test_no_task_gives_no_row(begin: Begin, toy: ModuleType) -> None:
-    for runner in (run_here, begin()):
-        with running(runner):
-            assert len(run_each(toy.square, [], quiet)) == 0
 
 
 def test_trials_can_be_selected() -> None:
@@ -394,44 +378,3 @@ def test_a_worker_with_other_sources_is_an_error(
     monkeypatch.setattr(trial_loop, "code", lambda name: replace(code(name), sources="changed"))
     with pytest.raises(ExperimentError, match="a worker and this process differ in the sources"):
         begin()(toy.square, range(3), quiet)
-
-
-PARENT = """
-import sys
-from contextlib import closing
-from functools import partial
-from pathlib import Path
-from chamfer.analysis.campaign.campaign import Campaign
-from chamfer.analysis.campaign.workers import processes
-from toy_trials import leave
-
-if __name__ == "__main__":
-    folder = Path(sys.argv[1])
-    with processes(2) as engine, closing(
-        Campaign(folder / "trials.sqlite", processors=("toy",), engine=engine)
-    ) as campaign:
-        trial = partial(leave, str(folder / "left"), 0.05)
-        found = campaign(trial, range(40), lambda fraction, doing="": None)
-        (folder / "result").write_text(repr(found.rows))
-"""
-
-
-@pytest.mark.slow
-def test_whoever_is_killed_and_run_again_gives_the_same(tmp_path: Path, toy: ModuleType) -> None:
-    (tmp_path / "left").mkdir()
-    (tmp_path / "parent.py").write_text(PARENT)
-    assert toy.__file__ is not None
-    numbers = random.Random(0)
-    for sent in [signal.SIGKILL, signal.SIGINT, signal.SIGTERM] * 2 + [None]:
-        with subprocess.Popen(
-            [sys.executable, str(tmp_path / "parent.py"), str(tmp_path)],
-            env={**os.environ, "PYTHONPATH": f"{ROOT / 'src'}:{Path(toy.__file__).parent}"},
-            stderr=subprocess.DEVNULL,
-        ) as process:
-            if sent is not None:
-                time.sleep(numbers.uniform(0.5, 2.0))
-                process.send_signal(sent)
-            process.wait(60)
-    found = eval((tmp_path / "result").read_text())
-    assert [row["square"] for row in found] == [task**2 for task in range(40)]
-    assert len(done(tmp_path / "left")) < 40 + 7 * 20

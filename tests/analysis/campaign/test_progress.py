@@ -44,12 +44,6 @@ def test_line_says_what_runs_how_far_it_is_and_what_it_does() -> None:
     assert "\n" not in stream.getvalue()
 
 
-def test_line_appears_even_if_the_run_reports_nothing() -> None:
-    stream = Terminal()
-    with TerminalProgress("a", stream, delay=0.0, interval=0.01):
-        wait_for(stream, "a  0 s")
-
-
 def test_line_is_wiped_when_the_run_fails() -> None:
     stream = Terminal()
 
@@ -61,15 +55,6 @@ def test_line_is_wiped_when_the_run_fails() -> None:
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     assert screen(stream.getvalue()) == ""
-
-
-def test_fractions_outside_0_to_1_are_clipped() -> None:
-    stream = Terminal()
-    with TerminalProgress("a", stream, delay=0.0, interval=0.01) as progress:
-        progress(1.0000001)
-        wait_for(stream, "100 %")
-        progress(-1.0)
-        wait_for(stream, "a  0 %")
 
 
 def test_long_lines_don_t_wrap() -> None:

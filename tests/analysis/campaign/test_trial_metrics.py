@@ -47,11 +47,6 @@ def test_undefined_values_are_left_out_and_counted() -> None:
     )
 
 
-def test_zero_is_a_value() -> None:
-    found = over_trials([{"force": 0.0}, {"force": 2.0}], {"force": Quantity("N")})
-    assert found["force"].value == 1.0
-
-
 def test_a_sum_of_many_loses_nothing() -> None:
     values = [1e16, 1.0, -1e16] * 100
     found = over_trials([{"force": one} for one in values], {"force": Quantity("N")})

@@ -96,11 +96,6 @@ def test_view_can_be_interrupted_while_it_runs(start: Start, seen: Catalogue) ->
     assert (process.returncode, out) == (130, "")
 
 
-def test_view_says_what_has_no_view(seen: Catalogue, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["view", "fall"], catalogue=seen) == 2
-    assert capsys.readouterr() == ("", "chamfer: fall has no 3-D view\n")
-
-
 def test_view_names_a_port_that_is_taken(
     seen: Catalogue, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -113,23 +108,16 @@ def test_view_names_a_port_that_is_taken(
     assert capsys.readouterr() == ("", expected)
 
 
-@pytest.mark.parametrize("port", ["0", "80", "1023", "65536", "70000", "-1", "x", "7000.0", ""])
-def test_view_refuses_ports_that_are_none(
-    seen: Catalogue, capsys: pytest.CaptureFixture[str], port: str
-) -> None:
-    assert main(["view", "seen", f"--port={port}"], catalogue=seen) == 2
-    expected = f"chamfer: --port is {port!r}, allowed: an integer from 1024 to 65535\n"
-    assert capsys.readouterr() == ("", expected)
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        *(
+            (["seen", f"--port={port}"], f"--port is {port!r}, allowed: an integer from 1024 to")
+            for port in ("0", "1023", "65536", "-1", "x", "")
+        ),
+        (["fall"], "fall has no 3-D view"),
         (["see"], "unknown experiment 'see', did you mean 'seen'?"),
-        (["seen", "--seed", "-"], "--seed is '-', allowed: an integer from 0 to"),
-        (["seen", "--set", "noise=-1"], "noise is -1"),
         (["seen", "--set", "noise=13"], "seen: noise is 13.0, allowed: a lucky number"),
-        (["seen", "--scenario", "absent.yaml"], "absent.yaml"),
         (["seen", "fall"], "unrecognized arguments: fall"),
     ],
 )
@@ -139,7 +127,7 @@ def test_view_says_mistakes_in_one_line(
     assert main(["view", *arguments], catalogue=seen) == 2
     out, err = capsys.readouterr()
     assert out == ""
-    assert message in err
+    assert err.startswith(f"chamfer: {message}")
     assert err.count("\n") == 1
 
 
