@@ -110,18 +110,16 @@ def fsm_law(axes: Sequence[AxisParams]) -> Law:
 
 def pid_law(axes: Sequence[PidGains]) -> Law:
     """Return :class:`chamfer.systems.servo.sampled_pid.SampledPid` for many errors at once."""
-    proportional, per_second, derivative, limit = (
+    gains = [
         np.array([[getattr(axis, name)] for axis in axes])
         for name in ("proportional", "integral", "derivative", "limit")
-    )
-    integral: Array = np.zeros_like(limit)
-    last: Array = np.full_like(limit, np.nan)
+    ]
+    integral: Array = np.zeros_like(gains[0])
+    last: Array = np.full_like(gains[0], np.nan)
 
     def law(error: Array, period: float) -> Array:
         nonlocal integral, last
-        total, integral = pid_step(
-            integral, last, error, proportional, per_second, derivative, limit, period
-        )
+        total, integral = pid_step(integral, last, error, gains, period)
         last = error
         return total
 

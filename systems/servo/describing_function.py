@@ -14,18 +14,18 @@ from pydrake.systems.primitives import LinearSystem
 
 from chamfer.systems.servo.compensator import AxisParams
 
+Array = NDArray[np.float64]
 
-def describing_function(axis: AxisParams, amplitude: float) -> float:
+
+def describing_function(axis: AxisParams, amplitude: Array) -> Array:
     """Return N(A) of the five-level relay, increment per m of error amplitude.
 
     ``N(A) = 4/(pi A) [n_s sqrt(1-(eps/A)^2) + (n_L-n_s) sqrt(1-(E/A)^2)]``, each term from its
     threshold on.
     """
 
-    def term(height: float, threshold: float) -> float:
-        if amplitude <= threshold:
-            return 0.0
-        return height * math.sqrt(1.0 - (threshold / amplitude) ** 2)
+    def term(height: float, threshold: float) -> Array:
+        return height * np.sqrt(np.maximum(1.0 - (threshold / amplitude) ** 2, 0.0))
 
     small, large = axis.small_increment, axis.increment
     levels = term(small, axis.dead_zone) + term(large - small, axis.large_error)
@@ -41,11 +41,7 @@ class LimitCycle:
 
 
 def loop_response(
-    plant: LinearSystem,
-    period: float,
-    frequencies: NDArray[np.float64],
-    *,
-    delay_samples: int = 0,
+    plant: LinearSystem, period: float, frequencies: Array, *, delay_samples: int = 0
 ) -> NDArray[np.complex128]:
     """Return L(e^jwT) from increment to output: accumulator, hold, plant and dead time.
 
@@ -53,9 +49,8 @@ def loop_response(
     """
     sampled = DiscreteTimeApproximation(plant, period)
     z = np.exp(1j * frequencies * period)
-    size = sampled.A().shape[0]
     resolvent = np.linalg.solve(
-        z[:, None, None] * np.eye(size) - sampled.A(),
+        z[:, None, None] * np.eye(len(sampled.A())) - sampled.A(),
         np.broadcast_to(sampled.B(), (len(z), *sampled.B().shape)),
     )
     response: NDArray[np.complex128] = (sampled.C() @ resolvent)[:, 0, 0] * z / (z - 1.0)
@@ -87,8 +82,7 @@ def predict_limit_cycle(
     if largest <= axis.dead_zone:
         return None
     amplitudes = np.geomspace(axis.dead_zone, largest, 20_001)
-    values = np.array([describing_function(axis, float(a)) for a in amplitudes])
-    enough = np.flatnonzero(values * gain >= 1.0)
+    enough = np.flatnonzero(describing_function(axis, amplitudes) * gain >= 1.0)
     if len(enough) == 0:
         return None
     return LimitCycle(frequency, float(amplitudes[enough[-1]]))

@@ -18,8 +18,7 @@ Array = NDArray[np.float64]
 class OpenPidGains:
     """One axis; the compensation's unit C and the error's unit E. None is still to be derived."""
 
-    proportional: float | None = None
-    # C/E, gain of the error; C is the compensation's unit, E the error's
+    proportional: float | None = None  # C/E, gain of the error
     integral: float | None = None  # C/(E s), gain of its integral
     derivative: float = 0.0  # C s/E, gain of its derivative
     limit: float | None = None  # C, bound on the total
@@ -61,14 +60,7 @@ class SampledPidParams:
 
 
 def pid_step(
-    integral: Array,
-    last: Array,
-    error: Array,
-    proportional: Array,
-    per_second: Array,
-    derivative: Array,
-    limit: Array,
-    period: float,
+    integral: Array, last: Array, error: Array, gains: Sequence[Array] | Array, period: float
 ) -> tuple[Array, Array]:
     """Return total and integral part after a sample, of the law of :class:`SampledPid`.
 
@@ -76,12 +68,10 @@ def pid_step(
         integral: The integral part so far, of any shape; all others are of it or broadcast to it.
         last: The error before, NaN if there is none.
         error: The new one, finite.
-        proportional: C/E, of the error.
-        per_second: C/(E s), of its integral.
-        derivative: C s/E, of its difference.
-        limit: C, of the total.
+        gains: Of error, integral and derivative, and the limit, as in :class:`PidGains`.
         period: s.
     """
+    proportional, per_second, derivative, limit = gains
     change = np.nan_to_num((error - last) / period)
     more = integral + per_second * error * period
     rest = proportional * error + derivative * change
@@ -104,9 +94,8 @@ class SampledPid(LeafSystem):
         output_ports:
         - compensation
 
-    It takes the place of :class:`chamfer.systems.servo.compensator.TrajectoryCompensator` with the
-    same
-    ports: ``error`` and ``compensation`` have one element per axis. Once a period
+    It takes the place of :class:`chamfer.systems.servo.compensator.TrajectoryCompensator`:
+    ``error`` and ``compensation`` have one element per axis. Once a period
     ``c = P e + I sum(e) T + D (e - e_last) / T``, held until the next one and limited; the
     integral part stops where it would drive the total further beyond a limit, and keeps the limit
     itself. While ``valid`` (size 1) is 0, or an error is not finite, everything stays as it is,
@@ -121,9 +110,8 @@ class SampledPid(LeafSystem):
         self._size = size
         self._period = params.period
         self._gains = np.array(
-            [(axis.proportional, axis.integral, axis.derivative) for axis in params.axes]
+            [(one.proportional, one.integral, one.derivative, one.limit) for one in params.axes]
         ).T
-        self._limits = np.array([axis.limit for axis in params.axes])
         self._error = self.DeclareVectorInputPort("error", size)
         self._valid = self.DeclareVectorInputPort("valid", 1)
         start = np.concatenate([np.zeros(2 * size), np.full(size, math.nan)])
@@ -145,17 +133,7 @@ class SampledPid(LeafSystem):
         if lost or not np.isfinite(error).all():
             last[:] = math.nan
         else:
-            proportional, per_second, derivative = self._gains
-            total[:], integral[:] = pid_step(
-                integral,
-                last,
-                error,
-                proportional,
-                per_second,
-                derivative,
-                self._limits,
-                self._period,
-            )
+            total[:], integral[:] = pid_step(integral, last, error, self._gains, self._period)
             last[:] = error
         state.get_mutable_discrete_state().set_value(self._memory, memory)
 
@@ -163,13 +141,9 @@ class SampledPid(LeafSystem):
 def lag_and_dead_time(plant: SettlingPlant, period: float) -> tuple[float, float]:
     """Return the lag and the dead time, s, for which a measured step response is taken.
 
-    Two times say so at which a tenth and three tenths of it have arrived; half a period is added
-    to the dead time for the hold. The area above the response is that of both, so that the lag has
-    what the dead time leaves of it.
-
-    Args:
-        plant: Gain and step response, sampled at the period.
-        period: s.
+    Two times say so at which a tenth and three tenths of it have arrived; half a period, s, is
+    added to the dead time for the hold. The area above the response is that of both, so that the
+    lag has what the dead time leaves of it.
     """
     early, later = (period * _arrival(plant, share) for share in (0.1, 0.3))
     # exp(-(t - theta) / tau) is 0.9 at the first and 0.7 at the second.
@@ -215,13 +189,6 @@ def designed_gains(
 
     To three digits, so that they don't depend on how a machine rounds the response. A gain of the
     error that is given keeps the integral time.
-
-    Args:
-        given: It is kept.
-        plants: Responses, all of which the axis has to serve.
-        closed_loop: s, the wanted time constant.
-        period: s.
-        limit: Of the compensation, that is wanted.
     """
     tuned = [tuned_gains(one, closed_loop=closed_loop, period=period) for one in plants]
     proportional, integral = given.proportional, given.integral

@@ -58,6 +58,8 @@ from chamfer.models.plants.linear_response import free_response
 from chamfer.models.validation import ParameterError
 from chamfer.systems.servo.compensator import AxisParams, OpenAxisParams
 
+Array = NDArray[np.float64]
+
 _NEGLIGIBLE = 1e-13  # of the step response, where its tail is cut
 _LONGEST = 1_000_000  # samples
 _SHARE = 0.9  # of the bound on the small increment that the design uses
@@ -70,23 +72,23 @@ class SettlingPlant:
     """What the theorem needs to know of a plant."""
 
     gain: float  # output per compensation at rest, g
-    undelivered: NDArray[np.float64]  # d_1, d_2, ..., of the unit-gain step response
+    undelivered: Array  # d_1, d_2, ..., of the unit-gain step response
 
     @property
     def total(self) -> float:
         """T(1), the sum of all |d_j|."""
         return float(np.abs(self.undelivered).sum())
 
-    def tail(self) -> NDArray[np.float64]:
+    def tail(self) -> Array:
         """Return T(1), T(2), ... and a last zero."""
         return _tail(np.abs(self.undelivered))
 
-    def overshoot_tail(self) -> NDArray[np.float64]:
+    def overshoot_tail(self) -> Array:
         """Return D(1), D(2), ... and a last zero."""
         return _tail(np.maximum(-self.undelivered, 0.0))
 
 
-def _tail(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _tail(values: Array) -> Array:
     return np.append(np.cumsum(values[::-1])[::-1], 0.0)
 
 
@@ -158,20 +160,16 @@ def guarantee(axis: AxisParams, plant: SettlingPlant, measurement_error: float) 
     above = axis.large_error + axis.dead_zone - 2 * measurement_error - large * (1.0 + tail[0])
     everywhere = False
     if small_band and above >= 0:
-        j = _index(math.floor(above / small) + 1, tail)
+        j = min(math.floor(above / small) + 1, len(tail))
         everywhere = bool(small_need + (large - small) * tail[j - 1] <= room)
     overshoot = math.inf
     if everywhere and above - 2 * axis.dead_zone >= 0:
         j = math.floor((above - 2 * axis.dead_zone) / small) + 1
-        settled = small_need + (large - small) * tail[_index(j, tail) - 1] <= room
+        settled = small_need + (large - small) * tail[min(j, len(tail)) - 1] <= room
         if settled:
-            overshoot = small * over[0] + (large - small) * over[_index(j + 1, over) - 1]
+            overshoot = small * over[0] + (large - small) * over[min(j + 1, len(over)) - 1]
     share = float(small_need / room)
     return Guarantee(small_band, everywhere, float(overshoot), share, more_delay)
-
-
-def _index(j: int, tail: NDArray[np.float64]) -> int:
-    return min(j, len(tail))
 
 
 def allowed_increment(
@@ -199,20 +197,26 @@ def allowed_increment(
     return float(divider * small / plant.gain)
 
 
-def allowed_large_error(
+def allowed_axis(
     plant: SettlingPlant,
     *,
     dead_zone: float,
     measurement_error: float,
-    increment: float,
     divider: float = 5.0,
-) -> float:
-    """Return a large error E that the theorem allows for the increment n.
+    increment: float | None = None,
+    share: float = 1.0,
+    limit: float = math.inf,
+) -> AxisParams:
+    """Return an axis with a large error E that the theorem allows.
 
-    It also keeps the overshoot, at the samples, below a quarter of the dead zone. For an
-    increment beyond condition 1 there is none; what is returned then satisfies J >= 0.
-    The arguments are those of :func:`allowed_increment`.
+    Its increment n is that share of :func:`allowed_increment`, whose arguments the others are, if
+    none is given. The overshoot, at the samples, stays below a quarter of the dead zone. For an
+    increment beyond condition 1 no large error is allowed; that of the axis then satisfies J >= 0.
     """
+    if increment is None:
+        increment = share * allowed_increment(
+            plant, dead_zone=dead_zone, measurement_error=measurement_error, divider=divider
+        )
     large = plant.gain * increment
     small = large / divider
     tail, over = plant.tail(), plant.overshoot_tail()
@@ -224,31 +228,13 @@ def allowed_large_error(
     # Where the increment is within the bound the tail's last entry, zero, is small enough.
     samples = int(np.argmax(dies_out)) + _ROUNDING
     waiting = dead_zone + 2 * measurement_error + large * (1.0 + tail[0]) + samples * small
-    return float(waiting)
-
-
-def allowed_axis(
-    plant: SettlingPlant,
-    *,
-    dead_zone: float,
-    measurement_error: float,
-    divider: float = 5.0,
-    increment: float | None = None,
-    share: float = 1.0,
-    limit: float = math.inf,
-) -> AxisParams:
-    """Return an axis with the large error that the theorem allows.
-
-    Its increment is that share of the one that the theorem allows, if none is given. The other
-    arguments are those of :func:`allowed_increment`.
-    """
-    given = {"dead_zone": dead_zone, "divider": divider}
-    if increment is None:
-        increment = share * allowed_increment(plant, measurement_error=measurement_error, **given)
-    large_error = allowed_large_error(
-        plant, measurement_error=measurement_error, increment=increment, **given
+    return AxisParams(
+        dead_zone=dead_zone,
+        large_error=float(waiting),
+        increment=increment,
+        divider=divider,
+        limit=limit,
     )
-    return AxisParams(increment=increment, large_error=large_error, limit=limit, **given)
 
 
 def designed_axis(
@@ -261,28 +247,20 @@ def designed_axis(
 ) -> AxisParams:
     """Return what of an axis is open, such that it settles on every plant.
 
-    The dead zone is the smallest one in which the increment settles, the large error the smallest
-    one that the theorem allows. Both are rounded up to three digits, which the theorem admits, so
-    that they don't depend on how a machine rounds the response. A dead zone that is given makes
-    the increment smaller if it has to be.
-
-    Args:
-        given: It is kept.
-        plants: Responses, all of which the axis has to serve.
-        increment: n that is wanted, in the compensation's unit.
-        measurement_error: nu, in the output's unit.
-        limit: Of the compensation, that is wanted.
+    The dead zone is the smallest one in which the wanted increment settles, the large error the
+    smallest one that the theorem allows. Both are rounded up to three digits, which the theorem
+    admits, so that they don't depend on how a machine rounds the response. A dead zone that is
+    given makes the increment smaller if it has to be.
 
     Raises:
         ParameterError: If a dead zone that is given leaves nothing beyond the measurement error.
     """
+    divider = given.divider
 
     def allowed(dead_zone: float, error: float) -> float:
         return min(
-            allowed_increment(
-                plant, dead_zone=dead_zone, measurement_error=error, divider=given.divider
-            )
-            for plant in plants
+            allowed_increment(one, dead_zone=dead_zone, measurement_error=error, divider=divider)
+            for one in plants
         )
 
     dead_zone, large_error = given.dead_zone, given.large_error
@@ -296,21 +274,21 @@ def designed_axis(
         dead_zone = _rounded(measurement_error + increment / allowed(1.0, 0.0), math.ceil)
     if large_error is None:
         needed = max(
-            allowed_large_error(
-                plant,
+            allowed_axis(
+                one,
                 dead_zone=dead_zone,
                 measurement_error=measurement_error,
                 increment=increment,
-                divider=given.divider,
-            )
-            for plant in plants
+                divider=divider,
+            ).large_error
+            for one in plants
         )
         large_error = _rounded(max(needed, dead_zone), math.ceil)
     return AxisParams(
         dead_zone=dead_zone,
         large_error=large_error,
         increment=increment,
-        divider=given.divider,
+        divider=divider,
         limit=limit if given.limit is None else given.limit,
     )
 

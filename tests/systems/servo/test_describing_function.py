@@ -49,16 +49,17 @@ def test_is_the_first_harmonic_of_what_the_chart_does(amplitude: float) -> None:
         return chart.step(chart.start(), float(error), 0.0)[0].memory.increment
 
     harmonic = control.describing_function(increment, amplitude, num_points=6000)
-    assert describing_function(FIVE_LEVELS, amplitude) == pytest.approx(harmonic.real, rel=3e-3)
+    assert describing_function(FIVE_LEVELS, np.array(amplitude)) == pytest.approx(
+        harmonic.real, rel=3e-3
+    )
     assert abs(harmonic.imag) < 3e-3 * harmonic.real
 
 
 def test_is_zero_inside_the_dead_zone_and_continuous_at_both_thresholds() -> None:
-    assert describing_function(FIVE_LEVELS, 0.005) == 0.0
-    assert describing_function(FIVE_LEVELS, 0.01) == 0.0
-    for threshold in (0.01, 0.05):
-        above = describing_function(FIVE_LEVELS, threshold * (1 + 1e-12))
-        assert above == pytest.approx(describing_function(FIVE_LEVELS, threshold), abs=1e-4)
+    edges = np.array([0.005, 0.01, 0.01 * (1 + 1e-12), 0.05, 0.05 * (1 + 1e-12)])
+    inside, edge, above, inner, outer = describing_function(FIVE_LEVELS, edges)
+    assert (inside, edge) == (0.0, 0.0)
+    assert (above, outer) == (pytest.approx(edge, abs=1e-4), pytest.approx(inner, abs=1e-4))
 
 
 @pytest.mark.parametrize("form", ["position", "compliance"])

@@ -25,37 +25,21 @@ def test_it_follows_at_a_distance_and_keeps_its_place_on_the_way_back() -> None:
     assert found.tolist() == [0, 0, 4, 4, 4, 4, 2, 2, 2]
 
 
-ERROR = np.array([3.0, -2.0, 1.0])
-
-
-def through(opened: tuple[float, float], valid: float = 1.0) -> tuple[np.ndarray, float]:
+@pytest.mark.parametrize(
+    ("opened", "valid", "first", "counts"),
+    [((1, 1), 1, 3.0, 1), ((0, 1), 1, 3.0, 0), ((1, 1), 0, 3.0, 0), ((1, 0), 1, 0.0, 1)],
+    ids=["open", "shut", "not valid", "without the first axis"],
+)
+def test_a_selector_lets_through_what_is_open(
+    opened: tuple[int, int], valid: int, first: float, counts: int
+) -> None:
     block = MeasurementSelector(3)
     context = block.CreateDefaultContext()
-    block.GetInputPort("error").FixValue(context, ERROR)
-    block.GetInputPort("valid").FixValue(context, [valid])
-    block.GetInputPort("open").FixValue(context, opened)
-    error = block.GetOutputPort("error").Eval(context)
-    return error, float(block.GetOutputPort("valid").Eval(context)[0])
-
-
-def test_open_it_is_not_there() -> None:
-    error, valid = through((1.0, 1.0))
-    np.testing.assert_array_equal(error, ERROR)
-    assert valid == 1
-
-
-def test_shut_nothing_is_valid() -> None:
-    assert through((0.0, 1.0))[1] == 0
-
-
-def test_what_is_not_valid_stays_so() -> None:
-    assert through((1.0, 1.0), valid=0.0)[1] == 0
-
-
-def test_the_first_axis_may_be_left_out() -> None:
-    error, valid = through((1.0, 0.0))
-    np.testing.assert_array_equal(error, [0.0, -2.0, 1.0])
-    assert valid == 1
+    block.GetInputPort("error").FixValue(context, [3.0, -2.0, 1.0])
+    block.GetInputPort("valid").FixValue(context, [float(valid)])
+    block.GetInputPort("open").FixValue(context, [float(one) for one in opened])
+    assert block.GetOutputPort("error").Eval(context).tolist() == [first, -2.0, 1.0]
+    assert block.GetOutputPort("valid").Eval(context)[0] == counts
 
 
 def values(trajectory: Step | Sinusoid, times: np.ndarray) -> np.ndarray:
