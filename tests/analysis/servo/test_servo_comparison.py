@@ -127,19 +127,14 @@ def test_the_answer_says_only_what_intervals_bear() -> None:
 def test_everything_is_shown_and_no_field_is_the_papers() -> None:
     figures = SERVO_COMPARISON.plot(scenario(), outcome())
     assert list(figures) == ["servo-comparison"]
-    stiffer = resolve_comparison(
-        ServoComparisonScenario(plant=ServoPlantParams(mass=1.0, damping=40.0, stiffness=900.0))
-    )
-    assert stiffer.fsm != scenario().fsm
-    assert stiffer.pid != scenario().pid
-    slower = resolve_comparison(ServoComparisonScenario(settling_time=2.0))
-    assert slower.fsm != scenario().fsm
-    assert slower.pid != scenario().pid
-    blurred = resolve_comparison(
-        ServoComparisonScenario(camera=ServoCameraParams(resolution=3e-4, latency=0.05))
-    )
-    assert blurred.fsm != scenario().fsm
-    assert blurred.pid != scenario().pid
+    for other in (
+        ServoComparisonScenario(plant=ServoPlantParams(mass=1.0, damping=40.0, stiffness=900.0)),
+        ServoComparisonScenario(settling_time=2.0),
+        ServoComparisonScenario(camera=ServoCameraParams(resolution=3e-4, latency=0.05)),
+    ):
+        found = resolve_comparison(other)
+        assert found.fsm != scenario().fsm
+        assert found.pid != scenario().pid
 
 
 def test_a_measured_step_is_identified_and_its_plants_are_drawn(tmp_path: Path) -> None:

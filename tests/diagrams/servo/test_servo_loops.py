@@ -1,4 +1,3 @@
-from collections.abc import Iterable
 from dataclasses import replace
 
 import control
@@ -6,8 +5,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import BasicVector, Context, Diagram, LeafSystem, System
-from pydrake.systems.primitives import LinearSystem
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.diagrams.servo.comparison_loop import (
@@ -32,11 +30,10 @@ from chamfer.diagrams.servo.servo_scenario import (
     fsm_axis,
     resolve,
 )
+from chamfer.models.plants.servo_plant import Form
 from chamfer.models.validation import ParameterError
-from chamfer.systems.servo.compensator import TrajectoryCompensator
 from chamfer.systems.servo.desired_trajectory import Sinusoid, Step
 from chamfer.systems.servo.pid import PidParams
-from chamfer.systems.vision.measured_error import MeasuredError
 
 
 def transfer(plant: PlantParams, form: str) -> control.TransferFunction:
@@ -52,13 +49,9 @@ def pid_transfer(pid: PidParams) -> control.TransferFunction:
 
 
 @pytest.mark.parametrize("form", ["velocity", "compliance"])
-def test_the_pid_loop_steps_as_python_control_says(form: str) -> None:
+def test_the_pid_loop_steps_as_python_control_says(form: Form) -> None:
     scenario = StepScenario(desired=Step(amplitude=0.4))
-    run = simulate(
-        make_pid_loop(scenario, form, step=1e-3),  # type: ignore[arg-type]
-        duration=0.5,
-        step=1e-3,
-    )
+    run = simulate(make_pid_loop(scenario, form, step=1e-3), duration=0.5, step=1e-3)
     loop = control.feedback(pid_transfer(scenario.pid) * transfer(scenario.plant, form), 1)
     _, expected = control.step_response(control.minreal(loop, verbose=False), run.time)
     np.testing.assert_allclose(run.outputs["actual_trajectory"], 0.4 * expected, atol=2e-7)
@@ -81,10 +74,10 @@ def test_the_pid_loop_follows_a_sinusoid_exactly_at_any_step() -> None:
 
 
 def by_python_control(
-    scenario: ServoScenario, form: str, desired: NDArray[np.float64]
+    scenario: ServoScenario, form: Form, desired: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """The sampled FSM loop: python-control's exact plant, the law written out again."""
-    axis = fsm_axis(scenario, form)  # type: ignore[arg-type]
+    axis = fsm_axis(scenario, form)
     period, resolution = scenario.fsm.period, scenario.camera.resolution
     sampled = control.c2d(control.ss(transfer(scenario.plant, form)), period)
     state = np.zeros((2, 1))
@@ -109,38 +102,25 @@ def by_python_control(
     return np.array(output)
 
 
-@pytest.mark.parametrize("form", ["position", "velocity", "compliance"])
+@pytest.mark.parametrize(
+    ("form", "feedforward"),
+    [("position", False), ("position", True), ("velocity", False), ("compliance", False)],
+)
 @pytest.mark.parametrize("latency", [0.0, 0.02])
 @pytest.mark.parametrize("substeps", [1, 8])
 def test_the_fsm_loop_steps_as_a_loop_written_with_python_control(
-    form: str, latency: float, substeps: int
+    form: Form, feedforward: bool, latency: float, substeps: int
 ) -> None:
-    scenario = StepScenario(
-        plant=PlantParams(form=form),  # type: ignore[arg-type]
+    scenario = SinusoidScenario(
+        plant=PlantParams(form=form),
         camera=CameraParams(latency=latency),
-        fsm=FsmParams(limit=0.9 if form == "position" else None),
+        fsm=FsmParams(limit=0.9 if form == "position" else None, feedforward=feedforward),
     )
     period = scenario.fsm.period
     run = simulate(
-        make_fsm_loop(scenario, form, step=period / substeps),  # type: ignore[arg-type]
-        duration=2.5,
-        step=period,
+        make_fsm_loop(scenario, form, step=period / substeps), duration=5.0, step=period
     )
-    expected = by_python_control(scenario, form, np.ones(len(run.time)))
-    np.testing.assert_allclose(run.outputs["actual_trajectory"], expected, atol=1e-9)
-
-
-@pytest.mark.parametrize("feedforward", [True, False])
-def test_the_fsm_loop_follows_a_sinusoid_as_written_with_python_control(
-    feedforward: bool,
-) -> None:
-    scenario = SinusoidScenario(fsm=FsmParams(feedforward=feedforward))
-    run = simulate(
-        make_fsm_loop(scenario, "position", step=scenario.fsm.period),
-        duration=8.0,
-        step=scenario.fsm.period,
-    )
-    expected = by_python_control(scenario, "position", np.sin(run.time))
+    expected = by_python_control(scenario, form, np.sin(run.time))
     np.testing.assert_allclose(run.outputs["actual_trajectory"], expected, atol=1e-9)
 
 
@@ -199,47 +179,18 @@ def test_camera_noise_is_reproducible_and_follows_the_seed() -> None:
     assert np.any(runs[0] != runs[2])
 
 
-def leaves(diagram: Diagram) -> Iterable[tuple[System, System]]:
-    """Every connection of a diagram between leaf systems, as (from, to)."""
-    for (to, in_port), (source, out_port) in diagram.connection_map().items():
-        yield _producer(source, out_port), _consumer(to, in_port)
-    for system in diagram.GetSystems():
-        if isinstance(system, Diagram):
-            yield from leaves(system)
-
-
-def _producer(system: System, port: int) -> System:
-    while isinstance(system, Diagram):
-        inner, port = system.get_output_port_locator(port)
-        system = inner
-    return system
-
-
-def _consumer(system: System, port: int) -> System:
-    while isinstance(system, Diagram):
-        system, port = system.GetInputPortLocators(port)[0]
-    return system
-
-
-def test_only_the_camera_leads_from_the_plant_to_the_compensator() -> None:
-    loop = make_fsm_loop(StepScenario(), "position")
-    following: dict[LeafSystem, set[LeafSystem]] = {}
-    for source, target in leaves(loop):
-        following.setdefault(source, set()).add(target)
-    plant = next(
-        system
-        for system in following
-        if isinstance(system, LinearSystem) and system.get_name() == "impedance control A(s)"
-    )
-    reached: set[System] = set()
-    front: list[System] = [plant]
-    while front:
-        for target in following.get(front.pop(), set()) - reached:
-            reached.add(target)
-            if not isinstance(target, MeasuredError):
-                front.append(target)
-    assert any(isinstance(system, MeasuredError) for system in reached)
-    assert not any(isinstance(system, TrajectoryCompensator) for system in reached)
+@pytest.mark.parametrize("feedforward", [False, True])
+def test_only_the_camera_leads_from_the_plant_to_the_compensator(feedforward: bool) -> None:
+    loop = make_fsm_loop(StepScenario(), "position", feedforward=feedforward)
+    before: dict[str, set[str]] = {}
+    for (end, _), (start, _) in loop.connection_map().items():
+        before.setdefault(end.get_name(), set()).add(start.get_name())
+    fed = {"desired trajectory"} if feedforward else set()
+    assert before == {
+        "controller FSM": {"computer vision"} | fed,
+        "computer vision": {"desired trajectory", "plant"},
+        "plant": {"controller FSM"},
+    }
 
 
 class Proportional(LeafSystem):

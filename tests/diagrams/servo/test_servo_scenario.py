@@ -16,28 +16,21 @@ from chamfer.diagrams.servo.servo_scenario import (
     settling_plant,
 )
 from chamfer.models.validation import ParameterError
-from chamfer.systems.servo.desired_trajectory import Sinusoid, Step
+from chamfer.systems.servo.desired_trajectory import Sinusoid
+from chamfer.systems.servo.pid import PidParams
 from chamfer.systems.servo.settling import guarantee
 
 
 def test_defaults_are_the_papers_and_the_identified_plant() -> None:
     scenario = StepScenario()
-    assert (scenario.plant.mass, scenario.plant.damping, scenario.plant.stiffness) == (
-        2.14708,
-        53.896,
-        700.0,
+    assert scenario.plant == PlantParams(
+        mass=2.14708, damping=53.896, stiffness=700.0, form="position"
     )
-    pid = scenario.pid
-    assert (pid.proportional, pid.integral, pid.derivative, pid.filter) == (
-        341.0,
-        21903.0,
-        -0.00853,
-        39971.0,
+    assert scenario.pid == PidParams(
+        proportional=341.0, integral=21903.0, derivative=-0.00853, filter=39971.0
     )
-    assert scenario.fsm.period == 1 / 80
-    assert (scenario.fsm.dead_zone, scenario.camera.resolution) == (0.01, 0.005)
-    assert scenario.fsm.divider == 5
-    assert scenario.plant.form == "position"
+    assert scenario.fsm == FsmParams(dead_zone=0.01, divider=5.0, period=1 / 80)
+    assert scenario.camera == CameraParams(resolution=0.005)
 
 
 @settings(max_examples=40, deadline=None)
@@ -136,28 +129,16 @@ def test_an_increment_that_is_set_gets_a_large_error_of_its_own(factor: float) -
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: PlantParams(mass=-1.0), r"mass is -1\.0, allowed: a finite number > 0"),
-        (lambda: PlantParams(damping=math.nan), "damping is nan, allowed: a finite number > 0"),
         (
             lambda: PlantParams(form="acceleration"),  # type: ignore[arg-type]
             "form is 'acceleration', allowed: position, velocity, compliance",
         ),
         (lambda: FsmParams(period=0.0), r"period is 0\.0"),
-        (lambda: FsmParams(divider=0.5), r"divider is 0\.5, allowed: a finite number >= 1"),
-        (lambda: FsmParams(increment=-1.0), r"increment is -1\.0"),
-        (
-            lambda: FsmParams(large_error=0.001),
-            r"large_error is 0\.001, allowed: a finite number >= dead_zone, 0\.01",
-        ),
-        (lambda: CameraParams(resolution=-1.0), r"resolution is -1\.0"),
-        (lambda: CameraParams(latency=math.inf), "latency is inf"),
         (
             lambda: StepScenario(camera=CameraParams(resolution=0.03)),
             r"fsm\.dead_zone is 0\.01, allowed: more than the camera's error, .* 0\.015",
         ),
         (lambda: StepScenario(duration=-1.0), r"duration is -1\.0"),
-        (lambda: Step(amplitude=math.nan), "amplitude is nan"),
-        (lambda: Sinusoid(frequency=0.0), r"frequency is 0\.0"),
         (
             lambda: resolve(StepScenario(duration=1e9)),
             r"duration is 1000000000\.0, allowed: 10 to 5000000 steps of",
