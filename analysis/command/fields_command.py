@@ -1,7 +1,6 @@
 """The command ``chamfer fields``: what an experiment's scenario is made of."""
 
 import argparse
-import dataclasses
 import json
 import shutil
 from collections.abc import Callable
@@ -38,27 +37,34 @@ def add_fields(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
 
 
 def print_fields(scenario: T, resolve: Callable[[T], T], *, prefix: str, as_json: bool) -> None:
-    """Print the fields of a scenario of defaults.
-
-    Args:
-        scenario: Not resolved.
-        resolve: Fills in what is derived.
-        prefix: Only fields whose path begins so.
-        as_json: Whether as a list of objects, not as a table.
+    """Print the fields, whose path begins so, of a scenario of defaults that is not resolved.
 
     Raises:
         UserError: If no field begins with the prefix.
     """
-    from chamfer.analysis.command.scenario_fields import default_texts, describe, leaves, matching
+    from chamfer.analysis.command.scenario_fields import allowed, default_texts, leaves, matching
     from chamfer.analysis.report.console import wrapped_table
+    from chamfer.analysis.scenario.scenario_io import plain_value
 
     chosen = matching(list(leaves(scenario)), prefix)
-    described = [describe(scenario, leaf) for leaf in chosen]
     if as_json:
-        print(json.dumps([dataclasses.asdict(one) for one in described]))
+        described = [
+            {
+                "path": leaf.path,
+                "default": plain_value(leaf.value),
+                "unit": leaf.unit,
+                "meaning": leaf.meaning,
+                "allowed": allowed(scenario, leaf),
+            }
+            for leaf in chosen
+        ]
+        print(json.dumps(described))
         return
     texts = default_texts(scenario, resolve)
-    rows = [(one.path, texts[one.path], one.unit, one.meaning, one.allowed) for one in described]
+    rows = [
+        (leaf.path, texts[leaf.path], leaf.unit, leaf.meaning, allowed(scenario, leaf))
+        for leaf in chosen
+    ]
     width = shutil.get_terminal_size((_COLUMNS, 0)).columns
     print("\n".join(wrapped_table([_HEADER, *rows], width)))
 

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Final
 from chamfer.analysis.campaign.campaign import Campaign, running
 from chamfer.analysis.campaign.trial_store import TRIALS
 from chamfer.analysis.catalogue import CATALOGUE
-from chamfer.analysis.command.scenario_file import read_scenario
 from chamfer.analysis.report.atomic_write import write_text
 from chamfer.analysis.report.checks import Paper, check, load_paper
 from chamfer.analysis.report.results import (
@@ -38,6 +37,7 @@ from chamfer.analysis.scenario.experiment import (
 )
 from chamfer.analysis.scenario.scenario_io import make_scenario, scenario_text, sha256, unstructure
 from chamfer.analysis.scenario.scenario_overrides import overrides
+from chamfer.analysis.scenario.scenario_yaml import read_mapping
 from chamfer.models.validation import ParameterError
 
 if TYPE_CHECKING:
@@ -123,6 +123,30 @@ def given_scenario(
         raise UserError(reason) from error
 
 
+def read_scenario(path: Path, experiment: str) -> Mapping[Any, Any]:
+    """Return the fields that a file gives: a YAML file of fields, or a result of the experiment.
+
+    Raises:
+        UserError: If the file can't be read, is neither of them, or is a result of another
+            experiment.
+    """
+    if path.suffix != ".json":
+        return read_mapping(path)
+    try:
+        result = read_result(path)
+    except OSError as error:
+        raise UserError(f"{path}: {error.strerror or error}") from error
+    except ValueError as error:
+        raise UserError(f"{path} is not a result: {error}") from error
+    scenario = result.get("scenario")
+    if not isinstance(scenario, dict):
+        raise UserError(f"{path} is not a result: it has no scenario")
+    of = result.get("experiment", result.get("design"))
+    if of != experiment:
+        raise UserError(f"{path} is a result of {of}, not of {experiment}")
+    return scenario
+
+
 def trials_path(out: Path, name: str) -> Path:
     """Return the file for the finished trials of an experiment."""
     return out / name / TRIALS
@@ -132,13 +156,6 @@ def run(
     job: Job, *, seed: int, out: Path, progress: Progress, campaign: Campaign
 ) -> dict[str, Any]:
     """Run an experiment, write its folder in ``out`` and return the result's document.
-
-    Args:
-        job: The experiment.
-        seed: Of all randomness.
-        out: The folder of the results.
-        progress: Told how far the run is.
-        campaign: Runs the experiment's trials.
 
     Raises:
         UserError: If a parameter turns out to be impossible only when it is used, or the folder

@@ -1,8 +1,10 @@
 """The fields of a scenario: what each one is called, means and may be."""
 
 import inspect
+import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from difflib import get_close_matches
 from types import NoneType
 from typing import Any, Final, TypeVar, get_args, get_type_hints
@@ -10,12 +12,17 @@ from typing import Any, Final, TypeVar, get_args, get_type_hints
 from chamfer.analysis.report.check_text import number
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.field_comments import field_comment
-from chamfer.analysis.scenario.field_limits import allowed
-from chamfer.analysis.scenario.scenario_io import plain_value, value_text
+from chamfer.analysis.scenario.plain_data import joined
+from chamfer.analysis.scenario.scenario_io import make_scenario, value_text
 
 T = TypeVar("T")
 
 _NESTED: Final = "a mapping of the fields below or null"
+_NUMBERS: Final = (math.nan, -1, 0, 0.5, -(10**9), 10**9)  # that are tried
+_INTEGER: Final = "an integer"
+_LIST: Final = re.compile("a list( of [0-9]+)?")
+_HOLDS_A_LIST: Final = re.compile(r"tuple|list|Sequence|Any|ndarray")  # in a type's name
+_OR_NULL: Final = " or null"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,17 +39,6 @@ class Leaf:
     meaning: str
     nested: bool  # a dataclass, whose own fields follow
     above: str | None  # the path of the field above it that is null
-
-
-@dataclass(frozen=True, kw_only=True)
-class Field:
-    """What is said of a field of an experiment's scenario."""
-
-    path: str
-    default: Any  # as JSON can hold it
-    unit: str
-    meaning: str
-    allowed: str
 
 
 def leaves(scenario: Any) -> Iterator[Leaf]:
@@ -69,16 +65,29 @@ def matching(found: Sequence[Leaf], prefix: str) -> list[Leaf]:
     raise UserError(f"no field begins with {prefix!r}, close to it: {', '.join(close)}")
 
 
-def describe(scenario: object, leaf: Leaf) -> Field:
-    """Return what a leaf of the scenario may be, with the rest that is known of it."""
-    limits = _NESTED if leaf.nested else allowed(scenario, leaf.path, leaf.kind, leaf.value)
-    return Field(
-        path=leaf.path,
-        default=plain_value(leaf.value),
-        unit=leaf.unit,
-        meaning=leaf.meaning,
-        allowed=limits,
-    )
+def allowed(scenario: object, leaf: Leaf) -> str:
+    """Return in words what a leaf may be: wrong values are tried and the refusals read.
+
+    So it is said once, where it is checked. The other fields are as in the scenario.
+    """
+    if leaf.nested:
+        return _NESTED
+    path = leaf.path
+    needed = _refusal(scenario, path, {}).removesuffix(_OR_NULL)
+    said = [_refusal(scenario, path, wrong) for wrong in _wrong_values(leaf)]
+    said = [text.removesuffix(_OR_NULL) for text in said if text]
+    by_words: dict[str, str] = {}  # the tried value itself may be among the numbers
+    for text in said:
+        by_words.setdefault(re.sub(r"[-+.e0-9]+", "#", text), text)
+    limits = [text for text in by_words.values() if text != needed and _is_sharpest(text, said)]
+    if (match := _LIST.match(needed)) and limits:
+        text = f"{match[0]}: {'; '.join(limits)}"
+    elif not limits or (needed == _INTEGER and _INTEGER not in " ".join(limits)):
+        text = "; ".join([needed, *limits])
+    else:
+        text = "; ".join(limits)
+    takes_null = _refusal(scenario, path, None) == ""
+    return text + (_OR_NULL if takes_null else "")
 
 
 def default_texts(scenario: T, resolve: Callable[[T], T]) -> dict[str, str]:
@@ -108,7 +117,7 @@ def _leaves(
     hints = get_type_hints(owner)
     for name, value in values.items():
         comment = field_comment(owner, name)
-        here = f"{path}.{name}" if path else name
+        here = joined(path, name)
         nested = _nested_type(value, hints[name])
         if nested is None:
             meaning = comment.meaning or said
@@ -156,3 +165,51 @@ def _nested_type(value: object, kind: Any) -> type[Any] | None:
 
 def _first_sentence(cls: type[Any]) -> str:
     return " ".join((inspect.getdoc(cls) or "").split()).partition(". ")[0].rstrip(".")
+
+
+def _wrong_values(leaf: Leaf) -> Iterator[Any]:
+    """Yield values of every kind, among them some that this field can hardly allow."""
+    yield from ("?", *_NUMBERS)
+    if not _HOLDS_A_LIST.search(str(leaf.kind)):
+        return
+    elements = list(leaf.value) if isinstance(leaf.value, tuple) else []
+    yield []
+    for wrong in _NUMBERS:
+        yield [wrong, *elements[1:]]
+
+
+def _refusal(scenario: object, path: str, wrong: object) -> str:
+    """Return what is said to be allowed when the field is ``wrong``; "" if nothing is said."""
+    try:
+        _with(scenario, path, wrong)
+    except UserError as error:
+        pattern = rf"{re.escape(path)}((?:\[[0-9]+\])*) is .*?, allowed: (.*)"
+        if match := re.fullmatch(pattern, str(error), re.DOTALL):
+            return f"each element {match[2]}" if match[1] else match[2]
+    return ""
+
+
+def _with(scenario: Any, path: str, value: object) -> Any:
+    """Return the scenario with a field set, of which only what is around it is made anew."""
+    name, _, inner = path.partition(".")
+    group = getattr(scenario, name)
+    # Whether a number is finite is looked at last, when all dataclasses are made.
+    not_a_number = math.nan in (value if isinstance(value, list) else [value])
+    if not inner or group is None or not_a_number:
+        given: Any = value
+        for part in reversed(path.split(".")):
+            given = {part: given}
+        return make_scenario(scenario, given=given)
+    try:
+        made = _with(group, inner, value)
+    except UserError as error:
+        raise UserError(joined(name, str(error))) from error
+    try:
+        return replace(scenario, **{name: made})
+    except ValueError as error:
+        raise UserError(str(error)) from error
+
+
+def _is_sharpest(text: str, said: list[str]) -> bool:
+    """Whether nothing else says the same and more."""
+    return not any(other != text and other.startswith(text) for other in said)

@@ -17,7 +17,7 @@ import numpy as np
 
 from chamfer.analysis.campaign.progress import TerminalProgress
 from chamfer.analysis.command.output_folder import require_writable
-from chamfer.analysis.command.scenario_file import read_scenario
+from chamfer.analysis.command.running import read_scenario
 from chamfer.analysis.report.check_text import number
 from chamfer.analysis.report.console import say, table
 from chamfer.analysis.report.results import json_text

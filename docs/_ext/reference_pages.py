@@ -21,7 +21,7 @@ from docs._ext.port_picture import port_picture
 from sphinx.application import Sphinx
 
 from chamfer.analysis.catalogue import CATALOGUE
-from chamfer.analysis.command.scenario_fields import default_texts, describe, leaves
+from chamfer.analysis.command.scenario_fields import allowed, default_texts, leaves
 from chamfer.analysis.report.check_text import relation, typeset
 from chamfer.analysis.report.checks import Published, load_paper
 from chamfer.analysis.report.fingerprint import code, digest
@@ -239,7 +239,7 @@ def _experiment_page(entry: Entry) -> str:
                 _code(defaults[leaf.path]),
                 leaf.unit,
                 _plain(leaf.meaning),
-                _plain(describe(scenario, leaf).allowed),
+                _plain(allowed(scenario, leaf)),
             )
             for leaf in leaves(scenario)
         ]

@@ -259,39 +259,6 @@ def test_reproduce_outlives_a_process_that_dies(
     assert set(TRIALS) < set(files(out))
 
 
-@pytest.mark.slow
-def test_reproduce_begins_an_experiment_again_whose_process_died(
-    start: Start, toys: Catalogue, falling: Path, out: Path
-) -> None:
-    in_fall(
-        falling,
-        f"import os; os.path.exists({str(out / 'once')!r}) or "
-        f"(open({str(out / 'once')!r}, 'w').close(), os._exit(0))",
-    )
-    arguments = ("reproduce", "--paper", "toy-paper", "--workers", "2", "--out", str(out))
-    with start(toys, *arguments) as process:
-        process.communicate(timeout=60)
-    assert process.returncode == 0
-    assert "fall/result.json" in files(out)
-
-
-@pytest.mark.slow
-def test_an_interrupted_reproduction_ends_at_once(
-    start: Start, toys: Catalogue, falling: Path, out: Path
-) -> None:
-    in_fall(falling, "print('started', file=sys.stderr, flush=True); time.sleep(60)")
-    arguments = ("reproduce", "--paper", "toy-paper", "--workers", "2", "--out", str(out))
-    with start(toys, *arguments, group=True) as process:
-        assert process.stderr is not None
-        assert "started\n" in iter(process.stderr.readline, "")
-        begin = time.monotonic()
-        os.killpg(process.pid, signal.SIGINT)  # as a terminal does it
-        _, err = process.communicate(timeout=30)
-    assert time.monotonic() - begin < 20
-    assert process.returncode == 130
-    assert err == "chamfer: interrupted, experiments and trials that had ended are kept\n"
-
-
 def test_a_reader_that_leaves_early_is_no_error(start: Start, toys: Catalogue) -> None:
     with start(toys, "list") as process:
         assert process.stdout is not None

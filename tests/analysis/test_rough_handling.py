@@ -7,8 +7,6 @@ import io
 import json
 import os
 import signal
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -43,7 +41,6 @@ from chamfer.models.validation import ParameterError
 
 ENTRIES: Final = CATALOGUE.entries
 DRAWN: Final = int(os.environ.get("CHAMFER_FUZZ", "40"))
-PROCESSES: Final = DRAWN // 100  # more, in processes of their own
 LONGEST: Final = 20.0  # s, of a command
 
 
@@ -382,51 +379,3 @@ def places(folder: str, file: Path) -> dict[str, str]:
         "FIRST": f"{folder}/first",
         "SECOND": f"{folder}/second",
     }
-
-
-CAMPAIGNS: Final = [
-    ["run", "planar-hold", "--set", "duration=2.5", "--set", "task.speed=1"],
-    ["sweep", "step-response", "--vary", "plant.mass=1,2,0"],
-    ["reproduce", "--paper", "no-paper"],
-    ["list"],
-]
-STREAMS = st.sampled_from(["", "", "<&-", ">&-", "2>&-", ">/dev/full", "2>/dev/full", ">&- 2>&-"])
-
-
-@pytest.mark.skipif(not PROCESSES, reason="make fuzz runs some")
-@settings(
-    max_examples=max(1, PROCESSES),
-    deadline=None,
-    derandomize="CHAMFER_FUZZ" not in os.environ,
-    suppress_health_check=list(HealthCheck),
-    phases=(Phase.generate,),
-)
-@given(
-    st.sampled_from(CAMPAIGNS),
-    STREAMS,
-    st.sampled_from([None, signal.SIGINT, signal.SIGTERM]),
-    st.floats(0.6, 6),
-)
-def test_a_process_ends_soon_whatever_its_streams_and_signals_are(
-    arguments: list[str], streams: str, sent: signal.Signals | None, after: float
-) -> None:
-    with tempfile.TemporaryDirectory() as folder:
-        program = [sys.executable, "-m", "chamfer.analysis", *arguments]
-        out = [] if arguments == ["list"] else ["--out", folder]
-        process = subprocess.Popen(
-            ["bash", "-c", f'exec "$@" {streams}', "bash", *program, *out],
-            cwd=Path(__file__).parents[2],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        if sent is not None:
-            try:
-                process.wait(after)
-            except subprocess.TimeoutExpired:
-                process.send_signal(sent)
-        _, err = process.communicate(timeout=3 * LONGEST)  # it also starts, maybe among others
-    said = [line for line in err.splitlines() if ": warning: " not in line]
-    assert process.returncode in (0, 1, 2, 130)
-    assert all(line.startswith("chamfer: ") for line in said), said
-    assert len(said) <= 1, said

@@ -1,6 +1,5 @@
 """Campaigns: nothing that has finished is lost, and nothing that fails ends the others."""
 
-import errno
 import math
 import os
 import time
@@ -318,29 +317,6 @@ def test_an_interrupt_keeps_what_has_finished(
     begin()(trial, range(10), quiet)
     assert len(done(left)) == 10 + len(done(left)) - len(set(done(left)))
     assert len(done(left)) - 10 <= 3
-
-
-def test_a_disk_that_is_full_keeps_what_has_been_written(
-    begin: Begin, toy: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(trial_loop, "_BATCH", 0.0)
-    campaign = begin()
-    add, added = TrialStore.add, []
-
-    def fill(self: TrialStore, rows: list[tuple[bytes, bytes]]) -> None:
-        if len(added) >= 3:
-            with self._named_errors():
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        added.extend(rows)
-        add(self, rows)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(TrialStore, "add", fill)
-        with pytest.raises(UserError, match=r"trials.sqlite can't be .*No space left on device"):
-            campaign(toy.sleep, [i / 1000 for i in range(20)], quiet)
-    told = Told()
-    begin()(toy.sleep, [i / 1000 for i in range(20)], told)
-    assert told.fractions[0] > len(added) / 20
 
 
 def test_trials_are_wanted_where_there_is_no_engine(

@@ -35,13 +35,6 @@ def test_fields_as_json_have_these_keys(
     }
 
 
-def test_an_unknown_prefix_is_refused_in_one_line(
-    toys: Catalogue, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["fields", "fall", "bodi"], catalogue=toys) == 2
-    assert capsys.readouterr().err == "chamfer: no field begins with 'bodi', close to it: body\n"
-
-
 def test_cells_are_wrapped_into_the_width_and_no_word_is_broken() -> None:
     lines = wrapped_table([("a.long.path", "some words here"), ("b", "unbreakable")], 20)
     assert lines == [

@@ -2,12 +2,12 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import pytest
 
 from chamfer.analysis.catalogue import CATALOGUE
-from chamfer.analysis.command.scenario_fields import default_texts, describe, leaves, matching
+from chamfer.analysis.command.scenario_fields import Leaf, allowed, default_texts, leaves, matching
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import Catalogue, load
 from chamfer.analysis.scenario.scenario_io import make_scenario, value_text
@@ -60,9 +60,7 @@ class Scenario:
             raise ParameterError("places", self.places, "finite numbers")
 
 
-def described() -> dict[str, Any]:
-    scenario = Scenario()
-    return {leaf.path: describe(scenario, leaf) for leaf in leaves(scenario)}
+BY_PATH: Final[dict[str, Leaf]] = {leaf.path: leaf for leaf in leaves(Scenario())}
 
 
 def test_leaves_are_what_set_takes_a_single_value_for() -> None:
@@ -88,10 +86,9 @@ def test_a_leaf_below_a_null_names_it() -> None:
 
 
 def test_what_has_to_be_given_below_a_null_is_null() -> None:
-    values = {leaf.path: leaf.value for leaf in leaves(Scenario()) if leaf.above == "filter"}
-    assert values["filter.bandwidth"] is None
-    assert values["filter.order"] == (1,)
-    assert values["filter.place.turn"] == math.inf
+    assert BY_PATH["filter.bandwidth"].value is None
+    assert BY_PATH["filter.order"].value == (1,)
+    assert BY_PATH["filter.place.turn"].value == math.inf
 
 
 @pytest.mark.parametrize(
@@ -106,11 +103,11 @@ def test_what_has_to_be_given_below_a_null_is_null() -> None:
     ],
 )
 def test_what_a_field_does_not_say_is_said_above_it(path: str, meaning: str) -> None:
-    assert described()[path].meaning == meaning
+    assert BY_PATH[path].meaning == meaning
 
 
 @pytest.mark.parametrize(
-    ("path", "allowed"),
+    ("path", "words"),
     [
         ("law", "inverse, projected"),
         ("quiet", "true or false"),
@@ -127,19 +124,8 @@ def test_what_a_field_does_not_say_is_said_above_it(path: str, meaning: str) -> 
         ("filter.bandwidth", "a number"),
     ],
 )
-def test_allowed_is_what_refusals_say(path: str, allowed: str) -> None:
-    assert described()[path].allowed == allowed
-
-
-def test_defaults_are_as_json_can_hold_them() -> None:
-    fields_ = described()
-    defaults = {path: fields_[path].default for path in ("base.turn", "camera", "eye", "places")}
-    assert defaults == {
-        "base.turn": "inf",
-        "camera": None,
-        "eye": {"position": [0.0, 1.0], "turn": "inf"},
-        "places": [],
-    }
+def test_allowed_is_what_refusals_say(path: str, words: str) -> None:
+    assert allowed(Scenario(), BY_PATH[path]) == words
 
 
 def test_a_default_shows_what_a_run_makes_of_it(toys: Catalogue) -> None:

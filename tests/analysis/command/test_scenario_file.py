@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from chamfer.analysis.command.scenario_file import read_scenario
+from chamfer.analysis.command.running import read_scenario
 from chamfer.analysis.scenario.errors import UserError
 
 

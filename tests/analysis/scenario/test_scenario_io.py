@@ -90,10 +90,6 @@ def refused(*given_settings: str, given: Mapping[Any, Any] | None = None) -> str
     return str(raised.value)
 
 
-def test_nothing_overridden_is_the_default() -> None:
-    assert make_scenario(DEFAULT) == DEFAULT
-
-
 def test_what_is_given_in_part_keeps_the_other_fields_of_this_scenarios_default() -> None:
     made = make_scenario(DEFAULT, given={"plant": {"stiffness": 1e-3}})
     assert made.plant == Plant(mass=3.0, stiffness=0.001)
