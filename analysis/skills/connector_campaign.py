@@ -61,11 +61,7 @@ from chamfer.diagrams.skills.connector_scenario import (
 )
 from chamfer.diagrams.skills.connector_sight import ResolvedSightSettings, SightSettings
 from chamfer.diagrams.skills.vision_servo import CameraBelief
-from chamfer.models.validation import (
-    ParameterError,
-    require_between,
-    require_not_negative,
-)
+from chamfer.models.validation import ParameterError, require_between, require_not_negative
 from chamfer.systems.sensing.force_sensor import WrenchSensorParams
 from chamfer.systems.strategies.peg_in_hole import PegInHoleSkillParams, Search
 

@@ -20,13 +20,7 @@ from chamfer.analysis.campaign.trial_metrics import rate, trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.drawing.figure_kit import Curve, ReferenceLine, draw_lines, trial_curves
 from chamfer.analysis.drawing.figure_style import DESIRED, Style, dress, legend, new_figure
-from chamfer.analysis.scenario.experiment import (
-    Metric,
-    Outcome,
-    Progress,
-    Table,
-    column,
-)
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column
 from chamfer.diagrams.skills.vision_servo import (
     NAMES,
     PARTS,

@@ -10,12 +10,7 @@ from typing import Final
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
-from pydrake.systems.primitives import (
-    Adder,
-    LogVectorOutput,
-    MatrixGain,
-    PassThrough,
-)
+from pydrake.systems.primitives import Adder, LogVectorOutput, MatrixGain, PassThrough
 
 from chamfer.diagrams.contact.sensing import add_sensor
 from chamfer.diagrams.skills.connector_plant import add_connector_plant, add_weight

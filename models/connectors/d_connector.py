@@ -30,11 +30,7 @@ from chamfer.models.connectors.connector import (
     box_corners,
     capsule,
 )
-from chamfer.models.validation import (
-    ParameterError,
-    require_not_negative,
-    require_positive,
-)
+from chamfer.models.validation import ParameterError, require_not_negative, require_positive
 
 LUMPS: Final = 4  # pins that stand for all contacts, evenly along the row
 CHORDS: Final = 2  # of the socket's rim in each corner

@@ -10,13 +10,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.primitives.force_primitives import (
-    GuardedMove,
-    Hold,
-    Level,
-    Obstructed,
-    Stick,
-)
+from chamfer.systems.primitives.force_primitives import GuardedMove, Hold, Level, Obstructed, Stick
 from chamfer.systems.primitives.position_primitives import Centre, Held, Place, Way
 from chamfer.systems.primitives.primitive import EVENTS, STILL, Primitive
 from chamfer.systems.primitives.seating import Press, Seat

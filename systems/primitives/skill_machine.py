@@ -17,13 +17,7 @@ from chamfer.systems.primitives.force_primitives import (
     PrimitiveLoad,
     index_of,
 )
-from chamfer.systems.primitives.primitive import (
-    STILL,
-    Event,
-    Observation,
-    Vector,
-    sensed_sizes,
-)
+from chamfer.systems.primitives.primitive import STILL, Event, Observation, Vector, sensed_sizes
 from chamfer.systems.primitives.skill import (
     DONE,
     FAILED,

@@ -14,11 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.models.validation import (
-    require_all_positive,
-    require_not_negative,
-    require_positive,
-)
+from chamfer.models.validation import require_all_positive, require_not_negative, require_positive
 from chamfer.systems.primitives.position_primitives import Held, Place
 from chamfer.systems.primitives.primitive import Primitive
 from chamfer.systems.primitives.skill import Retry, SkillState

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from chamfer.analysis.report.replay import replay_html
@@ -17,10 +16,7 @@ from chamfer.analysis.skills.connector_insertion import (
     run,
 )
 from chamfer.analysis.skills.skill_run import AXES, SkillStep, path_table
-from chamfer.diagrams.skills.connector_scenario import (
-    DConnectorScenario,
-    resolve,
-)
+from chamfer.diagrams.skills.connector_scenario import DConnectorScenario, resolve
 from chamfer.systems.strategies.d_strategy import DConnectorSkillParams
 
 # From just above the socket, with little to search for.
@@ -98,10 +94,7 @@ TRACES = {
 
 @pytest.fixture(scope="module")
 def figure() -> Figure:
-    made = plot_insertion(TRACES, PATH, states=STATES, mated=0.0056, mating_force=46.0)
-    FigureCanvasAgg(made)
-    made.canvas.draw()
-    return made
+    return plot_insertion(TRACES, PATH, states=STATES, mated=0.0056, mating_force=46.0)
 
 
 def test_every_axis_has_its_command_and_motion_in_the_paper_s_order(figure: Figure) -> None:

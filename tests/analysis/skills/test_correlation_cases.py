@@ -67,25 +67,6 @@ def test_the_free_value_is_that_of_a_hundred_samples(value: Value) -> None:
     assert value("amplitude_ratio.free") == 1.0
 
 
-def test_the_correlator_finds_what_is_on_both_sides_alone(value: Value) -> None:
-    found = {case: value(f"hindered.{case}") for case in CASES}
-    assert found == {"constrained": 100.0} | dict.fromkeys(set(CASES) - {"constrained"}, 0.0)
-
-
-@pytest.mark.parametrize(
-    ("frequency", "expected"),
-    [
-        (1.0, 100**2 / 8 * math.tan(math.pi / 100) ** 2),
-        (5.0, 20**2 / 8 * math.tan(math.pi / 20) ** 2),
-        (2.0, 50**2 / 8 * math.sin(math.pi / 50) ** 2),  # no sample is zero
-    ],
-)
-def test_the_theory_of_a_free_tool(frequency: float, expected: float) -> None:
-    scenario = resolve(CorrelationScenario(dither=Dither(frequency=frequency)))
-    assert theory(scenario, "free") == pytest.approx(expected, rel=1e-9)
-    assert theory(scenario, "one_sided") == theory(scenario, "free")
-
-
 def with_sensor(scenario: Any, **sensor: float) -> Any:
     return replace(scenario, sensor=AxisSensorParams(**sensor))
 

@@ -15,10 +15,7 @@ from chamfer.analysis.skills.insertion_metrics import (
     verdict,
 )
 from chamfer.analysis.skills.skill_run import SkillResult, SkillStep
-from chamfer.diagrams.skills.connector_scenario import (
-    D_CONNECTOR,
-    resolve,
-)
+from chamfer.diagrams.skills.connector_scenario import D_CONNECTOR, resolve
 from chamfer.models.connectors.bnc_connector import BncConnector
 from chamfer.models.connectors.d_connector import DConnector
 from chamfer.systems.primitives.carriage import PartGripperParams
@@ -26,26 +23,28 @@ from chamfer.systems.strategies.grasp_and_transport import GRASPING, TRANSPORT
 
 D, BNC = DConnector(), BncConnector()
 MATED = D.mated_depth
-DONE = (
-    SkillStep(0.5, "approach", "level", "contact", "contact"),
-    SkillStep(1.5, "verify", "done", "hindered", "hindered"),
-)
+DONE = (("approach", "level", "contact"), ("verify", "done", "hindered"))
 
 
-def inserted(
-    path: tuple[SkillStep, ...] = DONE, reason: str = "", depth: float = MATED, turn: float = 0.0
-) -> SkillResult:
-    time = np.array([0.0, 1.0, 2.0])
-    traces = {"time": time, "depth": np.array([0.0, 0.001, depth]), "retries": time / 2}
-    traces["turn"] = np.full(3, turn)
-    state = path[-1].target if path else "approach"
-    ended = {"done": "done", "failed": "failed"}.get(state, "running")
+def inserted(*steps: tuple[str, str, str], depth: float = MATED, turn: float = 0.0) -> SkillResult:
+    """A run of two seconds; it succeeds where its depth and its steps say so."""
+    return ended(*(steps or DONE), depths=[0.0, 0.001, depth], turn=np.full(3, turn))
+
+
+def ended(*steps: tuple[str, str, str], depths: list[float], **traces: Any) -> SkillResult:
+    """A run with a row per second; a step a second, from 1 s on: source, target, outcome."""
+    n = len(depths)
+    rows: dict[str, Any] = {"holding": np.ones(n), "turn": np.zeros(n)}
+    rows |= {name: np.array(values, dtype=float) for name, values in traces.items()}
+    path = tuple(SkillStep(float(1 + i), *step, step[2]) for i, step in enumerate(steps))
+    last, time = steps[-1][1], np.arange(n, dtype=float)
+    failing = [f"{source}: {how}" for source, target, how in steps if target == "retract"]
     return SkillResult(
-        outcome=ended,  # type: ignore[arg-type]
-        state=state,
-        reason=reason,
+        outcome=last if last in ("done", "failed") else "running",  # type: ignore[arg-type]
+        state=last,
+        reason=failing[-1] if failing else "",
         path=path,
-        traces=traces,
+        traces={"time": time, "depth": np.array(depths), "retries": time / 2, **rows},
         peaks=np.array([0.1, 0.2, 0.0, 99.0, 0.0, 23.0]),
         wall_seconds=0.5,
     )
@@ -74,13 +73,9 @@ def test_metrics_of_a_run() -> None:
         (inserted(depth=MATED + 0.0004), ""),
         (inserted(depth=0.0025), "said to be done 2.50 mm deep, mated is 5.60 mm"),
         (inserted(depth=MATED + 0.0006), "said to be done 6.20 mm deep, mated is 5.60 mm"),
-        (
-            inserted((SkillStep(1.0, "retract", "failed", "over", "over"),), "push: jammed"),
-            "push: jammed",
-        ),
         # A plug that is in by chance is no success of a skill that failed.
-        (inserted(DONE[:1]), "level: still running after 2 s"),
-        (inserted(()), "approach: still running after 2 s"),
+        (inserted(("push", "retract", "jammed"), ("retract", "failed", "over")), "push: jammed"),
+        (inserted(DONE[0]), "level: still running after 2 s"),
     ],
 )
 def test_why_a_run_is_no_success(done: SkillResult, reason: str) -> None:
@@ -89,32 +84,11 @@ def test_why_a_run_is_no_success(done: SkillResult, reason: str) -> None:
 
 
 def test_a_bayonet_that_is_not_locked_is_no_success() -> None:
-    deep = BNC.mated_depth
-    assert failure(inserted(depth=deep, turn=-1.6), BNC) == ""
-    said = failure(inserted(depth=deep, turn=-0.6), BNC)
+    said = failure(inserted(depth=BNC.mated_depth, turn=-0.6), BNC)
     assert said.endswith("deep, mated is 7.26 mm, it is turned 56 degrees from there")
 
 
 OUT = -0.03  # m, depth of a plug that was retracted
-
-
-def ended(*steps: tuple[str, str, str], depths: list[float], **traces: Any) -> SkillResult:
-    """A run with a row per second; a step a second, from 1 s on: source, target, outcome."""
-    n = len(depths)
-    rows: dict[str, Any] = {"holding": np.ones(n), "turn": np.zeros(n)}
-    rows |= {name: np.array(values, dtype=float) for name, values in traces.items()}
-    path = tuple(SkillStep(float(1 + i), *step, step[2]) for i, step in enumerate(steps))
-    last = steps[-1][1]
-    failing = [f"{source}: {how}" for source, target, how in steps if target == "retract"]
-    return SkillResult(
-        outcome=last if last in ("done", "failed") else "running",  # type: ignore[arg-type]
-        state=last,
-        reason=failing[-1] if failing else "",
-        path=path,
-        traces={"time": np.arange(n, dtype=float), "depth": np.array(depths), **rows},
-        peaks=np.zeros(6),
-        wall_seconds=1.0,
-    )
 
 
 def gave_up(

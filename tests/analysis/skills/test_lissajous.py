@@ -9,12 +9,7 @@ import pytest
 from matplotlib.patches import Rectangle
 
 from chamfer.analysis.scenario.experiment import Outcome
-from chamfer.analysis.skills.lissajous import (
-    LissajousScenario,
-    covering_radius,
-    figures,
-    run,
-)
+from chamfer.analysis.skills.lissajous import LissajousScenario, covering_radius, figures, run
 from chamfer.models.validation import ParameterError
 
 SHORT = LissajousScenario(repeats=(2, 6))
@@ -59,31 +54,6 @@ def test_the_covering_radius_is_that_of_the_curve(value: Value) -> None:
         assert value(f"covering_ratio.n{n}") == pytest.approx(n * expected / 0.002, abs=0.03)
     # The reference gives about 1.05 A / N.
     assert value("covering_ratio.n6") == pytest.approx(1.05, abs=0.12)
-
-
-def test_traces_hold_every_pattern(outcome: Outcome) -> None:
-    repeats = outcome.traces["repeats"]
-    assert set(repeats) == {2.0, 6.0}
-    for n in (2, 6):
-        of = repeats == n
-        assert outcome.traces["time"][of][-1] == pytest.approx(n)
-        for name in ("first", "second"):
-            assert np.abs(outcome.traces[name][of]).max() == pytest.approx(0.002, rel=0.01)
-    # A cycle of the first a second, (N + 1) / N of the second.
-    of = repeats == 2
-    for name, cycles in (("first", 2), ("second", 3)):
-        spectrum = np.abs(np.fft.rfft(outcome.traces[name][of][:-1]))
-        assert int(spectrum.argmax()) == cycles
-    assert outcome.simulated_seconds == pytest.approx(8.0)
-
-
-def test_a_line_across_the_square_is_half_a_side_from_its_edge() -> None:
-    along = np.linspace(-0.002, 0.002, 401)
-    line = np.column_stack([along, np.zeros(401)])
-    assert covering_radius(line, 0.002) == pytest.approx(0.002)
-    assert covering_radius(line[:, ::-1], 0.002) == pytest.approx(0.002)
-    beside = line + np.array([0.0, 0.001])
-    assert covering_radius(beside, 0.002) == pytest.approx(0.003)
 
 
 @pytest.mark.parametrize(("cells", "amplitude"), [(2, 1.0), (5, 0.003), (20, 0.002)])

@@ -8,16 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from chamfer.analysis.skills.insertion_metrics import (
-    insertion_metrics,
-)
-from chamfer.analysis.skills.skill_run import (
-    AXES,
-    SkillStep,
-    path_table,
-    run_skill,
-    true_motion,
-)
+from chamfer.analysis.skills.insertion_metrics import insertion_metrics
+from chamfer.analysis.skills.skill_run import AXES, run_skill, true_motion
 from chamfer.diagrams.skills.connector_scenario import (
     D_CONNECTOR,
     BncConnectorScenario,
@@ -31,10 +23,6 @@ from chamfer.systems.primitives.trajectory_primitives import MoveDx
 from chamfer.systems.sensing.force_sensor import WrenchSensorParams
 
 D: Final = resolve(replace(D_CONNECTOR, sight=None, step=0.002, duration=3.0))
-DONE_PATH = (
-    SkillStep(0.5, "approach", "level", "contact", "contact"),
-    SkillStep(1.5, "verify", "done", "hindered", "hindered"),
-)
 angles = st.floats(-0.4, 0.4)
 ways = st.floats(-0.05, 0.05)
 
@@ -83,15 +71,6 @@ def test_a_skill_that_fails_says_why_and_one_that_is_cut_off_does_not_end() -> N
     assert [one.target for one in found.path] == ["retract", "failed"]
     cut = run_skill(touching(), replace(D, duration=0.2))
     assert (cut.outcome, cut.state, cut.reason, cut.path) == ("running", "touch", "", ())
-
-
-def test_the_path_as_a_table() -> None:
-    table = path_table(DONE_PATH)
-    assert list(table) == ["entered", "time", "source", "target", "outcome", "label"]
-    np.testing.assert_array_equal(table["entered"], [0.0, 0.5])
-    np.testing.assert_array_equal(table["time"], [0.5, 1.5])
-    assert table["outcome"].tolist() == ["contact", "hindered"]
-    assert {len(values) for values in path_table(()).values()} == {0}
 
 
 @given(displacement=st.tuples(angles, angles, angles, ways, ways, ways))

@@ -15,11 +15,7 @@ from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.skills.skill_run import run_skill
 from chamfer.diagrams.skills import connector_loop
 from chamfer.diagrams.skills.connector_loop import make_connector_diagram
-from chamfer.diagrams.skills.connector_scenario import (
-    BNC_CONNECTOR,
-    D_CONNECTOR,
-    resolve,
-)
+from chamfer.diagrams.skills.connector_scenario import BNC_CONNECTOR, D_CONNECTOR, resolve
 from chamfer.diagrams.skills.connector_sight import SightSettings
 from chamfer.models.arms.wrist import WristParams, tip_pose
 from chamfer.models.connectors.d_connector import DConnector

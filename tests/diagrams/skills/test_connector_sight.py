@@ -13,11 +13,7 @@ from pydrake.systems.framework import Diagram
 
 from chamfer.analysis.report.replay import open_meshcat
 from chamfer.diagrams.skills.connector_loop import make_connector_diagram
-from chamfer.diagrams.skills.connector_scenario import (
-    BNC_CONNECTOR,
-    D_CONNECTOR,
-    resolve,
-)
+from chamfer.diagrams.skills.connector_scenario import BNC_CONNECTOR, D_CONNECTOR, resolve
 from chamfer.diagrams.skills.connector_sight import SightSettings
 from chamfer.diagrams.skills.connector_view import make_connector_view
 from chamfer.diagrams.skills.vision_servo import CameraBelief

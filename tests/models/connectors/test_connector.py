@@ -18,12 +18,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from chamfer.models.connectors.bnc_connector import BncConnector
-from chamfer.models.connectors.connector import (
-    ContactMaterial,
-    ConvexPiece,
-    add_pieces,
-    let_touch,
-)
+from chamfer.models.connectors.connector import ContactMaterial, ConvexPiece, add_pieces, let_touch
 from chamfer.models.connectors.d_connector import DConnector, DSection
 from chamfer.models.connectors.rj45_connector import Rj45Connector
 from chamfer.models.connectors.round_peg import RoundPeg

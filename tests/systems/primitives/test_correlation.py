@@ -32,15 +32,6 @@ def sine(samples: int) -> Array:
     return cosine(samples, lag=math.pi / 2)
 
 
-@pytest.mark.parametrize(("samples", "printed"), [(50, 1.2370), (100, 1.2345)])
-def test_two_equal_waves_have_the_value_of_the_reference(samples: int, printed: float) -> None:
-    found = correlation(sine(samples), sine(samples))
-    assert found.value == pytest.approx(samples**2 / 8 * math.tan(math.pi / samples) ** 2)
-    assert found.value == pytest.approx(printed, abs=5e-5)
-    assert found.amplitude_ratio == pytest.approx(1.0)
-    assert found.bias == pytest.approx(0.0, abs=1e-12)
-
-
 @settings(deadline=None)
 @given(samples=st.integers(2, 300).map(lambda half: 2 * half))
 def test_the_closed_form_holds_for_every_even_number_of_samples(samples: int) -> None:

@@ -133,11 +133,6 @@ def test_a_depth_counts_from_the_face_that_a_tilted_plug_touched_beside_its_tip(
         assert event_of(way, touched, [tuple(tool.tolist())] * 3) == expected
 
 
-def test_a_way_may_be_a_turn() -> None:
-    way = Way(direction="+rz", least=0.1, wait=0.01, time=0.01)
-    assert event_of(way, six(rz=1.0), [six(rz=1.11)] * 3) == "done"
-
-
 def test_a_grip_is_checked_by_the_grippers_own_sensor() -> None:
     held, watched = Held(time=0.02), Held(time=math.inf)
     felt, not_felt = at(holding=(1.0,)), at(holding=(0.0,))

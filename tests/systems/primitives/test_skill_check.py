@@ -63,10 +63,10 @@ GO: Final = state("go", Fake(), on={"done": DONE})
         ],
         *[
             (
-                [state("go", Fake(), on={"done": DONE, "lost": name})],
+                [state("go", Fake(), on={"done": DONE, "lost": answer})],
                 "skill 'test': 'go': what fails needs no answer, but 'lost' has one",
             )
-            for name in (RETRACT, FAILED)
+            for answer in (RETRACT, FAILED, Retry("go", 1, Retry(RETRACT)))
         ],
         (
             [state("go", Fake(), on={"done": "nowhere"})],
@@ -83,14 +83,6 @@ GO: Final = state("go", Fake(), on={"done": DONE})
             [state("go", Fake(), on={"finished": DONE})],
             "skill 'test': 'go' has an answer to 'finished', valid outcomes: done, contact, "
             "lost, hindered, jammed, timed out",
-        ),
-        (
-            [state("go", Fake(), on={"done": DONE, "lost": Retry(FAILED)})],
-            "skill 'test': 'go': what fails needs no answer, but 'lost' has one",
-        ),
-        (
-            [state("go", Fake(), on={"done": DONE, "lost": Retry("go", 1, Retry(RETRACT))})],
-            "skill 'test': 'go': what fails needs no answer, but 'lost' has one",
         ),
         (
             [state("go", Fake(), on={"done": DONE}, grip="closed")],

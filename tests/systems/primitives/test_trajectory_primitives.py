@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import cumulative_simpson
 
-from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.primitive import STILL, Observation
 from chamfer.systems.primitives.trajectory_primitives import (
     Axis,
@@ -103,18 +102,6 @@ def test_a_lissajous_pattern_closes_after_n_slow_cycles(repeats: int, axis: Axis
     assert slow.duration == pytest.approx(repeats / 2.0)
     assert (slow.axis, fast.axis, fast.kind) == ("x", axis, "linear")
     assert (slow.amplitude, fast.amplitude) == (0.002, 0.002)
-
-
-@pytest.mark.parametrize(
-    ("axis", "repeats", "message"),
-    [
-        ("x", 4, "axis is 'x', allowed: another one than x"),
-        ("y", 0, "repeats is 0, allowed: a whole number >= 1"),
-    ],
-)
-def test_lissajous_refuses(axis: Axis, repeats: int, message: str) -> None:
-    with pytest.raises(ParameterError, match=message):
-        lissajous(first=FIRST, axis=axis, repeats=repeats)
 
 
 def test_the_block_gives_the_velocity_at_its_time() -> None:

@@ -16,9 +16,7 @@ from chamfer.systems.primitives.visual_servoing import (
     StaticCameras,
     Watch,
     even_damping,
-    half_turn,
     image_law,
-    limited,
     seen_part,
     slowest_root,
 )
@@ -63,23 +61,6 @@ def test_bound_of_the_gain(delay: int, most: float) -> None:
     assert slowest_root(most, delay=delay) == pytest.approx(1.0)
     assert slowest_root(0.99 * most, delay=delay) < 1
     assert slowest_root(1.01 * most, delay=delay) > 1
-
-
-@given(st.lists(st.floats(-10, 10), min_size=3, max_size=3), st.floats(0.1, 20))
-def test_limited_keeps_the_direction(values: list[float], most: float) -> None:
-    velocity = np.array(values)
-    found = limited(velocity, most)
-    assert np.linalg.norm(found) <= most * (1 + 1e-12)
-    np.testing.assert_allclose(np.cross(found, velocity), 0, atol=1e-9)
-    if np.linalg.norm(velocity) <= most:
-        np.testing.assert_array_equal(found, velocity)
-
-
-@given(st.floats(-20, 20))
-def test_half_turn(angle: float) -> None:
-    found = half_turn(angle)
-    assert abs(found) <= math.pi / 2 + 1e-12
-    assert math.sin(found - angle) == pytest.approx(0, abs=1e-9)
 
 
 def events(servoing: Servoing, seen: list[Any], *, moves: float = 0.0) -> list[Any]:

@@ -8,21 +8,11 @@ import numpy as np
 import pytest
 
 from chamfer.models.cameras.camera import CameraPlacement, View
-from chamfer.systems.primitives.force_primitives import (
-    GuardedMove,
-    Level,
-    Stick,
-    along,
-    velocity,
-)
+from chamfer.systems.primitives.force_primitives import GuardedMove, Level, Stick, along, velocity
 from chamfer.systems.primitives.position_primitives import Held, Place, Way
 from chamfer.systems.primitives.primitive import STILL, Observation, Primitive, Vector
 from chamfer.systems.primitives.seating import Seat
-from chamfer.systems.primitives.skill import (
-    Outcome,
-    Skill,
-    SkillState,
-)
+from chamfer.systems.primitives.skill import Outcome, Skill, SkillState
 from chamfer.systems.primitives.skill_machine import SkillMemory, make_skill_chart
 from chamfer.systems.primitives.vision_primitives import VisTranslation
 from chamfer.systems.primitives.visual_servoing import Servoing, StaticCameras

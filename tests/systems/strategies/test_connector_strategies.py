@@ -130,20 +130,6 @@ def test_d_retries_are_those_of_the_parameters(retries: int, make_drive: Any) ->
     assert drive.end() == FAILED
 
 
-def test_d_the_mark_is_the_face_and_stays(make_drive: Any) -> None:
-    drive = held_d(make_drive, "done", "done")
-    drive.carriage[:] = (0.0, 0.01, 0.0, 0.001, 0.004, -0.0052)
-    assert drive.make("contact") == "lie"
-    assert drive.memory.damping == (math.inf, 0.0, math.inf, math.inf, math.inf, 0.0)
-    assert drive.make("done") == "above"
-    mark = drive.memory.mark
-    assert mark is not None
-    np.testing.assert_allclose(mark.carriage, drive.carriage)
-    for outcome in ("done", "done", "lost", "done", "jammed", "done", "done"):
-        drive.make(outcome)
-    assert (drive.state, drive.memory.mark) == ("search", mark)
-
-
 def test_d_what_the_states_command(make_drive: Any) -> None:
     drive = held_d(make_drive, *TO_D_PUSH[:7])
     tilts = 2 * math.pi * D_PARAMS.settle_amplitude
