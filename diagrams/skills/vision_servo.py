@@ -7,7 +7,7 @@ from typing import Final, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource, Integrator
 
 from chamfer.models.arms.wrist import tip_pose
@@ -23,7 +23,10 @@ from chamfer.systems.cameras.camera_image import FrameGrabberParams, Image, add_
 from chamfer.systems.cameras.solids_camera import Solid, SolidsCamera, render_solids
 from chamfer.systems.pose import pose_vector
 from chamfer.systems.primitives.carriage import CarriedPoses
-from chamfer.systems.primitives.primitive import TICK, Primitive, PrimitiveRunner
+from chamfer.systems.primitives.primitive import TICK, Primitive
+from chamfer.systems.primitives.skill import DONE, Outcome, Retry, Skill, SkillState
+from chamfer.systems.primitives.skill_machine import SkillMachine
+from chamfer.systems.primitives.trajectory_primitives import MoveDx
 from chamfer.systems.primitives.vision_primitives import (
     FixedPointRotation,
     VisGrasp,
@@ -46,6 +49,7 @@ GREEN: Final[Colour] = (40, 170, 40)
 # In the order of the detections. All dimensions are assumed.
 PARTS: Final = (Appearance(hue=0, front=1), Appearance(hue=161, front=-1))
 _QUARTER: Final = math.pi / 2  # rad, roll of the static cameras: down is to the right
+_ENDLESS: Final = 1e6  # s
 
 
 def block(size: Triple, *, below: float) -> Array:
@@ -194,25 +198,45 @@ def view_of(scenario: VisionServoScenario, view: View | Literal["hand"], at: Arr
     return render_solids(scenario.camera(view), HELD_OVER, poses)
 
 
+def _skill_of(primitive: Primitive) -> Skill:
+    """Return the skill that runs a primitive until it has an event."""
+    ends: dict[Outcome, str | Retry] = dict.fromkeys(primitive.events, DONE)
+    run = SkillState(name="run", run=[primitive], on=ends, timeout=_ENDLESS)
+    return Skill(name=primitive.label, states=[run], retract=[MoveDx()])
+
+
+def event_of(diagram: Diagram, root: Context) -> str | None:
+    """Return the event with which the primitive ended; None: it goes on."""
+    machine: SkillMachine = diagram.GetSubsystemByName("primitive")
+    context = machine.GetMyContextFromRoot(root)
+    taken = machine.transitions(context)
+    return taken[0].label if taken else machine.snapshot(context).memory.event
+
+
 def make_vision_servo_diagram(scenario: VisionServoScenario) -> Diagram:
     """Build the loop of one primitive; the carriage is an integrator of its velocity.
 
     It exports ``displacement``, rad above m, ``velocity``, rad/s above m/s, shape (6,), and
-    ``event``.
+    ``state``, which :data:`chamfer.systems.primitives.skill.DONE` is from a tick after the
+    primitive's event on.
     """
     builder = DiagramBuilder()
     carriage = builder.AddNamedSystem("carriage", Integrator(np.array(scenario.start)))
-    runner = builder.AddNamedSystem(
-        "primitive", PrimitiveRunner(scenario.parameters, parts=len(PARTS))
-    )
+    machine = SkillMachine(_skill_of(scenario.parameters), parts=len(PARTS), period=TICK)
+    builder.AddNamedSystem("primitive", machine)
+    untouched = builder.AddNamedSystem("no contact", ConstantVectorSource(np.zeros(6)))
     target = tip_pose(np.array(scenario.target))
     source = builder.AddNamedSystem("target", ConstantVectorSource(pose_vector(target)))
     carried = {"plug": scenario.held_at, "gripper": scenario.held_at}
     if scenario.primitive == "grasp":
         carried = {"camera": scenario.camera_at}
     poses = builder.AddNamedSystem("poses", CarriedPoses(carried))
-    builder.Connect(runner.GetOutputPort("velocity"), carriage.get_input_port())
-    builder.Connect(carriage.get_output_port(), runner.GetInputPort("carriage"))
+    velocity = machine.GetOutputPort("velocity")
+    builder.Connect(velocity, carriage.get_input_port())
+    for name in ("motion", "perturbed"):  # nothing perturbs the command
+        builder.Connect(velocity, machine.GetInputPort(name))
+    builder.Connect(untouched.get_output_port(), machine.GetInputPort("wrench"))
+    builder.Connect(carriage.get_output_port(), machine.GetInputPort("carriage"))
     builder.Connect(carriage.get_output_port(), poses.get_input_port())
 
     if scenario.primitive == "grasp":
@@ -221,7 +245,7 @@ def make_vision_servo_diagram(scenario: VisionServoScenario) -> Diagram:
         _add_camera(builder, scenario, "hand", camera, detector)
         builder.Connect(source.get_output_port(), camera.GetInputPort("part_pose"))
         builder.Connect(poses.GetOutputPort("camera_pose"), camera.GetInputPort("camera_pose"))
-        builder.Connect(detector.get_output_port(), runner.GetInputPort("cross_section"))
+        builder.Connect(detector.get_output_port(), machine.GetInputPort("cross_section"))
     else:
         views = STATIC[:1] if scenario.primitive == "fixed_point" else STATIC
         for view in views:
@@ -232,11 +256,11 @@ def make_vision_servo_diagram(scenario: VisionServoScenario) -> Diagram:
             for name in carried:
                 port = f"{name}_pose"
                 builder.Connect(poses.GetOutputPort(port), camera.GetInputPort(port))
-            builder.Connect(detector.get_output_port(), runner.GetInputPort(f"{view}_detections"))
+            builder.Connect(detector.get_output_port(), machine.GetInputPort(f"{view}_detections"))
 
     builder.ExportOutput(carriage.get_output_port(), "displacement")
-    builder.ExportOutput(runner.GetOutputPort("velocity"), "velocity")
-    builder.ExportOutput(runner.GetOutputPort("event"), "event")
+    builder.ExportOutput(velocity, "velocity")
+    builder.ExportOutput(machine.GetOutputPort("state"), "state")
     diagram = builder.Build()
     diagram.set_name(f"Vision primitive: {scenario.primitive.replace('_', ' ')}")
     return diagram

@@ -4,15 +4,9 @@ Source: Morrow, Nelson and Khosla, section 3: "a parameterized encapsulation of 
 action". The velocities of primitives that run together add; accommodation perturbs their sum.
 """
 
-import math
 from collections.abc import Mapping
 from typing import Any, ClassVar, Final, Literal, NamedTuple, TypeAlias, get_args
 
-from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
-from pydrake.systems.framework import State as DrakeState
-
-from chamfer.models.validation import ParameterError
 from chamfer.systems.vision.cross_section import CROSS_SECTION_SIZE
 from chamfer.systems.vision.part_detector import DETECTION_SIZE
 
@@ -21,7 +15,7 @@ Event = Literal["done", "contact", "lost", "hindered", "jammed"]
 
 EVENTS: Final[tuple[Event, ...]] = get_args(Event)
 STILL: Final[Vector] = (0.0,) * 6
-TICK: Final = 0.01  # s, of a :class:`PrimitiveRunner` by default
+TICK: Final = 0.01  # s
 
 
 class Observation(NamedTuple):
@@ -91,120 +85,3 @@ class Primitive:
     def step(self, sensed: Observation, memory: Any, time: float) -> Stepped:
         """Return what it does at a tick, ``time`` seconds after it began."""
         raise NotImplementedError
-
-
-class _Content:
-    """The block's state. It is immutable, so that contexts may share it instead of copying."""
-
-    __slots__ = ("begun", "last")
-
-    def __init__(self, begun: float | None, last: Stepped) -> None:
-        self.begun = begun  # s; None: not yet
-        self.last = last
-
-    def __deepcopy__(self, memo: object) -> "_Content":
-        return self
-
-
-class PrimitiveRunner(LeafSystem):
-    """Runs a primitive at a fixed period until it has an event; then it stands still.
-
-    .. pydrake_system::
-
-        name: PrimitiveRunner
-        input_ports:
-        - carriage
-        - motion (optional)
-        - wrench (optional)
-        - xz_detections (optional)
-        - yz_detections (optional)
-        - cross_section (optional)
-        - perturbed (optional)
-        - spread (optional)
-        - holding (optional)
-        output_ports:
-        - velocity
-        - event
-
-    The inputs are the fields of :class:`Observation`. Where
-    ``motion`` is not connected nothing perturbs the command, where ``wrench`` is not nothing is
-    touched. ``velocity``, shape (6,), rad/s above m/s, is held between ticks. ``event`` is 0 while
-    the primitive runs, then 1 + the event's place in :data:`EVENTS`.
-
-    Abstract state: when the primitive began, and what it did last.
-
-    Args:
-        primitive: What to run.
-        parts: That the static cameras look for.
-        period: s, time between ticks.
-        offset: s, time of the first tick.
-
-    Raises:
-        ParameterError: If the period, the offset or the number of parts is not allowed.
-    """
-
-    def __init__(
-        self, primitive: Primitive, *, parts: int = 2, period: float = TICK, offset: float = 0.0
-    ) -> None:
-        super().__init__()
-        if not (math.isfinite(period) and period > 0):
-            raise ParameterError("period", period, "a finite number > 0")
-        if not (math.isfinite(offset) and offset >= 0):
-            raise ParameterError("offset", offset, "a finite number >= 0")
-        if not parts >= 1:
-            raise ParameterError("parts", parts, "a whole number >= 1")
-        self._inputs: dict[str, Any] = {
-            name: self.DeclareVectorInputPort(name, size)
-            for name, size in sensed_sizes(parts).items()
-        }
-        self._primitive = primitive
-        state = self.DeclareAbstractState(Value[object](_Content(None, Stepped(None))))
-        depends = {self.abstract_state_ticket(state)}
-        self.DeclareVectorOutputPort("velocity", 6, self._calc_velocity, depends)
-        self.DeclareVectorOutputPort("event", 1, self._calc_event, depends)
-        self.DeclarePeriodicUnrestrictedUpdateEvent(period, offset, self._tick)
-
-    def event(self, context: Context) -> Event | None:
-        """Return the event with which the primitive ended; None: it goes on."""
-        return self._content(context).last.event
-
-    def _content(self, context: Context) -> _Content:
-        content: _Content = context.get_abstract_state(0).get_value()
-        return content
-
-    def _calc_velocity(self, context: Context, vector: BasicVector) -> None:
-        vector.SetFromVector(self._content(context).last.velocity)
-
-    def _calc_event(self, context: Context, vector: BasicVector) -> None:
-        event = self.event(context)
-        vector.SetAtIndex(0, 0.0 if event is None else 1.0 + EVENTS.index(event))
-
-    def _tick(self, context: Context, state: DrakeState) -> None:
-        content, primitive = self._content(context), self._primitive
-        last = content.last
-        if last.event is not None:
-            return
-        time = context.get_time()
-        sensed = self._sensed(context, last.velocity)
-        begun, memory = content.begun, last.memory
-        if begun is None:
-            begun, memory = time, primitive.begin(sensed)
-        stepped = primitive.step(sensed, memory, time - begun)
-        if not all(map(math.isfinite, stepped.velocity)):
-            raise ParameterError(
-                f"velocity of {primitive.label}", stepped.velocity, "finite numbers"
-            )
-        if stepped.event is not None:
-            stepped = stepped._replace(velocity=STILL)
-        content = _Content(begun, stepped)
-        state.get_mutable_abstract_state().get_mutable_value(0).set_value(content)
-
-    def _sensed(self, context: Context, velocity: Vector) -> Observation:
-        read: dict[str, Vector] = {
-            name: tuple(port.Eval(context).tolist())
-            for name, port in self._inputs.items()
-            if port.HasValue(context)
-        }
-        if "carriage" not in read:
-            raise ParameterError(f"carriage of {self.get_name()}", None, "a connected port")
-        return Observation(**{"motion": velocity, "wrench": STILL, **read})

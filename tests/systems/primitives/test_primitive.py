@@ -1,19 +1,13 @@
-"""The block that runs one primitive, and what all primitives show and refuse."""
+"""What all primitives show and refuse."""
 
 import importlib
 import inspect
 import math
 import pkgutil
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any
 
-import numpy as np
 import pytest
-from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantVectorSource
 
 import chamfer.systems.primitives
 from chamfer.models.cameras.camera import CameraPlacement
@@ -27,15 +21,7 @@ from chamfer.systems.primitives.force_primitives import (
     Stick,
 )
 from chamfer.systems.primitives.position_primitives import Centre, Held, Place, Way
-from chamfer.systems.primitives.primitive import (
-    EVENTS,
-    STILL,
-    Event,
-    Observation,
-    Primitive,
-    PrimitiveRunner,
-    Stepped,
-)
+from chamfer.systems.primitives.primitive import Primitive
 from chamfer.systems.primitives.seating import Press, Seat
 from chamfer.systems.primitives.skill import PRIMITIVES
 from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx, Spiral, lissajous
@@ -46,98 +32,6 @@ from chamfer.systems.primitives.vision_primitives import (
     VisTranslation,
 )
 from chamfer.systems.primitives.visual_servoing import Servoing, StaticCameras
-
-UP = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-
-
-@dataclass(frozen=True)
-class Counting:
-    """Goes up, says what it was shown, ends after some ticks."""
-
-    ticks: int = 5
-    event: Event = "contact"
-    velocity: tuple[float, ...] = UP
-    shown: list[tuple[Observation, float]] = field(default_factory=list)
-    label: str = "count"
-    events: ClassVar[Mapping[Event, float]] = dict.fromkeys(EVENTS, 0.0)
-
-    def begin(self, sensed: Observation) -> object:
-        self.shown.append((sensed, -1.0))
-        return 0
-
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
-        assert isinstance(memory, int)
-        self.shown.append((sensed, time))
-        event = self.event if memory + 1 == self.ticks else None
-        return Stepped(memory + 1, self.velocity, event)
-
-
-def loop(primitive: Any, connected: dict[str, Any], **settings: Any) -> tuple[Any, Any, Any]:
-    builder = DiagramBuilder()
-    block = builder.AddSystem(PrimitiveRunner(primitive, **settings))
-    for name, value in connected.items():
-        source = builder.AddSystem(ConstantVectorSource(value))
-        builder.Connect(source.get_output_port(), block.GetInputPort(name))
-    diagram = builder.Build()
-    simulator = Simulator(diagram)
-    return simulator, block, block.GetMyMutableContextFromRoot(simulator.get_mutable_context())
-
-
-HERE = {"carriage": np.arange(6.0)}
-
-
-def test_it_runs_the_primitive_until_its_event_and_then_stands_still() -> None:
-    primitive = Counting()
-    simulator, block, context = loop(primitive, HERE, period=0.1)
-    velocity, event = (block.GetOutputPort(name) for name in ("velocity", "event"))
-    simulator.Initialize()
-    assert velocity.Eval(context).tolist() == list(STILL)
-    for time in (0.05, 0.35):
-        simulator.AdvanceTo(time)
-        assert velocity.Eval(context).tolist() == list(UP)
-        assert event.Eval(context).tolist() == [0.0]
-        assert block.event(context) is None
-    for time in (0.45, 0.95):
-        simulator.AdvanceTo(time)
-        assert velocity.Eval(context).tolist() == list(STILL)
-        assert event.Eval(context).tolist() == [1.0 + EVENTS.index("contact")]
-        assert block.event(context) == "contact"
-    assert [time for _, time in primitive.shown] == pytest.approx([-1, 0, 0.1, 0.2, 0.3, 0.4])
-
-
-def test_what_a_primitive_is_shown() -> None:
-    primitive = Counting(ticks=100)
-    simulator, _, _ = loop(primitive, HERE)
-    simulator.AdvanceTo(0.015)
-    (begun, _), (first, _), (second, _) = primitive.shown
-    assert begun == first
-    assert first == Observation(tuple(range(6)), STILL, STILL)
-    assert second == Observation(tuple(range(6)), UP, STILL)  # nothing perturbs the command
-
-    primitive = Counting(ticks=100)
-    everything = {
-        **HERE,
-        "motion": np.full(6, 1.0),
-        "wrench": np.full(6, 2.0),
-        "xz_detections": np.full(18, 3.0),
-        "yz_detections": np.full(18, 4.0),
-        "cross_section": np.full(8, 5.0),
-    }
-    simulator, _, _ = loop(primitive, everything, parts=3)
-    simulator.AdvanceTo(0.005)
-    expected = {name: tuple(value.tolist()) for name, value in everything.items()}
-    assert primitive.shown[0][0] == Observation(**expected)
-
-
-def test_nan_does_not_leave_the_block() -> None:
-    simulator, _, _ = loop(Counting(velocity=(math.nan,) * 6), HERE)
-    with pytest.raises(ParameterError, match=r"^velocity of count is .*, allowed: finite numbers"):
-        simulator.AdvanceTo(0.02)
-
-
-def test_outputs_do_not_follow_the_inputs_at_once() -> None:
-    block = PrimitiveRunner(Counting())
-    assert not block.HasAnyDirectFeedthrough()
 
 
 def test_no_primitive_is_forgotten() -> None:
@@ -200,9 +94,6 @@ seat = partial(Seat, limit=115.0)
 @pytest.mark.parametrize(
     ("kind", "values", "message"),
     [
-        (PrimitiveRunner, {"primitive": Counting(), "period": 0.0}, "period is 0.0, allowed: "),
-        (PrimitiveRunner, {"primitive": Counting(), "offset": -1.0}, "offset is -1.0, allowed: "),
-        (PrimitiveRunner, {"primitive": Counting(), "parts": 0}, "parts is 0, allowed: "),
         (GuardedMove, {"direction": "down"}, f"direction is 'down', allowed: {DIRECTIONS[0]}"),
         (Stick, {"direction": "down"}, "direction is 'down', allowed: -rx"),
         (GuardedMove, {"speed": 0.0}, "speed is 0.0, allowed: a finite number > 0"),
