@@ -259,8 +259,7 @@ def attempt(
 ) -> Row:
     """Run one of a seed's trials; it depends on its arguments alone, but for how fast it runs.
 
-    The row has what was drawn, :data:`DRAWN`, what the run measured, the truth about it, and
-    ``reason``, why the plug is not in, empty if it is.
+    The row has what was drawn, what the run measured, the truth, and ``reason``, empty if none.
     """
     one = randomised(scenario, seed, trial)
     done = run_skill(change(one.make_skill()), one, seed=trial_seed(seed, trial))

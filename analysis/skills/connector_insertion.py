@@ -174,8 +174,7 @@ def replay_insertion(
     """Show a run as an animation, seen at first from near the socket.
 
     Raises:
-        ValueError: If one of the traces' columns ``time``, ``plug_<axis>`` and ``carriage_<axis>``
-            is missing, or what :func:`chamfer.analysis.report.replay.record` raises.
+        ValueError: If a column of the traces is missing, or what ``record`` raises.
     """
     view = make_connector_view(scenario, meshcat)
     set_stage(meshcat, floor=_FLOOR, eye=_EYE, target=_TARGET)

@@ -57,12 +57,7 @@ CASES_SCENARIO: Final = CorrelationScenario(sensor=AxisSensorParams(noise=2.5, b
 
 
 def resolve_cases(scenario: CorrelationScenario) -> ResolvedCorrelationScenario:
-    """Return the scenario with nothing open.
-
-    Raises:
-        ParameterError: If its dither is not one that every case can run, or a case's own value is
-            given.
-    """
+    """Return the scenario with nothing open; its dither has to be one that every case can run."""
     dither, sensor, sides = scenario.dither, scenario.sensor, scenario.constraint.sides
     if not sensor.bias >= 0:
         raise ParameterError("sensor.bias", sensor.bias, "a finite number >= 0")

@@ -113,9 +113,7 @@ def _search(scenario: LissajousScenario, repeats: int) -> Row:
 def covering_radius(position: Array, amplitude: float) -> float:
     """Return the largest distance of a point of the searched square to the pattern, m.
 
-    Args:
-        position: Of the tool, m, shape (n, 2), dense.
-        amplitude: Half the square's side, m.
+    The tool's ``position`` is dense, m, shape (n, 2); ``amplitude`` is half the square's side, m.
     """
     side = np.linspace(-amplitude, amplitude, _GRID)
     x, y = np.meshgrid(side, side)

@@ -88,12 +88,7 @@ class ResolvedOwnSkillScenario(OwnSkillScenario):
         return resolve(replace(_PARTS[self.part], **common))
 
     def make_skill(self) -> Skill:
-        """Return the skill.
-
-        Raises:
-            UserError: If its text is not that of a skill.
-            ParameterError: If there is neither a text nor a strategy.
-        """
+        """Return the skill, out of its text or the part's own strategy."""
         if self.skill is None:
             return self.insertion.make_skill()
         try:
@@ -110,7 +105,6 @@ def resolve_own_skill(scenario: OwnSkillScenario) -> ResolvedOwnSkillScenario:
 
     Raises:
         UserError: If there is no such file, or it holds no skill that can be run.
-        ParameterError: If there is neither a file nor a strategy.
     """
     connector = scenario.own or _PARTS[scenario.part].connector
     found = resolved_fields(scenario, connector=connector)
@@ -169,8 +163,7 @@ def read_skill(path: Path, primitives: Primitives = PRIMITIVES) -> Skill:
         primitives: That it may name, with their names there.
 
     Raises:
-        UserError: If the file can't be read, or a field doesn't exist or is not allowed, or the
-            skill can't be run.
+        UserError: If the file can't be read, or holds no skill that can be run.
     """
     try:
         return skill_of(read_mapping(path, "skill fields"), primitives)
@@ -180,11 +173,7 @@ def read_skill(path: Path, primitives: Primitives = PRIMITIVES) -> Skill:
 
 
 def skill_of(plain: Mapping[Any, Any], primitives: Primitives = PRIMITIVES) -> Skill:
-    """Return the skill that plain data stands for, checked.
-
-    Raises:
-        UserError: If a field doesn't exist or is not allowed, or the skill can't be run.
-    """
+    """Return the skill that plain data stands for, checked as by :func:`read_skill`."""
     skill: Skill = structured(plain, Skill, named={Primitive: primitives})
     try:
         make_skill_chart(skill)
@@ -194,9 +183,5 @@ def skill_of(plain: Mapping[Any, Any], primitives: Primitives = PRIMITIVES) -> S
 
 
 def skill_text(skill: Skill, primitives: Primitives = PRIMITIVES) -> str:
-    """Return the YAML that :func:`read_skill` reads as an equal skill.
-
-    Raises:
-        UserError: If it runs a primitive without a name.
-    """
+    """Return the YAML that :func:`read_skill` reads as an equal skill."""
     return block(plain_data(skill, named={Primitive: primitives}, omit_defaults=True))

@@ -74,9 +74,6 @@ def run_skill(
         progress: Told how far the run is.
         controller: In the place of accommodation, see
             :func:`chamfer.diagrams.skills.connector_loop.make_connector_diagram`.
-
-    Raises:
-        ChartError: If the skill can't be run.
     """
     diagram = make_connector_diagram(scenario, skill, controller=controller)
     machine = skill_machine(diagram)
@@ -134,9 +131,8 @@ def skill_machine(diagram: Diagram) -> SkillMachine:
 def true_motion(displacement: Array, grasp: Array) -> Traces:
     """Return depth, lateral displacement, tilt and turn of the plug in the socket.
 
-    Args:
-        displacement: Of the tool, rad above m, shape (n, 6).
-        grasp: How the plug is turned in the tool, rad about x, y and z, shape (3,).
+    The ``displacement`` is the tool's, rad above m, shape (n, 6), ``grasp`` how the plug is turned
+    in it, rad about x, y and z, shape (3,).
     """
     X_TP = tip_pose(np.concatenate([grasp, np.zeros(3)]))
     rows = np.empty((len(displacement), 5))

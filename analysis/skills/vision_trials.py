@@ -164,9 +164,6 @@ def shares(scenario: VisionServoScenario) -> NDArray[np.complex128]:
     """Return which shares of its errors the loop truly takes away in a frame, complex, (n,).
 
     The eigenvalues of ``gain pinv(J_believed) J_true`` in the middle of the images.
-
-    Raises:
-        ParameterError: If the primitive refuses what it is to believe.
     """
     believed, true = (
         _jacobian(one) for one in (scenario, replace(scenario, xz=_RIGHT, yz=_RIGHT, hand=_RIGHT))

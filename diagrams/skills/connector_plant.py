@@ -55,9 +55,6 @@ def add_connector_plant(
         start: Displacement of the tip at which it starts, rad above m, shape (6,); 0 by default.
         step: s, of the plant.
         obstacle: Depth in the socket at which something is in the way, m; None: nothing is.
-
-    Raises:
-        ParameterError: If the step is not positive.
     """
     if not 0 < step < math.inf:
         raise ParameterError("step", step, "a finite number > 0")
@@ -105,13 +102,7 @@ def add_connector_plant(
 def add_weight(
     builder: DiagramBuilder, added: ConnectorPlant, mass: float, held: OutputPort
 ) -> OutputPort:
-    """Let the tool carry the weight of a plug while it is held; it acts at the tip.
-
-    Args:
-        builder: Of the plant.
-        added: The plant.
-        mass: Of the plug, kg.
-        held: 1 while the plug is held, else 0, size 1.
+    """Let the tool carry the weight of a plug, its mass in kg, at the tip while ``held`` is 1.
 
     Returns:
         The wrench of what the plug touches, N m above N, shape (6,): the wrist's, less the weight.

@@ -237,11 +237,7 @@ class ResolvedConnectorScenario(ConnectorScenario):
         )
 
     def make_skill(self) -> Skill:
-        """Return the part's own strategy.
-
-        Raises:
-            ParameterError: If it has none.
-        """
+        """Return the part's own strategy; this one has none."""
         raise ParameterError("skill", None, f"a skill, {self.connector.name} has no strategy")
 
 
@@ -282,12 +278,7 @@ def resolve_own_part(scenario: OwnPartScenario) -> ResolvedConnectorScenario:
 
 
 def resolved_fields(scenario: ConnectorScenario, **given: Any) -> dict[str, Any]:
-    """Return the fields of a scenario, nothing in them open.
-
-    Args:
-        scenario: As written.
-        given: Fields besides its own, ``connector`` where it has none.
-    """
+    """Return the fields of a scenario, and those that are given beside, nothing in them open."""
     found = {one.name: getattr(scenario, one.name) for one in fields(scenario)} | given
     connector: Connector = found["connector"]
     believed: Connector = found.get("believed_connector") or connector

@@ -62,12 +62,7 @@ class SightSettings:
         require_numbers(self, 3, "middle", "plug", "standby")
 
     def resolved(self, *, top: float, weight: float) -> "ResolvedSightSettings":
-        """Return the settings with what is known of the plug where they leave it open.
-
-        Args:
-            top: m, of the plug's upper end above its tip.
-            weight: N, of the plug; 0: it is not weighed.
-        """
+        """Return the settings with the plug's upper end above its tip, m, and its weight, N."""
         own = {one.name: getattr(self, one.name) for one in fields(self)}
         motion = self.motion.resolved(top=top, weight=weight)
         return ResolvedSightSettings(**own | {"motion": motion})

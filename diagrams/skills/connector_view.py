@@ -32,12 +32,7 @@ class ConnectorView(NamedTuple):
     plant: MultibodyPlant
 
     def positions(self, plug: Array, carriage: Array) -> Array:
-        """Return the plant's positions, shape (n, 13).
-
-        Args:
-            plug: Displacement of the plug's tip, rad above m, shape (n, 6).
-            carriage: Of the gripper, likewise.
-        """
+        """Return the plant's positions, shape (n, 13); displacements in rad above m, shape (n, 6)."""
         gripper = self.plant.GetModelInstanceByName("gripper")
         wrist = self.plant.GetModelInstanceByName("wrist")
         found = np.zeros((len(plug), self.plant.num_positions()))
@@ -50,12 +45,7 @@ class ConnectorView(NamedTuple):
 
 
 def make_connector_view(scenario: ResolvedConnectorScenario, meshcat: Meshcat) -> ConnectorView:
-    """Build plug, socket and gripper, and what draws them.
-
-    Args:
-        scenario: What is inserted.
-        meshcat: Where to draw.
-    """
+    """Build plug, socket and gripper, and what draws them."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
     held = add_wrist(plant, plant.world_frame(), scenario.wrist)

@@ -52,13 +52,7 @@ class Robot(NamedTuple):
 
 
 def add_carriage(builder: DiagramBuilder, start: Array, step: float) -> Robot:
-    """Add a carriage that follows a velocity exactly.
-
-    Args:
-        builder: Where to.
-        start: Displacement at first, rad above m, shape (6,).
-        step: s, between two updates.
-    """
+    """Add a carriage that follows a velocity exactly, from a displacement, rad above m, (6,)."""
     carriage = _add_integrator(builder, "carriage", start, step)
     motion = builder.AddNamedSystem("carriage and rate", Multiplexer([SIZE, SIZE]))
     rate = builder.AddNamedSystem("V_ref", PassThrough(SIZE))

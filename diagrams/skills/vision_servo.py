@@ -53,12 +53,7 @@ _ENDLESS: Final = 1e6  # s
 
 
 def block(size: Triple, *, below: float) -> Array:
-    """Return the corners of a block upright in its frame, m, shape (8, 3).
-
-    Args:
-        size: Along x, y and z, m.
-        below: How much of it is below the origin, m.
-    """
+    """Return the corners of an upright block, m, shape (8, 3), in part ``below`` its origin."""
     x, y, z = size
     corners = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (0.0, 1.0)])
     moved: Array = corners * (x, y, z) - np.array([0.0, 0.0, below])
@@ -181,13 +176,7 @@ class VisionServoScenario(VisionServoSetup):
 
 
 def view_of(scenario: VisionServoScenario, view: View | Literal["hand"], at: Array) -> Image:
-    """Return the image of a camera without noise, shape (height, width, 3).
-
-    Args:
-        scenario: The loop.
-        view: Which camera.
-        at: Displacement of the carriage, rad above m, shape (6,).
-    """
+    """Return the image of a camera without noise, shape (height, width, 3), at a displacement."""
     X_WE, target = tip_pose(at), tip_pose(np.array(scenario.target))
     if view == "hand":
         X_WC = X_WE @ scenario.camera_at

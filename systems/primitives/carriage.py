@@ -149,11 +149,7 @@ def add_gripper(
 ) -> Gripped:
     """Add a gripper, and what moves the part with it: no Python between its ticks.
 
-    Args:
-        builder: Where to.
-        gripper: Not yet added.
-        carriage: Displacement, rad above m, and its rate, shape (12,).
-        closed: 1 for closed fingers.
+    The ``carriage`` is a displacement, rad above m, and its rate, shape (12,).
     """
     builder.AddNamedSystem("gripper", gripper)
     held = builder.AddNamedSystem("held part", Adder(2, 2 * SIZE))
@@ -229,8 +225,7 @@ class PoseDisplacement(LeafSystem):
         output_ports:
         - displacement
 
-    ``pose``, shape (7,), quaternion and position, m; ``displacement``, shape (6,), rad above m,
-    its turn about z between -pi and pi.
+    ``pose``, shape (7,), quaternion and position, m; ``displacement``, shape (6,), rad above m.
     """
 
     def __init__(self) -> None:

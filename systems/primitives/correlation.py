@@ -100,11 +100,7 @@ class Phasors(NamedTuple):
 
 
 def correlation(command: ArrayLike, motion: ArrayLike) -> Correlation:
-    """Return eq. (1) and its companions of two signals, shape (N,) each.
-
-    Raises:
-        ValueError: If the signals differ in shape.
-    """
+    """Return eq. (1) and its companions of two signals, shape (N,) each."""
     f, g = np.asarray(command, dtype=np.float64), np.asarray(motion, dtype=np.float64)
     if f.shape != g.shape or f.ndim != 1:
         raise ValueError(f"the signals have the shapes {f.shape} and {g.shape}, allowed: one (N,)")

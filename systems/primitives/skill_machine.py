@@ -72,11 +72,10 @@ def _check_skill(skill: Skill) -> None:
 
 
 def check_timing(skill: Skill, period: float) -> None:
-    """Check what depends on the time between two ticks, s.
+    """Check what depends on the time between two ticks, s: dithers, and windows that watch them.
 
     Raises:
-        ChartError: If a dither is too fast for the ticks, or the windows in which it is watched
-            are not a cycle of it, or more than there is time for.
+        ChartError: If a dither is too fast, or a window no cycle of it.
     """
     for state, where in _states_of(skill):
         for dither in _dithers(state):
@@ -105,10 +104,7 @@ def check_timing(skill: Skill, period: float) -> None:
 def check_forces(skill: Skill, damping: Sequence[float], connector: Connector) -> None:
     """Check the forces that end primitives, and those that the connector stands.
 
-    Args:
-        skill: Whose states may set a damping of their own.
-        damping: Of accommodation, N m s/rad above N s/m, shape (6,).
-        connector: What is inserted.
+    A state may set a ``damping`` of its own, N m s/rad above N s/m, in place of accommodation's.
 
     Raises:
         ChartError: If a force or torque is never reached, or more than the connector stands.

@@ -150,13 +150,10 @@ class VisTranslation(_Servoed):
         )
 
     def jacobian(self, pixels: Sequence[Array]) -> Array:
-        """Return how the features are believed to move with the axes, pixels / m.
+        """Return how the features move with the axes, as believed, pixels / m; rows that matter.
 
         Args:
             pixels: Of the tip, one for each of the ``views``, shape (2,).
-
-        Returns:
-            Shape (m, n): rows that matter, chosen axes.
         """
         return self._stacked(pixels)[np.ix_(self._rows, self._columns)]
 
@@ -164,11 +161,7 @@ class VisTranslation(_Servoed):
         """Return how far the tip is from its set-point in the rows that matter, pixels, (m,).
 
         The set-point goes to the image by the believed perspective: from where the target's tip
-        is seen, the offset further.
-
-        Args:
-            tips: Pixels of the moved part, one for each of the ``views``, shape (2,).
-            targets: Pixels of the target, likewise.
+        is seen, the offset further. ``tips`` and ``targets`` are pixels, one for each view.
         """
         goals = [
             camera.project(camera.point(target, self.cameras.depth) + self.offset)

@@ -59,12 +59,8 @@ def limited(velocity: Array, most: float) -> Array:
 def slowest_root(share: complex, *, delay: int = 1) -> float:
     """Return the size of the largest root of a loop that takes away a share of what it saw.
 
-    ``e[k + 1] = e[k] - share e[k - delay]``: it settles where the result is below 1.
-
-    Args:
-        share: Of the error in a frame's period: the gain times an eigenvalue of how a deviation
-            truly moves times the inverse of how it is believed to.
-        delay: Frames.
+    ``e[k + 1] = e[k] - share e[k - delay]``: it settles where the result is below 1. The share is
+    the gain times an eigenvalue of how a deviation truly moves times the inverse of the belief.
     """
     polynomial = np.zeros(delay + 2, dtype=complex)
     polynomial[0], polynomial[1] = 1.0, -1.0

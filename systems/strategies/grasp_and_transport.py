@@ -92,15 +92,7 @@ def make_grasp_and_transport(
     above: tuple[float, float, float],
     then: str,
 ) -> tuple[SkillState, ...]:
-    """Return the states.
-
-    Args:
-        params: Speeds and tolerances.
-        cameras: As they are believed to be.
-        servoing: How fast, and when it ends.
-        above: Where the plug's tip is to be over the socket's face after the transport, m.
-        then: The state that follows.
-    """
+    """Return the states, ``above``, m, where the plug's tip is to be after the transport."""
     to_plug = VisTranslation(
         axes=("x", "z"),
         cameras=cameras,

@@ -52,13 +52,10 @@ class MeasuredErrors(NamedTuple):
 
 
 def measured_errors(frames: Sequence[Sequence[float]], pixel_size: float) -> MeasuredErrors:
-    """Return the mean errors and twice their standard deviation over frames.
+    """Return the mean errors and twice their standard deviation over frames, at least one.
 
-    While the errors still change, the spread says so too.
-
-    Args:
-        frames: Of each the errors along Y and Z, pixels, and about Y and Z, rad; at least one.
-        pixel_size: m.
+    While the errors still change, the spread says so too. Each of the ``frames`` has the errors
+    along Y and Z, pixels, and about Y and Z, rad; ``pixel_size`` is in m.
     """
     n = len(frames)
     means, variances = [], []
@@ -79,11 +76,8 @@ def measured_errors(frames: Sequence[Sequence[float]], pixel_size: float) -> Mea
 class InsertionRegion:
     """The errors with which a peg finds its hole and does not wedge in it.
 
-    The planes of the lateral error and of the tilt, and their signs, are taken for the worst.
-
-    Args:
-        parts: Peg and hole, as they are believed to be.
-        support: What holds the peg against the hole.
+    The planes of the lateral error and of the tilt, and their signs, are taken for the worst; the
+    parts are those that are believed, the support is what holds the peg against the hole.
     """
 
     def __init__(self, parts: PegHoleGeometry, support: Support) -> None:
@@ -98,12 +92,7 @@ class InsertionRegion:
         return float(np.interp(lateral, self._lateral, self._tilt))
 
     def margin(self, lateral: float, rotational: float) -> float:
-        """Return what is left of the limits, as a share of them; below zero outside.
-
-        Args:
-            lateral: m, not negative.
-            rotational: rad, not negative.
-        """
+        """Return what is left of the limits, as a share of them; below zero outside; m and rad."""
         tilt = (self.tilt_at(lateral) - rotational) / self.rotation_limit
         return min(1 - lateral / self.lateral_limit, tilt)
 

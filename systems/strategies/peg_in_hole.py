@@ -48,12 +48,7 @@ class PegInHoleSkillParams(TouchParams):
         require_whole(self, "repeats")
 
     def to_hole(self, radius: float, again: Retry) -> tuple[SkillState, ...]:
-        """Return the states from ``tare`` on, until a peg that is in the hole leads to ``insert``.
-
-        Args:
-            radius: Of the peg, m.
-            again: What follows a search that has not found the hole.
-        """
+        """Return the states from ``tare`` on, until a peg in the hole leads to ``insert``."""
         if self.search == "tilt":
             leaning = self.tilt.states(self, radius, found="insert", again=again)
             return (*self.laid_flat(then="lean"), *leaning)
