@@ -32,7 +32,7 @@ class ConnectorView(NamedTuple):
     plant: MultibodyPlant
 
     def positions(self, plug: Array, carriage: Array) -> Array:
-        """Return the plant's positions, shape (n, 13); displacements in rad above m, shape (n, 6)."""
+        """Return the plant's positions, shape (n, 13), of displacements, rad above m, (n, 6)."""
         gripper = self.plant.GetModelInstanceByName("gripper")
         wrist = self.plant.GetModelInstanceByName("wrist")
         found = np.zeros((len(plug), self.plant.num_positions()))
