@@ -116,20 +116,12 @@ def stability_metrics(found: Stability) -> dict[str, Metric]:
     metrics = (
         {} if found.growth is None else {"loop.growth": _growth_metric(found.growth, "out of")}
     )
+    gain = f"on the torque; {found.least_gain}" if found.least_gain else "none up to 1000"
+    delay = f"of the torque; {found.least_delay}" if found.least_delay else "none up to 10 periods"
     return metrics | {
         "loop.growth_contact": _growth_metric(found.growth_contact, "in"),
-        "loop.gain_margin": Metric(
-            value=found.gain_margin,
-            unit="",
-            note=f"on the torque; {found.least_gain}" if found.least_gain else "none up to 1000",
-        ),
-        "loop.delay_margin": Metric(
-            value=found.delay_margin,
-            unit="s",
-            note=f"of the torque; {found.least_delay}"
-            if found.least_delay
-            else "none up to 10 periods",
-        ),
+        "loop.gain_margin": Metric(value=found.gain_margin, unit="", note=gain),
+        "loop.delay_margin": Metric(value=found.delay_margin, unit="s", note=delay),
     }
 
 
@@ -143,6 +135,5 @@ def mean_over_seeds(values: np.ndarray, unit: str, undefined: str) -> Metric:
     """Return a measured value's mean and range, or why it is undefined if one is not finite."""
     if not np.all(np.isfinite(values)):
         return Metric(value=None, unit=unit, note=undefined)
-    spread = f"{values.min():.4g} to {values.max():.4g}"
-    note = f"mean of {len(values)} seeds, {spread}"
+    note = f"mean of {len(values)} seeds, {values.min():.4g} to {values.max():.4g}"
     return Metric(value=float(values.mean()), unit=unit, note=note)

@@ -72,14 +72,10 @@ def _with_friction(part: float, test: AdeptLoop, _: RemediesScenario) -> AdeptLo
 
 def _rubber(test: AdeptLoop, _: RemediesScenario) -> AdeptLoop:
     """Cover the surface. The nugget's force then swings but for the joints that stick."""
-    surface = test.surface
+    stiffness, damping = test.surface.stiffness / _RUBBER, test.surface.damping / _RUBBER
     return replace(
         test,
-        surface=replace(
-            surface,
-            stiffness=surface.stiffness / _RUBBER,
-            damping=surface.damping / _RUBBER,
-        ),
+        surface=replace(test.surface, stiffness=stiffness, damping=damping),
         controller=replace(test.controller, allow_unstable=True),
     )
 
@@ -96,7 +92,13 @@ REMEDIES: Final[dict[str, tuple[Change, ...]]] = {
     "no_friction": (partial(_with_friction, 0.0),),
     "no_friction_decoupling": (partial(_with_friction, 0.0), _decouple),
 }
-_MEASURED: Final = ("measured", "true", "position", "impact_share", "scratch_time")
+_MEASURED: Final = {  # metric and unit
+    "measured": ("force.deviation", "N"),
+    "true": ("force.true_deviation", "N"),
+    "position": ("position.lag_error", "m"),
+    "impact_share": ("damage.impact_share", "%"),
+    "scratch_time": ("damage.scratch_time", "s"),
+}
 TESTS: Final = ("roller", "nugget")
 
 
@@ -124,47 +126,27 @@ def run_remedies(scenario: RemediesScenario, seed: int, progress: Progress) -> O
         "trial": column([task.trial for task in finished.tasks]),
         **{name: finished.column(name) for name in _MEASURED},
     }
-    seconds = sum(_test(scenario, task.test).duration for task in finished.tasks)
+    seconds = sum(getattr(scenario, task.test).duration for task in finished.tasks)
     metrics = _metrics(traces)
     for test in TESTS:
-        metrics |= prefixed(test, stability_metrics(stability(_test(scenario, test))))
+        metrics |= prefixed(test, stability_metrics(stability(getattr(scenario, test))))
     return Outcome(metrics=metrics, traces=traces, simulated_seconds=seconds)
 
 
 def _run_task(scenario: RemediesScenario, seed: int, task: RemedyTrial) -> Row:
-    remedied = fill(_remedied(_test(scenario, task.test), REMEDIES[task.remedy], scenario))
-    traces = run_contact(remedied, trial_seed(seed, task.trial))
-    measured = measure(remedied, traces)
-    return {
-        "measured": measured["force.deviation"],
-        "true": measured["force.true_deviation"],
-        "position": measured["position.lag_error"],
-        "impact_share": measured["damage.impact_share"],
-        "scratch_time": measured["damage.scratch_time"],
-    }
-
-
-def _test(scenario: RemediesScenario, name: str) -> AdeptLoop:
-    tests: dict[str, AdeptLoop] = {"roller": scenario.roller, "nugget": scenario.nugget}
-    return tests[name]
+    remedied = fill(_remedied(getattr(scenario, task.test), REMEDIES[task.remedy], scenario))
+    measured = measure(remedied, run_contact(remedied, trial_seed(seed, task.trial)))
+    return {name: measured[metric] for name, (metric, _) in _MEASURED.items()}
 
 
 def _metrics(traces: Mapping[str, np.ndarray]) -> dict[str, Metric]:
     metrics: dict[str, Metric] = {}
-    kinds = (
-        ("measured", "force.deviation", "N"),
-        ("true", "force.true_deviation", "N"),
-        ("position", "position.lag_error", "m"),
-        ("impact_share", "damage.impact_share", "%"),
-        ("scratch_time", "damage.scratch_time", "s"),
-    )
     for i, test in enumerate(TESTS):
         for j, remedy in enumerate(REMEDIES):
             of = (traces["test"] == i) & (traces["remedy"] == j)
-            for name, metric, unit in kinds:
-                metrics[f"{test}.{remedy}.{metric}"] = mean_over_seeds(
-                    traces[name][of], unit, "no contact"
-                )
+            for name, (metric, unit) in _MEASURED.items():
+                mean = mean_over_seeds(traces[name][of], unit, "no contact")
+                metrics[f"{test}.{remedy}.{metric}"] = mean
         base = metrics[f"{test}.none.force.true_deviation"].value
         cured = metrics[f"{test}.no_friction_decoupling.force.true_deviation"].value
         metrics[f"{test}.gain_without_friction"] = Metric(

@@ -92,25 +92,27 @@ def margin_tables(sets: Mapping[str, PlanarLoop]) -> dict[str, Table]:
     ``growth`` 1/s. ``force_integrals``: ``gains``, ``force_integral`` 1/s and ``growth``, in
     contact.
     """
-    delays: dict[str, list[float]] = {"gains": [], "mode": [], "delay": [], "growth": []}
-    integrals: dict[str, list[float]] = {"gains": [], "force_integral": [], "growth": []}
+    delays: list[tuple[float, ...]] = []
+    integrals: list[tuple[float, ...]] = []
     for i, loop in enumerate(sets.values()):
         control = loop.controller
         modes = [one for one in linear_loops(loop) if one.name in MODES]
         for j, one in enumerate(modes):
             for delay in (_DELAYS * control.period).tolist():
                 grows = one._replace(delay=delay).growth_rate()
-                for name, value in zip(delays, (i, j, delay, _clipped(grows)), strict=True):
-                    delays[name].append(value)
+                delays.append((i, j, delay, _clipped(grows)))
         for gain in _FORCE_INTEGRALS.tolist():
             changed = replace(loop, controller=replace(control, force_integral=gain))
             grows = linear_loop(changed, "contact", CONTACT, loop.touching).growth_rate()
-            for name, value in zip(integrals, (i, gain, _clipped(grows)), strict=True):
-                integrals[name].append(value)
+            integrals.append((i, gain, _clipped(grows)))
     return {
-        "delays": {name: column(values) for name, values in delays.items()},
-        "force_integrals": {name: column(values) for name, values in integrals.items()},
+        "delays": _table(("gains", "mode", "delay", "growth"), delays),
+        "force_integrals": _table(("gains", "force_integral", "growth"), integrals),
     }
+
+
+def _table(names: tuple[str, ...], rows: Sequence[tuple[float, ...]]) -> Table:
+    return {name: column(values) for name, values in zip(names, np.transpose(rows), strict=True)}
 
 
 def _clipped(growth: float) -> float:
@@ -216,63 +218,48 @@ HYBRID_STABILITY: Final = HybridStabilityScenario()
 def run_stability(scenario: HybridStabilityScenario, seed: int, progress: Progress) -> Outcome:
     """Map the least eigenvalue of ``M^-1 J^-1 P J`` (and its kin) and the loop's growth."""
     grid = np.linspace(-scenario.reach, scenario.reach, scenario.points)
-    rows: dict[str, list[float]] = {name: [] for name in ("case", "x", "y", "least", "growth")}
+    rows: list[tuple[float, ...]] = []
     metrics: dict[str, Metric] = {}
     for i, (elbow, law) in enumerate(CASES):
         loop = scenario.loop(elbow, law)
-        crucible = loop.make_surface()
+        crucible, period = loop.make_surface(), loop.controller.period
         measured = _Loop(loop)
-        bad, inside_bad, reached, inside = 0, 0, 0, 0
+        unstable: list[bool] = []  # of the points in reach
+        inside: list[bool] = []  # of the crucible
         for j, y in enumerate(grid.tolist()):
             progress((i + j / len(grid)) / len(CASES), f"{law}, {elbow} elbow")
             for x in grid.tolist():
                 least, growth = measured.stability((x, y))
-                rows["case"].append(i)
-                rows["x"].append(x)
-                rows["y"].append(y)
-                rows["least"].append(least)
-                rows["growth"].append(growth)
+                rows.append((i, x, y, least, growth))
                 if math.isfinite(least):
-                    in_crucible = locate(crucible, np.array([x, y, 0.0])).gap >= 0
-                    reached, inside = reached + 1, inside + in_crucible
-                    bad, inside_bad = bad + (least < 0), inside_bad + (in_crucible and least < 0)
-        name = f"{elbow}.{law}"
+                    unstable.append(least < 0)
+                    inside.append(locate(crucible, np.array([x, y, 0.0])).gap >= 0)
         nominal = tuple(loop.touching.tolist())
         least, growth = measured.stability(nominal)
-        metrics[f"{name}.unstable_share"] = Metric(
-            value=100 * bad / max(1, reached), unit="%", note="of the reachable grid"
+        _, sampled = measured.stability(nominal, period)
+        share = 100 * sum(unstable) / max(1, len(unstable))
+        share_inside = (
+            100 * sum(map(all, zip(unstable, inside, strict=True))) / max(1, sum(inside))
         )
-        metrics[f"{name}.unstable_share_in_crucible"] = Metric(
-            value=100 * inside_bad / max(1, inside), unit="%", note="of the grid in the crucible"
-        )
-        metrics[f"{name}.eigenvalue"] = Metric(
-            value=least, unit="1/(kg m^2)", note=f"the least one at {nominal}, per unit of gain"
-        )
-        metrics[f"{name}.growth"] = Metric(
-            value=_or_zero(growth),
-            unit="1/s",
-            note=f"of the loop at {nominal}, in continuous time",
-        )
-        metrics[f"{name}.sampled_growth"] = Metric(
-            value=_or_zero(measured.sampled_growth()),
-            unit="1/s",
-            note=f"the same with the torque held over {loop.controller.period:g} s",
-        )
-        metrics |= margin_metrics(name, loop)
+        in_time, held = "in continuous time", f"with the torque held over {period:g} s"
+        for what, value, unit, note in (
+            ("unstable_share", share, "%", "of the reachable grid"),
+            ("unstable_share_in_crucible", share_inside, "%", "of the grid in the crucible"),
+            ("eigenvalue", least, "1/(kg m^2)", f"the least one at {nominal}, per unit of gain"),
+            ("growth", _clipped(growth), "1/s", f"of the loop at {nominal}, {in_time}"),
+            ("sampled_growth", _clipped(sampled), "1/s", f"the same {held}"),
+        ):
+            metrics[f"{elbow}.{law}.{what}"] = Metric(value=value, unit=unit, note=note)
+        metrics |= margin_metrics(f"{elbow}.{law}", loop)
     sets = scenario.gain_sets
     metrics |= margin_metrics("late", sets["late"])
     drawn, metrics["pole_difference"] = poles(sets["chapter 2"])
     return Outcome(
         metrics=metrics,
-        traces={name: column(values) for name, values in rows.items()},
+        traces=_table(("case", "x", "y", "least", "growth"), rows),
         simulated_seconds=0.0,
         tables={**margin_tables(sets), "poles": drawn},
     )
-
-
-def _or_zero(growth: float) -> float:
-    """Return 0 for what is a neutral pole in floating point."""
-    return growth if abs(growth) > NEUTRAL else 0.0
 
 
 class _Loop:
@@ -281,20 +268,13 @@ class _Loop:
     def __init__(self, loop: PlanarLoop) -> None:
         self._loop = loop
         self._dynamics = loop.dynamics()
-        self._control = replace(loop.controller, period=_CONTINUOUS)
         self._selection = position_selection(loop.direction)
         self._viscous = np.array(loop.arm.joint_friction.viscous)
 
-    def sampled_growth(self) -> float:
-        """Return the growth at the intended contact point with the controller's period, 1/s."""
-        loop = self._loop
-        q = loop.joint_positions(loop.touching)
-        mass = self._dynamics.evaluate(q, np.zeros(len(q))).mass
-        J = loop.ARM.jacobian(q)
-        return free_growth_rate(mass, J, self._selection, loop.controller, self._viscous)
-
-    def stability(self, endpoint: tuple[float, ...]) -> tuple[float, float]:
-        """Return the least eigenvalue, to rounding, and the growth in continuous time, 1/s.
+    def stability(
+        self, endpoint: tuple[float, ...], period: float = _CONTINUOUS
+    ) -> tuple[float, float]:
+        """Return the least eigenvalue, to rounding, and the growth with a period, s, 1/s.
 
         Both are NaN out of reach.
         """
@@ -305,12 +285,12 @@ class _Loop:
             return math.nan, math.nan
         mass = self._dynamics.evaluate(q, np.zeros(len(q))).mass
         J = loop.ARM.jacobian(q)
-        law = loop.controller.law
-        values = stiffness_eigenvalues(mass, J, self._selection, law).real
+        values = stiffness_eigenvalues(mass, J, self._selection, loop.controller.law).real
         least = float(values.min())
         if abs(least) < _ROUNDING * float(np.abs(values).max()):
             least = 0.0
-        return least, free_growth_rate(mass, J, self._selection, self._control, self._viscous)
+        control = replace(loop.controller, period=period)
+        return least, free_growth_rate(mass, J, self._selection, control, self._viscous)
 
 
 def resolve_hybrid_stability(scenario: HybridStabilityScenario) -> HybridStabilityScenario:
@@ -354,7 +334,8 @@ def plot_stability(loop: PlanarLoop, cases: Sequence[tuple[str, str]], outcome: 
         x, y = traces["x"][of].reshape(size, size), traces["y"][of].reshape(size, size)
         rate = growth[of].reshape(size, size)
         reached = np.where(np.isfinite(rate), 1.0, np.nan)
-        axes.pcolormesh(x, y, reached, cmap=_only(_STABLE), shading="nearest", rasterized=True)
+        stable = ListedColormap([_STABLE])
+        axes.pcolormesh(x, y, reached, cmap=stable, shading="nearest", rasterized=True)
         shown = np.where(rate > NEUTRAL, rate, np.nan)
         drawn = axes.pcolormesh(
             x, y, shown, cmap="inferno_r", norm=norm, shading="nearest", rasterized=True
@@ -414,21 +395,10 @@ def plot_margins(sets: Mapping[str, PlanarLoop], outcome: Outcome) -> Figure:
         (1, "model", "x", 6),
     ):
         of = drawn["model"] == model
-        plane.plot(
-            drawn["real"][of],
-            drawn["imaginary"][of],
-            marker,
-            ms=size,
-            mfc="none",
-            color=_SETS[model],
-            label=label,
-        )
+        look = {"ms": size, "mfc": "none", "color": _SETS[model], "label": label}
+        plane.plot(drawn["real"][of], drawn["imaginary"][of], marker, **look)
     plane.add_patch(Circle((0.0, 0.0), 1.0, fill=False, **DESIRED))
     plane.set_aspect("equal")
     dress(plane, title="(c) Poles in contact, chapter 2", x="real part", y="imaginary part")
     legend(plane, loc="center", bbox_to_anchor=(0.45, 0.25))
     return figure
-
-
-def _only(colour: str) -> ListedColormap:
-    return ListedColormap([colour])

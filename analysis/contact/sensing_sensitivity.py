@@ -31,7 +31,7 @@ from chamfer.diagrams.contact.contact_scenarios import (
 )
 from chamfer.diagrams.contact.hybrid_loop_stability import linear_loops, resolve
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario, fill
-from chamfer.diagrams.contact.sensing import EXACT
+from chamfer.diagrams.contact.sensing import EXACT, ideal
 from chamfer.models.validation import ParameterError, known, within
 from chamfer.systems.force.contact_detection import APPROACH
 from chamfer.systems.force.sampled_loop import NEUTRAL
@@ -89,6 +89,11 @@ _KEPT: Final[dict[str, tuple[str, ...]]] = {
 _ALL: Final = tuple(path for name in _KEPT for path in _KEPT[name])
 IMPERFECTIONS: Final = (*_KEPT, "sample_late", "all", "all_sample_late")
 _MEASURED: Final = {"force": "N", "position": "m", "losses": "", "diverged": "", "growth": "1/s"}
+_FROM_RUN: Final = {
+    "force": "force.true_deviation",
+    "position": "position.lag_error",
+    "losses": "contact.losses",
+}
 
 
 class SensingTrial(NamedTuple):
@@ -104,34 +109,27 @@ def imperfect(loop: HybridScenario, imperfection: str) -> HybridScenario:
 
     ``sample_late`` is a torque that comes a whole period late, without jitter.
     """
+    late = imperfection.endswith("sample_late")
     kept = _ALL if imperfection.startswith("all") else _KEPT.get(imperfection, ())
-    nothing: dict[str, Any] = {
-        **{
-            f"sensor.{one.name}": 0.0
-            for one in fields(loop.sensor)
-            if one.default is None and one.name != "position"
-        },
-        **{f"encoders.{one.name}": getattr(EXACT, one.name) for one in fields(EXACT)},
-        "controller.computation_delay": 0.0,
-        "controller.computation_jitter": 0.0,
+    left_open: Any = {one.name: None for one in fields(loop.sensor) if one.default is None}
+    delay = loop.controller.period if late else 0.0
+    changed: dict[str, Any] = {
+        "sensor": ideal(replace(loop.sensor, **left_open)),
+        "encoders": EXACT,
+        "controller": replace(
+            loop.controller,
+            computation_delay=delay,
+            computation_jitter=0.0,
+            allow_unstable=True,
+        ),
     }
-    if isinstance(loop.sensor, ForceSensorParams):
-        nothing["sensor.position"] = (0.0, 0.0, 0.0)
-    if imperfection.endswith("sample_late"):
-        nothing["controller.computation_delay"] = loop.controller.period
-        kept = tuple(path for path in kept if not path.startswith("controller."))
-    nothing = {path: value for path, value in nothing.items() if path not in kept}
-    changed: dict[str, Any] = {}
-    for part in ("sensor", "encoders", "controller"):
-        values = {
-            path.partition(".")[2]: value
-            for path, value in nothing.items()
-            if path.startswith(f"{part}.")
-        }
-        changed[part] = replace(getattr(loop, part), **values)
+    for path in kept:
+        part, _, name = path.partition(".")
+        if hasattr(changed[part], name) and not (late and part == "controller"):
+            value = getattr(getattr(loop, part), name)
+            changed[part] = replace(changed[part], **{name: value})
     if imperfection == "no_tare":  # which detection is told of
         changed["detection"] = replace(loop.detection, detect=None, release=None, samples=None)
-    changed["controller"] = replace(changed["controller"], allow_unstable=True)
     return fill(replace(loop, **changed))
 
 
@@ -164,38 +162,17 @@ def run_sensitivity(scenario: SensitivityScenario, seed: int, progress: Progress
 
 def _run_task(scenario: SensitivityScenario, seed: int, task: SensingTrial) -> Row:
     if task.loop == "approach":
-        return _approach(scenario.approach, trial_seed(seed, task.trial))
+        traces = run_contact(scenario.approach, trial_seed(seed, task.trial))
+        late = latency(traces, 2 * known("noise", scenario.approach.sensor.noise))
+        return {"false_contacts": float(contacts_in_air(traces)), "latency": late}
     loop = imperfect(getattr(scenario, task.loop), task.imperfection)
     growth = max(one.growth_rate() for one in linear_loops(loop))
-    growth = growth if growth > NEUTRAL else 0.0
+    row = {"diverged": 0.0, "growth": growth if growth > NEUTRAL else 0.0}
     try:
-        traces = run_contact(loop, trial_seed(seed, task.trial))
+        measured = measure(loop, run_contact(loop, trial_seed(seed, task.trial)))
     except ParameterError:  # all was well with the same loop at the start
-        return {
-            "force": None,
-            "position": None,
-            "losses": None,
-            "diverged": 1.0,
-            "growth": growth,
-        }
-    measured = measure(loop, traces)
-    return {
-        "force": measured["force.true_deviation"],
-        "position": measured["position.lag_error"],
-        "losses": measured["contact.losses"],
-        "diverged": 0.0,
-        "growth": growth,
-    }
-
-
-def _approach(loop: AdeptLoop, seed: int) -> Row:
-    """Return how often contact was found in free motion, and how late where there is one."""
-    traces = run_contact(loop, seed)
-    level = 2 * known("noise", loop.sensor.noise)
-    return {
-        "false_contacts": float(contacts_in_air(traces)),
-        "latency": latency(traces, level),
-    }
+        return {**row, **dict.fromkeys(_FROM_RUN), "diverged": 1.0}
+    return {**row, **{name: measured[metric] for name, metric in _FROM_RUN.items()}}
 
 
 def contacts_in_air(traces: Traces) -> int:
@@ -220,22 +197,13 @@ def latency(traces: Traces, level: float) -> float | None:
 
 def _metrics(traces: Mapping[str, np.ndarray]) -> dict[str, Metric]:
     metrics: dict[str, Metric] = {}
-    names = {
-        "force": "force.true_deviation",
-        "position": "position.lag_error",
-        "losses": "contact.losses",
-        "growth": "loop.growth",
-    }
+    undefined = "the run diverges, or there is no contact"
     for i, loop in enumerate(LOOPS):
         for j, imperfection in enumerate(IMPERFECTIONS):
             of = (traces["loop"] == i) & (traces["imperfection"] == j)
-            here = f"{loop}.{imperfection}"
-            for name, metric in names.items():
-                metrics[f"{here}.{metric}"] = mean_over_seeds(
-                    traces[name][of],
-                    _MEASURED[name],
-                    "the run diverges, or there is no contact",
-                )
+            for name, metric in {**_FROM_RUN, "growth": "loop.growth"}.items():
+                mean = mean_over_seeds(traces[name][of], _MEASURED[name], undefined)
+                metrics[f"{loop}.{imperfection}.{metric}"] = mean
     return metrics
 
 

@@ -5,9 +5,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from chamfer.analysis.campaign.trial_metrics import over_trials
 from chamfer.analysis.contact.contact_metrics import (
-    QUANTITIES,
     contact_metrics,
     longest,
     settling_time,
@@ -118,11 +116,6 @@ def test_the_final_force_is_the_mean_over_the_last_second_or_period() -> None:
     assert last_second < 9.5
 
 
-def test_the_final_force_is_not_of_the_time_before_it_is_measured() -> None:
-    # Of the last period of 9 s, contact is only made after one.
-    assert measured(contact(), period=9.0)["force.final"] == pytest.approx(10.4)
-
-
 def test_impacts_and_losses_are_counted() -> None:
     table = contact()
     mode, impact = table["mode"], table["impact_speed"]
@@ -183,15 +176,6 @@ def test_longest() -> None:
     # To the end of the run, if it holds until then.
     assert longest(time, np.array([True, False, False, False, True, True])) == 1.0
     assert longest(time, np.array([False, False, False, True, False, False])) == 4.0
-
-
-def test_one_trial_is_given_as_it_is() -> None:
-    metrics = over_trials([measured(contact())], QUANTITIES)
-    assert metrics["force.peak"].value == pytest.approx(33.0)
-    assert metrics["force.peak"].note == ""
-    assert metrics["recontact.speed"].value is None
-    assert metrics["recontact.speed"].note == "does not occur, or settle, in the run"
-    assert set(metrics) == set(QUANTITIES)
 
 
 def test_settling_has_to_last() -> None:

@@ -83,15 +83,6 @@ def test_checks_that_fail_are_the_ones_that_a_note_explains(outcome: Outcome) ->
     assert all(value.note for value in ASKED if value.metric in failed)
 
 
-def test_growth_is_of_the_rebounds() -> None:
-    growth = contact_recovery._growth
-    assert growth([0.3, 0.5, 0.6, 0.7, 0.8, 1.0]) == 2.0
-    assert growth([0.9, 0.5, 0.6, 0.7, 0.8, 0.25]) == 0.5
-    # Bounces that end before the sixth have decayed.
-    assert growth([0.3, 0.5, 0.9, 1.2, 1.5]) == 0.0
-    assert growth([]) == 0.0
-
-
 def test_the_threshold_is_interpolated_between_gains() -> None:
     threshold = contact_recovery._threshold
     assert threshold([0.2, 0.4, 0.8, 1.2, 3.0]).value == pytest.approx(3.5)
@@ -101,20 +92,6 @@ def test_the_threshold_is_interpolated_between_gains() -> None:
         none = threshold(growth)
         assert none.value is None
         assert none.note.startswith("not among")
-
-
-@pytest.mark.parametrize(
-    ("scenario", "note"),
-    [
-        (near(None, 0.6), "no blow in the run"),
-        (near(0.7, 0.6), "no blow in the run"),
-    ],
-)
-def test_what_follows_a_blow_is_undefined_without_one(scenario: PlanarLoop, note: str) -> None:
-    traces = {"time": np.arange(3.0), "gap": np.ones(3), "peak_force": np.ones(3)}
-    metric = contact_recovery._after_blow(scenario, traces, "peak_force", "N")
-    assert metric.value is None
-    assert metric.note == note
 
 
 def test_what_follows_a_blow_begins_when_the_tip_has_left() -> None:

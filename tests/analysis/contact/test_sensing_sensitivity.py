@@ -11,12 +11,10 @@ from chamfer.analysis.contact.sensing_sensitivity import (
     LOOPS,
     SensitivityScenario,
     contacts_in_air,
-    figures,
     imperfect,
     latency,
     resolve_sensing_sensitivity,
 )
-from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
 
 
@@ -87,29 +85,3 @@ def test_latency_is_the_longest_that_it_may_have_been() -> None:
     assert latency(traces([0, 0, 1, 1, 1, 1], [0, 1, 2, 4, 5, 5]), 3.0) == 0
     assert latency(traces([0, 0, 0], [0, 5, 5]), 3.0) is None
     assert latency(traces([0, 0, 0], [0, 0, 0]), 3.0) is None
-
-
-def test_the_figure_says_what_diverges(scenario: SensitivityScenario) -> None:
-    count = len(IMPERFECTIONS)
-    rows = {
-        "loop": np.repeat(np.arange(3.0), count),
-        "imperfection": np.tile(np.arange(float(count)), 3),
-        "trial": np.zeros(3 * count),
-        "force": np.linspace(0.1, 20.0, 3 * count),
-        "position": np.full(3 * count, 1e-3),
-        "losses": np.zeros(3 * count),
-        "diverged": np.zeros(3 * count),
-        "growth": np.zeros(3 * count),
-    }
-    for name in ("force", "position", "losses"):
-        rows[name][10] = np.nan
-    rows["diverged"][10] = 1.0
-    rows["growth"][10] = rows["growth"][8] = 20.0
-    rows["losses"][5] = 4.0
-    outcome = Outcome(metrics={}, traces=rows, simulated_seconds=0.0)
-    (figure,) = figures(scenario, outcome).values()
-    figure.draw_without_rendering()
-    said = [[text.get_text() for text in panel.texts] for panel in figure.axes]
-    # Where contact is lost as often as with ideal sensors, nothing is said.
-    assert said[0] == ["losses: 4", "unstable", "unstable, diverges"]
-    assert not any(said[1:])

@@ -341,38 +341,6 @@ def test_decoupling_spreads_the_noise_and_the_thresholds_follow() -> None:
     assert fill(loop).detection.detect == pytest.approx(0.8)
 
 
-@pytest.mark.parametrize(
-    ("scenario", "distance", "contact", "force", "amplitude", "frequency"),
-    [
-        (PLANAR_HOLD, 1.5, 4.5, 15.0, 0.0, None),  # section 2.2
-        (PLANAR_SLIDE, 1.5, 4.5, 15.0, 0.02, 1.0),
-        (PUMA_ROLLER_HOLD, 0.05, 1.5, 5.0, 0.0, None),  # section 3.1.3
-        (PUMA_ROLLER_MOTION, 0.05, 1.5, 5.0, 0.04, 2 * np.pi * 0.25),
-        (PUMA_NUGGET_HOLD, 0.03, 0.5, 5.0, 0.0, None),
-        (PUMA_NUGGET_MOTION, 0.03, 1.0, 5.0, 0.04, 2 * np.pi * 0.1),
-        (ADEPT_ROLLER_HOLD, 0.07, 6.0, 20.0, 0.0, None),  # section 3.2.3
-        (ADEPT_ROLLER_MOTION, 0.01, 1.8, 20.0, 0.03, 2 * np.pi / 4.0),
-        (ADEPT_NUGGET_HOLD, 0.01, 1.0, 5.0, 0.0, None),
-        (ADEPT_NUGGET_MOTION, 0.01, 1.0, 5.0, 0.01, 2 * np.pi / 10.0),
-    ],
-)
-def test_distances_contact_times_forces_and_motions(
-    scenario: HybridScenario,
-    distance: float,
-    contact: float,
-    force: float,
-    amplitude: float,
-    frequency: float | None,
-) -> None:
-    task = scenario.task
-    assert scenario.distance == distance  # to the bit: it decides where the run begins
-    assert task.approached(contact) == pytest.approx(distance, rel=0.02)
-    assert (task.force, task.amplitude) == (force, amplitude)
-    if frequency is not None:
-        assert task.frequency == pytest.approx(frequency)
-        assert scenario.duration - scenario.measure_after > 2 * np.pi / frequency
-
-
 def test_the_wall_lies_ahead_of_the_start() -> None:
     def starting(*start: float, direction: tuple[float, float] = (0.0, -1.0)) -> PlanarScenario:
         task = replace(PLANAR_HOLD.task, start=start, direction=direction)

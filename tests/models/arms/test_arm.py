@@ -1,6 +1,5 @@
 """The arms that touch: kinematics and URDF describe the same machine, and poses by hand."""
 
-import dataclasses
 import itertools
 import math
 import re
@@ -15,7 +14,6 @@ from pydrake.geometry import Box, Cylinder
 from pydrake.math import RollPitchYaw
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
-from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import DiagramBuilder
 
 from chamfer.models.arms import adept_one
@@ -30,7 +28,7 @@ from chamfer.models.arms.adept_wrist import (
     FINGER_LENGTH,
     gripper_points,
 )
-from chamfer.models.arms.arm import Arm, Elbow, Kinematics
+from chamfer.models.arms.arm import Arm, Elbow
 from chamfer.models.arms.planar_two_link import (
     PLANAR_TWO_LINK,
     two_link_angles,
@@ -149,20 +147,6 @@ def test_urdf_puts_the_tip_where_the_kinematics_do(loaded: LoadedArm, seed: int)
         np.testing.assert_allclose(R_WE, [[c, -s, 0], [s, c, 0], [0, 0, 1]], rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_urdf_has_the_same_jacobian(loaded: LoadedArm, seed: int) -> None:
-    arm, _, plant, context = loaded
-    q = loaded.set_positions(seed)
-    world, tip = plant.world_frame(), plant.GetFrameByName("endpoint")
-    spatial = plant.CalcJacobianSpatialVelocity(
-        context, JacobianWrtVariable.kV, tip, np.zeros(3), world, world
-    )
-    rows = {"phi": spatial[2], "x": spatial[3], "y": spatial[4], "z": spatial[5]}
-    known = [i for i, name in enumerate(arm.coordinates) if name in rows]  # no angles' rates
-    expected = np.array([rows[arm.coordinates[i]] for i in known])
-    np.testing.assert_allclose(arm.jacobian(q)[known], expected, rtol=0, atol=1e-12)
-
-
 def test_mass_matrix_includes_the_rotors(loaded: LoadedArm) -> None:
     arm, _, plant, _ = loaded
     context = plant.CreateDefaultContext()
@@ -185,52 +169,12 @@ def test_joints_are_free_and_nothing_collides(loaded: LoadedArm) -> None:
         assert plant.GetVisualGeometriesForBody(plant.GetBodyByName(name))
 
 
-def test_kinematics_tells_nothing_of_masses() -> None:
-    # It is what a controller is given.
-    assert all(isinstance(arm, Kinematics) for arm in ARMS)
-    told = {field.name for field in dataclasses.fields(Kinematics)}
-    only_arms = {field.name for field in dataclasses.fields(Arm)} - told
-    assert only_arms == {"urdf", "joint_positions", "assumed", "note"}
-
-
-PLANAR_REACH = "allowed: more than 0 m and less than 2 m from the base"
-
-
-@pytest.mark.parametrize(
-    ("degrees", "tip"),
-    [
-        ((0, 0), (2, 0)),
-        ((0, 90), (1, 1)),
-        ((90, -90), (1, 1)),
-        ((-90, 90), (1, -1)),
-        ((30, 30), ((math.sqrt(3) + 1) / 2, (1 + math.sqrt(3)) / 2)),
-    ],
-)
-def test_planar_tip(degrees: tuple[float, float], tip: tuple[float, float]) -> None:
-    np.testing.assert_allclose(
-        PLANAR_TWO_LINK.endpoint(np.radians(degrees)), tip, rtol=0, atol=1e-15
-    )
-
-
 @pytest.mark.parametrize(("elbow", "sign"), [("negative", -1), ("positive", 1)])
 def test_planar_elbow_at_the_contact_point(elbow: Elbow, sign: int) -> None:
     # <1, -1.5>, the nominal contact point: cos(q2) = (1 + 2.25 - 2) / 2.
     q = PLANAR_TWO_LINK.joint_positions(np.array([1.0, -1.5]), elbow)
     assert math.degrees(q[1]) == pytest.approx(sign * 51.3178, abs=1e-4)
     np.testing.assert_allclose(PLANAR_TWO_LINK.endpoint(q), [1.0, -1.5], rtol=0, atol=1e-14)
-
-
-@pytest.mark.parametrize("elbow", ["negative", "positive"])
-@pytest.mark.parametrize(
-    "tip",
-    # The farthest point of the crucible is exactly at the edge of the reach.
-    [(1.6, -1.2), (0.0, 0.0), (2.0, 0.0), (0.0, 2.5), (math.nan, 1.0), (0.0, math.inf)],
-)
-def test_planar_out_of_reach_or_singular(tip: tuple[float, float], elbow: Elbow) -> None:
-    with pytest.raises(
-        ParameterError, match=f"^{re.escape(f'endpoint is {tip}, {PLANAR_REACH}')}$"
-    ):
-        PLANAR_TWO_LINK.joint_positions(np.array(tip), elbow)
 
 
 def test_planar_links_of_unequal_length_leave_a_hole() -> None:
@@ -253,26 +197,6 @@ def test_planar_mass_matrix_of_two_rods(q2: float) -> None:
     np.testing.assert_allclose(plant.CalcMassMatrix(context), expected, rtol=1e-12)
 
 
-WAIST = "more than 0.011 m from the waist's axis"
-SHOULDER = "more than 0.1368 m and less than 0.5432 m from the shoulder, in its plane"
-
-
-@pytest.mark.parametrize(
-    ("degrees", "tip"),
-    [
-        # Stretched ahead: l3 + l5 out, l2 + l4 to the right.
-        ((0, 0, 0), (0.5432, -0.0110, 0.3429)),
-        # Turned left, the forearm up: l5 above the shoulder.
-        ((90, 0, 90), (0.0110, 0.2032, 0.6829)),
-        # The upper arm up, the forearm level: l3 above the shoulder.
-        ((0, 90, -90), (0.3400, -0.0110, 0.5461)),
-        ((180, 0, -90), (-0.2032, 0.0110, 0.0029)),
-    ],
-)
-def test_puma_tip(degrees: tuple[float, ...], tip: tuple[float, ...]) -> None:
-    np.testing.assert_allclose(PUMA_250.endpoint(np.radians(degrees)), tip, rtol=0, atol=1e-15)
-
-
 def test_puma_elbow_up_and_down() -> None:
     # Level with the shoulder the two elbows mirror each other about the line to the tip.
     x = np.array([0.4, -0.011, 0.3429])
@@ -280,27 +204,6 @@ def test_puma_elbow_up_and_down() -> None:
     assert up[1] > 0 > up[2]
     np.testing.assert_allclose(down, up * [1, -1, -1], rtol=0, atol=1e-14)
     assert up[0] == pytest.approx(0.0, abs=1e-15)
-
-
-@pytest.mark.parametrize("elbow", ["negative", "positive"])
-@pytest.mark.parametrize(
-    ("tip", "allowed"),
-    [
-        ((0.0, 0.0, 0.7), WAIST),
-        ((0.0, 0.011, 0.7), WAIST),
-        ((math.nan, 0.3, 0.3), WAIST),
-        ((0.5432, -0.011, 0.3429), SHOULDER),
-        ((0.1368, -0.011, 0.3429), SHOULDER),
-        ((0.1, 0.0, 0.3429), SHOULDER),
-        ((0.4, 0.4, 0.3429), SHOULDER),
-        ((0.3, 0.0, -0.2), SHOULDER),
-        ((0.3, 0.0, math.nan), SHOULDER),
-    ],
-)
-def test_puma_out_of_reach_or_singular(tip: tuple[float, ...], allowed: str, elbow: Elbow) -> None:
-    message = re.escape(f"endpoint is {tip}, allowed: {allowed}")
-    with pytest.raises(ParameterError, match=f"^{message}$"):
-        PUMA_250.joint_positions(np.array(tip), elbow)
 
 
 def test_puma_weight_of_the_stretched_arm() -> None:
@@ -313,18 +216,6 @@ def test_puma_weight_of_the_stretched_arm() -> None:
     np.testing.assert_allclose(found, [0, -9.81 * shoulder, -9.81 * forearm], rtol=0, atol=1e-9)
 
 
-ADEPT_REACH = "more than 0.05 m and less than 0.8 m from the base's axis"
-
-
-def test_adept_tip() -> None:
-    # Stretched along x it reaches 0.800 m, not the 0.4627 m of the misprint.
-    np.testing.assert_allclose(
-        ADEPT_ONE.endpoint(np.zeros(4)), [0.8, 0, 0.877, 0], rtol=0, atol=1e-15
-    )
-    bent = ADEPT_ONE.endpoint(np.array([math.pi / 2, -math.pi / 2, 0.5, 0.25]))
-    np.testing.assert_allclose(bent, [0.375, 0.425, 0.377, 0.25], rtol=0, atol=1e-15)
-
-
 @pytest.mark.parametrize("elbow", ["negative", "positive"])
 @pytest.mark.parametrize("phi", [-10.0, 0.0, 7.0])
 def test_adept_orientation_keeps_its_whole_turns(elbow: Elbow, phi: float) -> None:
@@ -332,26 +223,6 @@ def test_adept_orientation_keeps_its_whole_turns(elbow: Elbow, phi: float) -> No
     np.testing.assert_allclose(
         ADEPT_ONE.endpoint(ADEPT_ONE.joint_positions(x, elbow)), x, rtol=0, atol=1e-14
     )
-
-
-@pytest.mark.parametrize("elbow", ["negative", "positive"])
-@pytest.mark.parametrize(
-    ("tip", "allowed"),
-    [
-        ((0.8, 0.0, 0.4, 0.0), ADEPT_REACH),
-        ((0.0, -0.05, 0.4, 0.0), ADEPT_REACH),
-        ((0.01, 0.0, 0.4, 0.0), ADEPT_REACH),
-        ((0.7, 0.7, 0.4, 1.0), ADEPT_REACH),
-        ((0.5, 0.3, math.nan, 0.0), "finite numbers"),
-        ((0.5, 0.3, 0.4, math.inf), "finite numbers"),
-    ],
-)
-def test_adept_out_of_reach_or_singular(
-    tip: tuple[float, ...], allowed: str, elbow: Elbow
-) -> None:
-    message = re.escape(f"endpoint is {tip}, allowed: {allowed}")
-    with pytest.raises(ParameterError, match=f"^{message}$"):
-        ADEPT_ONE.joint_positions(np.array(tip), elbow)
 
 
 @pytest.mark.parametrize("q2", [-1.5, 0.0, 0.8])
@@ -401,22 +272,6 @@ def test_wrist_urdf_turns_the_nugget_as_the_angles_say() -> None:
     np.testing.assert_allclose(X_WE.rotation().matrix(), expected, rtol=0, atol=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("endpoint_vector", "allowed"),
-    [
-        (
-            (0.8, 0.0, 0.3, 0.0, 0.0, 0.0, -0.1),
-            "the mount more than 0.05 m and less than 0.8 m from the base's axis",
-        ),
-        ((0.5, 0.1, 0.3, 0.0, math.nan, 0.0, 0.0), "finite numbers"),
-    ],
-)
-def test_wrist_out_of_reach(endpoint_vector: tuple[float, ...], allowed: str) -> None:
-    message = re.escape(f"endpoint is {endpoint_vector}, allowed: {allowed}")
-    with pytest.raises(ValueError, match=f"^{message}$"):
-        ADEPT_WRIST.joint_positions(np.array(endpoint_vector), "positive")
-
-
 def test_gripper_points_are_the_corners_of_what_is_drawn() -> None:
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
@@ -448,3 +303,58 @@ def test_gripper_points_are_the_corners_of_what_is_drawn() -> None:
     assert len(round_about) == len(found) - 24
     np.testing.assert_allclose(np.hypot(*round_about[:, :2].T), radius, atol=1e-12)
     np.testing.assert_allclose(np.abs(round_about[:, 2]), length / 2, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("arm", "q", "tip"),
+    [
+        (PLANAR_TWO_LINK, (0, 90), (1, 1)),
+        (PLANAR_TWO_LINK, (30, 30), ((math.sqrt(3) + 1) / 2, (1 + math.sqrt(3)) / 2)),
+        # Stretched ahead: l3 + l5 out, l2 + l4 to the right; then the forearm above the shoulder.
+        (PUMA_250, (0, 0, 0), (0.5432, -0.0110, 0.3429)),
+        (PUMA_250, (90, 0, 90), (0.0110, 0.2032, 0.6829)),
+        # Stretched along x it reaches 0.800 m, not the 0.4627 m of the misprint.
+        (ADEPT_ONE, (0, 0, 0, 0), (0.8, 0, 0.877, 0)),
+        (ADEPT_ONE, (90, -90, 0, 45), (0.375, 0.425, 0.877, math.pi / 4)),
+    ],
+)
+def test_tips_by_hand(arm: Arm, q: tuple[float, ...], tip: tuple[float, ...]) -> None:
+    np.testing.assert_allclose(arm.endpoint(np.radians(q)), tip, rtol=0, atol=1e-15)
+
+
+NAN, INF = math.nan, math.inf
+PLANAR_REACH = "more than 0 m and less than 2 m from the base"
+WAIST = "more than 0.011 m from the waist's axis"
+SHOULDER = "more than 0.1368 m and less than 0.5432 m from the shoulder, in its plane"
+ADEPT_REACH = "more than 0.05 m and less than 0.8 m from the base's axis"
+
+
+@pytest.mark.parametrize("elbow", ["negative", "positive"])
+@pytest.mark.parametrize(
+    ("arm", "allowed", "tips"),
+    [
+        # The farthest point of the crucible is exactly at the edge of the reach.
+        (PLANAR_TWO_LINK, PLANAR_REACH, [(1.6, -1.2), (0.0, 0.0), (0.0, 2.5), (NAN, 1.0)]),
+        (PUMA_250, WAIST, [(0.0, 0.0, 0.7), (0.0, 0.011, 0.7), (NAN, 0.3, 0.3)]),
+        (
+            PUMA_250,
+            SHOULDER,
+            [(0.5432, -0.011, 0.3429), (0.1368, -0.011, 0.3429), (0.3, 0.0, NAN)],
+        ),
+        (
+            ADEPT_ONE,
+            ADEPT_REACH,
+            [(0.8, 0.0, 0.4, 0.0), (0.0, -0.05, 0.4, 0.0), (0.7, 0.7, 0.4, 1.0)],
+        ),
+        (ADEPT_ONE, "finite numbers", [(0.5, 0.3, NAN, 0.0), (0.5, 0.3, 0.4, INF)]),
+        (ADEPT_WRIST, f"the mount {ADEPT_REACH}", [(0.8, 0.0, 0.3, 0.0, 0.0, 0.0, -0.1)]),
+        (ADEPT_WRIST, "finite numbers", [(0.5, 0.1, 0.3, 0.0, NAN, 0.0, 0.0)]),
+    ],
+)
+def test_out_of_reach_or_singular(
+    arm: Arm, allowed: str, tips: list[tuple[float, ...]], elbow: Elbow
+) -> None:
+    for tip in tips:
+        message = re.escape(f"endpoint is {tip}, allowed: {allowed}")
+        with pytest.raises(ParameterError, match=f"^{message}$"):
+            arm.joint_positions(np.array(tip), elbow)

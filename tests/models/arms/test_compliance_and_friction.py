@@ -225,8 +225,7 @@ def test_is_the_zero_order_hold(params: CartesianManipulatorParams, d: int, step
 
 @given(exponent=st.floats(-9, 1.3), step=st.sampled_from([1e-3, 1.0]))
 def test_position_is_exact_for_any_damping(exponent: float, step: float) -> None:
-    # (z - 1 + exp(-z)) / z^2 by its series in exact arithmetic: no digit cancels, not even for
-    # almost no damping, and both branches meet.
+    # (z - 1 + exp(-z)) / z^2 by its series in exact arithmetic: no digit cancels.
     z = 10**exponent
     exact, term = Fraction(0), Fraction(1, 2)
     for k in range(3, 120):
@@ -252,86 +251,44 @@ def test_joints_are_the_endpoint(dimension: int, axes: tuple[str, ...]) -> None:
 
 
 FRICTIONS = {"coulomb": (2.0, 0.5), "viscous": (1.0, 0.0)}
-MANY = "finite numbers >= 0, one a joint"
+MANY, POSITIVE = "finite numbers >= 0, one a joint", "a finite number > 0"
+MATRIX = "a finite number, 2 of them, or a symmetric matrix of 2 rows"
+DEFINITE, SEMIDEFINITE = "a number > 0, or positive definite", "a number >= 0, or positive semid"
 
 
 @pytest.mark.parametrize(
-    ("make", "values", "message"),
+    ("make", "name", "value", "allowed"),
     [
-        (WristParams, {"mass": 0.0}, "mass is 0.0, allowed: a finite number > 0"),
-        (WristParams, {"inertia": math.nan}, "inertia is nan, allowed: a finite number > 0"),
-        (WristParams, {"damping_ratio": -1.0}, "damping_ratio is -1.0, allowed: a finite number"),
-        (WristParams, {"centre_of_mass": -0.1}, "centre_of_mass is -0.1, allowed: a finite numb"),
-        (WristParams, {"inertia": 2e-4}, "inertia is 0.0002, allowed: more than 2 mass arm^2, 0."),
-        (
-            WristParams,
-            {"stiffness": (1.0,) * 5},
-            "stiffness is (1.0, 1.0, 1.0, 1.0, 1.0), allowed",
-        ),
-        (WristParams, {"stiffness": (0.0,) + (1.0,) * 5}, "stiffness is (0.0, 1.0, 1.0, 1.0, 1.0"),
-        (
-            GripperCompliance,
-            {"stiffness": 0.0},
-            "stiffness is 0.0, allowed: a number > 0, or positive",
-        ),
-        (
-            GripperCompliance,
-            {"stiffness": (1.0, -1.0)},
-            "stiffness is (1.0, -1.0), allowed: a number",
-        ),
-        (GripperCompliance, {"stiffness": math.inf}, "stiffness is inf, allowed: a finite number"),
-        (
-            GripperCompliance,
-            {"stiffness": ((1.0, 2.0), (2.0, 1.0))},
-            "stiffness is ((1.0, 2.0), (2.0",
-        ),
-        (
-            GripperCompliance,
-            {"stiffness": ((1.0, 0.5), (0.4, 1.0))},
-            "stiffness is ((1.0, 0.5), (0.4",
-        ),
-        (
-            GripperCompliance,
-            {"stiffness": ((1.0, 0.5), (0.4,))},
-            "stiffness is ((1.0, 0.5), (0.4,))",
-        ),
-        (
-            GripperCompliance,
-            {"stiffness": (1.0,)},
-            "stiffness is (1.0,), allowed: one number, 2 or 3",
-        ),
-        (
-            GripperCompliance,
-            {"damping": -1.0},
-            "damping is -1.0, allowed: a number >= 0, or positive",
-        ),
-        (
-            GripperCompliance,
-            {"damping": (math.nan, 0.0)},
-            "damping is (nan, 0.0), allowed: a finite ",
-        ),
-        (
-            JointFrictionParams,
-            {"coulomb": (-1.0, 0.0)},
-            f"coulomb is (-1.0, 0.0), allowed: {MANY}",
-        ),
-        (JointFrictionParams, {"coulomb": (1.0, math.inf)}, "coulomb is (1.0, inf), allowed: fin"),
-        (JointFrictionParams, {"coulomb": ()}, f"coulomb is (), allowed: {MANY}"),
-        (
-            JointFrictionParams,
-            {"viscous": (math.nan, 1.0)},
-            "viscous is (nan, 1.0), allowed: fini",
-        ),
-        (JointFrictionParams, {"viscous": (1.0,)}, "viscous is (1.0,), allowed: 2 numbers"),
-        (JointFrictionParams, {"breakaway": 0.99}, "breakaway is 0.99, allowed: a finite number "),
-        (JointFrictionParams, {"stribeck": 0.0}, "stribeck is 0.0, allowed: a finite number > 0"),
-        (CartesianManipulatorParams, {"mass": 0.0}, "mass is 0.0, allowed: a finite number > 0"),
-        (CartesianManipulatorParams, {"damping": -1.0}, "damping is -1.0, allowed: a finite num"),
-        (cartesian_kinematics, {"dimension": 1}, "dimension is 1, allowed: 2, 3"),
+        (WristParams, "mass", 0.0, POSITIVE),
+        (WristParams, "inertia", math.nan, POSITIVE),
+        (WristParams, "damping_ratio", -1.0, POSITIVE),
+        (WristParams, "centre_of_mass", -0.1, "a finite number >= 0"),
+        (WristParams, "inertia", 2e-4, "more than 2 mass arm^2, 0."),
+        (WristParams, "stiffness", (1.0,) * 5, "six finite numbers > 0"),
+        (WristParams, "stiffness", (0.0,) + (1.0,) * 5, "six finite numbers > 0"),
+        (GripperCompliance, "stiffness", 0.0, DEFINITE),
+        (GripperCompliance, "stiffness", (1.0, -1.0), DEFINITE),
+        (GripperCompliance, "stiffness", ((1.0, 2.0), (2.0, 1.0)), DEFINITE),
+        (GripperCompliance, "stiffness", math.inf, MATRIX),
+        (GripperCompliance, "stiffness", ((1.0, 0.5), (0.4, 1.0)), MATRIX),
+        (GripperCompliance, "stiffness", ((1.0, 0.5), (0.4,)), MATRIX),
+        (GripperCompliance, "stiffness", (1.0,), "one number, 2 or 3"),
+        (GripperCompliance, "damping", -1.0, SEMIDEFINITE),
+        (GripperCompliance, "damping", (math.nan, 0.0), MATRIX),
+        (JointFrictionParams, "coulomb", (-1.0, 0.0), MANY),
+        (JointFrictionParams, "coulomb", (1.0, math.inf), MANY),
+        (JointFrictionParams, "coulomb", (), MANY),
+        (JointFrictionParams, "viscous", (math.nan, 1.0), MANY),
+        (JointFrictionParams, "viscous", (1.0,), "2 numbers"),
+        (JointFrictionParams, "breakaway", 0.99, "a finite number >= 1"),
+        (JointFrictionParams, "stribeck", 0.0, POSITIVE),
+        (CartesianManipulatorParams, "mass", 0.0, POSITIVE),
+        (CartesianManipulatorParams, "damping", -1.0, "a finite number >= 0"),
+        (cartesian_kinematics, "dimension", 1, "2, 3"),
     ],
 )
-def test_bad_parameters_are_named(make: Any, values: dict[str, Any], message: str) -> None:
-    given = {**(FRICTIONS if make is JointFrictionParams else {}), **values}
+def test_bad_parameters_are_named(make: Any, name: str, value: Any, allowed: str) -> None:
+    given = FRICTIONS if make is JointFrictionParams else {}
     with pytest.raises(ParameterError) as refused:
-        make(**given)
-    assert str(refused.value).startswith(message)
+        make(**{**given, name: value})
+    assert str(refused.value).startswith(f"{name} is {value}, allowed: {allowed}")

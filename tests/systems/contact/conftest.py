@@ -15,11 +15,9 @@ from chamfer.models.arms.arm import Arm
 from chamfer.models.arms.puma_250 import PUMA_250
 from chamfer.models.surfaces.planes import RippledPlane
 from chamfer.models.surfaces.surface import Surface, locate
-from chamfer.systems.compiled import compiled
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
 from chamfer.systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
 from chamfer.systems.contact.arm_motion import CONTACT_SIGNALS, ENERGIES
-from chamfer.systems.contact.stick_slip import Material, Motion, StepModel, step
 
 GRAVITY = 9.81
 NOWHERE = RippledPlane(point=(0.0, 0.0, -100.0))
@@ -70,71 +68,6 @@ class Run(NamedTuple):
     @property
     def v(self) -> np.ndarray:
         return self.encoders[:, self.encoders.shape[1] // 2 :]
-
-
-class Steps(NamedTuple):
-    """What several steps did; gap and speeds are those of the first point."""
-
-    motion: Motion
-    displacement: np.ndarray
-    stretch: np.ndarray
-    gap: float
-    approach_speed: float
-    slip_speed: float
-    peak_force: float
-    impact_speed: float
-    dissipated: float
-    solved: bool
-    dry_friction: np.ndarray  # in the last step
-    force: np.ndarray  # in the last step
-
-
-@compiled
-def several_steps(
-    held: StepModel, material: Material, motion: Motion, h: float, count: int
-) -> Steps:
-    """Take steps of an arm that is held over all of them."""
-    displacement, stretch = np.zeros(len(held.force)), held.stretch.copy()
-    gap, peak, impact, dissipated, solved = held.gap, 0.0, 0.0, 0.0, True
-    approach, slip = 0.0, 0.0
-    for _ in range(count):
-        now = StepModel(
-            held.mass,
-            held.force,
-            held.J_v_WC,
-            gap,
-            held.normal,
-            held.mu,
-            held.rigid,
-            held.yielding,
-            held.stiffness,
-            stretch,
-        )
-        done = step(now, material, motion, h)
-        motion, gap = done.motion, done.gap
-        displacement += done.displacement
-        stretch = stretch + done.stretch
-        approach, slip = done.approach_speed[0], done.slip_speed[0]
-        push = 0.0
-        for i in range(3):
-            push += held.normal[0, i] * motion.impulse[0, i] / h
-        peak, impact = max(peak, push), max(impact, done.impact_speed[0])
-        dissipated += done.dissipated
-        solved = solved and done.solved
-    return Steps(
-        motion,
-        displacement,
-        stretch - held.stretch,
-        gap[0],
-        approach,
-        slip,
-        peak,
-        impact,
-        dissipated,
-        solved,
-        motion.joint_impulse / h,
-        motion.impulse[0] / h,
-    )
 
 
 def run_block(
@@ -198,12 +131,6 @@ def total_energies(arm: Arm, surface: Surface, stiffness: float, found: Run) -> 
         gap = min(locate(surface, state.p_WC).gap, 0.0)
         total.append(v @ state.mass @ v / 2 + potential_energy(arm, q) + stiffness * gap**2 / 2)
     return np.array(total)
-
-
-@pytest.fixture(scope="package")
-def take_steps() -> Callable[..., Steps]:
-    """Return a function that takes steps of an arm that is held."""
-    return several_steps  # type: ignore[no-any-return]
 
 
 @pytest.fixture(scope="package")

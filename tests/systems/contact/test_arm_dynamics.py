@@ -112,11 +112,7 @@ def test_base_carries_weight_and_change_of_momentum(arm: Arm, seed: int) -> None
     rng, n = np.random.default_rng(seed), arm.num_joints
     q = rng.uniform(-1.5, 1.5, n)
     v, acceleration = rng.uniform(-2, 2, (2, n))
-    plant = MultibodyPlant(0.0)
-    Parser(plant).AddModels(str(arm.urdf))
-    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
-    plant.Finalize()
-    context = plant.CreateDefaultContext()
+    plant, context = PLANTS[arm.name]
     momenta = []
     for time in (-STEP, STEP):
         moved = q + time * v + time**2 / 2 * acceleration

@@ -209,11 +209,6 @@ def test_a_scene_that_is_not_there(index: float) -> None:
 OBLIQUE = ((300.0, 60.0, 0.0), (60.0, 200.0, 0.0), (0.0, 0.0, 150.0))
 
 
-def rubbing(n: int, viscous: float, **changes: Any) -> ArmInContactParams:
-    friction = JointFrictionParams(coulomb=(0.0,) * n, viscous=(viscous,) * n)
-    return ArmInContactParams(joint_friction=friction, **changes)
-
-
 @pytest.mark.parametrize(
     ("stiffness", "friction"),
     [
@@ -228,7 +223,7 @@ def test_slow_arm_slides_as_the_contact_of_section_5_2_1(
     # Dragged slowly into the wall and along it, on a wall that hardly gives.
     gripper = GripperCompliance(stiffness=stiffness)
     contact = ContactParams(stiffness=3e5, damping=300.0, friction=friction)
-    settings = rubbing(2, 3e3, contact=contact, gripper=gripper)
+    settings = params(2, 3e3, contact=contact, gripper=gripper)
     q = PLANAR_TWO_LINK.joint_positions(np.array([0.9, -1.46]), "negative")
     turning = np.linalg.solve(PLANAR_TWO_LINK.jacobian(q), [0.2, -0.15])
     wall = Crucible()

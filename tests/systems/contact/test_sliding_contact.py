@@ -241,7 +241,7 @@ def test_the_first_of_several_places_where_friction_holds(step: float) -> None:
 
 SKEW = np.array([[120.0, 20.0, 10.0], [20.0, 90.0, -15.0], [10.0, -15.0, 100.0]])
 VARIED = SurfaceFriction(coefficient=0.6, ripple=0.15, wavelength=0.8)
-FLAT, FLAT_SHEET = Parabola(coefficient=0.0), Paraboloid(coefficients=(0.0, 0.0))
+FLAT_SHEET = Paraboloid(coefficients=(0.0, 0.0))
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -332,9 +332,6 @@ def test_laws(surface: Surface, seed: int, friction: SurfaceFriction, skew: bool
         np.testing.assert_allclose(again.point, touch.point, atol=1e-11)
         np.testing.assert_allclose(again.velocity, touch.velocity, atol=1e-7)
         previous = touch
-
-
-# Without friction
 
 
 # Space

@@ -191,9 +191,7 @@ def test_it_waits_for_lost_contact_and_begins_again_with_its_ramp() -> None:
         travelled.append(guarded.tick((0.0, 0.0), (0.0, 1.0))[0])
     np.testing.assert_allclose(np.diff([0, *travelled]), PERIOD * np.array([1, 2, 2, 0, 1, 2]) / 4)
     np.testing.assert_array_equal(guarded.read("selection"), [1, 0, 0, 0])
-
-
-def test_the_ramp_has_the_sign_of_the_speed() -> None:
+    # The ramp has the sign of the speed.
     guarded = Driven(acceleration=1.0, speed=-0.5)
     travelled = [guarded.tick((0.0, 0.0), (0.0, 1.0))[0] for _ in range(3)]
     np.testing.assert_allclose(np.diff([0, *travelled]), -PERIOD * np.array([1, 2, 2]) / 4)

@@ -43,12 +43,13 @@ forces = arrays(float, 3, elements=st.floats(-100, 100))
 samples = arrays(float, 3, elements=st.floats(0, 1))
 cross_talks = st.floats(-0.4, 0.9)
 
-NOTHING: dict[str, float] = dict.fromkeys(
+NOTHING: dict[str, Any] = dict.fromkeys(
     ("noise", "bias", "drift", "bandwidth", "delay", "resolution", "full_scale", "tare"), 0.0
 )
 IDEAL = ForceSensorParams(**NOTHING, cross_talk=0.0, position=(0.0, 0.0, 0.0))
 CELL = LoadCellParams(**NOTHING, axis=(1.0, 0.0, 0.0))
 PERIOD, STEP = 0.005, 0.001
+UNCOUPLED = tuple(map(tuple, np.eye(6).tolist()))
 
 
 def make(params: Any, contact_point: Any = (0.0, 0.0, 0.0)) -> ForceSensor:
@@ -121,7 +122,7 @@ def test_decoupling_solves_for_the_force(
 @given(force=forces, point=samples)
 def test_six_axes_read_force_and_moment(force: np.ndarray, point: np.ndarray) -> None:
     position = (0.1, -0.2, 0.3)
-    params = replace(IDEAL, cross_talk=tuple(map(tuple, np.eye(6).tolist())), position=position)
+    params = replace(IDEAL, cross_talk=UNCOUPLED, position=position)
     found = read(params, force, contact_point=tuple(point.tolist()))
     np.testing.assert_allclose(found[:3], -force, rtol=0, atol=1e-12)
     moment = np.cross(point - position, -force)
@@ -159,8 +160,7 @@ def test_noise_is_bounded(force: np.ndarray, noise: np.ndarray) -> None:
 
 
 def test_moments_take_the_noise_by_a_lever() -> None:
-    matrix = tuple(map(tuple, np.eye(6).tolist()))
-    six = replace(IDEAL, cross_talk=matrix, decoupling=True, radius=0.02, noise=0.5)
+    six = replace(IDEAL, cross_talk=UNCOUPLED, decoupling=True, radius=0.02, noise=0.5)
     np.testing.assert_allclose(read(six, np.zeros(3), np.ones(6)), [*3 * [0.5], *3 * [0.01]])
 
 
@@ -260,11 +260,7 @@ def test_sensor_under_the_base_reads_moments_and_forces_of_the_base_on_the_arm()
         BaseSensorParams(tare=1.0)
 
 
-NOTHING: dict[str, Any] = dict.fromkeys(
-    ("noise", "bias", "drift", "bandwidth", "delay", "resolution", "full_scale", "tare"), 0.0
-)
 COUPLED = tuple(map(tuple, (np.eye(6) + 0.01 * np.arange(36).reshape(6, 6)).tolist()))
-UNCOUPLED = tuple(map(tuple, np.eye(6).tolist()))
 WRENCH = np.array([0.1, -0.2, 0.3, 4.0, 5.0, -6.0])  # N m above N
 
 
