@@ -4,11 +4,9 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,14 +23,6 @@ from chamfer.analysis.scenario.experiment import Progress
 
 Task = TypeVar("Task")
 Group = TypeVar("Group")
-
-
-@dataclass(frozen=True, kw_only=True)
-class FailedTrial:
-    """A trial without a row."""
-
-    trial: int  # its index, counted through all trials that the experiment runs
-    reason: str  # in one line
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,11 +55,13 @@ class Trials(Generic[Task]):
             UserError: If none of a group has finished, because of its parameters.
             ExperimentError: If none of a group has finished.
         """
-        found = {}
-        for group in groups:
-            found[group] = self.select(partial(_is_of, group_of, group))
-            found[group].require(f"no trial of {group} has finished")
-        return found
+
+        def trials_of(group: Group) -> "Trials[Task]":
+            found = self.select(lambda task: group_of(task) == group)
+            found.require(f"no trial of {group} has finished")
+            return found
+
+        return {group: trials_of(group) for group in groups}
 
     def require(self, message: str) -> None:
         """Raise an error with the first failure's reason if none has finished.
@@ -89,17 +81,7 @@ class Trials(Generic[Task]):
         return np.array([math.nan if one is None else one for one in values], dtype=np.float64)
 
 
-def _is_of(group_of: Callable[[Task], Group], group: Group, task: Task) -> bool:
-    return group_of(task) == group
-
-
-class Runner(Protocol):
-    """What runs trials."""
-
-    def __call__(
-        self, function: Callable[[Task], Row], tasks: Sequence[Task], progress: Progress
-    ) -> Trials[Task]:
-        """Run a function's trials, see :func:`try_each`."""
+Runner = Callable[[Callable[[Any], Row], Sequence[Any], Progress], Trials[Any]]  # as try_each
 
 
 def run_each(
@@ -150,39 +132,23 @@ class TrialsWantedError(BaseException):
         self.tasks = tasks
 
 
+@dataclass(kw_only=True)
 class Campaign:
-    """The trials of an experiment: what has finished is on disk and is not done twice.
+    """The trials of an experiment: what has finished is on disk and is not done twice."""
 
-    Args:
-        path: The file for finished trials, None to forget them in the end.
-        processors: The types of processors that trials run on.
-        engine: Where they run; None: where they are not known, they are wanted from whoever has an
-            engine, by :class:`TrialsWantedError`.
-        fresh: Whether to forget what the file has.
-        failures: Why trials failed that have run before, by key.
-        seconds: What the experiment took before.
-    """
+    path: Path | None  # the file for finished trials, None to forget them in the end
+    processors: tuple[str, ...]  # the types of processors that trials run on
+    # Where they run; None: they are wanted of whoever has one, by a TrialsWantedError.
+    engine: Engine | None = None
+    fresh: bool = False  # whether to forget what the file has
+    failures: dict[bytes, Failure] = field(default_factory=dict)  # why trials failed, by key
+    seconds: float = 0.0  # that the experiment took before
 
-    def __init__(
-        self,
-        path: Path | None,
-        *,
-        processors: tuple[str, ...],
-        engine: Engine | None = None,
-        fresh: bool = False,
-        failures: Mapping[bytes, Failure] = MappingProxyType({}),
-        seconds: float = 0.0,
-    ) -> None:
-        self._path = path
-        self._processors = processors
-        self._engine = engine
-        self._fresh = fresh
+    def __post_init__(self) -> None:
+        self.failed: list[tuple[int, str]] = []  # trials, counted through the experiment; why
         self._store: TrialStore | None = None
         self._asked: set[bytes] = set()
         self._count = 0
-        self.failures = dict(failures)
-        self.failed: list[FailedTrial] = []  # of the experiment, in order
-        self.seconds = seconds
 
     def __call__(
         self, function: Callable[[Task], Row], tasks: Sequence[Task], progress: Progress
@@ -199,7 +165,7 @@ class Campaign:
         progress(1.0)
         listed = [outcomes[key] for key in keys]
         self.failed += [
-            FailedTrial(trial=self._count + i, reason=one.reason)
+            (self._count + i, one.reason)
             for i, one in enumerate(listed)
             if isinstance(one, Failure)
         ]
@@ -231,7 +197,7 @@ class Campaign:
             self._store = None
 
     def _keys(self, function: Callable[[Task], Row], tasks: Sequence[Task]) -> list[bytes]:
-        common = digest(code(modules_of(function)), self._processors, function)
+        common = digest(code(modules_of(function)), self.processors, function)
         return [digest(common, task) for task in tasks]
 
     def _look_up(
@@ -249,22 +215,22 @@ class Campaign:
         missing: Mapping[bytes, Task],
         progress: Progress,
     ) -> dict[bytes, bytes | Failure]:
-        if self._engine is None:
+        if self.engine is None:
             raise TrialsWantedError(function, tasks)
         kept = len(tasks) - len(missing)
         if kept:
             say(f"kept {kept} of {len(tasks)} trials")
         told = TrialProgress(progress, count=len(tasks), before=kept)
         rows, failures = TrialLoop(
-            function, missing, engine=self._engine, store=self._open(), progress=told
+            function=function, tasks=missing, engine=self.engine, store=self._open(), progress=told
         ).run()
         self.failures |= failures
         return {**rows, **failures}
 
     def _open(self) -> TrialStore:
         if self._store is None:
-            self._store = TrialStore(self._path, fresh=self._fresh)
-            self._fresh = False
+            self._store = TrialStore(self.path, fresh=self.fresh)
+            self.fresh = False
         return self._store
 
 
@@ -288,7 +254,7 @@ def parallel(workers: int) -> Iterator[None]:
         yield
         return
     with processes(workers) as engine:
-        campaign = Campaign(None, processors=engine.processors(), engine=engine)
+        campaign = Campaign(path=None, processors=engine.processors(), engine=engine)
         with closing(campaign), running(campaign):
             yield
 

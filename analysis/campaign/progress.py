@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from types import TracebackType
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, Self, TextIO
 
 if TYPE_CHECKING:
@@ -16,33 +16,22 @@ if TYPE_CHECKING:
 _COLUMNS: Final = 80  # of a terminal that doesn't say, or says 0
 
 
+@dataclass
 class TerminalProgress:
     """One line that is kept up to date while the block runs, and wiped at its end.
 
     Nothing is written during the first second, or if the stream is not a terminal. A thread of
     its own writes, so that the time goes on through a step that reports nothing, and a report
     costs the run two assignments.
-
-    Args:
-        label: What is running.
-        stream: Where to write, standard error unless given.
-        delay: How long to stay silent, s.
-        interval: How long a line stands before the next one, s.
     """
 
-    def __init__(
-        self,
-        label: str,
-        stream: TextIO | None = None,
-        *,
-        delay: float = 1.0,
-        interval: float = 0.2,
-    ) -> None:
-        self._label = label
-        self._stream = sys.stderr if stream is None else stream
-        self._delay = delay
-        self._interval = interval
-        self._fraction: float | None = None
+    label: str  # what is running
+    stream: TextIO = field(default_factory=lambda: sys.stderr)
+    delay: float = 1.0  # s, how long to stay silent
+    interval: float = 0.2  # s, how long a line stands before the next one
+
+    def __post_init__(self) -> None:
+        self._fraction = math.nan
         self._doing = ""
         self._started = 0.0
         self._width = 0
@@ -53,7 +42,7 @@ class TerminalProgress:
     def __enter__(self) -> Self:
         """Start to write, if someone is there to read."""
         self._started = time.monotonic()
-        if self._stream.isatty():
+        if self.stream.isatty():
             self._thread.start()
         return self
 
@@ -62,12 +51,7 @@ class TerminalProgress:
         self._fraction = fraction
         self._doing = doing
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Wipe the line."""
         self._ended.set()
         if self._thread.is_alive():
@@ -82,23 +66,23 @@ class TerminalProgress:
             yield
 
     def _draw(self) -> None:
-        wait = self._delay
+        wait = self.delay
         with suppress(OSError):  # the terminal has gone, which is no reason to stop the run
             while not self._ended.wait(wait):
                 with self._writing:
                     self._write(self._line())
-                wait = self._interval
+                wait = self.interval
             self._wipe()
 
     def _wipe(self) -> None:
         if self._width:
             self._write("")
-            self._stream.write("\r")
-            self._stream.flush()
+            self.stream.write("\r")
+            self.stream.flush()
 
     def _line(self) -> str:
-        parts = [self._label]
-        if self._fraction is not None and not math.isnan(self._fraction):
+        parts = [self.label]
+        if not math.isnan(self._fraction):
             parts.append(f"{100 * min(max(self._fraction, 0.0), 1.0):.0f} %")
         if self._doing:
             parts.append(self._doing)
@@ -107,29 +91,25 @@ class TerminalProgress:
 
     def _write(self, line: str) -> None:
         try:
-            columns = os.get_terminal_size(self._stream.fileno()).columns or _COLUMNS
+            columns = os.get_terminal_size(self.stream.fileno()).columns or _COLUMNS
         except OSError:
             columns = _COLUMNS
         line = line[: max(columns - 1, 1)]
-        self._stream.write("\r" + line.ljust(self._width))
-        self._stream.flush()
+        self.stream.write("\r" + line.ljust(self._width))
+        self.stream.flush()
         self._width = len(line)
 
 
+@dataclass
 class TrialProgress:
-    """Tells how many trials are done, how many failed, how fast it goes and for how long still.
+    """Tells how many trials are done, how many failed, how fast it goes and for how long still."""
 
-    Args:
-        progress: Who is told.
-        count: Of all trials.
-        before: How many of them had ended already; they say nothing about how fast it goes.
-    """
+    progress: "Progress"  # who is told
+    count: int  # of all trials
+    before: int = 0  # that had ended already: they say nothing about how fast it goes
 
-    def __init__(self, progress: "Progress", *, count: int, before: int = 0) -> None:
-        self._progress = progress
-        self._count = count
-        self._before = before
-        self._done = before
+    def __post_init__(self) -> None:
+        self._done = self.before
         self._failed = 0
         self._started = time.monotonic()
 
@@ -138,14 +118,14 @@ class TrialProgress:
         self._done += done
         self._failed += failed
         ended = self._done + self._failed
-        parts = [f"{self._done} of {self._count}"]
+        parts = [f"{self._done} of {self.count}"]
         if self._failed:
             parts.append(f"{self._failed} failed")
-        rate = (ended - self._before) / max(time.monotonic() - self._started, 1e-9)
-        if ended < self._count and rate > 0:
+        rate = (ended - self.before) / max(time.monotonic() - self._started, 1e-9)
+        if ended < self.count and rate > 0:
             parts.append(f"{rate:.0f}/s" if rate >= 10 else f"{rate:.2g}/s")
-            parts.append(f"{duration((self._count - ended) / rate)} left")
-        self._progress(ended / self._count, ", ".join(parts))
+            parts.append(f"{duration((self.count - ended) / rate)} left")
+        self.progress(ended / self.count, ", ".join(parts))
 
 
 def duration(seconds: float) -> str:

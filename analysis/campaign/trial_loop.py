@@ -5,6 +5,7 @@ import traceback
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 from typing import Final, Generic, NamedTuple, TypeVar
@@ -79,36 +80,22 @@ def attempt_all(
         return differs or [attempt(function, task) for task in tasks]
 
 
+@dataclass(kw_only=True)
 class TrialLoop(Generic[Task]):
-    """The trials of a campaign that are not in its store.
+    """The trials of a campaign that are not in its store."""
 
-    Args:
-        function: Makes a task's row.
-        tasks: By their keys in the store.
-        engine: Where they run.
-        store: What has finished is there before it is counted.
-        progress: Told of what is written, and of what fails.
-    """
+    function: Callable[[Task], Row]  # makes a task's row
+    tasks: Mapping[bytes, Task]  # by their keys in the store
+    engine: Engine
+    store: TrialStore  # what has finished is there before it is counted
+    progress: TrialProgress  # told of what is written, and of what fails
 
-    def __init__(
-        self,
-        function: Callable[[Task], Row],
-        tasks: Mapping[bytes, Task],
-        *,
-        engine: Engine,
-        store: TrialStore,
-        progress: TrialProgress,
-    ) -> None:
-        self._function = function
-        self._tasks = tasks
-        self._engine = engine
-        self._store = store
-        self._progress = progress
-        self._code = code(modules_of(function))
-        self._untried = deque(tasks)
+    def __post_init__(self) -> None:
+        self._code = code(modules_of(self.function))
+        self._untried = deque(self.tasks)
         self._lost: deque[bytes] = deque()  # to be tried again, alone
         self._suspects: set[bytes] = set()  # that have been lost
-        self._tries = dict.fromkeys(tasks, 0)
+        self._tries = dict.fromkeys(self.tasks, 0)
         self._running: dict[Future[list[Answer] | str], Sequence[bytes]] = {}
         self._unwritten: list[tuple[bytes, bytes]] = []
         self._written = time.monotonic()
@@ -141,38 +128,34 @@ class TrialLoop(Generic[Task]):
         return self._rows, self._failures
 
     def _submit(self) -> None:
-        while len(self._running) < self._engine.capacity():
+        while len(self._running) < self.engine.capacity():
             keys = self._next()
             if not keys:
                 return
-            future = self._engine.submit(
+            future = self.engine.submit(
                 attempt_all,
                 self._code,
-                self._function,
-                [self._tasks[key] for key in keys],
+                self.function,
+                [self.tasks[key] for key in keys],
                 limit=len(keys) * self._limit(),
             )
             self._running[future] = keys
 
     def _next(self) -> Sequence[bytes]:
         """Return the trials to send next; none: there are none now."""
-        alone = not self._engine.exact  # those that have been lost, to see who is to blame
+        alone = not self.engine.exact  # those that have been lost, to see who is to blame
         if self._lost and not (alone and self._running):
             return [self._lost.popleft()]
-        if alone and self._retried():
+        if alone and any(key in self._suspects for keys in self._running.values() for key in keys):
             return []
         return [self._untried.popleft() for _ in range(min(self._chunk(), len(self._untried)))]
-
-    def _retried(self) -> bool:
-        """Say whether a trial runs that had been lost."""
-        return any(key in self._suspects for keys in self._running.values() for key in keys)
 
     def _chunk(self) -> int:
         """Return how many trials to send at once: several if they are short and many."""
         if not self._seconds:
             return 1
         short = int(_CHUNK / max(median(self._seconds), 1e-6))
-        share = len(self._untried) // (2 * self._engine.capacity())
+        share = len(self._untried) // (2 * self.engine.capacity())
         return max(1, min(short, share))
 
     def _limit(self) -> float:
@@ -200,7 +183,7 @@ class TrialLoop(Generic[Task]):
 
     def _lose(self, keys: Sequence[bytes], reason: str) -> None:
         """Try trials that came to no end again, each alone: of several one is to blame."""
-        to_blame = len(keys) == 1 and (self._engine.exact or keys[0] in self._suspects)
+        to_blame = len(keys) == 1 and (self.engine.exact or keys[0] in self._suspects)
         for key in keys:
             self._suspects.add(key)
             self._tries[key] += to_blame
@@ -211,12 +194,12 @@ class TrialLoop(Generic[Task]):
 
     def _fail(self, key: bytes, failure: Failure) -> None:
         self._failures[key] = failure
-        self._progress.add(failed=1)
+        self.progress.add(failed=1)
 
     def _write(self) -> None:
         if self._unwritten:
-            self._store.add(self._unwritten)
+            self.store.add(self._unwritten)
             self._rows |= self._unwritten
-            self._progress.add(done=len(self._unwritten))
+            self.progress.add(done=len(self._unwritten))
             self._unwritten = []
         self._written = time.monotonic()

@@ -27,7 +27,7 @@ def command_campaign(
     """
     with engines(arguments.workers or cores(), arguments.cluster) as (_, trials):
         campaign = Campaign(
-            folder / TRIALS,
+            path=folder / TRIALS,
             processors=trials.processors(),
             engine=trials,
             fresh=arguments.fresh,

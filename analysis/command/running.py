@@ -191,7 +191,7 @@ def run(
         "metrics": {name: metric_document(metric) for name, metric in metrics.items()},
         "checks": [check_document(one) for one in checks],
         "failed_trials": [
-            {"trial": one.trial, "seed": seed, "reason": one.reason} for one in campaign.failed
+            {"trial": trial, "seed": seed, "reason": reason} for trial, reason in campaign.failed
         ],
         "simulated_seconds": outcome.simulated_seconds,
         "wall_seconds": round(wall_seconds, 4),

@@ -111,7 +111,7 @@ class Session:
 
     def _campaign(self, name: str, *, fresh: bool) -> Campaign:
         path, processors = trials_path(self.order.out, name), self.trials.processors()
-        return Campaign(path, processors=processors, engine=self.trials, fresh=fresh)
+        return Campaign(path=path, processors=processors, engine=self.trials, fresh=fresh)
 
     def _side_by_side(self, headway: "_Headway") -> Generator[Ended]:
         """Yield what becomes of each experiment when it has ended."""
@@ -134,7 +134,7 @@ class Session:
                 headway.tell(entry.name)
                 there = partial(
                     Campaign,
-                    trials_path(self.order.out, entry.name),
+                    path=trials_path(self.order.out, entry.name),
                     processors=self.trials.processors(),
                     fresh=fresh,
                     failures=campaign.failures,

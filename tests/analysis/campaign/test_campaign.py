@@ -17,7 +17,6 @@ from chamfer.analysis.campaign import campaign as campaigns
 from chamfer.analysis.campaign import trial_loop
 from chamfer.analysis.campaign.campaign import (
     Campaign,
-    FailedTrial,
     TrialsWantedError,
     parallel,
     run_each,
@@ -67,7 +66,7 @@ def begin(engine: Processes, tmp_path: Path) -> Iterator[Begin]:
         for one in begun:
             one.close()
         options = {"processors": ("toy",), "engine": engine, **options}
-        begun.append(Campaign(tmp_path / "trials.sqlite", **options))  # type: ignore[arg-type]
+        begun.append(Campaign(path=tmp_path / "trials.sqlite", **options))  # type: ignore[arg-type]
         return begun[-1]
 
     yield begin
@@ -198,8 +197,8 @@ def test_failures_are_recorded_and_the_others_go_on(begin: Begin, toy: ModuleTyp
     found = campaign(toy.misbehave, tasks, told)
     assert found.tasks == ("", " ")
     assert told.doing[-2] == "2 of 8, 6 failed"
-    assert [one.trial for one in campaign.failed] == [1, 2, 3, 4, 5, 6]
-    reasons = [one.reason for one in campaign.failed]
+    assert [trial for trial, _ in campaign.failed] == [1, 2, 3, 4, 5, 6]
+    reasons = [reason for _, reason in campaign.failed]
     assert reasons[0].startswith("ValueError: not this way (toy_trials.py, line ")
     assert reasons[1:4] == [
         "mass is -1.0, allowed: a number > 0",
@@ -209,7 +208,7 @@ def test_failures_are_recorded_and_the_others_go_on(begin: Begin, toy: ModuleTyp
     assert reasons[4].startswith("TypeError: x is of type tuple, allowed: a number, ")
     assert reasons[5] == "its process was killed (SIGKILL)"
     campaign(toy.misbehave, ["", "refuse"], quiet)  # counted through the experiment
-    assert campaign.failed[-1] == FailedTrial(trial=9, reason=reasons[1])
+    assert campaign.failed[-1] == (9, reasons[1])
 
 
 def test_a_lost_trial_is_tried_once_more(begin: Begin, toy: ModuleType, tmp_path: Path) -> None:
@@ -226,7 +225,7 @@ def test_a_trial_past_its_time_has_failed(
     monkeypatch.setattr(trial_loop, "_LEAST_LIMIT", 1.0)
     campaign = begin()
     assert campaign(toy.misbehave, ["", "hang", " "], quiet).tasks == ("", " ")
-    assert campaign.failed[0].reason in ("took longer than 2 s", "took longer than 1 s")
+    assert campaign.failed[0][1] in ("took longer than 2 s", "took longer than 1 s")
 
 
 @pytest.mark.parametrize("first", ["raise", "refuse"])
@@ -310,7 +309,7 @@ def test_an_interrupt_keeps_what_has_finished(
         patch.setattr(trial_loop, "_BATCH", 1e9)  # nothing is written before the interrupt
         with pytest.raises(KeyboardInterrupt):
             campaign(trial, range(10), quiet)
-    with closing(TrialStore(campaign._path)) as store:
+    with closing(TrialStore(campaign.path)) as store:
         kept = len(store.rows(campaign._keys(trial, range(10))))
     assert 3 <= kept <= 6
     time.sleep(0.3)  # those that were running come to their end, and nobody waits for them
@@ -332,7 +331,7 @@ def test_trials_are_wanted_where_there_is_no_engine(
     wanted = []
     while True:
         there = Campaign(
-            tmp_path / "trials.sqlite", processors=("toy",), failures=conductor.failures
+            path=tmp_path / "trials.sqlite", processors=("toy",), failures=conductor.failures
         )
         with closing(there):
             try:
@@ -342,7 +341,7 @@ def test_trials_are_wanted_where_there_is_no_engine(
                 wanted.append(error)
                 conductor.supply(error, quiet)
     assert [error.function for error in wanted] == [toy.square, toy.misbehave, toy.square]
-    assert [one.trial for one in there.failed] == [4]
+    assert [trial for trial, _ in there.failed] == [4]
     with pytest.raises(ExperimentError, match="the sources have changed"):
         conductor.supply(wanted[0], quiet)
 

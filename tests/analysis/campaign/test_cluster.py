@@ -41,7 +41,7 @@ def cluster(toy: ModuleType) -> Iterator[Cluster]:
 def test_rows_are_those_of_this_process(cluster: Cluster, toy: ModuleType, tmp_path: Path) -> None:
     tasks = range(50)
     path = tmp_path / "trials.sqlite"
-    with closing(Campaign(path, processors=cluster.processors(), engine=cluster)) as campaign:
+    with closing(Campaign(path=path, processors=cluster.processors(), engine=cluster)) as campaign:
         found = campaign(toy.square, tasks, quiet)
         assert campaign.failed == []
     assert [encode(row) for row in found.rows] == [encode(toy.square(task)) for task in tasks]
@@ -54,13 +54,13 @@ def test_rows_are_those_of_this_process(cluster: Cluster, toy: ModuleType, tmp_p
 def test_a_killed_worker_costs_no_other_trial(
     cluster: Cluster, toy: ModuleType, tmp_path: Path
 ) -> None:
-    campaign = Campaign(None, processors=("toy",), engine=cluster)
+    campaign = Campaign(path=None, processors=("toy",), engine=cluster)
     found = campaign(partial(toy.once, str(tmp_path)), range(10), quiet)
     assert found.column("square").tolist() == [task**2 for task in range(10)]
     found = campaign(toy.misbehave, ["", "killed", "raise", " "], quiet)
     assert found.tasks == ("", " ")
-    assert campaign.failed[0].reason.startswith("its worker died")
-    assert campaign.failed[1].reason.startswith("ValueError: not this way")
+    assert campaign.failed[0][1].startswith("its worker died")
+    assert campaign.failed[1][1].startswith("ValueError: not this way")
 
 
 def test_a_call_has_its_time(cluster: Cluster, toy: ModuleType) -> None:
@@ -118,7 +118,7 @@ def test_a_cluster_of_its_own_commands(
     with closing(Cluster(address, count=2)) as cluster:
         while cluster.capacity() < 2:
             time.sleep(0.1)
-        campaign = Campaign(None, processors=cluster.processors(), engine=cluster)
+        campaign = Campaign(path=None, processors=cluster.processors(), engine=cluster)
         pids = set(campaign(toy.process, range(20), quiet).column("pid").tolist())
         killing = threading.Timer(1.0, os.kill, (int(pids.pop()), signal.SIGKILL))
         killing.start()
