@@ -4,7 +4,6 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyBboxPatch
@@ -13,12 +12,12 @@ from numpy.typing import NDArray
 from chamfer.analysis.drawing.chart_graph import ANY_STATE, START, chart_graph, state_id
 from chamfer.analysis.drawing.figure_style import FSM
 from chamfer.analysis.drawing.graph import Edge, Graph, Node
+from chamfer.analysis.drawing.layering import connected
 from chamfer.analysis.drawing.layout import GraphLayout, NodeBox, Route, lay_out
-from chamfer.systems.statechart.chart import ANY, Chart, Transition
+from chamfer.systems.statechart.chart import ANY, Chart
 
 AnyChart = Chart[Any, Any]
 Table = Mapping[str, NDArray[Any]]  # columns of equal length by name
-Array = NDArray[np.float64]
 
 _WIDTH: Final = 13.0  # in, of the figure
 _LEAST: Final = 1100.0  # px, so that a small chart is not blown up
@@ -41,7 +40,6 @@ class Row:
     """A part of a chart in which every step of a run is."""
 
     layout: GraphLayout
-    steps: tuple[tuple[int, ...], ...]  # numbers of the steps along each route, 1 the first
     taken: tuple[bool, ...]  # whether a route was taken
 
 
@@ -82,8 +80,7 @@ def plot_chart_path(
     ink = _Ink(axes, 72 * _WIDTH / width)
     ink.text(20, 24, f"{chart.name}: {result}", 15, ha="left", weight="bold")
     ink.text(width - 20, 24, _LEFT_OUT, 11, ha="right", color="#6b7280")
-    visited = {START, state_id(chart.initial)}
-    visited |= {state_id(str(name)) for name in path["target"]}
+    visited = {START, *map(state_id, (chart.initial, *map(str, path["target"])))}
     for row, top in zip(drawn, tops, strict=False):
         ink.row(row, top, visited)
     for i in range(count):
@@ -113,83 +110,65 @@ def path_rows(
         seldom: States whose transitions are drawn only where they were taken.
         most: Numbers at a line, of more the last one after the first ones; None: all.
     """
-    steps: dict[tuple[str, str, str], list[int]] = {}
-    for i, key in enumerate(zip(path["source"], path["target"], path["label"], strict=True)):
-        steps.setdefault((str(key[0]), str(key[1]), str(key[2])), []).append(i + 1)
+    steps = list(zip(path["source"], path["target"], path["label"], strict=True))
     full = chart_graph(chart, every=True)
-    numbers: dict[str, tuple[int, ...]] = {}  # of the steps by the edge's port
-    kept = [full.edges[0]]
+    first, *edges = full.edges
+    kept = [first]
+    taken: set[str] = set()  # the ports of edges
     rare = _failing(chart) | set(seldom)
-    for transition, edge in zip(chart.transitions, full.edges[1:], strict=False):
-        found = _of(transition, steps)
-        if not found and not rare.isdisjoint((transition.source, transition.target)):
-            continue
-        numbers[edge.source_port] = found
-        label = transition.label.partition(",")[0]
-        kept.append(replace(edge, label=f"{label}\n{_listed(found, most)}" if found else label))
-    for edge in full.edges[1 + len(chart.transitions) :]:
-        numbers[edge.source_port] = ()
+    for i, edge in enumerate(edges):
+        if i < len(chart.transitions):
+            one = chart.transitions[i]
+            found = [
+                number
+                for number, (source, *way) in enumerate(steps, 1)
+                if way == [one.target, one.label] and one.source in (source, ANY)
+            ]
+            if not found and not rare.isdisjoint((one.source, one.target)):
+                continue
+            label = one.label.partition(",")[0]
+            if found:
+                taken.add(edge.source_port)
+                label += f"\n{_listed(found, most)}"
+            edge = replace(edge, label=label)
         kept.append(edge)
-    names = {edge.source for edge in kept} | {edge.target for edge in kept}
+    names = {end for edge in kept for end in (edge.source, edge.target)}
     states = {state_id(state.name): state.name for state in chart.states}
-    nodes = [
-        replace(node, label=states.get(node.id, node.label))
-        for node in full.nodes
-        if node.id in names
-    ]
-    graph = Graph(title="", nodes=tuple(nodes), edges=tuple(kept))
-    ways = {(state_id(source), state_id(target)) for source, target, _ in steps}
-    ways.add((START, state_id(chart.initial)))
-    ids = [{_node_id(name) for name in row} for row in rows]
-    parts = groups(graph, ids) if ids else halves(graph)
-    return [_row(part, numbers, ways) for part in parts]
-
-
-def _node_id(state: str) -> str:
-    return ANY_STATE if state == ANY else state_id(state)
-
-
-def _of(
-    transition: Transition[Any, Any], steps: Mapping[tuple[str, str, str], list[int]]
-) -> tuple[int, ...]:
-    """Return the numbers of the steps in which a transition was taken."""
-    return tuple(
-        sorted(
-            number
-            for (source, target, label), numbers in steps.items()
-            for number in numbers
-            if (target, label) == (transition.target, transition.label)
-            and transition.source in (source, ANY)
-        )
+    graph = Graph(
+        title="",
+        nodes=tuple(
+            replace(node, label=states.get(node.id, node.label))
+            for node in full.nodes
+            if node.id in names
+        ),
+        edges=tuple(kept),
     )
+    ids = [{ANY_STATE if name == ANY else state_id(name) for name in row} for row in rows]
+    drawn = []
+    for part in groups(graph, ids) if ids else halves(graph):
+        layout = lay_out(part)
+        inside = {node.id for node in part.nodes}
+        entered = {first.target}
+        entered |= {state_id(to) for since, to, _ in steps if state_id(since) not in inside}
+        # The arrow into the second row has its number where it leaves the first one.
+        ways = [route.edge for route in layout.routes]
+        came = (way.source == START and way.target in entered for way in ways)
+        done = (way.source_port in taken for way in ways)
+        drawn.append(Row(layout=layout, taken=tuple(map(any, zip(came, done, strict=True)))))
+    return drawn
 
 
 def _failing(chart: AnyChart) -> set[str]:
     """Return the states from which a chart can only fail."""
     failing = {state.name for state in chart.states if state.outcome == "failed"}
+    ways: dict[str, set[str]] = {}
+    for one in chart.transitions:
+        ways.setdefault(one.source, set()).add(one.target)
     while True:
-        ways: dict[str, set[str]] = {}
-        for one in chart.transitions:
-            ways.setdefault(one.source, set()).add(one.target)
         more = {source for source, targets in ways.items() if targets <= failing} - {ANY}
         if more <= failing:
             return failing
         failing |= more
-
-
-def _row(graph: Graph, numbers: dict[str, tuple[int, ...]], ways: set[tuple[str, str]]) -> Row:
-    """Return a part of the chart, with ways that were taken from node to node."""
-    inside = {node.id for node in graph.nodes} - {START}
-    entered = {target for source, target in ways if source not in inside}
-    layout = lay_out(graph)
-    ports = [route.edge.source_port for route in layout.routes]
-    first = [
-        route.edge.source == START and route.edge.target in entered for route in layout.routes
-    ]
-    steps = tuple(numbers.get(port, ()) for port in ports)
-    # The arrow into the second row has its number where it leaves the first one.
-    taken = tuple(bool(found) or begins for found, begins in zip(steps, first, strict=True))
-    return Row(layout=layout, steps=steps, taken=taken)
 
 
 def groups(graph: Graph, rows: Sequence[Collection[str]]) -> list[Graph]:
@@ -200,60 +179,41 @@ def groups(graph: Graph, rows: Sequence[Collection[str]]) -> list[Graph]:
         rows: Ids of the nodes in each; every node but the start is in one of them.
     """
     labels = {node.id: node.label for node in graph.nodes}
+    inward = [{edge.target for edge in graph.edges if edge.source not in row} for row in rows]
     found = []
-    for row in rows:
+    for row, entered in zip(rows, inward, strict=True):
         inside = [node for node in graph.nodes if node.id in row]
-        if not inside:
-            continue
-        outward = [edge for edge in graph.edges if edge.source in row and edge.target not in row]
-        inward = {edge.target for edge in graph.edges if edge.source not in row}
-        stubs = dict.fromkeys(edge.target for edge in outward)
-        entries = [node.id for node in inside if node.id in inward]
-        found.append(
-            Graph(
-                title="",
-                nodes=(
-                    *graph.nodes[: bool(entries)],
-                    *inside,
-                    *(Node(id=f"{_ONWARD} {one}", label=labels[one], kind="any") for one in stubs),
-                ),
-                edges=(
-                    *(Edge(source=START, target=one) for one in entries),
-                    *(
-                        replace(edge, target=f"{_ONWARD} {edge.target}")
-                        if edge in outward
-                        else edge
-                        for edge in graph.edges
-                        if edge.source in row
-                    ),
-                ),
-            )
-        )
+        entries = [node.id for node in inside if node.id in entered]
+        leaving = [edge for edge in graph.edges if edge.source in row]
+        edges = [
+            edge if edge.target in row else replace(edge, target=f"{_ONWARD} {edge.target}")
+            for edge in leaving
+        ]
+        stubs = dict.fromkeys(edge.target for edge in leaving if edge.target not in row)
+        nodes = [
+            *graph.nodes[: bool(entries)],
+            *inside,
+            *(Node(id=f"{_ONWARD} {one}", label=labels[one], kind="any") for one in stubs),
+        ]
+        starts = [Edge(source=START, target=one) for one in entries]
+        if inside:
+            found.append(Graph(title="", nodes=tuple(nodes), edges=(*starts, *edges)))
     return found
 
 
 def halves(graph: Graph) -> list[Graph]:
     """Cut a graph at the edge without which it has two parts, the most even ones, if there is."""
-    best: tuple[int, set[str]] | None = None
+    ids = [node.id for node in graph.nodes]
+    best: list[set[str]] = []
     for edge in graph.edges[1:]:
-        before = _connected(graph, START, without=edge)
-        least = min(len(before), len(graph.nodes) - len(before))
-        if edge.target not in before and least >= _FEWEST and (best is None or least > best[0]):
-            best = least, before
-    if best is None:
-        return [graph]
-    after = {node.id for node in graph.nodes} - best[1]
-    return groups(graph, [best[1] - {START}, after])
-
-
-def _connected(graph: Graph, start: str, *, without: Edge) -> set[str]:
-    """Return the nodes that edges in either direction connect to a node."""
-    found, more = set[str](), {start}
-    while more:
-        found |= more
-        ends = [{edge.source, edge.target} for edge in graph.edges if edge is not without]
-        more = set[str]().union(*(pair for pair in ends if pair & found)) - found
-    return found
+        pairs = [(one.source, one.target) for one in graph.edges if one is not edge]
+        part = connected(ids, pairs)
+        before = {id_ for id_ in ids if part[id_] == part[START]}
+        pair = [before, set(ids) - before]
+        least = min(map(len, pair))
+        if edge.target not in before and least >= max(_FEWEST, 1 + min(map(len, best), default=0)):
+            best = pair
+    return groups(graph, [best[0] - {START}, best[1]]) if best else [graph]
 
 
 class _Ink:
@@ -272,55 +232,39 @@ class _Ink:
         self.text(x, y, text, _NUMBER, color="white", weight="bold", bbox=box, zorder=6)
 
     def row(self, row: Row, top: float, visited: set[str]) -> None:
-        layout = row.layout
-        for route, taken in sorted(
-            zip(layout.routes, row.taken, strict=True), key=lambda one: one[1]
-        ):
+        for route, taken in zip(row.layout.routes, row.taken, strict=True):
             self._route(route, top, taken=taken)
-        for box in layout.boxes:
+        for box in row.layout.boxes:
             self._box(box, top, visited=box.node.id in visited)
-        for label in layout.labels:
+        for label in row.layout.labels:
             block = label.text
             for i, line in enumerate(block.lines):
                 x, y = label.x + block.width / 2, top + label.y + (i + 0.5) * block.line_height
                 if line.startswith("["):
-                    self.number(
-                        x, y - 1, line.strip("[]").replace(",", ", ").replace("...", " ... ")
-                    )
+                    numbers = line.strip("[]").replace(",", ", ").replace("...", " ... ")
+                    self.number(x, y - 1, numbers)
                 else:
                     self.text(x, y, line, block.size, zorder=4)
 
     def _route(self, route: Route, top: float, *, taken: bool) -> None:
-        points = np.array(route.points) + np.array([0.0, top])
+        points = [(x, y + top) for x, y in route.points]
         colour, order = (_TAKEN, 3) if taken else (_FAINT, 2)
-        width = 2.4 if taken else 1.2
-        self._axes.plot(*points.T, linewidth=width * self._points, color=colour, zorder=order)
-        self._axes.annotate(
-            "",
-            xy=points[-1],
-            xytext=points[-1] + 0.9 * _towards(points[-1], points[-2]),
-            arrowprops={
-                "arrowstyle": "-|>",
-                "mutation_scale": (14 if taken else 11) * self._points,
-                "shrinkA": 0,
-                "shrinkB": 0,
-                "linewidth": 0,
-                "color": colour,
-            },
-            zorder=order,
+        width, head = (2.4, 14) if taken else (1.2, 11)
+        self._axes.plot(
+            *zip(*points, strict=True), linewidth=width * self._points, color=colour, zorder=order
         )
+        arrow = {"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0, "linewidth": 0, "color": colour}
+        arrow["mutation_scale"] = head * self._points
+        self._axes.annotate("", xy=points[-1], xytext=points[-2], arrowprops=arrow, zorder=order)
 
     def _box(self, box: NodeBox, top: float, *, visited: bool) -> None:
         kind = box.node.kind
-        edge = _INK if visited else _FAINT
-        if box.shape in ("circle", "dot"):
-            radius = box.width / 2
-            place = box.x + radius, top + box.y + radius
-            self._axes.add_patch(Circle(place, radius, facecolor=_TAKEN, edgecolor="none"))
+        x, y = box.x + box.width / 2, top + box.y + box.height / 2
+        if box.shape == "dot":
+            self._axes.add_patch(Circle((x, y), box.width / 2, color=_TAKEN))
             return
         fill = _FILL.get(kind, "white") if visited else _EMPTY
-        inset = 3.0
-        for shrink in (0.0, inset) if kind in ("final", "failed") else (0.0,):
+        for shrink in (0.0, 3.0) if kind in ("final", "failed") else (0.0,):
             self._axes.add_patch(
                 FancyBboxPatch(
                     (box.x + shrink, top + box.y + shrink),
@@ -328,19 +272,16 @@ class _Ink:
                     box.height - 2 * shrink,
                     boxstyle=f"round,pad=0,rounding_size={10 - shrink}",
                     facecolor=fill if not shrink else "none",
-                    edgecolor=edge,
+                    edgecolor=_INK if visited else _FAINT,
                     linewidth=1.3 * self._points,
                     linestyle="--" if kind == "any" else "-",
                     zorder=3.5,
                 )
             )
-        if box.text is not None:
-            for i, line in enumerate(box.text.lines):
-                middle = box.y + (box.height - box.text.height) / 2
-                y = middle + (i + 0.5) * box.text.line_height
-                ink = _INK if visited or kind == "any" else "#6b7280"
-                x = box.x + box.width / 2
-                self.text(x, top + y, line, box.text.size, zorder=5, color=ink)
+        ink = _INK if visited or kind == "any" else "#6b7280"
+        for i, line in enumerate(box.text.lines):
+            height = y - box.text.height / 2 + (i + 0.5) * box.text.line_height
+            self.text(x, height, line, box.text.size, zorder=5, color=ink)
 
 
 def _listed(numbers: Sequence[int], most: int | None) -> str:
@@ -348,9 +289,3 @@ def _listed(numbers: Sequence[int], most: int | None) -> str:
     if most is None or len(numbers) <= most:
         return f"[{','.join(map(str, numbers))}]"
     return f"[{','.join(map(str, numbers[: most - 1]))}...{numbers[-1]}]"
-
-
-def _towards(start: Array, goal: Array) -> Array:
-    """Return the unit vector from one point to another, 0 if they are the same."""
-    way = goal - start
-    return way / max(float(np.abs(way).sum()), 1e-9)
