@@ -54,15 +54,14 @@ class Port(NamedTuple):
         return context
 
 
-def blocks(
+def _all(
     system: System, path: tuple[int, ...] = (), name: str = ""
 ) -> Iterator[tuple[tuple[int, ...], str, System]]:
-    """Return path, name and system of every block that is no diagram, in the states' order."""
-    if not isinstance(system, Diagram):
-        yield path, name, system
-        return
-    for i, inner in enumerate(system.GetSystems()):
-        yield from blocks(inner, (*path, i), _joined(name, inner.get_name()))
+    """Return path, name and system of the whole, and of all in it in the states' order."""
+    yield path, name, system
+    if isinstance(system, Diagram):
+        for i, inner in enumerate(system.GetSystems()):
+            yield from _all(inner, (*path, i), _joined(name, inner.get_name()))
 
 
 def own_ports(system: System, way: Way) -> list[Port]:
@@ -100,16 +99,21 @@ def source_of(system: System, port: Port) -> Port | None:
     if connected is None:
         return None
     source, index = connected
-    i = next(i for i, one in enumerate(diagram.GetSystems()) if one is source)
-    path = (*port.path[:-1], i)
-    found = _ports(source, "output", path, _name(system, path))
-    return next(one for one in found if one.number == int(index))
+    return next(
+        found
+        for path, name, one in _all(system)
+        if one is source
+        for found in _ports(one, "output", path, name)
+        if found.number == int(index)
+    )
 
 
 def state_labels(system: System, context: Context) -> list[str]:
     """Return a name for each state: continuous ones, then discrete ones, block by block."""
     continuous, discrete = [], []
-    for path, name, block in blocks(system):
+    for path, name, block in _all(system):
+        if isinstance(block, Diagram):
+            continue
         own = Port("input", path, 0, name, 0).context(system, context)
         groups = own.get_discrete_state()
         sizes = [len(groups.value(i)) for i in range(groups.num_groups())]
@@ -154,19 +158,6 @@ def _same(port: Any, wanted: Any) -> bool:
     )
 
 
-def _all(system: System) -> Iterator[tuple[tuple[int, ...], str, System]]:
-    """Return path, name and system of the whole, of its blocks, of theirs and so on."""
-    waiting: list[tuple[tuple[int, ...], str, System]] = [((), "", system)]
-    while waiting:
-        path, name, one = waiting.pop(0)
-        yield path, name, one
-        if isinstance(one, Diagram):
-            waiting += [
-                ((*path, i), _joined(name, inner.get_name()), inner)
-                for i, inner in enumerate(one.GetSystems())
-            ]
-
-
 def _ports(system: System, way: Way, path: tuple[int, ...], name: str) -> list[Port]:
     """Return a block's ports; an abstract one has the size 0."""
     if way == "input":
@@ -191,14 +182,6 @@ def _block(system: System, path: tuple[int, ...]) -> System:
     for i in path:
         system = system.GetSystems()[i]
     return system
-
-
-def _name(system: System, path: tuple[int, ...]) -> str:
-    name = ""
-    for i in path:
-        system = system.GetSystems()[i]
-        name = _joined(name, system.get_name())
-    return name
 
 
 def _joined(name: str, inner: str) -> str:

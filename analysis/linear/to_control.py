@@ -1,7 +1,7 @@
 """Any system or diagram of Drake as a linear system of python-control."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Final, NamedTuple, TypeAlias
 
@@ -23,14 +23,6 @@ _MOST_STEPS: Final = 20_000  # of the integrator in a period
 _LOOKED_AT: Final = 16  # periods, for as many events in each
 _COMPARED: Final = 8  # columns of the map, with those of the next period
 _SAME: Final = 0.01  # of the map's largest number, by which they may differ
-
-
-class PeriodMap(NamedTuple):
-    """The derivative of what is after a period, in states and inputs before it."""
-
-    after: Array  # states, shape (s, s + m)
-    before_tick: Array  # outputs just before what happens at the period's begin, (p, s + m)
-    behind_tick: Array  # outputs just after it, (p, s + m)
 
 
 class Period:
@@ -64,44 +56,34 @@ class Period:
         self._outputs = outputs
         self._period = period
         self._step = self._longest_step()
+        self._states = states_of(context)
+        self._point = np.concatenate([self._states, values_of(system, context, inputs)])
 
-    def map(self, step: float) -> PeriodMap:
-        """Return the derivatives by central differences.
+    def map(self, step: float) -> tuple[Array, Array, Array]:
+        """Return the derivatives of what is after a period, in states and inputs before it.
+
+        They are found by central differences.
 
         Args:
             step: Of the differences, relative to a state or input where it exceeds 1.
 
+        Returns:
+            Of states, shape (s, s + m); of outputs just before what happens at the period's begin,
+            (p, s + m); of outputs just behind it, (p, s + m).
+
         Raises:
             ParameterError: If the next period is not as this one: it is none of the whole system.
         """
-        point = self._point()
-        columns = [self._column(axis, step) for axis in range(len(point))]
-        self._require_another(columns, step)
-        after, before, behind = (
-            np.reshape([column[i] for column in columns], (len(point), -1)).T for i in range(3)
-        )
-        return PeriodMap(after, before, behind)
+        found = _differences(self._run, self._point, step)
+        s = len(self._states)
+        self._require_another(found[:s], step)
+        p = (len(found) - s) // 2
+        return found[:s], found[s : s + p], found[s + p :]
 
-    def _point(self) -> Array:
-        """Return states and inputs, shape (s + m,)."""
-        values = values_of(self._system, self._context, self._inputs)
-        return np.concatenate([states_of(self._context), values])
-
-    def _column(self, axis: int, step: float) -> tuple[Array, Array, Array]:
-        """Return the derivatives in a state or input."""
-        point = self._point()
-        moved = np.zeros_like(point)
-        moved[axis] = step * max(1.0, abs(point[axis]))
-        ahead, back = self._run(point + moved), self._run(point - moved)
-        after, before, behind = (
-            (a - b) / (2 * moved[axis]) for a, b in zip(ahead, back, strict=True)
-        )
-        return after, before, behind
-
-    def _require_another(self, columns: Sequence[tuple[Array, Array, Array]], step: float) -> None:
+    def _require_another(self, after: Array, step: float) -> None:
         """Compare with the next period in some columns, and in how much happens in each."""
         own = self._context.Clone()
-        fix(self._system, own, self._inputs, self._point()[len(states_of(own)) :])
+        fix(self._system, own, self._inputs, self._point[len(self._states) :])
         simulator = self._begin(own)
         start, before, counts = own.get_time(), 0, set()
         following = self
@@ -116,17 +98,17 @@ class Period:
             acted = simulator.get_num_discrete_updates() + simulator.get_num_unrestricted_updates()
             counts.add(acted - before)
             before = acted
-        axes = range(0, len(columns), max(1, len(columns) // _COMPARED))
-        apart = [np.abs(following._column(i, step)[0] - columns[i][0]).max() for i in axes]
-        largest = max((np.abs(after).max(initial=0.0) for after, *_ in columns), default=0.0)
-        if len(counts) > 1 or max(apart, default=0.0) > _SAME * largest:
+        axes = slice(None, None, max(1, len(self._point) // _COMPARED))
+        again = _differences(following._run, following._point, step, axes)[: len(after)]
+        apart = np.abs(again - after[:, axes]).max(initial=0.0)
+        if len(counts) > 1 or apart > _SAME * np.abs(after).max(initial=0.0):
             allowed = "one of the whole diagram, whose next period is as this one"
             raise ParameterError("period", self._period, allowed)
 
-    def _run(self, point: Array) -> tuple[Array, Array, Array]:
+    def _run(self, point: Array) -> Array:
         """Return the states after a period, and the outputs before and behind its tick."""
         own = self._context.Clone()
-        count = len(states_of(own))
+        count = len(self._states)
         set_states(own, point[:count])
         fix(self._system, own, self._inputs, point[count:])
         before = outputs_of(self._system, own, self._outputs)
@@ -135,7 +117,7 @@ class Period:
         simulator.AdvanceTo(start + 2 * _EARLY * self._period)
         behind = outputs_of(self._system, own, self._outputs)
         simulator.AdvanceTo(start + self._period)
-        return states_of(own), before, behind
+        return np.concatenate([states_of(own), before, behind])
 
     def _begin(self, context: Context) -> Simulator:
         context.SetTime(context.get_time() - _EARLY * self._period)
@@ -153,12 +135,12 @@ class Period:
             return 0.0
         own = self._context.Clone()
         states = own.get_continuous_state_vector().CopyToVector()
-        flow = np.empty((count, count))
-        for i, axis in enumerate(np.eye(count)):
-            own.SetContinuousState(states + axis)
-            ahead = self._system.EvalTimeDerivatives(own).CopyToVector()
-            own.SetContinuousState(states - axis)
-            flow[:, i] = (ahead - self._system.EvalTimeDerivatives(own).CopyToVector()) / 2
+
+        def rates(moved: Array) -> Array:
+            own.SetContinuousState(states + moved)
+            return np.array(self._system.EvalTimeDerivatives(own).CopyToVector())
+
+        flow = _differences(rates, np.zeros(count), 1.0)
         fastest = float(np.abs(np.linalg.eigvals(flow)).max())
         if not fastest * self._period <= _RADIANS * _MOST_STEPS:
             most = _RADIANS * _MOST_STEPS / self._period
@@ -276,7 +258,8 @@ def to_control(
     if not sampled or (known and not context.num_continuous_states()):
         found = _linearised(system, context, inputs, outputs, step, sampled=sampled)
     else:
-        found = _over_a_period(system, context, inputs, outputs, dt, step, returns=source)
+        opened = source is not None
+        found = _over_a_period(system, context, inputs, outputs, dt, step, returns=opened)
     if source is not None:
         found = found._replace(C=-found.C, D=-found.D)
     labels = state_labels(system, context)
@@ -375,13 +358,15 @@ def _gradient(values: Any, count: int) -> Array:
     return gradient
 
 
-def _differences(function: Any, point: Array, step: float) -> Array:
-    columns = []
-    for i, value in enumerate(point):
-        moved = np.zeros_like(point)
-        moved[i] = step * max(1.0, abs(value))
-        columns.append((function(point + moved) - function(point - moved)) / (2 * moved[i]))
-    return np.reshape(columns, (len(point), -1)).T
+def _differences(
+    function: Callable[[Array], Array], point: Array, step: float, axes: slice = slice(None)
+) -> Array:
+    """Return the derivative at a point, or some of its columns, by central differences."""
+    columns = [
+        (function(point + moved) - function(point - moved)) / (2 * moved.sum())
+        for moved in np.diag(step * np.maximum(1.0, np.abs(point)))[axes]
+    ]
+    return np.reshape(columns, (len(columns), -1)).T
 
 
 def _over_a_period(
@@ -392,40 +377,29 @@ def _over_a_period(
     period: float,
     step: float,
     *,
-    returns: Port | None,
+    returns: bool,
 ) -> _Matrices:
-    found = Period(system, context, inputs, outputs, period).map(step)
-    s = len(found.after)
-    A, B = found.after[:, :s], found.after[:, s:]
-    seen = found.before_tick
-    if returns is not None:
-        seen = _returning(system, context, found, inputs[0], period, step)
-    return _Matrices(A, B, seen[:, :s], seen[:, s:])
+    """Return the derivatives over a period.
 
-
-def _returning(
-    system: System, context: Context, found: PeriodMap, port: Port, period: float, step: float
-) -> Array:
-    """Return the derivatives of what returns to an opened loop, as the block sees it.
-
-    Closed with it the loop has to be the diagram's.
+    Those of what returns to an opened loop are as the block sees it: closed with it the loop has
+    to be the diagram's.
     """
-    s = len(found.after)
-    A, B = found.after[:, :s], found.after[:, s:]
-    expected = Period(system, context, [], [], period).map(step).after
+    after, *seen = Period(system, context, inputs, outputs, period).map(step)
+    s = len(after)
+    each = [_Matrices(after[:, :s], after[:, s:], one[:, :s], one[:, s:]) for one in seen]
+    if not returns:
+        return each[0]
+    expected, *_ = Period(system, context, [], [], period).map(step)
     scale = max(1.0, np.abs(expected).max(initial=0.0))
-    for seen in (found.before_tick, found.behind_tick):
-        C, D = seen[:, :s], seen[:, s:]
-        through = np.eye(len(D)) - D
-        if np.linalg.matrix_rank(through) < len(D):
+    for found in each:
+        through = np.eye(len(found.D)) - found.D
+        if np.linalg.matrix_rank(through) < len(through):
             continue
-        if (
-            np.abs(A + B @ np.linalg.solve(through, C) - expected).max(initial=0.0)
-            < _CLOSES * scale
-        ):
-            return seen
+        closed = found.A + found.B @ np.linalg.solve(through, found.C)
+        if np.abs(closed - expected).max(initial=0.0) < _CLOSES * scale:
+            return found
     allowed = "an input whose signal is held over a period, or read at ticks only"
-    raise ParameterError("input", port.name, allowed)
+    raise ParameterError("input", inputs[0].name, allowed)
 
 
 def _between(found: _Matrices) -> NDArray[np.bool_]:

@@ -123,7 +123,10 @@ class Chart(Generic[Inputs, Memory]):
         self._states = {state.name: state for state in self.states}
         self._leaving = {
             state.name: tuple(
-                transition for transition in self.transitions if _leaves(transition, state)
+                transition
+                for transition in self.transitions
+                if transition.source == state.name
+                or (transition.source == ANY and state.outcome is None)
             )
             for state in self.states
         }
@@ -148,13 +151,11 @@ class Chart(Generic[Inputs, Memory]):
 
     def reachable(self, name: str) -> frozenset[str]:
         """Return the names of the states that can follow, directly or not."""
-        seen: set[str] = set()
-        front = [name]
-        while front:
-            for successor in self.successors(front.pop()) - seen:
-                seen.add(successor)
-                front.append(successor)
-        return frozenset(seen)
+        seen, new = frozenset[str](), self.successors(name)
+        while new - seen:
+            seen |= new
+            new = frozenset().union(*map(self.successors, seen))
+        return seen
 
     def step(
         self, snapshot: Snapshot[Memory], inputs: Inputs, time: float
@@ -217,10 +218,7 @@ class Chart(Generic[Inputs, Memory]):
             arrow = f"{transition.source} -> {transition.target}"
             if not transition.label:
                 raise ChartError(f"chart {self.name!r}: the transition {arrow} has no label")
-            for end, known in (
-                (transition.source, [*names, ANY]),
-                (transition.target, names),
-            ):
+            for end, known in ((transition.source, [*names, ANY]), (transition.target, names)):
                 if end not in known:
                     raise ChartError(
                         f"chart {self.name!r}: the transition {arrow} names {end!r}, "
@@ -258,12 +256,6 @@ class Chart(Generic[Inputs, Memory]):
                 raise ChartError(
                     f"chart {self.name!r}: the final state {state.name!r} has a way out"
                 )
-
-
-def _leaves(transition: Transition[Inputs, Memory], state: State[Inputs, Memory]) -> bool:
-    if transition.source == ANY:
-        return state.outcome is None
-    return transition.source == state.name
 
 
 def _keeps(transition: Transition[Inputs, Memory], state: str) -> bool:

@@ -3,10 +3,11 @@
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Generic, NamedTuple
 
 from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, Context, LeafSystem, OutputPort
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from pydrake.systems.framework import State as DrakeState
 
 from chamfer.models.validation import ParameterError
@@ -19,6 +20,12 @@ class MachineOutput(Generic[Memory]):
 
     size: int
     read: Callable[[Memory], tuple[float, ...]]
+
+
+def _of_memory(
+    read: Callable[[Memory], tuple[float, ...]], snapshot: Snapshot[Memory]
+) -> tuple[float, ...]:
+    return read(snapshot.memory)
 
 
 class _Log(NamedTuple):
@@ -107,29 +114,23 @@ class StateMachine(LeafSystem, Generic[Inputs, Memory]):
         self.chart = chart
         self.period = period
         self._make_inputs = inputs
-        self._index = {name: float(i) for i, name in enumerate(chart.state_names)}
         self._input_ports = [
             (self.DeclareVectorInputPort(name, sizes[name]), name in optional) for name in fields
         ]
-        depends = {
-            self.abstract_state_ticket(
-                self.DeclareAbstractState(Value[object](_Content(chart.start(), None)))
-            )
-        }
-        self._output_ports: dict[str, OutputPort] = {
-            name: self.DeclareVectorOutputPort(
-                name, output.size, self._reader(output.read), depends
-            )
-            for name, output in outputs.items()
-        }
-        self._output_ports["state"] = self.DeclareVectorOutputPort(
-            "state",
-            1,
-            lambda context, vector: vector.SetAtIndex(
-                0, self._index[self.snapshot(context).state]
-            ),
-            depends,
-        )
+        held = self.DeclareAbstractState(Value[object](_Content(chart.start(), None)))
+        index = {name: float(i) for i, name in enumerate(chart.state_names)}
+
+        def declare(
+            name: str, size: int, read: Callable[[Snapshot[Memory]], tuple[float, ...]]
+        ) -> None:
+            def calc(context: Context, vector: BasicVector) -> None:
+                vector.SetFromVector(read(self.snapshot(context)))
+
+            self.DeclareVectorOutputPort(name, size, calc, {self.abstract_state_ticket(held)})
+
+        for name, output in outputs.items():
+            declare(name, output.size, partial(_of_memory, output.read))
+        declare("state", 1, lambda now: (index[now.state],))
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, offset, self._tick)
 
     def snapshot(self, context: Context) -> Snapshot[Memory]:
@@ -139,8 +140,7 @@ class StateMachine(LeafSystem, Generic[Inputs, Memory]):
 
     def transitions(self, context: Context) -> tuple[TransitionRecord, ...]:
         """Return every transition taken so far, oldest first."""
-        records = []
-        log = self._content(context).log
+        records, log = [], self._content(context).log
         while log is not None:
             records.append(log.record)
             log = log.earlier
@@ -149,14 +149,6 @@ class StateMachine(LeafSystem, Generic[Inputs, Memory]):
     def _content(self, context: Context) -> _Content:
         content: _Content = context.get_abstract_state(0).get_value()
         return content
-
-    def _reader(
-        self, read: Callable[[Memory], tuple[float, ...]]
-    ) -> Callable[[Context, BasicVector], None]:
-        def calc(context: Context, vector: BasicVector) -> None:
-            vector.SetFromVector(read(self._content(context).snapshot.memory))
-
-        return calc
 
     def _tick(self, context: Context, state: DrakeState) -> None:
         content = self._content(context)

@@ -1,8 +1,9 @@
 """The paths of segments, and how far along one is at a time: from rest to rest."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,105 +67,74 @@ Motion = tuple[Array, Array]  # position, m and rad, and velocity, m/s and rad/s
 # overlap where it is high enough to.
 _LIFT: Final = 0.4
 _ACROSS: Final = (0.2, 0.8)
+_NEEDED: Final[dict[float, tuple[str, ...]]] = {  # by kind: what has to be > 0
+    HOLD: ("acceleration",),
+    LINE: ("acceleration", "speed", "turn_speed"),
+    CIRCLE: ("acceleration", "speed", "turn_speed"),
+    SLEW: ("acceleration", "duration"),
+}
 
 
-class Path(Protocol):
+@dataclass(frozen=True)
+class Path:
     """A way from rest to rest."""
 
-    @property
-    def duration(self) -> float:
-        """S."""
-        ...
-
-    def at(self, time: float) -> Motion:
-        """Return position and velocity at a time, s; after the duration, those of the end."""
-        ...
+    duration: float  # s
+    at: Callable[[float], Motion]  # a time, s, behind the duration: the end
 
 
-@dataclass(frozen=True)
-class Stay:
-    """No motion."""
-
-    place: Array
-    duration: float = 0.0  # s
-
-    def at(self, time: float) -> Motion:
-        """See :class:`Path`."""
-        return self.place, np.zeros_like(self.place)
+def _stay(place: Array) -> Path:
+    return Path(0.0, lambda _: (place, np.zeros_like(place)))
 
 
-@dataclass(frozen=True)
-class Line:
-    """All coordinates in proportion."""
+def _line(start: Array, way: Array, profile: Trapezoid) -> Path:
+    """Move all coordinates in proportion."""
 
-    start: Array
-    way: Array
-    profile: Trapezoid
+    def at(time: float) -> Motion:
+        far, fast = profile.at(time)
+        return start + far * way, fast * way
 
-    @property
-    def duration(self) -> float:
-        """See :class:`Path`."""
-        return self.profile.duration
-
-    def at(self, time: float) -> Motion:
-        """See :class:`Path`."""
-        far, fast = self.profile.at(time)
-        return self.start + far * self.way, fast * self.way
+    return Path(profile.duration, at)
 
 
-@dataclass(frozen=True)
-class Circle:
-    """x and y about a vertical axis, the other coordinates in proportion."""
+def _circle(
+    start: Array, way: Array, centre: tuple[float, float], angle: float, profile: Trapezoid
+) -> Path:
+    """Turn x and y about a vertical axis; the other coordinates in proportion."""
 
-    start: Array
-    way: Array
-    centre: tuple[float, float]  # m
-    angle: float  # rad
-    profile: Trapezoid
-
-    @property
-    def duration(self) -> float:
-        """See :class:`Path`."""
-        return self.profile.duration
-
-    def at(self, time: float) -> Motion:
-        """See :class:`Path`."""
-        far, fast = self.profile.at(time)
-        position, velocity = self.start + far * self.way, fast * self.way
-        c, s = np.cos(far * self.angle), np.sin(far * self.angle)
-        across, along = self.start[:2] - self.centre
+    def at(time: float) -> Motion:
+        far, fast = profile.at(time)
+        position, velocity = start + far * way, fast * way
+        c, s = np.cos(far * angle), np.sin(far * angle)
+        across, along = start[:2] - centre
         x, y = c * across - s * along, s * across + c * along
-        position[:2] = self.centre[0] + x, self.centre[1] + y
-        velocity[:2] = -fast * self.angle * y, fast * self.angle * x
+        position[:2] = centre[0] + x, centre[1] + y
+        velocity[:2] = -fast * angle * y, fast * angle * x
         return position, velocity
 
+    return Path(profile.duration, at)
 
-@dataclass(frozen=True)
-class Slew:
-    """Up to a height, across, and down, quintic each and overlapping.
+
+def _slew(start: Array, way: Array, via: float, duration: float) -> Path:
+    """Go up to a height, across, and down, quintic each and overlapping.
 
     The acceleration is continuous, and 0 at the ends.
     """
+    begin, end = _ACROSS
+    rise, fall = via - start[2], start[2] + way[2] - via
 
-    start: Array
-    way: Array
-    via: float  # m
-    duration: float  # s
-
-    def at(self, time: float) -> Motion:
-        """See :class:`Path`."""
-        part = time / self.duration
-        begin, end = _ACROSS
+    def at(time: float) -> Motion:
+        part = time / duration
         far, fast = quintic((part - begin) / (end - begin))
-        position = self.start + far * self.way
-        velocity = fast / (end - begin) / self.duration * self.way
+        position = start + far * way
+        velocity = fast / (end - begin) / duration * way
         up, up_fast = quintic(part / _LIFT)
         down, down_fast = quintic((part - 1 + _LIFT) / _LIFT)
-        rise = self.via - self.start[2]
-        fall = self.start[2] + self.way[2] - self.via
-        position[2] = self.start[2] + up * rise + down * fall
-        velocity[2] = (up_fast * rise + down_fast * fall) / _LIFT / self.duration
+        position[2] = start[2] + up * rise + down * fall
+        velocity[2] = (up_fast * rise + down_fast * fall) / _LIFT / duration
         return position, velocity
+
+    return Path(duration, at)
 
 
 def path_of(segment: Segment, *, turn_acceleration: float) -> Path:
@@ -178,25 +148,24 @@ def path_of(segment: Segment, *, turn_acceleration: float) -> Path:
         ParameterError: If there is no such kind; or if the acceleration is not > 0, nor the speed
             of a line or circle, or the duration of a slew.
     """
-    if segment.kind not in (HOLD, LINE, CIRCLE, SLEW):
+    if segment.kind not in _NEEDED:
         allowed = f"{HOLD} (hold), {LINE} (line), {CIRCLE} (circle) or {SLEW} (slew)"
         raise ParameterError("kind", segment.kind, allowed)
-    _require_positive(segment, "acceleration")
+    for name in _NEEDED[segment.kind]:
+        if not getattr(segment, name) > 0:
+            raise ParameterError(name, getattr(segment, name), "a finite number > 0")
     start, goal = np.array(segment.start), np.array(segment.goal)
     way = goal - start
     if segment.kind == HOLD:
-        return Stay(goal)
+        return _stay(goal)
     if segment.kind == SLEW:
-        _require_positive(segment, "duration")
-        return Slew(start, way, segment.via_height, segment.duration)
-    _require_positive(segment, "speed")
-    _require_positive(segment, "turn_speed")
+        return _slew(start, way, segment.via_height, segment.duration)
     flat = float(np.linalg.norm(way[:2]))
     if segment.kind == CIRCLE:
         flat = float(np.linalg.norm(start[:2] - segment.centre[:2])) * abs(segment.turn)
     length, turn = float(np.hypot(flat, way[2])), float(np.max(np.abs(way[3:])))
     if length == turn == 0:
-        return Stay(goal)
+        return _stay(goal)
     # Each limit over what it limits; what does not move limits nothing.
     limits = [
         (v / size, a / size)
@@ -208,10 +177,5 @@ def path_of(segment: Segment, *, turn_acceleration: float) -> Path:
     ]
     profile = Trapezoid(speed=min(v for v, _ in limits), acceleration=min(a for _, a in limits))
     if segment.kind == CIRCLE:
-        return Circle(start, way, segment.centre[:2], segment.turn, profile)
-    return Line(start, way, profile)
-
-
-def _require_positive(segment: Segment, name: str) -> None:
-    if not getattr(segment, name) > 0:
-        raise ParameterError(name, getattr(segment, name), "a finite number > 0")
+        return _circle(start, way, segment.centre[:2], segment.turn, profile)
+    return _line(start, way, profile)

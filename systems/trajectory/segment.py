@@ -91,13 +91,5 @@ def circle(
         yaw + turn,
         *others,
     )
-    return Segment(
-        number,
-        CIRCLE,
-        start,
-        goal,
-        centre=centre,
-        turn=turn,
-        speed=speed,
-        acceleration=acceleration,
-    )
+    limits = {"speed": speed, "acceleration": acceleration}
+    return Segment(number, CIRCLE, start, goal, centre, turn, **limits)
