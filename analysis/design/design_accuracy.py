@@ -26,6 +26,7 @@ from chamfer.analysis.scenario.experiment import (
     Progress,
     Table,
     column,
+    measured,
     part_of,
 )
 from chamfer.diagrams.cell.work_cell import HoleKind
@@ -257,11 +258,8 @@ def accuracy(traces: Table) -> dict[str, Metric]:
     likely = simulated & (verdict == "likely")
     error = traces["share"][likely] - seated[likely] / trials[likely]
     note = f"predicted less simulated share seated, mean of {int(likely.sum())} designs"
-    metrics["likely.share_error"] = Metric(
-        value=100 * float(np.mean(error)) if likely.any() else None,
-        unit="%",
-        note=note if likely.any() else "no design is likely",
-    )
+    mean = 100 * float(np.mean(error)) if likely.any() else None
+    metrics["likely.share_error"] = measured(mean, "%", note=note, missing="no design is likely")
     return metrics
 
 

@@ -1,5 +1,6 @@
 """What an experiment is, and what running one returns."""
 
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -50,6 +51,13 @@ class Metric:
     value: float | None
     unit: str  # "" for a pure number
     note: str = ""
+
+
+def measured(value: float | None, unit: str, *, note: str = "", missing: str) -> Metric:
+    """Return a metric that is undefined, and says why, without a finite number."""
+    if value is None or not math.isfinite(value):
+        return Metric(value=None, unit=unit, note=missing)
+    return Metric(value=float(value), unit=unit, note=note)
 
 
 @dataclass(frozen=True, kw_only=True)

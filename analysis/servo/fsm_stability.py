@@ -16,8 +16,15 @@ from pydrake.systems.framework import Diagram
 from chamfer.analysis.drawing.figure_kit import Curve, ReferenceLine, draw_lines
 from chamfer.analysis.drawing.figure_style import FSM, PUBLISHED, Style, dress, legend, new_figure
 from chamfer.analysis.linear.to_control import to_control
-from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column, part_of
-from chamfer.analysis.servo.loop_margins import as_metrics, loop_margins
+from chamfer.analysis.scenario.experiment import (
+    Metric,
+    Outcome,
+    Progress,
+    column,
+    measured,
+    part_of,
+)
+from chamfer.analysis.servo.loop_margins import loop_margins
 from chamfer.analysis.servo.response_metrics import FINAL_PART
 from chamfer.analysis.servo.servo_response import run_loops
 from chamfer.diagrams.servo.compiled_loop import run_fsm_trials
@@ -134,7 +141,7 @@ def run(scenario: StabilityScenario, seed: int, progress: Progress) -> Outcome:
     progress(0.63, "criteria")
     metrics |= _criteria(loop, seed)
     pid = to_control(make_pid_loop(loop, "velocity"), input="controller PID::u0")
-    metrics |= as_metrics("pid", loop_margins(pid))
+    metrics |= loop_margins(pid).as_metrics("pid")
     for begin, end, rate in ((0.65, 0.7, 80), (0.7, 1.0, 1000)):
         metrics |= _velocity_search(loop, grid.settings, rate, seed, part_of(progress, begin, end))
     return Outcome(
@@ -181,9 +188,7 @@ def _map_metrics(cells: Mapping[str, Array]) -> dict[str, Metric]:
     moving, cycling = (verdict != SETTLES) & (verdict != UNFINISHED), verdict == CYCLES
 
     def least(which: NDArray[np.bool_]) -> Metric:
-        found = share[which]
-        note = "" if len(found) else "none on the grid"
-        return Metric(value=float(found.min()) if len(found) else None, unit="", note=note)
+        return measured(share[which].min(initial=math.inf), "", missing="none on the grid")
 
     return {
         "map.cells": Metric(value=len(verdict), unit=""),
@@ -225,18 +230,18 @@ def _limit_cycles(scenario: StepScenario, seed: int) -> dict[str, Array]:
 def _cycle_metrics(cycles: Mapping[str, Array]) -> dict[str, Metric]:
     def first(name: str) -> Metric:
         found = cycles["share"][np.isfinite(cycles[name])]
-        note = "" if len(found) else "none up to the largest increment tried"
-        return Metric(value=float(found[0]) if len(found) else None, unit="", note=note)
+        none = "none up to the largest increment tried"
+        return measured(found[0] if len(found) else None, "", missing=none)
 
     both = np.isfinite(cycles["predicted_frequency"]) & np.isfinite(cycles["measured_frequency"])
     off = np.abs(cycles["predicted_frequency"] / cycles["measured_frequency"] - 1)[both]
     return {
         "describing_function.first_cycle": first("predicted_frequency"),
         "limit_cycle.first_cycle": first("measured_frequency"),
-        "describing_function.frequency_error": Metric(
-            value=100 * float(off.max()) if len(off) else None,
-            unit="%",
-            note="" if len(off) else "no limit cycle is both predicted and simulated",
+        "describing_function.frequency_error": measured(
+            100 * float(off.max(initial=-math.inf)),
+            "%",
+            missing="no limit cycle is both predicted and simulated",
         ),
     }
 
@@ -246,12 +251,10 @@ def _criteria(scenario: StepScenario, seed: int) -> dict[str, Metric]:
     metrics = {}
     for name, accumulated in (("increment", False), ("compensation", True)):
         properties = tarraf_properties(axis_machine(axis, accumulated=accumulated))
-        finite = math.isfinite(properties.gain)
         metrics[f"{name}.tarraf_properties"] = Metric(value=properties.count, unit="")
-        metrics[f"{name}.gain"] = Metric(
-            value=properties.gain if finite else None,
-            unit="1/m",
-            note="in small increments per m of error" if finite else "no finite gain",
+        note = "in small increments per m of error"
+        metrics[f"{name}.gain"] = measured(
+            properties.gain, "1/m", note=note, missing="no finite gain"
         )
     sinusoid = resolve(SinusoidScenario(**vars(scenario) | {"desired": Sinusoid()}))
     every = round(sinusoid.fsm.period / sinusoid.step)

@@ -2,23 +2,30 @@
 
 import math
 import warnings
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import control
 import numpy as np
 
-from chamfer.analysis.scenario.experiment import Metric
+from chamfer.analysis.scenario.experiment import Metric, measured
 
 
-@dataclass(frozen=True)
-class Margins:
+class Margins(NamedTuple):
     """Stability margins; infinite where there is no crossover."""
 
-    gain: float  # factor
-    phase: float  # degrees
-    delay: float  # s, of more dead time that makes it unstable
+    gain_margin: float  # factor
+    phase_margin: float  # degrees
+    delay_margin: float  # s, of more dead time that makes it unstable
     crossover: float  # rad/s, of the gain
     sensitivity_peak: float  # largest |1/(1 + L)|
+
+    def as_metrics(self, prefix: str) -> dict[str, Metric]:
+        """Return the margins as metrics named ``<prefix>.<name>``."""
+        units = ("", "deg", "s", "rad/s", "")
+        return {
+            f"{prefix}.{name}": measured(value, unit, missing="infinite")
+            for name, value, unit in zip(self._fields, self, units, strict=True)
+        }
 
 
 def loop_margins(loop: "control.StateSpace") -> Margins:
@@ -34,27 +41,9 @@ def loop_margins(loop: "control.StateSpace") -> Margins:
     delays = np.radians(phases) / crossovers
     response = loop(np.exp(1j * frequencies * loop.dt) if loop.dt else 1j * frequencies)
     return Margins(
-        gain=float(gain),
-        phase=float(phase),
-        delay=float(delays.min()) if len(delays) else math.inf,
+        gain_margin=float(gain),
+        phase_margin=float(phase),
+        delay_margin=float(delays.min()) if len(delays) else math.inf,
         crossover=float(crossover),
         sensitivity_peak=float(np.abs(1 / (1 + response)).max()),
     )
-
-
-def as_metrics(prefix: str, margins: Margins) -> dict[str, Metric]:
-    """Return the margins as metrics named ``<prefix>.<name>``."""
-
-    def metric(value: float, unit: str) -> Metric:
-        finite = math.isfinite(value)
-        return Metric(
-            value=value if finite else None, unit=unit, note="" if finite else "infinite"
-        )
-
-    return {
-        f"{prefix}.gain_margin": metric(margins.gain, ""),
-        f"{prefix}.phase_margin": metric(margins.phase, "deg"),
-        f"{prefix}.delay_margin": metric(margins.delay, "s"),
-        f"{prefix}.crossover": metric(margins.crossover, "rad/s"),
-        f"{prefix}.sensitivity_peak": metric(margins.sensitivity_peak, ""),
-    }

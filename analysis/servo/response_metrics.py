@@ -5,8 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.analysis.scenario.experiment import Metric
+from chamfer.analysis.scenario.experiment import Metric, measured
 from chamfer.models.validation import ParameterError
+
+Array = NDArray[np.float64]
 
 FINAL_PART = 0.2  # of the run: the final value is the mean over its end
 
@@ -26,23 +28,21 @@ class StepMetrics:
     def as_metrics(self, prefix: str, unit: str) -> dict[str, Metric]:
         """Return the values as metrics named ``<prefix>.<name>``."""
         never = "the response does not cross or stay within the levels during the run"
-        fields = {
-            "rise_time": (self.rise_time, "s"),
-            "overshoot": (self.overshoot, "%"),
-            "settling_time": (self.settling_time, "s"),
-            "steady_state_error": (self.steady_state_error, unit),
-            "error_max": (self.error_max, unit),
-            "ripple": (self.ripple, "%"),
+        units = {
+            "rise_time": "s",
+            "overshoot": "%",
+            "settling_time": "s",
+            "steady_state_error": unit,
+            "error_max": unit,
+            "ripple": "%",
         }
         return {
-            f"{prefix}.{name}": Metric(value=value, unit=unit, note=never if value is None else "")
-            for name, (value, unit) in fields.items()
+            f"{prefix}.{name}": measured(getattr(self, name), of, missing=never)
+            for name, of in units.items()
         }
 
 
-def step_metrics(
-    time: NDArray[np.float64], response: NDArray[np.float64], reference: float
-) -> StepMetrics:
+def step_metrics(time: Array, response: Array, reference: float) -> StepMetrics:
     """Measure a response to a step at the first of the times.
 
     Crossings are interpolated between samples.
@@ -56,8 +56,7 @@ def step_metrics(
     end = response[time >= start]
     final = float(end.mean())
     scaled = response / final if final != 0 else np.full_like(response, np.nan)
-    rising = [_first_crossing(time, scaled, level) for level in (0.1, 0.9)]
-    low, high = rising
+    low, high = (_first_crossing(time, scaled, level) for level in (0.1, 0.9))
     return StepMetrics(
         final=final,
         rise_time=None if low is None or high is None else high - low,
@@ -69,9 +68,7 @@ def step_metrics(
     )
 
 
-def _first_crossing(
-    time: NDArray[np.float64], scaled: NDArray[np.float64], level: float
-) -> float | None:
+def _first_crossing(time: Array, scaled: Array, level: float) -> float | None:
     above = np.flatnonzero(scaled >= level)
     if len(above) == 0:
         return None
@@ -82,9 +79,7 @@ def _first_crossing(
     return float(time[i - 1] + part * (time[i] - time[i - 1]))
 
 
-def _settling_time(
-    time: NDArray[np.float64], scaled: NDArray[np.float64], *, band: float
-) -> float | None:
+def _settling_time(time: Array, scaled: Array, *, band: float) -> float | None:
     distance = np.abs(scaled - 1.0)
     outside = np.flatnonzero(~(distance <= band))
     if len(outside) == 0:
@@ -109,19 +104,17 @@ class TrackingMetrics:
 
     def as_metrics(self, prefix: str, unit: str) -> dict[str, Metric]:
         """Return the values as metrics named ``<prefix>.<name>``."""
+        units = {"amplitude_ratio": "", "phase_lag": "deg"}
         return {
-            f"{prefix}.amplitude_ratio": Metric(value=self.amplitude_ratio, unit=""),
-            f"{prefix}.phase_lag": Metric(value=self.phase_lag, unit="deg"),
-            f"{prefix}.error_rms": Metric(value=self.error_rms, unit=unit),
-            f"{prefix}.error_max": Metric(value=self.error_max, unit=unit),
-            f"{prefix}.transient_error_rms": Metric(value=self.transient_error_rms, unit=unit),
+            f"{prefix}.{name}": Metric(value=value, unit=units.get(name, unit))
+            for name, value in vars(self).items()
         }
 
 
 def tracking_metrics(
-    time: NDArray[np.float64],
-    desired: NDArray[np.float64],
-    response: NDArray[np.float64],
+    time: Array,
+    desired: Array,
+    response: Array,
     *,
     frequency: float,
     transient: float,
@@ -158,5 +151,5 @@ def tracking_metrics(
     )
 
 
-def _rms(values: NDArray[np.float64]) -> float:
+def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))

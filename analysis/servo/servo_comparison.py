@@ -34,8 +34,8 @@ from chamfer.analysis.drawing.figure_kit import (
 from chamfer.analysis.drawing.figure_style import LOOPS, dress, legend, new_figure
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.linear.to_control import to_control
-from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column
-from chamfer.analysis.servo.loop_margins import as_metrics, loop_margins
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column, measured
+from chamfer.analysis.servo.loop_margins import loop_margins
 from chamfer.diagrams.servo.comparison_loop import (
     ComparedLoopScenario,
     ControllerKind,
@@ -331,7 +331,7 @@ def design_metrics(scenario: ResolvedServoComparisonScenario) -> dict[str, Metri
         at=scenario.duration,
         period=period,
     )
-    metrics |= as_metrics("pid", loop_margins(loop))
+    metrics |= loop_margins(loop).as_metrics("pid")
     if (found := scenario.plant.identified) is not None:
         for name, unit, deviation in zip(
             ("gain", "lag", "ratio", "dead_time"),
@@ -386,13 +386,9 @@ def _statistics(trials: Trials[int], name: str) -> dict[str, Metric]:
             continue
         span = f"mean of {len(values)} trials, {values.min():.3g} to {values.max():.3g}"
         metrics[criterion] = Metric(value=float(values.mean()), unit=unit, note=span)
-        low, high = bootstrap_interval(values)
-        for end, value in (("low", low), ("high", high)):
-            metrics[f"{criterion}.{end}"] = Metric(
-                value=value if np.isfinite(value) else None,
-                unit=unit,
-                note="95 % interval of the mean, bootstrap",
-            )
+        note = "95 % interval of the mean, bootstrap"
+        for end, value in zip(("low", "high"), bootstrap_interval(values), strict=True):
+            metrics[f"{criterion}.{end}"] = measured(value, unit, note=note, missing=note)
     settled = np.isfinite(trials.column(f"{name}.settling_time"))
     return metrics | rate(
         "settled", int(settled.sum()), len(trials), f"within the tolerance, of {len(trials)}"

@@ -162,15 +162,12 @@ class ResolvedServoScenario(ServoScenario):
 
 def settling_plant(scenario: ServoScenario, form: Form) -> SettlingPlant:
     """Return the FSM's plant, with the camera's latency, as the settling theorem sees it."""
-    try:
-        return sample_plant(
-            make_spring_mass_damper(scenario.plant, form),
-            scenario.fsm.period,
-            delay_samples=scenario.measurement.delay_samples,
-        )
-    except ParameterError as error:
-        name = "fsm.period" if error.name == "period" else f"the plant's {error.name}"
-        raise ParameterError(name, error.value, error.allowed) from error
+    return sample_plant(
+        make_spring_mass_damper(scenario.plant, form),
+        scenario.fsm.period,
+        delay_samples=scenario.measurement.delay_samples,
+        owner="fsm.",
+    )
 
 
 def fsm_axis(scenario: ServoScenario, form: Form) -> AxisParams:

@@ -8,7 +8,7 @@ What guards and actions compute is :mod:`chamfer.systems.servo.compensation_law`
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -131,6 +131,7 @@ class CompensatorMemory(NamedTuple):
 
 AxisChart = Chart[float, AxisMemory]
 CompensatorChart = Chart[CompensatorInputs, CompensatorMemory]
+CompensatorTick = Tick[CompensatorInputs, CompensatorMemory]
 
 
 _CLASSES = {  # of Fig. 4, each a state
@@ -190,9 +191,7 @@ def make_compensator_chart(params: CompensatorParams) -> CompensatorChart:
     charts = [make_axis_chart(axis) for axis in params.axes]
     dead_zones = [axis.dead_zone for axis in params.axes]
 
-    def desired(
-        tick: Tick[CompensatorInputs, CompensatorMemory],
-    ) -> tuple[float, ...]:
+    def desired(tick: CompensatorTick) -> tuple[float, ...]:
         goal = tick.inputs.desired_trajectory
         if goal is None:
             return tick.memory.desired
@@ -202,59 +201,42 @@ def make_compensator_chart(params: CompensatorParams) -> CompensatorChart:
             )
         return goal
 
-    def keep() -> Callable[[Tick[CompensatorInputs, CompensatorMemory]], CompensatorMemory]:
-        """Make an action of its own that leaves the compensation as it is."""
-        return lambda tick: CompensatorMemory(
-            tuple(
-                axis._replace(memory=AxisMemory(axis.memory.compensation, 0.0))
-                for axis in tick.memory.axes
-            ),
-            desired(tick),
-        )
+    def still(axis: Snapshot[AxisMemory]) -> AxisMemory:
+        return AxisMemory(axis.memory.compensation, 0.0)
 
-    def align(tick: Tick[CompensatorInputs, CompensatorMemory]) -> CompensatorMemory:
-        return CompensatorMemory(
-            tuple(
-                Snapshot("aligned", tick.time, AxisMemory(axis.memory.compensation, 0.0), True)
-                for axis in tick.memory.axes
-            ),
-            desired(tick),
-        )
+    def keep(tick: CompensatorTick) -> CompensatorMemory:
+        axes = [axis._replace(memory=still(axis)) for axis in tick.memory.axes]
+        return CompensatorMemory(tuple(axes), desired(tick))
 
-    def modify(tick: Tick[CompensatorInputs, CompensatorMemory]) -> CompensatorMemory:
-        return CompensatorMemory(
-            tuple(
-                chart.step(axis, error, tick.time)[0]
-                for chart, axis, error in zip(
-                    charts, tick.memory.axes, tick.inputs.error, strict=True
-                )
-            ),
-            desired(tick),
-        )
+    def align(tick: CompensatorTick) -> CompensatorMemory:
+        axes = [Snapshot("aligned", tick.time, still(axis), True) for axis in tick.memory.axes]
+        return CompensatorMemory(tuple(axes), desired(tick))
 
-    def invalid(tick: Tick[CompensatorInputs, CompensatorMemory]) -> bool:
+    def modify(tick: CompensatorTick) -> CompensatorMemory:
+        fed = zip(charts, tick.memory.axes, tick.inputs.error, strict=True)
+        axes = [chart.step(axis, error, tick.time)[0] for chart, axis, error in fed]
+        return CompensatorMemory(tuple(axes), desired(tick))
+
+    def invalid(tick: CompensatorTick) -> bool:
         valid = tick.inputs.valid
         return (valid is not None and not valid[0] >= 0.5) or not all(
             map(is_measured, tick.inputs.error)
         )
 
-    def outside(tick: Tick[CompensatorInputs, CompensatorMemory]) -> bool:
-        return any(
-            abs(error) >= dead_zone
-            for error, dead_zone in zip(tick.inputs.error, dead_zones, strict=True)
-        )
+    def sizes(tick: CompensatorTick) -> Iterable[tuple[float, float]]:
+        return zip(map(abs, tick.inputs.error), dead_zones, strict=True)
 
-    def inside(tick: Tick[CompensatorInputs, CompensatorMemory]) -> bool:
-        return all(
-            abs(error) < dead_zone
-            for error, dead_zone in zip(tick.inputs.error, dead_zones, strict=True)
-        )
+    def outside(tick: CompensatorTick) -> bool:
+        return any(size >= dead_zone for size, dead_zone in sizes(tick))
+
+    def inside(tick: CompensatorTick) -> bool:
+        return all(size < dead_zone for size, dead_zone in sizes(tick))
 
     states: list[State[CompensatorInputs, CompensatorMemory]] = [
         State(name="next_desired_position"),
         State(name="aligned", during=align),
         State(name="modify_compensation", during=modify),
-        State(name="hold", during=keep()),
+        State(name="hold", during=keep),
     ]
     transitions: list[Transition[CompensatorInputs, CompensatorMemory]] = [
         Transition(source=ANY, target="hold", label="no valid measurement", guard=invalid),
@@ -272,7 +254,10 @@ def make_compensator_chart(params: CompensatorParams) -> CompensatorChart:
         ),
     ]
     if math.isfinite(params.end_time):
-        states.append(State(name="trajectory_ended", entry=keep(), outcome="done"))
+        # An action of its own, so that what belongs to one state alone can be told.
+        states.append(
+            State(name="trajectory_ended", entry=lambda tick: keep(tick), outcome="done")
+        )
         transitions.insert(
             0,
             Transition(

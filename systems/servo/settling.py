@@ -93,7 +93,12 @@ def _tail(values: Array) -> Array:
 
 
 def sample_plant(
-    plant: LinearSystem, period: float, *, delay_samples: int = 0, dead_time: float = 0.0
+    plant: LinearSystem,
+    period: float,
+    *,
+    delay_samples: int = 0,
+    dead_time: float = 0.0,
+    owner: str = "",
 ) -> SettlingPlant:
     """Return what the settling theorem needs to know of a continuous plant.
 
@@ -102,26 +107,29 @@ def sample_plant(
         period: s, the compensator's.
         delay_samples: Dead time of the loop, for instance the camera's latency.
         dead_time: s, further dead time, of the plant.
+        owner: What a refusal names before the period, "fsm.".
 
     Raises:
         ParameterError: If the plant is not asymptotically stable, has no DC gain, or settles too
             slowly to be sampled at this period.
     """
     if np.any(plant.D()):
-        raise ParameterError("feed-through", plant.D().tolist(), "zero")
+        raise ParameterError("the plant's feed-through", plant.D().tolist(), "zero")
     eigenvalues = np.linalg.eigvals(plant.A())
     slowest = float(eigenvalues.real.max())
     if not slowest < 0:
-        raise ParameterError("slowest pole", slowest, "a real part < 0")
+        raise ParameterError("the plant's slowest pole", slowest, "a real part < 0")
     rest = np.linalg.solve(plant.A(), -plant.B())
     gain = float((plant.C() @ rest)[0, 0])
     if not gain > 0:
-        raise ParameterError("DC gain", gain, "a finite number > 0, the theorem needs one")
+        raise ParameterError(
+            "the plant's DC gain", gain, "a finite number > 0, the theorem needs one"
+        )
     sampled = DiscreteTimeApproximation(plant, period)
     count = 2.0 + math.log(_NEGLIGIBLE) / (slowest * period)
     if count > _LONGEST:
         raise ParameterError(
-            "period",
+            f"{owner}period",
             period,
             f"at least {period * count / _LONGEST:g} s, the plant's slowest pole is "
             f"{slowest:g} 1/s",

@@ -9,7 +9,6 @@ from chamfer.analysis.design.design_accuracy import (
     DrawnDesignsScenario,
     accuracy,
     insert_once,
-    plot_accuracy,
     run,
 )
 from chamfer.analysis.report.fingerprint import digest
@@ -71,18 +70,6 @@ def test_what_nobody_was_called_is_undefined(traces: Table) -> None:
     assert metrics["certain.seated"].value is None
     assert metrics["certain.seated.low"].value is None
     assert "there are none" in metrics["no.seated"].note
-
-
-def test_figure_has_the_table_and_every_simulated_design(traces: Table) -> None:
-    figure = plot_accuracy(traces, accuracy(traces))
-    figure.draw_without_rendering()
-    table, margin, share = figure.axes
-    assert sorted(text.get_text() for text in table.texts) == sorted("110111010")
-    for axes in (margin, share):
-        points = [
-            line.get_xdata() for line in axes.get_lines() if line.get_marker() in ("o", "s", "X")
-        ]
-        assert sum(map(len, points)) == 6
 
 
 def test_no_two_designs_share_the_errors_of_their_insertions(

@@ -36,7 +36,25 @@ def canned(
         at_most("settling", float("inf"), 8.0, "s", "theorem"),
         at_least("torque", 20.0, 5.0, "N m", "arm"),
     )
-    friction = given.parts.friction
+    change = Change(
+        path="parts.friction",
+        unit="",
+        value=given.parts.friction,
+        sensitivity=-0.1,
+        to=None,
+        meaning="between peg and hole",
+    )
+    verified = Verified(
+        trials=trials - 1,
+        seated=0,
+        success=0.0,
+        low=0.0,
+        high=0.3,
+        failed_trials=1,
+        endings={"not over after 60 s, in align": trials - 1},
+        largest_force=0.0,
+        warning="",
+    )
     return Answer(
         scenario=resolve_design(given),
         seed=seed,
@@ -49,31 +67,8 @@ def canned(
             share_high=0.02,
             draws=given.draws,
         ),
-        changes=None
-        if not what_to_change
-        else (
-            Change(
-                path="parts.friction",
-                unit="",
-                value=friction,
-                sensitivity=-0.1,
-                to=None,
-                meaning="between peg and hole",
-            ),
-        ),
-        verified=None
-        if not trials
-        else Verified(
-            trials=trials - 1,
-            seated=0,
-            success=0.0,
-            low=0.0,
-            high=0.3,
-            failed_trials=1,
-            endings={"not over after 60 s, in align": trials - 1},
-            largest_force=0.0,
-            warning="",
-        ),
+        changes=(change,) if what_to_change else None,
+        verified=verified if trials else None,
     )
 
 
