@@ -6,7 +6,6 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from chamfer.analysis.calibration.board import (
     Board,
@@ -176,22 +175,6 @@ def test_a_charuco_board_is_drawn_as_opencv_draws_it() -> None:
     )
     image = draw_board(board, camera, CLEAN, np.random.default_rng(0))
     np.testing.assert_array_equal(image > 125, board.drawing.generateImage((400, 300)) > 125)
-
-
-def test_distortion_bends_the_drawing_as_opencv_does(
-    camera: Camera, board: Chessboard, place: Callable[..., list[Camera]]
-) -> None:
-    for there in place(3):
-        image = draw_board(board, there, CLEAN, np.random.default_rng(0))
-        R_CB = there.R_WC.T
-        expected, _ = cv2.projectPoints(
-            np.column_stack([board.points, np.zeros(54)]),
-            Rotation.from_matrix(R_CB).as_rotvec(),
-            -R_CB @ there.p_WC,
-            there.matrix,
-            np.array(there.distortion),
-        )
-        np.testing.assert_allclose(board.find(image).pixels, expected[:, 0], atol=0.1)
 
 
 def test_noise_and_blur_are_drawn(board: Chessboard, place: Callable[..., list[Camera]]) -> None:

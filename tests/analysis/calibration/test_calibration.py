@@ -126,20 +126,6 @@ def test_a_camera_in_the_world_by_a_picture_of_its_own(place: Place, look: Look)
     assert np.abs(off).max() < 4
 
 
-def test_what_is_said_of_pictures(place: Place, look: Look) -> None:
-    seen = look(place(4))
-    seen.insert(1, Seen(name="none.png", reason="the board is not found"))
-    found = calibrate([seen], [SIZE])
-    (pictures,) = found.pictures
-    assert [picture.name for picture in pictures][:2] == ["picture0.png", "none.png"]
-    assert pictures[1].left_out == "the board is not found"
-    assert pictures[1].error is None
-    errors = [picture.error for picture in pictures if picture.error is not None]
-    rms = float(np.sqrt(np.mean(np.square(errors))))
-    assert found.cameras.left.reprojection_error == pytest.approx(rms)
-    assert found.cameras.right is None
-
-
 def test_each_corner_has_an_arrow_and_each_picture_a_bar(place: Place, look: Look) -> None:
     seen = [*look(place(5)), Seen(name="a$b.png", reason="the board is not found")]
     found = calibrate([seen], [SIZE])

@@ -27,9 +27,8 @@ from chamfer.models.cameras.camera import Camera
 
 SIZE = (640, 480)
 
-
-def truth(camera: Camera) -> np.ndarray:
-    return np.array([*camera.focal, *camera.centre, *camera.distortion])
+Place = Callable[..., list[Camera]]
+Look = Callable[..., list[Seen]]
 
 
 def seen_by(sights: Sequence[BoardView]) -> tuple[list[np.ndarray], list[np.ndarray]]:
@@ -48,15 +47,6 @@ def photographed(photographs: Path, board: Chessboard) -> list[Seen]:
         assert image is not None
         seen.append(Seen(name=path.name, corners=board.find(image.astype(np.uint8))))
     return seen
-
-
-def test_exact_corners_give_the_camera_exactly(
-    camera: Camera, place: Callable[..., list[Camera]], look: Callable[..., list[Seen]]
-) -> None:
-    fit = fit_camera(look(place(8), noise=0.0), SIZE)
-    found, deviations = fit.adjustment.intrinsic(0)
-    np.testing.assert_allclose(found, truth(camera), rtol=1e-6, atol=1e-6)
-    assert deviations.max() < 1e-4
 
 
 def test_one_camera_is_what_opencv_finds_of_the_photographs(photographed: list[Seen]) -> None:
@@ -91,9 +81,7 @@ def test_the_jackknife_is_what_leaving_out_pictures_changes(photographed: list[S
     np.testing.assert_allclose(fit.adjustment.intrinsic(0)[1], jackknife)
 
 
-def test_derivatives_of_two_cameras(
-    place: Callable[..., list[Camera]], look: Callable[..., list[Seen]]
-) -> None:
+def test_derivatives_of_two_cameras(place: Place, look: Look) -> None:
     """The normal equations' slope is that of the sum of squares."""
     fit = fit_camera(look(place(3)), SIZE)
     parameters = fit.adjustment.parameters
@@ -114,9 +102,7 @@ def test_derivatives_of_two_cameras(
     np.testing.assert_allclose(slope, numeric, rtol=1e-4, atol=1e-6 * np.abs(slope).max())
 
 
-def test_corners_that_tell_nothing_are_refused(
-    place: Callable[..., list[Camera]], look: Callable[..., list[Seen]]
-) -> None:
+def test_corners_that_tell_nothing_are_refused(place: Place, look: Look) -> None:
     fit = fit_camera(look(place(3)), SIZE)
     start = fit.adjustment.parameters[:15]
     with pytest.raises(np.linalg.LinAlgError):
@@ -127,9 +113,6 @@ X_LR = np.eye(4)
 X_LR[:3, :3] = Rotation.from_rotvec([0.02, -0.15, 0.03]).as_matrix()
 X_LR[:3, 3] = [0.1, 0.005, 0.01]
 NOT_FOUND = "the board is not found"
-
-Place = Callable[..., list[Camera]]
-Look = Callable[..., list[Seen]]
 
 
 def moved(one: Seen, shift: float) -> Seen:
@@ -169,16 +152,6 @@ def test_a_picture_that_fits_badly_is_left_out(place: Place, look: Look) -> None
     assert fit.left_out[0, 4].startswith("an outlier: its error of ")
     assert fit.left_out[0, 4].endswith(" is more than 3 times the median, 0.068")
     assert len(fit.owners) == 8
-
-
-def test_too_few_pictures(place: Place, look: Look) -> None:
-    seen = [*look(place(2)), Seen(name="a.png", reason=NOT_FOUND)]
-    with pytest.raises(UserError) as raised:
-        fit_camera(seen, SIZE, whose="left camera: ")
-    assert str(raised.value) == (
-        "left camera: 2 of 3 pictures show the board (a.png: the board is not found), "
-        "allowed: at least 3"
-    )
 
 
 @pytest.mark.parametrize("tilt", [0.0, 1e-4, 0.01])

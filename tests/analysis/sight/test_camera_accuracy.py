@@ -265,12 +265,6 @@ def test_the_cameras_are_those_of_the_work_cell() -> None:
     assert SCENARIO.cameras.noise == cell.cameras.frames.noise
 
 
-def test_both_views_have_noise_of_their_own() -> None:
-    _, images = camera_accuracy._trial(SCENARIO, 0, CASES["wide"], 0)
-    noise = [images[v]["noisy"][:20].astype(int) - images[v]["clean"][:20] for v in VIEWS]
-    assert abs(np.corrcoef(noise[0].ravel(), noise[1].ravel())[0, 1]) < 0.05
-
-
 def panels(outcome: Outcome) -> dict[str, Axes]:
     figure = CAMERA_ACCURACY.plot(SCENARIO, outcome)["camera-accuracy"]
     return {axes.get_title(loc="left"): axes for axes in figure.axes}

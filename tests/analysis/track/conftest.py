@@ -1,6 +1,8 @@
 """Pictures of the parts, and a camera that shows them in place of a real one."""
 
+import csv
 import importlib.util
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -79,6 +81,23 @@ def save(path: Path, gap: float | None, size: tuple[int, int] = (320, 240)) -> N
         peg, hole = RigidTransform([-gap, 0.001, 0]), RigidTransform([0.01, 0, 0])
         image = render(PARTS, CameraPlacement().camera, peg, hole)
     assert cv2.imwrite(str(path), cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+
+
+@pytest.fixture
+def picture() -> Callable[[Path, float], None]:
+    """Saves a frame with a gap between the parts, m."""
+    return save
+
+
+@pytest.fixture
+def rows() -> Callable[[Path], list[dict[str, str]]]:
+    """The lines of a run's table."""
+
+    def read(out: Path) -> list[dict[str, str]]:
+        with (out / "track" / "detections.csv").open(encoding="utf-8", newline="") as file:
+            return list(csv.DictReader(file))
+
+    return read
 
 
 @pytest.fixture

@@ -75,19 +75,7 @@ def test_what_each_status_draws(status: Status) -> None:
         assert len(columns) == 640
         assert (len(rows) > 5) == (status == Status.VALID)
     assert len(ink(sheet, PEG_COLOUR, slice(480, None))) > 50  # the words in the panel
-
-
-def test_every_status_has_its_words() -> None:
-    assert set(REASONS) == set(Status)
-    assert len(set(REASONS.values())) == len(Status)
-    for status, words in REASONS.items():
-        assert words.startswith("lost: ") == status.lost
-
-
-def test_panel_is_below_the_picture_and_leaves_it_alone() -> None:
-    image = np.random.default_rng(0).integers(0, 256, (240, 320, 3), dtype=np.uint8)
-    sheet = draw(SeenParts(image, NOTHING, NOTHING), CAPTION)
-    np.testing.assert_array_equal(sheet[:480], image.repeat(2, axis=0).repeat(2, axis=1))
+    assert REASONS[status].startswith("lost: ") == status.lost
 
 
 def test_the_scale_is_a_whole_number_of_pixels_where_it_can_be() -> None:

@@ -1,6 +1,5 @@
 """A live camera: frames as they come, and every way in which it ends."""
 
-import csv
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -18,10 +17,7 @@ from chamfer.analysis.track.frame_source import CameraError, LiveCamera, device_
 
 DEVICE = Path("/dev/null")
 
-
-def rows(out: Path) -> list[dict[str, str]]:
-    with (out / "track" / "detections.csv").open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+Rows = Callable[[Path], list[dict[str, str]]]
 
 
 # Frames and their times
@@ -30,7 +26,10 @@ def rows(out: Path) -> list[dict[str, str]]:
 @pytest.mark.parametrize("stamps", [True, False])
 def test_frames_have_the_times_at_which_they_were_taken(camera: ModuleType, stamps: bool) -> None:
     camera.STAMPS, camera.COUNT = stamps, 6
-    with LiveCamera(DEVICE) as live:
+    with LiveCamera(DEVICE, (640, 480)) as live:
+        asked = {cv2.CAP_PROP_FRAME_WIDTH: 640, cv2.CAP_PROP_FRAME_HEIGHT: 480}
+        assert live._capture.asked == asked
+        assert live.rate == pytest.approx(50)
         frames = live.frames()
         first = next(frames)
         time.sleep(0.1)  # while it waits its frames are kept, and their times do not change
@@ -50,15 +49,6 @@ def test_what_comes_too_fast_is_counted(camera: ModuleType) -> None:
         next(frames)
         time.sleep(0.1)
         assert live.missed > 10
-
-
-def test_a_size_is_asked_for(camera: ModuleType) -> None:
-    with LiveCamera(DEVICE, (640, 480)) as live:
-        assert live._capture.asked == {
-            cv2.CAP_PROP_FRAME_WIDTH: 640,
-            cv2.CAP_PROP_FRAME_HEIGHT: 480,
-        }
-        assert live.rate == pytest.approx(50)
 
 
 def test_a_stop_is_heard_while_it_waits(camera: ModuleType) -> None:
@@ -102,7 +92,7 @@ def test_devices_that_are_none(tmp_path: Path) -> None:
 
 
 def test_a_number_of_frames(
-    camera: ModuleType, out: Path, capsys: pytest.CaptureFixture[str]
+    rows: Rows, camera: ModuleType, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["track", "--device", "/dev/null", "--out", str(out)]
     assert main([*arguments, "--frames", "5", "--save-frames"]) == 0
@@ -140,6 +130,7 @@ def test_a_camera_is_asked_for_its_models_size(
 
 
 def test_ctrl_c_ends_it_as_it_is_meant_to_end(
+    rows: Rows,
     camera: ModuleType,
     out: Path,
     capsys: pytest.CaptureFixture[str],
@@ -159,6 +150,7 @@ def test_ctrl_c_ends_it_as_it_is_meant_to_end(
 
 
 def test_a_camera_that_stops_keeps_what_was_found(
+    rows: Rows,
     camera: ModuleType,
     out: Path,
     capsys: pytest.CaptureFixture[str],

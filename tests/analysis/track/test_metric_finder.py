@@ -1,8 +1,7 @@
 """Two calibrated cameras: parts in space, against where they were drawn."""
 
-import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -41,6 +40,8 @@ LEFT, STRAIGHT = (
 )
 R_WR = STRAIGHT.R_WC @ Rotation.from_rotvec([0.05, 0.02, 0]).as_matrix()
 RIGHT = STRAIGHT.placed(R_WR, [0.005, 0.002, 0.01] - 0.5 * R_WR[:, 2])
+
+Rows = Callable[[Path], list[dict[str, str]]]
 
 
 def poses(k: int) -> tuple[RigidTransform, RigidTransform]:
@@ -94,17 +95,12 @@ def recorded(tmp_path: Path) -> tuple[str, ...]:
     return ("track", str(left), "--right", str(right), "--camera-model", str(file))
 
 
-def rows(out: Path) -> list[dict[str, str]]:
-    with (out / "track" / "detections.csv").open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
-
-
 def vector(row: dict[str, str], names: Sequence[str]) -> np.ndarray:
     return np.array([float(row[name]) for name in names])
 
 
 def test_tips_axes_and_error_in_the_left_cameras_frame(
-    recorded: tuple[str, ...], out: Path, capsys: pytest.CaptureFixture[str]
+    rows: Rows, recorded: tuple[str, ...], out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main([*recorded, "--out", str(out)]) == 0
     printed = capsys.readouterr()
@@ -132,7 +128,7 @@ def test_tips_axes_and_error_in_the_left_cameras_frame(
 
 
 def test_pixels_are_those_of_a_camera_without_distortion(
-    recorded: tuple[str, ...], out: Path
+    rows: Rows, recorded: tuple[str, ...], out: Path
 ) -> None:
     command, left, _, _, *camera = recorded
     assert main([command, left, *camera, "--out", str(out), "--no-video"]) == 0

@@ -3,18 +3,15 @@
 import csv
 import json
 import os
+from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 
 import cv2
 import pytest
-from pydrake.math import RigidTransform
 
 from chamfer.analysis.cli import main
 from chamfer.analysis.track import tracking
-from chamfer.models.cameras.camera import CameraPlacement
-from chamfer.models.peg.peg_and_hole import ColouredParts
-from chamfer.systems.cameras.software_camera import render
 
 
 def test_track(frames: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -63,7 +60,7 @@ def test_names_that_are_no_text_or_could_be_formulas(
     frames: Path, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     picture = (frames / "frame0.png").read_bytes()
-    names = (b"=1+1.png", b"@sum.png", b"a\xff.png")
+    names = (b"=1+1.png", b"@sum.png", b'a, "b".png', b"a\xff.png")
     for name in names:
         Path(os.fsdecode(os.fsencode(frames.parent) + b"/" + name)).write_bytes(picture)
     files = [os.fsdecode(os.fsencode(frames.parent) + b"/" + name) for name in names]
@@ -73,33 +70,11 @@ def test_names_that_are_no_text_or_could_be_formulas(
         assert [row["file"] for row in csv.DictReader(text)] == [
             "'=1+1.png",
             "'@sum.png",
+            'a, "b".png',
             "a\\xff.png",
         ]
     assert main(["track", *files, "--out", str(out), "--no-video"]) == 0
     assert capsys.readouterr().err == f"chamfer: what is in {out}/track is replaced\n"
-
-
-def test_a_run_that_fails_replaces_nothing_and_does_not_say_so(
-    frames: Path, out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    arguments = ["--out", str(out), "--no-video"]
-    assert main(["track", str(frames), *arguments]) == 0
-    table = (out / "track" / "detections.csv").read_bytes()
-    broken = tmp_path / "broken.png"
-    broken.write_text("no image")
-    capsys.readouterr()
-    assert main(["track", str(broken), *arguments]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith(f"chamfer: {broken} can't be ")
-    assert "replaced" not in said
-    assert (out / "track" / "detections.csv").read_bytes() == table
-
-
-def save(path: Path, gap: float) -> None:
-    """Save a frame with a gap between the parts, m."""
-    peg, hole = RigidTransform([-gap, 0.001, 0]), RigidTransform([0.01, 0, 0])
-    image = render(ColouredParts(), CameraPlacement().camera, peg, hole)
-    assert cv2.imwrite(str(path), cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
 
 
 @pytest.mark.parametrize(
@@ -112,12 +87,16 @@ def save(path: Path, gap: float) -> None:
     ],
 )
 def test_a_part_that_jumps_is_refused_where_times_are_known(
-    tmp_path: Path, out: Path, options: list[str], status: str
+    tmp_path: Path,
+    out: Path,
+    picture: Callable[[Path, float], None],
+    options: list[str],
+    status: str,
 ) -> None:
     folder = tmp_path / "jumping"
     folder.mkdir()
     for k, gap in enumerate((0.02, 0.02, 0.06, 0.02)):
-        save(folder / f"{k}.png", gap)
+        picture(folder / f"{k}.png", gap)
     assert main(["track", str(folder), *options, "--out", str(out), "--no-video"]) == 0
     with (out / "track" / "detections.csv").open(newline="") as text:
         rows = list(csv.DictReader(text))
@@ -177,27 +156,11 @@ def test_one_frame_and_a_video_that_was_cut_off(
             ["frames", "--rate", "0"],
             "rate is 0.0, allowed: a number from 0.0001 to 1e+06, or null",
         ),
-        (
-            ["frames", "--rate", "1e-320"],
-            "rate is 1e-320, allowed: a number from 0.0001 to 1e+06, or null",
-        ),
-        (["frames", "--rate", "x"], "rate is 'x', allowed: a number or null"),
         (["frames", "--rate", "9", "--set", "rate=8"], "rate is set twice"),
         (
             ["frames", "--set", "peg.front=0"],
             "peg.front is 0, allowed: 1, -1",
         ),
-        (
-            ["frames", "--set", "hole.hue=300"],
-            "hole.hue is 300, allowed: a whole number from 0 to 255",
-        ),
-        (
-            ["frames", "--set", "peg.colour=1"],
-            "peg.colour: no such field, valid fields: area, aspect, band, end_angle, "
-            "end_ratio, flat, front, half_width, hue, hue_width, length, saturation, seen, "
-            "squareness, straight, value, window",
-        ),
-        (["frames", "--seed", "1"], "unrecognized arguments: --seed 1, see chamfer --help"),
     ],
 )
 def test_mistakes_end_in_one_line_before_anything_is_made(
