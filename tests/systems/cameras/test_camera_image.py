@@ -117,26 +117,6 @@ def test_without_its_trigger_nothing_is_exposed_and_no_image_arrives(latency: in
     assert clock.drawn == 3  # what is not exposed is not drawn
 
 
-def test_a_trigger_in_between_does_not_count() -> None:
-    grabber = FrameGrabber(FrameGrabberParams(**QUIET), 4, 3)
-    simulator = Simulator(grabber)
-    context = simulator.get_mutable_context()
-    image = ImageRgba8U(4, 3)
-    image.mutable_data[:] = 255
-    grabber.GetInputPort("image").FixValue(context, Value(image))
-    for time, trigger, seen in ((0.5, 1.0, True), (1.5, 0.0, False), (1.8, 1.0, False)):
-        grabber.GetInputPort("trigger").FixValue(context, [trigger])
-        simulator.AdvanceTo(time * PERIOD)
-        found = read_image(grabber.GetOutputPort("image").Eval(context))
-        assert (found is not None) is seen
-
-
-def test_offset_of_the_exposure() -> None:
-    params = FrameGrabberParams(noise=0.0, latency=0, offset=0.4 * PERIOD)
-    seen, _ = run(params, 5)
-    assert seen == [None, 4, 14, 24, 34]
-
-
 def test_dropped_frame_is_no_image_for_its_whole_period() -> None:
     frames, _ = run(FrameGrabberParams(noise=0.0, latency=1, miss=0.3), 250)
     assert frames[0] is None

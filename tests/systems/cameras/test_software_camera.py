@@ -26,7 +26,6 @@ from chamfer.systems.cameras.software_camera import (
 )
 from chamfer.systems.cameras.solids_camera import Solid, render_solids
 from chamfer.systems.pose import pose_vector
-from chamfer.systems.vision.part_appearance import appearances
 
 PARTS = ColouredParts()
 STRAIGHT = CameraPlacement(roll=0.0).camera
@@ -242,10 +241,6 @@ def test_block_shows_what_render_returns() -> None:
     assert block.HasDirectFeedthrough(1, 0)
 
 
-STRAIGHT = CameraPlacement(roll=0.0).camera
-PEG, _ = appearances(PARTS)
-
-
 def grey(level: int, shape: tuple[int, int] = (5, 7)) -> np.ndarray:
     return np.full((*shape, 3), level, np.uint8)
 
@@ -265,11 +260,6 @@ def test_the_corners_lose_light_with_the_square_of_the_distance() -> None:
 def test_gains_are_of_red_green_and_blue_up_to_white() -> None:
     image = shaded(grey(100), 0.0, (1.25, 0.5, 3.0))
     np.testing.assert_array_equal(image[2, 3], [125, 50, 255])
-
-
-def test_no_loss_and_even_gains_change_nothing() -> None:
-    image = np.random.default_rng(0).integers(0, 256, (24, 32, 3)).astype(np.uint8)
-    np.testing.assert_array_equal(shaded(image, 0.0, (1.0, 1.0, 1.0)), image)
     assert not SensorParams().shades
     assert SensorParams(vignetting=0.1).shades
     assert SensorParams(white_balance=(1.0, 1.0, 1.1)).shades
@@ -345,8 +335,6 @@ def test_the_block_shows_the_motion_light_and_colours() -> None:
     assert (expected(begin) != expected(end)).any()
 
 
-Array = np.ndarray
-
 BARREL = (-0.6, 0.2, 0.01, -0.02, 0.1)
 
 
@@ -357,7 +345,7 @@ def camera(distortion: tuple[float, ...], view: str = "xz") -> Camera:
     return dataclasses.replace(placement.camera, distortion=(k1, k2, p1, p2, k3))
 
 
-def opencvs(at: Camera, points: Array) -> Array:
+def opencvs(at: Camera, points: np.ndarray) -> np.ndarray:
     rotation, _ = cv2.Rodrigues(at.R_WC.T)
     pixels, _ = cv2.projectPoints(
         points, rotation, -at.R_WC.T @ at.p_WC, at.matrix, np.array(at.distortion)

@@ -38,15 +38,6 @@ def test_a_peg_as_a_solid_is_the_software_cameras_peg(view: Any) -> None:
     np.testing.assert_array_equal(found, render(PARTS, camera(view), X_WT, None, style=FLAT))
 
 
-def test_a_cube_has_the_area_of_its_near_face() -> None:
-    # A cube of 20 mm in the middle: its near face is at 0.49 m, a pixel there has 0.49 mm.
-    image = render_solids(
-        camera(), [cube("one", 0.02, RED)], {"one": RigidTransform()}, SceneStyle(blur=0.0)
-    )
-    share = (200.0 - image[:, :, 1]) / 160
-    assert share.sum() == pytest.approx((20 / 0.49) ** 2, rel=2e-3)
-
-
 @pytest.mark.parametrize("order", [1, -1])
 def test_the_nearer_covers_the_farther_whatever_their_order(order: int) -> None:
     solids = [cube("near", 0.01, RED), cube("far", 0.02, BLUE)][::order]

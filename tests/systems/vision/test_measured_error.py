@@ -176,19 +176,6 @@ def test_late_errors_keep_their_axes_and_are_held_between_samples() -> None:
             assert np.isnan(after).all()
 
 
-def test_late_input_that_is_not_finite_raises_at_its_sample() -> None:
-    block = MeasuredError(MeasuredErrorParams(latency=0.01))
-    simulator = Simulator(block)
-    fix(
-        block,
-        simulator.get_mutable_context(),
-        desired_trajectory=[math.nan],
-        actual_trajectory=[0.0],
-    )
-    with pytest.raises(ValueError, match=r"at t = 0 s, must be finite"):
-        simulator.AdvanceTo(0.001)
-
-
 @pytest.mark.parametrize(("latency", "through"), [(0.0, True), (0.001, False)])
 def test_feeds_through_only_without_latency(latency: float, through: bool) -> None:
     block = MeasuredError(MeasuredErrorParams(size=2, latency=latency))

@@ -183,30 +183,6 @@ def test_parts_are_found_in_the_order_in_which_they_are_asked_for() -> None:
     assert [part.status for part in missing] == [Status.NO_IMAGE] * 3
 
 
-def test_outputs_follow_the_image() -> None:
-    block = PartDetector(*LOOKS)
-    assert [block.GetOutputPort(n).size() for n in ("detections", "alignment_error")] == [12, 3]
-    assert all(block.HasDirectFeedthrough(0, i) for i in range(2))
-
-
-numbers = st.floats(-1e6, 1e6)
-triples = st.builds(
-    Detection,
-    status=st.sampled_from(Status),
-    tip=st.tuples(numbers, numbers),
-    angle=numbers,
-    point=st.tuples(numbers, numbers),
-)
-
-
-@given(parts=st.lists(triples, max_size=4))
-def test_any_number_of_detections_comes_back(parts: list[Detection]) -> None:
-    vector = pack_detections(*parts)
-    assert vector.shape == (6 * len(parts),)
-    assert unpack_detections(vector) == tuple(parts)
-    assert unpack_detections(tuple(vector.tolist())) == tuple(parts)
-
-
 class Brightness(ImageMeasurement):
     """Counts how often it looked."""
 
