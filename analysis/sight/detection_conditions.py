@@ -41,7 +41,7 @@ from chamfer.analysis.sight.picture_conditions import (
 )
 from chamfer.diagrams.cell.cell_vision import VIEWS
 from chamfer.diagrams.cell.work_cell import WorkCellScenario
-from chamfer.models.cameras.camera import Camera, CameraPlacement, CameraStand
+from chamfer.models.cameras.camera import Camera, CameraStand
 from chamfer.models.peg.peg_and_hole import OF_CONTACT, ColouredParts
 from chamfer.models.validation import (
     ParameterError,
@@ -152,11 +152,9 @@ def _camera(
     """Return a camera that sees as much whatever its pixels, and what these cover, m."""
     stand = scenario.cameras
     share = level / stand.width if condition.width else 1.0
-    placement = CameraPlacement(
-        view=VIEWS[trial % len(VIEWS)],
-        distance=stand.distance,
+    placement = replace(
+        stand.placement(VIEWS[trial % len(VIEWS)], (0.0, 0.0, 0.0)),
         pixel_size=stand.pixel_size / share,
-        roll=stand.roll,
         width=round(share * stand.width),
         height=round(share * stand.height),
     )

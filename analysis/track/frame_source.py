@@ -151,10 +151,7 @@ def open_recording(paths: Sequence[Path]) -> Recording:
 def require_paired(left: Recording, right: Recording, *, rated: bool) -> None:
     """Refuse recordings that can't be of the same moments, frame by frame.
 
-    Args:
-        left: The first one.
-        right: The second one.
-        rated: Whether it is known how fast both were taken, whatever they say.
+    Rated, it is known how fast both were taken, whatever they say.
 
     Raises:
         UserError: If they have different numbers of images, or of frames/s.

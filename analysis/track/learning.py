@@ -10,6 +10,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import least_squares
 
 from chamfer.analysis.command.output_folder import require_writable
@@ -29,7 +30,7 @@ from chamfer.analysis.track.detection_overlay import (
 from chamfer.analysis.track.frame_source import open_recording
 from chamfer.analysis.track.track_files import FOLDER
 from chamfer.systems.cameras.camera_image import Image
-from chamfer.systems.vision.part_appearance import HOLE_PART, PEG, Appearance, Range
+from chamfer.systems.vision.part_appearance import HOLE_PART, PEG, Appearance
 from chamfer.systems.vision.part_detection import Detection, Status, detect, detect_parts
 from chamfer.systems.vision.soft_edges import contrast
 
@@ -123,15 +124,11 @@ def _widths(share: Array, point: tuple[float, float], angle: float, front: int) 
 def _seen(
     at: Array, radius: float, blur: float, ratio: float, turn: float, height: float
 ) -> Array:
-    """Return half widths over the radius as a blurred picture shows them.
+    """Return half widths over the radius as a blurred picture shows them behind the first point.
 
-    Args:
-        at: Where, pixels behind the foremost point.
-        radius: Of the sides, pixels.
-        blur: Standard deviation, pixels.
-        ratio: Of the end's radius to the sides'.
-        turn: Out of the image plane, rad.
-        height: Of the chamfer, along the axis, over the radius.
+    In pixels are the radius of the sides and the blur's standard deviation; the ratio is of the
+    end's radius to the sides', the turn out of the image plane, rad, the height that of the
+    chamfer along the axis, over the radius.
     """
     reach = math.ceil(4 * blur / _FINE)
     fine = np.arange(at.min() / _FINE - reach, at.max() / _FINE + reach + 1) * _FINE
@@ -267,7 +264,7 @@ def _require_apart(image: Image, boxes: tuple[Box, Box]) -> None:
         )
 
 
-def _turn(hue: int) -> int:
+def _turn(hue: Any) -> Any:
     """Return a difference of hues, -128 to 127."""
     return (hue + 128) % 256 - 128
 
@@ -278,11 +275,7 @@ def _frequent(hsv: NDArray[np.uint8]) -> Array:
     coloured = (saturation >= _COLOURED) & (value >= _COLOURED)
     weights = np.where(coloured, saturation, 0).astype(float)
     counts = np.bincount(hue, weights=weights, minlength=256)
-    steps = np.arange(-12, 13)
-    kernel = np.exp(-0.5 * (steps / _SMOOTH) ** 2)
-    wrapped = np.concatenate([counts[-12:], counts, counts[:12]])
-    smooth: Array = np.convolve(wrapped, kernel / kernel.sum(), mode="valid")
-    return smooth
+    return np.asarray(gaussian_filter1d(counts, _SMOOTH, mode="wrap"), float)
 
 
 def _hue(hsv: NDArray[np.uint8], box: Box, name: str) -> int:
@@ -312,7 +305,7 @@ def _appearance(
     if y == 0 or y + height == box.height or tip == 0:
         raise UserError(f"the {name}'s colour reaches to the edge of its box, {_WHAT}")
     hues, saturation, value = box.cut(hsv)[own].T
-    turns = (hues.astype(int) - hue + 128) % 256 - 128
+    turns = _turn(hues.astype(int) - hue)
     middle = round(float(np.median(turns)))
     spread = float(np.percentile(np.abs(turns - middle), 98))
     others = _others(hsv, boxes, hue, widest)
@@ -337,7 +330,7 @@ def _appearance(
 def _component(hsv: NDArray[np.uint8], box: Box, hue: int, width: int) -> Mask:
     """Return the largest connected part of a box that has a hue, shape (height, width)."""
     inside = box.cut(hsv)
-    turns = (inside[:, :, 0].astype(int) - hue + 128) % 256 - 128
+    turns = _turn(inside[:, :, 0].astype(int) - hue)
     near: Mask = (np.abs(turns) <= width) & (inside[:, :, 1:].min(axis=2) >= _COLOURED)
     if near.any():  # of a background of the same hue there may be more
         near &= inside[:, :, 1] > _DIM * float(np.percentile(inside[near][:, 1], 80))
@@ -353,8 +346,7 @@ def _others(hsv: NDArray[np.uint8], boxes: tuple[Box, Box], hue: int, width: int
     for box in boxes:
         box.around(_MARGIN).cut(outside)[:] = False
     pixels = hsv[outside].astype(float)
-    turns = (pixels[:, 0] - hue + 128) % 256 - 128
-    return np.asarray(pixels[np.abs(turns) <= width])
+    return np.asarray(pixels[np.abs(_turn(pixels[:, 0] - hue)) <= width])
 
 
 def _threshold(own: NDArray[np.uint8], others: Array, usual: int) -> int:
@@ -378,8 +370,8 @@ def _size(own: Mask) -> tuple[float, float]:
     return (width + 1) / 2, length + 1  # from middles of pixels to their borders
 
 
-def _rounded(limits: Range | None, digits: int) -> Range | None:
-    return None if limits is None else (round(limits[0], digits), round(limits[1], digits))
+def _rounded(limits: Any, digits: int) -> Any:
+    return limits and tuple(round(one, digits) for one in limits)
 
 
 def _with_end(image: Image, box: Box, part: Appearance, own: Mask) -> Appearance:
@@ -443,14 +435,9 @@ _HEADER: Final = """\
 def learn_parts(picture: Path, peg_box: str, hole_box: str, *, out: Path) -> dict[str, Any]:
     """Learn the parts in two boxes of a picture, and write them and a picture of what was found.
 
-    Args:
-        picture: An image, or a recording of which the first frame is taken.
-        peg_box: ``x,y,w,h``, pixels.
-        hole_box: Likewise.
-        out: The folder of all results.
-
-    Returns:
-        What was learned and the files, for JSON.
+    The picture may be a recording, of which the first frame is taken; a box is ``x,y,w,h``,
+    pixels; ``out`` is the folder of all results. Returned is, for JSON, what was learned, and the
+    files.
 
     Raises:
         UserError: If the picture can't be read, the parts can't be learned from it, or what was

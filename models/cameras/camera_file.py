@@ -29,12 +29,11 @@ import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
-from chamfer.models.cameras.camera import Camera, Matrix
+from chamfer.models.cameras.camera import Camera, Coefficients, Matrix
 from chamfer.models.validation import ParameterError
 
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
-Distortion = tuple[float, float, float, float, float]
 Eye = Literal["left", "right"]
 
 _LARGEST_SIZE: Final = 100_000  # pixels
@@ -66,7 +65,7 @@ class Intrinsics:
 
     focal_length: Pair  # pixels, along u and v
     principal_point: Pair  # pixels, where the optical axis meets the image
-    distortion: Distortion  # k1, k2, p1, p2, k3 of OpenCV's model
+    distortion: Coefficients  # k1, k2, p1, p2, k3 of OpenCV's model
 
 
 @dataclass(frozen=True, kw_only=True)

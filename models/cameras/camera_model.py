@@ -8,9 +8,8 @@ from typing import Final, Self, get_args
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from chamfer.models.cameras.camera import Camera, Matrix, Vector
+from chamfer.models.cameras.camera import Camera, Coefficients, LensDistortion, Matrix, Vector
 from chamfer.models.cameras.camera_file import Eye, read_camera
-from chamfer.models.cameras.lens_distortion import Coefficients, LensDistortion
 from chamfer.models.validation import ParameterError, require_one_of
 
 _NUMBERS: Final = {"focal_length": 2, "principal_point": 2, "position": 3, "tilt": 2}

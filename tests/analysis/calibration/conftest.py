@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from chamfer.analysis.calibration.board import Board, Chessboard, Corners
-from chamfer.analysis.calibration.camera_fit import Seen
-from chamfer.analysis.calibration.drawn_boards import (
+from chamfer.analysis.calibration.calibration_accuracy import (
     BoardPicture,
     BoardPoses,
     draw_board,
     place_board,
 )
+from chamfer.analysis.calibration.camera_fit import Seen
 from chamfer.models.cameras.camera import Camera
 
 BOARD = Chessboard(columns=9, rows=6, square=0.025)

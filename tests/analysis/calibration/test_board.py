@@ -14,7 +14,7 @@ from chamfer.analysis.calibration.board import (
     NotFoundError,
     parse_board,
 )
-from chamfer.analysis.calibration.drawn_boards import (
+from chamfer.analysis.calibration.calibration_accuracy import (
     BoardPicture,
     BoardPoses,
     draw_board,

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
-from chamfer.analysis.calibration.drawn_boards import BoardPoses
+from chamfer.analysis.calibration.calibration_accuracy import BoardPoses
 from chamfer.analysis.cli import main
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.cameras.camera_file import read_camera

@@ -16,8 +16,8 @@ from chamfer.analysis.calibration.calibration import (
     plot_residuals,
     see_board,
 )
+from chamfer.analysis.calibration.calibration_accuracy import BoardPoses
 from chamfer.analysis.calibration.camera_fit import Seen
-from chamfer.analysis.calibration.drawn_boards import BoardPoses
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.cameras.camera_file import MeasuredPose, camera_text, read_camera
 

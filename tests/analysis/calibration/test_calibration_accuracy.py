@@ -5,11 +5,11 @@ import pytest
 
 from chamfer.analysis.calibration.calibration_accuracy import (
     PARAMETERS,
+    BoardPoses,
     CalibrationScenario,
     DrawnCameras,
     focal_errors,
 )
-from chamfer.analysis.calibration.drawn_boards import BoardPoses
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.models.validation import ParameterError

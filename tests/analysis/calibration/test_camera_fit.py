@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from chamfer.analysis.calibration.board import Chessboard, Corners
+from chamfer.analysis.calibration.calibration_accuracy import BoardPoses
 from chamfer.analysis.calibration.camera_fit import (
     BoardView,
     Fit,
@@ -21,7 +22,6 @@ from chamfer.analysis.calibration.camera_fit import (
     fit_camera,
     fit_pair,
 )
-from chamfer.analysis.calibration.drawn_boards import BoardPoses
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.models.cameras.camera import Camera
 

@@ -11,8 +11,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from chamfer.models.cameras.camera import Camera, CameraPlacement, View
-from chamfer.models.cameras.lens_distortion import LensDistortion
+from chamfer.models.cameras.camera import Camera, CameraPlacement, LensDistortion, View
 
 seeds = st.integers(0, 2**32 - 1)
 
