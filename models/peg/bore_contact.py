@@ -30,8 +30,8 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
-from chamfer.models.peg.part_surfaces import rings
-from chamfer.models.peg.peg_and_hole import HolePart, Peg, PegAndHole, PegHoleGeometry
+from chamfer.models.peg.part_surfaces import SQUARE, around, swept
+from chamfer.models.peg.peg_and_hole import HolePart, PegAndHole, PegHoleGeometry
 from chamfer.models.validation import ParameterError, require_not_negative, require_positive
 
 Array = NDArray[np.float64]
@@ -59,12 +59,9 @@ class ContactMaterial:
     def __post_init__(self) -> None:
         require_positive(self, "stiffness")
         require_not_negative(self, "dissipation")
-        if self.facets is not None and not (
-            _MULTIPLE <= self.facets <= _MOST and self.facets % _MULTIPLE == 0
-        ):
-            raise ParameterError(
-                "facets", self.facets, f"a multiple of {_MULTIPLE} up to {_MOST}, or null"
-            )
+        if self.facets is not None and self.facets not in range(_MULTIPLE, _MOST + 1, _MULTIPLE):
+            allowed = f"a multiple of {_MULTIPLE} up to {_MOST}, or null"
+            raise ParameterError("facets", self.facets, allowed)
 
     def over(self, parts: PegAndHole) -> "ContactMaterial":
         """Return this with the facets, if they are left open, that the parts ask for."""
@@ -101,19 +98,9 @@ def add_peg_contact(
     parts: PegAndHole,
     material: ContactMaterial,
 ) -> list[GeometryId]:
-    """Add a peg, to be touched, to the body that holds it.
-
-    Args:
-        plant: Not yet finalized.
-        body: Which holds the peg.
-        X_BT: The peg's frame on it.
-        parts: Dimensions and friction.
-        material: With its facets resolved.
-    """
-    points = rings(parts.peg.profile, 4, "square").reshape(-1, 3).T
-    if parts.section == "round":
-        points = _round_peg_points(parts.peg, _facets(material))
-    shape = Convex(points, "peg")
+    """Add a peg, to be touched, to the body that holds it, at X_BT, before Finalize."""
+    ring = around(_facets(material), "round") if parts.section == "round" else SQUARE
+    shape = Convex(swept(parts.peg.profile, ring).reshape(-1, 3).T, "peg")
     return _add(plant, body, X_BT, [("peg", shape, RigidTransform())], parts, material)
 
 
@@ -153,22 +140,11 @@ def _facets(material: ContactMaterial) -> int:
 
 
 def require_resolved_clearance(parts: PegHoleGeometry, speed: float, step: float) -> None:
-    """Refuse steps in which a peg can cross the clearance, so that nothing is felt of the walls.
-
-    Args:
-        parts: Peg and hole.
-        speed: Of the feed, m/s.
-        step: Of the plant, s.
-
-    Raises:
-        ParameterError: It names the step.
-    """
+    """Refuse steps, s, in which a feed, m/s, can cross the clearance and feel no wall."""
     across = 2 * parts.clearance
     if not speed <= resolved_speed(parts, step):
-        allowed = (
-            f"at most {across / speed:g} s: a feed by the clearance of both sides, {across:g} m"
-        )
-        raise ParameterError("step", step, allowed)
+        sides = f"a feed by the clearance of both sides, {across:g} m"
+        raise ParameterError("step", step, f"at most {across / speed:g} s: {sides}")
 
 
 def resolved_speed(parts: PegHoleGeometry, step: float) -> float:
@@ -176,22 +152,10 @@ def resolved_speed(parts: PegHoleGeometry, step: float) -> float:
     return 2 * parts.clearance / step
 
 
-def _round_peg_points(peg: Peg, facets: int) -> Array:
-    """Return the corners of a round peg's prism in its frame, m, shape (3, n)."""
-    angle = 2 * math.pi * np.arange(facets) / facets
-    rings = [
-        np.stack([np.full(facets, x), radius * np.cos(angle), radius * np.sin(angle)])
-        for x, radius in peg.profile
-    ]
-    return np.concatenate(rings, axis=1)
-
-
 def _wedge_points(hole: HolePart, beside: tuple[float, float]) -> Array:
     """Return the corners of a wedge that faces +y, m, shape (3, n).
 
-    Args:
-        hole: Its part.
-        beside: From where to where along z, as shares of its distance from the axis along y.
+    It is as long along z as ``beside`` says, in shares of its distance from the axis along y.
     """
     profile = np.vstack([hole.bore, hole.outside])
     sides = [np.stack([profile[:, 0], profile[:, 1], one * profile[:, 1]]) for one in beside[::-1]]

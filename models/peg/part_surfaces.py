@@ -22,34 +22,27 @@ from chamfer.models.validation import ParameterError
 
 Vector = NDArray[np.float64]
 
-_CORNERS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])  # of a square, y and z
+SQUARE: Final = np.array(
+    [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]]
+)  # of radius 1, y and z
 
 
 def rings(profile: Vector, sides: int, section: Section = "round") -> Vector:
-    """Return points on the rings that a profile describes about the x axis.
+    """Return points on the rings of a profile, m, shape (n, sides or 4, 3), from y to z.
 
     Polygons in place of circles have their areas: their corners are a little outside, the middles
     of their sides a little inside. Of squares the corners are returned.
-
-    Args:
-        profile: Position along x and radius, m, shape (n, 2).
-        sides: Corners of each circle, at least 3.
-        section: Of the part.
-
-    Returns:
-        Points in the part's frame, m, shape (n, sides or 4, 3); the angle grows from y to z.
     """
     if section == "square":
-        corners = _CORNERS
-    else:
-        angle = 2 * math.pi * np.arange(sides) / sides
-        scale = math.sqrt((2 * math.pi / sides) / math.sin(2 * math.pi / sides))
-        corners = scale * np.column_stack([np.cos(angle), np.sin(angle)])
-    points = np.empty((len(profile), len(corners), 3))
-    points[:, :, 0] = profile[:, :1]
-    points[:, :, 1] = profile[:, 1:] * corners[:, 0]
-    points[:, :, 2] = profile[:, 1:] * corners[:, 1]
-    return points
+        return swept(profile, SQUARE)
+    scale = math.sqrt((2 * math.pi / sides) / math.sin(2 * math.pi / sides))
+    return swept(profile, scale * around(sides, "round"))
+
+
+def swept(profile: Vector, ring: Vector) -> Vector:
+    """Return the points of a profile, (n, 2), on a ring, (k, 2), shape (n, k, 3)."""
+    x = np.broadcast_to(profile[:, :1], (len(profile), len(ring)))
+    return np.stack([x, profile[:, 1:] * ring[:, 0], profile[:, 1:] * ring[:, 1]], axis=-1)
 
 
 def around(points: int, section: Section) -> Vector:
@@ -62,28 +55,15 @@ def around(points: int, section: Section) -> Vector:
 
 
 def radius_of(p: Vector, section: Section) -> Vector:
-    """Return the radius of the ring that points are on, m.
-
-    Args:
-        p: Points in the part's frame, m, shape (..., 3).
-        section: Of the part.
-    """
+    """Return the radius of the ring that points of a part's frame, shape (..., 3), are on, m."""
     across = np.abs(p[..., 1:])
-    found: Vector = (
-        across.max(axis=-1) if section == "square" else np.hypot(*np.moveaxis(across, -1, 0))
-    )
-    return found
+    flat: Vector = across.max(axis=-1)
+    round_: Vector = np.hypot(across[..., 0], across[..., 1])
+    return flat if section == "square" else round_
 
 
 def part_shape(closed_profile: Vector, sides: int, name: str, section: Section = "round") -> Mesh:
-    """Return a part as a shape of Drake's, not to be touched.
-
-    Args:
-        closed_profile: As of :func:`part_mesh`.
-        sides: Likewise.
-        name: For messages.
-        section: Of the part.
-    """
+    """Return :func:`part_mesh` as a shape of Drake's, not to be touched."""
     text = part_mesh(closed_profile, sides, section)
     file = MemoryFile(contents=text, extension=".obj", filename_hint=name)
     return Mesh(mesh_data=InMemoryMesh(mesh_file=file))
@@ -92,29 +72,19 @@ def part_shape(closed_profile: Vector, sides: int, name: str, section: Section =
 def part_mesh(closed_profile: Vector, sides: int, section: Section = "round") -> str:
     """Return a part as the text of a Wavefront OBJ file.
 
-    Every face is flat shaded along the profile; around it it is smooth, or flat if it is square.
-
-    Args:
-        closed_profile: Position along x and radius, m, shape (n, 2), the material on the right
-            of the way (as seen with x to the right and the radius upwards).
-        sides: Corners of each circle.
-        section: Of the part.
+    The profile, m, shape (n, 2), has the material on the right of its way (seen with x to the
+    right and the radius upwards). Every face is flat shaded along it; around it is smooth, or
+    flat if it is square.
     """
-    corners = _CORNERS if section == "square" else around(sides, section)
-    n = len(corners)
+    corners = SQUARE if section == "square" else around(sides, section)
     lines = []
     count = 0
     for (x0, r0), (x1, r1) in pairwise(closed_profile):
         length = math.hypot(x1 - x0, r1 - r0)
         nx, nr = (r0 - r1) / length, (x1 - x0) / length
-        for k in range(n):
-            (y, z), (y_next, z_next) = corners[k], corners[(k + 1) % n]
-            if section == "square":
-                middle = (y + y_next) / 2, (z + z_next) / 2
-                normals = [middle, middle]
-            else:
-                normals = [(y, z), (y_next, z_next)]
-            for (c, s), (ny, nz) in zip([(y, z), (y_next, z_next)], normals, strict=True):
+        for ends in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+            normals = [np.mean(ends, axis=0)] * 2 if section == "square" else ends
+            for (c, s), (ny, nz) in zip(ends, normals, strict=True):
                 lines.append(f"v {x0:.9g} {r0 * c:.9g} {r0 * s:.9g}")
                 lines.append(f"v {x1:.9g} {r1 * c:.9g} {r1 * s:.9g}")
                 lines.append(f"vn {nx:.9g} {nr * ny:.9g} {nr * nz:.9g}")
@@ -136,10 +106,6 @@ def overlap(parts: PegAndHole, X_MT: RigidTransform) -> float:
 
     It is looked for at points a tenth of the hole's radius apart on both surfaces, also on all
     edges: two sides that cross each other by less than 0.3 % of it may go unseen.
-
-    Args:
-        parts: Peg and hole part.
-        X_MT: Pose of the peg's tip in the mouth's frame.
     """
     on_peg = _surface(parts, "peg") @ X_MT.rotation().matrix().T + X_MT.translation()
     deepest = float(_in_hole_part(parts.hole, on_peg).max())
@@ -150,25 +116,13 @@ def overlap(parts: PegAndHole, X_MT: RigidTransform) -> float:
 
 def require_apart(parts: PegAndHole, X_MT: RigidTransform, name: str, value: object) -> None:
     """Raise :class:`ParameterError`, which names a field, if peg and hole part overlap."""
-    deep = overlap(parts, X_MT)
-    if deep > TOUCHING:
-        allowed = (
-            f"one with which peg and hole part are apart; they overlap by {1e3 * deep:.3g} mm"
-        )
-        raise ParameterError(name, value, allowed)
+    if (deep := overlap(parts, X_MT)) > TOUCHING:
+        apart = "one with which peg and hole part are apart"
+        raise ParameterError(name, value, f"{apart}; they overlap by {1e3 * deep:.3g} mm")
 
 
 def require_tilted_apart(parts: PegAndHole, tilt: float, gap: float) -> None:
-    """Refuse a tilt of the peg that is none, or that brings its edge to the mouth's plane.
-
-    Args:
-        parts: Peg and hole part.
-        tilt: Of the peg about its tip, rad.
-        gap: From the tip to the mouth, m.
-
-    Raises:
-        ParameterError: It names the tilt or the gap.
-    """
+    """Refuse a tilt, rad, that brings the peg's edge to the plane of a mouth a gap away, m."""
     if not abs(tilt) < math.pi / 4:
         raise ParameterError("tilt", tilt, "between -pi/4 and pi/4")
     leading = parts.leading(tilt)
@@ -188,10 +142,7 @@ def _surface(parts: PegAndHole, part: str) -> Vector:
             for start, end in pairwise(profile)
         ]
     )
-    x, radius = along[:, :1], along[:, 1:]
-    ring = around(_RING_SIDES, parts.section)
-    points = [np.broadcast_to(x, (len(x), _RING_SIDES)), radius * ring[:, 0], radius * ring[:, 1]]
-    return np.stack(points, axis=-1).reshape(-1, 3)
+    return swept(along, around(_RING_SIDES, parts.section)).reshape(-1, 3)
 
 
 def _in_peg(peg: Peg, p_T: Vector) -> Vector:

@@ -13,8 +13,8 @@ is as in the parts of the paper. Lengths are in m.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import ClassVar, Final, Literal, NamedTuple, Self, get_args
+from dataclasses import dataclass
+from typing import ClassVar, Final, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -180,28 +180,13 @@ RED: Final[Colour] = (205, 40, 40)  # of the peg; the shades are assumed
 BLUE: Final[Colour] = (40, 70, 205)  # of the hole part
 
 
-@dataclass(frozen=True, kw_only=True)
-class Peg:
+class Peg(NamedTuple):
     """A peg with a chamfer at its tip."""
 
     radius: float  # m, r
-    chamfer: float  # m, across the axis
-    chamfer_angle: float  # rad, from the end face
+    chamfer: Chamfer
     length: float  # m, with the chamfer
     section: Section = "round"
-
-    def __post_init__(self) -> None:
-        require_positive(self, "radius", "length")
-        require_not_negative(self, "chamfer")
-        if not self.chamfer < self.radius:
-            raise ParameterError("chamfer", self.chamfer, f"less than the radius, {self.radius} m")
-        if not self.chamfer_height < self.length:
-            raise ParameterError("chamfer", self.chamfer, f"less than the length, {self.length} m")
-
-    @property
-    def chamfer_height(self) -> float:
-        """Along the axis, m."""
-        return Chamfer(self.chamfer, self.chamfer_angle).height
 
     @property
     def profile(self) -> Vector:
@@ -209,10 +194,9 @@ class Peg:
 
         Without a chamfer its two ends coincide: shape (2, 2).
         """
-        far, tip = [-self.length, self.radius], [0.0, self.radius - self.chamfer]
-        if self.chamfer == 0:
-            return np.array([far, tip])
-        return np.array([far, [-self.chamfer_height, self.radius], tip])
+        rim = [[-self.chamfer.height, self.radius]] if self.chamfer.width else []
+        tip = [0.0, self.radius - self.chamfer.width]
+        return np.array([[-self.length, self.radius], *rim, tip])
 
     @property
     def closed_profile(self) -> Vector:
@@ -220,39 +204,20 @@ class Peg:
         return np.vstack([[-self.length, 0.0], self.profile, [0.0, 0.0]])
 
 
-@dataclass(frozen=True, kw_only=True)
-class HolePart:
+class HolePart(NamedTuple):
     """A tube: a bore with a chamfer at the mouth; its bottom may be closed."""
 
     radius: float  # m, R
-    chamfer: float  # m, across the axis
-    chamfer_angle: float  # rad, from the front face
+    chamfer: Chamfer
     outer_radius: float  # m
     depth: float  # m, of the part along its axis
     bore_depth: float | None  # m, of a blind hole; None: the bore goes through
     section: Section = "round"  # of the bore and of the outside
 
-    def __post_init__(self) -> None:
-        require_positive(self, "radius", "outer_radius", "depth")
-        require_not_negative(self, "chamfer")
-        if not self.chamfer_height < self.depth:
-            raise ParameterError("chamfer", self.chamfer, f"less than the depth, {self.depth} m")
-        if not self.outer_radius > self.mouth_radius:
-            allowed = f"more than radius + chamfer, {self.mouth_radius} m"
-            raise ParameterError("outer_radius", self.outer_radius, allowed)
-        if self.bore_depth is not None and not self.chamfer_height < self.bore_depth < self.depth:
-            allowed = f"between the chamfer's height, {self.chamfer_height:.6g} m, and the depth"
-            raise ParameterError("bore_depth", self.bore_depth, f"{allowed}, {self.depth} m")
-
-    @property
-    def chamfer_height(self) -> float:
-        """Along the axis, m."""
-        return Chamfer(self.chamfer, self.chamfer_angle).height
-
     @property
     def mouth_radius(self) -> float:
         """Radius of the opening in the front face, m."""
-        return self.radius + self.chamfer
+        return self.radius + self.chamfer.width
 
     @property
     def outside(self) -> Vector:
@@ -261,15 +226,10 @@ class HolePart:
 
     @property
     def bore(self) -> Vector:
-        """Position along x_M and radius of chamfer and bore, m, from the mouth, shape (3, 2).
-
-        Without a chamfer its two ends coincide: shape (2, 2).
-        """
-        mouth = [0.0, self.mouth_radius]
-        end = [self.depth if self.bore_depth is None else self.bore_depth, self.radius]
-        if self.chamfer == 0:
-            return np.array([mouth, end])
-        return np.array([mouth, [self.chamfer_height, self.radius], end])
+        """Position along x_M and radius of chamfer and bore, m, from the mouth, as of a peg."""
+        edge = [[self.chamfer.height, self.radius]] if self.chamfer.width else []
+        end = self.depth if self.bore_depth is None else self.bore_depth
+        return np.array([[0.0, self.mouth_radius], *edge, [end, self.radius]])
 
     @property
     def closed_profile(self) -> Vector:
@@ -309,11 +269,22 @@ class PegAndHole(PegHoleGeometry):
         if not 0 < self.peg_chamfer_angle < math.pi / 2:
             raise ParameterError("peg_chamfer_angle", self.peg_chamfer_angle, "between 0 and pi/2")
         super().__post_init__()
-        for part, named in ((lambda: self.peg, _PEG_FIELDS), (lambda: self.hole, _HOLE_FIELDS)):
-            try:
-                part()
-            except ParameterError as error:
-                raise ParameterError(named[error.name], error.value, error.allowed) from error
+        require_positive(self, "peg_length", "hole_length", "outer_radius")
+        hole = self.hole
+        for part, chamfer, length in (
+            ("peg", self.peg_chamfer, self.peg_length),
+            ("hole", self.hole_chamfer, self.hole_length),
+        ):
+            if not chamfer.height < length:
+                allowed = f"with less than the {part}'s length, {length} m, along the {part}"
+                raise ParameterError("chamfer_width", self.chamfer_width, allowed)
+        if not self.outer_radius > hole.mouth_radius:
+            allowed = f"more than radius + chamfer, {hole.mouth_radius} m"
+            raise ParameterError("outer_radius", self.outer_radius, allowed)
+        least, depth = hole.chamfer.height, self.bore_depth
+        if depth is not None and not least < depth < self.hole_length:
+            allowed = f"between the chamfer's height, {least:.6g} m, and the depth"
+            raise ParameterError("bore_depth", depth, f"{allowed}, {self.hole_length} m")
 
     @property
     def is_round(self) -> bool:
@@ -328,50 +299,24 @@ class PegAndHole(PegHoleGeometry):
     @property
     def peg(self) -> Peg:
         """The peg's shape."""
-        return Peg(
-            radius=self.peg_radius,
-            chamfer=self.peg_chamfer.width,
-            chamfer_angle=self.peg_chamfer_angle,
-            length=self.peg_length,
-            section=self.section,
-        )
+        return Peg(self.peg_radius, self.peg_chamfer, self.peg_length, self.section)
 
     @property
     def hole(self) -> HolePart:
         """The shape of the part with the hole."""
         return HolePart(
-            radius=self.hole_radius,
-            chamfer=self.hole_chamfer.width,
-            chamfer_angle=self.chamfer_angle,
-            outer_radius=self.outer_radius,
-            depth=self.hole_length,
-            bore_depth=self.bore_depth,
-            section=self.section,
+            self.hole_radius,
+            self.hole_chamfer,
+            self.outer_radius,
+            self.hole_length,
+            self.bore_depth,
+            self.section,
         )
 
     @property
     def bore_length(self) -> float:
         """How far below the mouth the bore ends, m."""
         return self.hole_length if self.bore_depth is None else self.bore_depth
-
-    def scaled(self, hole_radius: float, clearance_ratio: float) -> Self:
-        """Return parts of the same shape in another size, with another clearance.
-
-        Args:
-            hole_radius: R, m.
-            clearance_ratio: ``c = (R - r) / R``.
-        """
-        factor = hole_radius / self.hole_radius
-        return replace(
-            self,
-            hole_radius=hole_radius,
-            peg_radius=(1 - clearance_ratio) * hole_radius,
-            chamfer_width=factor * self.chamfer_width,
-            peg_length=factor * self.peg_length,
-            hole_length=factor * self.hole_length,
-            bore_depth=None if self.bore_depth is None else factor * self.bore_depth,
-            outer_radius=factor * self.outer_radius,
-        )
 
     def leading(self, tilt: float) -> float:
         """Return how far a tilted peg's rim is ahead of the middle of its tip, m."""
@@ -401,13 +346,3 @@ def require_colour(params: object, *names: str) -> None:
         colour = getattr(params, name)
         if len(colour) != 3 or not all(0 <= channel <= 255 for channel in colour):
             raise ParameterError(name, colour, "three numbers from 0 to 255")
-
-
-_PEG_FIELDS: Final = {"radius": "peg_radius", "chamfer": "chamfer_width", "length": "peg_length"}
-_HOLE_FIELDS: Final = {
-    "radius": "hole_radius",
-    "chamfer": "chamfer_width",
-    "outer_radius": "outer_radius",
-    "depth": "hole_length",
-    "bore_depth": "bore_depth",
-}

@@ -189,8 +189,9 @@ def appearances(
             from a grey background.
     """
     peg = parts.peg
+    end_ratio = 1 - peg.chamfer.width / peg.radius
     found = (
-        Appearance(hue=_hue(parts, "peg_colour"), front=1, end_ratio=1 - peg.chamfer / peg.radius),
+        Appearance(hue=_hue(parts, "peg_colour"), front=1, end_ratio=end_ratio),
         # The peg hides most of the mouth's edge when it is in the hole.
         Appearance(hue=_hue(parts, "hole_colour"), front=-1, seen=0.1),
     )
@@ -201,7 +202,7 @@ def appearances(
     if pixel_size is None:
         return found
     hole = parts.hole
-    angle = peg.chamfer_angle if peg.chamfer else None
+    angle = peg.chamfer.angle if peg.chamfer.width else None
     found = replace(found[0], end_angle=angle), found[1]
     looks = []
     for look, radius, length in zip(

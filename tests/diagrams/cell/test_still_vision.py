@@ -131,7 +131,11 @@ def test_the_error_is_what_the_peg_lacks() -> None:
 
 @pytest.mark.parametrize("radius", [0.004, 0.010035])
 def test_square_parts_are_measured_like_round_ones_but_for_the_gap(radius: float) -> None:
-    parts = replace(CELL.parts.scaled(radius, 0.02), section="square")
+    names = ("chamfer_width", "peg_length", "hole_length", "outer_radius")
+    lengths = {name: getattr(CELL.parts, name) * radius / 0.010035 for name in names}
+    parts = replace(
+        CELL.parts, section="square", hole_radius=radius, peg_radius=0.98 * radius, **lengths
+    )
     sight = StillVision(resolve(AlignmentScenario(parts=parts)))
     X_WT = RigidTransform(RollPitchYaw(0.0, 0.02, -0.03), [-0.03, 0.002, 0.157])
     _, y, z, _, pitch, yaw = sight.error(X_WT, MOUTH)
