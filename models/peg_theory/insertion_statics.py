@@ -24,8 +24,7 @@ Onsets are 1 % too deep, and at most 3 % in eight of ten.
 """
 
 import math
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,25 +36,19 @@ from chamfer.models.validation import ParameterError
 
 Array = NDArray[np.float64]
 
-MOUTH_RIGHT, MOUTH_LEFT, TIP_RIGHT, TIP_LEFT = range(4)  # in the last axis of normal forces
-
 _ROUNDING: Final = 1e-9
 _SIDE: Final = np.array([1.0, -1.0, 1.0, -1.0])
+# Which of the places mouth right, mouth left, tip right and tip left are pressed.
 _STATES: Final[tuple[tuple[Contact, tuple[int, ...]], ...]] = (
     (Contact.NONE, ()),
-    (Contact.MOUTH, (MOUTH_RIGHT,)),
-    (Contact.MOUTH, (MOUTH_LEFT,)),
-    (Contact.TIP, (TIP_RIGHT,)),
-    (Contact.TIP, (TIP_LEFT,)),
-    (Contact.TWO_POINT, (MOUTH_RIGHT, TIP_LEFT)),
-    (Contact.TWO_POINT, (MOUTH_LEFT, TIP_RIGHT)),
-    (Contact.ALONG_WALL, (MOUTH_RIGHT, TIP_RIGHT)),
-    (Contact.ALONG_WALL, (MOUTH_LEFT, TIP_LEFT)),
+    *((Contact.MOUTH, (place,)) for place in (0, 1)),
+    *((Contact.TIP, (place,)) for place in (2, 3)),
+    *((Contact.TWO_POINT, places) for places in ((0, 3), (1, 2))),
+    *((Contact.ALONG_WALL, places) for places in ((0, 2), (1, 3))),
 )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ChamferCrossing:
+class ChamferCrossing(NamedTuple):
     """The peg on the chamfer, each of the shape of the inputs."""
 
     insertion_force: Array  # N, down
@@ -63,8 +56,7 @@ class ChamferCrossing:
     tilt: Array  # rad
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class BoreContact:
+class BoreContact(NamedTuple):
     """The peg in the bore, each of the shape of the inputs; forces have one axis more."""
 
     contact: NDArray[np.int64]  # of :class:`Contact`
@@ -91,10 +83,7 @@ def cross_chamfer(
 
     Whitney's chamfer crossing, ``F_z = K_x K_theta A (z / tan a) / den`` with
     ``A = cos a + mu sin a``, ``B = sin a - mu cos a`` and
-    ``den = (K_x L_g^2 + K_theta) B - K_x L_g r A``.
-
-    Raises:
-        ParameterError: If the tip sticks to such a chamfer instead of sliding down.
+    ``den = (K_x L_g^2 + K_theta) B - K_x L_g r A``. A chamfer to which the tip sticks is refused.
     """
     angle, L_g = parts.chamfer_angle, support.centre_distance
     A = math.cos(angle) + parts.friction * math.sin(angle)
@@ -122,11 +111,7 @@ def bore_contact(
     rotation: ArrayLike,
     depth: ArrayLike,
 ) -> BoreContact:
-    """Return what touches, and with what force, at a depth in the bore.
-
-    Raises:
-        ParameterError: If a depth is negative or not finite.
-    """
+    """Return what touches, and with what force, at a depth in the bore."""
     eps0, theta0, bore_depth = np.broadcast_arrays(*_floats(lateral, rotation, depth))
     if not np.all((bore_depth >= 0) & np.isfinite(bore_depth)):
         raise ParameterError("depth", depth, "finite numbers >= 0")
@@ -236,11 +221,8 @@ def _onsets_on_mouth(
     parts: PegHoleGeometry, support: Support, eps0: Array, theta0: Array
 ) -> list[Array]:
     """Return where a peg that leans right on the mouth meets the left wall, two candidates."""
-    K_x, K_theta, L_g = (
-        support.lateral_stiffness,
-        support.angular_stiffness,
-        support.centre_distance,
-    )
+    K_x, K_theta = support.lateral_stiffness, support.angular_stiffness
+    L_g = support.centre_distance
     arm, gap = L_g - parts.friction_radius, 2 * parts.clearance
     error = eps0 - parts.clearance
     load = K_x * (theta0 * L_g + error)
@@ -249,16 +231,15 @@ def _onsets_on_mouth(
     b = theta0 * K_theta + load * arm + gap * K_x * (arm + L_g)
     c = np.full_like(a, -gap * (K_x * arm * L_g + K_theta))
     onsets = []
-    for depth in quadratic_roots(a, b, c):
+    for depth in _roots(a, b, c):
         found = (depth > 0) & np.isfinite(depth)
         pressed = error + np.where(found, depth, 0.0) * theta0 >= -_ROUNDING * gap
         onsets.append(np.where(found & pressed, depth, np.inf))
     return onsets
 
 
-def quadratic_roots(a: ArrayLike, b: ArrayLike, c: ArrayLike) -> tuple[Array, Array]:
+def _roots(a: Array, b: Array, c: Array) -> tuple[Array, Array]:
     """Return the roots of ``a x^2 + b x + c``, NaN where there are none, stable for small a."""
-    a, b, c = np.broadcast_arrays(*(np.asarray(one, dtype=np.float64) for one in (a, b, c)))
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         q = -(b + np.copysign(np.sqrt(b * b - 4 * a * c), b)) / 2
         return q / a, c / q

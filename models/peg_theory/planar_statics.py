@@ -18,8 +18,8 @@ right, z up. The force on the peg is N along the face's normal and ``mu N`` up t
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import IntEnum
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -32,8 +32,6 @@ from chamfer.models.validation import ParameterError
 Array = NDArray[np.float64]
 
 _FAR: Final = 1.0  # m, to the ends of the parts that are not part of the theory
-# A face is its normal, outwards across and downwards along: out of the peg, into the hole.
-_SIDE: Final = (1.0, 0.0)
 
 
 class PlanarPose(NamedTuple):
@@ -65,16 +63,9 @@ class Pressed(NamedTuple):
 # Returns, for a height of the tip and a tilt, the x of the tip that closes the gap, and the
 # contact: always on the right, the left is its mirror image.
 Closing = Callable[[PegHoleGeometry, Array, Array], tuple[Array, Pressed]]
-
-
-def closing_mouth(parts: PegHoleGeometry, z: Array, tilt: Array) -> tuple[Array, Pressed]:
-    """Press the peg's right side on the bore's edge."""
-    return _edge_on_peg(parts, z, tilt, (parts.hole_radius, 0.0), _SIDE)
-
-
-def closing_tip(parts: PegHoleGeometry, z: Array, tilt: Array) -> tuple[Array, Pressed]:
-    """Press the tip's right corner on the wall of the bore."""
-    return _corner_on_hole(parts, z, tilt, _corner(parts), _SIDE)
+# Of the parts: a point across and up, or a face by its normal, outwards across and downwards
+# along: out of the peg, into the hole.
+Place = Callable[[PegHoleGeometry], tuple[float, float]]
 
 
 def tip_height(parts: PegHoleGeometry, depth: Array) -> Array:
@@ -107,74 +98,68 @@ def _tip_edge(parts: PegHoleGeometry) -> tuple[float, float]:
     return parts.peg_radius - parts.peg_chamfer.width, 0.0
 
 
-def _mouth(parts: PegHoleGeometry) -> tuple[float, float]:
+def _bore_edge(parts: PegHoleGeometry) -> tuple[float, float]:
+    return parts.hole_radius, 0.0
+
+
+def _mouth_edge(parts: PegHoleGeometry) -> tuple[float, float]:
     return parts.hole_radius + parts.hole_chamfer.width, parts.hole_chamfer.height
+
+
+def _side(parts: PegHoleGeometry) -> tuple[float, float]:
+    return 1.0, 0.0
+
+
+def _peg_chamfer(parts: PegHoleGeometry) -> tuple[float, float]:
+    return _facing(parts.peg_chamfer)
+
+
+def _hole_chamfer(parts: PegHoleGeometry) -> tuple[float, float]:
+    return _facing(parts.hole_chamfer)
 
 
 def _facing(chamfer: Chamfer) -> tuple[float, float]:
     return float(np.sin(chamfer.angle)), float(np.cos(chamfer.angle))
 
 
-def _corner_on_hole(
-    parts: PegHoleGeometry,
-    z: Array,
-    tilt: Array,
-    corner: tuple[float, float],
-    face: tuple[float, float],
-) -> tuple[Array, Pressed]:
+def _corner_on_hole(corner: Place, face: Place) -> Closing:
     """Press a corner of the peg on a face of the hole through the bore's edge."""
-    n, down = face
-    u, v = PlanarPose(np.zeros_like(z), z, tilt).point(*corner)
-    x = parts.hole_radius + v * down / n - u
-    mu, ones = parts.friction, np.ones_like(x)
-    return x, Pressed(x + u, v, (-n + mu * down) * ones, (down + mu * n) * ones)
+
+    def close(parts: PegHoleGeometry, z: Array, tilt: Array) -> tuple[Array, Pressed]:
+        n, down = face(parts)
+        u, v = PlanarPose(np.zeros_like(z), z, tilt).point(*corner(parts))
+        x = parts.hole_radius + v * down / n - u
+        mu, ones = parts.friction, np.ones_like(x)
+        return x, Pressed(x + u, v, (-n + mu * down) * ones, (down + mu * n) * ones)
+
+    return close
 
 
-def _edge_on_peg(
-    parts: PegHoleGeometry,
-    z: Array,
-    tilt: Array,
-    edge: tuple[float, float],
-    face: tuple[float, float],
-) -> tuple[Array, Pressed]:
+def _edge_on_peg(edge: Place, face: Place) -> Closing:
     """Press an edge of the hole on a face of the peg through the tip's corner."""
-    c, s = np.cos(tilt), np.sin(tilt)
-    n, down = face
-    # The normal out of the peg and the way up along its face, in the world.
-    out = n * c - down * s, -n * s - down * c
-    along = down * c + n * s, -down * s + n * c
-    u, v = PlanarPose(np.zeros_like(z), z, tilt).point(*_corner(parts))
-    x = edge[0] + (edge[1] - v) * out[1] / out[0] - u
-    mu, ones = parts.friction, np.ones_like(x)
-    at = Pressed(edge[0] * ones, edge[1] * ones, -out[0] + mu * along[0], -out[1] + mu * along[1])
-    return x, at
+
+    def close(parts: PegHoleGeometry, z: Array, tilt: Array) -> tuple[Array, Pressed]:
+        c, s = np.cos(tilt), np.sin(tilt)
+        n, down = face(parts)
+        # The normal out of the peg and the way up along its face, in the world.
+        out = n * c - down * s, -n * s - down * c
+        along = down * c + n * s, -down * s + n * c
+        u, v = PlanarPose(np.zeros_like(z), z, tilt).point(*_corner(parts))
+        right, up = edge(parts)
+        x = right + (up - v) * out[1] / out[0] - u
+        mu, ones = parts.friction, np.ones_like(x)
+        across, push = -out[0] + mu * along[0], -out[1] + mu * along[1]
+        return x, Pressed(right * ones, up * ones, across, push)
+
+    return close
 
 
-def closing_corner_on_chamfer(
-    parts: PegHoleGeometry, z: Array, tilt: Array
-) -> tuple[Array, Pressed]:
-    """Press the tip's corner on the hole's chamfer."""
-    return _corner_on_hole(parts, z, tilt, _corner(parts), _facing(parts.hole_chamfer))
-
-
-def closing_tip_on_chamfer(parts: PegHoleGeometry, z: Array, tilt: Array) -> tuple[Array, Pressed]:
-    """Press the tip's edge, below its chamfer, on the hole's chamfer."""
-    return _corner_on_hole(parts, z, tilt, _tip_edge(parts), _facing(parts.hole_chamfer))
-
-
-def closing_bore_on_chamfer(
-    parts: PegHoleGeometry, z: Array, tilt: Array
-) -> tuple[Array, Pressed]:
-    """Press the peg's chamfer on the bore's edge."""
-    edge = parts.hole_radius, 0.0
-    return _edge_on_peg(parts, z, tilt, edge, _facing(parts.peg_chamfer))
-
-
-def closing_mouth_on_chamfer(
-    parts: PegHoleGeometry, z: Array, tilt: Array
-) -> tuple[Array, Pressed]:
-    """Press the peg's chamfer on the mouth's edge, above the hole's chamfer."""
-    return _edge_on_peg(parts, z, tilt, _mouth(parts), _facing(parts.peg_chamfer))
+closing_mouth: Final = _edge_on_peg(_bore_edge, _side)
+closing_tip: Final = _corner_on_hole(_corner, _side)
+_corner_on_chamfer: Final = _corner_on_hole(_corner, _hole_chamfer)
+_tip_on_chamfer: Final = _corner_on_hole(_tip_edge, _hole_chamfer)
+_bore_on_chamfer: Final = _edge_on_peg(_bore_edge, _peg_chamfer)
+_mouth_on_chamfer: Final = _edge_on_peg(_mouth_edge, _peg_chamfer)
 
 
 def gap(parts: PegHoleGeometry, pose: PlanarPose) -> Array:
@@ -182,23 +167,20 @@ def gap(parts: PegHoleGeometry, pose: PlanarPose) -> Array:
 
     Both are convex: it is the largest distance that a face of either one has to the other.
     """
-    edge, mouth = (parts.hole_radius, 0.0), _mouth(parts)
-    corner, tip = _corner(parts), _tip_edge(parts)
+    edge, mouth, corner, tip = (
+        place(parts) for place in (_bore_edge, _mouth_edge, _corner, _tip_edge)
+    )
     peg = [tip, corner, (-tip[0], tip[1]), (-corner[0], corner[1])]
     peg += [(side * parts.peg_radius, _FAR) for side in (1.0, -1.0)]
     corners = [pose.point(*one) for one in peg]
     hole = [edge, mouth, (edge[0], -_FAR), (_FAR, mouth[1])]
     distances = []
-    chamfer = _facing(parts.hole_chamfer)
-    for (n, down), through in ((_SIDE, edge), (chamfer, edge), ((0.0, 1.0), mouth)):
+    side, end = _side(parts), (0.0, 1.0)
+    for (n, down), through in ((side, edge), (_hole_chamfer(parts), edge), (end, mouth)):
         apart = [(through[0] - x) * n + (z - through[1]) * down for x, z in corners]
         distances.append(np.min(apart, axis=0))
     c, s = np.cos(pose.tilt), np.sin(pose.tilt)
-    for (n, down), (u, v) in (
-        (_SIDE, corner),
-        (_facing(parts.peg_chamfer), corner),
-        ((0.0, 1.0), tip),
-    ):
+    for (n, down), (u, v) in ((side, corner), (_peg_chamfer(parts), corner), (end, tip)):
         out = n * c - down * s, -n * s - down * c
         x, z = pose.point(u, v)
         apart = [(at[0] - x) * out[0] + (at[1] - z) * out[1] for at in hole]
@@ -225,8 +207,7 @@ class Contact(IntEnum):
     STUCK = 6  # no sliding equilibrium: however hard the push, friction holds the peg
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Equilibrium:
+class Equilibrium(NamedTuple):
     """The peg at a depth, each of the shape of the inputs."""
 
     contact: NDArray[np.int64]  # of :class:`Contact`
@@ -247,9 +228,6 @@ def equilibrium(
 
     Of several sliding equilibria the one with the least force is taken: it is the one that the
     peg is in before two points touch, the others are reached by turning it by force.
-
-    Raises:
-        ParameterError: If the depth is not finite.
     """
     inputs = (np.asarray(value, dtype=np.float64) for value in (lateral, rotation, depth))
     eps0, theta0, bore_depth = np.broadcast_arrays(*inputs)
@@ -338,22 +316,20 @@ def _spring(start: _Start, pose: PlanarPose) -> Array:
 
 
 def _candidates(start: _Start) -> list[_Candidate]:
+    pairs = [(Contact.ALONG_WALL, closing_mouth, closing_tip)]
+    if start.parts.peg_chamfer.angle == start.parts.hole_chamfer.angle:
+        pairs += _ON_CHAMFER
+    sliding: list[Callable[[_Start], _Candidate]] = [
+        *(partial(_single, contact=contact, closing=one) for contact, one in _SINGLE),
+        *(partial(_flat, contact=contact, one=one, other=two) for contact, one, two in pairs),
+        _two_point,
+    ]
     found = [_free(start)]
-    for contact, closing in _SINGLE:
-        found += [_single(start, contact, closing)]
-        found += [_mirror(_single(start.mirrored(), contact, closing))]
-    pairs = [(Contact.ALONG_WALL, closing_mouth, closing_tip), *_ON_CHAMFER]
-    if start.parts.peg_chamfer.angle != start.parts.hole_chamfer.angle:
-        del pairs[1:]
-    for contact, one, other in pairs:
-        found += [_flat(start, contact, one, other)]
-        found += [_mirror(_flat(start.mirrored(), contact, one, other))]
-    found += [_two_point(start), _mirror(_two_point(start.mirrored()))]
+    for of in sliding:
+        left = of(start.mirrored())
+        left = left._replace(lateral=-left.lateral, x=-left.x, tilt=-left.tilt)
+        found += [of(start), left]
     return found
-
-
-def _mirror(one: _Candidate) -> _Candidate:
-    return one._replace(lateral=-one.lateral, x=-one.x, tilt=-one.tilt)
 
 
 def _free(start: _Start) -> _Candidate:
@@ -378,7 +354,7 @@ def _single(start: _Start, contact: Contact, closing: Closing) -> _Candidate:
     x, at = closing(start.parts, start.z, tilt)
     pose = PlanarPose(x, start.z, tilt)
     normal = -_spring(start, pose) / at.across
-    return _valid(start, contact, pose, [(normal, at)], other_side=False)
+    return _valid(start, contact, pose, [(normal, at)])
 
 
 def _flat(start: _Start, contact: Contact, one: Closing, other: Closing) -> _Candidate:
@@ -387,7 +363,7 @@ def _flat(start: _Start, contact: Contact, one: Closing, other: Closing) -> _Can
     x, first = one(start.parts, start.z, upright)
     _, second = other(start.parts, start.z, upright)
     pose = PlanarPose(x, start.z, upright)
-    return _valid(start, contact, pose, _shared(start, pose, first, second), other_side=False)
+    return _valid(start, contact, pose, _shared(start, pose, first, second))
 
 
 def _two_point(start: _Start) -> _Candidate:
@@ -411,8 +387,7 @@ def _two_point(start: _Start) -> _Candidate:
     pose = PlanarPose(x, z, tilt)
     slides = leverage(start.support.centre_distance, pose, first, second) > 0
     pose = pose._replace(x=np.where(slides, x, np.nan))
-    pressed = _shared(start, pose, first, second)
-    return _valid(start, Contact.TWO_POINT, pose, pressed, other_side=True)
+    return _valid(start, Contact.TWO_POINT, pose, _shared(start, pose, first, second))
 
 
 def _shared(
@@ -433,14 +408,12 @@ def _valid(
     contact: Contact,
     pose: PlanarPose,
     pressed: list[tuple[Array, Pressed]],
-    *,
-    other_side: bool,
 ) -> _Candidate:
     """Return the candidate, with an infinite force where it pulls or parts overlap."""
     room = _room(start.parts)
     right, left = gap(start.parts, pose), gap(start.parts, pose.mirrored())
     holds = (np.abs(right) <= room) & (left >= -room)
-    if other_side:
+    if contact == Contact.TWO_POINT:
         holds &= np.abs(left) <= room
     for normal, _ in pressed:
         holds &= normal >= -room * start.support.lateral_stiffness
@@ -456,14 +429,14 @@ def _room(parts: PegHoleGeometry) -> float:
 _SINGLE: Final[tuple[tuple[Contact, Closing], ...]] = (
     (Contact.MOUTH, closing_mouth),
     (Contact.TIP, closing_tip),
-    (Contact.CHAMFER, closing_corner_on_chamfer),
-    (Contact.CHAMFER, closing_tip_on_chamfer),
-    (Contact.CHAMFER, closing_bore_on_chamfer),
-    (Contact.CHAMFER, closing_mouth_on_chamfer),
+    (Contact.CHAMFER, _corner_on_chamfer),
+    (Contact.CHAMFER, _tip_on_chamfer),
+    (Contact.CHAMFER, _bore_on_chamfer),
+    (Contact.CHAMFER, _mouth_on_chamfer),
 )
 # The lower and the upper end of what two parallel chamfers have in common.
 _ON_CHAMFER: Final[tuple[tuple[Contact, Closing, Closing], ...]] = tuple(
     (Contact.CHAMFER, lower, upper)
-    for lower in (closing_tip_on_chamfer, closing_bore_on_chamfer)
-    for upper in (closing_corner_on_chamfer, closing_mouth_on_chamfer)
+    for lower in (_tip_on_chamfer, _bore_on_chamfer)
+    for upper in (_corner_on_chamfer, _mouth_on_chamfer)
 )
