@@ -27,6 +27,16 @@ def trial_seed(seed: int, trial: int) -> int:
     return 1000 * seed + trial
 
 
+def metrics_of(
+    rows: Mapping[str, tuple[float | None, str] | tuple[float | None, str, str]],
+) -> dict[str, Metric]:
+    """Return metrics from their values, units and notes."""
+    found = {}
+    for name, (value, unit, *note) in rows.items():
+        found[name] = Metric(value=value, unit=unit, note="".join(note))
+    return found
+
+
 def prefixed(name: str, metrics: Mapping[str, Metric]) -> dict[str, Metric]:
     """Return metrics with a name in front of theirs."""
     return {f"{name}.{key}": metric for key, metric in metrics.items()}

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -13,7 +14,7 @@ from pydrake.math import RigidTransform
 from scipy.spatial.transform import Rotation
 
 from chamfer.analysis.campaign.campaign import Trials
-from chamfer.analysis.campaign.trial_metrics import over_trials
+from chamfer.analysis.campaign.trial_metrics import metrics_of, over_trials
 from chamfer.analysis.cell.alignment_runs import (
     ALIGNMENT,
     LATE,
@@ -28,6 +29,7 @@ from chamfer.analysis.cell.alignment_runs import (
     margins,
     row_before,
     run_alignment,
+    settled_trials,
     settling_metrics,
     statistics,
     stopped_metrics,
@@ -45,6 +47,7 @@ from chamfer.analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column
 from chamfer.diagrams.cell.alignment import resolve
 from chamfer.diagrams.cell.alignment_scenario import (
+    KINDS,
     AlignmentScenario,
     ResolvedAlignmentScenario,
     require_fine_enough,
@@ -56,27 +59,25 @@ from chamfer.systems.cameras.software_camera import between, render, render_movi
 from chamfer.systems.pose import POSE_NAMES, pose_from_vector
 from chamfer.systems.vision.part_detection import Detection, detect_parts
 
-MOMENTS: Final = ("before", "after")
-
 _CHANNELS: Final = ("red", "green", "blue")
 
 
 def take_pictures(
     scenario: AlignmentScenario, traces: Table, seed: int
 ) -> dict[str, NDArray[np.uint8]]:
-    """Return the pictures as a table, a row a pixel, row after row.
-
-    Columns ``xz_before_red`` and so on; drawn by the software camera at the true poses, with the
-    scenario's noise.
-    """
+    """Return the pictures before and after the compensation."""
     begin = row_before(traces["time"], scenario.begin)
-    return pictures_at(scenario, traces, dict(zip(MOMENTS, (begin, -1), strict=True)), seed)
+    return pictures_at(scenario, traces, {"before": begin, "after": -1}, seed)
 
 
 def pictures_at(
     scenario: AlignmentScenario, traces: Table, rows: Mapping[str, int], seed: int
 ) -> dict[str, NDArray[np.uint8]]:
-    """Return likewise the pictures at some rows of the traces, by the moments' names."""
+    """Return the pictures at some rows of the traces as a table, a row a pixel, row after row.
+
+    Columns ``xz_before_red`` and so on, by the moments' names; drawn by the software camera at the
+    true poses, with the scenario's noise.
+    """
     generator = np.random.default_rng(seed)
     table = {}
     for view in VIEWS:
@@ -156,9 +157,10 @@ def run_repeatability(
     }
     errors = {
         "trial": np.repeat(finished.tasks, [len(row["time"]) for row in finished.rows]),
-        "time": np.concatenate([row["time"] for row in finished.rows]),
-        "lateral_error": np.concatenate([row["lateral_errors"] for row in finished.rows]),
-        "rotational_error": np.concatenate([row["rotational_errors"] for row in finished.rows]),
+        **{
+            name.removesuffix("s"): np.concatenate([row[name] for row in finished.rows])
+            for name in ("time", "lateral_errors", "rotational_errors")
+        },
     }
     return Outcome(
         metrics=metrics,
@@ -169,36 +171,23 @@ def run_repeatability(
 
 
 def _over_trials(finished: Trials[int]) -> dict[str, Metric]:
-    count = f"of {len(finished)} trials"
-    settling = finished.column("settling_time")
-    settled = settling[np.isfinite(settling)]
     limits = f"below {1e3 * SETTLED[0]:g} mm and {1e3 * SETTLED[1]:g} mrad for good"
     still = f"mean change in the last {LATE:g} s, the largest of the axes; 0 where it is constant"
     speed = np.mean([row["time"][-1] / row["wall_seconds"] for row in finished.rows])
+    found = settled_trials(
+        finished, f"mean of {len(finished)} trials that settle in time, {limits}"
+    )
+    for name, unit in (("lateral", "m"), ("rotational", "rad")):
+        for when in ("uncompensated", "vision"):
+            found[f"{when}.{name}_error"] = _mean(finished, f"{when}.{name}_error", unit)
+        late = f"compensation.late_{name}"
+        found |= metrics_of({late: (float(finished.column(late).mean()), unit, still)})
     return {
-        "settling_time": Metric(
-            value=float(settled.mean()) if len(settled) else None,
-            unit="s",
-            note=f"mean {count} that settle in time, {limits}",
-        ),
-        "settled": Metric(value=100 * len(settled) / len(settling), unit="%", note=limits),
-        "uncompensated.lateral_error": _mean(finished, "uncompensated.lateral_error", "m"),
-        "uncompensated.rotational_error": _mean(finished, "uncompensated.rotational_error", "rad"),
-        "vision.lateral_error": _mean(finished, "vision.lateral_error", "m"),
-        "vision.rotational_error": _mean(finished, "vision.rotational_error", "rad"),
-        "compensation.late_lateral": Metric(
-            value=float(finished.column("compensation.late_lateral").mean()),
-            unit="m",
-            note=still,
-        ),
-        "compensation.late_rotational": Metric(
-            value=float(finished.column("compensation.late_rotational").mean()),
-            unit="rad",
-            note=still,
-        ),
+        **found,
+        "settled": replace(found["settled"], note=limits),
         "detected": detected_metric(finished.column("detected")),
         **stopped_metrics({name: finished.column(name) for name in STOPPED}),
-        "real_time_factor": Metric(value=round(float(speed), 2), unit="", note=_SPEED),
+        **metrics_of({"real_time_factor": (round(float(speed), 2), "", _SPEED)}),
     }
 
 
@@ -207,11 +196,8 @@ def _mean(finished: Trials[int], name: str, unit: str) -> Metric:
     known = known[np.isfinite(known)]
     if not len(known):
         return Metric(value=None, unit=unit, note="nothing was measured at the end of any trial")
-    return Metric(
-        value=float(known.mean()),
-        unit=unit,
-        note=f"mean of {len(known)} trials, {known.min():.4g} to {known.max():.4g}",
-    )
+    note = f"mean of {len(known)} trials, {known.min():.4g} to {known.max():.4g}"
+    return Metric(value=float(known.mean()), unit=unit, note=note)
 
 
 def _rows(
@@ -230,18 +216,12 @@ def _rows(
 
 
 def figures(scenario: AlignmentScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
+    """Draw Fig. 12: both cameras' pictures before and after; and Figs. 13 and 14."""
+    moments = {"before": "before", "after": f"after {scenario.compensation_time:g} s"}
     return {
-        "pictures": plot_pictures(scenario, outcome),
+        "pictures": plot_moments(scenario, outcome.tables["pictures"], moments),
         "compensation": plot_alignment(scenario, outcome),
     }
-
-
-def repeatability_figures(
-    scenario: RepeatabilityScenario, outcome: Outcome
-) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    return {"repeatability": plot_repeatability(scenario, outcome)}
 
 
 def resolve_alignment(scenario: AlignmentScenario) -> ResolvedAlignmentScenario:
@@ -273,21 +253,10 @@ _FREE: Final[Style] = {"color": "#dfe7f2", "linewidth": 0}
 _END: Final[Style] = {"color": "black", "marker": "o", "linestyle": "none", "markersize": 3.5}
 
 
-def plot_pictures(scenario: AlignmentScenario, outcome: Outcome) -> Figure:
-    """Draw Fig. 12: both cameras' pictures before and after, with what was detected."""
-    moments = {"before": "before", "after": f"after {scenario.compensation_time:g} s"}
-    return plot_moments(scenario, outcome.tables["pictures"], moments)
-
-
 def plot_moments(scenario: AlignmentScenario, table: Table, moments: Mapping[str, str]) -> Figure:
-    """Draw both cameras' pictures at some moments, with what was detected.
+    """Draw both cameras' pictures at some moments, by what to say of each, with what was detected.
 
     Where they are not believed to be straight they are straightened, as they are before detection.
-
-    Args:
-        scenario: Of the cameras.
-        table: Of :func:`chamfer.analysis.cell.alignment.pictures_at`.
-        moments: What to say of each.
     """
     figure = new_figure(5.0 * len(moments), 7.4)
     panels = figure.subplots(len(VIEWS), len(moments), squeeze=False)
@@ -378,7 +347,9 @@ def _relative(traces: Any, arm: str) -> dict[str, NDArray[np.float64]]:
     return {name: relative[:, i] for i, (name, _, _) in enumerate(_QUATERNION)}
 
 
-def plot_repeatability(scenario: RepeatabilityScenario, outcome: Outcome) -> Figure:
+def repeatability_figures(
+    scenario: RepeatabilityScenario, outcome: Outcome
+) -> Mapping[str, Figure]:
     """Draw every trial's errors over time, and where the trials end in the wedging diagram."""
     figure = new_figure(11.5, 8.0)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.15))
@@ -407,7 +378,7 @@ def plot_repeatability(scenario: RepeatabilityScenario, outcome: Outcome) -> Fig
     _ends(ends, scenario, outcome)
     named, _ = ends.get_legend_handles_labels()
     figure.legend(handles=named, loc="outside lower right", ncols=4, fontsize=8, edgecolor="none")
-    return figure
+    return {"repeatability": figure}
 
 
 def _ends(axes: Axes, scenario: RepeatabilityScenario, outcome: Outcome) -> None:
@@ -424,35 +395,22 @@ def _ends(axes: Axes, scenario: RepeatabilityScenario, outcome: Outcome) -> None
     axes.plot(1e3 * x, 1e3 * simple, label="simple side", **_SIMPLE)
     axes.axhline(1e3 * parts.rotation_limit, label="published limit: the box", **PUBLISHED)
     axes.plot(1e3 * lateral, 1e3 * rotational, label="ends of the trials", **_END)
-    half = [
-        [metric_value(outcome.metrics, f"{name}_error.mean{end}") for end in ("_low", "_high")]
-        for name in ("lateral", "rotational")
-    ]
-    if np.isfinite(half).all():
-        axes.add_patch(
-            Rectangle(
-                (1e3 * half[0][0], 1e3 * half[1][0]),
-                1e3 * (half[0][1] - half[0][0]),
-                1e3 * (half[1][1] - half[1][0]),
-                facecolor="none",
-                edgecolor="#1b7f5c",
-                linewidth=1.6,
-                label="95 % intervals of the means",
-            )
+    low, high = (
+        np.array(
+            [metric_value(outcome.metrics, f"{kind}_error.mean_{end}", 1e3) for kind in KINDS]
         )
+        for end in ("low", "high")
+    )
+    if np.isfinite([low, high]).all():
+        look: Style = {"facecolor": "none", "edgecolor": "#1b7f5c", "linewidth": 1.6}
+        label = "95 % intervals of the means"
+        axes.add_patch(Rectangle((low[0], low[1]), *(high - low), label=label, **look))
+    published: Style = {"color": "#b00020", "linestyle": "none", "markersize": 7}
     for (eps, theta), label, marker in (
         (MEAN_ERROR, "published mean of ten runs", "o"),
         (WORST_ERROR, "published largest of ten runs", "s"),
     ):
-        axes.plot(
-            1e3 * eps,
-            1e3 * theta,
-            label=label,
-            color="#b00020",
-            marker=marker,
-            linestyle="none",
-            markersize=7,
-        )
+        axes.plot(1e3 * eps, 1e3 * theta, label=label, marker=marker, **published)
     title = f"(c) After {scenario.compensation_time:g} s, in the wedging diagram"
     dress(axes, title=title, x="lateral error / mm", y="rotational error / mrad")
     axes.set_xlim(0.0, 1e3 * right)

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.campaign import Trials, run_each
-from chamfer.analysis.campaign.trial_metrics import mean_interval, prefixed
+from chamfer.analysis.campaign.trial_metrics import mean_interval, metrics_of, prefixed
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.cell.alignment_runs import (
     STOPPED,
@@ -21,6 +22,7 @@ from chamfer.analysis.cell.alignment_runs import (
     align,
     detected_metric,
     resolve_trials,
+    settled_trials,
     settling_metrics,
     statistics,
     stopped_metrics,
@@ -31,6 +33,7 @@ from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, colu
 from chamfer.diagrams.cell.alignment_scenario import (
     ControllerChoice,
     ControllerKind,
+    Kind,
     OpenAxis,
     OpenGains,
     SixAxisPid,
@@ -101,31 +104,26 @@ def _candidates(
     scenario: ResolvedAlignmentComparisonScenario,
 ) -> dict[ControllerKind, list[ResolvedAlignmentComparisonScenario]]:
     responses, untuned = arm_responses(scenario), _without_numbers(scenario)
+    fsm, pid = (replace(scenario, controller=ControllerChoice(kind=kind)) for kind in CONTROLLERS)
+    large = {
+        kind: [getattr(scenario.compensator, kind).divider * one for one in small]
+        for kind, small in (
+            ("lateral", scenario.small_lateral),
+            ("rotational", scenario.small_rotational),
+        )
+    }
+    increments: list[dict[Kind, float]] = [
+        {"lateral": one, "rotational": other} for one, other in product(*large.values())
+    ]
     return {
         "fsm": [
-            replace(
-                scenario,
-                controller=ControllerChoice(kind="fsm"),
-                compensator=design_compensator(
-                    untuned, responses, {"lateral": lateral, "rotational": rotational}
-                ),
-            )
-            for lateral in _large(scenario.compensator.lateral, scenario.small_lateral)
-            for rotational in _large(scenario.compensator.rotational, scenario.small_rotational)
+            replace(fsm, compensator=design_compensator(untuned, responses, one))
+            for one in increments
         ],
         "pid": [
-            replace(
-                scenario,
-                controller=ControllerChoice(kind="pid"),
-                pid=design_pid(untuned, responses, time),
-            )
-            for time in scenario.closed_loop
+            replace(pid, pid=design_pid(untuned, responses, time)) for time in scenario.closed_loop
         ],
     }
-
-
-def _large(element: OpenAxis, small: tuple[float, ...]) -> list[float]:
-    return [element.divider * one for one in small]
 
 
 def _without_numbers(
@@ -193,7 +191,9 @@ def run(scenario: ResolvedAlignmentComparisonScenario, seed: int, progress: Prog
     for name, of in found.items():
         for measured, unit in _MEASURED:
             metrics |= prefixed(name, statistics(of, measured, unit))
-        metrics |= prefixed(name, _settling(of))
+        count = int(np.isfinite(of.column("settling_time")).sum())
+        note = f"mean of the {count} of {len(of)} trials that settle in time"
+        metrics |= prefixed(name, settled_trials(of, note))
         metrics[f"{name}.detected"] = detected_metric(of.column("detected"))
         stopped = {one: of.column(one) for one in STOPPED}
         metrics |= prefixed(name, {**stopped_metrics(stopped), **settling_metrics(chosen[name])})
@@ -223,19 +223,20 @@ def _errors(
     found: Mapping[ControllerKind, Trials[ControllerTrial]],
 ) -> dict[str, NDArray[np.float64]]:
     """Return the courses of all trials' errors, one below the other."""
-    columns: dict[str, list[NDArray[np.float64]]] = {}
-    for i, name in enumerate(CONTROLLERS):
-        for (_, trial), row in zip(found[name].tasks, found[name].rows, strict=True):
-            count = len(row["time"])
-            for key, values in {
-                "controller": np.full(count, float(i)),
-                "trial": np.full(count, float(trial)),
-                "time": row["time"],
-                "lateral_error": row["lateral_errors"],
-                "rotational_error": row["rotational_errors"],
-            }.items():
-                columns.setdefault(key, []).append(values)
-    return {key: np.concatenate(values) for key, values in columns.items()}
+    rows = [
+        (float(i), float(task.trial), row)
+        for i, name in enumerate(CONTROLLERS)
+        for task, row in zip(found[name].tasks, found[name].rows, strict=True)
+    ]
+    counts = [len(row["time"]) for *_, row in rows]
+    return {
+        "controller": np.repeat([i for i, *_ in rows], counts),
+        "trial": np.repeat([trial for _, trial, _ in rows], counts),
+        **{
+            name.removesuffix("s"): np.concatenate([row[name] for *_, row in rows])
+            for name in ("time", "lateral_errors", "rotational_errors")
+        },
+    }
 
 
 def _tune(
@@ -275,36 +276,24 @@ def _knob(
 
 
 def _parameters(scenario: ResolvedAlignmentComparisonScenario) -> dict[str, Metric]:
+    fsm, pid = scenario.compensator, scenario.pid
     if scenario.controller.kind == "pid":
-        pid = scenario.pid
-        return {
-            "lateral.proportional": Metric(value=pid.lateral.proportional, unit="m/pixel"),
-            "lateral.integral": Metric(value=pid.lateral.integral, unit="m/(pixel s)"),
-            "rotational.proportional": Metric(value=pid.rotational.proportional, unit=""),
-            "rotational.integral": Metric(value=pid.rotational.integral, unit="1/s"),
+        return metrics_of(
+            {
+                "lateral.proportional": (pid.lateral.proportional, "m/pixel"),
+                "lateral.integral": (pid.lateral.integral, "m/(pixel s)"),
+                "rotational.proportional": (pid.rotational.proportional, ""),
+                "rotational.integral": (pid.rotational.integral, "1/s"),
+            }
+        )
+    return metrics_of(
+        {
+            "lateral.small_increment": (fsm.lateral.closed.small_increment, "m"),
+            "lateral.dead_zone": (fsm.lateral.dead_zone, "pixels"),
+            "rotational.small_increment": (fsm.rotational.closed.small_increment, "rad"),
+            "rotational.dead_zone": (fsm.rotational.dead_zone, "rad"),
         }
-    fsm = scenario.compensator
-    return {
-        "lateral.small_increment": Metric(value=fsm.lateral.closed.small_increment, unit="m"),
-        "lateral.dead_zone": Metric(value=fsm.lateral.dead_zone, unit="pixels"),
-        "rotational.small_increment": Metric(
-            value=fsm.rotational.closed.small_increment, unit="rad"
-        ),
-        "rotational.dead_zone": Metric(value=fsm.rotational.dead_zone, unit="rad"),
-    }
-
-
-def _settling(finished: Trials[ControllerTrial]) -> dict[str, Metric]:
-    of = finished.column("settling_time")
-    settled = of[np.isfinite(of)]
-    return {
-        "settling_time": Metric(
-            value=float(settled.mean()) if len(settled) else None,
-            unit="s",
-            note=f"mean of the {len(settled)} of {len(of)} trials that settle in time",
-        ),
-        "settled": Metric(value=100 * len(settled) / len(of), unit="%"),
-    }
+    )
 
 
 def _difference(
@@ -317,25 +306,17 @@ def _difference(
     n = len(difference)
     mean, half = mean_interval(difference)
     note = "FSM minus PID, same starts; by Student's t" if n > 1 else "one trial has no interval"
-    return {
-        f"difference.{name}.mean": Metric(value=mean, unit=unit, note=note),
-        f"difference.{name}.mean_low": Metric(value=mean - half, unit=unit, note=note),
-        f"difference.{name}.mean_high": Metric(value=mean + half, unit=unit, note=note),
-    }
-
-
-def figures(
-    scenario: ResolvedAlignmentComparisonScenario, outcome: Outcome
-) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    return {"alignment-fsm-vs-pid": plot_comparison(scenario, outcome)}
+    ends = {"mean": mean, "mean_low": mean - half, "mean_high": mean + half}
+    return metrics_of({f"difference.{name}.{of}": (end, unit, note) for of, end in ends.items()})
 
 
 _CONTROLLERS: Final = ("fsm", "pid")
 _KINDS: Final = (("lateral", "mm", MEAN_ERROR[0]), ("rotational", "mrad", MEAN_ERROR[1]))
 
 
-def plot_comparison(scenario: ResolvedAlignmentComparisonScenario, outcome: Outcome) -> Figure:
+def figures(
+    scenario: ResolvedAlignmentComparisonScenario, outcome: Outcome
+) -> Mapping[str, Figure]:
     """Draw every trial and the median over time, and the errors at the end, trial by trial."""
     figure = new_figure(11.0, 7.6)
     panels = figure.subplots(2, 2, width_ratios=(1.5, 1.0))
@@ -356,7 +337,7 @@ def plot_comparison(scenario: ResolvedAlignmentComparisonScenario, outcome: Outc
         ends.axhline(1e3 * published, label="published mean, FSM", **PUBLISHED)
         title = f"({'bd'[row]}) After {scenario.compensation_time:g} s, same starts joined"
         dress(ends, title=title, x="", y=f"error / {unit}")
-    return figure
+    return {"alignment-fsm-vs-pid": figure}
 
 
 def _over_time(

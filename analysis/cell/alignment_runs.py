@@ -6,18 +6,23 @@ One, or many from different starts with different errors of the controllers' mod
 import math
 import time
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from itertools import product
-from typing import Any, ClassVar, Final, TypeVar
+from typing import Any, ClassVar, Final, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from chamfer.analysis.campaign.campaign import Trials, run_each
-from chamfer.analysis.campaign.trial_metrics import Quantity, bootstrap_interval, trial_seed
+from chamfer.analysis.campaign.trial_metrics import (
+    Quantity,
+    bootstrap_interval,
+    metrics_of,
+    trial_seed,
+)
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.scenario.experiment import Metric, Progress, Table
@@ -119,14 +124,9 @@ def alignment_traces(
         "lateral_error": true.lateral,
         "rotational_error": true.rotational,
         "gap": true.gap,
-        "true_y": way[:, 1],
-        "true_z": way[:, 2],
-        "true_pitch": turn[:, 1],
-        "true_yaw": turn[:, 2],
-        "valid": outputs["valid"],
-        "age": outputs["age"],
-        "blind": outputs["blind"],
-        "diverged": outputs["diverged"],
+        **{f"true_{axis}": way[:, i] for i, axis in ((1, "y"), (2, "z"))},
+        **{f"true_{axis}": turn[:, i] for i, axis in ((1, "pitch"), (2, "yaw"))},
+        **{name: outputs[name] for name in ("valid", "age", "blind", "diverged")},
     }
     for i, axis in enumerate(AXES):
         traces[f"error_{axis}"] = outputs["error"][:, i]
@@ -144,8 +144,7 @@ def alignment_traces(
     return traces
 
 
-@dataclass(frozen=True, kw_only=True)
-class TrueErrors:
+class TrueErrors(NamedTuple):
     """How parts stand to each other, a row a time; world axes."""
 
     gap: Array  # (n,), m, from the tip to the mouth along the hole's axis
@@ -155,23 +154,16 @@ class TrueErrors:
     @property
     def lateral(self) -> Array:
         """Distance of the tip from the hole's axis, m, shape (n,)."""
-        distance: Array = np.linalg.norm(self.way, axis=1)
-        return distance
+        return np.asarray(np.linalg.norm(self.way, axis=1))
 
     @property
     def rotational(self) -> Array:
         """Angle between the axes, rad, shape (n,)."""
-        angle: Array = np.linalg.norm(self.turn, axis=1)
-        return angle
+        return np.asarray(np.linalg.norm(self.turn, axis=1))
 
 
 def true_errors(peg: Array, hole: Array) -> TrueErrors:
-    """Return the errors of alignment.
-
-    Args:
-        peg: Poses of the tip frame, quaternion w, x, y, z and position, m, shape (n, 7).
-        hole: Poses of the mouth frame, likewise.
-    """
+    """Return the errors of tip and mouth frames at poses of shape (n, 7)."""
     peg_axis, hole_axis = (
         Rotation.from_quat(poses[:, :4], scalar_first=True).apply([1.0, 0.0, 0.0])
         for poses in (peg, hole)
@@ -263,14 +255,24 @@ def stopped_values(traces: Table, scenario: AlignmentScenario) -> dict[str, floa
     }
 
 
+# Of each what is warned of, and what a share of trials is of.
+_STOPS: Final = {
+    "blind": (
+        "the cameras lost the parts",
+        "the cameras lost the parts, what approached stopped",
+    ),
+    "diverged": (
+        "it diverged: the measured error grew by half, the compensation stopped",
+        "stopped, as the measured error had grown by half",
+    ),
+    "limited": ("the compensation reached a limit",) * 2,
+    "growing": ("the true error is larger at the end than at the begin, and grows",) * 2,
+}
+
+
 def warn_of_stops(rows: Mapping[str, Array]) -> None:
     """Say which runs went wrong: of each what :data:`STOPPED` says, shape (n,)."""
-    for name, text in (
-        ("blind", "the cameras lost the parts"),
-        ("diverged", "it diverged: the measured error grew by half, the compensation stopped"),
-        ("limited", "the compensation reached a limit"),
-        ("growing", "the true error is larger at the end than at the begin, and grows"),
-    ):
+    for name, (text, _) in _STOPS.items():
         if found := int(np.sum(rows[name] > 0)):
             n = len(rows[name])
             where = f"in {found} of {n} trials " if n > 1 else ""
@@ -278,22 +280,15 @@ def warn_of_stops(rows: Mapping[str, Array]) -> None:
 
 
 def stopped_metrics(rows: Mapping[str, Array]) -> dict[str, Metric]:
-    """Return in which share of trials the loop went wrong, and warn of it.
-
-    Args:
-        rows: Of each trial what :data:`STOPPED` says, shape (n,).
-    """
+    """Return likewise in which share of trials the loop went wrong, and warn of it."""
     warn_of_stops(rows)
     of = f"of {len(rows['diverged'])} trials"
-    return {
-        name: Metric(value=100 * float(rows[name].mean()), unit="%", note=f"{of}, {what}")
-        for name, what in (
-            ("blind", "the cameras lost the parts, what approached stopped"),
-            ("diverged", "stopped, as the measured error had grown by half"),
-            ("limited", "the compensation reached a limit"),
-            ("growing", "the true error is larger at the end than at the begin, and grows"),
-        )
-    }
+    return metrics_of(
+        {
+            name: (100 * float(rows[name].mean()), "%", f"{of}, {what}")
+            for name, (_, what) in _STOPS.items()
+        }
+    )
 
 
 def settling_metrics(scenario: ResolvedAlignmentScenario) -> dict[str, Metric]:
@@ -312,14 +307,11 @@ def settling_metrics(scenario: ResolvedAlignmentScenario) -> dict[str, Metric]:
             f"dead zone, for a measurement error of {nu}",
             stacklevel=2,
         )
-    return {
-        "settling.small_share": Metric(
-            value=shares[kind] if math.isfinite(shares[kind]) else None,
-            unit="",
-            note=f"of the theorem's bound, {kind}, for a measurement error of {nu}"
-            + ("" if math.isfinite(shares[kind]) else ": the dead zone is within it"),
-        )
-    }
+    note = f"of the theorem's bound, {kind}, for a measurement error of {nu}"
+    share: float | None = shares[kind]
+    if math.isinf(shares[kind]):
+        share, note = None, f"{note}: the dead zone is within it"
+    return metrics_of({"settling.small_share": (share, "", note)})
 
 
 def detected_share(traces: Table, scenario: AlignmentScenario) -> float:
@@ -430,9 +422,6 @@ def resolve_trials(kind: type[TrialsT], scenario: AlignmentTrialsScenario) -> Tr
     """Return a scenario resolved, once it is sure that every trial has something to see.
 
     All trials have the controllers that are designed for its middle.
-
-    Raises:
-        ParameterError: If a part is out of an image where a compensation could begin.
     """
     resolved = resolve_as(kind, scenario)
     require_starts(resolved, resolved.spread)
@@ -440,11 +429,7 @@ def resolve_trials(kind: type[TrialsT], scenario: AlignmentTrialsScenario) -> Tr
 
 
 def require_starts(scenario: AlignmentScenario, spread: Spread) -> None:
-    """Refuse a spread of which a start has nothing to see, or parts in each other.
-
-    Raises:
-        ParameterError: It names ``spread.lateral``.
-    """
+    """Refuse a spread of which a start has nothing to see, or parts in each other."""
     far = spread.lateral
     for y, z in product((-far, far), repeat=2):
         error = np.add(scenario.initial_error, (0.0, y, z, 0.0, 0.0, 0.0))
@@ -479,11 +464,7 @@ REPEATABILITY: Final = RepeatabilityScenario()
 
 
 def resolve_repeatability(scenario: RepeatabilityScenario) -> ResolvedRepeatabilityScenario:
-    """Fill in the support too.
-
-    Raises:
-        ParameterError: As of :func:`resolve_trials`, or of a support that turns over.
-    """
+    """Fill in the support too."""
     held = scenario.held()
     require_stiff(scenario.parts, held)
     known = OpenSupport(**{one.name: getattr(held, one.name) for one in fields(held)})
@@ -493,10 +474,7 @@ def resolve_repeatability(scenario: RepeatabilityScenario) -> ResolvedRepeatabil
 def align(scenario: ResolvedAlignmentTrialsScenario, seed: int, trial: int) -> Row:
     """Run one of a seed's trials; it depends on its arguments alone, but for how long it takes.
 
-    Returns:
-        What :data:`chamfer.analysis.cell.alignment_runs.ALIGNMENT` has; ``time`` s, and at these
-        times the true ``lateral_errors`` m and ``rotational_errors`` rad, each of shape (n,);
-        ``wall_seconds``.
+    The row has what ``ALIGNMENT`` names, the true errors over ``time``, and ``wall_seconds``.
     """
     started = time.perf_counter()
     one = drawn(scenario, scenario.spread, seed, trial)
@@ -525,12 +503,23 @@ def statistics(finished: Trials[Any], name: str, unit: str) -> dict[str, Metric]
     note = "one trial has no interval"
     if n > 1:
         note = f"95 % interval of the mean of {n} trials, by bootstrap (BCa)"
-    return {
-        f"{name}.mean": Metric(value=float(np.mean(of)), unit=unit, note=f"{n} trials"),
-        f"{name}.mean_low": Metric(value=low, unit=unit, note=note),
-        f"{name}.mean_high": Metric(value=high, unit=unit, note=note),
-        f"{name}.max": Metric(value=float(np.max(of)), unit=unit, note=f"{n} trials"),
-    }
+    return metrics_of(
+        {
+            f"{name}.mean": (float(np.mean(of)), unit, f"{n} trials"),
+            f"{name}.mean_low": (low, unit, note),
+            f"{name}.mean_high": (high, unit, note),
+            f"{name}.max": (float(np.max(of)), unit, f"{n} trials"),
+        }
+    )
+
+
+def settled_trials(finished: Trials[Any], note: str) -> dict[str, Metric]:
+    """Return the mean time of the trials that settle, and their share."""
+    of = finished.column("settling_time")
+    found = of[np.isfinite(of)]
+    mean = float(found.mean()) if len(found) else None
+    share = 100 * len(found) / len(of)
+    return metrics_of({"settling_time": (mean, "s", note), "settled": (share, "%")})
 
 
 def margins(finished: Trials[Any], parts: PegHoleGeometry, support: Support) -> dict[str, Metric]:
@@ -549,26 +538,23 @@ def margins(finished: Trials[Any], parts: PegHoleGeometry, support: Support) -> 
     here = rotation_margin(parts, support, lateral, signs * rotational)
     wedged = wedges(parts, support, lateral, signs * rotational).any(axis=0)
     at = f"L_g = {1e3 * support.centre_distance:.3g} mm, K_x = {support.lateral_stiffness:.4g} N/m"
-    least: Callable[[list[float]], float] = min
-    return {
-        "box_margin.lateral": Metric(
-            value=100 * least([float(one.lateral) for one in box]), unit="%", note="of all trials"
-        ),
-        "box_margin.rotation": Metric(
-            value=100 * least([float(one.rotation) for one in box]), unit="%", note="of all trials"
-        ),
-        "chamfer_margin": Metric(
-            value=100 * (1 - float(np.max(lateral)) / parts.chamfer_limit),
-            unit="%",
-            note="of the lateral error that the chamfers still guide, of all trials",
-        ),
-        "parallelogram_margin": Metric(
-            value=100 * least(sloped), unit="%", note="exact sides, the least over L_g and trials"
-        ),
-        "margin": Metric(
-            value=100 * float(here.min()), unit="%", note=f"exact sides, at {at}, of all trials"
-        ),
-        "wedging": Metric(
-            value=100 * float(np.mean(wedged)), unit="%", note="trials that may wedge"
-        ),
-    }
+    worst = {name: 100 * min(float(getattr(one, name)) for one in box) for name in box[0]._fields}
+    guided = 1 - float(np.max(lateral)) / parts.chamfer_limit
+    return metrics_of(
+        {
+            "box_margin.lateral": (worst["lateral"], "%", "of all trials"),
+            "box_margin.rotation": (worst["rotation"], "%", "of all trials"),
+            "chamfer_margin": (
+                100 * guided,
+                "%",
+                "of the lateral error that the chamfers still guide, of all trials",
+            ),
+            "parallelogram_margin": (
+                100 * min(sloped),
+                "%",
+                "exact sides, the least over L_g and trials",
+            ),
+            "margin": (100 * float(here.min()), "%", f"exact sides, at {at}, of all trials"),
+            "wedging": (100 * float(np.mean(wedged)), "%", "trials that may wedge"),
+        }
+    )

@@ -3,7 +3,8 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Final, NamedTuple, TypeVar
+from functools import partial
+from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +31,8 @@ from chamfer.diagrams.cell.alignment_scenario import (
 from chamfer.diagrams.cell.cell_vision import VIEWS, CameraSettings, Measured, ViewSettings
 from chamfer.diagrams.cell.still_vision import StillVision
 from chamfer.models.cameras.camera import View
-from chamfer.models.cameras.camera_model import CameraModel
-from chamfer.models.validation import ParameterError
-from chamfer.systems.cameras.camera_image import Image, SensorParams
+from chamfer.models.validation import ParameterError, known
+from chamfer.systems.cameras.camera_image import Image
 from chamfer.systems.pose import POSE_NAMES, pose_vector
 
 Change = Callable[[ViewSettings, float, CameraSettings], ViewSettings]
@@ -62,11 +62,7 @@ def with_error(
 ) -> ScenarioT:
     """Return a resolved scenario whose cameras have an error; its controllers stay as they are.
 
-    Args:
-        scenario: Resolved.
-        error: Which.
-        size: In the error's unit, with its sign.
-        off_axis: m, from the optical axes to the parts, where the error is of these.
+    The size is in the error's unit, with its sign; parts off the axes are ``off_axis`` off, m.
     """
     if error.off_axis:
         scenario = beside(scenario, off_axis)
@@ -81,10 +77,9 @@ def beside(scenario: ScenarioT, off_axis: float) -> ScenarioT:
     """Return a scenario with cameras that stand further down in their images, as is known."""
     cameras = scenario.cameras
     for view in VIEWS:
-        of = cameras.view(view)
-        moved = CameraModel(position=(0.0, off_axis, 0.0))
-        known = replace(of, believed=moved.over(of.believed), true=moved.over(of.true))
-        cameras = cameras.with_view(view, known)
+        place = {"position": (0.0, off_axis, 0.0)}
+        moved = _changed(_changed(cameras.view(view), "believed", **place), "true", **place)
+        cameras = cameras.with_view(view, moved)
     return replace(scenario, cameras=cameras)
 
 
@@ -98,199 +93,108 @@ def brightness_ramp(size: float) -> Callable[[Image], Image]:
     return change
 
 
-def _true(make: Callable[[CameraModel, float, CameraSettings], CameraModel]) -> Change:
-    """Return what changes the true camera, to a model that says what is different."""
+def _changed(of: ViewSettings, part: str, **values: Any) -> ViewSettings:
+    changes: dict[str, Any] = {part: replace(getattr(of, part), **values)}
+    return replace(of, **changes)
+
+
+def _more(part: str, name: str) -> Change:
+    """Add the size to a number of the true camera, the frames or the sensor."""
 
     def change(of: ViewSettings, size: float, cameras: CameraSettings) -> ViewSettings:
-        return replace(of, true=make(of.true, size, cameras).over(of.true))
-
-    return change
-
-
-def _frames(name: str) -> Change:
-    def change(of: ViewSettings, size: float, cameras: CameraSettings) -> ViewSettings:
-        was = getattr(of.frames, name)
+        was = getattr(getattr(of, part), name)
         value = round(was + size) if isinstance(was, int) else was + size
-        return replace(of, frames=replace(of.frames, **{name: value}))
+        return _changed(of, part, **{name: value})
 
     return change
 
 
-def _sensor(make: Callable[[SensorParams, float], SensorParams]) -> Change:
+def _added(name: str, *shares: float) -> Change:
+    """Add shares of the size to the elements of a field of the true camera."""
+
     def change(of: ViewSettings, size: float, cameras: CameraSettings) -> ViewSettings:
-        return replace(of, sensor=make(of.sensor, size))
+        was = getattr(of.true, name)
+        now = tuple(one + share * size for one, share in zip(was, shares, strict=True))
+        return _changed(of, "true", **{name: now})
 
     return change
 
 
 def _focal(along_u: float, along_v: float) -> Change:
-    def make(true: CameraModel, size: float, _: CameraSettings) -> CameraModel:
-        fu, fv = true.focal_length or (math.nan, math.nan)
-        return CameraModel(focal_length=(fu * (1 + along_u * size), fv * (1 + along_v * size)))
+    def change(of: ViewSettings, size: float, cameras: CameraSettings) -> ViewSettings:
+        fu, fv = known("focal_length", of.true.focal_length)
+        return _changed(
+            of, "true", focal_length=(fu * (1 + along_u * size), fv * (1 + along_v * size))
+        )
 
-    return _true(make)
-
-
-def _lens(index: int) -> Change:
-    def make(true: CameraModel, size: float, _: CameraSettings) -> CameraModel:
-        coefficients = list(true.distortion or (0.0,) * 5)
-        coefficients[index] += size
-        k1, k2, p1, p2, k3 = coefficients
-        return CameraModel(distortion=(k1, k2, p1, p2, k3))
-
-    return _true(make)
+    return change
 
 
-def _moved(axis: int) -> Change:
-    def make(true: CameraModel, size: float, _: CameraSettings) -> CameraModel:
-        place = list(true.position or (0.0,) * 3)
-        place[axis] += size
-        right, down, ahead = place
-        return CameraModel(position=(right, down, ahead))
-
-    return _true(make)
-
-
-def _principal_point(true: CameraModel, size: float, _: CameraSettings) -> CameraModel:
-    cu, cv = true.principal_point or (math.nan, math.nan)
-    return CameraModel(principal_point=(cu + size, cv + size))
-
-
-def _tilt(true: CameraModel, size: float, _: CameraSettings) -> CameraModel:
-    about_u, about_v = true.tilt or (0.0, 0.0)
-    return CameraModel(tilt=(about_u + size, about_v + size))
-
-
-def _aim(true: CameraModel, size: float, cameras: CameraSettings) -> CameraModel:
+def _aim(of: ViewSettings, size: float, cameras: CameraSettings) -> ViewSettings:
     """Turn the camera about what it looks at, about its v axis."""
-    about_u, about_v = true.tilt or (0.0, 0.0)
-    right, down, ahead = true.position or (0.0,) * 3
+    about_u, about_v = known("tilt", of.true.tilt)
+    right, down, ahead = known("position", of.true.position)
     sin, cos = math.sin(size), math.cos(size)
     place = (right - cameras.distance * sin, down, ahead + cameras.distance * (1 - cos))
-    return CameraModel(tilt=(about_u, about_v + size), position=place)
-
-
-def _roll(true: CameraModel, size: float, _: CameraSettings) -> CameraModel:
-    return CameraModel(roll=(true.roll or 0.0) + size)
+    return _changed(of, "true", tilt=(about_u, about_v + size), position=place)
 
 
 def _coarse(of: ViewSettings, size: float, cameras: CameraSettings) -> ViewSettings:
     """Make a pixel larger, as is known."""
-    fu, fv = of.true.focal_length or (math.nan, math.nan)
+    fu, fv = known("focal_length", of.true.focal_length)
     share = cameras.pixel_size / (cameras.pixel_size + size)
-    known = CameraModel(focal_length=(fu * share, fv * share))
-    return replace(of, believed=known.over(of.believed), true=known.over(of.true))
+    of = _changed(of, "believed", focal_length=(fu * share, fv * share))
+    return _changed(of, "true", focal_length=(fu * share, fv * share))
 
 
-def _vignetting(sensor: SensorParams, size: float) -> SensorParams:
-    return replace(sensor, vignetting=sensor.vignetting + size)
-
-
-def _warm(sensor: SensorParams, size: float) -> SensorParams:
-    red, green, blue = (
-        gain * (1 + size * more) for gain, more in zip(sensor.white_balance, _WARM, strict=True)
+def _warm(of: ViewSettings, size: float, cameras: CameraSettings) -> ViewSettings:
+    gains = zip(of.sensor.white_balance, _WARM, strict=True)
+    return _changed(
+        of, "sensor", white_balance=tuple(gain * (1 + size * more) for gain, more in gains)
     )
-    return replace(sensor, white_balance=(red, green, blue))
 
 
-def _shutter(sensor: SensorParams, size: float) -> SensorParams:
-    return replace(sensor, exposure=sensor.exposure + size)
-
+_OFF_AXIS: Final = partial(AssumedCameraError, off_axis=True)
+_IN_MOTION: Final = partial(AssumedCameraError, moving=True, signed=False)
+_OF_ONE: Final = partial(_IN_MOTION, views=VIEWS[1:])
+_K1, _K2, _P1 = (_added("distortion", *np.eye(5)[k].tolist()) for k in range(3))
+_RIGHT, _DOWN, _AHEAD = (_added("position", *np.eye(3)[k].tolist()) for k in range(3))
+_LONGER: Final = 1 / 30 - 1 / 80  # s
 
 ERRORS: Final[tuple[AssumedCameraError, ...]] = (
     AssumedCameraError("focal_length", "", 0.3, "focal length", _focal(1.0, 1.0)),
     AssumedCameraError("pixel_aspect", "", 0.02, "aspect of the pixels", _focal(0.5, -0.5)),
     AssumedCameraError(
-        "principal_point", "pixels", 20.0, "principal point", _true(_principal_point)
+        "principal_point", "pixels", 20.0, "principal point", _added("principal_point", 1.0, 1.0)
     ),
-    AssumedCameraError("distortion", "", -1.25, "distortion k1 of parts on the axis", _lens(0)),
+    AssumedCameraError("distortion", "", -1.25, "distortion k1 of parts on the axis", _K1),
+    _OFF_AXIS("distortion_off_axis", "", -1.25, "distortion k1 of parts off the axis", _K1),
+    _OFF_AXIS("higher_distortion_off_axis", "", -30.0, "distortion k2 of parts off the axis", _K2),
+    _OFF_AXIS("decentring_off_axis", "", 0.02, "distortion p1 of parts off the axis", _P1),
+    AssumedCameraError("position_along", "m", 0.15, "a place nearer to the parts", _AHEAD),
+    AssumedCameraError("position_across", "m", 0.03, "a place to the right", _RIGHT),
+    AssumedCameraError("position_down", "m", 0.02, "a place further down", _DOWN),
+    AssumedCameraError("tilt_in_place", "rad", 0.05, "tilt in place", _added("tilt", 1.0, 1.0)),
+    AssumedCameraError("tilt_aimed", "rad", 0.3, "tilt with the aim kept", _aim),
+    AssumedCameraError("roll", "rad", 0.15, "roll", _more("true", "roll")),
     AssumedCameraError(
-        "distortion_off_axis",
-        "",
-        -1.25,
-        "distortion k1 of parts off the axis",
-        _lens(0),
-        off_axis=True,
+        "vignetting", "", 0.5, "vignetting", _more("sensor", "vignetting"), signed=False
     ),
-    AssumedCameraError(
-        "higher_distortion_off_axis",
-        "",
-        -30.0,
-        "distortion k2 of parts off the axis",
-        _lens(1),
-        off_axis=True,
-    ),
-    AssumedCameraError(
-        "decentring_off_axis",
-        "",
-        0.02,
-        "distortion p1 of parts off the axis",
-        _lens(2),
-        off_axis=True,
-    ),
-    AssumedCameraError("position_along", "m", 0.15, "a place nearer to the parts", _moved(2)),
-    AssumedCameraError("position_across", "m", 0.03, "a place to the right", _moved(0)),
-    AssumedCameraError("position_down", "m", 0.02, "a place further down", _moved(1)),
-    AssumedCameraError("tilt_in_place", "rad", 0.05, "tilt in place", _true(_tilt)),
-    AssumedCameraError("tilt_aimed", "rad", 0.3, "tilt with the aim kept", _true(_aim)),
-    AssumedCameraError("roll", "rad", 0.15, "roll", _true(_roll)),
-    AssumedCameraError("vignetting", "", 0.5, "vignetting", _sensor(_vignetting), signed=False),
-    AssumedCameraError("white_balance", "", 0.2, "warm light", _sensor(_warm)),
+    AssumedCameraError("white_balance", "", 0.2, "warm light", _warm),
     AssumedCameraError("shading", "", 0.5, "light from one side", picture=brightness_ramp),
-    AssumedCameraError(
-        "pixel_size", "m", 5e-4, "larger pixels", _coarse, moving=True, signed=False
+    _IN_MOTION("pixel_size", "m", 5e-4, "larger pixels", _coarse),
+    _IN_MOTION("exposure", "s", 1 / 80, "an open shutter", _more("sensor", "exposure")),
+    _IN_MOTION("latency", "periods", 6.0, "later images", _more("frames", "latency")),
+    _OF_ONE(
+        "latency_of_one", "periods", 5.0, "later images of one camera", _more("frames", "latency")
     ),
-    AssumedCameraError(
-        "exposure", "s", 1 / 80, "an open shutter", _sensor(_shutter), moving=True, signed=False
+    _IN_MOTION("period", "s", _LONGER, "a longer period", _more("frames", "period")),
+    _OF_ONE(
+        "period_of_one", "s", _LONGER, "a longer period of one camera", _more("frames", "period")
     ),
-    AssumedCameraError(
-        "latency", "periods", 6.0, "later images", _frames("latency"), moving=True, signed=False
-    ),
-    AssumedCameraError(
-        "latency_of_one",
-        "periods",
-        5.0,
-        "later images of one camera",
-        _frames("latency"),
-        views=VIEWS[1:],
-        moving=True,
-        signed=False,
-    ),
-    AssumedCameraError(
-        "period",
-        "s",
-        1 / 30 - 1 / 80,
-        "a longer period",
-        _frames("period"),
-        moving=True,
-        signed=False,
-    ),
-    AssumedCameraError(
-        "period_of_one",
-        "s",
-        1 / 30 - 1 / 80,
-        "a longer period of one camera",
-        _frames("period"),
-        views=VIEWS[1:],
-        moving=True,
-        signed=False,
-    ),
-    AssumedCameraError(
-        "clock_offset",
-        "s",
-        1 / 160,
-        "one camera's clock",
-        _frames("offset"),
-        views=VIEWS[1:],
-        moving=True,
-        signed=False,
-    ),
-    AssumedCameraError(
-        "dropped_frames", "", 0.1, "dropped frames", _frames("miss"), moving=True, signed=False
-    ),
-    AssumedCameraError(
-        "noise", "grey levels", 8.0, "more noise", _frames("noise"), moving=True, signed=False
-    ),
+    _OF_ONE("clock_offset", "s", 1 / 160, "one camera's clock", _more("frames", "offset")),
+    _IN_MOTION("dropped_frames", "", 0.1, "dropped frames", _more("frames", "miss")),
+    _IN_MOTION("noise", "grey levels", 8.0, "more noise", _more("frames", "noise")),
 )
 
 
@@ -402,10 +306,9 @@ def run_once(study: Study, seed: int, task: ErrorRun) -> Row:
     except ParameterError:
         return {"seen": 0.0, "diverged": 0.0, **dict.fromkeys(_names(), None)}
     traces = run_alignment(scenario, trial_seed(seed, trial))
+    late = row_before(traces["time"], traces["time"][-1] - LATE)
     return {
-        "seen": float(
-            traces["valid"][row_before(traces["time"], traces["time"][-1] - LATE) :].any()
-        ),
+        "seen": float(traces["valid"][late:].any()),
         "diverged": float(traces["diverged"].max()),
         **_measured(study, traces),
     }
@@ -414,10 +317,9 @@ def run_once(study: Study, seed: int, task: ErrorRun) -> Row:
 def with_drawn_errors(
     scenario: ScenarioT, seed: int, trial: int, share: float, off_axis: float
 ) -> ScenarioT:
-    """Return a resolved scenario whose cameras have errors, each up to a share of its most.
+    """Return a resolved scenario whose cameras each have all errors, up to a share of their most.
 
-    Those are all that cameras of the loop can have. Each camera has its own; how far the parts
-    are off the optical axes, m, up to the same share of ``off_axis``, is drawn too.
+    How far the parts are off the optical axes, m, up to that share of ``off_axis``, is drawn too.
     """
     generator = np.random.default_rng([seed, trial, len(ERRORS)])  # no start is drawn of it
     scenario = beside(scenario, share * off_axis * float(generator.uniform(-1.0, 1.0)))

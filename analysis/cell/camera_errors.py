@@ -4,7 +4,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Final, NamedTuple
+from itertools import product
+from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,6 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.campaign.trial_metrics import metrics_of
 from chamfer.analysis.cell.alignment_runs import (
     AlignmentTrialsScenario,
     ResolvedAlignmentTrialsScenario,
@@ -240,32 +242,31 @@ def _metrics(scenario: CameraErrorsScenario, still: Table, runs: Table) -> dict[
 
 def _at_rest_metrics(error: AssumedCameraError, rows: Table) -> dict[str, Metric]:
     """Return what an error alone does where nothing moves: bias, sensitivity, and how much."""
-    size = np.abs(rows["size"])
+    size, unit = np.abs(rows["size"]), error.unit
     seen = np.isfinite(rows["rotational_error"])
-    metrics = {}
-    for name, unit in LEFT.items():
-        left = rows[name]
-        note = f"at {size[seen][-1]:.3g} {error.unit}".rstrip() if seen.any() else "never seen"
-        metrics[f"rest.{name}"] = Metric(
-            value=float(left[seen][-1]) if seen.any() else None, unit=unit, note=note
-        )
-        metrics[f"rest.{name}.per_unit"] = Metric(
-            value=float(left[seen][0] / size[seen][0]) if seen.any() else None,
-            unit=_per(unit, error.unit),
-            note=f"at {size[0]:.3g} {error.unit}".rstrip(),
-        )
-        reach = reached(size[seen], left[seen], PUBLISHED_ERRORS[name])
-        most = f"not up to {size[seen][-1]:.3g} {error.unit}".rstrip() if seen.any() else ""
-        metrics[f"rest.{name}.published_at"] = Metric(
-            value=reach, unit=error.unit, note="" if reach is not None else most or "never seen"
-        )
-    lost = size[~seen]
-    metrics["rest.lost_at"] = Metric(
-        value=float(lost[0]) if len(lost) else None,
-        unit=error.unit,
-        note="a part is not found" if len(lost) else "parts are found at all sizes",
-    )
-    return metrics
+    found, lost = size[seen], size[~seen]
+    largest = f"{found[-1]:.3g} {unit}".rstrip() if len(found) else ""
+    metrics: dict[str, tuple[float | None, str, str]] = {}
+    for name, of in LEFT.items():
+        left = rows[name][seen]
+        reach = reached(found, left, PUBLISHED_ERRORS[name])
+        beyond = f"not up to {largest}" if largest else "never seen"
+        metrics |= {
+            f"rest.{name}": (
+                float(left[-1]) if len(left) else None,
+                of,
+                f"at {largest}" if largest else "never seen",
+            ),
+            f"rest.{name}.per_unit": (
+                float(left[0] / found[0]) if len(left) else None,
+                _per(of, unit),
+                f"at {size[0]:.3g} {unit}".rstrip(),
+            ),
+            f"rest.{name}.published_at": (reach, unit, beyond if reach is None else ""),
+        }
+    said = "a part is not found" if len(lost) else "parts are found at all sizes"
+    metrics["rest.lost_at"] = (float(lost[0]) if len(lost) else None, unit, said)
+    return metrics_of(metrics)
 
 
 def _per(unit: str, of: str) -> str:
@@ -277,33 +278,31 @@ def _per(unit: str, of: str) -> str:
 
 def _loop_metrics(scenario: CameraErrorsScenario, runs: Table) -> dict[str, Metric]:
     """Return what is left in runs of one controller with one measurement, by ``*`` for both."""
-    metrics = {}
+    metrics: dict[str, tuple[float | None, str, str]] = {}
     alone = np.isnan(runs["trial"])
     times = {"soon": scenario.soon, "late": scenario.compensation_time}
+    units = LEFT | {"vision.lateral_error": "m", "vision.rotational_error": "rad"}
     for name in dict.fromkeys(runs["error"][alone].tolist()):
         rows = np.flatnonzero(alone & (runs["error"] == name))
         row = int(rows[np.argmax(np.nan_to_num(runs["late.rotational_error"][rows]))])
         seen = bool(runs["seen"][row])
-        for moment in MOMENTS:
-            note = (
-                f"after {times[moment]:g} s" if seen else "blind: that of the start, or of no run"
-            )
-            for kind, unit in LEFT.items():
-                value = float(runs[f"{moment}.{kind}"][row])
-                metrics[f"{name}.*.{moment}.{kind}"] = Metric(
-                    value=value if math.isfinite(value) else None, unit=unit, note=note
-                )
-        for kind, unit in (("lateral_error", "m"), ("rotational_error", "rad")):
-            value = float(runs[f"late.vision.{kind}"][row])
-            metrics[f"{name}.*.late.vision.{kind}"] = Metric(
-                value=value if math.isfinite(value) else None, unit=unit, note="true less measured"
-            )
-        metrics[f"{name}.*.blind"] = Metric(value=float(not seen), unit="")
+        vision = (("late", kind) for kind in units if kind not in LEFT)
+        for moment, kind in (*product(MOMENTS, LEFT), *vision):
+            note = f"after {times[moment]:g} s"
+            if kind not in LEFT:
+                note = "true less measured"
+            elif not seen:
+                note = "blind: that of the start, or of no run"
+            value = float(runs[f"{moment}.{kind}"][row])
+            known = value if math.isfinite(value) else None
+            metrics[f"{name}.*.{moment}.{kind}"] = (known, units[kind], note)
+        metrics[f"{name}.*.blind"] = (float(not seen), "", "")
+    found = metrics_of(metrics)
     for name in (NONE, DRAWN):
         drawn = ~alone & (runs["error"] == name)
         if drawn.any():
-            metrics |= _drawn_metrics(name, {key: of[drawn] for key, of in runs.items()})
-    return metrics
+            found |= _drawn_metrics(name, {key: of[drawn] for key, of in runs.items()})
+    return found
 
 
 def _drawn_metrics(name: str, runs: Table) -> dict[str, Metric]:
@@ -322,12 +321,10 @@ def _drawn_metrics(name: str, runs: Table) -> dict[str, Metric]:
                     unit=unit,
                     note=f"of {n} runs of {len(seen)} in which the parts are seen{without}",
                 )
-    metrics[f"{label}.blind"] = Metric(
-        value=100 * float(np.mean(~seen)), unit="%", note=f"of {len(seen)} runs"
-    )
-    metrics[f"{label}.diverged"] = Metric(
-        value=100 * float(np.mean(runs["diverged"] > 0)), unit="%", note=f"of {len(seen)} runs"
-    )
+    of_runs = f"of {len(seen)} runs"
+    for name, values in (("blind", ~seen), ("diverged", runs["diverged"] > 0)):
+        share = 100 * float(np.mean(values))
+        metrics[f"{label}.{name}"] = Metric(value=share, unit="%", note=of_runs)
     return metrics
 
 
@@ -355,7 +352,7 @@ def plot_errors(scenario: CameraErrorsScenario, outcome: Outcome) -> Figure:
     Of the first controller and measurement; the error that turns the parts most is on top. Where
     both signs were run the points are of the worse one.
     """
-    runs, still = _first(outcome)
+    runs, still = _first(outcome.traces, outcome.tables["still"])
     errors = sorted(scenario.alone, key=lambda one: _weight(one, runs, still))
     figure = new_figure(11.5, 1.6 + 0.3 * len(errors))
     panels = figure.subplots(1, len(_PANELS), sharey=True)
@@ -382,8 +379,8 @@ def _sized(error: AssumedCameraError, share: float) -> str:
     return f"{sign}{share * abs(error.most):.3g} {error.unit}".rstrip()
 
 
-def _first(outcome: Outcome) -> tuple[Table, Table]:
-    runs, still = outcome.traces, outcome.tables["still"]
+def _first(runs: Table, still: Table) -> tuple[Table, Table]:
+    """Return the rows of the first controller and measurement that were run."""
     controller, measured = runs["controller"][0], runs["measured"][0]
     mine = (runs["controller"] == controller) & (runs["measured"] == measured)
     rest = still["measured"] == measured
@@ -450,7 +447,7 @@ def _tornado(
 
 def plot_drawn(scenario: CameraErrorsScenario, outcome: Outcome) -> Figure:
     """Draw what drawn errors and starts leave soon, beside starts alone and the paper's runs."""
-    runs, _ = _first(outcome)
+    runs, _ = _first(outcome.traces, outcome.tables["still"])
     figure = new_figure(10.5, 4.6)
     panels = figure.subplots(1, 2, sharey=True)
     for axes, (kind, where) in zip(
@@ -494,25 +491,7 @@ def plot_drawn(scenario: CameraErrorsScenario, outcome: Outcome) -> Figure:
     return figure
 
 
-_MATTERS: Final = 0.25  # of the published error, from which on an error's own one is said
-_SLOW: Final = 1.3  # times what is left without errors, beyond which a run is slower
-
-
-class Bias(NamedTuple):
-    """What an error does to parts at rest, at the largest size at which they are found."""
-
-    error: AssumedCameraError
-    size: float  # without a sign
-    lateral: float  # m, at the tip
-    rotational: float  # rad
-    behind: float  # m, behind the tip
-    published_at: float | None  # the size that makes the published angle
-
-    @property
-    def sized(self) -> str:
-        """The error with its size."""
-        size = math.copysign(self.size, self.error.most)
-        return f"{self.error.says} of {size:.3g} {self.error.unit}".rstrip()
+_MATTERS: Final = 0.25  # of the published angle, from which on an error's bias is said
 
 
 def answer(errors: Sequence[AssumedCameraError], still: Table, runs: Table) -> Metric:
@@ -520,113 +499,41 @@ def answer(errors: Sequence[AssumedCameraError], still: Table, runs: Table) -> M
 
     Of the first controller and measurement that were run.
     """
-    controller, measured = runs["controller"][0], runs["measured"][0]
-    mine = (runs["controller"] == controller) & (runs["measured"] == measured)
-    alone = {name: of[mine & np.isnan(runs["trial"])] for name, of in runs.items()}
-    drawn = {name: of[mine & ~np.isnan(runs["trial"])] for name, of in runs.items()}
-    rest = {name: of[still["measured"] == measured] for name, of in still.items()}
-    biases = [bias for one in errors if (bias := _bias(one, rest)) is not None]
-    said = [_biased(biases), _slow(errors, alone), _blind(errors, rest, alone), _drawn(drawn)]
-    reach = sum(one.published_at is not None for one in biases)
-    return Metric(value=float(reach), unit="", note=" ".join(text for text in said if text))
-
-
-def _bias(error: AssumedCameraError, still: Table) -> Bias | None:
-    of = (still["error"] == error.name) & np.isfinite(still["rotational_error"])
-    if not of.any():
-        return None
-    size = np.abs(still["size"][of])
-    lateral, rotational, behind = (
-        still[kind][of] for kind in ("lateral_error", "rotational_error", "behind_error")
-    )
-    return Bias(
-        error,
-        float(size[-1]),
-        float(lateral[-1]),
-        float(rotational[-1]),
-        float(behind[-1]),
-        reached(size, rotational, MEAN_ERROR[1]),
-    )
-
-
-def _biased(biases: Sequence[Bias]) -> str:
-    if not biases:
-        return ""
-    turns = [one for one in biases if one.rotational >= _MATTERS * MEAN_ERROR[1]]
-    said = []
-    if turns:
-        each = [
-            f"{one.sized} ({1e3 * one.rotational:.3g} mrad, {1e3 * one.behind:.2g} mm behind the "
-            "tip)"
-            for one in turns
-        ]
-        said.append(f"The angle is biased by {_listed(each)}.")
-    for one in turns:
-        if one.published_at is not None:
-            size = math.copysign(one.published_at, one.error.most)
-            said.append(
-                f"{1e3 * MEAN_ERROR[1]:g} mrad take {size:.3g} {one.error.unit}".rstrip()
-                + f" of {one.error.says}."
-            )
-    if rest := [one for one in biases if one not in turns]:
-        worst = max(one.rotational for one in rest)
-        names = _listed([one.error.says for one in rest])
-        said.append(f"The loop does not care about {names}: at most {1e3 * worst:.2g} mrad.")
-    tip = max(biases, key=lambda one: one.lateral)
-    verb = "reaches" if tip.lateral >= MEAN_ERROR[0] else "is not"
-    said.append(
-        f"At the tip the largest bias is {1e3 * tip.lateral:.2g} mm, by {tip.error.says}, which "
-        f"{verb} the published {1e3 * MEAN_ERROR[0]:g} mm."
-    )
-    return " ".join(said)
-
-
-def _slow(errors: Sequence[AssumedCameraError], runs: Table) -> str:
-    """Say which errors leave more soon than late, beyond what is left without any."""
-    (none,) = np.flatnonzero(runs["error"] == NONE)
-    found = []
-    for error in errors:
-        if error.off_axis:
-            continue  # its bias, either way, is no slowness
-        for row in np.flatnonzero((runs["error"] == error.name) & (runs["seen"] > 0)):
-            soon, late = (runs[f"{moment}.rotational_error"] for moment in ("soon", "late"))
-            if soon[row] > _SLOW * soon[none] and late[row] < _SLOW * late[none]:
-                found.append(
-                    f"{error.says} ({1e3 * soon[row]:.3g} mrad, then {1e3 * late[row]:.3g})"
-                )
-    said = f"It is slower, not worse in the end, by {_listed(found)}." if found else ""
-    same = [
-        error.says
-        for error in errors
-        if error.moving
-        for row in np.flatnonzero((runs["error"] == error.name) & (runs["seen"] > 0))
-        if runs["soon.rotational_error"][row] <= _SLOW * runs["soon.rotational_error"][none]
+    runs, still = _first(runs, still)
+    reach, turns, harmless, lost = 0, [], [], set(runs["error"][runs["seen"] < 1].tolist())
+    for one in errors:
+        of = still["error"] == one.name
+        seen = np.isfinite(still["rotational_error"][of])
+        if not seen.all():
+            lost.add(one.name)
+        if not seen.any():
+            continue
+        size, angle, behind = (
+            np.abs(still[name][of][seen]) for name in ("size", "rotational_error", "behind_error")
+        )
+        reach += reached(size, angle, MEAN_ERROR[1]) is not None
+        if angle[-1] < _MATTERS * MEAN_ERROR[1]:
+            harmless.append(one.says)
+            continue
+        sized = f"{one.says} of {math.copysign(size[-1], one.most):.3g} {one.unit}".rstrip()
+        left = f"{1e3 * angle[-1]:.3g} mrad, {1e3 * behind[-1]:.2g} mm behind the tip"
+        turns.append(f"{sized} ({left})")
+    said = [
+        f"The angle is biased by {_listed(turns)}." if turns else "",
+        f"The loop does not care about {_listed(harmless)}." if harmless else "",
     ]
-    return f"{said} Hardly anything is lost by {_listed(same)}.".strip() if same else said
-
-
-def _blind(errors: Sequence[AssumedCameraError], still: Table, runs: Table) -> str:
-    lost = set(runs["error"][runs["seen"] < 1].tolist())
-    lost |= set(still["error"][~np.isfinite(still["rotational_error"])].tolist())
-    found = [one.says for one in errors if one.name in lost]
-    return f"Parts get lost by {_listed(found)}." if found else ""
-
-
-def _drawn(runs: Table) -> str:
-    of = (runs["error"] == DRAWN) & (runs["seen"] > 0)
-    if not of.any():
-        return ""
-    tip, angle, behind = (
-        1e3 * float(runs[f"soon.{kind}"][of].mean())
-        for kind in ("lateral_error", "rotational_error", "behind_error")
-    )
-    without = _listed([one.says for one in NOT_DRAWN])
-    return (
-        f"Drawn all together, without {without}, they leave {tip:.2g} mm at the tip, "
-        f"{angle:.3g} mrad and {behind:.2g} mm behind it on the average, in "
-        f"{int(of.sum())} runs; published are {1e3 * MEAN_ERROR[0]:g} mm, "
-        f"the paper does not say where, and {1e3 * MEAN_ERROR[1]:g} mrad."
-    )
+    if gone := [one.says for one in errors if one.name in lost]:
+        said.append(f"Parts get lost by {_listed(gone)}.")
+    drawn = (runs["error"] == DRAWN) & (runs["seen"] > 0)
+    if drawn.any():
+        tip, angle, behind = (1e3 * float(runs[f"soon.{kind}"][drawn].mean()) for kind in LEFT)
+        said.append(
+            f"Drawn all together, without {_NOT_DRAWN}, they leave {tip:.2g} mm at the tip, "
+            f"{angle:.3g} mrad and {behind:.2g} mm behind it on the average, in "
+            f"{int(drawn.sum())} runs; published are {1e3 * MEAN_ERROR[0]:g} mm, "
+            f"the paper does not say where, and {1e3 * MEAN_ERROR[1]:g} mrad."
+        )
+    return Metric(value=float(reach), unit="", note=" ".join(text for text in said if text))
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -108,11 +108,6 @@ def _run_one(scenario: ResolvedAlignmentScenario, seed: int, name: str) -> Row:
     return with_table({}, run_alignment(replace(scenario, compensated=compensated), seed))
 
 
-def figures(scenario: ResolvedAlignmentScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Draw the heights over time."""
-    return {"vertical-tracking": plot_heights(scenario, outcome)}
-
-
 _WITHOUT: Final[Style] = {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.8}
 _ADDED: Final[Style] = {"color": "#7a4100", "linestyle": "-.", "linewidth": 1.3}
 _RUNS: Final = (
@@ -121,7 +116,7 @@ _RUNS: Final = (
 )
 
 
-def plot_heights(scenario: ResolvedAlignmentScenario, outcome: Outcome) -> Figure:
+def figures(scenario: ResolvedAlignmentScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw height, error and compensation over time."""
     traces, goal = outcome.traces, scenario.mouth[2]
     time, desired = traces["time"], traces["desired_height"]
@@ -148,4 +143,4 @@ def plot_heights(scenario: ResolvedAlignmentScenario, outcome: Outcome) -> Figur
     )
     legend(error, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=5)
     error.set_xlim(0.0, float(time[-1]))
-    return figure
+    return {"vertical-tracking": figure}

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from chamfer.analysis.campaign.trial_metrics import prefixed
+from chamfer.analysis.campaign.trial_metrics import metrics_of, prefixed
 from chamfer.analysis.cell.alignment_runs import (
     RepeatabilityScenario,
     ResolvedRepeatabilityScenario,
@@ -119,9 +119,9 @@ class WedgingScenario:
         if not 2 <= self.points <= _MOST_POINTS:
             raise ParameterError("points", self.points, f"2 to {_MOST_POINTS}")
 
-    def starts(self) -> tuple[InitialErrors, ...]:
+    def starts(self) -> dict[str, InitialErrors]:
         """Return the starts in the order of ``STARTS``."""
-        return tuple(getattr(self, name) for name in STARTS)
+        return {name: getattr(self, name) for name in STARTS}
 
 
 def _require_of(parts: ColouredParts, aligned: ColouredParts) -> None:
@@ -154,33 +154,35 @@ def resolve(scenario: WedgingScenario) -> ResolvedWedgingScenario:
 def run(scenario: ResolvedWedgingScenario, seed: int, progress: Progress) -> Outcome:
     """Measure the region, the margins of the starts, and their way into the hole."""
     parts, support = scenario.parts, scenario.support
-    metrics = {
-        "clearance_ratio": Metric(value=parts.clearance_ratio, unit=""),
-        "rotation_limit": Metric(value=parts.rotation_limit, unit="rad"),
-        "lateral_limit": Metric(value=parts.lateral_limit, unit="m", note="R + r"),
-        "chamfer_limit": Metric(value=parts.chamfer_limit, unit="m", note="W assumed"),
-        "wedging_depth": Metric(value=parts.wedging_depth, unit="m", note="2 mu r"),
-        "tilt_per_error": Metric(
-            value=support.tilt_per_error, unit="rad/m", note="slope of the region's sides"
-        ),
-        "largest_tilt_per_error": Metric(
-            value=_at_centre(support, support.worst_centre_distance).tilt_per_error,
-            unit="rad/m",
-            note=f"at L_g = {support.worst_centre_distance:.4g} m",
-        ),
-        "chamfer_needed": Metric(
-            value=float(chamfer_needed(parts, scenario.published_worst.lateral)),
-            unit="m",
-            note="for the largest lateral error of the ten runs",
-        ),
-        "chamfer_needed_for_limit": Metric(
-            value=float(chamfer_needed(parts, parts.lateral_limit)),
-            unit="m",
-            note="for the published lateral limit",
-        ),
-    }
+    worst = replace(support, centre_distance=support.worst_centre_distance)
+    largest = scenario.published_worst.lateral
+    metrics = metrics_of(
+        {
+            "clearance_ratio": (parts.clearance_ratio, ""),
+            "rotation_limit": (parts.rotation_limit, "rad"),
+            "lateral_limit": (parts.lateral_limit, "m", "R + r"),
+            "chamfer_limit": (parts.chamfer_limit, "m", "W assumed"),
+            "wedging_depth": (parts.wedging_depth, "m", "2 mu r"),
+            "tilt_per_error": (support.tilt_per_error, "rad/m", "slope of the region's sides"),
+            "largest_tilt_per_error": (
+                worst.tilt_per_error,
+                "rad/m",
+                f"at L_g = {worst.centre_distance:.4g} m",
+            ),
+            "chamfer_needed": (
+                float(chamfer_needed(parts, largest)),
+                "m",
+                "for the largest lateral error of the ten runs",
+            ),
+            "chamfer_needed_for_limit": (
+                float(chamfer_needed(parts, parts.lateral_limit)),
+                "m",
+                "for the published lateral limit",
+            ),
+        }
+    )
     rows: dict[str, list[Array]] = {}
-    for i, (name, start) in enumerate(zip(STARTS, scenario.starts(), strict=True)):
+    for i, (name, start) in enumerate(scenario.starts().items()):
         path = _insertion(scenario, start)
         for key, values in {"start": np.full(len(path["depth"]), float(i)), **path}.items():
             rows.setdefault(key, []).append(values)
@@ -227,38 +229,36 @@ def _measure(scenario: WedgingScenario, start: InitialErrors, path: Table) -> di
     by_whitney = "Whitney's simple form"
     in_bore = path["depth"][path["depth"] >= 0]
     simple_peak = simple.bore_contact(parts, support, *errors, in_bore).insertion_force.max()
-    return {
-        "box_margin.lateral": Metric(value=100 * float(box.lateral), unit="%"),
-        "box_margin.rotation": Metric(value=100 * float(box.rotation), unit="%"),
-        "parallelogram_margin": Metric(
-            value=100 * simple_least, unit="%", note=f"the least over L_g, at {simple_at:.3g} m"
-        ),
-        "exact_margin": Metric(
-            value=100 * exact_least, unit="%", note=f"the least over L_g, at {exact_at:.3g} m"
-        ),
-        "margin": Metric(
-            value=100 * here, unit="%", note=f"exact, at L_g = {support.centre_distance:g} m"
-        ),
-        "wedges": Metric(value=float(wedges(parts, support, *errors)), unit="", note="1: it may"),
-        "enters": Metric(
-            value=float(simple.enters(parts, support, *errors)),
-            unit="",
-            note="1: on the assumed chamfer, and upright enough for the mouth",
-        ),
-        "onset": Metric(value=onset, unit="m", note=never),
-        "onset_ratio": Metric(
-            value=onset / parts.wedging_depth, unit="", note=never or "lambda, above 1 no wedge"
-        ),
-        "onset_simple": Metric(value=simple_onset, unit="m", note=never or by_whitney),
-        "peak_force": Metric(
-            value=None if stuck else float(force[peak]), unit="N", note=stuck or "in the bore"
-        ),
-        "peak_force_depth": Metric(value=depth, unit="m"),
-        "peak_force_simple": Metric(value=float(simple_peak), unit="N", note=by_whitney),
-        "chamfer_force": Metric(
-            value=float(np.max(force, where=on_chamfer, initial=0.0)), unit="N"
-        ),
-    }
+    return metrics_of(
+        {
+            "box_margin.lateral": (100 * float(box.lateral), "%"),
+            "box_margin.rotation": (100 * float(box.rotation), "%"),
+            "parallelogram_margin": (
+                100 * simple_least,
+                "%",
+                f"the least over L_g, at {simple_at:.3g} m",
+            ),
+            "exact_margin": (100 * exact_least, "%", f"the least over L_g, at {exact_at:.3g} m"),
+            "margin": (100 * here, "%", f"exact, at L_g = {support.centre_distance:g} m"),
+            "wedges": (float(wedges(parts, support, *errors)), "", "1: it may"),
+            "enters": (
+                float(simple.enters(parts, support, *errors)),
+                "",
+                "1: on the assumed chamfer, and upright enough for the mouth",
+            ),
+            "onset": (onset, "m", never),
+            "onset_ratio": (onset / parts.wedging_depth, "", never or "lambda, above 1 no wedge"),
+            "onset_simple": (simple_onset, "m", never or by_whitney),
+            "peak_force": (
+                None if stuck else float(force[peak]),
+                "N",
+                stuck or "in the bore",
+            ),
+            "peak_force_depth": (depth, "m"),
+            "peak_force_simple": (float(simple_peak), "N", by_whitney),
+            "chamfer_force": (float(np.max(force, where=on_chamfer, initial=0.0)), "N"),
+        }
+    )
 
 
 def _insertion(scenario: WedgingScenario, start: InitialErrors) -> dict[str, Array]:
@@ -289,7 +289,7 @@ def _boundaries(scenario: WedgingScenario) -> dict[str, Array]:
     lateral = _drawn(parts, scenario.points)
     rows: dict[str, list[Array]] = {}
     for distance in (support.centre_distance, *scenario.centre_distances):
-        there = _at_centre(support, distance)
+        there = replace(support, centre_distance=distance)
         forms: tuple[Form, ...] = ("simple", "exact")
         bounds = {form: rotation_bounds(parts, there, lateral, form) for form in forms}
         values = {"centre_distance": np.full_like(lateral, distance), "lateral": lateral}
@@ -306,24 +306,6 @@ def _drawn(parts: PegHoleGeometry, points: int) -> Array:
     corners = np.array([parts.clearance, parts.chamfer_limit, parts.lateral_limit])
     return np.unique(np.r_[np.linspace(-edge, edge, points), -corners, corners])
 
-
-def _at_centre(support: Support, distance: float) -> Support:
-    return replace(support, centre_distance=distance)
-
-
-def figures(scenario: WedgingScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    starts = {
-        name: (start.lateral, start.rotation)
-        for name, start in zip(STARTS, scenario.starts(), strict=True)
-    }
-    ends = None
-    if (table := outcome.tables.get("ends")) is not None:
-        ends = table["lateral_error"], table["rotational_error"]
-    return {"wedging-diagram": plot_wedging(scenario.parts, starts, outcome, ends)}
-
-
-Points = tuple[Array, Array]  # lateral error, m, and rotation, rad
 
 STARTS: Final[dict[str, tuple[str, Style]]] = {
     "published_mean": ("mean of the ten runs", {"color": "#1b7f5c", "marker": "o"}),
@@ -343,20 +325,13 @@ _MM: Final = 1e3
 _MRAD: Final = 1e3
 
 
-def plot_wedging(
-    parts: PegHoleGeometry,
-    starts: Mapping[str, tuple[float, float]],
-    outcome: Outcome,
-    ends: Points | None = None,
-) -> Figure:
-    """Draw the diagram, its part with the published errors, and force over depth.
-
-    Args:
-        parts: Peg, hole and support.
-        starts: Lateral error, m, and rotation, rad, of each of ``STARTS``.
-        outcome: With the table of boundaries and a trace of every start.
-        ends: Where simulated alignments ended, drawn too if given.
-    """
+def figures(scenario: WedgingScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Draw the diagram, its part with the published errors, and force over depth."""
+    parts, ends = scenario.parts, outcome.tables.get("ends")
+    starts = {name: (one.lateral, one.rotation) for name, one in scenario.starts().items()}
+    points = [*starts.values()]
+    if ends is not None:
+        points += zip(ends["lateral_error"], ends["rotational_error"], strict=True)
     figure = new_figure(12.0, 6.6)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1.0))
     whole = figure.add_subplot(grid[:, 0])
@@ -367,8 +342,13 @@ def plot_wedging(
         _region(axes, parts, table)
         _starts(axes, starts)
         if ends is not None:
-            _arms(axes, parts, outcome.tables["arms"])
-            _points(axes, ends)
+            arms = outcome.tables["arms"]
+            of = np.abs(arms["lateral"]) <= max(parts.lateral_limit, parts.chamfer_limit)
+            sides = arms["exact_lower"][of], arms["exact_upper"][of]
+            label = "exact sides, the arms of the simulation"
+            draw_sides(axes, arms["lateral"][of], sides, label, _ARMS)
+            shown = ends["lateral_error"] * _MM, ends["rotational_error"] * _MRAD
+            axes.plot(*shown, label="simulated alignments", zorder=3, **_ENDS)
     _margins(near, starts, outcome)
     limits = parts.lateral_limit, parts.rotation_limit
     box = Rectangle(
@@ -388,10 +368,19 @@ def plot_wedging(
     whole.set_xlim(-edge, edge)
     tallest = np.max(np.abs(table["exact_upper"]), where=_own(table), initial=0.0)
     whole.set_ylim(*(np.array([-1.0, 1.0]) * 1.05 * tallest * _MRAD))
-    _focus(near, parts, starts, ends)
+    # The quadrant of the starts, and every simulated end.
+    lateral, rotation = np.transpose(points)
+    near.set_xlim(
+        min(0.0, 1.1 * lateral.min()) * _MM,
+        max(1.5 * lateral.max(), 0.0) * _MM,
+    )
+    near.set_ylim(
+        min(0.0, 1.1 * rotation.min()) * _MRAD,
+        1.2 * max(rotation.max(), parts.rotation_limit) * _MRAD,
+    )
     legend(whole, ncols=2, **_BELOW | {"bbox_to_anchor": (0.5, -0.09)})
     _force(force, parts, outcome)
-    return figure
+    return {"wedging-diagram": figure}
 
 
 def _own(table: Table) -> NDArray[np.bool_]:
@@ -400,23 +389,32 @@ def _own(table: Table) -> NDArray[np.bool_]:
     return own
 
 
+def draw_sides(
+    axes: Axes, lateral: Array, sides: tuple[Array, Array], label: str, style: Style
+) -> None:
+    """Draw the lower and the upper side of a region, rad, over the lateral error, m."""
+    for side, named in zip(sides, (None, label), strict=True):
+        axes.plot(_MM * lateral, _MRAD * side, label=named, **style)
+
+
+def draw_reach(axes: Axes, parts: PegHoleGeometry, label: str | None = None) -> None:
+    """Draw how far off the chamfers still guide a peg into the hole."""
+    for side, named in ((-1, None), (1, label)):
+        axes.axvline(side * parts.chamfer_limit * _MM, label=named, **LIMIT)
+
+
 def _region(axes: Axes, parts: PegHoleGeometry, table: Table) -> None:
     """Shade what is free of wedging, darker what the chamfer reaches, and draw its sides."""
-    chamfer = parts.chamfer_limit * _MM
-    axes.axvline(-chamfer, **LIMIT)
-    axes.axvline(
-        chamfer, label=f"reach of chamfers of {parts.chamfer_width * _MM:g} mm, assumed", **LIMIT
-    )
+    draw_reach(axes, parts, f"reach of chamfers of {parts.chamfer_width * _MM:g} mm, assumed")
     reached = np.abs(table["lateral"]) <= max(parts.lateral_limit, parts.chamfer_limit)
     own = _own(table)
-    x, lower, upper = (
-        table[name][own & reached] * scale
-        for name, scale in (("lateral", _MM), ("exact_lower", _MRAD), ("exact_upper", _MRAD))
-    )
-    axes.fill_between(x, lower, upper, **_REGION)
-    axes.fill_between(x, lower, upper, where=np.abs(x) <= chamfer, **_GUIDED)
-    _sides(axes, table, own & reached, "exact", _EXACT)
-    _sides(axes, table, own & reached, "simple", _SIMPLE)
+    rows = own & reached
+    x, lower, upper = (table[name][rows] for name in ("lateral", "exact_lower", "exact_upper"))
+    bounds = x * _MM, lower * _MRAD, upper * _MRAD
+    axes.fill_between(*bounds, **_REGION)
+    axes.fill_between(*bounds, where=np.abs(x) <= parts.chamfer_limit, **_GUIDED)
+    _sides(axes, table, rows, "exact", _EXACT)
+    _sides(axes, table, rows, "simple", _SIMPLE)
     for i, distance in enumerate(dict.fromkeys(table["centre_distance"][~own].tolist())):
         style: Style = {"color": _OTHERS[i % len(_OTHERS)], "linewidth": 1.0}
         other = (table["centre_distance"] == distance) & reached
@@ -425,10 +423,9 @@ def _region(axes: Axes, parts: PegHoleGeometry, table: Table) -> None:
 
 def _sides(axes: Axes, table: Table, rows: NDArray[np.bool_], form: str, style: Style) -> None:
     distance = table["centre_distance"][rows][0] * _MM
-    x = table["lateral"][rows] * _MM
+    sides = table[f"{form}_lower"][rows], table[f"{form}_upper"][rows]
     label = f"{form} sides, $L_g$ {distance:.4g} mm"
-    axes.plot(x, table[f"{form}_upper"][rows] * _MRAD, label=label, **style)
-    axes.plot(x, table[f"{form}_lower"][rows] * _MRAD, **style)
+    draw_sides(axes, table["lateral"][rows], sides, label, style)
 
 
 def _starts(axes: Axes, starts: Mapping[str, tuple[float, float]]) -> None:
@@ -452,38 +449,6 @@ def _margins(axes: Axes, starts: Mapping[str, tuple[float, float]], outcome: Out
                 fontsize=8,
                 color=STARTS[name][1]["color"],
             )
-
-
-def _arms(axes: Axes, parts: PegHoleGeometry, table: Table) -> None:
-    """Draw the sides for the support that the arms are where the simulated ends belong."""
-    reached = np.abs(table["lateral"]) <= max(parts.lateral_limit, parts.chamfer_limit)
-    x, lower, upper = (
-        table[name][reached] * scale
-        for name, scale in (("lateral", _MM), ("exact_lower", _MRAD), ("exact_upper", _MRAD))
-    )
-    axes.plot(x, upper, label="exact sides, the arms of the simulation", **_ARMS)
-    axes.plot(x, lower, **_ARMS)
-
-
-def _points(axes: Axes, ends: Points) -> None:
-    lateral, rotation = ends
-    axes.plot(lateral * _MM, rotation * _MRAD, label="simulated alignments", zorder=3, **_ENDS)
-
-
-def _focus(
-    axes: Axes,
-    parts: PegHoleGeometry,
-    starts: Mapping[str, tuple[float, float]],
-    ends: Points | None,
-) -> None:
-    """Show the quadrant of the starts, and every simulated end."""
-    lateral, rotation = (np.array(values) for values in zip(*starts.values(), strict=True))
-    if ends is not None:
-        lateral, rotation = np.append(lateral, ends[0]), np.append(rotation, ends[1])
-    right = max(1.5 * float(lateral.max()), 0.0)
-    top = max(1.2 * float(rotation.max()), 1.2 * parts.rotation_limit)
-    axes.set_xlim(min(0.0, 1.1 * float(lateral.min())) * _MM, right * _MM)
-    axes.set_ylim(min(0.0, 1.1 * float(rotation.min())) * _MRAD, top * _MRAD)
 
 
 def _force(axes: Axes, parts: PegHoleGeometry, outcome: Outcome) -> None:

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context
 
-from chamfer.analysis.campaign.trial_metrics import Quantity
+from chamfer.analysis.campaign.trial_metrics import Quantity, metrics_of
 from chamfer.analysis.cell.alignment_runs import Traces, alignment_traces, row_before
-from chamfer.analysis.insertion.insertion_runs import median
+from chamfer.analysis.insertion.insertion_runs import jamming_loads, median
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.scenario.experiment import Metric, Progress, Table, column
 from chamfer.diagrams.insertion.insertion import (
@@ -65,7 +65,6 @@ INSERTION: Final = {
 _AFTER: Final = 0.3  # s, that a run goes on once its chart has ended
 _SLIPS: Final = 0.001  # m, that a peg moves out by if nothing but the push holds it
 _TOUCHING: Final = 0.01  # N
-_CONTACT: Final = ("state", "depth", "loss")
 _MOUTH, _TIP, _BOTTOM = (FEATURES.index(name) for name in ("mouth", "tip", "bottom"))
 
 
@@ -142,7 +141,7 @@ def run_cell_insertion(
     cpu = time.process_time() - started
     outputs = run.outputs
     traces = alignment_traces(scenario, run.time, outputs)
-    for name in _CONTACT:
+    for name in ("state", "depth", "loss"):
         traces["contact_state" if name == "state" else name] = outputs[f"contact.{name}"]
     for i, axis in enumerate("xyz"):
         traces[f"force_{axis}"] = outputs["contact.wrench"][:, 3 + i]
@@ -172,11 +171,6 @@ def force_medians(traces: Table, step: float) -> tuple[Array, Array]:
     return -x, np.hypot(y, z)
 
 
-def target_depth(scenario: ResolvedInsertionScenario) -> float:
-    """Return how deep the tip is to be, m."""
-    return task_params(scenario).target
-
-
 def two_point(traces: Table) -> NDArray[np.bool_]:
     """Return when mouth and tip touched on opposite sides."""
     touch = (traces["normal_mouth"] > _TOUCHING) & (traces["normal_tip"] > _TOUCHING)
@@ -202,7 +196,7 @@ def insertion_metrics(
     traces, values = done.traces, dict[str, float | None].fromkeys(INSERTION)
     moments, depth = traces["time"], traces["depth"]
     axial, lateral = force_medians(traces, scenario.step)
-    enough = SEATED * target_depth(scenario)
+    enough = SEATED * task_params(scenario).target
     bottom = traces["normal_bottom"] > _TOUCHING
     deep = (depth >= enough) & (traces["lateral_error"] < scenario.parts.hole_radius) | bottom
     seated = bool(deep[-1])
@@ -292,15 +286,10 @@ def ending(done: CellInsertion, scenario: ResolvedInsertionScenario) -> str:
 def path_table(path: Sequence[TaskTransition]) -> Table:
     """Return the columns of the transitions taken, as the chart's drawing wants them."""
     names = {
-        name: np.array([getattr(one, of) for one in path], dtype=np.str_)
-        for name, of in (
-            ("source", "source"),
-            ("target", "target"),
-            ("outcome", "label"),
-            ("label", "label"),
-        )
+        name: np.array([getattr(one, name) for one in path], dtype=np.str_)
+        for name in ("source", "target", "label")
     }
-    return {"time": column([one.time for one in path]), **names}
+    return {"time": column([one.time for one in path]), "outcome": names["label"], **names}
 
 
 def insertion_charts(scenario: ResolvedInsertionScenario) -> tuple[Chart[Any, Any], ...]:
@@ -344,12 +333,10 @@ _HELD: Final = "the errors at the touch held, no friction in the joints, quasi-s
 def predict(scenario: ResolvedInsertionScenario, done: CellInsertion) -> dict[str, Metric]:
     """Return what theory says of the last attempt, and the margin that its touch had."""
     row = touch_row(done)
-    if row is None:
-        never = "it never touches"
-        return {name: Metric(value=None, unit=unit, note=never) for name, unit in _UNITS.items()}
-    if not (scenario.parts.is_round or _along_faces(done, row)):
-        across = "square parts, and errors in no plane along faces: the theory is planar"
-        return {name: Metric(value=None, unit=unit, note=across) for name, unit in _UNITS.items()}
+    if row is None or not (scenario.parts.is_round or _along_faces(done, row)):
+        why = "square parts, and errors in no plane along faces: the theory is planar"
+        why = "it never touches" if row is None else why
+        return metrics_of({name: (None, unit, why) for name, unit in _UNITS.items()})
     lateral, tilt = errors_in_one_plane(done.traces, row)
     params = task_params(scenario)
     found = predict_at(scenario, lateral, tilt)
@@ -357,26 +344,32 @@ def predict(scenario: ResolvedInsertionScenario, done: CellInsertion) -> dict[st
     axial, onset = float(found.axial), float(found.onset)
     slides = math.isfinite(axial)
     margin = 100 * params.region.margin(lateral, abs(tilt))
-    values = {
-        "predicted.seated": (
-            None if verdict is FeedVerdict.MAY else float(verdict is FeedVerdict.SAFE),
-            f"{_HELD}; it may wedge or sit on the edge" if verdict is FeedVerdict.MAY else _HELD,
-        ),
-        "predicted.force.axial": (
-            axial if slides else None,
-            f"largest; {_HELD}" if slides else "no push slides it",
-        ),
-        "predicted.two_point.onset": (
-            onset if math.isfinite(onset) else None,
-            f"l; {_HELD}" if math.isfinite(onset) else "two points never touch",
-        ),
-        "predicted.may_wedge": (float(found.may_wedge), "1: two points may hold it"),
-        "touch.margin": (margin, "of the region free of wedging, the worst signs; < 0: outside"),
-    }
-    return {
-        name: Metric(value=value, unit=_UNITS[name], note=note)
-        for name, (value, note) in values.items()
-    }
+    may = verdict is FeedVerdict.MAY
+    return metrics_of(
+        {
+            "predicted.seated": (
+                None if may else float(verdict is FeedVerdict.SAFE),
+                "",
+                f"{_HELD}; it may wedge or sit on the edge" if may else _HELD,
+            ),
+            "predicted.force.axial": (
+                axial if slides else None,
+                "N",
+                f"largest; {_HELD}" if slides else "no push slides it",
+            ),
+            "predicted.two_point.onset": (
+                onset if math.isfinite(onset) else None,
+                "m",
+                f"l; {_HELD}" if math.isfinite(onset) else "two points never touch",
+            ),
+            "predicted.may_wedge": (float(found.may_wedge), "", "1: two points may hold it"),
+            "touch.margin": (
+                margin,
+                "%",
+                "of the region free of wedging, the worst signs; < 0: outside",
+            ),
+        }
+    )
 
 
 def _along_faces(done: CellInsertion, row: int) -> bool:
@@ -409,38 +402,23 @@ _IN_BORE: Final = (ContactState.ONE_POINT, ContactState.TWO_POINT, ContactState.
 class PlanarLoads(NamedTuple):
     """Loads of the support on the peg in one plane, a row a moment."""
 
-    time: Array  # s
     depth: Array  # l, m
     force_ratio: Array  # F_x / F_z
     moment_ratio: Array  # M / (r F_z)
     level: Array  # in the diagram, 1 on its sides
 
-    @property
-    def size(self) -> int:
-        """How many there are."""
-        return len(self.time)
-
 
 def loads_in_planes(traces: Table, parts: PegAndHole, step: float) -> dict[str, PlanarLoads]:
-    """Return the loads in the planes XY and XZ while the peg is pushed in the bore.
-
-    They are what the hole does to the peg, reversed, as medians of 10 ms; the moment is about the
-    middle between the tip's corners.
-    """
-    down = -median(traces["force_x"], step)
-    turning = {"xy": -median(traces["moment_z"], step), "xz": median(traces["moment_y"], step)}
-    l_of = traces["depth"] - parts.chamfer_height
-    pushed = np.isin(traces["contact_state"], _IN_BORE) & (down > _PUSHED) & (l_of > 0)
-    height = parts.peg_chamfer.height
+    """Return the loads in the planes XY and XZ while the peg is pushed in the bore."""
+    turning = {"xy": traces["moment_z"], "xz": -traces["moment_y"]}
+    in_bore = np.isin(traces["contact_state"], _IN_BORE)
     found = {}
     for plane, (lateral, tilt) in errors_in_planes(traces).items():
-        across = -median(traces[f"force_{plane[1]}"], step)
-        x, y = traces["depth"] - height * np.cos(tilt), lateral + height * np.sin(tilt)
-        moment = turning[plane] - (x * across - y * down)
-        force_ratio = across[pushed] / down[pushed]
-        moment_ratio = moment[pushed] / (parts.peg_radius * down[pushed])
-        level = jamming_level(parts, force_ratio, moment_ratio, l_of[pushed])
-        found[plane] = PlanarLoads(
-            traces["time"][pushed], l_of[pushed], force_ratio, moment_ratio, level
-        )
+        across = {"across": traces[f"force_{plane[1]}"], "turning": turning[plane]}
+        run = {**traces, "lateral": lateral, "tilt": tilt, **across}
+        l_of, down, *ratios = jamming_loads(parts, run, step)
+        pushed = in_bore & (down > _PUSHED) & (l_of > 0)
+        depth, force_ratio, moment_ratio = (one[pushed] for one in (l_of, *ratios))
+        level = jamming_level(parts, force_ratio, moment_ratio, depth)
+        found[plane] = PlanarLoads(depth, force_ratio, moment_ratio, level)
     return found

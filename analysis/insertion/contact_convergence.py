@@ -1,16 +1,16 @@
 """What of a simulated insertion depends on the solver: steps, stiffness, facets, approximation."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.campaign import run_each
+from chamfer.analysis.campaign.trial_metrics import prefixed
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.drawing.figure_style import PUBLISHED, Style, dress, legend, new_figure
 from chamfer.analysis.insertion.insertion_runs import (
@@ -31,9 +31,18 @@ from chamfer.models.validation import ParameterError, require_finite
 Array = NDArray[np.float64]
 
 STARTS: Final = ("sliding", "stuck")
-CENIC: Final = "cenic"
-# What is varied: a tuple of the scenario, and the field of the insertion that it is about.
-PARAMETERS: Final = ("steps", "stiffnesses", "facets", "stictions", "approximations", "accuracies")
+# What is varied: a tuple of the scenario, and what each of its values makes of the insertion.
+_CHANGES: Final[dict[str, Callable[[PegInsertionScenario, Any], PegInsertionScenario]]] = {
+    "steps": lambda base, value: replace(base, step=value),
+    "stiffnesses": lambda base, value: replace(
+        base, contact=replace(base.contact, stiffness=value)
+    ),
+    "facets": lambda base, value: replace(base, contact=replace(base.contact, facets=value)),
+    "stictions": lambda base, value: replace(base, stiction=value),
+    "approximations": lambda base, value: replace(base, approximation=value),
+    "accuracies": lambda base, value: base,
+}
+PARAMETERS: Final = tuple(_CHANGES)
 MEASURED: Final = ("depth", "force", "raw_peak", "onset", "balance", "seated")
 _UNITS: Final = ("m", "N", "N", "m", "%", "")
 
@@ -48,12 +57,7 @@ class ConvergenceScenario:
         )
     )
     stuck_tilt: float = 0.08  # rad, of a start beyond the last tilt that a push slides; assumed
-    steps: tuple[float, ...] = (
-        2e-3,
-        1e-3,
-        5e-4,
-        2.5e-4,
-    )  # s, of the plant; the last is the finest
+    steps: tuple[float, ...] = (2e-3, 1e-3, 5e-4, 2.5e-4)  # s, of the plant, the finest last
     stiffnesses: tuple[float, ...] = (1e5, 1e6, 1e7, 1e8)  # N/m, of a contact at a point
     facets: tuple[int, ...] = (32, 64, 128)  # of the bore
     stictions: tuple[float, ...] = (1e-3, 1e-4, 1e-5)  # m/s, at which a contact sticks
@@ -88,42 +92,17 @@ def resolve(scenario: ConvergenceScenario) -> ConvergenceScenario:
 
 def variations(scenario: ConvergenceScenario) -> list[Variation]:
     """Return every insertion, the starts one after the other."""
-    found: list[Variation] = []
+    found = []
     for start in STARTS:
         base = scenario.insertion
         if start == "stuck":
             base = replace(base, tilt=math.copysign(scenario.stuck_tilt, base.tilt))
-        contact = base.contact
-        add = partial(_add, found, start)
-        add("steps", scenario.steps, [replace(base, step=value) for value in scenario.steps])
-        for name, field_name in (("stiffnesses", "stiffness"), ("facets", "facets")):
-            values = getattr(scenario, name)
-            varied = [replace(contact, **{field_name: value}) for value in values]
-            add(name, values, [replace(base, contact=one) for one in varied])
-        add(
-            "stictions",
-            scenario.stictions,
-            [replace(base, stiction=v) for v in scenario.stictions],
-        )
-        kinds = scenario.approximations
-        add("approximations", range(len(kinds)), [replace(base, approximation=k) for k in kinds])
-        found += [
-            Variation("accuracies", value, start, base, value) for value in scenario.accuracies
-        ]
+        for parameter, change in _CHANGES.items():
+            for k, value in enumerate(getattr(scenario, parameter)):
+                number = float(k) if parameter == "approximations" else value
+                accuracy = value if parameter == "accuracies" else None
+                found.append(Variation(parameter, number, start, change(base, value), accuracy))
     return found
-
-
-def _add(
-    found: list[Variation],
-    start: str,
-    parameter: str,
-    values: Sequence[float],
-    scenarios: Sequence[PegInsertionScenario],
-) -> None:
-    found += [
-        Variation(parameter, value, start, one)
-        for value, one in zip(values, scenarios, strict=True)
-    ]
 
 
 def measure_variation(variation: Variation) -> Row:
@@ -172,12 +151,36 @@ def run(scenario: ConvergenceScenario, seed: int, progress: Progress) -> Outcome
     }
     metrics: dict[str, Metric] = {}
     for start in STARTS:
-        of = [k for k, one in enumerate(tasks) if one.start == start]
-        base = next(tasks[k].scenario for k in of)
-        metrics |= _statics(start, base)
-        metrics |= _spreads(start, scenario, [tasks[k] for k in of], columns, of)
-    sliding = [k for k, one in enumerate(tasks) if one.start == "sliding"]
-    metrics |= _energy(scenario, tasks, sliding, columns["balance"])
+        said = predict(next(one.scenario for one in tasks if one.start == start))
+        metrics |= {
+            f"{start}.predicted.{name}": said[f"predicted.{name}"]
+            for name in ("seated", "force.axial", "two_point.onset")
+        }
+        for parameter in PARAMETERS:
+            of = [
+                k
+                for k, one in enumerate(tasks)
+                if (one.start, one.parameter) == (start, parameter)
+            ]
+            if of:
+                named = [label(scenario, parameter, tasks[k].value) for k in of]
+                found = _spread(parameter, named, {name: columns[name][of] for name in MEASURED})
+                metrics |= prefixed(f"{start}.{parameter}", found)
+    chosen = [
+        k
+        for k, one in enumerate(tasks)
+        if one.start == "sliding"
+        and one.parameter in ("steps", "facets", "stictions")
+        and one.scenario.approximation == "lagged"
+    ]
+    off = np.abs(columns["balance"][chosen] - 100)
+    metrics["energy.worst"] = Metric(
+        value=float(np.max(off)) if chosen else math.nan,
+        unit="%",
+        note="of the work, not found in the contacts: over steps, facets and stictions"
+        if chosen
+        else "none of steps, facets and stictions is varied",
+    )
     return Outcome(
         metrics=metrics,
         traces={name: column(values) for name, values in traces.items()},
@@ -185,44 +188,24 @@ def run(scenario: ConvergenceScenario, seed: int, progress: Progress) -> Outcome
     )
 
 
-def _statics(start: str, scenario: PegInsertionScenario) -> dict[str, Metric]:
-    said = predict(scenario)
-    return {
-        f"{start}.predicted.{name}": said[f"predicted.{name}"]
-        for name in ("seated", "force.axial", "two_point.onset")
-    }
-
-
-def _spreads(
-    start: str,
-    scenario: ConvergenceScenario,
-    tasks: Sequence[Variation],
-    columns: Mapping[str, Array],
-    rows: Sequence[int],
+def _spread(
+    parameter: str, named: Sequence[str], columns: Mapping[str, Array]
 ) -> dict[str, Metric]:
-    """Return every run's measures, and how far the largest and least of a parameter are apart."""
+    """Return what every value's run measured, and how far the largest and least are apart."""
     metrics = {}
-    for parameter in PARAMETERS:
-        of = [k for task, k in zip(tasks, rows, strict=True) if task.parameter == parameter]
-        if not of:
-            continue
-        names = [
-            label(scenario, parameter, task.value) for task in tasks if task.parameter == parameter
-        ]
-        for name, unit in zip(MEASURED, _UNITS, strict=True):
-            for k, value in zip(of, names, strict=True):
-                found = float(columns[name][k])
-                metrics[f"{start}.{parameter}.{value}.{name}"] = Metric(
-                    value=found if math.isfinite(found) else None,
-                    unit=unit,
-                    note=_note(name, parameter, math.isfinite(found)),
-                )
-        force = columns["force"][of]
-        metrics[f"{start}.{parameter}.force.spread"] = Metric(
-            value=100 * float(np.ptp(force) / force[-1]) if force[-1] > 0 else None,
-            unit="%",
-            note="between the largest and the least, of the last",
-        )
+    for name, unit in zip(MEASURED, _UNITS, strict=True):
+        for value, found in zip(named, columns[name].tolist(), strict=True):
+            known = math.isfinite(found)
+            note = _note(name, parameter, known)
+            metrics[f"{value}.{name}"] = Metric(
+                value=found if known else None, unit=unit, note=note
+            )
+    force = columns["force"]
+    metrics["force.spread"] = Metric(
+        value=100 * float(np.ptp(force) / force[-1]) if force[-1] > 0 else None,
+        unit="%",
+        note="between the largest and the least, of the last",
+    )
     return metrics
 
 
@@ -243,38 +226,6 @@ def label(scenario: ConvergenceScenario, parameter: str, value: float) -> str:
     return f"{value:g}".replace(".", "_").replace("+", "")
 
 
-def _energy(
-    scenario: ConvergenceScenario,
-    tasks: Sequence[Variation],
-    rows: Sequence[int],
-    balance: Array,
-) -> dict[str, Metric]:
-    """Return by how much dissipation misses the work at most, of lagged contact."""
-    chosen = [
-        k
-        for k in rows
-        if tasks[k].parameter in ("steps", "facets", "stictions")
-        and tasks[k].scenario.approximation == "lagged"
-    ]
-    return {
-        "energy.worst": Metric(
-            value=float(np.max(np.abs(balance[chosen] - 100))) if chosen else math.nan,
-            unit="%",
-            note="of the work, not found in the contacts: over steps, facets and stictions"
-            if chosen
-            else "none of steps, facets and stictions is varied",
-        )
-    }
-
-
-def figures(scenario: ConvergenceScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    named = {name: [f"{value:g}" for value in getattr(scenario, name)] for name in PARAMETERS[:4]}
-    named["approximations"] = list(scenario.approximations)
-    named["accuracies"] = [f"{value:g}" for value in scenario.accuracies]
-    return {"contact-convergence": plot_convergence(named, outcome)}
-
-
 _TITLES: Final = {
     "steps": "step / s",
     "stiffnesses": "stiffness / (N/m)",
@@ -291,18 +242,15 @@ _RAW: Final[Style] = {"marker": "x", "linestyle": "none"}
 _MM: Final = 1e3
 
 
-def plot_convergence(values: Mapping[str, Sequence[str]], outcome: Outcome) -> Figure:
-    """Draw forces above depths, one column a parameter.
-
-    Args:
-        values: Of each parameter, as they are to be written.
-        outcome: With a row a run.
-    """
+def figures(scenario: ConvergenceScenario, outcome: Outcome) -> Mapping[str, Figure]:
+    """Draw forces above depths, one column a parameter."""
     figure = new_figure(14.0, 6.0)
-    panels = figure.subplots(2, len(values), squeeze=False, sharey="row")
+    panels = figure.subplots(2, len(PARAMETERS), squeeze=False, sharey="row")
     traces = outcome.traces
     statics = outcome.metrics["sliding.predicted.force.axial"].value
-    for k, (parameter, names) in enumerate(values.items()):
+    for k, parameter in enumerate(PARAMETERS):
+        values = getattr(scenario, parameter)
+        names = [one if isinstance(one, str) else f"{one:g}" for one in values]
         for i, (start, style) in enumerate(_STARTS):
             of = (traces["parameter"] == k) & (traces["start"] == i)
             x = np.arange(np.count_nonzero(of))
@@ -318,4 +266,4 @@ def plot_convergence(values: Mapping[str, Sequence[str]], outcome: Outcome) -> F
             axes.set_xticks(range(len(names)), names, fontsize=7)
         panels[0, k].set_yscale("log")
     legend(panels[0, 0])
-    return figure
+    return {"contact-convergence": figure}

@@ -1,6 +1,7 @@
 """From pixels to a seated peg: the cameras align, a chart decides and inserts (section 5)."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from chamfer.analysis.campaign.trial_metrics import over_trials
 from chamfer.analysis.cell.alignment import pictures_at, plot_moments
 from chamfer.analysis.cell.alignment_runs import row_before, settling_metrics
+from chamfer.analysis.cell.wedging_diagram import draw_reach, draw_sides
 from chamfer.analysis.drawing.chart_path import plot_chart_path
 from chamfer.analysis.drawing.figure_kit import (
     Curve,
@@ -44,6 +46,7 @@ from chamfer.analysis.insertion.cell_runs import (
     run_cell_insertion,
     touch_row,
 )
+from chamfer.analysis.insertion.jamming_diagram import draw_parallelogram
 from chamfer.analysis.insertion.peg_insertion import STATES
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
 from chamfer.diagrams.cell.alignment_scenario import require_fine_enough
@@ -53,13 +56,12 @@ from chamfer.diagrams.insertion.insertion import (
     resolve,
     task_params,
 )
-from chamfer.models.peg_theory.wedging import jamming_vertices, rotation_bounds
+from chamfer.models.peg_theory.wedging import rotation_bounds
 from chamfer.systems.contact.peg_hole_contact_monitor import SEATED, ContactState
 
 _MOMENTS = ("before", "touch", "end")
 _NOTES = {
     "seated": f"1: {100 * SEATED:g} % of the commanded depth, or on the bottom, at the end",
-    "seated.said": "1: so says the chart, which sees cameras and encoders alone",
     "seated.first": "1: with the first attempt",
     "depth": "of the tip below the mouth, deepest of the last attempt",
     "force.axial": "against the insertion, largest median of 10 ms",
@@ -103,12 +105,10 @@ def _metrics(scenario: ResolvedInsertionScenario, done: CellInsertion) -> dict[s
         "wedged": f"1: stopped {cap}, held without it by more than {insert.held_force:g} N",
         "jammed": f"1: stopped {cap}, held by no more without it",
     }
+    notes["seated.said"] = ending(done, scenario)
     for name, note in notes.items():
         if metrics[name].value is not None:
-            metrics[name] = Metric(value=metrics[name].value, unit=metrics[name].unit, note=note)
-    metrics["seated.said"] = Metric(
-        value=metrics["seated.said"].value, unit="", note=ending(done, scenario)
-    )
+            metrics[name] = replace(metrics[name], note=note)
     metrics["real_time_factor"] = Metric(
         value=round(float(done.traces["time"][-1]) / done.cpu_seconds, 2),
         unit="",
@@ -240,15 +240,12 @@ def _wedging(axes: Axes, scenario: ResolvedInsertionScenario, outcome: Outcome) 
     parts, traces = scenario.parts, outcome.traces
     limit = parts.chamfer_limit
     x = np.linspace(-limit, limit, 201)
-    support = scenario.wedging_support
-    lower, upper = rotation_bounds(parts, support, x)
+    sides = lower, upper = rotation_bounds(parts, scenario.wedging_support, x)
     axes.fill_between(
         _MM * x, _MRAD * lower, _MRAD * upper, label="free of wedging, arms in series", **_REGION
     )
-    for k, side in enumerate((lower, upper)):
-        axes.plot(_MM * x, _MRAD * side, label=None if k else "exact sides", **_SIDE)
-    for k, side_limit in enumerate((-limit, limit)):
-        axes.axvline(_MM * side_limit, label=None if k else "the chamfers' reach", **LIMIT)
+    draw_sides(axes, x, sides, "exact sides", _SIDE)
+    draw_reach(axes, parts, "the chamfers' reach")
     touched = np.flatnonzero(
         (traces["contact_state"] != ContactState.NONE) | (traces["depth"] >= 0)
     )
@@ -257,15 +254,14 @@ def _wedging(axes: Axes, scenario: ResolvedInsertionScenario, outcome: Outcome) 
         marker, colour = _MARKS[plane]
         axes.plot(_MM * lateral, _MRAD * tilt, label=f"path, {name}", **style)
         if len(touched):
+            look: Style = {"marker": marker, "markersize": 7, "linestyle": "none"}
             axes.plot(
                 _MM * lateral[touched[0]],
                 _MRAD * tilt[touched[0]],
                 label=f"first touch, {name}",
-                marker=marker,
                 markerfacecolor=colour,
                 markeredgecolor="black",
-                linestyle="none",
-                markersize=7,
+                **look,
             )
     dress(
         axes,
@@ -281,15 +277,12 @@ def _wedging(axes: Axes, scenario: ResolvedInsertionScenario, outcome: Outcome) 
 def _jamming(axes: Axes, scenario: ResolvedInsertionScenario, outcome: Outcome) -> None:
     parts = scenario.parts
     for ratio, colour in _RATIOS:
-        corners = jamming_vertices(parts, ratio * parts.wedging_depth)
-        closed = np.vstack([corners, corners[:1]])
-        axes.plot(
-            *closed.T, color=colour, linewidth=1.1, label=rf"slides at $\lambda$ = {ratio:g}"
-        )
+        draw_parallelogram(axes, parts, ratio, colour)
     for plane, loads in loads_in_planes(outcome.traces, parts, scenario.step).items():
-        if not loads.size:
+        count = len(loads.depth)
+        if not count:
             continue
-        rows = np.arange(loads.size)[:: max(1, loads.size // _FEW)]
+        rows = np.arange(count)[:: max(1, count // _FEW)]
         marker, _ = _MARKS[plane]
         points = axes.scatter(
             loads.force_ratio[rows],

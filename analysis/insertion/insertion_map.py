@@ -1,7 +1,7 @@
 """What becomes of blind feeds from a grid of errors, beside what the planar theory says."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
 from functools import partial
@@ -15,14 +15,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
-from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, EventStatus
+from pydrake.systems.framework import Context
 
 from chamfer.analysis.campaign.campaign import Trials, run_each
-from chamfer.analysis.campaign.trial_metrics import rate
+from chamfer.analysis.campaign.trial_metrics import metrics_of, rate
 from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.drawing.figure_kit import draw_counts
 from chamfer.analysis.drawing.figure_style import Style, dress, legend, new_figure
 from chamfer.analysis.insertion.insertion_runs import median
+from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.scenario.experiment import (
     Metric,
     Outcome,
@@ -50,22 +51,15 @@ from chamfer.models.validation import (
     require_one_of,
     require_positive,
 )
-from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, WRENCH_SIZE, ContactState
+from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, ContactState
 from chamfer.systems.pose import pose_from_vector
 
 Array = NDArray[np.float64]
 
-_SLICE: Final = 0.01  # s, after which a run is asked whether it is over
 _MOVED: Final = 2e-4  # m, by which a peg that is held comes out at most as the push goes
 _FREE: Final = 0.05  # N, of the hole along the axis: the push is gone
 _IN_BORE: Final = (ContactState.ONE_POINT, ContactState.TWO_POINT)
 _TOUCHING: Final = 0.01  # N
-_PORTS: Final = (
-    ("depth", 1),
-    ("state", 1),
-    ("wrench", WRENCH_SIZE),
-    ("normal_forces", len(FEATURES)),
-)
 _CHAMFER, _FACE, _BOTTOM = (FEATURES.index(name) for name in ("chamfer", "face", "bottom"))
 
 
@@ -100,44 +94,33 @@ class BlindFeed(NamedTuple):
 def feed_blind(scenario: BlindFeedScenario) -> BlindFeed:
     """Feed the peg until it is as deep as it can get, or else take the push away again.
 
-    A peg that is beside the mouth at the end of the feed is left there. It is fed to the end
-    because its tip may still slip off the face.
+    It is fed to the end, as its tip may slip off the face; then, beside the mouth, it is left.
     """
     diagram = make_blind_feed_diagram(scenario)
-    ports = [diagram.GetOutputPort(f"contact.{name}") for name, _ in _PORTS]
-    poses = [diagram.GetOutputPort(f"{arm}.true_pose") for arm in ("peg", "hole")]
-    rows = np.zeros((round(scenario.duration / scenario.step) + 2, sum(n for _, n in _PORTS)))
-    time: list[float] = []
-    touch: list[dict[Plane, PlaneErrors]] = []
+    depth, state, normal = (
+        diagram.GetOutputPort(f"contact.{name}") for name in ("depth", "state", "normal_forces")
+    )
 
-    def record(context: Context) -> EventStatus:
-        if time and context.get_time() < time[-1] + scenario.step / 2:
-            return EventStatus.DidNothing()
-        row = rows[len(time)]
-        row[:1], row[1:2], row[2:8], row[8:] = (port.Eval(context) for port in ports)
-        time.append(context.get_time())
-        if row[1] != ContactState.NONE and not touch:
-            touch.append(errors_in(*(port.Eval(context) for port in poses)))
-        return EventStatus.DidNothing()
+    def ended(root: Context) -> bool:
+        context = diagram.GetMyContextFromRoot(root)
+        pressed = normal.Eval(context)[_BOTTOM] > _TOUCHING
+        if depth.Eval(context)[0] >= scenario.depth or pressed:
+            return True
+        beside = state.Eval(context)[0] in (ContactState.NONE, ContactState.FACE)
+        return bool(beside and context.get_time() > scenario.released)
 
-    simulator = Simulator(diagram)
-    simulator.set_monitor(record)
-    simulator.Initialize()
-    for k in range(math.ceil(scenario.duration / _SLICE)):
-        simulator.AdvanceTo(min(_SLICE * (k + 1), scenario.duration))
-        last = rows[len(time) - 1]
-        beside = last[1] in (ContactState.NONE, ContactState.FACE)
-        deep = last[0] >= scenario.depth or last[8 + _BOTTOM] > _TOUCHING
-        if deep or (time[-1] > scenario.released and beside):
-            break
-    found = rows[: len(time)]
+    run = simulate(diagram, duration=scenario.duration, step=scenario.step, ended=ended)
+    found = run.outputs
+    touch = None
+    if (touching := np.flatnonzero(found["contact.state"] != ContactState.NONE)).size:
+        touch = errors_in(*(found[f"{arm}.true_pose"][touching[0]] for arm in ("peg", "hole")))
     return BlindFeed(
-        time=np.array(time),
-        depth=found[:, 0],
-        state=found[:, 1],
-        wrench=found[:, 2:8],
-        normal=found[:, 8:],
-        touch=touch[0] if touch else None,
+        time=run.time,
+        depth=found["contact.depth"],
+        state=found["contact.state"],
+        wrench=found["contact.wrench"],
+        normal=found["contact.normal_forces"],
+        touch=touch,
     )
 
 
@@ -373,31 +356,22 @@ def _cells(scenario: InsertionMapScenario, found: Trials[BlindFeedScenario]) -> 
     for name, start in (("touch_lateral_error", "lateral"), ("touch_rotational_error", "tilt")):
         never = np.isnan(traces[name])
         traces[name] = np.where(never, traces[start], traces[name])
-    said = {name: np.full(len(found), np.nan) for name in _PREDICTED}
+    said: dict[str, Array] = {}
     for index, plane in enumerate(get_args(Plane)):
         of = traces["plane"] == index
         if not of.any():
             continue
-        prediction = _predict(
-            scenario,
-            plane,
-            traces["touch_lateral_error"][of],
-            traces["touch_rotational_error"][of],
-        )
+        errors = (traces[f"touch_{name}_error"][of] for name in ("lateral", "rotational"))
+        prediction = _predict(scenario, plane, *errors)
         for name, values in (
             ("verdict", prediction.verdict),
-            ("force_axial", prediction.axial),
+            ("force_axial", np.where(np.isinf(prediction.axial), np.nan, prediction.axial)),
             ("two_point_onset", prediction.onset),
             ("may_sit_on_edge", prediction.limits.on_edge),
             ("inside", prediction.limits.inside),
         ):
-            said[name][of] = values
-    said["force_axial"][np.isinf(said["force_axial"])] = np.nan
-    traces |= {f"predicted_{name}": values for name, values in said.items()}
-    return {name: column(values) for name, values in traces.items()}
-
-
-_PREDICTED: Final = ("verdict", "force_axial", "two_point_onset", "may_sit_on_edge", "inside")
+            said.setdefault(f"predicted_{name}", np.full(len(found), np.nan))[of] = values
+    return {name: column(values) for name, values in (traces | said).items()}
 
 
 def _predict(
@@ -419,15 +393,18 @@ def _region(scenario: InsertionMapScenario) -> Table:
     cell = scenario.cell
     lateral = _BEYOND * scenario.largest_lateral * np.linspace(-1, 1, _RASTER)
     tilt = _BEYOND * scenario.largest_tilt * np.linspace(-1, 1, _RASTER)
-    rows: dict[str, list[Array]] = {"plane": [], "lateral": [], "tilt": [], "verdict": []}
-    for plane in scenario.planes:
-        support = partial(cell.support_at, plane=plane)
-        found = limits(cell.parts, support, lateral[None, :], tilt[:, None])
-        rows["plane"].append(np.full(_RASTER**2, float(get_args(Plane).index(plane))))
-        rows["lateral"].append(np.tile(lateral, _RASTER))
-        rows["tilt"].append(np.repeat(tilt, _RASTER))
-        rows["verdict"].append(found.verdict.ravel().astype(np.float64))
-    return {name: column(np.concatenate(of)) for name, of in rows.items()}
+    verdicts = [
+        limits(cell.parts, partial(cell.support_at, plane=plane), lateral[None, :], tilt[:, None])
+        for plane in scenario.planes
+    ]
+    planes = [float(get_args(Plane).index(plane)) for plane in scenario.planes]
+    n = len(planes)
+    return {
+        "plane": np.repeat(planes, _RASTER**2),
+        "lateral": np.tile(lateral, _RASTER * n),
+        "tilt": np.tile(np.repeat(tilt, _RASTER), n),
+        "verdict": column(np.concatenate([one.verdict.ravel() for one in verdicts])),
+    }
 
 
 def confusion(traces: Table) -> dict[str, Metric]:
@@ -443,25 +420,25 @@ def confusion(traces: Table) -> dict[str, Metric]:
     safe, sure = verdict == FeedVerdict.SAFE, verdict != FeedVerdict.MAY
     right = np.where(safe, seated, ~seated)[sure]
     edge = (traces["predicted_may_sit_on_edge"] > 0) & (traces["predicted_inside"] > 0)
-    metrics |= {
-        "cells": Metric(value=float(len(verdict)), unit=""),
-        "seated": Metric(value=float(seated.sum()), unit="", note="cells"),
-        "predicted_safe.cells": Metric(
-            value=float(safe.sum()), unit="", note="by the errors at touch"
-        ),
-        "predicted_safe.failed": Metric(
-            value=float(np.sum(safe & ~seated)), unit="", note="of them not seated"
-        ),
-        "predicted_may.share": Metric(
-            value=100 * float(np.mean(~sure)), unit="%", note="cells of which theory is not sure"
-        ),
-        "predicted_edge.cells": Metric(
-            value=float(edge.sum()), unit="", note="inside, but the rim may sit on the bore's edge"
-        ),
-        "predicted_edge.failed": Metric(
-            value=float(np.sum(edge & ~seated)), unit="", note="of them not seated"
-        ),
-    }
+    metrics |= metrics_of(
+        {
+            "cells": (float(len(verdict)), ""),
+            "seated": (float(seated.sum()), "", "cells"),
+            "predicted_safe.cells": (float(safe.sum()), "", "by the errors at touch"),
+            "predicted_safe.failed": (float(np.sum(safe & ~seated)), "", "of them not seated"),
+            "predicted_may.share": (
+                100 * float(np.mean(~sure)),
+                "%",
+                "cells of which theory is not sure",
+            ),
+            "predicted_edge.cells": (
+                float(edge.sum()),
+                "",
+                "inside, but the rim may sit on the bore's edge",
+            ),
+            "predicted_edge.failed": (float(np.sum(edge & ~seated)), "", "of them not seated"),
+        }
+    )
     if not len(right):
         return metrics | {"agreement": Metric(value=None, unit="%", note="theory is never sure")}
     note = f"of {len(right)} cells where theory is sure: safe and seated, or stopped and not"
@@ -500,22 +477,17 @@ def _probability(
     scenario: InsertionMapScenario, drawn: DrawnCells, found: Trials[BlindFeedScenario]
 ) -> dict[str, Array]:
     """Return a row a randomised cell: the share of draws that is seated, and its interval."""
-    rows: dict[str, list[float]] = {name: [] for name in _PROBABILITY}
+    rows = []
     for start in scenario.starts(drawn.plane, drawn.points):
         of = found.select(partial(_same_cell, start))
-        if not len(of):
-            continue
-        seated = int(np.sum(of.column("outcome") == FeedOutcome.SEATED))
-        share = [one.value for one in rate("", seated, len(of), "").values()]
-        values = [start.lateral, start.tilt, float(seated), float(len(of)), *share]
-        for name, value in zip(_PROBABILITY, values, strict=True):
-            rows[name].append(math.nan if value is None else value)
-    table = {name: column(values) for name, values in rows.items()}
+        if len(of):
+            seated = int(np.sum(of.column("outcome") == FeedOutcome.SEATED))
+            share = [one.value for one in rate("", seated, len(of), "").values()]
+            rows.append((start.lateral, start.tilt, seated, len(of), *share))
+    names = ("lateral", "tilt", "seated", "draws", "rate", "low", "high")
+    table = dict(zip(names, map(column, zip(*rows, strict=True)), strict=True))
     said = _predict(scenario, drawn.plane, table["lateral"], table["tilt"])
     return {**table, "predicted_verdict": column(said.verdict)}
-
-
-_PROBABILITY: Final = ("lateral", "tilt", "seated", "draws", "rate", "low", "high")
 
 
 def _same_cell(start: BlindFeedScenario, other: BlindFeedScenario) -> bool:
@@ -532,11 +504,6 @@ def _overall(table: Mapping[str, Array]) -> dict[str, Metric]:
             note = f"{seated} of {draws} draws, cells by their errors at the start"
             metrics |= rate(f"drawn.{said.name.lower()}.success_rate", seated, draws, note)
     return metrics
-
-
-def figures(scenario: InsertionMapScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    return {"insertion-map": plot_map(scenario.planes, outcome)}
 
 
 _REGION: Final = {
@@ -560,9 +527,9 @@ _WRONG: Final[Style] = {
 _MM, _MRAD = 1e3, 1e3
 
 
-def plot_map(planes: Sequence[Plane], outcome: Outcome) -> Figure:
+def figures(scenario: InsertionMapScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw the map of each plane, theory's force beside the simulated one, and probabilities."""
-    drawn = outcome.tables.get("probability")
+    planes, drawn = scenario.planes, outcome.tables.get("probability")
     columns = max(len(planes), 2)
     figure = new_figure(6.4 * columns, 11.0)
     above, lower = figure.subfigures(2, 1, height_ratios=[1.35, 1.0], squeeze=False)[:, 0]
@@ -575,25 +542,17 @@ def plot_map(planes: Sequence[Plane], outcome: Outcome) -> Figure:
     _draw_force(below[1], outcome.traces)
     if drawn is not None:
         _draw_probability(below[2], drawn)
-    return figure
+    return {"insertion-map": figure}
 
 
 def _handles() -> list[Patch | Line2D]:
     regions = [Patch(color=colour, label=label) for colour, label in _REGION.values()]
-    symbols = [
-        Line2D([], [], linestyle="none", markersize=6, **style) for style in _OUTCOMES.values()
-    ]
-    ring = Line2D(
-        [],
-        [],
-        linestyle="none",
-        marker="o",
-        markersize=11,
-        markerfacecolor="none",
-        markeredgecolor="black",
-        label="theory is sure, and wrong",
-    )
-    return [*regions, ring, *symbols]
+    bare: Style = {"linestyle": "none"}
+    symbols = [Line2D([], [], markersize=6, **bare, **style) for style in _OUTCOMES.values()]
+    ring: Style = {"marker": "o", "markersize": 11, "markerfacecolor": "none"}
+    label = "theory is sure, and wrong"
+    wrong = Line2D([], [], markeredgecolor="black", label=label, **bare, **ring)
+    return [*regions, wrong, *symbols]
 
 
 def _draw_map(axes: Axes, plane: Plane, outcome: Outcome) -> None:
@@ -635,10 +594,7 @@ def wrong(cells: Table) -> np.ndarray:
     """Say where theory is sure, and the opposite happens."""
     seated = cells["outcome"] == FeedOutcome.SEATED
     said = cells["predicted_verdict"]
-    found: np.ndarray = ((said == FeedVerdict.SAFE) & ~seated) | (
-        (said == FeedVerdict.STOPPED) & seated
-    )
-    return found
+    return np.asarray(said == np.where(seated, FeedVerdict.STOPPED, FeedVerdict.SAFE))
 
 
 def _draw_table(axes: Axes, traces: Table) -> None:
@@ -648,30 +604,8 @@ def _draw_table(axes: Axes, traces: Table) -> None:
         [[np.sum((verdict == said) & (became == one)) for one in _OUTCOMES] for said in _REGION]
     )
     dress(axes, title="Cells: what theory says of them, and what happens", x="", y="")
-    axes.grid(False)
-    axes.set_xticks(
-        range(len(_OUTCOMES)),
-        [style["label"].replace(" ", "\n", 1) for style in _OUTCOMES.values()],
-    )
-    axes.set_yticks(range(len(_REGION)), ["theory:\ngoes in", "theory:\nmay", "theory:\nstopped"])
-    axes.set_xlim(-0.5, len(_OUTCOMES) - 0.5)
-    axes.set_ylim(len(_REGION) - 0.5, -0.5)
-    for i, (said, (colour, _)) in enumerate(_REGION.items()):
-        axes.axhspan(i - 0.5, i + 0.5, color=colour, linewidth=0)
-        for k, one in enumerate(_OUTCOMES):
-            wrong = said != FeedVerdict.MAY and (said == FeedVerdict.SAFE) != (
-                one == FeedOutcome.SEATED
-            )
-            axes.text(
-                k,
-                i,
-                str(counts[i, k]),
-                ha="center",
-                va="center",
-                fontsize=13,
-                fontweight="bold" if counts[i, k] else "normal",
-                color="#b00020" if wrong and counts[i, k] else "#222222",
-            )
+    happened = [style["label"].replace(" ", "\n", 1) for style in _OUTCOMES.values()]
+    draw_counts(axes, counts, ["theory:\ngoes in", "theory:\nmay", "theory:\nstopped"], happened)
 
 
 def _draw_force(axes: Axes, traces: Table) -> None:
@@ -699,31 +633,21 @@ def _draw_probability(axes: Axes, table: Table) -> None:
     """Draw the share of draws that is seated in each cell, with its interval."""
     lateral, tilt = np.unique(table["lateral"]), np.unique(table["tilt"])
     share = np.full((len(tilt), len(lateral)), np.nan)
-    for k in range(len(table["rate"])):
-        i = np.searchsorted(tilt, table["tilt"][k]), np.searchsorted(lateral, table["lateral"][k])
-        share[i] = table["rate"][k]
+    at = np.searchsorted(tilt, table["tilt"]), np.searchsorted(lateral, table["lateral"])
+    share[at] = table["rate"]
     axes.pcolormesh(
         _MM * lateral, _MRAD * tilt, share, cmap="RdYlGn", vmin=0.0, vmax=100.0, alpha=0.75
     )
     small = len(lateral) > 5
-    for k in range(len(table["rate"])):
-        text = f"{table['rate'][k]:.0f}"
-        if not small:
-            text += f" %\n{table['low'][k]:.0f} to {table['high'][k]:.0f}"
-        axes.text(
-            _MM * table["lateral"][k],
-            _MRAD * table["tilt"][k],
-            text,
-            ha="center",
-            va="center",
-            fontsize=7,
-        )
+    names = ("lateral", "tilt", "rate", "low", "high")
+    for x, y, rate_, low, high in zip(*(table[name] for name in names), strict=True):
+        text = f"{rate_:.0f}" if small else f"{rate_:.0f} %\n{low:.0f} to {high:.0f}"
+        axes.text(_MM * x, _MRAD * y, text, ha="center", va="center", fontsize=7)
     draws = int(table["draws"].max())
+    interval = "" if small else ", with 95 % interval"
     dress(
         axes,
-        title=f"Seated of {draws} draws of model errors, %, with 95 % interval"
-        if not small
-        else f"Seated of {draws} draws of model errors, %",
+        title=f"Seated of {draws} draws of model errors, %{interval}",
         x="lateral error at the start / mm",
         y="tilt at the start / mrad",
     )

@@ -1,7 +1,7 @@
 """Many insertions by sight: how often the peg is seated, how hard, how soon; and other ways."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final, Literal, get_args
@@ -11,7 +11,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.campaign import Trials, run_each
-from chamfer.analysis.campaign.trial_metrics import mean_interval, prefixed, rate, trial_seed
+from chamfer.analysis.campaign.trial_metrics import (
+    mean_interval,
+    metrics_of,
+    prefixed,
+    rate,
+    trial_seed,
+)
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.cell.alignment_runs import (
     AlignmentTrialsScenario,
@@ -91,29 +97,14 @@ def in_a_way(
     scenario: ResolvedInsertionTrialsScenario, way: str
 ) -> ResolvedInsertionTrialsScenario:
     """Return the scenario with what a way does differently."""
-    changes: dict[
-        str, Callable[[ResolvedInsertionTrialsScenario], ResolvedInsertionTrialsScenario]
-    ] = {
-        AS_IT_IS: lambda one: one,
-        "wait": _waits,
-        "frozen": _freezes,
-        "frozen_wait": lambda one: _waits(_freezes(one)),
-        "settling": lambda one: _pauses(_waits(_freezes(one))),
-    }
-    return changes[way](scenario)
-
-
-def _waits(scenario: ResolvedInsertionTrialsScenario) -> ResolvedInsertionTrialsScenario:
-    return replace(scenario, decide=replace(scenario.decide, kind="wait"))
-
-
-def _freezes(scenario: ResolvedInsertionTrialsScenario) -> ResolvedInsertionTrialsScenario:
-    insert = replace(scenario.insert, compensation="frozen", freeze_depth=None)
-    return replace(scenario, insert=insert)
-
-
-def _pauses(scenario: ResolvedInsertionTrialsScenario) -> ResolvedInsertionTrialsScenario:
-    return replace(scenario, insert=replace(scenario.insert, pause=_SETTLES))
+    decide, insert = scenario.decide, scenario.insert
+    if way in ("wait", "frozen_wait", "settling"):
+        decide = replace(decide, kind="wait")
+    if way in ("frozen", "frozen_wait", "settling"):
+        insert = replace(insert, compensation="frozen", freeze_depth=None)
+    if way == "settling":
+        insert = replace(insert, pause=_SETTLES)
+    return replace(scenario, decide=decide, insert=insert)
 
 
 def insert_all(
@@ -123,20 +114,14 @@ def insert_all(
     ways = (AS_IT_IS, *scenario.beside)
     tasks = [(trial, way) for trial in range(scenario.trials) for way in ways]
     finished = run_each(partial(insert_one, scenario, seed), tasks, progress)
-    return finished.split(ways, _way_of)
-
-
-def _way_of(task: TrialInAWay) -> str:
-    return task[1]
+    return finished.split(ways, lambda task: task[1])
 
 
 def insert_one(scenario: ResolvedInsertionTrialsScenario, seed: int, task: TrialInAWay) -> Row:
     """Run one of a seed's trials in one way; it depends on its arguments alone.
 
-    Returns:
-        What :data:`chamfer.analysis.insertion.cell_runs.INSERTION` has, how it ended as ``ending``
-        and ``state``, and for the figure ``times`` s, ``depths`` m and ``forces`` N; of settling
-        the errors as it froze and at last.
+    The row has what ``INSERTION`` names, how it ended, and its course; of settling the errors as
+    it froze and at last.
     """
     trial, way = task
     one = in_a_way(drawn(scenario, scenario.spread, seed, trial), way)
@@ -166,9 +151,10 @@ def _settled(done: CellInsertion) -> Row:
     values: dict[str, float | None] = {}
     for name in ("lateral_error", "rotational_error"):
         error = traces[name]
-        before = np.nan if frozen is None else error[row_before(traces["time"], frozen)]
-        values[f"frozen.{name}"] = None if frozen is None else float(before)
-        values[f"settled.{name}"] = None if frozen is None else float(error[-1])
+        values |= {f"frozen.{name}": None, f"settled.{name}": None}
+        if frozen is not None:
+            values[f"frozen.{name}"] = float(error[row_before(traces["time"], frozen)])
+            values[f"settled.{name}"] = float(error[-1])
     return values
 
 
@@ -190,11 +176,10 @@ def run(scenario: ResolvedInsertionTrialsScenario, seed: int, progress: Progress
     if "wait" in found:
         metrics |= _saved(found[AS_IT_IS], found["wait"])
     drawn = {way: trials for way, trials in found.items() if way != _SETTLING}
-    ways = list(drawn)
     rows = [
-        (float(ways.index(way)), float(task[0]), row)
-        for way, trials in drawn.items()
-        for task, row in zip(trials.tasks, trials.rows, strict=True)
+        (float(way), float(trial), row)
+        for way, trials in enumerate(drawn.values())
+        for (trial, _), row in zip(trials.tasks, trials.rows, strict=True)
     ]
     return Outcome(
         metrics=metrics,
@@ -226,28 +211,25 @@ def _statistics(trials: Trials[TrialInAWay]) -> dict[str, Metric]:
     first, said = trials.column("seated.first"), trials.column("seated.said")
     ends = Counter(row["ending"] for row in trials.rows if not row["seated"])
     why = "".join(f"; {count}: {ending}" for ending, count in ends.most_common(3))
-    wrong = int(np.sum((said > 0) & (seated == 0)))
+    wrong = float(np.sum((said > 0) & (seated == 0)))
     force = trials.column("force.contact")
     soft = int(np.sum(force < _HARD))
     metrics = {
         **rate("success_rate", int(seated.sum()), n, f"seated, of {n} trials{why}"),
         **rate("first_attempt", int(first.sum()), n, "seated with the first attempt"),
-        "said_wrongly": Metric(
-            value=float(wrong), unit="", note=f"of {n} trials: said to be seated, and not"
-        ),
+        **metrics_of({"said_wrongly": (wrong, "", f"of {n} trials: said to be seated, and not")}),
         **rate("force.soft", soft, n, f"contact force below {_HARD:g} N, medians of 10 ms"),
     }
-    for name, unit in (
-        ("force.axial", "N"),
-        ("force.lateral", "N"),
-        ("force.contact", "N"),
-        ("force.raw_peak", "N"),
-    ):
+    for name in ("force.axial", "force.lateral", "force.contact", "force.raw_peak"):
         values = trials.column(name)
-        metrics[f"{name}.median"] = _metric(float(np.median(values)), unit, "of the trials")
-        quantile = float(np.percentile(values, _QUANTILE))
-        metrics[f"{name}.p{_QUANTILE}"] = _metric(quantile, unit, "of the trials")
-        metrics[f"{name}.max"] = _metric(float(values.max()), unit, "of the trials")
+        found = {
+            "median": float(np.median(values)),
+            f"p{_QUANTILE}": float(np.percentile(values, _QUANTILE)),
+            "max": float(values.max()),
+        }
+        metrics |= metrics_of(
+            {f"{name}.{of}": (v, "N", "of the trials") for of, v in found.items()}
+        )
     for name in (
         "depth",
         "time_to_seated",
@@ -258,17 +240,12 @@ def _statistics(trials: Trials[TrialInAWay]) -> dict[str, Metric]:
     ):
         values = trials.column(name)
         values = values[np.isfinite(values)]
-        unit = INSERTION[name].unit
-        if not len(values):
-            metrics[f"{name}.mean"] = Metric(value=None, unit=unit, note="in no trial")
-            continue
-        span = f"mean of {len(values)} trials, {values.min():.4g} to {values.max():.4g}"
-        metrics[f"{name}.mean"] = _metric(float(values.mean()), unit, span)
+        mean, span = None, "in no trial"
+        if len(values):
+            mean = float(values.mean())
+            span = f"mean of {len(values)} trials, {values.min():.4g} to {values.max():.4g}"
+        metrics[f"{name}.mean"] = Metric(value=mean, unit=INSERTION[name].unit, note=span)
     return metrics
-
-
-def _metric(value: float, unit: str, note: str) -> Metric:
-    return Metric(value=value, unit=unit, note=note)
 
 
 def _saved(early: Trials[TrialInAWay], late: Trials[TrialInAWay]) -> dict[str, Metric]:
@@ -287,16 +264,14 @@ def _saved(early: Trials[TrialInAWay], late: Trials[TrialInAWay]) -> dict[str, M
     mean, half = mean_interval(values)
     note = f"{len(pairs)} pairs of one start, {values.min():.3g} to {values.max():.3g} s"
     interval = "95 % interval of the mean by Student's t"
-    known = bool(np.isfinite(half))
-    return {
-        "saved.time.mean": Metric(value=mean, unit="s", note=note),
-        "saved.time.mean_low": Metric(
-            value=mean - half if known else None, unit="s", note=interval
-        ),
-        "saved.time.mean_high": Metric(
-            value=mean + half if known else None, unit="s", note=interval
-        ),
-    }
+    low, high = (mean - half, mean + half) if np.isfinite(half) else (None, None)
+    return metrics_of(
+        {
+            "saved.time.mean": (mean, "s", note),
+            "saved.time.mean_low": (low, "s", interval),
+            "saved.time.mean_high": (high, "s", interval),
+        }
+    )
 
 
 def _settled_statistics(trials: Trials[TrialInAWay]) -> dict[str, Metric]:
@@ -316,11 +291,6 @@ def _settled_statistics(trials: Trials[TrialInAWay]) -> dict[str, Metric]:
     return metrics
 
 
-def figures(scenario: ResolvedInsertionTrialsScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    return {"insertion-repeatability": plot_insertions(scenario, outcome)}
-
-
 Array = NDArray[np.float64]
 
 _COLOURS: Final = {AS_IT_IS: "#e07b00", "wait": "#1b4f9c", "frozen": "#b00020"}
@@ -331,7 +301,7 @@ _SAFE: Final = 5.0  # N
 _MM: Final = 1e3
 
 
-def plot_insertions(scenario: ResolvedInsertionTrialsScenario, outcome: Outcome) -> Figure:
+def figures(scenario: ResolvedInsertionTrialsScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw every trial in every way."""
     figure = new_figure(12.0, 8.4)
     courses, times, forces, touches = figure.subplots(2, 2).ravel()
@@ -385,7 +355,7 @@ def plot_insertions(scenario: ResolvedInsertionTrialsScenario, outcome: Outcome)
     touches.set_ylim(0.0, None)
     for axes in (courses, times, forces, touches):
         legend(axes, loc="best")
-    return figure
+    return {"insertion-repeatability": figure}
 
 
 def _name(scenario: ResolvedInsertionTrialsScenario, way: str) -> str:

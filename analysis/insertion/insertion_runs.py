@@ -10,6 +10,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Context, EventStatus
 from scipy.ndimage import median_filter
 
+from chamfer.analysis.campaign.trial_metrics import metrics_of
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.scenario.experiment import Metric, Progress, Table
 from chamfer.diagrams.insertion.peg_insertion import (
@@ -17,6 +18,7 @@ from chamfer.diagrams.insertion.peg_insertion import (
     PegInsertionScenario,
     make_peg_insertion_diagram,
 )
+from chamfer.models.peg.peg_and_hole import PegAndHole
 from chamfer.models.peg_theory import insertion_statics as simple
 from chamfer.models.peg_theory.planar_statics import equilibrium
 from chamfer.models.peg_theory.wedging import sits_on_edge, sliding_bounds, two_point_onset, wedges
@@ -74,10 +76,7 @@ def insert(
 ) -> Insertion:
     """Feed the peg until it is as deep as commanded, or else take the push away again.
 
-    Args:
-        scenario: Resolved.
-        progress: Told how far the run is.
-        withdraw: False: end where the push would be taken away.
+    Without ``withdraw`` the run ends where the push would be taken away.
     """
     diagram = make_peg_insertion_diagram(scenario)
     depth, normal = (diagram.GetOutputPort(name) for name in ("depth", "normal_forces"))
@@ -168,55 +167,40 @@ def measure(scenario: PegInsertionScenario, run: Insertion) -> dict[str, Metric]
     until_bottom = "" if pushed[fed].all() else ", before the bottom"
     cap = f"at a cap of {scenario.force_cap:g} N"
     seated = is_seated(scenario, run)
-    without = None if seated else _taken_away(scenario, run)
-    held = without is not None and without.held
-    pull, kept = (without.pull, without.squeeze) if without else (math.nan, math.nan)
+    held, pull, kept = (False, math.nan, math.nan) if seated else _taken_away(scenario, run)
     stopped = not seated and run.state[fed][-1] not in (ContactState.NONE, ContactState.FACE)
     work, lost = (float(np.sum(one[fed]) * scenario.step) for one in (run.power, run.loss))
-    return {
-        "seated": Metric(
-            value=float(seated),
-            unit="",
-            note=f"1: at least {100 * SEATED:g} % of the commanded depth, or on the bottom",
-        ),
-        "depth": Metric(value=float(run.depth[fed].max()), unit="m", note="of the tip"),
-        "force.axial": Metric(
-            value=float(axial[pushed].max()),
-            unit="N",
-            note=f"largest median of 10 ms{until_bottom}",
-        ),
-        "force.lateral": Metric(
-            value=float(across[pushed].max()), unit="N", note="largest median of 10 ms"
-        ),
-        "force.raw_peak": Metric(
-            value=float(run.axial[pushed].max()), unit="N", note="along the axis, of one step"
-        ),
-        "two_point.onset": Metric(
-            value=onset, unit="m", note="l" if first.size else "two points never touch"
-        ),
-        "wedged": Metric(
-            value=float(stopped and held),
-            unit="",
-            note=f"1: stopped {cap}, and held when the push is taken away",
-        ),
-        "jammed": Metric(
-            value=float(stopped and not held), unit="", note=f"1: stopped {cap}, free without it"
-        ),
-        "missed": Metric(
-            value=float(not seated and not stopped), unit="", note="1: beside the mouth"
-        ),
-        "pull_out.force": Metric(
-            value=pull, unit="N", note="it is in" if seated else "that pulls it out"
-        ),
-        "squeeze.kept": Metric(
-            value=kept,
-            unit="%",
-            note="it is in" if seated else "of mouth's and tip's forces, without the push",
-        ),
-        "energy.work": Metric(value=work, unit="J", note="of feed and springs on the peg"),
-        "energy.dissipated": Metric(value=lost, unit="J", note="in the contacts"),
-        **predict(scenario),
-    }
+    median_of = "largest median of 10 ms"
+    measured = metrics_of(
+        {
+            "seated": (
+                float(seated),
+                "",
+                f"1: at least {100 * SEATED:g} % of the commanded depth, or on the bottom",
+            ),
+            "depth": (float(run.depth[fed].max()), "m", "of the tip"),
+            "force.axial": (float(axial[pushed].max()), "N", median_of + until_bottom),
+            "force.lateral": (float(across[pushed].max()), "N", median_of),
+            "force.raw_peak": (float(run.axial[pushed].max()), "N", "along the axis, of one step"),
+            "two_point.onset": (onset, "m", "l" if first.size else "two points never touch"),
+            "wedged": (
+                float(stopped and held),
+                "",
+                f"1: stopped {cap}, and held when the push is taken away",
+            ),
+            "jammed": (float(stopped and not held), "", f"1: stopped {cap}, free without it"),
+            "missed": (float(not seated and not stopped), "", "1: beside the mouth"),
+            "pull_out.force": (pull, "N", "it is in" if seated else "that pulls it out"),
+            "squeeze.kept": (
+                kept,
+                "%",
+                "it is in" if seated else "of mouth's and tip's forces, without the push",
+            ),
+            "energy.work": (work, "J", "of feed and springs on the peg"),
+            "energy.dissipated": (lost, "J", "in the contacts"),
+        }
+    )
+    return measured | predict(scenario)
 
 
 def is_seated(scenario: PegInsertionScenario, run: Insertion) -> bool:
@@ -225,26 +209,22 @@ def is_seated(scenario: PegInsertionScenario, run: Insertion) -> bool:
     return bool((run.state[fed] == ContactState.SEATED).any())
 
 
-class _Without(NamedTuple):
-    """What a stopped peg does as the push is taken away."""
+def _taken_away(scenario: PegInsertionScenario, run: Insertion) -> tuple[bool, float, float]:
+    """Return what a stopped peg does as the push is taken away, if the run goes on so long.
 
-    held: bool
-    pull: float  # N, that pulls it out
-    squeeze: float  # %, of the normal forces at mouth and tip that are left without the push
-
-
-def _taken_away(scenario: PegInsertionScenario, run: Insertion) -> _Without | None:
-    """Return what happens after the feed; None if the run ends before the push is gone."""
+    Whether it is held, N that pull it out, and % of the normal forces at mouth and tip that are
+    left without the push.
+    """
     after = np.flatnonzero(run.time > scenario.released)
     free = after[run.push[after] <= 0]
     if not free.size:
-        return None
+        return False, math.nan, math.nan
     come_out = run.depth[after[0]] - run.depth[free[0]]
     pull = float(-median(run.push, scenario.step)[after].min())
     squeeze = run.normal[:, [_MOUTH, _TIP]].sum(axis=1)
     kept = 100 * float(squeeze[free[0]] / squeeze[after[0]]) if squeeze[after[0]] > 0 else 0.0
     held = come_out < _MOVED and pull > _PULL * scenario.force_cap
-    return _Without(bool(held), max(pull, 0.0), kept)
+    return bool(held), max(pull, 0.0), kept
 
 
 def path(scenario: PegInsertionScenario) -> Table:
@@ -284,42 +264,71 @@ def predict(scenario: PegInsertionScenario) -> dict[str, Metric]:
     reason = "" if slides else "no push slides it past the onset"
     if not on_chamfer or (slides and not enters):
         reason = "it does not enter"
-    return {
-        "predicted.seated": Metric(
-            value=float(peak <= scenario.force_cap), unit="", note=reason or "peak below the cap"
-        ),
-        "predicted.force.axial": Metric(
-            value=None if reason else peak, unit="N", note=reason or "exact statics"
-        ),
-        "predicted.force.lateral": Metric(
-            value=None if reason else float(np.nanmax(np.abs(of["lateral"]))),
-            unit="N",
-            note=reason or "exact statics",
-        ),
-        "predicted.two_point.onset": Metric(
-            value=onset, unit="m", note="l" if math.isfinite(onset) else never
-        ),
-        "predicted.may_wedge": Metric(
-            value=float(wedges(parts, support, *errors)),
-            unit="",
-            note="1: two points that touch can hold the peg against any force",
-        ),
-        "predicted.may_sit_on_edge": Metric(
-            value=float(sits_on_edge(parts, *errors)),
-            unit="",
-            note="1: a tilted rim may sit on the bore's edge, off the plane of the errors",
-        ),
-        "predicted.slides": Metric(
-            value=float(slides), unit="", note="1: a push slides it at any depth"
-        ),
-        "predicted.simple.force.axial": Metric(
-            value=float(np.nanmax(of["simple"])), unit="N", note="Whitney's form, in the bore"
-        ),
-        "predicted.simple.two_point.onset": Metric(
-            value=simple_onset, unit="m", note="l" if math.isfinite(simple_onset) else never
-        ),
-    }
+    return metrics_of(
+        {
+            "predicted.seated": (
+                float(peak <= scenario.force_cap),
+                "",
+                reason or "peak below the cap",
+            ),
+            "predicted.force.axial": (
+                None if reason else peak,
+                "N",
+                reason or "exact statics",
+            ),
+            "predicted.force.lateral": (
+                None if reason else float(np.nanmax(np.abs(of["lateral"]))),
+                "N",
+                reason or "exact statics",
+            ),
+            "predicted.two_point.onset": (onset, "m", "l" if math.isfinite(onset) else never),
+            "predicted.may_wedge": (
+                float(wedges(parts, support, *errors)),
+                "",
+                "1: two points that touch can hold the peg against any force",
+            ),
+            "predicted.may_sit_on_edge": (
+                float(sits_on_edge(parts, *errors)),
+                "",
+                "1: a tilted rim may sit on the bore's edge, off the plane of the errors",
+            ),
+            "predicted.slides": (float(slides), "", "1: a push slides it at any depth"),
+            "predicted.simple.force.axial": (
+                float(np.nanmax(of["simple"])),
+                "N",
+                "Whitney's form, in the bore",
+            ),
+            "predicted.simple.two_point.onset": (
+                simple_onset,
+                "m",
+                "l" if math.isfinite(simple_onset) else never,
+            ),
+        }
+    )
 
 
 def _errors(scenario: PegInsertionScenario) -> tuple[float, float]:
     return scenario.lateral, scenario.tilt
+
+
+def jamming_loads(
+    parts: PegAndHole, run: Mapping[str, Array], step: float
+) -> tuple[Array, Array, Array, Array]:
+    """Return l, the push, F_x / F_z and M / (r F_z) of what holds the peg, at every step.
+
+    It is what the hole does to the peg, reversed, as 10 ms medians; the moment is about the middle
+    between the tip's corners.
+
+    Args:
+        parts: Peg and hole.
+        run: In the plane of the errors ``depth``, ``lateral`` and ``tilt`` of the tip, and of the
+            hole on the peg ``force_x``, ``across`` and ``turning``, N and N m about the mouth.
+        step: s.
+    """
+    height, tilt = parts.peg_chamfer.height, run["tilt"]
+    down, across, turning = (-median(run[name], step) for name in ("force_x", "across", "turning"))
+    x, y = run["depth"] - height * np.cos(tilt), run["lateral"] + height * np.sin(tilt)
+    moment = turning - (x * across - y * down)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = across / down, moment / (parts.peg_radius * down)
+    return run["depth"] - parts.chamfer_height, down, *ratios

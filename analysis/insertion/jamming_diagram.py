@@ -1,18 +1,26 @@
 """The jamming diagram over depth, with the loads of simulated insertions in it and outside."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.drawing.figure_style import LIMIT, Style, dress, legend, new_figure
-from chamfer.analysis.insertion.insertion_runs import WINDOW, Insertion, insert, is_seated, median
+from chamfer.analysis.insertion.insertion_runs import (
+    WINDOW,
+    Insertion,
+    insert,
+    is_seated,
+    jamming_loads,
+    median,
+)
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.diagrams.insertion.peg_insertion import (
     FeedScenario,
@@ -29,9 +37,8 @@ Array = NDArray[np.float64]
 _MOVING: Final = 0.1  # of the feed's speed, below it the peg is stopped
 _PUSHED: Final = 0.99  # of the cap, which a peg that is stopped is pushed with
 _SETTLED: Final = 2 * WINDOW  # s, after which two points that touch share the load
-_ON_SIDES: Final = (
-    0.07  # of the level: closer to a side than that is on it, where the theory is not sure
-)
+# Of the level: closer to a side than that is on it, where the theory is not sure.
+_ON_SIDES: Final = 0.07
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,17 +80,6 @@ class JammingScenario:
         ]
 
 
-class Loads(NamedTuple):
-    """Loads on two points, one row a sample."""
-
-    depth: Array  # l, m
-    force_ratio: Array  # F_x / F_z
-    moment_ratio: Array  # M / (r F_z)
-    level: Array  # in the diagram, 1 on its sides
-    moving: NDArray[np.bool_]  # or else stopped
-    seated: bool
-
-
 JAMMING: Final = JammingScenario()
 
 
@@ -92,63 +88,55 @@ def resolve(scenario: JammingScenario) -> JammingScenario:
     return replace(scenario, insertion=resolve_peg_insertion(scenario.insertion))
 
 
-def loads(scenario: PegInsertionScenario) -> Loads:
-    """Run an insertion and return the loads while it touches at two points."""
+def loads(scenario: PegInsertionScenario) -> Row:
+    """Run an insertion, and return the loads while it touches at two points, a row a sample.
+
+    ``depth`` l in m, ``force_ratio`` F_x / F_z, ``moment_ratio`` M / (r F_z), ``level`` in the
+    diagram, 1 on its sides, ``moving`` or else stopped; and whether the peg is ``seated``.
+    """
     run = insert(scenario, withdraw=False)
     depth, force_ratio, moment_ratio = load_ratios(scenario, run)
-    two = _settled(run.two_point, scenario.step) & (depth > 0)
     speed = np.gradient(run.depth, run.time) if len(run.time) > 1 else np.zeros(1)
-    speed = median(speed, scenario.step)
-    moving = speed > _MOVING * scenario.speed
+    moving = median(speed, scenario.step) > _MOVING * scenario.speed
     stopped = ~moving & (run.push > _PUSHED * scenario.force_cap)
-    chosen = two & (moving | stopped)
-    level = jamming_level(scenario.parts, force_ratio[chosen], moment_ratio[chosen], depth[chosen])
-    return Loads(
-        depth[chosen],
-        force_ratio[chosen],
-        moment_ratio[chosen],
-        level,
-        moving[chosen],
-        is_seated(scenario, run),
+    two = _settled(run.two_point, scenario.step) & (depth > 0)
+    of = two & (moving | stopped)
+    chosen = {
+        "depth": depth[of],
+        "force_ratio": force_ratio[of],
+        "moment_ratio": moment_ratio[of],
+        "moving": moving[of],
+    }
+    level = jamming_level(
+        scenario.parts, chosen["force_ratio"], chosen["moment_ratio"], chosen["depth"]
     )
-
-
-def _loads_row(scenario: PegInsertionScenario) -> Row:
-    return loads(scenario)._asdict()
+    return {**chosen, "level": level, "seated": is_seated(scenario, run)}
 
 
 def load_ratios(scenario: PegInsertionScenario, run: Insertion) -> tuple[Array, Array, Array]:
-    """Return l, F_x / F_z and M / (r F_z) of what the support puts on the peg, at every step.
-
-    It is what the hole does to the peg, reversed, as 10 ms medians; the moment is about the
-    middle between the tip's corners.
-    """
-    parts, tilt = scenario.parts, run.tilt
-    height = parts.peg_chamfer.height
-    tip = run.joints[:, 1] - scenario.support.centre_distance * np.sin(tilt)
-    x, y = run.depth - height * np.cos(tilt), tip + height * np.sin(tilt)
-    turning, down, across = (-median(run.wrench[:, k], scenario.step) for k in (2, 3, 4))
-    moment = turning - (x * across - y * down)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return (
-            run.depth - parts.chamfer_height,
-            across / down,
-            moment / (parts.peg_radius * down),
-        )
+    """Return l, F_x / F_z and M / (r F_z) of what the support puts on the peg, at every step."""
+    L_g = scenario.support.centre_distance
+    columns = {
+        "depth": run.depth,
+        "lateral": run.joints[:, 1] - L_g * np.sin(run.tilt),
+        "tilt": run.tilt,
+        **{name: run.wrench[:, k] for k, name in ((2, "turning"), (3, "force_x"), (4, "across"))},
+    }
+    depth, _, *ratios = jamming_loads(scenario.parts, columns, scenario.step)
+    return depth, ratios[0], ratios[1]
 
 
 def _settled(touching: NDArray[np.bool_], step: float) -> NDArray[np.bool_]:
     """Say where something has been so for a while."""
     count = np.arange(len(touching))
     since = count - np.maximum.accumulate(np.where(touching, -1, count))
-    settled: NDArray[np.bool_] = touching & (since * step > _SETTLED)
-    return settled
+    return np.asarray(touching & (since * step > _SETTLED))
 
 
 def run(scenario: JammingScenario, seed: int, progress: Progress) -> Outcome:
     """Run every start; nothing is random."""
     starts = scenario.starts()
-    found = run_each(_loads_row, starts, progress)
+    found = run_each(loads, starts, progress)
     parts = scenario.insertion.parts
     traces = {
         "start": np.concatenate(
@@ -167,15 +155,15 @@ def run(scenario: JammingScenario, seed: int, progress: Progress) -> Outcome:
     on_sides = np.abs(traces["level"] - 1) <= _ON_SIDES
     off = f"more than {100 * _ON_SIDES:g} % off the sides"
     metrics = {
-        "agreement": _share(
+        "agreement": _mean(
             (jammed != moving)[~on_sides], f"of the loads {off}: inside and moving, or stopped"
         ),
-        "moving.on_sides": _share(
+        "moving.on_sides": _mean(
             on_sides[moving], f"of the loads of pegs that move: within {100 * _ON_SIDES:g} %"
         ),
-        "stopped.outside": _share(jammed[~moving], "of the loads of pegs that the cap stops"),
-        "moving.level": _mean(traces["level"][moving], "1: on the sides"),
-        "stopped.level": _mean(traces["level"][~moving], "1: on the sides"),
+        "stopped.outside": _mean(jammed[~moving], "of the loads of pegs that the cap stops"),
+        "moving.level": _mean(traces["level"][moving], "mean; 1: on the sides"),
+        "stopped.level": _mean(traces["level"][~moving], "mean; 1: on the sides"),
         "seated": Metric(
             value=float(found.column("seated").sum()), unit="", note=f"of {len(found)} starts"
         ),
@@ -187,22 +175,13 @@ def run(scenario: JammingScenario, seed: int, progress: Progress) -> Outcome:
     )
 
 
-def _share(right: NDArray[np.bool_], note: str) -> Metric:
-    if not right.size:
-        return Metric(value=None, unit="%", note="there are no such loads")
-    return Metric(value=100 * float(np.mean(right)), unit="%", note=note)
-
-
-def _mean(level: Array, note: str) -> Metric:
-    if not level.size:
-        return Metric(value=None, unit="", note="there are no such loads")
-    return Metric(value=float(np.mean(level)), unit="", note=f"mean; {note}")
-
-
-def figures(scenario: JammingScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    parts = scenario.insertion.parts
-    return {"jamming-diagram": plot_jamming(parts, scenario.depth_ratios, outcome)}
+def _mean(values: NDArray[Any], note: str) -> Metric:
+    """Return a mean, of what is true or not as a share in %."""
+    share = values.dtype == bool
+    unit = "%" if share else ""
+    if not values.size:
+        return Metric(value=None, unit=unit, note="there are no such loads")
+    return Metric(value=(100 if share else 1) * float(np.mean(values)), unit=unit, note=note)
 
 
 _COLOURS: Final = ("#b00020", "#e07b00", "#1b7f5c", "#1b4f9c", "#8f5bb5")
@@ -212,19 +191,22 @@ _STOPPED: Final[Style] = {"marker": "x", "linestyle": "none", "markersize": 5}
 _FEW: Final = 60  # loads of a kind that are drawn
 
 
-def plot_jamming(
-    parts: PegHoleGeometry, depth_ratios: Sequence[float], outcome: Outcome
-) -> Figure:
+def draw_parallelogram(axes: Axes, parts: PegHoleGeometry, ratio: float, colour: str) -> None:
+    """Draw the loads that slide at a depth ratio lambda."""
+    corners = jamming_vertices(parts, ratio * parts.wedging_depth)
+    closed = np.vstack([corners, corners[:1]])
+    axes.plot(*closed.T, color=colour, label=rf"slides at $\lambda$ = {ratio:g}")
+
+
+def figures(scenario: JammingScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw the loads at several depths, and the level of all loads over the depth."""
-    figure = new_figure(12.0, 5.6)
+    figure, parts = new_figure(12.0, 5.6), scenario.insertion.parts
     diagram, levels = figure.subplots(1, 2)
     traces = outcome.traces
     moving = traces["moving"] > 0
-    for k, ratio in enumerate(depth_ratios):
+    for k, ratio in enumerate(scenario.depth_ratios):
         colour = _COLOURS[k % len(_COLOURS)]
-        corners = jamming_vertices(parts, ratio * parts.wedging_depth)
-        closed = np.vstack([corners, corners[:1]])
-        diagram.plot(*closed.T, color=colour, label=rf"slides at $\lambda$ = {ratio:g}")
+        draw_parallelogram(diagram, parts, ratio, colour)
         near = np.abs(traces["depth_ratio"] / ratio - 1) < _NEAR
         for of, style in ((near & moving, _MOVES), (near & ~moving, _STOPPED)):
             rows = np.flatnonzero(of)
@@ -239,14 +221,12 @@ def plot_jamming(
         y="$M / (r F_z)$",
     )
     legend(diagram, loc="upper right")
-    for of, style, label in (
-        (moving, _MOVES, "moves"),
-        (~moving, _STOPPED, "stopped by the cap"),
+    for of, style, label, colour in (
+        (moving, _MOVES, "moves", "#1b4f9c"),
+        (~moving, _STOPPED, "stopped by the cap", "#b00020"),
     ):
-        colour = "#1b4f9c" if label == "moves" else "#b00020"
-        levels.plot(
-            traces["depth_ratio"][of], traces["level"][of], color=colour, label=label, **style
-        )
+        of_kind = traces["depth_ratio"][of], traces["level"][of]
+        levels.plot(*of_kind, color=colour, label=label, **style)
     levels.axhline(1.0, label="sides of the parallelogram", **LIMIT)
     dress(
         levels,
@@ -256,4 +236,4 @@ def plot_jamming(
     )
     levels.set_ylim(0.0, None)
     legend(levels)
-    return figure
+    return {"jamming-diagram": figure}

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from pydrake.geometry import Meshcat
 
+from chamfer.analysis.cell.wedging_diagram import draw_reach, draw_sides
 from chamfer.analysis.drawing.figure_kit import shade
 from chamfer.analysis.drawing.figure_style import FORCE, LIMIT, Style, dress, legend, new_figure
 from chamfer.analysis.insertion.insertion_runs import Insertion, insert, measure, median, path
@@ -54,11 +55,6 @@ def _traces(scenario: PegInsertionScenario, run: Insertion) -> Table:
     return {name: column(values) for name, values in columns.items()}
 
 
-def figures(scenario: PegInsertionScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    return {"peg-insertion": plot_peg_insertion(scenario, outcome)}
-
-
 Array = NDArray[np.float64]
 
 STATES: Final[dict[ContactState, tuple[str, str]]] = {
@@ -78,7 +74,7 @@ _MRAD: Final = 1e3
 _TALL: Final = 2.5  # times the largest simulated force, beyond which predictions are cut
 
 
-def plot_peg_insertion(scenario: PegInsertionScenario, outcome: Outcome) -> Figure:
+def figures(scenario: PegInsertionScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw axial and lateral force, and tip and tilt in the wedging diagram."""
     figure = new_figure(12.0, 6.6)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1.0))
@@ -103,7 +99,7 @@ def plot_peg_insertion(scenario: PegInsertionScenario, outcome: Outcome) -> Figu
     above.set_ylim(0.0, tallest)
     legend(above, ncols=3, loc="upper right")
     _diagram(figure.add_subplot(grid[:, 1]), scenario, outcome, fed)
-    return figure
+    return {"peg-insertion": figure}
 
 
 def shade_states(axes: Axes, depth: Array, state: Array) -> None:
@@ -123,21 +119,13 @@ def _diagram(
     reached = np.abs(x) <= parts.chamfer_limit
     wedge, slide = wedging_bounds(parts, support, x), sliding_bounds(parts, support, x)
     lower, upper = np.maximum(wedge[0], slide[0]), np.minimum(wedge[1], slide[1])
-    axes.fill_between(
-        x * _MM,
-        lower * _MRAD,
-        upper * _MRAD,
-        where=reached,
-        label="neither wedges nor jams",
-        **_REGION,
-    )
+    free = "neither wedges nor jams"
+    axes.fill_between(x * _MM, lower * _MRAD, upper * _MRAD, where=reached, label=free, **_REGION)
     simple = wedging_bounds(parts, support, x, "simple")
-    for k in range(2):
-        axes.plot(x * _MM, wedge[k] * _MRAD, label=None if k else "may wedge beyond", **FORCE)
-        axes.plot(x * _MM, slide[k] * _MRAD, label=None if k else "no push slides", **_EXACT)
-        axes.plot(x * _MM, simple[k] * _MRAD, label=None if k else "Whitney's sides", **_SIMPLE)
-    for side in (-1.0, 1.0):
-        axes.axvline(side * parts.chamfer_limit * _MM, **LIMIT)
+    draw_sides(axes, x, wedge, "may wedge beyond", FORCE)
+    draw_sides(axes, x, slide, "no push slides", _EXACT)
+    draw_sides(axes, x, simple, "Whitney's sides", _SIMPLE)
+    draw_reach(axes, parts)
     axes.plot(traces["tip"][fed] * _MM, traces["tilt"][fed] * _MRAD, label="tip and tilt", **_PATH)
     axes.plot(scenario.lateral * _MM, scenario.tilt * _MRAD, label="start", **_START)
     tallest = 1.1 * max(float(upper.max()), abs(scenario.tilt), parts.rotation_limit) * _MRAD

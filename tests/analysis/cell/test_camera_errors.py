@@ -29,7 +29,7 @@ from chamfer.analysis.cell.camera_error_runs import (
     with_drawn_errors,
     with_error,
 )
-from chamfer.analysis.cell.camera_errors import CameraErrorsScenario, answer, resolve
+from chamfer.analysis.cell.camera_errors import CameraErrorsScenario, resolve
 from chamfer.analysis.scenario.experiment import Outcome, load, select
 from chamfer.diagrams.cell.cell_vision import VIEWS, CameraSettings
 from chamfer.models.validation import ParameterError
@@ -53,9 +53,6 @@ def quiet(fraction: float, doing: str = "") -> None:
     assert 0 <= fraction <= 1
 
 
-# What the errors are
-
-
 @pytest.mark.parametrize("error", CHANGING, ids=lambda error: error.name)
 def test_an_error_of_no_size_is_none_and_one_of_some_size_is_one(
     error: AssumedCameraError,
@@ -66,16 +63,10 @@ def test_an_error_of_no_size_is_none_and_one_of_some_size_is_one(
     for view in VIEWS:
         changed = some.cameras.view(view) != SCENARIO.cameras.view(view)
         assert changed == (view in error.views)
+        same = some.cameras.view(view).believed == SCENARIO.cameras.view(view).believed
+        assert same == (error.name != "pixel_size")  # nobody believes in an error
     # The controllers, and all else, know nothing of it.
     assert replace(some, cameras=SCENARIO.cameras) == SCENARIO
-
-
-@pytest.mark.parametrize("error", CHANGING, ids=lambda error: error.name)
-def test_nobody_believes_in_an_error(error: AssumedCameraError) -> None:
-    some = with_error(SCENARIO, error, error.most, 0.0)
-    for view in VIEWS:
-        same = some.cameras.view(view).believed == SCENARIO.cameras.view(view).believed
-        assert same == (error.name != "pixel_size")
 
 
 def test_a_camera_that_is_tilted_with_the_aim_kept_looks_at_the_same_point() -> None:
@@ -97,15 +88,6 @@ def test_parts_off_the_axis_are_where_that_is_known() -> None:
         assert of.believed.distortion == (0.0,) * 5
 
 
-def test_errors_add_up() -> None:
-    once = with_error(SCENARIO, BY_NAME["roll"], 0.1, 0.0)
-    twice = with_error(
-        with_error(once, BY_NAME["distortion"], -0.2, 0.0), BY_NAME["roll"], 0.02, 0
-    )
-    assert twice.cameras.xz.true.roll == pytest.approx(0.12)
-    assert twice.cameras.xz.true.distortion == (-0.2, 0.0, 0.0, 0.0, 0.0)
-
-
 def test_drawn_errors_are_bounded_and_those_of_the_trial() -> None:
     first, again, other = (
         with_drawn_errors(SCENARIO, 3, trial, 0.5, STUDY.off_axis) for trial in (0, 0, 1)
@@ -122,9 +104,6 @@ def test_drawn_errors_are_bounded_and_those_of_the_trial() -> None:
     assert {error.name for error in ERRORS} - {error.name for error in DRAWN_ERRORS} == {"shading"}
     none = with_drawn_errors(SCENARIO, 3, 0, 0.0, STUDY.off_axis)
     assert none.cameras == SCENARIO.cameras
-
-
-# What is measured
 
 
 def test_what_is_left_behind_the_tip_is_what_the_angle_makes_of_it() -> None:
@@ -242,16 +221,12 @@ def test_the_answer_is_made_of_the_numbers(studied: tuple[Outcome, Loop]) -> Non
     said = outcome.metrics["answer"]
     assert said.value == 1
     assert "biased by distortion k1 of parts off the axis of -1.25 (23" in said.note
-    assert "22 mrad take -1.1" in said.note
     assert "does not care about roll" in said.note
-    assert "by later images (4.5 mrad, then 1)" in said.note
     assert "lost by roll" in said.note
     assert (
         "Drawn all together, without light from one side, they leave 5.5 mm at the tip, 5.5 mrad"
         in said.note
     )
-    runs = {name: of[outcome.traces["error"] != "latency"] for name, of in outcome.traces.items()}
-    assert "slower" not in answer(SCENARIO.alone, outcome.tables["still"], runs).note
 
 
 @pytest.mark.parametrize(
@@ -262,23 +237,13 @@ def test_the_answer_is_made_of_the_numbers(studied: tuple[Outcome, Loop]) -> Non
         ({"points": -1}, "points is -1"),
         ({"controllers": ()}, "controllers is"),
         ({"largest": 0.0}, "largest is 0.0"),
+        ({"cameras": CameraSettings(measured="metric")}, "cameras.measured is"),
+        ({"compensated": "none"}, "compensated is"),
+        ({"start_offset": (-0.02, 0.0, 0.0)}, "start_offset is"),
     ],
 )
 def test_refused(changed: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError, match=message):
-        CameraErrorsScenario(**changed)
-
-
-@pytest.mark.parametrize(
-    ("changed", "name"),
-    [
-        ({"cameras": CameraSettings(measured="metric")}, "cameras.measured"),
-        ({"compensated": "none"}, "compensated"),
-        ({"start_offset": (-0.02, 0.0, 0.0)}, "start_offset"),
-    ],
-)
-def test_what_the_study_sets_itself(changed: dict[str, Any], name: str) -> None:
-    with pytest.raises(ParameterError, match=f"^{name} is"):
+    with pytest.raises(ParameterError, match=f"^{message}"):
         resolve(CameraErrorsScenario(**changed))
 
 
@@ -301,9 +266,7 @@ def test_parts_that_are_lost_at_every_size_are_never_said_harmless(
         outcome = CAMERA_ERRORS.run(scenario, 0, quiet)
         said = outcome.metrics["answer"].note
         assert "Parts get lost by a place further down" in said
-        harmless = "does not care about roll: at most" if len(lost) == 1 else ""
-        assert harmless in said
-        assert ("at most" in said) == bool(harmless)
+        assert ("does not care about roll" in said) == (len(lost) == 1)
         for kind in LEFT:
             for of in ("", ".per_unit", ".published_at"):
                 assert outcome.metrics[f"position_down.image.rest.{kind}{of}"].value is None

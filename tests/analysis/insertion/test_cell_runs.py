@@ -12,7 +12,6 @@ from pydrake.systems.sensors import ImageRgba8U
 from chamfer.analysis.cell.alignment import picture
 from chamfer.analysis.cell.alignment_runs import true_errors
 from chamfer.analysis.insertion.cell_runs import (
-    INSERTION,
     CellInsertion,
     ending,
     errors_in_one_plane,
@@ -56,7 +55,6 @@ def measured(scenario: InsertionScenario, done: CellInsertion) -> Values:
 def test_it_is_seated_and_says_so(done: CellInsertion, measured: Values) -> None:
     states = [one.target for one in done.path]
     assert states == ["align", "decide", "insert", "check", "seated"]
-    assert list(measured) == list(INSERTION)
     for name in ("seated", "seated.said", "seated.first", "attempts"):
         assert measured[name] == 1
     assert measured["depth"] == done.traces["depth"].max() > 0.018
@@ -122,6 +120,9 @@ def test_what_the_arm_knows_is_near_the_truth(
 
 
 def test_theory_says_that_it_goes_in(scenario: InsertionScenario, done: CellInsertion) -> None:
+    for loads in loads_in_planes(done.traces, scenario.parts, scenario.step).values():
+        assert (loads.depth > 0).all()
+        assert np.isfinite(loads.level).all()
     found = {name: metric.value for name, metric in predict(scenario, done).items()}
     assert found["predicted.seated"] == 1
     assert found["predicted.may_wedge"] == 0
@@ -140,15 +141,6 @@ def test_theory_is_silent_of_square_parts_off_the_planes_of_their_faces(
     still = np.zeros_like(done.traces["true_z"])
     in_plane = done._replace(traces=done.traces | {"true_z": still, "true_pitch": still})
     assert predict(square, in_plane)["predicted.seated"].value == 1
-
-
-def test_loads_are_those_of_a_peg_that_slides(
-    scenario: InsertionScenario, done: CellInsertion
-) -> None:
-    for loads in loads_in_planes(done.traces, scenario.parts, scenario.step).values():
-        assert loads.size == len(loads.level)
-        assert (loads.depth > 0).all()
-        assert np.isfinite(loads.level).all()
 
 
 def test_before_the_advance_a_run_may_end(quick: InsertionScenario) -> None:
@@ -180,27 +172,6 @@ def outcome(quick: InsertionScenario, done: CellInsertion) -> Outcome:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("chamfer.analysis.insertion.insertion.run_cell_insertion", ran)
         return run(resolve(quick), 0, lambda fraction, doing="": None)
-
-
-def test_it_measures_what_it_promises(outcome: Outcome) -> None:
-    promised = {
-        "seated": "",
-        "depth": "m",
-        "force.axial": "N",
-        "force.lateral": "N",
-        "force.raw_peak": "N",
-        "time_to_seated": "s",
-        "touch.lateral_error": "m",
-        "touch.rotational_error": "rad",
-        "two_point.onset": "m",
-        "predicted.seated": "",
-        "predicted.force.axial": "N",
-        "predicted.two_point.onset": "m",
-    }
-    found = {name: outcome.metrics[name].unit for name in promised}
-    assert found == promised
-    assert outcome.metrics["seated.said"].note.startswith("seated, 2")
-    assert "cap of 8 N" in outcome.metrics["wedged"].note
 
 
 def test_the_pictures_are_before_at_the_touch_and_at_the_end(
@@ -240,9 +211,6 @@ def assert_ended(found: Run, state: str, words: str) -> None:
     assert done.traces["feed"][-1] == pytest.approx(done.traces["feed"][-20], abs=0.001)
 
 
-# Cameras
-
-
 class PegVanishes(LeafSystem):
     """A software camera that does not see the peg any more once it is in the hole."""
 
@@ -277,12 +245,6 @@ def test_without_frames_nothing_moves(quick: InsertionScenario) -> None:
     done, scenario = run_of_insertion_faults(replace(quick, cameras=cameras))
     assert_ended((done, scenario), "blind", "stopped: the cameras see no parts")
     assert not done.traces["feed"].any()
-
-
-# Arms
-
-
-# Parts
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,7 @@ from chamfer.analysis.insertion.jamming_diagram import (
     loads,
     resolve,
 )
-from chamfer.analysis.scenario.experiment import Metric, Outcome, load, select
+from chamfer.analysis.scenario.experiment import Metric, load, select
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.diagrams.insertion.peg_insertion import (
     FeedSupport,
@@ -177,16 +177,9 @@ def quiet(fraction: float, doing: str = "") -> None:
     assert 0 <= fraction <= 1
 
 
-@pytest.fixture(scope="module")
-def reduced() -> tuple[PegInsertionScenario, Outcome]:
+def test_traces_and_predictions_belong_together() -> None:
     scenario = PEG_INSERTION.resolve(make_scenario(PegInsertionScenario(), settings=ENTRY.reduced))
-    return scenario, PEG_INSERTION.run(scenario, 0, quiet)
-
-
-def test_traces_and_predictions_belong_together(
-    reduced: tuple[PegInsertionScenario, Outcome],
-) -> None:
-    scenario, outcome = reduced
+    outcome = PEG_INSERTION.run(scenario, 0, quiet)
     traces, predicted = outcome.traces, outcome.tables["predicted"]
     assert traces["tip"][0] == pytest.approx(scenario.lateral)
     assert traces["tilt"][0] == pytest.approx(scenario.tilt)
@@ -195,23 +188,6 @@ def test_traces_and_predictions_belong_together(
     l_of = traces["depth"][deep] - scenario.parts.chamfer_height
     said = np.interp(l_of, predicted["depth"], predicted["axial"])
     np.testing.assert_allclose(np.median(traces["force_x"][deep] - said), 0.0, atol=0.05)
-
-
-def test_the_figure_shows_forces_states_and_the_path(
-    reduced: tuple[PegInsertionScenario, Outcome],
-) -> None:
-    scenario, outcome = reduced
-    (figure,) = PEG_INSERTION.plot(scenario, outcome).values()
-    above, below, diagram = figure.axes
-    labels = above.get_legend_handles_labels()[1]
-    for name in ("simulated, median of 10 ms", "exact statics", "Whitney", "one point"):
-        assert name in labels
-    (path,) = (line for line in diagram.lines if line.get_label() == "tip and tilt")
-    np.testing.assert_allclose(
-        [np.asarray(path.get_xdata())[0], np.asarray(path.get_ydata())[0]],
-        [1e3 * scenario.lateral, 1e3 * scenario.tilt],
-    )
-    assert below.get_xlim() == above.get_xlim()
 
 
 JAMMING_DIAGRAM = load(select(CATALOGUE.entries, ["jamming-diagram"])[0])
@@ -223,25 +199,21 @@ FAST = replace(SCENARIO, insertion=FEED, laterals=(0.0,), tilts=(0.03,)).starts(
 
 def test_loads_of_a_sliding_peg_are_on_the_sides() -> None:
     found = loads(replace(FAST, tilt=0.03))
-    assert found.seated
-    assert found.moving.all()
-    assert len(found.depth) > 10
-    np.testing.assert_allclose(found.level, 1.0, atol=0.08)
+    assert found["seated"]
+    assert found["moving"].all()
+    assert len(found["depth"]) > 10
+    np.testing.assert_allclose(found["level"], 1.0, atol=0.08)
 
 
 def test_loads_of_a_jammed_peg_are_outside() -> None:
-    found = loads(replace(FAST, tilt=0.06))
-    assert not found.seated
-    stopped = ~found.moving
+    found, mirrored = (loads(replace(FAST, tilt=tilt)) for tilt in (0.06, -0.06))
+    assert not found["seated"]
+    stopped = ~found["moving"]
     assert stopped.any()
-    assert found.level[stopped].min() > 1.0
-    assert found.level[stopped][-1] > 1.15
-
-
-def test_mirrored_insertions_have_mirrored_loads() -> None:
-    right, left = (loads(replace(FAST, tilt=tilt)) for tilt in (0.06, -0.06))
-    assert right.level[-1] == pytest.approx(left.level[-1], rel=0.02)
-    assert right.moment_ratio[-1] == pytest.approx(-left.moment_ratio[-1], rel=0.02)
+    assert found["level"][stopped].min() > 1.0
+    assert found["level"][stopped][-1] > 1.15
+    assert mirrored["level"][-1] == pytest.approx(found["level"][-1], rel=0.02)
+    assert mirrored["moment_ratio"][-1] == pytest.approx(-found["moment_ratio"][-1], rel=0.02)
 
 
 def test_the_load_is_what_the_springs_and_the_push_put_on_the_peg() -> None:
@@ -261,13 +233,9 @@ def test_the_load_is_what_the_springs_and_the_push_put_on_the_peg() -> None:
     assert moment_ratio[-1] == pytest.approx(moment / (parts.peg_radius * down), rel=0.02)
 
 
-@pytest.fixture(scope="module")
-def outcome() -> Outcome:
+def test_agreement_is_of_loads_off_the_sides() -> None:
     scenario = replace(SCENARIO, insertion=FEED, tilts=(0.03, 0.06), laterals=(0.0,))
-    return JAMMING_DIAGRAM.run(scenario, 0, lambda fraction, doing="": None)
-
-
-def test_agreement_is_of_loads_off_the_sides(outcome: Outcome) -> None:
+    outcome = JAMMING_DIAGRAM.run(scenario, 0, quiet)
     assert outcome.metrics["agreement"].value == pytest.approx(100.0, abs=3.0)
     assert outcome.metrics["moving.on_sides"].value == pytest.approx(100.0, abs=5.0)
     assert outcome.metrics["stopped.outside"].value == 100.0
