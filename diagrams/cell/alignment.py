@@ -56,21 +56,15 @@ class DesiredMotion(NamedTuple):
 
 
 def resolve(scenario: AlignmentScenario) -> ResolvedAlignmentScenario:
-    """Fill in the cameras, the controllers, where and which arm is compensated.
-
-    Raises:
-        ParameterError: As of :func:`resolve_as`.
-    """
+    """Fill in the cameras, the controllers, where and which arm is compensated."""
     return resolve_as(ResolvedAlignmentScenario, scenario)
 
 
 def resolve_as(kind: type[ResolvedT], scenario: AlignmentScenario) -> ResolvedT:
     """Return a scenario resolved, as the resolved class of its own kind.
 
-    Raises:
-        ParameterError: If a camera can't be as it is asked to be, a part is out of an image where
-            the compensation begins, the parts overlap before, an arm doesn't reach its place, or
-            no controller can be designed.
+    Refused are cameras that can't be as asked, parts out of an image where the compensation begins
+    or in each other before, arms out of reach, and controllers that can't be designed.
     """
     scenario = replace(scenario, cameras=resolved_cameras(scenario.cameras, scenario))
     require_in_view(scenario)
@@ -104,9 +98,6 @@ def make_alignment_diagram(
             (1,), 1 where the error is measured, and the output ``compensation`` (6,), m and rad.
         arm_controllers: Of each arm likewise in the place of its impedance law, see
             :func:`chamfer.diagrams.cell.work_cell.add_work_cell`.
-
-    Raises:
-        ParameterError: If a controller has other ports.
     """
     builder = DiagramBuilder()
     connect = builder.Connect
@@ -149,7 +140,7 @@ def add_sight(
     parts_there: ColouredParts | None = None,
 ) -> tuple[dict[ArmName, DesiredMotion], CellError]:
     """Add the arms' desired motions, and the cameras that measure what the peg lacks."""
-    motions = {arm: add_motion(builder, scenario, arm) for arm in ARMS}
+    motions = {arm: _add_motion(builder, scenario, arm) for arm in ARMS}
     error = add_cell_vision(
         builder,
         scenario,
@@ -172,7 +163,10 @@ def export_alignment(
 ) -> None:
     """Export what shows an alignment, and let the watch stop the motions."""
     for arm in ARMS:
-        export_arm(builder, cell, arm)
+        builder.ExportOutput(cell.true_poses[arm], f"{arm}.true_pose")
+        builder.ExportOutput(cell.tool_poses[arm], f"{arm}.tool_pose")
+        for name in ("encoders", "saturated") if arm in cell.arms else ():
+            builder.ExportOutput(getattr(cell.arms[arm], name), f"{arm}.{name}")
         if (stop := motions[arm].stop) is not None:
             builder.Connect(watch.GetOutputPort("stop"), stop)
     for name in ("error", "valid", "age", "blind"):
@@ -181,28 +175,24 @@ def export_alignment(
     builder.ExportOutput(compensation, "compensation")
 
 
-def add_motion(
+def _add_motion(
     builder: DiagramBuilder, scenario: AlignmentScenario, arm: ArmName
 ) -> DesiredMotion:
     """Add where an arm should be, over time."""
     goal = scenario.nominal_pose(arm)
-    if arm == "peg" and scenario.moves:
-        motion = builder.AddNamedSystem(
-            "peg desired motion",
-            StoppableMotion(
-                start_poses(scenario)["peg"].translation(),
-                goal,
-                scenario.motion_time,
-                scenario.cameras.frames.period,
-            ),
-        )
-        return DesiredMotion(
-            motion.GetOutputPort("desired_pose"),
-            motion.GetOutputPort("desired_velocity"),
-            motion.GetInputPort("stop"),
-        )
-    pose = builder.AddNamedSystem(f"{arm} desired pose", ConstantVectorSource(pose_vector(goal)))
-    return DesiredMotion(pose.get_output_port(), None, None)
+    if arm == "hole" or not scenario.moves:
+        rest = ConstantVectorSource(pose_vector(goal))
+        pose = builder.AddNamedSystem(f"{arm} desired pose", rest)
+        return DesiredMotion(pose.get_output_port(), None, None)
+    start, period = start_poses(scenario)["peg"].translation(), scenario.cameras.frames.period
+    motion = builder.AddNamedSystem(
+        "peg desired motion", StoppableMotion(start, goal, scenario.motion_time, period)
+    )
+    return DesiredMotion(
+        motion.GetOutputPort("desired_pose"),
+        motion.GetOutputPort("desired_velocity"),
+        motion.GetInputPort("stop"),
+    )
 
 
 def add_divergence_watch(builder: DiagramBuilder, scenario: AlignmentScenario) -> DivergenceWatch:
@@ -252,36 +242,21 @@ def add_command(
 
     That of a fixture is its place.
     """
-    connect = builder.Connect
     desired = motion.pose
+
+    def add(name: str, share: float, compensation: OutputPort) -> OutputPort:
+        pose = builder.AddNamedSystem(name, CompensatedPose(share, scenario.hole_axes))
+        builder.Connect(desired, pose.GetInputPort("desired_pose"))
+        builder.Connect(compensation, pose.GetInputPort("compensation"))
+        return pose.get_output_port()
+
     if arm == "peg" and any(scenario.initial_error):
         # The wrong pose that a wrong kinematic model makes of the right one.
-        off = builder.AddNamedSystem(
-            "peg kinematic error", CompensatedPose(1.0, scenario.hole_axes)
-        )
-        error = builder.AddNamedSystem(
-            "initial error", ConstantVectorSource(np.array(scenario.initial_error))
-        )
-        connect(desired, off.GetInputPort("desired_pose"))
-        connect(error.get_output_port(), off.GetInputPort("compensation"))
-        desired = off.get_output_port()
+        error = ConstantVectorSource(np.array(scenario.initial_error))
+        error = builder.AddNamedSystem("initial error", error)
+        desired = add("peg kinematic error", 1.0, error.get_output_port())
     if arm in scenario.arms:
-        share = SHARES[scenario.compensated][arm]
-        command = builder.AddNamedSystem(
-            f"{arm} command", CompensatedPose(share, scenario.hole_axes)
-        )
-        connect(desired, command.GetInputPort("desired_pose"))
-        connect(compensation, command.GetInputPort("compensation"))
-        desired = command.get_output_port()
+        desired = add(f"{arm} command", SHARES[scenario.compensated][arm], compensation)
     builder.ExportOutput(motion.pose, f"{arm}.desired_pose")
     builder.ExportOutput(desired, f"{arm}.command")
     return desired
-
-
-def export_arm(builder: DiagramBuilder, cell: WorkCell, arm: ArmName) -> None:
-    """Export what an arm does, or where its fixture is."""
-    builder.ExportOutput(cell.true_poses[arm], f"{arm}.true_pose")
-    builder.ExportOutput(cell.tool_poses[arm], f"{arm}.tool_pose")
-    if arm in cell.arms:
-        for name in ("encoders", "saturated"):
-            builder.ExportOutput(getattr(cell.arms[arm], name), f"{arm}.{name}")

@@ -1,9 +1,8 @@
 """What the alignment by sight is: arms, cameras, controllers, and the starts that it admits."""
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
-from typing import ClassVar, Final, Literal, get_args
+from typing import Any, ClassVar, Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +22,7 @@ from chamfer.models.peg.part_surfaces import require_apart, rings
 from chamfer.models.peg.peg_and_hole import OF_CONTACT, ColouredParts, PegAndHole
 from chamfer.models.validation import (
     ParameterError,
+    require_numbers,
     require_one_of,
     require_positive,
     require_same,
@@ -137,10 +137,8 @@ class AlignmentScenario(WorkCellScenario):
             choices = get_args(Compensated) if self.hole.kind == "arm" else _OF_ONE_ARM
             require_one_of(self, "compensated", choices)
         require_positive(self, "begin", "compensation_time", "motion_time", most=_LONGEST)
-        for name, size in (("initial_error", 6), ("start_offset", 3)):
-            value = getattr(self, name)
-            if len(value) != size or not all(map(math.isfinite, value)):
-                raise ParameterError(name, value, f"{size} finite numbers")
+        require_numbers(self, 6, "initial_error")
+        require_numbers(self, 3, "start_offset")
 
     @property
     def duration(self) -> float:
@@ -183,13 +181,10 @@ _WAY: Final = np.linspace(1.0, 0.0, 21)  # of the start's offset, where the peg 
 
 
 def require_start_apart(scenario: AlignmentScenario) -> None:
-    """Refuse parts that overlap before the compensation begins.
+    """Refuse parts that overlap before the compensation begins, by the field that makes them.
 
     The arms are taken to be where their commands and their bases make them be: at the start
     without the commands' initial error, and on the way to the goal with it.
-
-    Raises:
-        ParameterError: It names the field that brings the parts into each other.
     """
     way = _WAY if scenario.moves else _WAY[-1:]
     starts = [offset_pose(scenario, share) for share in way.tolist()]
@@ -242,10 +237,8 @@ _SEEN: Final[dict[ArmName, str]] = {"peg": "the peg's tip", "hole": "the hole pa
 def require_in_view(scenario: AlignmentScenario) -> None:
     """Refuse parts whose end faces are not in both images, where the compensation begins.
 
-    The arms are taken to be where their commands and their bases make them be.
-
-    Raises:
-        ParameterError: It names the field that takes a part out of an image.
+    Named is the field that takes a part out of an image; the arms are where their commands and
+    their bases make them be.
     """
     for arm, seen in _SEEN.items():
         for name, value, X_WT in _poses_in_view(scenario, arm):
@@ -262,11 +255,7 @@ def require_in_view(scenario: AlignmentScenario) -> None:
 
 
 def require_fine_enough(scenario: AlignmentScenario) -> None:
-    """Refuse pixels that are too large for the parts to be found.
-
-    Raises:
-        ParameterError: It names the pixels' size and says how large they may be.
-    """
+    """Refuse pixels that are too large for the parts to be found."""
     cameras, parts = scenario.cameras, scenario.parts
     narrower = min(parts.peg_radius, parts.outer_radius)
     for view in VIEWS:
@@ -306,13 +295,8 @@ def _camera_field(
                 value, stands = getattr(model, one.name), getattr(stand, one.name)
                 if value in (None, stands):
                     continue
-                other: CameraModel = replace(model, **{one.name: stands})
-                as_stands = (
-                    replace(settings, true=other)
-                    if which == "true"
-                    else replace(settings, believed=other)
-                )
-                cameras = scenario.cameras.with_view(view, as_stands)
+                other: dict[str, Any] = {which: replace(model, **{one.name: stands})}
+                cameras = scenario.cameras.with_view(view, replace(settings, **other))
                 if not _outside(replace(scenario, cameras=cameras), X_WT, p_T):
                     return f"cameras.{view}.{which}.{one.name}", value
     return None

@@ -176,7 +176,11 @@ def camera_placement(
 def true_camera(settings: CameraSettings, scenario: WorkCellScenario, view: View) -> Camera:
     """Return a camera as it is in the world: right in its image is about into the hole."""
     stand = camera_placement(settings, scenario, view).camera
-    camera, R_WH = settings.true(view, stand), scenario.hole_axes.matrix()
+    return _in_world(scenario, settings.true(view, stand))
+
+
+def _in_world(scenario: WorkCellScenario, camera: Camera) -> Camera:
+    R_WH = scenario.hole_axes.matrix()
     return camera.placed(R_WH @ camera.R_WC, R_WH @ camera.p_WC)
 
 
@@ -186,12 +190,7 @@ def believed_camera(settings: CameraSettings, scenario: WorkCellScenario, view: 
 
 
 def resolved_cameras(settings: CameraSettings, scenario: WorkCellScenario) -> CameraSettings:
-    """Fill in what is open of the cameras, from their files if they have any.
-
-    Raises:
-        ParameterError: If a file can't be read, the renderer can't draw a camera, or one that is
-            believed is beyond what it looks at.
-    """
+    """Fill in what is open of the cameras, from their files if they have any."""
     xz, xy = (_resolved(settings, scenario, view) for view in VIEWS)
     return replace(settings, xz=xz, xy=xy)
 
@@ -199,8 +198,7 @@ def resolved_cameras(settings: CameraSettings, scenario: WorkCellScenario) -> Ca
 def _resolved(settings: CameraSettings, scenario: WorkCellScenario, view: View) -> ViewSettings:
     given = settings.view(view)
     stand = camera_placement(settings, scenario, view).camera
-    R_WH = scenario.hole_axes.matrix()
-    in_world = stand.placed(R_WH @ stand.R_WC, R_WH @ stand.p_WC)
+    in_world = _in_world(scenario, stand)
     models = {}
     for name in ("believed", "true"):
         with within(f"cameras.{view}.{name}"):
@@ -237,7 +235,7 @@ def add_cell_vision(
     desired: dict[ArmName, OutputPort] | None = None,
     parts_there: ColouredParts | None = None,
 ) -> CellError:
-    """Add cameras, detection and the error of the parts' alignment.
+    """Add cameras, detection and the measured error of alignment, pixels and rad in hole's axes.
 
     Args:
         builder: Where to.
@@ -248,13 +246,14 @@ def add_cell_vision(
         desired: Poses, shape (7,), that the tools should have, if they change; by default a peg
             in line with the hole, at the scenario's gap, is what is desired.
         parts_there: What the cameras look at, where it is not what the scenario says it is.
-
-    Returns:
-        The block whose outputs are the measured error, in pixels and rad along and about the
-        hole's axes, and its age.
     """
     connect = builder.Connect
     gap = scenario.gap / settings.pixel_size
+    clocks = [
+        ImageClock(frames.period, frames.offset, settings.delay(view))
+        for view in VIEWS
+        for frames in (settings.frames_of(view),)
+    ]
     error: CellError = builder.AddNamedSystem(
         "image error",
         CellError(
@@ -264,7 +263,7 @@ def add_cell_vision(
                 begin=begin,
                 period=settings.frames.period,
                 latency=(settings.frames.latency + 1) * settings.frames.period,
-                images=tuple(_image_clock(settings, view) for view in VIEWS),
+                images=tuple(clocks),
                 continuity=settings.continuity,
             )
         ),
@@ -304,11 +303,6 @@ def undistortion_of(
 ) -> Undistortion | None:
     """Return what straightens a camera's images; None where they are believed to be straight."""
     return Undistortion.of(believed_camera(settings, scenario, view))
-
-
-def _image_clock(settings: CameraSettings, view: View) -> ImageClock:
-    frames = settings.frames_of(view)
-    return ImageClock(frames.period, frames.offset, settings.delay(view))
 
 
 def _add_trigger(
@@ -352,19 +346,21 @@ def _add_delay(
     if exposure:
         # A blurred image shows the middle of its exposure.
         middle = (frames.offset - exposure / 2) % frames.period
-        hold = builder.AddNamedSystem(
-            f"{name}, half exposed", ZeroOrderHold(frames.period, len(AXES), middle)
-        )
-        builder.Connect(expected, hold.get_input_port())
-        expected = hold.get_output_port()
+        hold = ZeroOrderHold(frames.period, len(AXES), middle)
+        expected = _held(builder, f"{name}, half exposed", hold, expected)
     # The first hold exposes; what follows samples what was held just before the instant.
     for k in range(frames.latency + 1):
-        hold = builder.AddNamedSystem(
-            f"{name}, {k} periods old", ZeroOrderHold(frames.period, len(AXES), frames.offset)
-        )
-        builder.Connect(expected, hold.get_input_port())
-        expected = hold.get_output_port()
+        hold = ZeroOrderHold(frames.period, len(AXES), frames.offset)
+        expected = _held(builder, f"{name}, {k} periods old", hold, expected)
     return expected
+
+
+def _held(
+    builder: DiagramBuilder, name: str, hold: ZeroOrderHold, value: OutputPort
+) -> OutputPort:
+    hold = builder.AddNamedSystem(name, hold)
+    builder.Connect(value, hold.get_input_port())
+    return hold.get_output_port()
 
 
 def _add_measurement(
@@ -451,8 +447,6 @@ def _add_shutter(
     if math.isclose(exposure, frames.period):
         opens = frames.offset  # no rounding before it, or the frame would show what follows it
     for arm, pose in poses.items():
-        hold = builder.AddNamedSystem(
-            f"{arm} as the {view} shutter opens", ZeroOrderHold(frames.period, POSE_SIZE, opens)
-        )
-        builder.Connect(pose, hold.get_input_port())
-        builder.Connect(hold.get_output_port(), source.GetInputPort(f"{arm}_pose{AT_OPENING}"))
+        hold = ZeroOrderHold(frames.period, POSE_SIZE, opens)
+        at_opening = _held(builder, f"{arm} as the {view} shutter opens", hold, pose)
+        builder.Connect(at_opening, source.GetInputPort(f"{arm}_pose{AT_OPENING}"))

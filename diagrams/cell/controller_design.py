@@ -67,11 +67,9 @@ class StepResponses(NamedTuple):
     period: float  # s, of the controller
 
     def sampled(self, axis: str, period: float) -> Array:
-        """Return what has not arrived at the ends of periods after the step, shape (k,).
+        """Return what has not arrived at the ends of periods, s, after the step, shape (k,).
 
-        Args:
-            axis: One of AXES.
-            period: s, of who looks: at the very instant of a step of the arm just before it.
+        Who looks at the very instant of a step of the arm looks just before it.
         """
         left = self.undelivered[AXES.index(axis)]
         count = int((len(left) - 1) * self.period / period)
@@ -81,11 +79,7 @@ class StepResponses(NamedTuple):
 
 
 def step_responses(scenario: WorkCellScenario, arm: ArmName) -> StepResponses:
-    """Return the linear responses of an arm, without friction and torque limits, until it rests.
-
-    Raises:
-        ParameterError: If the arm does not come to rest under its control.
-    """
+    """Return an arm's linear responses, without friction and torque limits, until it rests."""
     settings = getattr(scenario, arm)
     n = settings.arm.num_joints
     free = replace(settings, joint_friction=(0.0,) * n)
@@ -266,12 +260,7 @@ def of_kind(responses: Sequence[Responses], kind: Kind) -> list[SettlingPlant]:
 
 
 def resolve_controllers(scenario: ResolvedT) -> ResolvedT:
-    """Fill in what of the compensator and of the PID is open.
-
-    Raises:
-        ParameterError: If a dead zone leaves nothing beyond the measurement error, or the arms
-            don't come to rest.
-    """
+    """Fill in what of the compensator and of the PID is open."""
     elements = (scenario.compensator.lateral, scenario.compensator.rotational)
     laws = (scenario.pid.lateral, scenario.pid.rotational)
     if not any(None in vars(one).values() for one in (*elements, *laws)):

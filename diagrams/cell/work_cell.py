@@ -49,7 +49,9 @@ from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.peg.support import Support, in_series
 from chamfer.models.validation import (
     ParameterError,
+    require_finite,
     require_not_negative,
+    require_numbers,
     require_one_of,
     require_positive,
     require_same,
@@ -116,22 +118,17 @@ class CellArmSettings:
             values = getattr(self, name)
             if values is None:
                 continue
-            if len(values) != n or not all(map(math.isfinite, values)):
-                raise ParameterError(name, values, f"{n} finite numbers")
+            require_numbers(self, n, name)
             if name != "posture" and min(values) < 0:
                 raise ParameterError(name, values, "numbers >= 0")
-        if len(self.payload_position) != 3 or not all(map(math.isfinite, self.payload_position)):
-            raise ParameterError("payload_position", self.payload_position, "three finite numbers")
+        require_numbers(self, 3, "payload_position")
 
     @property
     def arm(self) -> SerialArm:
         """The arm, with the friction and the rotors that it has here."""
-        arm = chosen_arm(self.model, self.tool_frame)
-        return replace(
-            arm,
-            dry_friction=arm.dry_friction if self.joint_friction is None else self.joint_friction,
-            rotor_inertia=arm.rotor_inertia if self.rotor_inertia is None else self.rotor_inertia,
-        )
+        own = {"dry_friction": self.joint_friction, "rotor_inertia": self.rotor_inertia}
+        said: dict[str, Any] = {name: of for name, of in own.items() if of is not None}
+        return replace(chosen_arm(self.model, self.tool_frame), **said)
 
     @property
     def near(self) -> Array | None:
@@ -202,10 +199,9 @@ class WorkCellScenario:
     def __post_init__(self) -> None:
         require_positive(self, "step")
         require_one_of(self, "axis", get_args(InsertionAxis))
-        if len(self.mouth) != 3 or not all(map(math.isfinite, self.mouth)):
-            raise ParameterError("meeting_point", self.meeting_point, "three finite numbers")
-        if not math.isfinite(self.gap):
-            raise ParameterError("gap", self.gap, "a finite number")
+        if self.meeting_point is not None:
+            require_numbers(self, 3, "meeting_point")
+        require_finite(self, "gap")
         if self.hole.kind == "fixture":
             names = [one.name for one in fields(CellArmSettings)]
             if not self.hole.payload_error:
@@ -214,9 +210,8 @@ class WorkCellScenario:
         period = self.impedance.period
         steps = round(period / self.step)
         if not (1 <= steps <= _MOST_STEPS and abs(steps * self.step / period - 1) < 1e-9):
-            raise ParameterError(
-                "step", self.step, f"a whole part of the controllers' period, {period:g} s"
-            )
+            allowed = f"a whole part of the controllers' period, {period:g} s"
+            raise ParameterError("step", self.step, allowed)
 
     @property
     def arms(self) -> tuple[ArmName, ...]:
@@ -243,11 +238,7 @@ class WorkCellScenario:
         return RigidTransform(self.hole_axes, p)
 
     def rest_posture(self, arm: ArmName) -> Array:
-        """Return the joint positions, rad, shape (n,), that put an arm's tool at its place.
-
-        Raises:
-            ParameterError: If the arm doesn't reach it.
-        """
+        """Return the joint positions, rad, shape (n,), that put an arm's tool at its place."""
         settings: CellArmSettings = getattr(self, arm)
         try:
             return settings.known_arm().joint_positions(self.nominal_pose(arm), settings.near)
@@ -266,7 +257,6 @@ class ArmPorts(NamedTuple):
     tool_pose: OutputPort  # as the controller takes it to be
     saturated: OutputPort
     true_pose: OutputPort  # of the tool frame, shape (7,); for logs alone
-    controller: System
     instance: ModelInstanceIndex
 
 
@@ -289,7 +279,7 @@ def add_work_cell(
     add_parts: AddParts | None = None,
     controllers: Mapping[ArmName, System] | None = None,
 ) -> WorkCell:
-    """Add the arms, in one plant, and their controllers; desired poses are left to be connected.
+    """Add arms, in one plant, and their controllers; desired poses are left to be connected.
 
     A fixture is a body that is welded to the world.
 
@@ -298,15 +288,11 @@ def add_work_cell(
         scenario: Parameters.
         arms: Which arms, or the hole's fixture.
         start: X_WT of tools that do not start, at rest, at their nominal poses.
-        add_parts: Called with the plant, before it is finalized, and the tools' bodies, to add
-            the parts' geometry.
+        add_parts: Adds the parts' geometry to the tools' bodies before the plant is finalized.
         controllers: A user's own, in the place of an arm's impedance law. With n joints it needs
             the inputs ``encoders`` (2n,), rad and rad/s, ``desired_pose`` (7,) and
             ``desired_velocity`` (6,), and the outputs ``torque`` (n,), N m, ``tool_pose`` (7,)
             and ``saturated`` (n,).
-
-    Raises:
-        ParameterError: If a controller has other ports.
     """
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
     plant.set_name("arms")
@@ -347,11 +333,7 @@ def add_work_cell(
 def add_holders(
     plant: MultibodyPlant, scenario: WorkCellScenario, arms: tuple[ArmName, ...] = ARMS
 ) -> tuple[dict[ArmName, ModelInstanceIndex], dict[ArmName, RigidBody]]:
-    """Add the arms, or the hole's fixture, to a plant that is not yet finalized.
-
-    Returns:
-        The arms' instances, and the bodies that the parts are on.
-    """
+    """Add the arms, or the hole's fixture; return their instances and the tools' bodies."""
     instances, tools = {}, {}
     for arm in arms:
         if arm in scenario.arms:
@@ -379,11 +361,8 @@ def add_simulated_arm(
         mass_scale=settings.mass_scale,
     )
     if settings.payload_error > 0:
-        inertia = SpatialInertia(
-            settings.payload_error,
-            np.array(settings.payload_position),
-            UnitInertia.PointMass(np.array(settings.payload_position)),
-        )
+        p_TP = np.array(settings.payload_position)
+        inertia = SpatialInertia(settings.payload_error, p_TP, UnitInertia.PointMass(p_TP))
         payload = plant.AddRigidBody("payload", instance, inertia)
         tool = plant.GetFrameByName("tool", instance)
         plant.WeldFrames(tool, payload.body_frame(), RigidTransform())
@@ -419,14 +398,10 @@ def connect_arm(
     builder.Connect(rest.get_output_port(), plant.get_desired_state_input_port(instance))
     builder.Connect(plant.get_body_poses_output_port(), true_pose.get_input_port())
     return ArmPorts(
-        desired_pose=controller.GetInputPort("desired_pose"),
-        desired_velocity=controller.GetInputPort("desired_velocity"),
+        **{name: controller.GetInputPort(name) for name in ("desired_pose", "desired_velocity")},
+        **{name: controller.GetOutputPort(name) for name in ("torque", "tool_pose", "saturated")},
         encoders=encoders,
-        torque=controller.GetOutputPort("torque"),
-        tool_pose=controller.GetOutputPort("tool_pose"),
-        saturated=controller.GetOutputPort("saturated"),
         true_pose=true_pose.GetOutputPort("pose"),
-        controller=controller,
         instance=instance,
     )
 
@@ -438,12 +413,7 @@ _MOST_HELD: Final = 0.9
 
 
 def resolve_arms(scenario: ScenarioT) -> ScenarioT:
-    """Fill in posture, friction and rotors of the arms.
-
-    Raises:
-        ParameterError: If an arm doesn't reach its place or is too weak to be there, or the torque
-            limits that are given are of another number of joints.
-    """
+    """Fill in posture, friction and rotors of the arms, which have to reach and hold there."""
     for arm in scenario.arms:
         settings: CellArmSettings = getattr(scenario, arm)
         with within("impedance"):
@@ -462,14 +432,9 @@ def resolve_arms(scenario: ScenarioT) -> ScenarioT:
 
 
 def require_strong(scenario: WorkCellScenario, push: float) -> None:
-    """Refuse arms whose motors don't hold them where they are to be.
+    """Refuse arms whose motors don't hold them, and a push, N, where they are to be.
 
-    Args:
-        scenario: The cell; torque limits of its own are not looked at.
-        push: N, along the hole's axis, that they have to make there.
-
-    Raises:
-        ParameterError: It names the arm's model, the joint, and what torque it lacks.
+    Torque limits of the scenario's own are not looked at.
     """
     if scenario.impedance.torque_limits is not None:
         return
@@ -496,12 +461,9 @@ _ACROSS = {"xy": (1, 2), "xz": (2, 1)}  # the lateral axis of a plane, and the o
 
 
 def support_at(scenario: WorkCellScenario, depth: float, plane: View | None = None) -> Support:
-    """Return the one support that the arms are to the peg.
+    """Return the one support that the arms are to a peg with its tip at a depth, m.
 
-    Args:
-        scenario: The cell.
-        depth: Of the tip below the mouth, m.
-        plane: Of insertion; by default the one in which a lateral error tilts the peg more.
+    By default it is of the plane of insertion in which a lateral error tilts the peg more.
     """
     if plane is None:
         both = (support_at(scenario, depth, "xy"), support_at(scenario, depth, "xz"))

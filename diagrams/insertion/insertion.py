@@ -66,7 +66,7 @@ class _WrongParts(ColouredParts):
     def peg(self) -> Peg:
         """The peg that is there."""
         peg = super().peg
-        return replace(peg, radius=peg.radius + self.excess)
+        return peg._replace(radius=peg.radius + self.excess)
 
 
 @dataclass(frozen=True, kw_only=True)

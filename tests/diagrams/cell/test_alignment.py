@@ -50,8 +50,6 @@ def final_errors(outputs: Outputs, row: int) -> tuple[float, float]:
     return float(np.hypot(p[1], p[2])), float(np.arctan2(np.hypot(axis[1], axis[2]), axis[0]))
 
 
-# It converges
-
 FULL = resolve(AlignmentScenario())
 
 
@@ -76,8 +74,6 @@ def test_the_cameras_align_the_parts(full: Outputs) -> None:
     assert full["valid"][int(FULL.begin * 80) :].all()
     assert not full["blind"].any()
 
-
-# Which arm is compensated
 
 # Arms that are known, without friction: it would hold small errors.
 KNOWN = {"payload_error": 0.0, "joint_friction": (0.0,) * 7}
@@ -127,11 +123,6 @@ def test_the_peg_is_commanded_off_by_the_initial_error_and_the_hole_is_not() -> 
     np.testing.assert_allclose(outputs["peg.desired_pose"][0], [1, 0, 0, 0, -0.03, 0, 0.158])
     np.testing.assert_allclose(outputs["hole.command"][0], outputs["hole.desired_pose"][0])
 
-
-# A way to go
-
-
-# What the controller knows
 
 CONTROLLERS = {"fsm": "trajectory compensator", "pid": "PID"}
 PLANT = {"arms", "geometry", "peg true pose", "hole true pose"}
@@ -196,13 +187,11 @@ def wires(diagram: Diagram) -> set[Wire]:
 
 def known_to(wiring: Iterable[Wire], block: str, cut: Collection[str] = ()) -> set[str]:
     """The blocks that act on a block, directly or through others, but not through ``cut``."""
-    before: dict[str, set[str]] = {}
-    for start, end in wiring:
-        before.setdefault(end, set()).add(start)
     found: set[str] = set()
     front = [block]
     while front:
-        more = before.get(front.pop(), set()) - found
+        last = front.pop()
+        more = {start for start, end in wiring if end == last} - found
         found |= more
         front += [name for name in more if name not in cut]
     return found
@@ -283,9 +272,6 @@ def test_a_wrong_wire_is_found(start: str, end: str) -> None:
     grabbers = {"xz frames", "xy frames"}
     assert not leaks(wiring, "trajectory compensator", grabbers, CAMERAS)
     assert leaks(wiring | {(start, end)}, "trajectory compensator", grabbers, CAMERAS)
-
-
-# What is refused
 
 
 @pytest.mark.parametrize(

@@ -46,9 +46,6 @@ def changes(outputs: Outputs) -> Array:
     return np.diff(outputs["compensation"], axis=0)
 
 
-# No frames
-
-
 @pytest.mark.parametrize("measured", ["image", "metric"])
 @pytest.mark.parametrize("controller", BOTH)
 def test_blank_images_stop_the_compensation(controller: Any, measured: Any) -> None:
@@ -90,8 +87,6 @@ def test_dropped_frames_change_nothing(controller: Any) -> None:
         steps = [LATERAL.increment] * 3 + [ROTATIONAL.increment] * 3
         assert (made <= np.array(steps) * (1 + 1e-9)).all()
 
-
-# A part that gets lost
 
 LOST, FOUND = 0.5, 0.65  # s, between which the peg is not in view
 
@@ -151,15 +146,6 @@ def test_a_lost_part_makes_blind_and_stops_the_approach_for_good(lost: Outputs) 
     assert (lost["hole.desired_pose"] == lost["hole.desired_pose"][0]).all()
 
 
-# A tip that is hidden
-
-
-# Motors that are too weak
-
-
-# A loop that diverges
-
-
 def test_parts_that_are_driven_out_of_sight_are_not_driven_on_when_they_are_seen_again() -> None:
     true = CameraModel(roll=math.pi)
     cameras = CameraSettings(xz=ViewSettings(true=true))
@@ -175,6 +161,3 @@ def test_parts_that_are_driven_out_of_sight_are_not_driven_on_when_they_are_seen
     assert outputs["diverged"][blind + 1 :].all()
     assert not changes(outputs)[lost:].any()
     assert np.abs(outputs["compensation"][:, 1:3]).max() < 0.025  # of a limit of 0.03
-
-
-# Large turns

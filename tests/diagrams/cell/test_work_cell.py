@@ -42,35 +42,18 @@ SMOOTH = (0.0,) * 7  # no dry friction
 PERFECT = replace(PEG_ARM, payload_error=0.0, joint_friction=SMOOTH)
 
 
-# Where the arms stand
-
-
 @pytest.mark.parametrize("gap", [0.03, 0.1])
 def test_peg_and_hole_meet(make_cell: Any, still: Any, gap: float) -> None:
     cell = make_cell(replace(still(), gap=gap, hole=replace(HOLE_ARM, payload_error=0.0)), ARMS)
-    np.testing.assert_allclose(
-        cell.read("peg.true_pose"), [1, 0, 0, 0, -gap, 0, 0.158], rtol=0, atol=1e-9
-    )
-    np.testing.assert_allclose(
-        cell.read("hole.true_pose"), [1, 0, 0, 0, 0, 0, 0.158], rtol=0, atol=1e-9
-    )
+    for arm, x in (("peg", -gap), ("hole", 0.0)):
+        found = cell.read(f"{arm}.true_pose")
+        np.testing.assert_allclose(found, [1, 0, 0, 0, x, 0, 0.158], rtol=0, atol=1e-9)
     for k in range(2):
         q = cell.q()[7 * k : 7 * k + 7]
         room = np.minimum(q - wam.LOWER_LIMITS, wam.UPPER_LIMITS - q)
         assert room.min() > 0.4
         assert math.radians(85) < q[3] < math.radians(125)  # the elbow is well bent
         assert np.linalg.svd(wam.jacobian(q), compute_uv=False)[-1] > 0.15
-    points = [
-        cell.plant.GetFrameByName(
-            "link_4", cell.plant.GetModelInstanceByName(f"{arm}_arm::wam")
-        ).CalcPoseInWorld(cell.plant_context)
-        for arm in ARMS
-    ]
-    assert all(X.translation()[2] > 0.35 for X in points)  # elbows up
-    assert points[0].translation()[0] < -0.3 < 0.3 < points[1].translation()[0]
-
-
-# Statics
 
 
 @pytest.mark.parametrize(
@@ -106,39 +89,26 @@ def test_base_that_is_elsewhere_is_not_seen_by_the_encoders(
     assert true[3] == pytest.approx(math.sin(0.005), abs=1e-6)
 
 
-# Wiring
-
-
 def test_controllers_know_the_arms_by_their_encoders_alone(make_cell: Any) -> None:
     diagram = make_cell(WorkCellScenario(), ARMS).diagram
+    wires = {
+        (end.get_name(), end.get_input_port(into).get_name()): (
+            start.get_name(),
+            start.get_output_port(out).get_name(),
+        )
+        for (end, into), (start, out) in diagram.connection_map().items()
+    }
     for arm in ARMS:
-        controller = diagram.GetSubsystemByName(f"{arm} impedance control")
-        sources = {
-            target[0].get_input_port(target[1]).get_name(): (
-                source[0].get_name(),
-                source[0].get_output_port(source[1]).get_name(),
-            )
-            for target, source in diagram.connection_map().items()
-            if target[0] is controller
-        }
+        block = f"{arm} impedance control"
+        sources = {port: start for (name, port), start in wires.items() if name == block}
         assert sources == {
             "encoders": ("arms", f"{arm}_arm::wam_state"),
             "desired_pose": (f"{arm} desired motion", "desired_pose"),
             "desired_velocity": (f"{arm} desired motion", "desired_velocity"),
         }
-    read_by = {
-        target[0].get_name()
-        for target, source in diagram.connection_map().items()
-        if source[0].get_name() == "arms"
-        and source[0].get_output_port(source[1]).get_name() == "body_poses"
-    }
+    read_by = {end for (end, _), start in wires.items() if start == ("arms", "body_poses")}
     assert read_by == {f"{arm} true pose" for arm in ARMS}
-    true_poses = [
-        target
-        for target, source in diagram.connection_map().items()
-        if "true pose" in source[0].get_name()
-    ]
-    assert not true_poses  # exported only
+    assert not [start for start, _ in wires.values() if "true pose" in start]  # exported only
 
 
 def test_parts_are_added_to_the_tools() -> None:
@@ -159,18 +129,12 @@ def test_parts_are_added_to_the_tools() -> None:
     Simulator(builder.Build()).AdvanceTo(0.01)  # the desired velocity needs no source
 
 
-# What is refused
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"payload_error": -0.1}, "payload_error is -0.1, allowed: a finite number >= 0"),
         ({"mass_scale": 0.0}, "mass_scale is 0.0, allowed: a finite number > 0"),
-        ({"posture": (0.0,) * 6}, "posture is (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), allowed: 7 finite"),
-        ({"joint_friction": (math.nan,) * 7}, "joint_friction is (nan, nan,"),
-        ({"joint_friction": (-0.1,) * 7}, "joint_friction is (-0.1, -0.1,"),
-        ({"payload_position": (0.0, 0.0)}, "payload_position is (0.0, 0.0), allowed: three"),
+        ({"payload_position": (0.0, 0.0)}, "payload_position is (0.0, 0.0), allowed: 3 finite"),
     ],
 )
 def test_arms_that_cannot_be(change: dict[str, Any], message: str) -> None:
@@ -185,7 +149,7 @@ def test_arms_that_cannot_be(change: dict[str, Any], message: str) -> None:
         ({"step": 0.0}, "step is 0.0, allowed: a finite number > 0"),
         ({"step": 0.0015}, "step is 0.0015, allowed: a whole part of the controllers' period"),
         ({"gap": math.inf}, "gap is inf, allowed: a finite number"),
-        ({"meeting_point": (0.0, 0.0)}, "meeting_point is (0.0, 0.0), allowed: three finite"),
+        ({"meeting_point": (0.0, 0.0)}, "meeting_point is (0.0, 0.0), allowed: 3 finite"),
     ],
 )
 def test_scenarios_that_cannot_be(change: dict[str, Any], message: str) -> None:
@@ -194,26 +158,10 @@ def test_scenarios_that_cannot_be(change: dict[str, Any], message: str) -> None:
     assert str(caught.value).startswith(message)
 
 
-def test_meeting_point_out_of_reach(make_cell: Any) -> None:
-    scenario = WorkCellScenario(meeting_point=(0.0, 0.0, 1.5))
-    with pytest.raises(ParameterError, match=r"allowed: within reach from|allowed: between"):
-        make_cell(scenario)
-
-
-Array = np.ndarray
-
 STIFFNESS = np.array([5.0] * 3 + [400.0] * 3)  # the default, N m/rad and N/m
-# Of the vertical tracking (Fig. 11), without the cameras.
-VERTICAL = WorkCellScenario(
-    impedance=ImpedanceControllerParams(stiffness=(700.0, 700.0, 700.0)), gap=0.1
-)
-BELOW = (0.0, 0.0, -0.03)  # m, where the peg starts
 
 
-# Dynamics
-
-
-def response(controller: ImpedanceController, wrench: Array, time: float) -> Array:
+def response(controller: ImpedanceController, wrench: np.ndarray, time: float) -> np.ndarray:
     """Way of the second-order system with inertia, damping and stiffness at a step, (6,)."""
     inverse = np.linalg.inv(controller.inertia)
     A = np.zeros((13, 13))
@@ -275,9 +223,6 @@ def test_both_sides_of_the_stability_bound(make_cell: Any, still: Any, period: f
     assert fastest_seen[1] > 0.05
 
 
-# Dry friction
-
-
 def test_joints_stick_up_to_their_friction(make_cell: Any, still: Any) -> None:
     cell = make_cell(still(replace(PEG_ARM, payload_error=0.0)))
     start = cell.q()
@@ -289,37 +234,18 @@ def test_joints_stick_up_to_their_friction(make_cell: Any, still: Any) -> None:
     assert cell.error()[5] < -0.004
 
 
-def test_friction_holds_what_the_springs_lack(make_cell: Any) -> None:
-    cell = make_cell(VERTICAL, start_offset=BELOW)
-    cell.run(4.0)
-    q = cell.q()
-    model = cell.controller._model.evaluate(q)
-    payload = 0.0865 * GRAVITY
-    lever = Rotation.from_rotvec(cell.error()[:3]).apply(PEG_ARM.payload_position)
-    wrench = np.concatenate([np.cross(lever, [0, 0, -payload]), [0, 0, -payload]])
-    rest = cell.read("peg.torque") - model.gravity + model.J_V_WT.T @ wrench
-    assert np.all(np.abs(rest) <= np.array(wam.DRY_FRICTION) + 1e-4)
-    assert np.abs(rest).max() > 0.05
-
-
-# The desired motion
-
-
 CELL = WorkCellScenario()
-FIXTURE = replace(HOLE_ARM, kind="fixture")
-depths = st.floats(0.0, 0.1)
 stiff = st.floats(10.0, 2000.0)
 
 
-@given(depth=depths)
-def test_against_a_fixture_it_is_the_peg_s_arm(depth: float) -> None:
-    cell = replace(CELL, hole=FIXTURE)
+def test_against_a_fixture_it_is_the_peg_s_arm() -> None:
+    cell = replace(CELL, hole=replace(HOLE_ARM, kind="fixture"))
     expected = Support(lateral_stiffness=400.0, angular_stiffness=5.0, centre_distance=0.0)
-    assert support_at(cell, depth) == expected
+    assert support_at(cell, 0.03) == expected
     assert axial_stiffness(cell) == 400.0
 
 
-@given(across=st.tuples(stiff, stiff), turn=st.tuples(stiff, stiff), depth=depths)
+@given(across=st.tuples(stiff, stiff), turn=st.tuples(stiff, stiff), depth=st.floats(0.0, 0.1))
 def test_without_a_plane_it_is_the_one_that_tilts_more(
     across: tuple[float, float], turn: tuple[float, float], depth: float
 ) -> None:
@@ -349,12 +275,8 @@ SPRINGS: dict[str, Any] = {
 def test_arms_that_are_pushed_at_the_tip_give_way_as_it_says(
     make_cell: Any, still: Any, plane: View, lateral: int, turn: int, sign: float
 ) -> None:
-    perfect = {"payload_error": 0.0, "joint_friction": (0.0,) * 7}
-    scenario = replace(
-        still(replace(PEG_ARM, **perfect), **SPRINGS),
-        hole=replace(HOLE_ARM, **perfect),
-        gap=-DEPTH,
-    )
+    hole = replace(HOLE_ARM, payload_error=0.0, joint_friction=SMOOTH)
+    scenario = replace(still(PERFECT, **SPRINGS), hole=hole, gap=-DEPTH)
     force = 0.5
     moved, turned = 0.0, 0.0
     for arm, lever in (("peg", 0.0), ("hole", DEPTH)):  # of the tip, from the tool's point
