@@ -254,7 +254,7 @@ def parallel(workers: int) -> Iterator[None]:
         yield
         return
     with processes(workers) as engine:
-        campaign = Campaign(path=None, processors=engine.processors(), engine=engine)
+        campaign = Campaign(path=None, processors=engine.processors, engine=engine)
         with closing(campaign), running(campaign):
             yield
 

@@ -50,13 +50,14 @@ class Cluster:
         try:
             self._client = distributed.Client(self._local or address, timeout=_PATIENCE)
             self._client.wait_for_workers(1, timeout=_PATIENCE)
-            self._processors = tuple(sorted(set(self._client.run(processor).values())))
+            found = set(self._client.run(processor).values())
         except (OSError, TimeoutError) as error:
             raise _refused(address, "one that answers and has workers") from error
         except ModuleNotFoundError as error:
             raise _refused(address, f"one whose workers have this project ({error})") from error
-        if len(self._processors) > 1:
-            listed = ", ".join(self._processors)
+        self.processors: tuple[str, ...] = tuple(sorted(found))
+        if len(self.processors) > 1:
+            listed = ", ".join(self.processors)
             say(f"the workers' processors differ, and so may the last digits: {listed}")
 
     def capacity(self) -> int:
@@ -66,10 +67,6 @@ class Cluster:
             count = max(1, len(self._client.nthreads()))
             self._counted = (time.monotonic(), count)
         return count
-
-    def processors(self) -> tuple[str, ...]:
-        """Return the workers' types of processors."""
-        return self._processors
 
     def submit(
         self, function: Callable[..., Result], *arguments: object, limit: float | None = None

@@ -19,6 +19,7 @@ from typing import Any, Final, Protocol, TypeVar
 from pebble import ProcessExpired, ProcessPool
 
 from chamfer.analysis.campaign.one_thread import use_one_thread
+from chamfer.analysis.report.fingerprint import processor
 
 Result = TypeVar("Result")
 
@@ -41,12 +42,10 @@ class Engine(Protocol):
     """Somewhere to run calls, several at once."""
 
     exact: bool  # whether a call that is lost is to blame, not another one on the same worker
+    processors: tuple[str, ...]  # the types of processors that calls run on
 
     def capacity(self) -> int:
         """Return how many calls run at once."""
-
-    def processors(self) -> tuple[str, ...]:
-        """Return the types of processors that calls run on."""
 
     def submit(
         self, function: Callable[..., Result], *arguments: object, limit: float | None = None
@@ -81,20 +80,17 @@ class Processes:
 
     Each is a Pebble pool of one. Workers that share a pool share its pipe with its locks: one that
     is killed while it holds them takes the others along (a killed worker in a hundred does).
-
-    Args:
-        count: How many processes there may be.
-        growth: MB that one may hold more than after its first call.
     """
 
     exact = True
 
-    def __init__(self, count: int, *, growth: float = _GROWTH) -> None:
+    def __init__(self, count: int) -> None:
+        self.processors: tuple[str, ...] = (processor(),)
         self._count = count
         use_one_thread()
         lifeline, self._held = get_context("spawn").Pipe(duplex=False)
         self._lifeline = lifeline
-        self._workers = [_Worker(lifeline, growth) for _ in range(count)]
+        self._workers = [_Worker(lifeline) for _ in range(count)]
         self._idle: SimpleQueue[_Worker] = SimpleQueue()
         for worker in self._workers:
             self._idle.put(worker)
@@ -106,12 +102,6 @@ class Processes:
     def capacity(self) -> int:
         """Return how many calls run at once."""
         return self._count
-
-    def processors(self) -> tuple[str, ...]:
-        """Return this machine's type of processor."""
-        from chamfer.analysis.report.fingerprint import processor
-
-        return (processor(),)
 
     def submit(
         self, function: Callable[..., Result], *arguments: object, limit: float | None = None
@@ -153,9 +143,8 @@ def processes(count: int) -> Iterator[Processes]:
 class _Worker:
     """A process at a time, another one when it has died or grown too large."""
 
-    def __init__(self, lifeline: Connection, growth: float) -> None:
+    def __init__(self, lifeline: Connection) -> None:
         self._lifeline = lifeline
-        self._growth = growth
         self._pool: ProcessPool | None = None
         self._pid = 0
         self._first: float | None = None  # MB that the process held after its first call
@@ -174,7 +163,7 @@ class _Worker:
             raise LostError(f"its process {_death(error)}") from error
         if self._first is None:
             self._first = held
-        if held > self._first + self._growth:
+        if held > self._first + _GROWTH:
             self.end()
         return result
 

@@ -28,7 +28,7 @@ def command_campaign(
     with engines(arguments.workers or cores(), arguments.cluster) as (_, trials):
         campaign = Campaign(
             path=folder / TRIALS,
-            processors=trials.processors(),
+            processors=trials.processors,
             engine=trials,
             fresh=arguments.fresh,
         )

@@ -110,7 +110,7 @@ class Session:
         return self._end()
 
     def _campaign(self, name: str, *, fresh: bool) -> Campaign:
-        path, processors = trials_path(self.order.out, name), self.trials.processors()
+        path, processors = trials_path(self.order.out, name), self.trials.processors
         return Campaign(path=path, processors=processors, engine=self.trials, fresh=fresh)
 
     def _side_by_side(self, headway: "_Headway") -> Generator[Ended]:
@@ -135,7 +135,7 @@ class Session:
                 there = partial(
                     Campaign,
                     path=trials_path(self.order.out, entry.name),
-                    processors=self.trials.processors(),
+                    processors=self.trials.processors,
                     fresh=fresh,
                     failures=campaign.failures,
                     seconds=time.monotonic() - began,

@@ -261,3 +261,18 @@ def start() -> Iterator[Callable[..., subprocess.Popen[str]]]:
             return process
 
         yield begin
+
+
+@pytest.fixture
+def chamfer(
+    toys: Catalogue, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., tuple[int, str, str]]:
+    """Runs the command line here and returns the status, and what it writes to both streams."""
+    from chamfer.analysis.cli import main
+
+    def run(*arguments: object, catalogue: Catalogue = toys) -> tuple[int, str, str]:
+        capsys.readouterr()
+        status = main([str(one) for one in arguments], catalogue=catalogue)
+        return status, *capsys.readouterr()
+
+    return run

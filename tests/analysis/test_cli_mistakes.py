@@ -1,10 +1,12 @@
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from chamfer.analysis.cli import main
 from chamfer.analysis.scenario.experiment import Catalogue, select
+
+Chamfer = Callable[..., tuple[int, str, str]]
 
 
 def files(out: Path) -> list[str]:
@@ -70,19 +72,15 @@ VALID = "valid names: interrupted, broken, asserting, slow, fall, trials"
     ],
 )
 def test_mistakes_end_in_one_line_before_anything_is_made(
-    toys: Catalogue,
+    chamfer: Chamfer,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
     arguments: list[str],
     message: str,
 ) -> None:
     (tmp_path / "cwd").mkdir()
     monkeypatch.chdir(tmp_path / "cwd")
-    assert main(arguments, catalogue=toys) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err == f"chamfer: {message}\n"
+    assert chamfer(*arguments) == (2, "", f"chamfer: {message}\n")
     assert list((tmp_path / "cwd").iterdir()) == []
 
 
@@ -91,12 +89,12 @@ def test_mistakes_end_in_one_line_before_anything_is_made(
     "command", [["run", "fall", "trials"], ["reproduce", "--paper", "toy-paper"]]
 )
 def test_results_that_a_run_replaces_are_named(
-    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str], command: list[str]
+    chamfer: Chamfer, out: Path, command: list[str]
 ) -> None:
-    assert main(["run", "trials", "--out", str(out)], catalogue=toys) == 0
-    assert capsys.readouterr().err == ""
-    main([*command, "--out", str(out)], catalogue=toys)
-    assert capsys.readouterr().err == f"chamfer: what is in {out} of trials is replaced\n"
+    status, _, err = chamfer("run", "trials", "--out", out)
+    assert (status, err) == (0, "")
+    *_, err = chamfer(*command, "--out", out)
+    assert err == f"chamfer: what is in {out} of trials is replaced\n"
 
 
 @pytest.mark.parametrize(
@@ -116,15 +114,10 @@ def test_results_that_a_run_replaces_are_named(
     ],
 )
 def test_what_ends_a_run_is_one_line(
-    toys: Catalogue,
-    out: Path,
-    capsys: pytest.CaptureFixture[str],
-    arguments: list[str],
-    status: int,
-    message: str,
+    chamfer: Chamfer, out: Path, arguments: list[str], status: int, message: str
 ) -> None:
-    assert main(["run", *arguments, "--out", str(out)], catalogue=toys) == status
-    assert capsys.readouterr().err == f"chamfer: {message}\n"
+    found, _, err = chamfer("run", *arguments, "--out", out)
+    assert (found, err) == (status, f"chamfer: {message}\n")
     assert files(out) == []
 
 
@@ -149,49 +142,44 @@ def run_connected(scenario, seed, progress):
 
 @pytest.mark.parametrize("command", ["run", "diagram"])
 def test_ports_of_different_sizes_are_named_in_one_line(
-    toys: Catalogue, falling: Path, out: Path, capsys: pytest.CaptureFixture[str], command: str
+    chamfer: Chamfer, toys: Catalogue, falling: Path, out: Path, command: str
 ) -> None:
     entry = select(toys.entries, ["trials"])[0]
     entry = replace(entry, name="wired", run="run_connected", diagram="connected")
     toys = replace(toys, entries=(entry,))
     falling.write_text(falling.read_text() + CONNECTED)
-    arguments = [command, "wired", "--set", "trials=3", "--set", "noise=1", "--out", str(out)]
-    assert main(arguments, catalogue=toys) == 1
-    message = capsys.readouterr().err
-    assert message.startswith("chamfer: wired: stopped by Drake with noise=1.0: ")
-    assert "(size 2)" in message
-    assert "System gain (size 3)" in message
-    assert message.count("\n") == 1
+    settings = ("--set", "trials=3", "--set", "noise=1")
+    status, _, err = chamfer(command, "wired", *settings, "--out", out, catalogue=toys)
+    assert status == 1
+    assert err.startswith("chamfer: wired: stopped by Drake with noise=1.0: ")
+    assert "(size 2)" in err
+    assert "System gain (size 3)" in err
+    assert err.count("\n") == 1
 
 
-def test_a_bug_shows_its_traceback(toys: Catalogue, out: Path) -> None:
+def test_a_bug_shows_its_traceback(chamfer: Chamfer, out: Path) -> None:
     with pytest.raises(ZeroDivisionError):
-        main(["run", "broken", "--out", str(out)], catalogue=toys)
+        chamfer("run", "broken", "--out", out)
 
 
 def test_a_disk_that_is_full_is_one_line(
-    toys: Catalogue,
-    out: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    chamfer: Chamfer, out: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("chamfer.analysis.report.results.write_table", full)
-    assert main(["run", "trials", "--out", str(out)], catalogue=toys) == 2
-    assert capsys.readouterr().err == (
-        f"chamfer: {out}/trials can't be written: No space left on device\n"
-    )
+    message = f"chamfer: {out}/trials can't be written: No space left on device\n"
+    assert chamfer("run", "trials", "--out", out) == (2, "", message)
     assert files(out) == []
 
 
-def test_an_interrupted_run_keeps_what_had_ended(
-    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["run", "trials", "interrupted", "--out", str(out)], catalogue=toys) == 130
-    expected = "chamfer: interrupted, experiments and trials that had ended are kept\n"
-    assert capsys.readouterr().err == expected
+INTERRUPTED = "chamfer: interrupted, experiments and trials that had ended are kept\n"
+
+
+def test_an_interrupted_run_keeps_what_had_ended(chamfer: Chamfer, out: Path) -> None:
+    status, _, err = chamfer("run", "trials", "interrupted", "--out", out)
+    assert (status, err) == (130, INTERRUPTED)
     names = ("result.json", "scenario.yaml", "traces.parquet")
     assert files(out) == ["index.html", *(f"trials/{name}" for name in names)]
     assert 'id="trials"' in (out / "index.html").read_text()
@@ -199,30 +187,27 @@ def test_an_interrupted_run_keeps_what_had_ended(
 
 @pytest.mark.parametrize("cause", ["KeyboardInterrupt", "ValueError"])
 def test_an_interrupt_of_compiled_code_is_one_too(
-    toys: Catalogue, falling: Path, out: Path, capsys: pytest.CaptureFixture[str], cause: str
+    chamfer: Chamfer, falling: Path, out: Path, cause: str
 ) -> None:
-    file = falling
     raised = f"raise SystemError('returned a result with an exception set') from {cause}()"
-    file.write_text(file.read_text().replace("raise KeyboardInterrupt", raised))
-    arguments = ["run", "interrupted", "--out", str(out)]
+    falling.write_text(falling.read_text().replace("raise KeyboardInterrupt", raised))
     if cause == "KeyboardInterrupt":
-        assert main(arguments, catalogue=toys) == 130
-        assert capsys.readouterr().err.startswith("chamfer: interrupted, ")
+        assert chamfer("run", "interrupted", "--out", out) == (130, "", INTERRUPTED)
     else:
         with pytest.raises(SystemError, match="exception set"):
-            main(arguments, catalogue=toys)
+            chamfer("run", "interrupted", "--out", out)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", ["1", "2"])
 def test_reproduce_goes_on_after_an_error_and_reports_it(
-    toys: Catalogue, falling: Path, out: Path, capsys: pytest.CaptureFixture[str], workers: str
+    chamfer: Chamfer, falling: Path, out: Path, workers: str
 ) -> None:
     text = falling.read_text().replace("raise KeyboardInterrupt", "1 / 0")
     falling.write_text(text.replace("time.sleep(30)", "raise SystemExit"))
-    assert main(["reproduce", "--workers", workers, "--out", str(out)], catalogue=toys) == 1
-    captured = capsys.readouterr()
-    assert captured.out.splitlines()[-6:] == [
+    status, said, err = chamfer("reproduce", "--workers", workers, "--out", out)
+    assert status == 1
+    assert said.splitlines()[-6:] == [
         "3 checks: 1 holds, 1 does not hold, 1 not reached",
         "ended with an error: interrupted: ZeroDivisionError: division by zero",
         "ended with an error: broken: ZeroDivisionError: by zero",
@@ -231,9 +216,8 @@ def test_reproduce_goes_on_after_an_error_and_reports_it(
         "ended with an error: slow: stopped by Drake:",
         f"report: {out}/index.html",
     ]
-    assert captured.err.count("Traceback") == 2  # of the bugs
-    assert "chamfer: broken: ZeroDivisionError: by zero\n" in captured.err
-    names = ["fall", "index.html", "results.md", "trials"]
-    assert sorted(path.name for path in out.iterdir()) == names
+    assert err.count("Traceback") == 2  # of the bugs
+    assert "chamfer: broken: ZeroDivisionError: by zero\n" in err
+    assert {path.name for path in out.iterdir()} == {"fall", "index.html", "results.md", "trials"}
     table = (out / "results.md").read_text(encoding="utf-8")
     assert "- broken: ZeroDivisionError: by zero\n- asserting: stopped by Drake" in table

@@ -280,12 +280,10 @@ class Here:
     """An engine that calls at once, in this process."""
 
     exact = True
+    processors = ("this",)
 
     def capacity(self) -> int:
         return 1
-
-    def processors(self) -> tuple[str, ...]:
-        return ("this",)
 
     def submit(
         self, function: Callable[..., Any], *arguments: object, limit: float | None = None

@@ -41,7 +41,7 @@ def cluster(toy: ModuleType) -> Iterator[Cluster]:
 def test_rows_are_those_of_this_process(cluster: Cluster, toy: ModuleType, tmp_path: Path) -> None:
     tasks = range(50)
     path = tmp_path / "trials.sqlite"
-    with closing(Campaign(path=path, processors=cluster.processors(), engine=cluster)) as campaign:
+    with closing(Campaign(path=path, processors=cluster.processors, engine=cluster)) as campaign:
         found = campaign(toy.square, tasks, quiet)
         assert campaign.failed == []
     assert [encode(row) for row in found.rows] == [encode(toy.square(task)) for task in tasks]
@@ -118,7 +118,7 @@ def test_a_cluster_of_its_own_commands(
     with closing(Cluster(address, count=2)) as cluster:
         while cluster.capacity() < 2:
             time.sleep(0.1)
-        campaign = Campaign(path=None, processors=cluster.processors(), engine=cluster)
+        campaign = Campaign(path=None, processors=cluster.processors, engine=cluster)
         pids = set(campaign(toy.process, range(20), quiet).column("pid").tolist())
         killing = threading.Timer(1.0, os.kill, (int(pids.pop()), signal.SIGKILL))
         killing.start()

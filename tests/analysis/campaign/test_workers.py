@@ -71,9 +71,11 @@ def test_a_process_that_dies_with_nothing_to_do_is_replaced(
     assert engine.submit(toy.process, 0).result()["pid"] not in pids
 
 
-def test_a_process_is_replaced_when_it_has_grown(toy: ModuleType) -> None:
+def test_a_process_is_replaced_when_it_has_grown(
+    toy: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workers, "_GROWTH", 60.0)
     with processes(1) as engine:
-        engine._workers[0]._growth = 60.0
         pids = [engine.submit(toy.grow, 0).result()["pid"] for _ in range(9)]
     assert 2 <= len(set(pids)) <= 4
     assert pids == sorted(pids, key=pids.index)  # one after the other

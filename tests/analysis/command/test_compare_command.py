@@ -1,28 +1,24 @@
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from chamfer.analysis.cli import main
-from chamfer.analysis.scenario.experiment import Catalogue
+Chamfer = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def results(toys: Catalogue, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> list[str]:
+def results(chamfer: Chamfer, tmp_path: Path) -> list[str]:
     """Folders of two results that differ in the height, 5 m and 8 m."""
-    folders = []
     for out, settings in (("one", []), ("two", ["--set", "height=8"])):
-        assert main(["run", "fall", *settings, "--out", str(tmp_path / out)], catalogue=toys) == 0
-        folders.append(str(tmp_path / out / "fall"))
-    capsys.readouterr()
-    return folders
+        assert chamfer("run", "fall", *settings, "--out", tmp_path / out)[0] == 0
+    return [str(tmp_path / out / "fall") for out in ("one", "two")]
 
 
-def test_json_has_what_differs(
-    results: list[str], toys: Catalogue, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["compare", *results, "--json"], catalogue=toys) == 0
-    document = json.loads(capsys.readouterr().out)
+def test_json_has_what_differs(chamfer: Chamfer, results: list[str]) -> None:
+    status, said, _ = chamfer("compare", *results, "--json")
+    assert status == 0
+    document = json.loads(said)
     assert [document["first"], document["second"]] == results
     assert document["fields"] == {"height": {"first": 5.0, "second": 8.0}}
     assert list(document["metrics"]) == ["end", "height"]
@@ -35,42 +31,34 @@ def test_json_has_what_differs(
     assert document["same_metrics"] == 2  # both undefined
 
 
-def test_table_is_side_by_side(
-    results: list[str], toys: Catalogue, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["compare", *results], catalogue=toys) == 0
-    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+def test_table_is_side_by_side(chamfer: Chamfer, results: list[str]) -> None:
+    rows = [line.split() for line in chamfer("compare", *results)[1].splitlines()]
     assert rows[:2] == [["field", *results], ["height", "5.0", "8.0"]]
     assert ["height", "5", "8", "3", "+60", "%", "m"] in rows
 
 
 def test_what_one_result_lacks_is_absent(
-    results: list[str], toys: Catalogue, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    chamfer: Chamfer, results: list[str], tmp_path: Path
 ) -> None:
-    assert main(["run", "trials", "--out", str(tmp_path / "one")], catalogue=toys) == 0
-    capsys.readouterr()
-    other = str(tmp_path / "one" / "trials")
-    assert main(["compare", results[0], other], catalogue=toys) == 0
-    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert chamfer("run", "trials", "--out", tmp_path / "one")[0] == 0
+    _, said, _ = chamfer("compare", results[0], tmp_path / "one" / "trials")
+    rows = [line.split() for line in said.splitlines()]
     assert ["experiment", "fall", "trials"] in rows
     assert ["noise", "absent", "0.1"] in rows
     assert ["rate", "absent", "1", "-", "-"] in rows
 
 
 def test_folder_without_a_result_is_refused(
-    results: list[str], toys: Catalogue, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    chamfer: Chamfer, results: list[str], tmp_path: Path
 ) -> None:
-    assert main(["compare", results[0], str(tmp_path)], catalogue=toys) == 2
-    assert "result.json: No such file" in capsys.readouterr().err
+    status, _, err = chamfer("compare", results[0], tmp_path)
+    assert status == 2
+    assert "result.json: No such file" in err
     result = json.loads(Path(results[1], "result.json").read_text())
-    metric = {"unit": "m"}
-    for document in (
-        "{}",
-        "[" * 100_000,
-        json.dumps({**result, "metrics": {"end": {**metric, "value": "far"}}}),
-        json.dumps({**result, "metrics": {"end": {**metric, "value": float("inf")}}}),
-        json.dumps({**result, "metrics": {"end": {**metric, "value": 10**400}}}),
-    ):
+    values = ("far", float("inf"), 10**400)
+    wrong = [{**result, "metrics": {"end": {"unit": "m", "value": value}}} for value in values]
+    for document in ("{}", "[" * 100_000, *map(json.dumps, wrong)):
         (tmp_path / "result.json").write_text(document)
-        assert main(["compare", results[0], str(tmp_path)], catalogue=toys) == 2
-        assert "not a result" in capsys.readouterr().err
+        status, _, err = chamfer("compare", results[0], tmp_path)
+        assert status == 2
+        assert "not a result" in err

@@ -1,18 +1,16 @@
 import json
+from collections.abc import Callable
 
 import pytest
 
-from chamfer.analysis.cli import main
 from chamfer.analysis.report.console import wrapped_table
-from chamfer.analysis.scenario.experiment import Catalogue
+
+Chamfer = Callable[..., tuple[int, str, str]]
 
 
-def test_fields_as_a_table(
-    toys: Catalogue, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_fields_as_a_table(chamfer: Chamfer, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "48")
-    assert main(["fields", "fall", "b"], catalogue=toys) == 0
-    assert capsys.readouterr().out.splitlines() == [
+    assert chamfer("fields", "fall", "b")[1].splitlines() == [
         "field      default  unit  meaning    allowed",
         "body.      2.0      kg    of what    a finite",
         "  mass                      falls      number",
@@ -22,11 +20,8 @@ def test_fields_as_a_table(
     ]
 
 
-def test_fields_as_json_have_these_keys(
-    toys: Catalogue, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["fields", "fall", "--json"], catalogue=toys) == 0
-    assert json.loads(capsys.readouterr().out)[-1] == {
+def test_fields_as_json_have_these_keys(chamfer: Chamfer) -> None:
+    assert json.loads(chamfer("fields", "fall", "--json")[1])[-1] == {
         "path": "step",
         "default": None,
         "unit": "s",

@@ -10,10 +10,10 @@ from urllib.request import urlopen
 
 import pytest
 
-from chamfer.analysis.cli import main
 from chamfer.analysis.scenario.experiment import Catalogue
 
 Start = Callable[..., subprocess.Popen[str]]
+Chamfer = Callable[..., tuple[int, str, str]]
 
 SEEN = """
 
@@ -96,16 +96,13 @@ def test_view_can_be_interrupted_while_it_runs(start: Start, seen: Catalogue) ->
     assert (process.returncode, out) == (130, "")
 
 
-def test_view_names_a_port_that_is_taken(
-    seen: Catalogue, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_view_names_a_port_that_is_taken(chamfer: Chamfer, seen: Catalogue) -> None:
     with socket.socket() as server:
         server.bind(("127.0.0.1", 0))
         server.listen()
         port = server.getsockname()[1]
-        assert main(["view", "seen", "--port", str(port)], catalogue=seen) == 2
-    expected = f"chamfer: --port is {port}, which is taken, allowed: a free one\n"
-    assert capsys.readouterr() == ("", expected)
+        message = f"chamfer: --port is {port}, which is taken, allowed: a free one\n"
+        assert chamfer("view", "seen", "--port", port, catalogue=seen) == (2, "", message)
 
 
 @pytest.mark.parametrize(
@@ -122,18 +119,16 @@ def test_view_names_a_port_that_is_taken(
     ],
 )
 def test_view_says_mistakes_in_one_line(
-    seen: Catalogue, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+    chamfer: Chamfer, seen: Catalogue, arguments: list[str], message: str
 ) -> None:
-    assert main(["view", *arguments], catalogue=seen) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
+    status, out, err = chamfer("view", *arguments, catalogue=seen)
+    assert (status, out) == (2, "")
     assert err.startswith(f"chamfer: {message}")
     assert err.count("\n") == 1
 
 
-def test_run_writes_a_replay_and_links_it(seen: Catalogue, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    assert main(["run", "seen", "trials", "--out", str(out)], catalogue=seen) == 0
+def test_run_writes_a_replay_and_links_it(chamfer: Chamfer, seen: Catalogue, out: Path) -> None:
+    assert chamfer("run", "seen", "trials", "--out", out, catalogue=seen)[0] == 0
     assert json.loads((out / "seen" / "result.json").read_text())["replay"] == "replay.html"
     assert "meshcat" in (out / "seen" / "replay.html").read_text()
     assert "replay" not in json.loads((out / "trials" / "result.json").read_text())
@@ -142,9 +137,8 @@ def test_run_writes_a_replay_and_links_it(seen: Catalogue, tmp_path: Path) -> No
 
 
 def test_a_replay_that_fails_leaves_no_result(
-    seen: Catalogue, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    chamfer: Chamfer, seen: Catalogue, out: Path
 ) -> None:
-    out = tmp_path / "out"
-    assert main(["run", "seen", "--set", "noise=13", "--out", str(out)], catalogue=seen) == 2
-    assert "seen: noise is 13.0, allowed: a lucky number" in capsys.readouterr().err
+    status, _, err = chamfer("run", "seen", "--set", "noise=13", "--out", out, catalogue=seen)
+    assert (status, err) == (2, "chamfer: seen: noise is 13.0, allowed: a lucky number\n")
     assert not (out / "seen").exists()
