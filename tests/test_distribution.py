@@ -56,7 +56,7 @@ def test_the_wheel_holds_what_the_packages_hold_and_nothing_else(built: Path) ->
         f"chamfer/{path.relative_to(ROOT).as_posix()}"
         for package in PACKAGES
         for path in (ROOT / package).rglob("*")
-        if path.suffix in {".py", ".typed", ".urdf"}
+        if path.suffix in {".py", ".typed", ".urdf", ".jinja"}
     }
     assert held == sources
     assert {f"chamfer/{package}/py.typed" for package in PACKAGES} <= held

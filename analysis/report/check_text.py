@@ -12,11 +12,7 @@ WORDS: Final["dict[Verdict, str]"] = {
     "does_not_hold": "does not hold",
     "not_reached": "not reached",
 }
-_PLURAL: Final["dict[Verdict, str]"] = {
-    "holds": "hold",
-    "does_not_hold": "do not hold",
-    "not_reached": "not reached",
-}
+_PLURAL: Final = {"holds": "hold", "does_not_hold": "do not hold", "not_reached": "not reached"}
 EXPLAINED: Final = (
     "A predicted value follows from published numbers; for a calibrated one a free parameter was "
     "chosen to fit. A claim that does not hold fails on the paper's own model; one that is not "
@@ -48,9 +44,17 @@ def typeset(text: str) -> str:
 
 
 def verdict_text(check: Mapping[str, Any]) -> str:
-    """Return the verdict of a check's document in words, with what it is worth."""
+    """Return the verdict of a check's document in words, and whether a bound is kept by far.
+
+    A bound of zero asks for a sign, and no number is twice as far from it as another.
+    """
     text = WORDS[check["verdict"]]
-    return f"{text} ({kept})" if check["verdict"] == "holds" and (kept := _far(check)) else text
+    if check["verdict"] == "holds":
+        if check["relation"] == "at_most" and 0 < check["published"] > _FAR * check["measured"]:
+            return f"{text} (not exceeded)"
+        if check["relation"] == "at_least" and 0 < _FAR * check["published"] < check["measured"]:
+            return f"{text} (not undercut)"
+    return text
 
 
 def counts(checks: Iterable[Mapping[str, Any]]) -> "dict[Verdict, int]":
@@ -64,15 +68,3 @@ def counts_text(counted: "Mapping[Verdict, int]") -> str:
     total = sum(counted.values())
     said = ", ".join(f"{n} {WORDS[key] if n == 1 else _PLURAL[key]}" for key, n in counted.items())
     return f"{total} check{'s' * (total != 1)}: {said}"
-
-
-def _far(check: Mapping[str, Any]) -> str:
-    """Return what is said of a bound that is kept by far, "" of any other relation.
-
-    A bound of zero asks for a sign, and no number is twice as far from it as another.
-    """
-    if check["relation"] == "at_most" and 0 < check["published"] > _FAR * check["measured"]:
-        return "not exceeded"
-    if check["relation"] == "at_least" and 0 < _FAR * check["published"] < check["measured"]:
-        return "not undercut"
-    return ""

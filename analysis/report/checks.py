@@ -35,31 +35,21 @@ class Published:
     otherwise: Literal["does_not_hold", "not_reached"] = "not_reached"
 
     def __post_init__(self) -> None:
-        needed = {
-            "near": (self.value, self.tolerance),
-            "at_most": (self.value,),
-            "at_least": (self.value,),
-            "between": (self.low, self.high),
-        }[self.relation]
-        if None in needed:
+        if any(map(math.isnan, self.bounds())):
             raise ValueError(f"{self.metric}: relation {self.relation!r} lacks a number")
         if self.otherwise == "does_not_hold" and not self.note:
             raise ValueError(f"{self.metric}: a claim that does not hold lacks a note")
 
     def bounds(self) -> tuple[float, float]:
         """Return the smallest and the largest value that satisfy the relation."""
-        value = math.nan if self.value is None else self.value
-        if self.relation == "near":
-            tolerance = math.nan if self.tolerance is None else self.tolerance
-            return value - tolerance, value + tolerance
-        if self.relation == "at_most":
-            return -math.inf, value
-        if self.relation == "at_least":
-            return value, math.inf
-        return (
-            math.nan if self.low is None else self.low,
-            math.nan if self.high is None else self.high,
-        )
+        given = (self.value, self.tolerance, self.low, self.high)
+        value, tolerance, low, high = (math.nan if one is None else one for one in given)
+        return {
+            "near": (value - tolerance, value + tolerance),
+            "at_most": (-math.inf, value),
+            "at_least": (value, math.inf),
+            "between": (low, high),
+        }[self.relation]
 
     def holds(self, measured: float | None) -> bool:
         """Say whether the measured value satisfies the relation; an undefined one does not."""

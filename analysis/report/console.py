@@ -6,7 +6,7 @@ import textwrap
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from typing import Any, Final, TextIO
+from typing import Any, Final
 
 from chamfer.analysis.report.check_text import number, relation, verdict_text
 
@@ -27,17 +27,12 @@ def plain_warnings() -> Iterator[None]:
         shown = warnings.showwarning
 
         def show(
-            message: Warning | str,
-            category: type[Warning],
-            filename: str,
-            lineno: int,
-            file: TextIO | None = None,
-            line: str | None = None,
+            message: Warning | str, category: type[Warning], *where: Any, **more: Any
         ) -> None:
             if category is UserWarning:
                 say(f"warning: {message}")
             else:
-                shown(message, category, filename, lineno, file, line)
+                shown(message, category, *where, **more)
 
         warnings.showwarning = show
         yield
@@ -90,27 +85,22 @@ def wrapped_table(rows: Sequence[Sequence[str]], width: int) -> list[str]:
     natural = [max(map(len, column)) for column in columns]
     least = [max(len(word) for cell in column for word in cell.split(" ")) for column in columns]
     room = width - 2 * (len(columns) - 1)
-    share = room
-    while share > 0 and sum(_widths(natural, least, share)) > room:
-        share -= 1
-    widths = _widths(natural, least, share)
+
+    def widths(share: int) -> list[int]:
+        return [max(low, min(high, share)) for low, high in zip(least, natural, strict=True)]
+
+    share = next((one for one in range(room, 0, -1) if sum(widths(one)) <= room), 0)
     lines = []
     for row in dotted:
         cells = [
             textwrap.wrap(cell, size, subsequent_indent="  ", break_long_words=False) or [""]
-            for cell, size in zip(row, widths, strict=True)
+            for cell, size in zip(row, widths(share), strict=True)
         ]
         cells[0] = [part.replace(". ", ".") for part in cells[0]]
-        lines += [
-            "  ".join(part.ljust(size) for part, size in zip(parts, widths, strict=True)).rstrip()
-            for parts in itertools.zip_longest(*cells, fillvalue="")
-        ]
+        for parts in itertools.zip_longest(*cells, fillvalue=""):
+            sized = zip(parts, widths(share), strict=True)
+            lines.append("  ".join(part.ljust(size) for part, size in sized).rstrip())
     return lines
-
-
-def _widths(natural: Sequence[int], least: Sequence[int], share: int) -> list[int]:
-    """Return columns' widths of which none is more than its share, unless a word is."""
-    return [max(low, min(high, share)) for low, high in zip(least, natural, strict=True)]
 
 
 def _checks(checks: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -4,7 +4,7 @@ import enum
 import hashlib
 import platform
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache, partial
 from importlib.metadata import version
@@ -98,30 +98,20 @@ def canonical(value: object) -> str:
         return f"array({value.dtype.str}, {value.shape}, {content})"
     if isinstance(value, type | FunctionType | BuiltinFunctionType):
         return _name(value)
-    return "".join(_composed(value))
-
-
-def _composed(value: object) -> Iterator[str]:
+    if isinstance(value, partial):
+        parts = [canonical(one) for one in (value.func, value.args, value.keywords)]
+        return f"partial({', '.join(parts)})"
     if is_dataclass(value):
-        yield from (_name(type(value)), "(")
-        for field in fields(value):
-            yield f"{field.name}={canonical(getattr(value, field.name))}, "
-    elif isinstance(value, partial):
-        yield f"partial({canonical(value.func)}, {canonical(value.args)}, "
-        yield canonical(value.keywords)
+        parts = [f"{one.name}={canonical(getattr(value, one.name))}, " for one in fields(value)]
     elif isinstance(value, tuple | list):
-        yield f"{_name(type(value))}("
-        for element in value:
-            yield f"{canonical(element)}, "
+        parts = [f"{canonical(one)}, " for one in value]
     elif isinstance(value, Mapping):
-        yield f"{_name(type(value))}("
-        yield from sorted(f"{canonical(key)}: {canonical(of)}, " for key, of in value.items())
+        parts = sorted(f"{canonical(key)}: {canonical(of)}, " for key, of in value.items())
     elif isinstance(value, set | frozenset):
-        yield f"{_name(type(value))}("
-        yield from sorted(f"{canonical(element)}, " for element in value)
+        parts = sorted(f"{canonical(one)}, " for one in value)
     else:
         raise TypeError(f"a trial can't depend on {value!r}, which is a {type(value).__name__}")
-    yield ")"
+    return f"{_name(type(value))}({''.join(parts)})"
 
 
 def _name(value: Any) -> str:
@@ -134,22 +124,18 @@ def _name(value: Any) -> str:
 def _sources_digest(modules: tuple[str, ...]) -> str:
     files = [path for package in _PACKAGES for path in _sources(_ROOT / package)]
     for top in sorted({module.partition(".")[0] for module in modules} - {"chamfer"}):
-        files += _own_sources(top)
+        # Somebody's own package or module; a built-in one has no file.
+        own = sys.modules.get(top)
+        folders, file = getattr(own, "__path__", None), getattr(own, "__file__", None)
+        if folders is not None:
+            files += [path for folder in folders for path in _sources(Path(folder))]
+        elif file is not None:
+            files.append(Path(file))
     lines = [
         f"{path.parent.name}/{path.name} {hashlib.sha256(path.read_bytes()).hexdigest()}"
         for path in files
     ]
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
-
-
-def _own_sources(top: str) -> list[Path]:
-    """Return the files of a package or module of somebody's own; none if it has no file."""
-    found = sys.modules.get(top)
-    folders = getattr(found, "__path__", None)
-    if folders is not None:
-        return [path for folder in folders for path in _sources(Path(folder))]
-    file = getattr(found, "__file__", None)
-    return [] if file is None else [Path(file)]
 
 
 def _sources(folder: Path) -> list[Path]:

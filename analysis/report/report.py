@@ -1,20 +1,52 @@
-"""The report: one page made of every result in the folder."""
+"""The report: one page, self-contained HTML, made of every result in the folder."""
 
+import base64
 import os
-from collections.abc import Sequence
+import re
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, NamedTuple
+from urllib.parse import quote
+
+from jinja2 import Environment, FileSystemLoader
 
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.report.atomic_write import write_text
-from chamfer.analysis.report.checks import load_paper
-from chamfer.analysis.report.report_page import Section, page
+from chamfer.analysis.report.check_text import (
+    EXPLAINED,
+    WORDS,
+    counts,
+    counts_text,
+    number,
+    relation,
+    typeset,
+    verdict_text,
+)
+from chamfer.analysis.report.checks import Verdict, load_paper
+from chamfer.analysis.report.console import failed_text
 from chamfer.analysis.report.results import RESULT, SWEEP, read_result
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import Catalogue, Entry
 
-REPORT = "index.html"
-_DOCUMENTS = (RESULT, SWEEP)
+REPORT: Final = "index.html"
+_DOCUMENTS: Final = (RESULT, SWEEP)
+_KINDS: Final = ("experiment", "sweep", "design")
+
+
+class _Section(NamedTuple):
+    """A document's part of the page."""
+
+    kind: str
+    experiment: str
+    name: str
+    paper: str
+    figure: str
+    anchor: str
+    counted: Mapping[Verdict, int]
+    html: str
 
 
 def write_report(
@@ -27,7 +59,8 @@ def write_report(
     """Write ``out/index.html`` from the results and sweeps in ``out`` and return its path.
 
     A result that appears while the page is made, because another run writes to the same folder,
-    makes it start again: the last one to write has seen everything.
+    makes it start again: the last one to write has seen everything. ``running`` is what of a run
+    that goes on has ended; the page reloads itself then.
 
     Raises:
         UserError: If the page can't be written.
@@ -54,26 +87,64 @@ def report_text(
     """Return the page as HTML: results by paper, in the order of the registry."""
     order = {entry.name: i for i, entry in enumerate(entries)}
     summaries = {entry.name: entry.summary for entry in entries}
-    sections: list[Section] = []
+    sections: list[_Section] = []
     unreadable: list[str] = []
     for path in sorted(path for name in _DOCUMENTS for path in out.glob(f"*/{name}")):
         try:
-            document = read_result(path)
-            if path.name == SWEEP:
-                sections.append(Section.of_document("sweep", path.parent, document))
-                continue
-            if "design" in document:
-                sections.append(Section.of_document("design", path.parent, document))
-                continue
-            sections.append(
-                Section.make(path.parent, document, summaries.get(str(document["experiment"]), ""))
-            )
+            sections.append(_section(path, summaries))
         except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
             reason = f"{error} is missing" if isinstance(error, LookupError) else str(error)
             unreadable.append(f"{path.relative_to(out)}: {reason}")
     sections.sort(key=lambda one: (one.paper, order.get(one.experiment, len(order)), one.name))
-    titles = {key: load_paper(key, catalogue).title for key in {one.paper for one in sections}}
-    return page(sections, titles, unreadable, running=running)
+    counted = {kind: sum(one.kind == kind for one in sections) for kind in _KINDS}
+    total = [
+        f"{count} {kind}{'s' * (count != 1)}"
+        for kind, count in counted.items()
+        if count or kind == "experiment"
+    ]
+    verdicts: dict[Verdict, int] = {
+        verdict: sum(one.counted[verdict] for one in sections) for verdict in WORDS
+    }
+    page = _macros().page(
+        papers=[
+            (load_paper(key, catalogue), list(group))
+            for key, group in groupby(sections, lambda one: one.paper)
+        ],
+        total=", ".join([*total, counts_text(verdicts)]),
+        verdicts=WORDS,
+        explained=EXPLAINED,
+        unreadable=unreadable,
+        running=running,
+        now=time.strftime("%H:%M:%S"),
+    )
+    return str(page)
+
+
+def _section(path: Path, summaries: Mapping[str, str]) -> _Section:
+    """Return the section of a document and the files beside it.
+
+    Raises:
+        LookupError, TypeError, ValueError, AttributeError: If it is none that the page shows.
+    """
+    folder, document = path.parent, read_result(path)
+    kind = "sweep" if path.name == SWEEP else "design" if "design" in document else "experiment"
+    experiment = str(document[kind])
+    macro = getattr(_macros(), kind)
+    if kind == "experiment":
+        name = experiment if folder.name == experiment else f"{experiment} ({folder.name})"
+        html, checks = macro(folder, document, summaries.get(experiment, "")), document["checks"]
+    else:
+        name, html, checks = f"{experiment} ({kind})", macro(folder, document), ()
+    return _Section(
+        kind=kind,
+        experiment=experiment,
+        name=name,
+        paper=str(document["paper"]),
+        figure=str(document["figure"]),
+        anchor=re.sub(r"[^A-Za-z0-9-]+", "-", folder.name),
+        counted=counts(checks),
+        html=html,
+    )
 
 
 def _signature(out: Path) -> list[Any]:
@@ -84,3 +155,72 @@ def _signature(out: Path) -> list[Any]:
         for name in _DOCUMENTS
         if os.path.isfile(path := os.path.join(entry.path, name))
     )
+
+
+class _Environment(Environment):
+    """Looks a name up in a mapping, where Jinja would take a missing one as empty."""
+
+    def getattr(self, obj: Any, attribute: str) -> Any:
+        if isinstance(obj, Mapping) and not hasattr(obj, attribute):
+            return obj[attribute]
+        return getattr(obj, attribute)
+
+
+@cache
+def _macros() -> Any:
+    environment = _Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        trim_blocks=True,
+    )
+    environment.filters |= {
+        "caption": _caption,
+        "digits": lambda value, count: f"{float(value):.{count}g}",
+        "encoded": _encoded,
+        "failed": failed_text,
+        "leaves": _leaves,
+        "link": _link,
+        "measured": lambda value: "undefined" if value is None else _minus(number(value)),
+        "minus": _minus,
+        "relation": relation,
+        "typeset": typeset,
+        "verdict": verdict_text,
+    }
+    return environment.get_template("report.html.jinja").module
+
+
+def _minus(text: str) -> str:
+    return text.replace("-", "\N{MINUS SIGN}")
+
+
+def _caption(file: str) -> str:
+    stem = Path(file).stem
+    if stem == "diagram":
+        return "Block diagram"
+    chart = stem.removeprefix("chart-")
+    words = chart.replace("_", " ").replace("-", " ")
+    return words.capitalize() if chart == stem else f"State chart: {words}"
+
+
+def _encoded(folder: Path, name: str) -> str:
+    """Return a figure for an image of its own, so that the ids of two figures don't collide."""
+    _link(folder, name)
+    try:
+        return base64.b64encode((folder / name).read_bytes()).decode()
+    except OSError:
+        return ""
+
+
+def _link(folder: Path, name: str) -> str:
+    """Return the address of a file beside a document."""
+    if Path(name).name != name:
+        raise ValueError(f"{name!r} is not a file name")
+    return f"{quote(folder.name)}/{quote(name)}"
+
+
+def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, str]]:
+    if isinstance(value, Mapping):
+        for name, inner in value.items():
+            yield from _leaves(inner, f"{path}.{name}" if path else str(name))
+    else:
+        yield path, "null" if value is None else str(value)

@@ -6,8 +6,7 @@ import math
 import os
 import platform
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -26,16 +25,9 @@ SWEEP: Final = "sweep.json"
 SCENARIO: Final = "scenario.yaml"
 REPLAY: Final = "replay.html"
 
-_DISTRIBUTIONS: Final = {
-    "drake": "drake",
-    "numpy": "numpy",
-    "numba": "numba",
-    "scipy": "scipy",
-    "control": "control",
-    "opencv": "opencv-python-headless",
-    "matplotlib": "matplotlib",
-    "chamfer": "chamfer",
-}
+_PACKAGES: Final = (
+    *("drake", "numpy", "numba", "scipy", "control", "opencv", "matplotlib", "chamfer"),
+)
 _DOTS_PER_INCH: Final = 150
 
 
@@ -60,16 +52,13 @@ class Artifacts:
 
 def defined_metrics(metrics: Mapping[str, Metric]) -> dict[str, Metric]:
     """Return the metrics with None, and a note that says why, for what is not a finite number."""
-    defined = {}
+    defined = dict(metrics)
     for name, metric in metrics.items():
         if metric.value is None:
-            note = metric.note or "undefined"
+            defined[name] = replace(metric, note=metric.note or "undefined")
         elif not math.isfinite(metric.value):
             note = metric.note or f"measured {float(metric.value)}"
-            metric = replace(metric, value=None)
-        else:
-            note = metric.note
-        defined[name] = replace(metric, note=note)
+            defined[name] = replace(metric, value=None, note=note)
     return defined
 
 
@@ -82,24 +71,19 @@ def metric_document(metric: Metric) -> dict[str, Any]:
 
 def check_document(check: Check) -> dict[str, Any]:
     """Return a check as the result file holds it; numbers that its relation lacks are left out."""
-    published = check.published
-    numbers = {
-        "published": published.value,
-        "tolerance": published.tolerance,
-        "low": published.low,
-        "high": published.high,
-    }
+    of = check.published
+    numbers = {"published": of.value, "tolerance": of.tolerance, "low": of.low, "high": of.high}
     return {
-        "metric": published.metric,
-        "relation": published.relation,
+        "metric": of.metric,
+        "relation": of.relation,
         **{name: float(number) for name, number in numbers.items() if number is not None},
         "measured": None if check.measured is None else float(check.measured),
-        "unit": published.unit,
-        "kind": published.kind,
-        "source": published.source,
+        "unit": of.unit,
+        "kind": of.kind,
+        "source": of.source,
         "verdict": check.verdict,
         "ok": check.ok,
-        "note": published.note,
+        "note": of.note,
     }
 
 
@@ -109,9 +93,9 @@ def versions(module: str = "chamfer") -> dict[str, str | None]:
     And of the package that ``module`` belongs to, where an experiment of somebody's own is.
     """
     found: dict[str, str | None] = {"python": platform.python_version()}
-    for name, distribution in _DISTRIBUTIONS.items():
+    for name in _PACKAGES:
         try:
-            found[name] = version(distribution)
+            found[name] = version("opencv-python-headless" if name == "opencv" else name)
         except PackageNotFoundError:
             found[name] = None
     return found | {"sources": code((module,)).sources}
@@ -155,9 +139,13 @@ def write_whole(folder: Path, fill: Callable[[Path], None], *, last: str) -> Non
     with tempfile.TemporaryDirectory(prefix=".unfinished-", dir=folder) as name:
         staging = Path(name)
         fill(staging)
-        with _locked(folder):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
             for path in sorted(staging.iterdir(), key=lambda path: path.name == last):
                 os.replace(path, folder / path.name)
+        finally:
+            os.close(descriptor)
 
 
 def read_result(path: Path) -> dict[str, Any]:
@@ -191,13 +179,3 @@ def save_figures(folder: Path, figures: "Mapping[str, Figure]") -> None:
         for name, figure in figures.items():
             figure.savefig(folder / f"{name}.svg", format="svg", metadata={"Date": None})
             figure.savefig(folder / f"{name}.png", format="png", dpi=_DOTS_PER_INCH)
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(descriptor)

@@ -52,40 +52,32 @@ def results_table(
         lines += ["", f"## {titles[paper]}", "", _row(_COLUMNS), _row(["---"] * len(_COLUMNS))]
         reasons = []
         for result in group:
-            mark = " *study*" if result["experiment"] in studies else ""
-            lines += (_row([first + mark, *rest]) for first, *rest in _rows(result))
-            reasons += _reasons(result)
+            name = result["experiment"]
+            lines += map(_row, _rows(result, " *study*" if name in studies else ""))
+            reasons += [
+                f"- `{name}` `{check['metric']}` {verdict_text(check)}: {check['note']}"
+                for check in result["checks"]
+                if not check["ok"]
+            ]
         lines += ["", *reasons] if reasons else []
     return "\n".join(lines) + "\n"
 
 
-def _rows(result: Mapping[str, Any]) -> Iterator[list[str]]:
-    first = [f"`{result['experiment']}`", str(result["figure"])]
+def _rows(result: Mapping[str, Any], mark: str) -> Iterator[list[str]]:
+    first = [f"`{result['experiment']}`{mark}", str(result["figure"])]
     for check in result["checks"]:
-        measured, verdict = check["measured"], verdict_text(check)
+        measured, verdict, unit = check["measured"], verdict_text(check), check["unit"]
         yield [
             *first,
             f"`{check['metric']}`",
-            _with_unit(typeset(relation(check)), check["unit"]),
-            "undefined" if measured is None else _with_unit(number(measured), check["unit"]),
+            f"{typeset(relation(check))} {unit}".rstrip(),
+            "undefined" if measured is None else f"{number(measured)} {unit}".rstrip(),
             check["kind"],
             verdict if check["ok"] else f"**{verdict}**",
         ]
     if not result["checks"]:
         count = len(result["metrics"])
         yield [*first, "", "", f"{count} metric{'s' * (count != 1)}", "", ""]
-
-
-def _reasons(result: Mapping[str, Any]) -> list[str]:
-    return [
-        f"- `{result['experiment']}` `{check['metric']}` {verdict_text(check)}: {check['note']}"
-        for check in result["checks"]
-        if not check["ok"]
-    ]
-
-
-def _with_unit(text: str, unit: str) -> str:
-    return f"{text} {unit}".rstrip()
 
 
 def _row(cells: Sequence[str]) -> str:

@@ -7,21 +7,15 @@ from chamfer.analysis.report.size import main, sizes
 CODE = '"""Says\nwhat."""\n\n\ndef one() -> int:\n    """Return 1."""\n    return 1\n'
 
 
-@pytest.fixture
-def project(tmp_path: Path) -> Path:
+def test_code_docstrings_and_tests_are_counted_by_room(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     for path in ("models/arms/wam.py", "tests/models/arms/test_wam.py", "tests/conftest.py"):
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(CODE)
-    return tmp_path
-
-
-def test_code_docstrings_and_tests_are_counted_by_room(project: Path) -> None:
-    assert sizes(project) == {
+    assert sizes(tmp_path) == {
         "models/arms": {"docstrings": 3, "code": 4, "tests": 7},
         "tests": {"tests": 7},
     }
-
-
-def test_the_sums_are_printed(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    main(project)
+    main(tmp_path)
     assert capsys.readouterr().out.endswith("four packages: 7 lines, tests: 14\n")
