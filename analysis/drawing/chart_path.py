@@ -145,7 +145,7 @@ def path_rows(
     )
     ids = [{ANY_STATE if name == ANY else state_id(name) for name in row} for row in rows]
     drawn = []
-    for part in groups(graph, ids) if ids else halves(graph):
+    for part in _groups(graph, ids) if ids else _halves(graph):
         layout = lay_out(part)
         inside = {node.id for node in part.nodes}
         entered = {first.target}
@@ -171,7 +171,7 @@ def _failing(chart: AnyChart) -> set[str]:
         failing |= more
 
 
-def groups(graph: Graph, rows: Sequence[Collection[str]]) -> list[Graph]:
+def _groups(graph: Graph, rows: Sequence[Collection[str]]) -> list[Graph]:
     """Cut a graph into given rows, those without a node left out.
 
     Args:
@@ -201,7 +201,7 @@ def groups(graph: Graph, rows: Sequence[Collection[str]]) -> list[Graph]:
     return found
 
 
-def halves(graph: Graph) -> list[Graph]:
+def _halves(graph: Graph) -> list[Graph]:
     """Cut a graph at the edge without which it has two parts, the most even ones, if there is."""
     ids = [node.id for node in graph.nodes]
     best: list[set[str]] = []
@@ -213,7 +213,7 @@ def halves(graph: Graph) -> list[Graph]:
         least = min(map(len, pair))
         if edge.target not in before and least >= max(_FEWEST, 1 + min(map(len, best), default=0)):
             best = pair
-    return groups(graph, [best[0] - {START}, best[1]]) if best else [graph]
+    return _groups(graph, [best[0] - {START}, best[1]]) if best else [graph]
 
 
 class _Ink:

@@ -7,14 +7,7 @@ from matplotlib.colors import to_hex
 from matplotlib.patches import FancyBboxPatch
 
 from chamfer.analysis.drawing.chart_graph import START, state_id
-from chamfer.analysis.drawing.chart_path import (
-    Row,
-    groups,
-    halves,
-    path_rows,
-    plot_chart_path,
-)
-from chamfer.analysis.drawing.graph import Edge, Graph, Node
+from chamfer.analysis.drawing.chart_path import Row, path_rows, plot_chart_path
 from chamfer.analysis.scenario.experiment import Table
 from chamfer.analysis.skills.skill_run import SkillStep, path_table
 from chamfer.systems.statechart.chart import Chart, State, Transition
@@ -230,60 +223,3 @@ def test_a_row_is_entered_only_where_the_run_came_from_another_one() -> None:
         if route.edge.source == START
     }
     assert taken == {state_id("c"): True, state_id("d"): False}
-
-
-def chain(*pairs: tuple[str, str]) -> Graph:
-    """Return a graph that begins with the first pair's first node."""
-    names = dict.fromkeys(name for pair in pairs for name in pair)
-    return Graph(
-        title="",
-        nodes=(
-            Node(id=START, label="", kind="initial"),
-            *(Node(id=name, label=name.upper(), kind="state") for name in names),
-        ),
-        edges=(
-            Edge(source=START, target=pairs[0][0]),
-            *(
-                Edge(source=a, target=b, label=f"{a}{b}", source_port=str(i), target_port=str(i))
-                for i, (a, b) in enumerate(pairs)
-            ),
-        ),
-    )
-
-
-def ends(graph: Graph) -> set[tuple[str, str]]:
-    return {(edge.source, edge.target) for edge in graph.edges}
-
-
-def test_groups_lead_on_to_stubs() -> None:
-    first, second = groups(
-        chain(("a", "b"), ("b", "c"), ("a", "c"), ("c", "a")), [{"a", "b"}, {"c"}]
-    )
-    # Two ways lead to c: one stub, which says where it goes on.
-    assert ends(first) == {(START, "a"), ("a", "b"), ("b", "onward c"), ("a", "onward c")}
-    assert [(node.id, node.label) for node in first.nodes[1:]] == [
-        ("a", "A"),
-        ("b", "B"),
-        ("onward c", "C"),
-    ]
-    assert ends(second) == {(START, "c"), ("c", "onward a")}
-    assert {edge.label for edge in second.edges} == {"", "ca"}
-
-
-def test_halves_are_cut_where_one_edge_leads_on() -> None:
-    pairs = [("a", "b"), ("b", "a"), ("b", "c"), ("c", "b"), ("c", "d")]
-    pairs += [("d", "e"), ("e", "d"), ("e", "f"), ("f", "e"), ("f", "g"), ("g", "f")]
-    first, second = halves(chain(*pairs))
-    assert [node.id for node in first.nodes] == [START, "a", "b", "c", "onward d"]
-    assert ("c", "onward d") in ends(first)
-    assert {node.id for node in second.nodes} == {START, "d", "e", "f", "g"}
-    assert (START, "d") in ends(second)
-    for whole in (chain(("a", "b"), ("b", "c")), chain(*zip("abcdefgh", "bcdefgha", strict=True))):
-        assert halves(whole) == [whole]
-
-
-def test_a_row_into_which_nothing_leads_has_no_start() -> None:
-    first, second = groups(chain(("a", "b"), ("c", "b")), [{"a", "b"}, {"x"}, {"c"}])
-    assert [node.id for node in first.nodes] == [START, "a", "b"]
-    assert [node.id for node in second.nodes] == ["c", "onward b"]
-    assert ends(second) == {("c", "onward b")}

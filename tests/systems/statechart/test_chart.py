@@ -1,4 +1,5 @@
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -64,29 +65,6 @@ def run(
     return snapshots, records
 
 
-def there_and_back() -> TraceChart:
-    return make_chart([noting("a"), noting("b")], on("x", "a", "b"), on("y", "b", "a"))
-
-
-# One tick
-
-
-def test_first_tick_enters_the_initial_state_once() -> None:
-    chart = there_and_back()
-    before = chart.start()
-    assert before == Snapshot("a", 0.0, (), False)
-    snapshots, records = run(chart, ["", ""], first=3)
-    assert snapshots[0] == Snapshot("a", 3.0, ("a.entry", "a.during"), True)
-    assert snapshots[1] == Snapshot("a", 3.0, ("a.entry", "a.during", "a.during"), True)
-    assert records == []
-
-
-def test_transition_runs_exit_action_entry_during_in_one_tick() -> None:
-    snapshots, _ = run(there_and_back(), ["", "x"])
-    assert snapshots[1].memory[2:] == ("a.exit", "a->b", "b.entry", "b.during")
-    assert (snapshots[1].state, snapshots[1].entered_at) == ("b", 1.0)
-
-
 def test_guards_and_actions_see_time_inputs_and_memory() -> None:
     seen: list[tuple[str, float, float, str, Trace]] = []
 
@@ -121,22 +99,6 @@ def test_guards_and_actions_see_time_inputs_and_memory() -> None:
     ]
 
 
-# Priority
-
-
-# Timeouts
-
-
-def waiting(timeout: float) -> TraceChart:
-    return make_chart(
-        [noting("wait", timeout=timeout, on_timeout="late"), noting("late"), noting("seen")],
-        on("x", "wait", "seen"),
-        on("s", "wait", "wait"),
-        on("y", "late", "wait"),
-        on("y", "seen", "wait"),
-    )
-
-
 @settings(deadline=None)
 @given(
     period=st.sampled_from([1 / 80, 1 / 30, 0.1, 1e-3, 0.7]),
@@ -146,32 +108,14 @@ def waiting(timeout: float) -> TraceChart:
 def test_timeout_of_whole_periods_takes_that_many_ticks(
     period: float, first: int, count: int
 ) -> None:
-    chart = waiting(count * period)
+    wait = noting("wait", timeout=count * period, on_timeout="late")
+    chart = make_chart([wait, noting("late")], on("s", "wait", "wait"), on("y", "late", "wait"))
     entered, _ = chart.step(chart.start(), "", first * period)
     _, early = chart.step(entered, "", (first + count - 1) * period)
     _, due = chart.step(entered, "", (first + count) * period)
     assert early is None
     assert due is not None
     assert due.target == "late"
-
-
-# Transitions from any state
-
-
-# Final states
-
-
-@pytest.mark.parametrize("outcome", ["done", "failed"])
-def test_final_state_is_never_left_and_keeps_acting(outcome: str) -> None:
-    chart = make_chart([noting("a"), noting("end", outcome=outcome)], on("x", "a", "end"))
-    snapshots, records = run(chart, ["x"] * 4)
-    assert [snapshot.state for snapshot in snapshots] == ["end"] * 4
-    assert snapshots[-1].memory[3:] == ("end.entry",) + ("end.during",) * 4
-    assert len(records) == 1
-    assert chart.state("end").outcome == outcome
-
-
-# Paths
 
 
 def test_paths_include_timeouts() -> None:
@@ -194,163 +138,72 @@ def test_paths_include_timeouts() -> None:
     assert chart.reachable("d") == frozenset()
 
 
-def test_chart_of_one_state_may_stay_there() -> None:
-    snapshots, _ = run(make_chart([noting("a")]), ["", ""])
-    assert snapshots[-1].memory == ("a.entry", "a.during", "a.during")
-
-
-# Values
-
-
-def test_step_leaves_its_snapshot_alone() -> None:
-    chart = there_and_back()
-    (_, before), _ = run(chart, ["", ""])
-    copy = Snapshot(*before)
-    first = chart.step(before, "x", 2.0)
-    second = chart.step(before, "x", 2.0)
-    assert before == copy
-    assert first == second
-    assert chart.step(before, "", 2.0)[0].state == "a"
-    with pytest.raises(AttributeError):
-        before.state = "b"  # type: ignore[misc]
-
-
-PlainState = State[str, None]
-PlainTransition = Transition[str, None]
-PlainChart = Chart[str, None]
-
-
-def named(name: str, **others: object) -> PlainState:
-    return State(name=name, **others)  # type: ignore[arg-type]
-
-
-def plain_on(event: str, source: str, target: str) -> PlainTransition:
-    """Return a transition on an event, labelled with it."""
-    return Transition(
-        source=source, target=target, guard=lambda tick: event in tick.inputs, label=event
-    )
-
-
-def plain_chart(states: Sequence[PlainState], *transitions: PlainTransition) -> PlainChart:
-    return Chart("test", states=states, transitions=transitions, memory=None)
-
-
-BACK_AND_FORTH = (plain_on("x", "a", "b"), plain_on("y", "b", "a"))
+LOOP = "x:a>b y:b>a"
 
 
 @pytest.mark.parametrize(
-    ("states", "transitions", "message"),
+    ("names", "ways", "options", "message"),
     [
-        pytest.param([], [], "has no states", id="empty"),
-        pytest.param(
-            [named("a"), named("b"), named("a")],
-            BACK_AND_FORTH,
-            "has the state 'a' twice",
-            id="duplicate",
-        ),
-        pytest.param([named("")], [], ": '' can't be a state's name", id="empty name"),
-        pytest.param([named(ANY)], [], ": '*' can't be a state's name", id="reserved name"),
-        pytest.param(
-            [named("a"), named("b")],
-            [*BACK_AND_FORTH, plain_on("z", "a", "c")],
-            ": the transition a -> c names 'c', valid states: a, b",
-            id="unknown target",
-        ),
-        pytest.param(
-            [named("a"), named("b")],
-            [*BACK_AND_FORTH, plain_on("z", "c", "a")],
-            ": the transition c -> a names 'c', valid states: a, b",
-            id="unknown source",
-        ),
-        pytest.param(
-            [named("a"), named("b")],
-            [*BACK_AND_FORTH, plain_on("z", "a", ANY)],
-            ": the transition a -> * names '*', valid states: a, b",
-            id="any as a target",
-        ),
-        pytest.param(
-            [named("a"), named("b")],
-            [*BACK_AND_FORTH, plain_on("", "a", "b")],
-            ": the transition a -> b has no label",
-            id="no label",
-        ),
-        pytest.param(
-            [named("a"), named("b"), named("c")],
-            [*BACK_AND_FORTH, plain_on("z", "c", "a")],
-            ": state 'c' can't be reached",
-            id="unreachable",
-        ),
-        pytest.param(
-            [named("a"), named("b"), named("c"), named("d")],
-            [*BACK_AND_FORTH, plain_on("z", "c", "d"), plain_on("z", "d", "c")],
-            ": state 'c' can't be reached",
-            id="unreachable island",
-        ),
-        pytest.param(
-            [named("a"), named("b")],
-            [plain_on("x", "a", "b")],
+        ([], "", {}, "has no states"),
+        (["a", "b", "a"], LOOP, {}, "has the state 'a' twice"),
+        ([""], "", {}, ": '' can't be a state's name"),
+        ([ANY], "", {}, ": '*' can't be a state's name"),
+        (["a", "b"], f"{LOOP} z:a>c", {}, ": the transition a -> c names 'c', valid states: a, b"),
+        (["a", "b"], f"{LOOP} z:c>a", {}, ": the transition c -> a names 'c', valid states: a, b"),
+        (["a", "b"], f"{LOOP} z:a>*", {}, ": the transition a -> * names '*', valid states: a, b"),
+        (["a"], "z:*>*", {}, ": the transition * -> * names '*', valid states: a"),
+        (["a", "b"], f"{LOOP} :a>b", {}, ": the transition a -> b has no label"),
+        (["a", "b", "c"], f"{LOOP} z:c>a", {}, ": state 'c' can't be reached"),
+        (["a", "b", "c", "d"], f"{LOOP} z:c>d z:d>c", {}, ": state 'c' can't be reached"),
+        (["a", "b"], "x:a>b", {}, ": state 'b' can't be left and isn't final"),
+        (
+            ["a", "b"],
+            "x:a>b s:b>b",
+            {"b": {"timeout": 1.0, "on_timeout": "b"}},
             ": state 'b' can't be left and isn't final",
-            id="no way out",
         ),
-        pytest.param(
-            [named("a"), named("b", timeout=1.0, on_timeout="b")],
-            [plain_on("x", "a", "b"), plain_on("s", "b", "b")],
-            ": state 'b' can't be left and isn't final",
-            id="only ways to itself",
-        ),
-        pytest.param(
-            [named("a"), named("b", outcome="done")],
-            BACK_AND_FORTH,
+        (["a", "b"], LOOP, {"b": {"outcome": "done"}}, ": the final state 'b' has a way out"),
+        (
+            ["a", "b"],
+            "x:a>b",
+            {"b": {"outcome": "failed", "timeout": 1.0, "on_timeout": "a"}},
             ": the final state 'b' has a way out",
-            id="final with transition",
-        ),
-        pytest.param(
-            [named("a"), named("b", outcome="failed", timeout=1.0, on_timeout="a")],
-            [plain_on("x", "a", "b")],
-            ": the final state 'b' has a way out",
-            id="final with timeout",
-        ),
-        pytest.param(
-            [named("a", timeout=1.0), named("b")],
-            BACK_AND_FORTH,
-            ": state 'a' needs both timeout and on_timeout",
-            id="timeout without target",
-        ),
-        pytest.param(
-            [named("a", on_timeout="b"), named("b")],
-            BACK_AND_FORTH,
-            ": state 'a' needs both timeout and on_timeout",
-            id="target without timeout",
-        ),
-        pytest.param(
-            [named("a", timeout=1.0, on_timeout="c"), named("b")],
-            BACK_AND_FORTH,
-            ": on_timeout of 'a' names 'c', valid states: a, b",
-            id="unknown timeout target",
         ),
         *[
-            pytest.param(
-                [named("a", timeout=timeout, on_timeout="b"), named("b")],
-                BACK_AND_FORTH,
+            (["a", "b"], LOOP, {"a": options}, ": state 'a' needs both timeout and on_timeout")
+            for options in ({"timeout": 1.0}, {"on_timeout": "b"})
+        ],
+        (
+            ["a", "b"],
+            LOOP,
+            {"a": {"timeout": 1.0, "on_timeout": "c"}},
+            ": on_timeout of 'a' names 'c', valid states: a, b",
+        ),
+        *[
+            (
+                ["a", "b"],
+                LOOP,
+                {"a": {"timeout": timeout, "on_timeout": "b"}},
                 f": the timeout of 'a' is {timeout!r}, allowed: a finite number > 0",
-                id=f"timeout {timeout}",
             )
             for timeout in (0.0, -1.0, float("nan"), float("inf"))
         ],
     ],
 )
-def test_rejects(
-    states: Sequence[PlainState], transitions: Sequence[PlainTransition], message: str
-) -> None:
+def test_rejects(names: list[str], ways: str, options: dict[str, Any], message: str) -> None:
+    transitions = [way.replace(">", ":").split(":") for way in ways.split()]
     with pytest.raises(ChartError) as raised:
-        plain_chart(states, *transitions)
+        make_chart(
+            [noting(name, **options.get(name, {})) for name in names],
+            *[on(event, source, target) for event, source, target in transitions],
+        )
     start, _, end = str(raised.value).partition("chart 'test'")
     assert (start, end.strip()) == ("", message)
 
 
-def test_any_is_no_target() -> None:
-    with pytest.raises(ChartError, match=r"the transition \* -> \* names '\*', valid states: a"):
-        plain_chart([named("a")], plain_on("!", ANY, ANY))
+def test_chart_of_one_state_may_stay_there() -> None:
+    snapshots, _ = run(make_chart([noting("a")]), ["", ""], first=3)
+    assert snapshots[-1] == Snapshot("a", 3.0, ("a.entry", "a.during", "a.during"), True)
 
 
 @st.composite

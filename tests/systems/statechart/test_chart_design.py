@@ -60,9 +60,6 @@ def test_sound_chart_has_no_findings() -> None:
     assert not_connected(chart) == ()
 
 
-# Criterion 1
-
-
 @pytest.mark.parametrize("other", ["entry", "during", "exit"])
 def test_states_that_share_an_action_are_not_local(other: str) -> None:
     shared = add(1)
@@ -92,9 +89,6 @@ def test_state_whose_action_others_transitions_depend_on_is_not_local(action: st
     assert not_local(chart, RUN, period=0.5) == ("b",)
 
 
-# Criterion 2
-
-
 def test_states_that_a_run_skips_are_not_used() -> None:
     chart = ring()
     assert not_used(chart, replay(chart, ["", ""], period=0.5)) == ("b", "c")
@@ -119,25 +113,12 @@ def test_states_that_cannot_be_reached_again_are_not_connected() -> None:
 
 
 def test_final_state_has_to_be_reachable_but_not_left() -> None:
-    back = [way("a", "b", "x"), way("b", "a", "y")]
-    states = [State(name="a"), State(name="b"), State[str, int](name="end", outcome="done")]
-    assert not_connected(make_chart(states, *back, way("b", "end", "z"))) == ()
-    trap = [*states[:2], State[str, int](name="t"), State[str, int](name="u"), states[2]]
-    chart = make_chart(
-        trap,
-        *back,
-        way("b", "end", "z"),
-        way("a", "t", "t"),
-        way("t", "u", "x"),
-        way("u", "t", "x"),
-    )
-    assert not_connected(chart) == (
-        ("t", "a"),
-        ("t", "b"),
-        ("t", "end"),
-        ("u", "a"),
-        ("u", "b"),
-        ("u", "end"),
+    states = [State(name=name) for name in "abt"] + [State[str, int](name="end", outcome="done")]
+    ways = [way("a", "b", "x"), way("b", "a", "y"), way("b", "end", "z"), way("a", "t", "t")]
+    assert not_connected(make_chart(states, *ways, way("t", "a", "u"))) == ()
+    chart = make_chart([*states, State(name="u")], *ways, way("t", "u", "x"), way("u", "t", "x"))
+    assert not_connected(chart) == tuple(
+        (start, end) for start in "tu" for end in ("a", "b", "end")
     )
 
 
@@ -154,10 +135,6 @@ DELAY = machine([[0, 1], [0, 1]], [[0, 0], [1, 1]], [0, 1])
 ALTERNATING = machine([[0, 1], [1, 0]], [[0, 1], [0, 3]], [0, 1])
 # y = the parity of the inputs so far: it stays without an input, and two parities never merge.
 PARITY = machine([[0, 1], [1, 0]], [[0, 0], [1, 1]], [0, 1])
-# Answers to every other 1: no answer without an input, but who is first is never forgotten.
-EVERY_OTHER = machine([[0, 1], [1, 0]], [[0, 0], [0, 1]], [0, 1])
-# y = the input of two samples ago: outputs differ twice, then agree.
-TWO_DELAYS = machine([[0, 1], [2, 3], [0, 1], [2, 3]], [[0, 0], [0, 0], [1, 1], [1, 1]], [0, 1])
 # A burst on the way into an absorbing silent state: no cycle, so no gain is needed.
 BURST = machine([[1, 1], [1, 1]], [[5, 5], [0, 0]], [0, 1])
 # Runs on its own: two states take turns, whatever the input.
@@ -171,8 +148,6 @@ CLOCK = machine([[1], [0]], [[1], [0]], [1])
         pytest.param(DELAY, 1.0, True, id="delay"),
         pytest.param(ALTERNATING, 2.0, False, id="alternating"),
         pytest.param(PARITY, math.inf, False, id="parity"),
-        pytest.param(EVERY_OTHER, 0.5, False, id="every other"),
-        pytest.param(TWO_DELAYS, 1.0, True, id="two delays"),
         pytest.param(BURST, 0.0, True, id="burst"),
         pytest.param(CLOCK, 0.5, False, id="clock"),
         pytest.param(machine([[0]], [[0]], [0]), 0.0, True, id="silent without input"),
@@ -182,16 +157,7 @@ CLOCK = machine([[1], [0]], [[1], [0]], [1])
 def test_known_machine(example: FiniteMachine, gain: float, merges: bool) -> None:
     properties = tarraf_properties(example)
     assert properties.gain == pytest.approx(gain, rel=1e-9, abs=1e-9)
-    assert (properties.external, properties.incremental) == (merges, merges)
     assert properties.count == int(math.isfinite(gain)) + 2 * int(merges)
-
-
-def test_gain_counts_outputs_of_either_sign() -> None:
-    mirrored = machine([[0, 0, 0]], [[0, -3, 6]], [0, 1, 2])
-    assert tarraf_properties(mirrored).gain == pytest.approx(3.0)
-
-
-# Random machines
 
 
 @st.composite
@@ -259,6 +225,8 @@ def test_storage_function_satisfies_its_inequality_on_every_edge(
     if math.isinf(least):
         assert storage(example, 1e6) is None
         return
+    if least:
+        assert storage(example, least * (1 - 1e-6)) is None
     gain = least + spare
     stored = storage(example, gain)
     assert stored is not None
@@ -266,17 +234,6 @@ def test_storage_function_satisfies_its_inequality_on_every_edge(
     assert stored.min() == 0.0
     supply = gain * example.input_size - np.abs(example.output)
     assert np.all(stored[example.next_state] <= stored[:, None] + supply + 1e-9)
-
-
-@pytest.mark.parametrize(
-    ("example", "least"), [(AMPLIFIER, 3.0), (DELAY, 1.0), (ALTERNATING, 2.0), (CLOCK, 0.5)]
-)
-def test_no_storage_function_below_the_least_gain(example: FiniteMachine, least: float) -> None:
-    assert storage(example, least * (1 - 1e-6)) is None
-    assert storage(example, least * (1 + 1e-6)) is not None
-
-
-# Exploring
 
 
 def test_explore_numbers_states_as_it_finds_them() -> None:

@@ -10,13 +10,12 @@ from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 
-from chamfer.models.validation import ParameterError
 from chamfer.systems.trajectory.path_follower import (
     FollowerMemory,
     PathFollower,
     PathFollowerParams,
 )
-from chamfer.systems.trajectory.segment import LINE, SIZE, SLEW, Segment, circle, hold
+from chamfer.systems.trajectory.segment import LINE, SLEW, Segment, circle, hold
 
 PERIOD = 0.005
 A = (0.3, -0.2, 0.5, 0.1, 0.0, 0.2, 0.3)
@@ -168,12 +167,6 @@ def test_block_begins_a_segment_in_the_tick_that_gives_it() -> None:
     assert not block.HasAnyDirectFeedthrough()
 
 
-def test_refused() -> None:
-    block = PathFollower(PathFollowerParams(), np.array(A))
-    context = block.CreateDefaultContext()
-    values = context.get_discrete_state()
-    memory = FollowerMemory(*(values.value(i) for i in range(len(FollowerMemory._fields))))
-    with pytest.raises(ParameterError, match=f"allowed: {SIZE} finite numbers"):
-        block.step(memory, np.full(SIZE, math.nan), halt=False)
+def test_parameters_have_to_be_positive() -> None:
     with pytest.raises(ParameterError, match=r"^halt_time is 0\.0"):
         PathFollowerParams(halt_time=0.0)
