@@ -28,21 +28,14 @@ _LONGEST_GAIN: Final = 14  # characters
 _ONLY_PASS_ON: Final = (Demultiplexer, Multiplexer, PassThrough)
 
 
-@dataclass(frozen=True)
-class _Leaf:
-    """A port of a leaf system."""
-
-    system: System
-    name: str
+_Port = tuple[System, str]  # of a leaf system
 
 
 @dataclass
 class _Parts:
     """What a diagram consists of, in an order that does not depend on addresses."""
 
-    leaves: dict[System, str] = field(default_factory=dict)  # ids
-    labels: dict[System, str] = field(default_factory=dict)
-    parents: dict[System, str | None] = field(default_factory=dict)
+    nodes: dict[System, Node] = field(default_factory=dict)
     clusters: list[Cluster] = field(default_factory=list)
     edges: list[Edge] = field(default_factory=list)
     taken: set[str] = field(default_factory=set)
@@ -55,15 +48,19 @@ class _Parts:
         self.taken.add(candidate)
         return candidate
 
-    def edge(self, start: _Leaf, end: _Leaf, label: str) -> Edge:
-        """Return the wire between two leaf systems."""
-        return Edge(
-            source=self.leaves[start.system],
-            target=self.leaves[end.system],
-            label=label,
-            source_port=start.name,
-            target_port=end.name,
-            sign="+" if isinstance(end.system, Adder) else "",
+    def connect(self, source: str, port: str, end: _Port, label: str = "") -> None:
+        """Add a wire from a node's port to a leaf system's."""
+        system, name = end
+        target, sign = self.nodes[system].id, "+" if isinstance(system, Adder) else ""
+        self.edges.append(
+            Edge(
+                source=source,
+                target=target,
+                label=label,
+                source_port=port,
+                target_port=name,
+                sign=sign,
+            )
         )
 
 
@@ -87,23 +84,37 @@ def diagram_graph(diagram: Diagram) -> Graph:
     """
     parts = _Parts()
     _collect(diagram, None, "", parts)
-    nodes = {
-        system: _node(system, id_, parts.labels[system], parts.parents[system])
-        for system, id_ in parts.leaves.items()
+    drawn = list(parts.nodes.values())
+    inputs = []
+    for i in range(diagram.num_input_ports()):
+        name = diagram.get_input_port(i).get_name()
+        inputs.append(Node(id=parts.unique(f"input {name}"), label=name, kind="port"))
+        for end in _reached(diagram, i):
+            parts.connect(inputs[-1].id, "", end)
+    outputs = []
+    for name, (system, port) in _outputs(diagram):
+        outputs.append(Node(id=parts.unique(f"output {name}"), label=name, kind="port"))
+        source = parts.nodes[system].id
+        parts.edges.append(Edge(source=source, target=outputs[-1].id, source_port=port))
+    hidden = _loggers(parts)
+    place = {
+        (node.id, system.get_input_port(i).get_name()): (number, i)
+        for number, (system, node) in enumerate(parts.nodes.items())
+        for i in range(system.num_input_ports())
     }
-    inputs, input_edges = _open_inputs(diagram, parts)
-    outputs, output_edges = _open_outputs(diagram, parts)
-    wires = [*input_edges, *parts.edges, *output_edges]
-    hidden = _loggers(parts, wires)
-    wires = [wire for wire in wires if not {wire.source, wire.target} & hidden]
-    nodes = {system: node for system, node in nodes.items() if node.id not in hidden}
-    drawn, wires = _with_signs(nodes, wires)
-    inside = {node.id: node for node in (*inputs, *drawn, *outputs)}
-    return Graph(
-        title=_name(diagram, ""),
-        nodes=(*inputs, *drawn, *outputs),
-        edges=tuple(_without_repetition(wire, inside) for wire in _sorted(wires, parts)),
-        clusters=tuple(_occupied(parts.clusters, drawn)),
+    last = (len(drawn), 0)
+    wires = [wire for wire in parts.edges if not {wire.source, wire.target} & hidden]
+    drawn, wires = _with_signs(parts.nodes, hidden, wires)
+    wires.sort(key=lambda wire: place.get((wire.target, wire.target_port), last))
+    nodes = {node.id: node for node in (*inputs, *drawn, *outputs)}
+    graph = Graph(
+        title=_name(diagram, ""), nodes=tuple(nodes.values()), clusters=tuple(parts.clusters)
+    )
+    occupied = {above for node in drawn for above in graph.ancestors(node.id)}
+    return replace(
+        graph,
+        edges=tuple(_without_repetition(wire, nodes) for wire in wires),
+        clusters=tuple(one for one in parts.clusters if one.id in occupied),
     )
 
 
@@ -115,9 +126,7 @@ def _collect(diagram: Diagram, cluster: str | None, path: str, parts: _Parts) ->
             parts.clusters.append(Cluster(id=id_, label=label, parent=cluster))
             _collect(system, id_, f"{id_}/", parts)
         else:
-            parts.leaves[system] = id_
-            parts.labels[system] = label
-            parts.parents[system] = cluster
+            parts.nodes[system] = _node(system, id_, label, cluster)
     connections = _connections(diagram)
     # The map is in the order of addresses, the systems are in the order of construction.
     for system in diagram.GetSystems():
@@ -125,14 +134,13 @@ def _collect(diagram: Diagram, cluster: str | None, path: str, parts: _Parts) ->
             if (system, port) not in connections:
                 continue
             source, output = connections[system, port]
-            start = _resolved(source, output)
+            start, name = _resolved(source, output)
             outer = (
                 source.get_output_port(output).get_name(),
                 system.get_input_port(port).get_name(),
             )
             for end in _reached(system, port):
-                label = _label(outer, (start.name, end.name))
-                parts.edges.append(parts.edge(start, end, label))
+                parts.connect(parts.nodes[start].id, name, end, _label(outer, (name, end[1])))
 
 
 def _connections(diagram: Diagram) -> dict[tuple[System, int], tuple[System, int]]:
@@ -143,21 +151,21 @@ def _connections(diagram: Diagram) -> dict[tuple[System, int], tuple[System, int
     }
 
 
-def _resolved(system: System, output: int) -> _Leaf:
+def _resolved(system: System, output: int) -> _Port:
     """Return the leaf system's port behind an output port."""
     while isinstance(system, Diagram):
         system, index = system.get_output_port_locator(OutputPortIndex(output))
         output = int(index)
-    return _Leaf(system, system.get_output_port(output).get_name())
+    return system, system.get_output_port(output).get_name()
 
 
-def _reached(system: System, port: int) -> Iterator[_Leaf]:
+def _reached(system: System, port: int) -> Iterator[_Port]:
     """Yield the leaf systems' ports behind an input port."""
     if isinstance(system, Diagram):
         for inner, index in system.GetInputPortLocators(InputPortIndex(port)):
             yield from _reached(inner, int(index))
     else:
-        yield _Leaf(system, system.get_input_port(port).get_name())
+        yield system, system.get_input_port(port).get_name()
 
 
 def _name(system: System, automatic: str) -> str:
@@ -187,69 +195,42 @@ def _node(system: System, id_: str, label: str, parent: str | None) -> Node:
     return Node(id=id_, label=label, kind=kind, parent=parent, detail=detail)
 
 
-def _open_inputs(diagram: Diagram, parts: _Parts) -> tuple[list[Node], list[Edge]]:
-    nodes: list[Node] = []
-    edges: list[Edge] = []
-    for i in range(diagram.num_input_ports()):
-        name = diagram.get_input_port(i).get_name()
-        id_ = parts.unique(f"input {name}")
-        nodes.append(Node(id=id_, label=name, kind="port"))
-        edges += [
-            replace(parts.edge(end, end, ""), source=id_, source_port="")
-            for end in _reached(diagram, i)
-        ]
-    return nodes, edges
-
-
-def _open_outputs(diagram: Diagram, parts: _Parts) -> tuple[list[Node], list[Edge]]:
-    exported = [
-        (diagram.get_output_port(i).get_name(), _resolved(diagram, i))
-        for i in range(diagram.num_output_ports())
-    ]
-    nodes: list[Node] = []
-    edges: list[Edge] = []
-    for name, start in exported or _unused_outputs(diagram):
-        id_ = parts.unique(f"output {name}")
-        nodes.append(Node(id=id_, label=name, kind="port"))
-        source = parts.leaves[start.system]
-        edges.append(Edge(source=source, target=id_, source_port=start.name))
-    return nodes, edges
-
-
-def _unused_outputs(diagram: Diagram) -> list[tuple[str, _Leaf]]:
-    """Return the outputs of the nested diagrams that lead nowhere but to loggers."""
+def _outputs(diagram: Diagram) -> list[tuple[str, _Port]]:
+    """Return the exported outputs, if none those of nested diagrams that only loggers use."""
     used = {
         source
         for (system, _), source in _connections(diagram).items()
         if not isinstance(system, VectorLogSink)
     }
-    return [
-        (system.get_output_port(i).get_name(), _resolved(system, i))
+    ends = [(diagram, i) for i in range(diagram.num_output_ports())] or [
+        (system, i)
         for system in diagram.GetSystems()
         if isinstance(system, Diagram)
         for i in range(system.num_output_ports())
         if (system, i) not in used
     ]
+    return [(system.get_output_port(i).get_name(), _resolved(system, i)) for system, i in ends]
 
 
-def _loggers(parts: _Parts, wires: list[Edge]) -> set[str]:
-    hidden = {id_ for system, id_ in parts.leaves.items() if isinstance(system, VectorLogSink)}
+def _loggers(parts: _Parts) -> set[str]:
+    hidden = {node.id for one, node in parts.nodes.items() if isinstance(one, VectorLogSink)}
+    passing = {node.id for one, node in parts.nodes.items() if isinstance(one, _ONLY_PASS_ON)}
     while True:
-        more = {
-            id_
-            for system, id_ in parts.leaves.items()
-            if isinstance(system, _ONLY_PASS_ON) and id_ not in hidden
-            if any(wire.source == id_ for wire in wires)
-            and all(wire.target in hidden for wire in wires if wire.source == id_)
+        targets = {
+            id_: {wire.target for wire in parts.edges if wire.source == id_}
+            for id_ in passing - hidden
         }
+        more = {id_ for id_, found in targets.items() if found and found <= hidden}
         if not more:
             return hidden
         hidden |= more
 
 
-def _with_signs(nodes: Mapping[System, Node], wires: list[Edge]) -> tuple[list[Node], list[Edge]]:
+def _with_signs(
+    nodes: Mapping[System, Node], hidden: set[str], wires: list[Edge]
+) -> tuple[list[Node], list[Edge]]:
     """Turn negative gains in front of summing circles into minus signs."""
-    drawn = {node.id: node for node in nodes.values()}
+    drawn = {node.id: node for node in nodes.values() if node.id not in hidden}
     for system, node in nodes.items():
         matrix = gain_matrix(system)
         leaving = [wire for wire in wires if wire.source == node.id]
@@ -279,29 +260,6 @@ def _with_signs(nodes: Mapping[System, Node], wires: list[Edge]) -> tuple[list[N
             drawn[node.id] = replace(node, detail=gain_text(-matrix))
         wires = [minus if other is wire else other for other in wires]
     return list(drawn.values()), wires
-
-
-def _sorted(wires: list[Edge], parts: _Parts) -> list[Edge]:
-    """Return the wires in the order of their targets and of these' input ports."""
-    place = {
-        (id_, system.get_input_port(i).get_name()): (number, i)
-        for number, (system, id_) in enumerate(parts.leaves.items())
-        for i in range(system.num_input_ports())
-    }
-    last = (len(parts.leaves), 0)
-    return sorted(wires, key=lambda wire: place.get((wire.target, wire.target_port), last))
-
-
-def _occupied(clusters: list[Cluster], nodes: list[Node]) -> list[Cluster]:
-    """Return the clusters that have something left in them."""
-    parents = {cluster.id: cluster.parent for cluster in clusters}
-    kept: set[str] = set()
-    for node in nodes:
-        above = node.parent
-        while above is not None:
-            kept.add(above)
-            above = parents[above]
-    return [cluster for cluster in clusters if cluster.id in kept]
 
 
 def _without_repetition(wire: Edge, nodes: Mapping[str, Node]) -> Edge:

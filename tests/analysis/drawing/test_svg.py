@@ -10,7 +10,7 @@ from pydrake.systems.framework import Diagram
 
 from chamfer.analysis.drawing.chart_graph import chart_graph
 from chamfer.analysis.drawing.diagram_graph import diagram_graph
-from chamfer.analysis.drawing.graph import Cluster, Edge, Graph, Node
+from chamfer.analysis.drawing.graph import Edge, Graph, Node
 from chamfer.analysis.drawing.svg import render
 from chamfer.analysis.drawing.text import text_width, typeset, wrap
 from chamfer.systems.statechart.chart import Chart
@@ -98,26 +98,6 @@ def test_a_branch_is_inked_once() -> None:
     svg = render(Graph(title="", nodes=nodes, edges=edges))
     starts = re.findall(r'd="M([\d.]+ [\d.]+)', svg)
     assert len(set(starts)) == 2
-
-
-A, INSIDE = Node(id="a", label=""), Node(id="a", label="", parent="c")
-RING = (Cluster(id="a", label="", parent="b"), Cluster(id="b", label="", parent="a"))
-
-
-@pytest.mark.parametrize(
-    ("nodes", "edges", "clusters", "message"),
-    [
-        ((A, A), (), (), "'a' 2 times"),
-        ((A,), (Edge(source="a", target="b"),), (), "unknown node 'b'"),
-        ((INSIDE,), (), (), "unknown cluster 'c'"),
-        ((), (), RING, "lies in itself"),
-    ],
-)
-def test_contradictory_parts_are_rejected(
-    nodes: tuple[Node, ...], edges: tuple[Edge, ...], clusters: tuple[Cluster, ...], message: str
-) -> None:
-    with pytest.raises(ValueError, match=message):
-        Graph(title="g", nodes=nodes, edges=edges, clusters=clusters)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 
+from chamfer.models.validation import ParameterError
 from chamfer.systems.trajectory.path_follower import (
     FollowerMemory,
     PathFollower,
