@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Final, Literal, NamedTuple
+from typing import Final, Literal
 
 import numpy as np
 import scipy  # whose submodules are imported where they are used
@@ -88,14 +88,6 @@ def one_case(scenario: ResolvedCorrelationScenario, name: str) -> ResolvedCorrel
     )
 
 
-class Windows(NamedTuple):
-    """The cycles of a case."""
-
-    command: Array  # shape (cycles, N)
-    motion: Array  # shape (cycles, N)
-    hindered: float  # share of the time after the first two for which the correlator says so
-
-
 def run(scenario: ResolvedCorrelationScenario, seed: int, progress: Progress) -> Outcome:
     """Run every case and correlate its cycles."""
     metrics: dict[str, Metric] = {}
@@ -104,8 +96,9 @@ def run(scenario: ResolvedCorrelationScenario, seed: int, progress: Progress) ->
     shapes: dict[str, Array] = {"sample": column(np.arange(scenario.samples))}
     finished = run_each(partial(_run_case, scenario, seed), CASES, progress)
     for name, one in finished.split(CASES, lambda name: name).items():
-        found = Windows(**one.rows[0])
-        each = [correlation(f, g) for f, g in zip(found.command, found.motion, strict=True)]
+        (row,) = one.rows
+        command, motion = row["command"], row["motion"]  # shape (cycles, N)
+        each = [correlation(f, g) for f, g in zip(command, motion, strict=True)]
         later = each[_FIRST:]
         value = float(np.mean([one.value for one in later]))
         spread = float(np.std([one.value for one in later]))
@@ -120,12 +113,12 @@ def run(scenario: ResolvedCorrelationScenario, seed: int, progress: Progress) ->
                 value=round(float(getattr(each[0], what)), 9), unit="", note="of the first window"
             )
         metrics[f"hindered.{name}"] = Metric(
-            value=100 * found.hindered, unit="%", note="of the time, says the correlator"
+            value=100 * row["hindered"], unit="%", note="of the time, says the correlator"
         )
         traces[name] = column([one.value for one in each])
-        shapes[f"{name}_motion"] = found.motion[0]
-        shapes[f"{name}_later"] = found.motion[_FIRST]
-    shapes["command"] = found.command[0]
+        shapes[f"{name}_motion"] = motion[0]
+        shapes[f"{name}_later"] = motion[_FIRST]
+    shapes["command"] = command[0]
     return Outcome(
         metrics=metrics,
         traces=traces,
@@ -135,25 +128,22 @@ def run(scenario: ResolvedCorrelationScenario, seed: int, progress: Progress) ->
 
 
 def _run_case(scenario: ResolvedCorrelationScenario, seed: int, name: str) -> Row:
-    return _windows(scenario, name, trial_seed(seed, CASES.index(name)))._asdict()
-
-
-def _windows(scenario: ResolvedCorrelationScenario, name: str, seed: int) -> Windows:
     period, samples = scenario.accommodation.period, scenario.samples
     count = round(scenario.dither.cycles) * samples
     outputs = simulate(
         make_correlation_diagram(one_case(scenario, name)),
         duration=(count + 0.5) * period,
         step=period,
-        seed=seed,
+        seed=trial_seed(seed, CASES.index(name)),
     ).outputs
     # What accommodation makes of a sample shows up in the next row.
     shape = (round(scenario.dither.cycles), samples)
-    return Windows(
-        outputs["command"][:count].reshape(shape),
-        outputs["motion"][1 : count + 1].reshape(shape),
-        float(outputs["hindered"][_FIRST * samples : count].mean()),
-    )
+    return {
+        "command": outputs["command"][:count].reshape(shape),
+        "motion": outputs["motion"][1 : count + 1].reshape(shape),
+        # Share of the time after the first two cycles for which the correlator says so.
+        "hindered": float(outputs["hindered"][_FIRST * samples : count].mean()),
+    }
 
 
 def theory(scenario: ResolvedCorrelationScenario, name: str) -> float:
@@ -188,16 +178,11 @@ def theory(scenario: ResolvedCorrelationScenario, name: str) -> float:
 
 
 def figures(scenario: ResolvedCorrelationScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    return {"correlation": plot_correlation(scenario.samples, outcome)}
-
-
-def plot_correlation(samples: int, outcome: Outcome) -> Figure:
     """Draw a cycle of every case, and C of all windows beside what theory says."""
     figure = new_figure(11.0, 7.0)
     grid = figure.add_gridspec(2, 6)
     table = outcome.tables["cycles"]
-    phase = 360 * table["sample"] / samples
+    phase = 360 * table["sample"] / scenario.samples
     for i, (name, label) in enumerate(_LABELS.items()):
         row, k = divmod(i, 3)
         axes = figure.add_subplot(grid[row, 2 * k : 2 * k + 2])
@@ -225,4 +210,4 @@ def plot_correlation(samples: int, outcome: Outcome) -> Figure:
     axes.set_ylim(0.0, 1.75)
     dress(axes, title="(f) Correlation, window by window", x="", y="C")
     legend(axes, loc="lower right")
-    return figure
+    return {"correlation": figure}

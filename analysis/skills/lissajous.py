@@ -1,7 +1,7 @@
 """Fig. 2: what two dithers with the frequency ratio (N + 1) / N cover."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Final
@@ -132,12 +132,8 @@ def theory(repeats: int, amplitude: float) -> float:
 
 
 def figures(scenario: LissajousScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Return the figures by file name."""
-    return {"lissajous": plot_lissajous(scenario.repeats, scenario.amplitude, outcome)}
-
-
-def plot_lissajous(repeats: Sequence[int], amplitude: float, outcome: Outcome) -> Figure:
     """Draw the first patterns and the covering radius over N."""
+    repeats, amplitude = scenario.repeats, scenario.amplitude
     shown = list(repeats)[:_SHOWN]
     figure = new_figure(12.0, 6.2)
     grid = figure.add_gridspec(2, 4, height_ratios=(1.25, 1.0))
@@ -173,4 +169,4 @@ def plot_lissajous(repeats: Sequence[int], amplitude: float, outcome: Outcome) -
     title = f"({'abcde'[len(shown)]}) Denser patterns take longer"
     dress(axes, title=title, x="N, cycles until the pattern repeats", y="covering radius / mm")
     legend(axes)
-    return figure
+    return {"lissajous": figure}

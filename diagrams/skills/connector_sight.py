@@ -9,13 +9,13 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer
 
-from chamfer.diagrams.skills.vision_servo import GREEN, STATIC, CameraBelief, block
+from chamfer.diagrams.skills.vision_servo import GREEN, STATIC, CameraBelief, add_camera, block
 from chamfer.models.arms.wrist import SIZE
 from chamfer.models.cameras.camera import Camera, CameraPlacement, View
 from chamfer.models.connectors.connector import Array, Connector
 from chamfer.models.peg.peg_and_hole import BLUE, RED
 from chamfer.models.validation import require_numbers, require_positive
-from chamfer.systems.cameras.camera_image import FrameGrabberParams, add_frame_grabber
+from chamfer.systems.cameras.camera_image import FrameGrabberParams
 from chamfer.systems.cameras.solids_camera import Solid, SolidsCamera
 from chamfer.systems.pose import pose_vector
 from chamfer.systems.primitives.carriage import CarriedPoses
@@ -143,16 +143,11 @@ def add_sight(
     builder.Connect(motion, place.get_input_port())
     builder.Connect(place.get_output_port(0), gripper.get_input_port())
     for view in STATIC:
-        camera = builder.AddNamedSystem(
-            f"{view} camera", SolidsCamera(settings.camera(view), solids)
-        )
-        frames = add_frame_grabber(builder, settings.frames, f"{view} frames")
-        detector = builder.AddNamedSystem(f"{view} detection", PartsDetector(_APPEARANCES))
+        camera, detector = SolidsCamera(settings.camera(view), solids), PartsDetector(_APPEARANCES)
+        frames = add_camera(builder, settings.frames, view, camera, detector)
         builder.Connect(socket.get_output_port(), camera.GetInputPort("socket_pose"))
         builder.Connect(gripper.GetOutputPort("gripper_pose"), camera.GetInputPort("gripper_pose"))
         if settings.plug_present:
             builder.Connect(tool_pose, camera.GetInputPort("plug_pose"))
-        builder.Connect(camera.GetOutputPort("image"), frames.GetInputPort("image"))
         builder.Connect(trigger, frames.GetInputPort("trigger"))
-        builder.Connect(frames.get_output_port(), detector.get_input_port())
         builder.Connect(detector.get_output_port(), detections[view])

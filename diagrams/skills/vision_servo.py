@@ -231,7 +231,7 @@ def make_vision_servo_diagram(scenario: VisionServoScenario) -> Diagram:
     if scenario.primitive == "grasp":
         camera = SolidsCamera(scenario.hand_camera, [LOOSE])
         detector: LeafSystem = CrossSectionDetector()
-        _add_camera(builder, scenario, "hand", camera, detector)
+        add_camera(builder, scenario.frames, "hand", camera, detector)
         builder.Connect(source.get_output_port(), camera.GetInputPort("part_pose"))
         builder.Connect(poses.GetOutputPort("camera_pose"), camera.GetInputPort("camera_pose"))
         builder.Connect(detector.get_output_port(), machine.GetInputPort("cross_section"))
@@ -240,7 +240,7 @@ def make_vision_servo_diagram(scenario: VisionServoScenario) -> Diagram:
         for view in views:
             camera = SolidsCamera(scenario.camera(view), HELD_OVER)
             detector = PartsDetector(PARTS)
-            _add_camera(builder, scenario, view, camera, detector)
+            add_camera(builder, scenario.frames, view, camera, detector)
             builder.Connect(source.get_output_port(), camera.GetInputPort("socket_pose"))
             for name in carried:
                 port = f"{name}_pose"
@@ -255,15 +255,17 @@ def make_vision_servo_diagram(scenario: VisionServoScenario) -> Diagram:
     return diagram
 
 
-def _add_camera(
+def add_camera(
     builder: DiagramBuilder,
-    scenario: VisionServoScenario,
+    params: FrameGrabberParams,
     name: str,
     camera: SolidsCamera,
     detector: LeafSystem,
-) -> None:
+) -> LeafSystem:
+    """Add a camera and what finds parts in its frames; return the grabber of these."""
     builder.AddNamedSystem(f"{name} camera", camera)
-    grabber = add_frame_grabber(builder, scenario.frames, f"{name} frames")
+    grabber = add_frame_grabber(builder, params, f"{name} frames")
     builder.AddNamedSystem(f"{name} detection", detector)
     builder.Connect(camera.GetOutputPort("image"), grabber.GetInputPort("image"))
     builder.Connect(grabber.get_output_port(), detector.get_input_port())
+    return grabber

@@ -27,28 +27,6 @@ Array = NDArray[np.float64]
 _MOVED: Final = (0.005, 0.001)  # rad, m, after which a live image cannot be the same
 
 
-def image_law(J: Array, deviation: Array, *, period: float, damping: Array) -> Array:
-    """Return ``u = -(T J' T J + L)^-1 T J' (x - x_D)``: eq. of [13] with Q = 1.
-
-    It makes ``|x + T J u - x_D|^2 + u' L u`` least: the error that is expected a period T, s,
-    later and what the motion costs. J, how the features move with u, has the shape (m, n), m >= n,
-    the ``deviation`` x - x_D (m,), the ``damping`` L (n, n).
-    """
-    step = period * J
-    u: Array = np.asarray(np.linalg.solve(step.T @ step + damping, -step.T @ deviation))
-    return u
-
-
-def even_damping(J: Array, *, period: float, gain: float) -> Array:
-    """Return the L with which a period takes away the share ``gain`` of every error, shape (n, n).
-
-    ``L = (1 / gain - 1) T J' T J``: all directions have the same ``lambda T``.
-    """
-    step = period * J
-    damping: Array = np.asarray((1 / gain - 1) * step.T @ step, dtype=np.float64)
-    return damping
-
-
 def limited(velocity: Array, most: float) -> Array:
     """Return a velocity, shortened to a length of ``most`` where it is longer."""
     length = float(np.linalg.norm(velocity))
@@ -123,9 +101,18 @@ class Servoing(ServoingParams):
         return {**lost, "done": self.settled_frames * self.period} if self.ends else lost
 
     def solve(self, J: Array, deviation: Array) -> Array:
-        """Return the velocity that takes away the share ``gain`` of a deviation in a period."""
-        damping = even_damping(J, period=self.period, gain=self.gain)
-        return image_law(J, deviation, period=self.period, damping=damping)
+        """Return the velocity that takes away the share ``gain`` of a deviation in a period.
+
+        ``u = -(T J' T J + L)^-1 T J' (x - x_D)``, eq. of [13] with Q = 1, makes
+        ``|x + T J u - x_D|^2 + u' L u`` least: the error that is expected a period T later and
+        what the motion costs. With ``L = (1 / gain - 1) T J' T J`` all directions have the same
+        ``lambda T``. J, how the features move with u, has the shape (m, n), m >= n, the deviation
+        x - x_D (m,).
+        """
+        step = self.period * J
+        damping = (1 / self.gain - 1) * step.T @ step
+        u: Array = np.asarray(np.linalg.solve(step.T @ step + damping, -step.T @ deviation))
+        return u
 
     def reducible(self, J: Array, velocity: Array) -> Array:
         """Return the part of the deviation that a velocity of :meth:`solve` takes away in time.

@@ -16,7 +16,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from chamfer.diagrams.skills.connector_plant import add_connector_plant, add_weight
+from chamfer.diagrams.skills.connector_loop import add_connector_plant, add_weight
 from chamfer.models.arms.wrist import SIZE, WristParams, tip_pose
 from chamfer.models.connectors.connector import ContactMaterial, ConvexPiece, add_pieces
 from chamfer.models.validation import ParameterError

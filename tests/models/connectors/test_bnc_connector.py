@@ -14,7 +14,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from chamfer.diagrams.skills.connector_plant import add_connector_plant
+from chamfer.diagrams.skills.connector_loop import add_connector_plant
 from chamfer.models.arms.wrist import WristParams
 from chamfer.models.connectors.bnc_connector import BncConnector
 
