@@ -9,21 +9,24 @@ them in its folder, as it does after an interrupt. So all share the same workers
 for another one, and the main process holds no results.
 """
 
+import argparse
 import sys
 import time
 import traceback
 import warnings
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import closing, nullcontext, redirect_stdout, suppress
+from contextlib import closing, contextmanager, nullcontext, redirect_stdout, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from chamfer.analysis.campaign.campaign import Campaign, TrialsWantedError
+from chamfer.analysis.campaign.campaign import Campaign, TrialsWantedError, running
+from chamfer.analysis.campaign.cluster import engines
 from chamfer.analysis.campaign.progress import TerminalProgress, duration
-from chamfer.analysis.campaign.workers import Engine, LostError, StartError
+from chamfer.analysis.campaign.trial_store import TRIALS
+from chamfer.analysis.campaign.workers import Engine, LostError, StartError, cores
 from chamfer.analysis.command.running import Job, finished, prepare, run, trials_path, written
 from chamfer.analysis.report.atomic_write import write_text
 from chamfer.analysis.report.check_text import counts, counts_text
@@ -217,6 +220,27 @@ class Session:
             if self.results:
                 print(f"report: {report}")
         return 1 if any(failed.values()) or self.errors else 0
+
+
+@contextmanager
+def command_campaign(
+    folder: Path, label: str, arguments: argparse.Namespace
+) -> Iterator[Progress]:
+    """Let the block's trials be kept in a folder until the block has written its results.
+
+    Args:
+        folder: Of the results of a command that writes one of its own.
+        label: What the progress is of.
+        arguments: The command's, with ``workers``, ``cluster`` and ``fresh``.
+    """
+    with engines(arguments.workers or cores(), arguments.cluster) as (_, trials):
+        path, fresh = folder / TRIALS, arguments.fresh
+        campaign = Campaign(path=path, processors=trials.processors, engine=trials, fresh=fresh)
+        # What prints must not spoil what the command prints.
+        quiet, told = redirect_stdout(sys.stderr), TerminalProgress(label)
+        with closing(campaign), quiet, told as progress, running(campaign):
+            yield progress
+            campaign.finish()
 
 
 class _Headway:

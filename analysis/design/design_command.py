@@ -56,10 +56,10 @@ def add_design(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
 
 
 def _design(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
-    from chamfer.analysis.command.command_campaign import command_campaign
     from chamfer.analysis.command.fields_command import print_fields
     from chamfer.analysis.command.output_folder import require_writable
     from chamfer.analysis.command.running import given_scenario, named_failures
+    from chamfer.analysis.command.session import command_campaign
     from chamfer.analysis.design.design import MOST_TRIALS
     from chamfer.analysis.design.design_answer import (
         answer,

@@ -57,8 +57,8 @@ def add_sweep(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
 
 
 def _sweep(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
-    from chamfer.analysis.command.command_campaign import command_campaign
     from chamfer.analysis.command.output_folder import require_writable
+    from chamfer.analysis.command.session import command_campaign
     from chamfer.analysis.report.console import say
     from chamfer.analysis.report.report import write_report
     from chamfer.analysis.report.results import SWEEP, json_text

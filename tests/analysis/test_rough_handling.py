@@ -349,6 +349,7 @@ def test_a_drawn_command_ends_soon_in_a_result_or_in_one_line(
             "command.running.check": lambda *_: [],
             "sweep.sweep.load": load_stub,
             "campaign.cluster.engines": engines,
+            "command.session.engines": engines,
         }
         with ExitStack() as stack:
             for place, stub in stubs.items():
