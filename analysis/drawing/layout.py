@@ -28,7 +28,7 @@ from chamfer.analysis.drawing.layering import (
     longest_paths,
     order_layers,
 )
-from chamfer.analysis.drawing.text import TextBlock, text_block
+from chamfer.analysis.drawing.text import NO_TEXT, TextBlock, text_block
 
 Point = tuple[float, float]
 Net = tuple[str, str]  # a signal: the id of the node and the port that it comes from
@@ -90,7 +90,7 @@ class NodeBox:
     height: float
     shape: Shape
     text: TextBlock
-    caption: TextBlock | None  # below it
+    caption: TextBlock  # below it
     mirrored: bool  # in on the right, out on the left
 
 
@@ -183,7 +183,7 @@ class _Panel:
         """Put a node or a cluster with all in it into the picture."""
         x, y, width, height = item.body
         x, y = item.x + x, item.y + y
-        if item.node and item.text:
+        if item.node:
             look = item.shape, item.text, item.caption, item.mirrored
             self.boxes.append(NodeBox(item.node, x, y, width, height, *look))
         elif (inner := item.panel) and inner.cluster:
@@ -218,8 +218,8 @@ class _Item:
     below: float = _CLEAR
     shape: Shape = "box"
     body: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)  # x, y, width, height
-    text: TextBlock | None = None
-    caption: TextBlock | None = None
+    text: TextBlock = NO_TEXT
+    caption: TextBlock = NO_TEXT
     # The wires that meet it, from top to bottom or from left to right.
     lefts: "list[_Wire]" = field(default_factory=list)
     rights: list[Net] = field(default_factory=list)
@@ -680,7 +680,6 @@ class _Level:
         centre = radius + (_STUB if item.kind == "sum" and item.lefts else 0.0)
         item.width, item.above, item.below = centre + radius, radius + _CLEAR, radius + _CLEAR
         item.shape = "circle" if item.kind == "sum" else "dot"
-        item.text = text_block("", size=NODE_FONT, limit=1)
         item.body = (centre - radius, -radius, 2 * radius, 2 * radius)
         for wire, y in zip(arcs, left, strict=True):
             item.arrive[wire] = ((0.0, y), (centre - math.sqrt(radius**2 - y**2), y))

@@ -1,13 +1,13 @@
 """A graph as a self-contained SVG picture."""
 
+from collections import defaultdict
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Final
 from xml.sax.saxutils import escape, quoteattr
 
 from chamfer.analysis.drawing.graph import Graph
 from chamfer.analysis.drawing.layout import ClusterBox, GraphLayout, NodeBox, Point, Route, lay_out
-from chamfer.analysis.drawing.text import SUBSCRIPT, TextBlock
+from chamfer.analysis.drawing.text import SUBSCRIPT_LETTERS, TextBlock
 
 _Style = dict[str, str | float]
 
@@ -15,7 +15,10 @@ _FONT: Final = "Helvetica, Arial, 'Liberation Sans', sans-serif"
 _INK: Final = "#1f2937"
 _STROKE: Final[_Style] = {"stroke": _INK, "stroke_width": 1.3}
 _FILL: Final = "#f3f4f6"
-_FILLS: Final = {"failed": "#d1d5db", "any": "white"}
+_LOOKS: Final[dict[str, _Style]] = {
+    "failed": {"fill": "#d1d5db", "stroke_width": 2.4},
+    "any": {"fill": "white", "stroke_dasharray": "4 3"},
+}
 _FRAME: Final = "#6b7280"
 _LABEL: Final = "#374151"
 _CORNER: Final = 6.0  # px, radius of a line's bends
@@ -74,35 +77,19 @@ def _cluster(box: ClusterBox) -> str:
 
 
 def _wires(layout: GraphLayout) -> list[str]:
-    branches = set(layout.branches)
-    lines = []
-    drawn: dict[tuple[str, str], list[tuple[Point, ...]]] = {}
+    nets: defaultdict[tuple[str, str], list[Route]] = defaultdict(list)
     for route in layout.routes:
-        same_signal = drawn.setdefault((route.edge.source, route.edge.source_port), [])
-        # Ink over ink looks bolder: a branch starts where it leaves the line.
-        points = min(
-            (_after_fork(route.points, other) for other in same_signal),
-            key=lambda points: sum(_length(a, b) for a, b in pairwise(points)),
-            default=route.points,
-        )
-        same_signal.append(route.points)
-        name = f"{route.edge.source} \N{RIGHTWARDS ARROW} {route.edge.target}"
-        line = _tag("path", d=_path(points, branches), fill="none", **_STROKE)
-        lines.append(_group("edge", name, line, _head(points)))
+        nets[route.edge.source, route.edge.source_port].append(route)
+    lines = []
+    for (source, _), routes in nets.items():
+        targets = ", ".join(route.edge.target for route in routes)
+        # One path, which is inked once where its branches lie on each other.
+        outline = "".join(_path(route.points, set(layout.branches)) for route in routes)
+        line = _tag("path", d=outline, fill="none", **_STROKE)
+        heads = (_head(route.points) for route in routes)
+        lines.append(_group("edge", f"{source} \N{RIGHTWARDS ARROW} {targets}", line, *heads))
     lines += [_tag("circle", cx=x, cy=y, r=2.6, fill=_INK) for x, y in layout.branches]
     return lines
-
-
-def _after_fork(points: tuple[Point, ...], other: tuple[Point, ...]) -> tuple[Point, ...]:
-    """Return what is left of a line after the piece that it has in common with another one."""
-    for i, ((a, b), (c, d)) in enumerate(zip(pairwise(points), pairwise(other), strict=False)):
-        if b == d:
-            continue
-        common = min(_length(a, b), _length(c, d))
-        same_way = _towards(a, b, common) == _towards(c, d, common)
-        fork = _towards(a, b, common) if same_way else a
-        return (fork, *(points[i + 1 :] if fork != b else points[i + 2 :]))
-    return points
 
 
 def _path(points: Sequence[Point], branches: set[Point]) -> str:
@@ -142,15 +129,12 @@ def _sign(route: Route) -> str:
 
 
 def _node(box: NodeBox) -> str:
-    parts = _shape(box)
-    if box.text is not None:
-        middle = 0.5
-        if box.shape == "triangle":
-            middle = 0.62 if box.mirrored else 0.38
-        top = box.y + (box.height - box.text.height) / 2
-        parts.append(_text(box.text, box.x + box.width * middle, top, _INK))
-    if box.caption is not None:
-        parts.append(_text(box.caption, box.x + box.width / 2, box.y + box.height + 3, _LABEL))
+    middle = box.width / 2
+    if box.shape == "triangle":
+        middle = box.width * (0.62 if box.mirrored else 0.38)
+    top = box.y + (box.height - box.text.height) / 2
+    parts = [*_shape(box), _text(box.text, box.x + middle, top, _INK)]
+    parts.append(_text(box.caption, box.x + box.width / 2, box.y + box.height + 3, _LABEL))
     return _group(box.node.kind, box.node.label or box.node.id, *parts)
 
 
@@ -167,15 +151,9 @@ def _shape(box: NodeBox) -> list[str]:
         points = [(flat, box.y), (tip, box.y + box.height / 2), (flat, bottom)]
         return [_tag("polygon", points=_points(points), fill=_FILL, **_STROKE)]
     kind = box.node.kind
-    style: _Style = {**_STROKE, "fill": _FILLS.get(kind, _FILL)}
-    if kind == "failed":
-        style["stroke_width"] = 2.4
-    if kind == "any":
-        style["stroke_dasharray"] = "4 3"
-    shapes = [_rect(box, 0.0, **style)]
-    if kind in ("final", "failed"):
-        shapes.append(_rect(box, 3.5, **_STROKE, fill="none"))
-    return shapes
+    style = {**_STROKE, "fill": _FILL, **_LOOKS.get(kind, {})}
+    double = [_rect(box, 3.5, **_STROKE, fill="none")] if kind in ("final", "failed") else []
+    return [_rect(box, 0.0, **style), *double]
 
 
 def _rect(box: NodeBox, inset: float, **style: str | float) -> str:
@@ -200,18 +178,12 @@ def _text(
 def _runs(line: str, size: float) -> str:
     """Return a line of text as markup, with subscripts."""
     drop, small = size * 0.25, size * 0.75
-    parts: list[str] = []
-    end = 0
-
-    def plain(text: str) -> str:  # raised back from a subscript
-        return _tag("tspan", escape(text), dy=-drop) if parts else escape(text)
-
-    for match in SUBSCRIPT.finditer(line):
-        parts.append(plain(line[end : match.end(1)]))
-        parts.append(_tag("tspan", escape(match[2]), dy=drop, font_size=small))
-        end = match.end()
-    if end < len(line):
-        parts.append(plain(line[end:]))
+    # What is before each subscript, its letters, what is before the next one, ...
+    plain, *rest = SUBSCRIPT_LETTERS.split(line)
+    parts = [escape(plain)]
+    for lower, raised in zip(rest[::2], rest[1::2], strict=True):
+        parts.append(_tag("tspan", escape(lower), dy=drop, font_size=small))
+        parts.append(_tag("tspan", escape(raised), dy=-drop) if raised else "")
     return "".join(parts)
 
 

@@ -37,7 +37,10 @@ _WIDE_FROM: Final = 0x2E80
 _RESERVE: Final = 1.06  # other sans-serif fonts run a little wider
 _LINE: Final = 1.25  # line height over font size
 
-SUBSCRIPT: Final = re.compile(r"(?<![A-Za-z0-9_])([A-Za-z])_([A-Za-z0-9]{1,2})(?![A-Za-z0-9_])")
+# An underscore after a single letter, and the one or two characters after it.
+SUBSCRIPT_LETTERS: Final = re.compile(
+    r"(?<![A-Za-z0-9_].)(?<=[A-Za-z])_([A-Za-z0-9]{1,2})(?![A-Za-z0-9_])"
+)
 
 
 @dataclass(frozen=True)
@@ -55,16 +58,19 @@ class TextBlock:
         return self.size * _LINE
 
 
+NO_TEXT: Final = TextBlock((), 0.0, 0.0, 0.0)
+
+
 def text_width(text: str, size: float) -> float:
     """Return the width of a line of text in px, a little on the safe side."""
-    bare = SUBSCRIPT.sub(r"\1\2", text)
+    bare = SUBSCRIPT_LETTERS.sub(r"\1", text)
     units = sum(_WIDTHS.get(char, _WIDE if ord(char) >= _WIDE_FROM else _OTHER) for char in bare)
     return units * size / 1000 * _RESERVE
 
 
 def typeset(name: str) -> str:
     """Return a name with spaces for its underscores, those of a subscript (``K_p``) excepted."""
-    keep = {match.start(1) + 1 for match in SUBSCRIPT.finditer(name)}
+    keep = {match.start() for match in SUBSCRIPT_LETTERS.finditer(name)}
     return "".join(
         " " if char == "_" and i not in keep else char for i, char in enumerate(name)
     ).strip()
