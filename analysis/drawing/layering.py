@@ -6,9 +6,8 @@ lines between two layers. Keys are hashable, wires pairs of them; nothing here i
 
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from scipy.optimize import LinearConstraint, milp
@@ -20,6 +19,7 @@ Pair = tuple[Key, Key]
 Link = tuple[Key, float, Key, float]
 # ``height[after] - height[before]`` is at least (as a tie: equal to) the last.
 Gap = tuple[Key, Key, float]
+Sides = tuple[Sequence[float], Sequence[float]]  # heights at the left and at the right
 _Ends = dict[Key, list[tuple[float, Key, float]]]
 
 CLEARANCE: Final = 7.0  # px, the least distance of parallel lines of different signals
@@ -225,72 +225,57 @@ def align(
     return dict(zip(keys, solution.x.tolist(), strict=False)) if solution.success else None
 
 
-@dataclass(frozen=True)
-class TrackPiece(Generic[Key]):
-    """A vertical line with horizontal ones to the heights ``lefts`` and ``rights``, in px."""
-
-    id: Key
-    lefts: tuple[float, ...]
-    rights: tuple[float, ...]
-
-    @property
-    def low(self) -> float:
-        """The upper end."""
-        return min(self.lefts + self.rights)
-
-    @property
-    def high(self) -> float:
-        """The lower end."""
-        return max(self.lefts + self.rights)
-
-
-def assign_tracks(pieces: Sequence[TrackPiece[Key]]) -> tuple[dict[Key, int], list[Pair[Key]]]:
-    """Choose a track for every piece of a channel, from the left.
+def assign_tracks(pieces: Mapping[Key, Sides]) -> tuple[dict[Key, int], list[Pair[Key]]]:
+    """Choose a track for every vertical line of a channel, from the left.
 
     Few lines cross and none coincide.
+
+    Args:
+        pieces: Of each, the heights, px, of the horizontal lines at its left and at its right.
 
     Returns:
         The track of every piece, and the pairs (left, right) whose horizontal lines coincide
         because each of the two would have to be left of the other.
     """
     order = list(pieces)
-    for _ in range(len(order)):
-        if not _insert_better(order):
-            break
+    cost = {(a, b): _cost(pieces[a], pieces[b]) for a in order for b in order}
+    improved = True
+    while improved:
+        improved = False
+        for piece in order:
+            # Where, of all places, it costs least.
+            i, rest = order.index(piece), [one for one in order if one != piece]
+            costs = [sum(cost[piece, other] for other in rest)]
+            for other in rest:
+                costs.append(costs[-1] - cost[piece, other] + cost[other, piece])
+            best = min(range(len(costs)), key=lambda j: (costs[j], abs(j - i)))
+            if costs[best] < costs[i]:
+                order = [*rest[:best], piece, *rest[best:]]
+                improved = True
     track: dict[Key, int] = {}
     clashes = []
     for j, piece in enumerate(order):
-        track[piece.id] = 0
+        track[piece] = 0
+        low, high = _span(pieces[piece])
         for earlier in order[:j]:
-            if _overlaps(earlier, piece):
-                clashes.append((earlier.id, piece.id))
-            apart = earlier.high + CLEARANCE <= piece.low or piece.high + CLEARANCE <= earlier.low
-            if not apart or _overlaps(piece, earlier):
-                track[piece.id] = max(track[piece.id], track[earlier.id] + 1)
+            if _overlaps(pieces[earlier], pieces[piece]):
+                clashes.append((earlier, piece))
+            above, below = _span(pieces[earlier])
+            apart = below + CLEARANCE <= low or high + CLEARANCE <= above
+            if not apart or _overlaps(pieces[piece], pieces[earlier]):
+                track[piece] = max(track[piece], track[earlier] + 1)
     return track, clashes
 
 
-def _insert_better(order: list[TrackPiece[Key]]) -> bool:
-    """Move single pieces to where they cost least; False if nothing can be gained."""
-    improved = False
-    for i in range(len(order)):
-        piece = order[i]
-        rest = order[:i] + order[i + 1 :]
-        costs = [sum(_cost(piece, other) for other in rest)]
-        for other in rest:
-            costs.append(costs[-1] - _cost(piece, other) + _cost(other, piece))
-        best = min(range(len(costs)), key=lambda j: (costs[j], abs(j - i)))
-        if costs[best] < costs[i]:
-            order[:] = [*rest[:best], piece, *rest[best:]]
-            improved = True
-    return improved
+def _span(piece: Sides) -> tuple[float, float]:
+    return min(*piece[0], *piece[1]), max(*piece[0], *piece[1])
 
 
-def _cost(left: TrackPiece[Key], right: TrackPiece[Key]) -> int:
-    crossings = sum(right.low < y < right.high for y in left.rights)
-    crossings += sum(left.low < y < left.high for y in right.lefts)
+def _cost(left: Sides, right: Sides) -> int:
+    (upper, lower), (above, below) = _span(left), _span(right)
+    crossings = sum(above < y < below for y in left[1]) + sum(upper < y < lower for y in right[0])
     return crossings + _OVERLAP * _overlaps(left, right)
 
 
-def _overlaps(left: TrackPiece[Key], right: TrackPiece[Key]) -> bool:
-    return any(abs(a - b) < CLEARANCE for a in left.rights for b in right.lefts)
+def _overlaps(left: Sides, right: Sides) -> bool:
+    return any(abs(a - b) < CLEARANCE for a in left[1] for b in right[0])

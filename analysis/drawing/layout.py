@@ -19,7 +19,7 @@ from chamfer.analysis.drawing.graph import Cluster, Edge, Graph, Node
 from chamfer.analysis.drawing.layering import (
     CLEARANCE,
     Gap,
-    TrackPiece,
+    Sides,
     align,
     assign_layers,
     assign_tracks,
@@ -537,12 +537,11 @@ class _Level:
             top = min((heights[item] - item.above for item in items), default=0.0)
             for item in items:
                 item.y = round(heights[item] - top, 3)
-            channels: defaultdict[int, list[TrackPiece[tuple[int, Net]]]] = defaultdict(list)
+            channels: defaultdict[int, dict[tuple[int, Net], Sides]] = defaultdict(dict)
             for id_, sides in ends.items():
-                lefts, rights = (tuple(item.y + y for item, y in side) for side in sides)
-                piece = TrackPiece(id_, lefts, rights)
-                if piece.high - piece.low > _STRAIGHT:
-                    channels[id_[0]].append(piece)
+                lefts, rights = ([item.y + y for item, y in side] for side in sides)
+                if max(lefts + rights) - min(lefts + rights) > _STRAIGHT:
+                    channels[id_[0]][id_] = lefts, rights
             tracks, clashes = {}, []
             for pieces in channels.values():
                 assigned, pairs = assign_tracks(pieces)

@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 
 from chamfer.analysis.drawing.layering import (
     CLEARANCE,
-    TrackPiece,
     align,
     assign_layers,
     assign_tracks,
@@ -80,18 +79,15 @@ def test_every_gap_is_kept(
 
 
 def test_tracks_do_not_cross_unless_they_have_to() -> None:
-    downwards = [TrackPiece("a", (0,), (50,)), TrackPiece("b", (20,), (70,))]
-    assert assign_tracks(downwards) == ({"a": 1, "b": 0}, [])
-    apart = [TrackPiece("a", (0,), (20,)), TrackPiece("b", (60,), (90,))]
-    assert assign_tracks(apart)[0] == {"a": 0, "b": 0}
-    assert assign_tracks([TrackPiece("a", (0,), (50,)), TrackPiece("b", (50,), (0,))])[1]
+    assert assign_tracks({"a": ([0], [50]), "b": ([20], [70])}) == ({"a": 1, "b": 0}, [])
+    assert assign_tracks({"a": ([0], [20]), "b": ([60], [90])})[0] == {"a": 0, "b": 0}
+    assert assign_tracks({"a": ([0], [50]), "b": ([50], [0])})[1]
 
 
 @given(st.lists(heights, max_size=8))
 def test_pieces_on_a_track_keep_their_distance(ends: list[list[float]]) -> None:
-    pieces = [TrackPiece(i, (left,), (right,)) for i, (left, right) in enumerate(ends)]
-    tracks, _ = assign_tracks(pieces)
-    for a in pieces:
-        for b in pieces[a.id + 1 :]:
-            if tracks[a.id] == tracks[b.id]:
-                assert a.high + CLEARANCE <= b.low or b.high + CLEARANCE <= a.low
+    tracks, _ = assign_tracks({i: ([left], [right]) for i, (left, right) in enumerate(ends)})
+    for i, a in enumerate(ends):
+        for j, b in enumerate(ends[:i]):
+            apart = max(a) + CLEARANCE <= min(b) or max(b) + CLEARANCE <= min(a)
+            assert apart or tracks[i] != tracks[j]
