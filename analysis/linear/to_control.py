@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final, NamedTuple, TypeAlias
 
@@ -23,171 +24,6 @@ _MOST_STEPS: Final = 20_000  # of the integrator in a period
 _LOOKED_AT: Final = 16  # periods, for as many events in each
 _COMPARED: Final = 8  # columns of the map, with those of the next period
 _SAME: Final = 0.01  # of the map's largest number, by which they may differ
-
-
-class Period:
-    """A period of a system from a context on, with inputs held.
-
-    It begins a little before the context's time, so that whatever happens at that time does so
-    within the period, and what happens at its end belongs to the next one.
-
-    Args:
-        system: With continuous states, discrete ones, or both; abstract ones stay as they are.
-        context: Where it begins; its ports have their values.
-        inputs: Of the system, or inside it, where the values take the place of what is connected.
-        outputs: Of the system, or inside it.
-        period: s.
-
-    Raises:
-        ParameterError: If the continuous states are too fast to be integrated over the period.
-    """
-
-    def __init__(
-        self,
-        system: System,
-        context: Context,
-        inputs: Sequence[Port],
-        outputs: Sequence[Port],
-        period: float,
-    ) -> None:
-        self._system = system
-        self._context = context
-        self._inputs = inputs
-        self._outputs = outputs
-        self._period = period
-        self._step = self._longest_step()
-        self._states = states_of(context)
-        self._point = np.concatenate([self._states, values_of(system, context, inputs)])
-
-    def map(self, step: float) -> tuple[Array, Array, Array]:
-        """Return the derivatives of what is after a period, in states and inputs before it.
-
-        They are found by central differences.
-
-        Args:
-            step: Of the differences, relative to a state or input where it exceeds 1.
-
-        Returns:
-            Of states, shape (s, s + m); of outputs just before what happens at the period's begin,
-            (p, s + m); of outputs just behind it, (p, s + m).
-
-        Raises:
-            ParameterError: If the next period is not as this one: it is none of the whole system.
-        """
-        found = _differences(self._run, self._point, step)
-        s = len(self._states)
-        self._require_another(found[:s], step)
-        p = (len(found) - s) // 2
-        return found[:s], found[s : s + p], found[s + p :]
-
-    def _require_another(self, after: Array, step: float) -> None:
-        """Compare with the next period in some columns, and in how much happens in each."""
-        own = self._context.Clone()
-        fix(self._system, own, self._inputs, self._point[len(self._states) :])
-        simulator = self._begin(own)
-        start, before, counts = own.get_time(), 0, set()
-        following = self
-        for i in range(_LOOKED_AT):
-            simulator.AdvanceTo(start + (i + 1) * self._period)
-            if i == 0:
-                next_one = own.Clone()
-                next_one.SetTime(self._context.get_time() + self._period)
-                following = Period(
-                    self._system, next_one, self._inputs, self._outputs, self._period
-                )
-            acted = simulator.get_num_discrete_updates() + simulator.get_num_unrestricted_updates()
-            counts.add(acted - before)
-            before = acted
-        axes = slice(None, None, max(1, len(self._point) // _COMPARED))
-        again = _differences(following._run, following._point, step, axes)[: len(after)]
-        apart = np.abs(again - after[:, axes]).max(initial=0.0)
-        if len(counts) > 1 or apart > _SAME * np.abs(after).max(initial=0.0):
-            allowed = "one of the whole diagram, whose next period is as this one"
-            raise ParameterError("period", self._period, allowed)
-
-    def _run(self, point: Array) -> Array:
-        """Return the states after a period, and the outputs before and behind its tick."""
-        own = self._context.Clone()
-        count = len(self._states)
-        set_states(own, point[:count])
-        fix(self._system, own, self._inputs, point[count:])
-        before = outputs_of(self._system, own, self._outputs)
-        simulator = self._begin(own)
-        start = own.get_time()
-        simulator.AdvanceTo(start + 2 * _EARLY * self._period)
-        behind = outputs_of(self._system, own, self._outputs)
-        simulator.AdvanceTo(start + self._period)
-        return np.concatenate([states_of(own), before, behind])
-
-    def _begin(self, context: Context) -> Simulator:
-        context.SetTime(context.get_time() - _EARLY * self._period)
-        simulator = Simulator(self._system, context)
-        if self._step:
-            integrator = ResetIntegratorFromFlags(simulator, "runge_kutta5", self._step)
-            integrator.set_fixed_step_mode(True)
-        simulator.Initialize(InitializeParams(suppress_initialization_events=True))
-        return simulator
-
-    def _longest_step(self) -> float:
-        """Return a step of the integrator, s, 0 without continuous states."""
-        count = self._context.num_continuous_states()
-        if not count:
-            return 0.0
-        own = self._context.Clone()
-        states = own.get_continuous_state_vector().CopyToVector()
-
-        def rates(moved: Array) -> Array:
-            own.SetContinuousState(states + moved)
-            return np.array(self._system.EvalTimeDerivatives(own).CopyToVector())
-
-        flow = _differences(rates, np.zeros(count), 1.0)
-        fastest = float(np.abs(np.linalg.eigvals(flow)).max())
-        if not fastest * self._period <= _RADIANS * _MOST_STEPS:
-            most = _RADIANS * _MOST_STEPS / self._period
-            raise ParameterError("fastest continuous mode", fastest, f"at most {most:g} 1/s")
-        return min(self._period, _RADIANS / fastest) if fastest else self._period
-
-
-def states_of(context: Context) -> Array:
-    """Return continuous states, then discrete ones, shape (s,)."""
-    discrete = context.get_discrete_state()
-    groups = [discrete.value(i) for i in range(discrete.num_groups())]
-    return np.concatenate([context.get_continuous_state_vector().CopyToVector(), *groups])
-
-
-def set_states(context: Context, states: Array) -> None:
-    """Set what :func:`states_of` returns."""
-    first = context.num_continuous_states()
-    if first:
-        context.SetContinuousState(states[:first])
-    discrete = context.get_discrete_state()
-    for i in range(discrete.num_groups()):
-        last = first + len(discrete.value(i))
-        context.get_mutable_discrete_state().set_value(i, states[first:last])
-        first = last
-
-
-def fix(system: System, context: Context, ports: Sequence[Port], values: Array) -> None:
-    """Give inputs their values, shape (m,), whatever is connected to them."""
-    first = 0
-    for port in ports:
-        port.of(system).FixValue(port.context(system, context), values[first : first + port.size])
-        first += port.size
-
-
-def values_of(system: System, context: Context, ports: Sequence[Port]) -> Array:
-    """Return the values of inputs, shape (m,), 0 where there is none."""
-    values = [np.zeros(0)]
-    for port in ports:
-        own, drake = port.context(system, context), port.of(system)
-        values.append(drake.Eval(own) if drake.HasValue(own) else np.zeros(port.size))
-    return np.concatenate(values)
-
-
-def outputs_of(system: System, context: Context, ports: Sequence[Port]) -> Array:
-    """Return the values of outputs, shape (p,)."""
-    each = [port.of(system).Eval(port.context(system, context)) for port in ports]
-    return np.array(np.concatenate([np.zeros(0), *each]))
 
 
 Ports: TypeAlias = str | InputPort | OutputPort | Sequence[str | InputPort | OutputPort] | None
@@ -251,15 +87,19 @@ def to_control(
     outputs = [source] if source is not None else find_ports(system, "output", output)
     sampled = bool(context.num_discrete_state_groups() or context.num_abstract_states())
     dt, known = _period(system, period, sampled=sampled)
-    if not np.isfinite(states := states_of(context)).all():
+    if not np.isfinite(states := _states_of(context)).all():
         labels = state_labels(system, context)
         first = labels[int(np.argmin(np.isfinite(states)))]
         raise ParameterError("at", at, f"where all states are finite, {first} is not")
+    model = _Model(system, context, inputs, outputs)
     if not sampled or (known and not context.num_continuous_states()):
-        found = _linearised(system, context, inputs, outputs, step, sampled=sampled)
+        found = model.linearised(step, sampled=sampled)
     else:
-        opened = source is not None
-        found = _over_a_period(system, context, inputs, outputs, dt, step, returns=opened)
+        at_tick, behind_tick = model.over_a_period(dt, step)
+        found = at_tick
+        if source is not None:
+            closed, _ = _Model(system, context, [], []).over_a_period(dt, step)
+            found = _returning(at_tick, behind_tick, closed.A, inputs[0])
     if source is not None:
         found = found._replace(C=-found.C, D=-found.D)
     labels = state_labels(system, context)
@@ -283,7 +123,7 @@ def _context(system: System, at: Context | float | None) -> Context:
     context = at.Clone() if isinstance(at, Context) else system.CreateDefaultContext()
     for port in own_ports(system, "input"):
         if not port.of(system).HasValue(context):
-            fix(system, context, [port], np.zeros(port.size))
+            _fix(system, context, [port], np.zeros(port.size))
     if isinstance(at, Context) or at is None:
         return context
     if not 0 <= at < math.inf:
@@ -312,50 +152,195 @@ def _period(system: System, period: float | None, *, sampled: bool) -> tuple[flo
     return own, True
 
 
-def _linearised(
-    system: System,
-    context: Context,
-    inputs: Sequence[Port],
-    outputs: Sequence[Port],
-    step: float,
-    *,
-    sampled: bool,
-) -> _Matrices:
-    """Return the derivatives of rates, or of updates, and outputs in states and inputs."""
-    states, values = states_of(context), values_of(system, context, inputs)
-    point = np.concatenate([states, values])
+def _states_of(context: Context) -> Array:
+    """Return continuous states, then discrete ones, shape (s,)."""
+    discrete = context.get_discrete_state()
+    groups = [discrete.value(i) for i in range(discrete.num_groups())]
+    return np.concatenate([context.get_continuous_state_vector().CopyToVector(), *groups])
 
-    def calc(system: System, context: Context, point: Any) -> Any:
-        set_states(context, point[: len(states)])
-        fix(system, context, inputs, point[len(states) :])
-        rates = [np.zeros(0)]
-        if sampled:
-            updated = system.EvalUniquePeriodicDiscreteUpdate(context)
-            rates = [updated.value(i) for i in range(updated.num_groups())]
-        elif len(states):
-            rates = [system.EvalTimeDerivatives(context).CopyToVector()]
-        return np.concatenate([*rates, outputs_of(system, context, outputs)])
 
-    exact = system.ToAutoDiffXdMaybe()
-    if exact is not None:
+def _set_states(context: Context, states: Array) -> None:
+    """Set what :func:`_states_of` returns."""
+    first = context.num_continuous_states()
+    if first:
+        context.SetContinuousState(states[:first])
+    discrete = context.get_discrete_state()
+    for i in range(discrete.num_groups()):
+        last = first + len(discrete.value(i))
+        context.get_mutable_discrete_state().set_value(i, states[first:last])
+        first = last
+
+
+def _fix(system: System, context: Context, ports: Sequence[Port], values: Array) -> None:
+    """Give inputs their values, shape (m,), whatever is connected to them."""
+    first = 0
+    for port in ports:
+        port.of(system).FixValue(port.context(system, context), values[first : first + port.size])
+        first += port.size
+
+
+@dataclass(frozen=True)
+class _Model:
+    """A system at a context, whose inputs and outputs may be inside it."""
+
+    system: System
+    context: Context
+    inputs: Sequence[Port]
+    outputs: Sequence[Port]
+
+    @property
+    def point(self) -> Array:
+        """States and inputs, shape (s + m,); inputs are 0 where there is no value."""
+        values = [_states_of(self.context)]
+        for port in self.inputs:
+            own, drake = port.context(self.system, self.context), port.of(self.system)
+            values.append(drake.Eval(own) if drake.HasValue(own) else np.zeros(port.size))
+        return np.concatenate(values)
+
+    def seen(self, system: System, context: Context) -> Array:
+        """Return the outputs' values, shape (p,)."""
+        each = [port.of(system).Eval(port.context(system, context)) for port in self.outputs]
+        return np.array(np.concatenate([np.zeros(0), *each]))
+
+    def split(self, after: Array, seen: Array) -> _Matrices:
+        s = len(after)
+        return _Matrices(after[:, :s], after[:, s:], seen[:, :s], seen[:, s:])
+
+    def linearised(self, step: float, *, sampled: bool) -> _Matrices:
+        """Return the derivatives of rates, or of updates, and outputs in states and inputs."""
+        point, s = self.point, len(_states_of(self.context))
+
+        def calc(system: System, context: Context, point: Any) -> Any:
+            _set_states(context, point[:s])
+            _fix(system, context, self.inputs, point[s:])
+            rates = [np.zeros(0)]
+            if sampled:
+                updated = system.EvalUniquePeriodicDiscreteUpdate(context)
+                rates = [updated.value(i) for i in range(updated.num_groups())]
+            elif s:
+                rates = [system.EvalTimeDerivatives(context).CopyToVector()]
+            return np.concatenate([*rates, self.seen(system, context)])
+
+        exact = self.system.ToAutoDiffXdMaybe()
+        if exact is None:
+            gradient = _differences(partial(calc, self.system, self.context), point, step)
+            return self.split(gradient[:s], gradient[s:])
         own = exact.CreateDefaultContext()
-        own.SetTimeStateAndParametersFrom(context)
-        for port in own_ports(system, "input"):
-            value = np.array([AutoDiffXd(one) for one in values_of(system, context, [port])])
-            fix(exact, own, [port], value)
-        gradient = _gradient(calc(exact, own, InitializeAutoDiff(point)[:, 0]), len(point))
-    else:
-        gradient = _differences(partial(calc, system, context), point, step)
-    s = len(states)
-    return _Matrices(gradient[:s, :s], gradient[:s, s:], gradient[s:, :s], gradient[s:, s:])
+        own.SetTimeStateAndParametersFrom(self.context)
+        for port in own_ports(self.system, "input"):
+            values = _Model(self.system, self.context, [port], []).point[s:]
+            _fix(exact, own, [port], np.array([AutoDiffXd(one) for one in values]))
+        values = calc(exact, own, InitializeAutoDiff(point)[:, 0])
+        gradient = np.zeros((len(values), len(point)))
+        for row, value in zip(gradient, values, strict=True):
+            if len(value.derivatives()):  # a constant has none
+                row[:] = value.derivatives()
+        return self.split(gradient[:s], gradient[s:])
+
+    def over_a_period(self, period: float, step: float) -> tuple[_Matrices, _Matrices]:
+        """Return the derivatives over a period with inputs held, by central differences.
+
+        The period begins a little before the context's time, so that whatever happens at that time
+        does so within it, and what happens at its end belongs to the next one.
+
+        Returns:
+            With outputs just before what happens at the period's begin, and just behind it.
+
+        Raises:
+            ParameterError: If the continuous states are too fast to be integrated over the
+                period, or the next period is not as this one: it is none of the whole system.
+        """
+        point, s = self.point, len(_states_of(self.context))
+        found = _differences(self._run(period), point, step)
+        after = found[:s]
+        # The next period in some columns, and how much happens in each.
+        own = self.context.Clone()
+        _fix(self.system, own, self.inputs, point[s:])
+        simulator = self._begin(own, period, self._longest_step(period))
+        start, before, counts = own.get_time(), 0, set()
+        following = self
+        for i in range(_LOOKED_AT):
+            simulator.AdvanceTo(start + (i + 1) * period)
+            if i == 0:
+                following = replace(self, context=own.Clone())
+                following.context.SetTime(self.context.get_time() + period)
+            acted = simulator.get_num_discrete_updates() + simulator.get_num_unrestricted_updates()
+            counts.add(acted - before)
+            before = acted
+        axes = slice(None, None, max(1, len(point) // _COMPARED))
+        again = _differences(following._run(period), following.point, step, axes)[:s]
+        apart = np.abs(again - after[:, axes]).max(initial=0.0)
+        if len(counts) > 1 or apart > _SAME * np.abs(after).max(initial=0.0):
+            allowed = "one of the whole diagram, whose next period is as this one"
+            raise ParameterError("period", period, allowed)
+        at_tick, behind_tick = np.split(found[s:], 2)
+        return self.split(after, at_tick), self.split(after, behind_tick)
+
+    def _run(self, period: float) -> Callable[[Array], Array]:
+        """Return what gives the states after a period, and outputs before and behind its tick."""
+        longest = self._longest_step(period)
+
+        def run(point: Array) -> Array:
+            own = self.context.Clone()
+            count = len(_states_of(own))
+            _set_states(own, point[:count])
+            _fix(self.system, own, self.inputs, point[count:])
+            before = self.seen(self.system, own)
+            simulator = self._begin(own, period, longest)
+            start = own.get_time()
+            simulator.AdvanceTo(start + 2 * _EARLY * period)
+            behind = self.seen(self.system, own)
+            simulator.AdvanceTo(start + period)
+            return np.concatenate([_states_of(own), before, behind])
+
+        return run
+
+    def _begin(self, context: Context, period: float, step: float) -> Simulator:
+        context.SetTime(context.get_time() - _EARLY * period)
+        simulator = Simulator(self.system, context)
+        if step:
+            integrator = ResetIntegratorFromFlags(simulator, "runge_kutta5", step)
+            integrator.set_fixed_step_mode(True)
+        simulator.Initialize(InitializeParams(suppress_initialization_events=True))
+        return simulator
+
+    def _longest_step(self, period: float) -> float:
+        """Return a step of the integrator, s, 0 without continuous states."""
+        count = self.context.num_continuous_states()
+        if not count:
+            return 0.0
+        own = self.context.Clone()
+        states = own.get_continuous_state_vector().CopyToVector()
+
+        def rates(moved: Array) -> Array:
+            own.SetContinuousState(states + moved)
+            return np.array(self.system.EvalTimeDerivatives(own).CopyToVector())
+
+        flow = _differences(rates, np.zeros(count), 1.0)
+        fastest = float(np.abs(np.linalg.eigvals(flow)).max())
+        if not fastest * period <= _RADIANS * _MOST_STEPS:
+            most = _RADIANS * _MOST_STEPS / period
+            raise ParameterError("fastest continuous mode", fastest, f"at most {most:g} 1/s")
+        return min(period, _RADIANS / fastest) if fastest else period
 
 
-def _gradient(values: Any, count: int) -> Array:
-    gradient = np.zeros((len(values), count))
-    for row, value in zip(gradient, values, strict=True):
-        if len(value.derivatives()):  # a constant has none
-            row[:] = value.derivatives()
-    return gradient
+def _returning(
+    at_tick: _Matrices, behind_tick: _Matrices, expected: Array, port: Port
+) -> _Matrices:
+    """Return which of the two is what returns to an opened loop, as the block sees it.
+
+    Closed with it the loop has to be the diagram's.
+    """
+    scale = max(1.0, np.abs(expected).max(initial=0.0))
+    for found in (at_tick, behind_tick):
+        through = np.eye(len(found.D)) - found.D
+        if np.linalg.matrix_rank(through) < len(through):
+            continue
+        closed = found.A + found.B @ np.linalg.solve(through, found.C)
+        if np.abs(closed - expected).max(initial=0.0) < _CLOSES * scale:
+            return found
+    allowed = "an input whose signal is held over a period, or read at ticks only"
+    raise ParameterError("input", port.name, allowed)
 
 
 def _differences(
@@ -367,39 +352,6 @@ def _differences(
         for moved in np.diag(step * np.maximum(1.0, np.abs(point)))[axes]
     ]
     return np.reshape(columns, (len(columns), -1)).T
-
-
-def _over_a_period(
-    system: System,
-    context: Context,
-    inputs: Sequence[Port],
-    outputs: Sequence[Port],
-    period: float,
-    step: float,
-    *,
-    returns: bool,
-) -> _Matrices:
-    """Return the derivatives over a period.
-
-    Those of what returns to an opened loop are as the block sees it: closed with it the loop has
-    to be the diagram's.
-    """
-    after, *seen = Period(system, context, inputs, outputs, period).map(step)
-    s = len(after)
-    each = [_Matrices(after[:, :s], after[:, s:], one[:, :s], one[:, s:]) for one in seen]
-    if not returns:
-        return each[0]
-    expected, *_ = Period(system, context, [], [], period).map(step)
-    scale = max(1.0, np.abs(expected).max(initial=0.0))
-    for found in each:
-        through = np.eye(len(found.D)) - found.D
-        if np.linalg.matrix_rank(through) < len(through):
-            continue
-        closed = found.A + found.B @ np.linalg.solve(through, found.C)
-        if np.abs(closed - expected).max(initial=0.0) < _CLOSES * scale:
-            return found
-    allowed = "an input whose signal is held over a period, or read at ticks only"
-    raise ParameterError("input", inputs[0].name, allowed)
 
 
 def _between(found: _Matrices) -> NDArray[np.bool_]:
