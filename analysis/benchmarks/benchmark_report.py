@@ -7,9 +7,9 @@ taken; what is timed is the way from a built model to the arrays of results.
 import argparse
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from chamfer.analysis.benchmarks import peg_benchmark as insertion
 from chamfer.analysis.benchmarks import speed
@@ -22,6 +22,7 @@ from chamfer.analysis.benchmarks.engine import (
     interleave,
     median,
     ratio,
+    scaled,
 )
 from chamfer.analysis.benchmarks.peers import (
     CHAMFER,
@@ -34,6 +35,7 @@ from chamfer.analysis.benchmarks.peers import (
 )
 from chamfer.analysis.benchmarks.speed import COMMAND, IMPORTS, Rounds
 from chamfer.analysis.report.atomic_write import write_text
+from chamfer.analysis.report.check_text import number
 from chamfer.analysis.report.console import table
 from chamfer.analysis.report.results import json_text
 
@@ -55,6 +57,30 @@ class Findings:
     updates: dict[str, float] = field(default_factory=dict)  # s, least, by observer
     insertions: insertion.Insertions = field(default_factory=dict)
     interrupted: bool = False
+
+
+class Table(NamedTuple):
+    """A table of what was found: numbers, texts, and lists that are in the document alone."""
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[Any]]
+
+    def text(self) -> str:
+        """Return it for a terminal."""
+        lists, texts = (
+            {i for row in self.rows for i, cell in enumerate(row) if isinstance(cell, kind)}
+            for kind in (list, str)
+        )
+        shown = [i for i in range(len(self.columns)) if i not in lists]
+        rows = [[row[i] for i in shown] for row in (self.columns, *self.rows)]
+        cells = [[one if isinstance(one, str) else number(one) for one in row] for row in rows]
+        right = [place for place, i in enumerate(shown) if i not in texts]
+        return "\n".join([self.title, "", *table(cells, right)])
+
+    def documents(self) -> list[dict[str, Any]]:
+        """Return the rows as JSON has them."""
+        return [dict(zip(self.columns, row, strict=True)) for row in self.rows]
 
 
 @dataclass(frozen=True)
@@ -89,15 +115,16 @@ def targets(found: Findings) -> Iterator[Target]:
     trial = runs.get(("fsm", COMPILED))
     times_faster = ratio(runs.get(("fsm", PER_TICK)), trial)
     yield Target(f"FSM loop: {PER_TICK} / {COMPILED}", ">=", 100.0, times_faster)
-    many = None if trial is None else 1e4 * trial
-    yield Target(f"FSM loop: {COMPILED}, s for 10,000 trials on one core", "<=", 20.0, many)
+    yield Target(
+        f"FSM loop: {COMPILED}, s for 10,000 trials on one core", "<=", 20.0, scaled(trial, 1e4)
+    )
     start = ratio(median(found.cold.get(COMMAND)), median(found.cold.get(IMPORTS)))
     yield Target(f"{COMMAND} / {IMPORTS}", "<=", 2.0, start)
     for name, bound in speed.REAL_TIME.items():
         factor = median(found.real_time.get(name))
         yield Target(f"{name}: simulated / elapsed", ">=", bound, factor)
     for name, bound in speed.UPDATES.items():
-        update = 1e6 * found.updates[name] if name in found.updates else None
+        update = scaled(found.updates.get(name), 1e6)
         yield Target(f"an update of the observer {name}, us", "<=", bound, update)
     for text, relation, bound, judge in (
         ("outcome as exact statics say where they are sure, %", ">=", 100.0, insertion.agreement),
@@ -107,153 +134,97 @@ def targets(found: Findings) -> Iterator[Target]:
         yield Target(f"insertions: {text}", relation, bound, judge(found.insertions))
 
 
-def agreement_text(loop: LoopName, compared: Sequence[LoopEngine]) -> str:
-    """Return the table of a loop's results against the exact solution."""
-    rows = [
-        (
-            one.name,
-            _number(one.difference, "{:.1e}"),
-            f"{one.accuracy:.0e}",
-            _number(one.steady_state_error, "{:.6f}"),
-            _number(one.rise_time, "{:.6f}"),
-            one.failure or ("ok" if one.ok else "DIFFERS"),
-        )
-        for one in compared
-    ]
-    header = ("engine", "largest difference m", "promised m", "final error m", "rise time s", "")
-    return _titled(f"Agreement: {_TITLES[loop]}", header, rows, right=(1, 2, 3, 4))
+def agreement(loop: LoopName, compared: Sequence[LoopEngine]) -> Table:
+    """Return a loop's results against the exact solution."""
+    columns = ("engine", "largest difference m", "promised m", "final error m", "rise time s", "")
+    rows = []
+    for one in compared:
+        said = one.failure or ("ok" if one.ok else "DIFFERS")
+        numbers = one.difference, one.accuracy, one.steady_state_error, one.rise_time
+        rows.append((one.name, *numbers, said))
+    return Table(f"Agreement: {_TITLES[loop]}", columns, rows)
 
 
-def times_text(loop: LoopName, compared: Sequence[LoopEngine]) -> str:
-    """Return the table of a loop's times; ratios are to the first engine."""
+def times(loop: LoopName, compared: Sequence[LoopEngine]) -> Table:
+    """Return a loop's times; ratios are to the first engine."""
+    columns = ("engine", "build ms", "run ms", "least ms", "rounds", "ratio", "settings")
     rows = []
     for one in compared:
         if not one.failure:
             run, least = median(one.running), min(one.running, default=None)
-            spent = [_number(t, "{:.3f}", 1e3) for t in (median(one.building), run, least)]
-            slower = _number(ratio(run, median(compared[0].running)), "{:.3g}")
-            rows.append((one.name, *spent, str(len(one.running)), slower, one.note))
-    header = ("engine", "build ms", "run ms", "least ms", "rounds", "ratio", "settings")
+            spent = [scaled(time, 1e3) for time in (median(one.building), run, least)]
+            slower = ratio(run, median(compared[0].running))
+            raw = one.building, one.running
+            rows.append((one.name, *spent, len(one.running), slower, one.note, *raw))
     title = f"Times from a built model to arrays, medians: {_TITLES[loop]}"
-    return _titled(title, header, rows, right=(1, 2, 3, 4, 5))
+    return Table(title, (*columns, "building s", "running s"), rows)
 
 
-def insertions_text(found: insertion.Insertions) -> str:
-    """Return the table of the insertions: outcome, onset and peak of each engine, and its cost."""
+def insertions(found: insertion.Insertions) -> Table:
+    """Return outcome, onset and peak of each engine's insertions, and what they cost."""
+    columns = ["mm", "degrees", "sure"]
+    for name in found:
+        columns += [name, f"{name}: onset mm", f"{name}: N", f"{name}: ms"]
     rows = []
-    for one in found[insertion.STATICS]:
-        cells = [f"{one[0]:g}", f"{one[1]:g}", "yes" if insertion.sure(one) else "no"]
+    for one in found.get(insertion.STATICS, {}):
+        row: list[Any] = [*one, "yes" if insertion.sure(one) else "no"]
         for results in found.values():
             result = results[one]
-            cells += [
-                "seated" if result.seated else "stopped",
-                _number(result.onset, "{:.2f}", 1e3),
-                f"{result.force:.2f}",
-                f"{1e3 * result.seconds:.0f}",
-            ]
-        rows.append(cells)
-    header = ["mm", "degrees", "sure"]
-    for name in found:
-        header += [name, "onset mm", "N", "ms"]
-    title = "A sprung peg fed into its hole, cap 40 N: seated or stopped"
-    return _titled(title, header, rows, right=[k for k in range(len(header)) if k not in (2, 3)])
+            force = result.force if math.isfinite(result.force) else None
+            row += ["seated" if result.seated else "stopped", scaled(result.onset, 1e3)]
+            row += [force, 1e3 * result.seconds]
+        rows.append(row)
+    return Table("A sprung peg fed into its hole, cap 40 N: seated or stopped", columns, rows)
 
 
-def summary_text(found: Findings) -> str:
-    """Return what comes after the tables: targets, what is missing, versions."""
-    rows = [
-        (
-            target.text,
-            f"{target.relation} {target.bound:g}",
-            _number(target.measured, "{:.2f}"),
-            {True: "met", False: "MISSED", None: "not measured"}[target.ok],
-        )
-        for target in targets(found)
+def tables(found: Findings) -> list[Table]:
+    """Return all tables but those of the agreement; without rows if nothing was measured."""
+    cold = []
+    for name in dict.fromkeys([*found.cold, *found.cold_failures]):
+        seconds = found.cold.get(name, [])
+        failure = found.cold_failures.get(name, "")
+        cold.append((name, median(seconds), len(seconds), failure, seconds))
+    factors = [(name, median(of), len(of), of) for name, of in found.real_time.items()]
+    updates = [
+        (name, 1e6 * cost, cost / found.updates["thesis"]) for name, cost in found.updates.items()
     ]
-    lines = [f"{name} is not installed and left out: pip install '.[bench]'" for name in missing()]
-    if found.interrupted:
-        lines.append("interrupted: this is what there was")
-    lines.append(", ".join(f"{name} {number}" for name, number in versions().items()))
-    targeted = _titled("Targets", ("ratio", "target", "measured", ""), rows, right=(2,))
-    return "\n\n".join([targeted, "\n".join(lines)])
+    said = {True: "met", False: "MISSED", None: "not measured"}
+    judged = [
+        (one.text, f"{one.relation} {one.bound:g}", one.measured, said[one.ok])
+        for one in targets(found)
+    ]
+    loops = ("experiment", "simulated / elapsed", "rounds", "factors")
+    observers = ("observer", "us", "over thesis")
+    return [
+        *(times(loop, compared) for loop, compared in found.loops.items()),
+        Table("Cold start", ("fresh process", "median s", "rounds", "", "seconds"), cold),
+        Table("Loops against real time, medians", loops, factors),
+        Table("Updates of the surface observers, least", observers, updates),
+        insertions(found.insertions),
+        Table("Targets", ("ratio", "target", "measured", ""), judged),
+    ]
 
 
 def report_text(found: Findings) -> str:
-    """Return all tables but those of the agreement, and the summary."""
-    tables = [times_text(loop, compared) for loop, compared in found.loops.items()]
-    if found.cold or found.cold_failures:
-        rows = [
-            (
-                name,
-                _number(median(found.cold.get(name)), "{:.2f}"),
-                str(len(found.cold.get(name, []))),
-                found.cold_failures.get(name, ""),
-            )
-            for name in dict.fromkeys([*found.cold, *found.cold_failures])
-        ]
-        header = ("fresh process", "median s", "rounds", "")
-        tables.append(_titled("Cold start", header, rows, right=(1, 2)))
-    if found.real_time:
-        factors = [
-            (name, _number(median(of), "{:.1f}"), str(len(of)))
-            for name, of in found.real_time.items()
-        ]
-        columns = ("experiment", "simulated / elapsed", "rounds")
-        title = "Loops against real time, medians"
-        tables.append(_titled(title, columns, factors, right=(1, 2)))
-    if found.updates:
-        costs = [
-            (name, f"{1e6 * cost:.0f}", f"{cost / found.updates['thesis']:.2f}")
-            for name, cost in found.updates.items()
-        ]
-        title = "Updates of the surface observers, least"
-        tables.append(_titled(title, ("observer", "us", "over thesis"), costs, right=(1, 2)))
-    if found.insertions:
-        tables.append(insertions_text(found.insertions))
-    return "\n\n".join([*tables, summary_text(found)])
+    """Return all tables but those of the agreement, what is missing and versions."""
+    shown = [one.text() for one in tables(found) if one.rows]
+    shown += [
+        f"{name} is not installed and left out: pip install '.[bench]'" for name in missing()
+    ]
+    if found.interrupted:
+        shown.append("interrupted: this is what there was")
+    return "\n\n".join([*shown, ", ".join(map(" ".join, versions().items()))])
 
 
 def document(found: Findings) -> dict[str, Any]:
-    """Return everything as a JSON document, times in s."""
+    """Return everything as a JSON document."""
+    agreed = [agreement(loop, compared) for loop, compared in found.loops.items()]
     return {
         "versions": versions(),
         "interrupted": found.interrupted,
         "missing": missing(),
-        "loops": {
-            loop: [_engine_document(one) for one in compared]
-            for loop, compared in found.loops.items()
-        },
-        "cold_start": {"times": found.cold, "failures": found.cold_failures},
-        "real_time": {"factors": found.real_time},
-        "updates": {"seconds": found.updates},
-        "insertions": {
-            name: [
-                # JSON has no infinity.
-                {"lateral_mm": one[0], "tilt_deg": one[1], **result._asdict()}
-                | {"force": result.force if math.isfinite(result.force) else None}
-                for one, result in of.items()
-            ]
-            for name, of in found.insertions.items()
-        },
-        "targets": [{**asdict(target), "ok": target.ok} for target in targets(found)],
+        "tables": {one.title: one.documents() for one in [*agreed, *tables(found)]},
     }
-
-
-def _engine_document(engine: LoopEngine) -> dict[str, Any]:
-    plain = {one.name: getattr(engine, one.name) for one in fields(engine)}
-    del plain["build"], plain["run"]
-    medians = {"build_median": median(engine.building), "run_median": median(engine.running)}
-    return {**plain, "ok": engine.ok, **medians}
-
-
-def _number(value: float | None, form: str, scale: float = 1.0) -> str:
-    return "-" if value is None else form.format(scale * value)
-
-
-def _titled(
-    title: str, header: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[int]
-) -> str:
-    return "\n".join([title, "", *table([header, *rows], right)])
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -287,7 +258,7 @@ def _measure_loops(found: Findings, *, rounds: int, share: float) -> None:
                 agree(engine, case, solution)
                 compared.append(engine)
         finally:
-            print(f"{agreement_text(loop, compared)}\n", flush=True)
+            print(f"{agreement(loop, compared).text()}\n", flush=True)
     for compared in found.loops.values():
         interleave([one for one in compared if not one.failure], rounds=rounds, share=share)
 

@@ -171,3 +171,8 @@ def median(values: Sequence[float] | None) -> float | None:
 def ratio(time: float | None, reference: float | None) -> float | None:
     """Return how many times longer than the reference, or None if one is missing."""
     return None if time is None or not reference else time / reference
+
+
+def scaled(value: float | None, by: float) -> float | None:
+    """Return a value times a factor, or None if it is missing."""
+    return None if value is None else by * value

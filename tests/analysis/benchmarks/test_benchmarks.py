@@ -15,12 +15,12 @@ from chamfer.analysis.benchmarks import peers, speed
 from chamfer.analysis.benchmarks import peg_benchmark as insertion
 from chamfer.analysis.benchmarks.benchmark_report import (
     Findings,
-    agreement_text,
+    agreement,
     document,
-    insertions_text,
+    insertions,
     report_text,
     targets,
-    times_text,
+    times,
 )
 from chamfer.analysis.benchmarks.engine import (
     LoopCase,
@@ -233,11 +233,10 @@ def test_insertions_are_judged_by_statics(monkeypatch: pytest.MonkeyPatch) -> No
     assert onset < 0.06  # of the closed form from the exact one
     assert insertion.worst_force(found) == pytest.approx(0.0)
 
-    text = insertions_text(found)
-    assert len(text.splitlines()) == 2 + 1 + len(TABLE)
-    assert "  seated       4.48  " in text
+    row = insertions(found).documents()[-1]
+    assert (row["degrees"], row["sure"], row["statics"]) == (9.0, "yes", "stopped")
+    assert row["statics: N"] is None  # nothing slides it
     findings = Findings(insertions=found)
-    assert document(findings)["insertions"]["statics"][-1]["force"] is None  # nothing slides it
     asked = [one.ok for one in targets(findings) if one.text.startswith("insertions:")]
     assert asked == [True] * 3
 
@@ -269,11 +268,25 @@ def test_tables_say_what_differs_and_ratios_are_to_the_first_engine() -> None:
         engine("a longer name", failure="RuntimeError: no"),
         engine("other", difference=1.0),
     ]
-    lines = agreement_text("fsm", agreements).splitlines()[3:]
-    assert [line.split()[-1] for line in lines] == ["ok", "no", "DIFFERS"]
+    lines = agreement("fsm", agreements).text().splitlines()
+    assert lines[3].split() == ["Chamfer", "1e-12", "1e-6", "-", "0.1", "ok"]
+    assert [line.split()[-1] for line in lines[4:]] == ["no", "DIFFERS"]
     timed = [engine("Chamfer", running=[0.010]), engine("peer", running=[0.025]), engine("none")]
-    lines = times_text("fsm", timed).splitlines()[3:]
-    assert [line.split()[4:6] for line in lines] == [["1", "1"], ["1", "2.5"], ["0", "-"]]
+    found = times("fsm", timed)
+    assert [(row["rounds"], row["ratio"]) for row in found.documents()] == [
+        *((1, 1.0), (1, 2.5)),
+        (0, None),
+    ]
+    assert found.documents()[1]["running s"] == [0.025]
+    assert found.text().splitlines()[4].split() == [
+        "peer",
+        "-",
+        "25",
+        "25",
+        "1",
+        "2.5",
+        "settings",
+    ]
 
 
 def test_targets_are_met_missed_or_not_measured() -> None:
@@ -310,8 +323,8 @@ def test_targets_are_met_missed_or_not_measured() -> None:
     assert {text: asked[text] for text in expected} == expected
     assert [text for text in asked if text.startswith("FSM")] == list(expected)[:6]
     words = " ".join(report_text(found).split())
-    assert "planar-slide 11.0 3" in words
-    assert "adaptive 90 2.20" in words
+    assert "planar-slide 11 3" in words
+    assert "adaptive 90 2.195" in words
     assert set(speed.UPDATES) <= {*KINDS, NEWTON}
     assert set(speed.REAL_TIME) <= set(speed.loops())
 
@@ -332,9 +345,10 @@ def test_the_report_agrees_before_it_times(
     assert text.index("Agreement: PID") < text.index("Agreement: FSM") < text.index("Times")
     found = json.loads(path.read_text(encoding="utf-8"))
     assert set(found["versions"]) >= {"drake", "scipy", "control", "bdsim", "pathsim"}
-    (timed,) = found["loops"]["fsm"]
-    assert len(timed["running"]) == 2
-    assert timed["ok"] is True
+    (agreed,), *_, (timed,), (first, *_) = (rows for rows in found["tables"].values() if rows)
+    assert agreed[""] == "ok"
+    assert len(timed["running s"]) == 2
+    assert first["target"] == ">= 100"
 
 
 @pytest.mark.parametrize("stage", ["engines", "interleave"])

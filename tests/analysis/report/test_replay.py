@@ -6,10 +6,10 @@ import logging
 import math
 import re
 import socket
-import struct
 from html.parser import HTMLParser
 from typing import Any
 
+import msgpack
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -26,53 +26,10 @@ from chamfer.analysis.scenario.errors import UserError
 BODY = "/drake/visualizer/slider/slider"
 
 
-def unpack(data: bytes) -> Any:
-    """Return what a MessagePack text holds, of the kinds that an animation needs."""
-    value, rest = _unpack(data)
-    assert not rest
-    return value
-
-
-def _unpack(data: bytes) -> tuple[Any, bytes]:
-    tag, data = data[0], data[1:]
-    if tag < 0x80:
-        return tag, data
-    if tag < 0x90 or tag in (0xDE, 0xDF):
-        count, data = _count(tag, 0x80, 0xDE, data)
-        found = {}
-        for _ in range(count):
-            key, data = _unpack(data)
-            found[key], data = _unpack(data)
-        return found, data
-    if tag < 0xA0 or tag in (0xDC, 0xDD):
-        count, data = _count(tag, 0x90, 0xDC, data)
-        items = []
-        for _ in range(count):
-            item, data = _unpack(data)
-            items.append(item)
-        return items, data
-    if tag < 0xC0:
-        return data[: tag - 0xA0].decode(), data[tag - 0xA0 :]
-    if tag == 0xD9:
-        return data[1 : 1 + data[0]].decode(), data[1 + data[0] :]
-    if tag in (0xC2, 0xC3):
-        return tag == 0xC3, data
-    form = {0xCB: ">d", 0xCC: ">B", 0xCD: ">H", 0xCE: ">I"}[tag]
-    size = struct.calcsize(form)
-    return struct.unpack(form, data[:size])[0], data[size:]
-
-
-def _count(tag: int, fixed: int, short: int, data: bytes) -> tuple[int, bytes]:
-    if tag < short:
-        return tag - fixed, data
-    size = 2 if tag == short else 4
-    return int.from_bytes(data[:size]), data[size:]
-
-
 def animation(page: str) -> dict[str, dict[str, tuple[list[int], Any]]]:
     """Return frames' numbers and values of a page's animation, by path and property."""
     messages = [base64.b64decode(one) for one in re.findall("base64,([A-Za-z0-9+/=]+)", page)]
-    (message,) = [unpack(one) for one in messages if b"set_animation" in one[:32]]
+    (message,) = [msgpack.unpackb(one) for one in messages if b"set_animation" in one[:32]]
     assert message["options"]["play"] is True
     found = {}
     for part in message["animations"]:
@@ -138,9 +95,6 @@ def is_open(host: str, port: int) -> bool:
         return client.connect_ex((host, port)) == 0
 
 
-# Meshcat
-
-
 @pytest.mark.parametrize("port", [None, 0])
 def test_meshcat_listens_on_localhost_only_and_says_nothing(
     port: int | None, capfd: pytest.CaptureFixture[str]
@@ -165,9 +119,6 @@ def test_a_port_that_is_taken_is_named() -> None:
         with pytest.raises(UserError) as caught:
             open_meshcat(port)
     assert str(caught.value) == f"--port is {port}, which is taken, allowed: a free one"
-
-
-# The page
 
 
 def test_pages_need_nothing_else_and_are_the_same_for_the_same_run() -> None:
@@ -195,9 +146,6 @@ def test_the_port_is_free_again_after_a_failure() -> None:
         replay_html(show)
     gc.collect()  # what the error refers to
     assert not is_open("127.0.0.1", ports[0])
-
-
-# The animation
 
 
 def test_frames_follow_the_positions_at_their_times() -> None:
