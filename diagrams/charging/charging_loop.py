@@ -17,7 +17,7 @@ from chamfer.diagrams.contact.sensing import (
     add_delay,
     add_encoders,
     add_force_in_world,
-    add_force_sensor,
+    add_sensor,
 )
 from chamfer.systems.charging.charging_chart import ChargingMachine
 from chamfer.systems.charging.crucible_world import (
@@ -37,7 +37,7 @@ from chamfer.systems.force.hybrid_controller import (
 from chamfer.systems.ports import require_ports
 from chamfer.systems.sensing.encoders import EndpointMotion, Homing
 from chamfer.systems.sensing.force_rate import MovingAverage
-from chamfer.systems.sensing.force_sensor import Tare
+from chamfer.systems.sensing.force_sensor import Tare, gauges
 from chamfer.systems.trajectory.path_follower import PathFollower, PathFollowerParams
 
 SIGNALS: Final = (
@@ -111,11 +111,12 @@ def make_charging_diagram(
     velocity = {"desired_velocity": arm.num_coordinates}
     require_ports("controller", controller, inputs=velocity, outputs={})
     add("hybrid control", controller)
-    reading = add_force_sensor(
+    reading = add_sensor(
         builder,
+        "",
         scenario.sensor,
+        gauges(scenario.sensor, scenario.nuggets[0].wall_point),
         world.GetOutputPort("tool_force"),
-        scenario.nuggets[0].wall_point,
         step=plant.period,
         period=control.period,
     )

@@ -292,13 +292,13 @@ class CrucibleChargingScenario:
     @property
     def plant(self) -> ArmInContactParams:
         """The arm, without what it touches."""
-        updates = updates_of(self.step, self.controller.period)
+        held, window = updates_of(self.step, self.controller.period)
         return ArmInContactParams(
             joint_friction=self.arm.joint_friction,
             gripper=self.gripper,
             step=self.step,
-            held=updates.held,
-            window=updates.window,
+            held=held,
+            window=window,
         )
 
 

@@ -16,7 +16,7 @@ from chamfer.diagrams.contact.sensing import (
     ControllerSettings,
     Sensing,
     SensingValues,
-    add_base_sensor,
+    add_sensor,
     ideal,
     missing,
 )
@@ -31,7 +31,7 @@ from chamfer.systems.force.friction_compensation import (
     JointsToMove,
 )
 from chamfer.systems.sensing.encoders import EncoderParams
-from chamfer.systems.sensing.force_sensor import BaseSensorParams, ForceSensorParams
+from chamfer.systems.sensing.force_sensor import BaseSensorParams, ForceSensorParams, base_gauges
 
 # Of joints 1 to 4 the Adept One's; of the wrist's geared motors assumed.
 FRICTION: Final = JointFrictionParams(
@@ -137,7 +137,10 @@ def add_base_compensation(
         period: s, of the computer.
     """
     add, connect = builder.AddNamedSystem, builder.Connect
-    reading = add_base_sensor(builder, params.sensor, base_wrench, step=step, period=period)
+    given = base_gauges(params.sensor)
+    reading = add_sensor(
+        builder, "base ", params.sensor, given, base_wrench, step=step, period=period
+    )
     torque = add("base wrench to torque", BaseWrenchTorque(dynamics))
     compensation = add(
         "friction compensation",

@@ -12,7 +12,7 @@ from chamfer.diagrams.contact.sensing import (
     add_delay,
     add_encoders,
     add_force_in_world,
-    add_force_sensor,
+    add_sensor,
 )
 from chamfer.systems.contact.arm_in_contact import ArmInContact
 from chamfer.systems.force.contact_detection import ContactDetection
@@ -20,7 +20,7 @@ from chamfer.systems.force.friction_compensation import FrictionCompensation
 from chamfer.systems.force.hybrid_controller import HybridController, require_hybrid_ports
 from chamfer.systems.force.selection import Selection
 from chamfer.systems.force.surface_motion import GuardedMotion
-from chamfer.systems.sensing.force_sensor import LoadCellParams
+from chamfer.systems.sensing.force_sensor import LoadCellParams, gauges
 
 
 class Manipulator(NamedTuple):
@@ -44,13 +44,8 @@ def add_manipulator(builder: DiagramBuilder, scenario: HybridScenario) -> Manipu
         "manipulator and contact",
         ArmInContact(scenario.ARM, scenario.make_surface(), plant, start),
     )
-    encoders = add_encoders(
-        builder,
-        scenario.encoders,
-        arm.GetOutputPort("encoders"),
-        start,
-        period=control.period,
-    )
+    motion = arm.GetOutputPort("encoders")
+    encoders = add_encoders(builder, scenario.encoders, motion, start, period=control.period)
     return Manipulator(
         torque=add_delay(builder, control, arm.GetInputPort("torque"), step=plant.period),
         encoders=encoders,
@@ -64,11 +59,12 @@ def _add_measured_force(
     builder: DiagramBuilder, scenario: HybridScenario, arm: ArmInContact, encoders: OutputPort
 ) -> OutputPort:
     given = scenario.sensor
-    reading = add_force_sensor(
+    reading = add_sensor(
         builder,
+        "",
         given,
+        gauges(given, scenario.arm.contact_offset),
         arm.GetOutputPort("tool_force"),
-        scenario.arm.contact_offset,
         step=scenario.plant.period,
         period=scenario.controller.period,
     )
@@ -111,18 +107,14 @@ def make_hybrid_diagram(
         controller = HybridController(arm, control, dynamics=model)
     require_hybrid_ports(controller, arm)
     builder = DiagramBuilder()
+    add, connect = builder.AddNamedSystem, builder.Connect
     manipulator = add_manipulator(builder, scenario)
-    detection = builder.AddNamedSystem(
-        "contact detection",
-        ContactDetection(scenario.detection, scenario.direction, period=control.period),
-    )
-    selection = builder.AddNamedSystem("selection", Selection(scenario.direction))
-    desired = builder.AddNamedSystem("desired trajectory", GuardedMotion(task))
-    force = builder.AddNamedSystem(
-        "desired force", ConstantVectorSource(task.force * scenario.direction)
-    )
-    builder.AddNamedSystem("hybrid control", controller)
-    connect = builder.Connect
+    detects = ContactDetection(scenario.detection, scenario.direction, period=control.period)
+    detection = add("contact detection", detects)
+    selection = add("selection", Selection(scenario.direction))
+    desired = add("desired trajectory", GuardedMotion(task))
+    force = add("desired force", ConstantVectorSource(task.force * scenario.direction))
+    add("hybrid control", controller)
     measured = manipulator.measured_force
     mode = detection.GetOutputPort("state")
     connect(measured, detection.GetInputPort("measured_force"))

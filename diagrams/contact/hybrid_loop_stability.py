@@ -113,11 +113,7 @@ def linear_loops(scenario: HybridScenario) -> tuple[LinearLoop, ...]:
 
 
 def linear_loop(scenario: HybridScenario, name: str, mode: int, endpoint: Array) -> LinearLoop:
-    """Return a resolved scenario's loop in a mode with the arm at an endpoint, shape (m,).
-
-    Raises:
-        ParameterError: If the point is out of reach.
-    """
+    """Return a resolved scenario's loop in a mode with the arm at an endpoint, shape (m,)."""
     return _Linearised(scenario).loop(name, mode, endpoint)
 
 
@@ -363,11 +359,7 @@ def require_stable(scenario: HybridScenario) -> None:
 
 
 def refuse_or_warn(found: str, name: str, control: MayBeUnstable, remedy: str) -> None:
-    """Refuse a controller's setting for what was found, or warn with ``allow_unstable``.
-
-    Raises:
-        ParameterError: Unless ``allow_unstable`` is set; it names the setting and the remedy.
-    """
+    """Refuse a controller's setting for what was found, or warn with ``allow_unstable``."""
     if not control.allow_unstable:
         allowed = f"{remedy}: {found} (or controller.allow_unstable=true)"
         raise ParameterError(f"controller.{name}", getattr(control, name), allowed)

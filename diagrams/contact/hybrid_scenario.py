@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Final, NamedTuple, TypeVar
+from typing import ClassVar, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,19 +42,8 @@ _REFRESH: Final = 1e-3  # s, at most, over which the torque and the surface's sh
 _MOST_PERIODS: Final = 1_000_000  # of a run; its traces have a row for each
 
 
-class Updates(NamedTuple):
-    """How a period is divided."""
-
-    held: int  # steps in an update of the arm
-    window: int  # updates in a period
-
-
 def require_steps(step: float, period: float) -> None:
-    """Raise unless a period is a whole number of steps, s.
-
-    Raises:
-        ParameterError: Naming ``step``.
-    """
+    """Raise :class:`ParameterError` unless a period is a whole number of steps, s."""
     held = round(period / step)
     if not (1 <= held <= _MOST_HELD and abs(held * step / period - 1) < 1e-9):
         allowed = f"a whole part of the period, {period:g}, down to {period / _MOST_HELD:g}"
@@ -62,22 +51,18 @@ def require_steps(step: float, period: float) -> None:
 
 
 def require_periods(duration: float, period: float) -> None:
-    """Raise unless a run has not too few and not too many periods, s.
-
-    Raises:
-        ParameterError: Naming ``duration``.
-    """
+    """Raise :class:`ParameterError` unless a run has 10 to a million periods, s."""
     if not 10 <= duration / period <= _MOST_PERIODS:
         allowed = f"10 to {_MOST_PERIODS} periods of {period:g} s"
         raise ParameterError("duration", duration, allowed)
 
 
-def updates_of(step: float, period: float) -> Updates:
-    """Return the longest updates, up to a millisecond, of which a period is a whole number."""
+def updates_of(step: float, period: float) -> tuple[int, int]:
+    """Return steps in an update and updates in a period: the longest ones, up to a millisecond."""
     steps = round(period / step)
     most = max(1, round(_REFRESH / step))
     held = max(count for count in range(1, most + 1) if steps % count == 0)
-    return Updates(held, steps // held)
+    return held, steps // held
 
 
 Array = NDArray[np.float64]
@@ -232,15 +217,15 @@ class HybridScenario(ABC):
     @property
     def plant(self) -> ArmInContactParams:
         """The arm and its contact."""
-        updates = updates_of(self.step, self.controller.period)
+        held, window = updates_of(self.step, self.controller.period)
         return ArmInContactParams(
             joint_friction=self.arm.joint_friction,
             contact=self.surface,
             contact_offset=self.arm.contact_offset,
             gripper=self.gripper,
             step=self.step,
-            held=updates.held,
-            window=updates.window,
+            held=held,
+            window=window,
         )
 
 

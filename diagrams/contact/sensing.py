@@ -18,15 +18,12 @@ from chamfer.systems.force.hybrid_controller import HybridControllerParams
 from chamfer.systems.sensing.computation_delay import ComputationDelay, require_within_period
 from chamfer.systems.sensing.encoders import EncoderParams, Encoders
 from chamfer.systems.sensing.force_sensor import (
-    BaseSensorParams,
     ChannelParams,
     ForceInWorld,
     ForceSensor,
     ForceSensorParams,
     Gauges,
     LoadCellParams,
-    base_gauges,
-    gauges,
 )
 
 Array = NDArray[np.float64]
@@ -83,25 +80,15 @@ def encoders_of(given: EncoderParams, values: SensingValues) -> EncoderParams:
 
 
 def computer_of(control: ControllerSettings, values: SensingValues) -> ControllerSettings:
-    """Return the controller with what it leaves open of its computer.
-
-    Raises:
-        ParameterError: If the torque would be later than a period.
-    """
-    if control.computation_delay is None:
-        control = replace(control, computation_delay=values.computation_delay)
-    if control.computation_jitter is None:
-        # no more than what an own delay leaves room for
-        delay = known("computation_delay", control.computation_delay)
-        room = min(delay, control.period - delay)
-        control = replace(control, computation_jitter=min(values.computation_jitter, room))
+    """Return the controller with what it leaves open of its computer."""
+    delay, jitter = control.computation_delay, control.computation_jitter
+    if delay is None:
+        delay = values.computation_delay
+    if jitter is None:  # no more than what an own delay leaves room for
+        jitter = min(values.computation_jitter, delay, control.period - delay)
     with within("controller"):
-        require_within_period(
-            known("computation_delay", control.computation_delay),
-            known("computation_jitter", control.computation_jitter),
-            control.period,
-        )
-    return control
+        require_within_period(delay, jitter, control.period)
+    return replace(control, computation_delay=delay, computation_jitter=jitter)
 
 
 def push_errors(sensor: SensorParams, direction: Array, R_WE: Array) -> tuple[float, float]:
@@ -155,50 +142,13 @@ def add_delay(
     jitter = known("computation_jitter", control.computation_jitter)
     if not delay:
         return torque
-    block = builder.AddNamedSystem(
-        "computation delay",
-        ComputationDelay(
-            torque.size(), delay=delay, jitter=jitter, period=control.period, step=step
-        ),
-    )
+    size, period = torque.size(), control.period
+    late = ComputationDelay(size, delay=delay, jitter=jitter, period=period, step=step)
+    block = builder.AddNamedSystem("computation delay", late)
     builder.Connect(block.GetOutputPort("torque"), torque)
     if jitter:
-        _add_noise(builder, "jitter", block.GetInputPort("jitter"), control.period)
+        _add_noise(builder, "jitter", block.GetInputPort("jitter"), period)
     return block.GetInputPort("command")
-
-
-def add_force_sensor(
-    builder: DiagramBuilder,
-    params: ForceSensorParams | LoadCellParams,
-    tool_force: OutputPort,
-    contact_point: tuple[float, float, float],
-    *,
-    step: float,
-    period: float,
-) -> OutputPort:
-    """Add a force sensor with its noise; return its reading, (k,).
-
-    ``tool_force``, (3,), N, in the endpoint's frame, changes every ``step``, s, and acts at the
-    contact point, m, in that frame; ``period``, s, is the computer's.
-    """
-    given = gauges(params, contact_point)
-    return add_sensor(builder, "", params, given, tool_force, step=step, period=period)
-
-
-def add_base_sensor(
-    builder: DiagramBuilder,
-    params: BaseSensorParams,
-    base_wrench: OutputPort,
-    *,
-    step: float,
-    period: float,
-) -> OutputPort:
-    """Add a sensor under the base with its noise; return its reading, (6,), of base on arm.
-
-    ``base_wrench``, (6,), moment and force of the base on the arm, changes every ``step``, s.
-    """
-    given = base_gauges(params)
-    return add_sensor(builder, "base ", params, given, base_wrench, step=step, period=period)
 
 
 def add_force_in_world(
@@ -214,10 +164,8 @@ def add_force_in_world(
 
     It has as many ``coordinates`` as the endpoint vector: x, y, z, then zeros.
     """
-    turned = builder.AddNamedSystem(
-        "force in the world",
-        ForceInWorld(dynamics, params.undoing, coordinates=coordinates),
-    )
+    block = ForceInWorld(dynamics, params.undoing, coordinates=coordinates)
+    turned = builder.AddNamedSystem("force in the world", block)
     builder.Connect(reading, turned.GetInputPort("reading"))
     builder.Connect(encoders, turned.GetInputPort("encoders"))
     return turned.GetOutputPort("measured_force")

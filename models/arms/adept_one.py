@@ -57,9 +57,6 @@ def joint_positions(x: NDArray[Any], elbow: Elbow) -> NDArray[Any]:
     """Return q = (q1, q2, d3, q4), rad and m, that puts the tip at x = (x, y, z, phi), shape (4,).
 
     ``elbow`` is the sign of q2. q4 is not wrapped: phi is met without whole turns between.
-
-    Raises:
-        ParameterError: The tip is out of reach or at the edge of it, where both elbows meet.
     """
     px, py, pz, phi = x.tolist()
     if not np.isfinite(x).all():

@@ -87,9 +87,6 @@ def joint_positions(x: NDArray[Any], elbow: Elbow) -> NDArray[Any]:
     """Return q, rad and m, shape (7,), for x = (x, y, z, yaw, pitch, roll, lean), m and rad.
 
     ``elbow`` is the sign of q2. Angles are met without whole turns between.
-
-    Raises:
-        ParameterError: The mount is out of reach or at the edge of it.
     """
     if not np.isfinite(x).all():
         raise ParameterError("endpoint", tuple(x.tolist()), "finite numbers")

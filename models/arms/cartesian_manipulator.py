@@ -7,7 +7,7 @@ it.
 
 import math
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,23 +32,14 @@ class CartesianManipulatorParams:
         require_not_negative(self, "damping")
 
 
-class SampledDynamics(NamedTuple):
-    """Matrices of ``x[k + 1] = A x[k] + B u[k]``."""
-
-    A: NDArray[np.float64]
-    B: NDArray[np.float64]
-
-
 def sampled_dynamics(
     params: CartesianManipulatorParams, step: float, *, dimension: int
-) -> SampledDynamics:
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return eq. (5-7) over a step, s, in which the force is held; exact, in closed form.
 
-    A, shape (2d, 2d), and B, shape (2d, d), for the state position (m), then velocity (m/s), and
-    as input the sum of effort and contact force, N, in d axes.
-
-    Raises:
-        ParameterError: If the step is not a finite number > 0.
+    A, shape (2d, 2d), and B, shape (2d, d), of ``x[k + 1] = A x[k] + B u[k]``, for the state
+    position (m), then velocity (m/s), and as input the sum of effort and contact force, N, in d
+    axes.
     """
     if not 0 < step < math.inf:
         raise ParameterError("step", step, "a finite number > 0")
@@ -57,7 +48,7 @@ def sampled_dynamics(
     A = np.array([[1.0, once], [0.0, math.exp(-decay)]])
     B = np.array([[twice / params.mass], [once / params.mass]])
     each = np.eye(dimension)
-    return SampledDynamics(A=np.kron(A, each), B=np.kron(B, each))
+    return np.kron(A, each), np.kron(B, each)
 
 
 def _phi_1(z: float) -> float:
@@ -74,11 +65,7 @@ def _phi_2(z: float) -> float:
 
 
 def cartesian_kinematics(dimension: int) -> Kinematics:
-    """Return the kinematics of a manipulator whose joints are its endpoint coordinates.
-
-    Raises:
-        ParameterError: If the dimension is neither 2, x and y, nor 3.
-    """
+    """Return the kinematics of a manipulator whose joints are its endpoint coordinates."""
     if dimension not in (2, 3):
         raise ParameterError("dimension", dimension, "2, 3")
     axes = AXES[:dimension]

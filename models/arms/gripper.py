@@ -36,19 +36,11 @@ class GripperCompliance:
                     raise ParameterError(name, value, allowed)
 
     def matrix(self, dimension: int) -> Rows:
-        """Return the stiffness matrix K by rows, N/m.
-
-        Raises:
-            ParameterError: If it is given in other dimensions.
-        """
+        """Return the stiffness matrix K by rows, N/m."""
         return tuple(map(tuple, _matrix("stiffness", self.stiffness, dimension).tolist()))
 
     def damping_matrix(self, dimension: int) -> Rows:
-        """Return the damping matrix D by rows, N s/m.
-
-        Raises:
-            ParameterError: If it is given in other dimensions.
-        """
+        """Return the damping matrix D by rows, N s/m."""
         return tuple(map(tuple, _matrix("damping", self.damping, dimension).tolist()))
 
 

@@ -44,11 +44,7 @@ def jacobian(q: NDArray[Any]) -> NDArray[Any]:
 
 
 def joint_positions(x: NDArray[Any], elbow: Elbow) -> NDArray[Any]:
-    """Return the joint positions, rad, that put the tip at x, m, shape (2,), with q2's sign.
-
-    Raises:
-        ParameterError: The tip is out of reach or at the edge of it, where both elbows meet.
-    """
+    """Return the joint positions, rad, that put the tip at x, m, shape (2,), with q2's sign."""
     along, across = x.tolist()
     q = two_link_angles(along, across, (LENGTH_1, LENGTH_2), elbow, x, "the base")
     return np.array(q)

@@ -61,9 +61,6 @@ def joint_positions(x: NDArray[Any], elbow: Elbow) -> NDArray[Any]:
     """Return the joint positions, rad, that put the tip at x, m, with the waist facing it (r > 0).
 
     ``elbow`` is the sign of q3.
-
-    Raises:
-        ParameterError: The tip is out of reach, at the edge of it or above the waist.
     """
     px, py, pz = x.tolist()
     radius_squared = px * px + py * py - OFFSET * OFFSET

@@ -145,9 +145,6 @@ class PlantKinematics:
     """Where the flange of a URDF's arm is, in its base frame; called with joint positions.
 
     It owns a plant and a context.
-
-    Raises:
-        RuntimeError, ValueError: At construction if Drake does not take the URDF.
     """
 
     def __init__(self, urdf: str, base: str, flange: str) -> None:
@@ -168,11 +165,7 @@ class PlantKinematics:
 
 
 def arm_alone(urdf: str, base: str) -> MultibodyPlant:
-    """Return a plant whose world is the arm's base.
-
-    Raises:
-        RuntimeError, ValueError: If Drake does not take the URDF.
-    """
+    """Return a plant whose world is the arm's base."""
     plant = MultibodyPlant(0.0)
     Parser(plant).AddModelsFromString(urdf, "urdf")
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(base))

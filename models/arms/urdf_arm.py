@@ -358,11 +358,7 @@ BUILT_IN: Final = {WAM.name: WAM}
 
 
 def chosen_arm(model: str, tool_frame: str | None) -> SerialArm:
-    """Return the arm of a model: ``wam``, or the path of a URDF file.
-
-    Raises:
-        ParameterError: ``model`` or ``tool_frame``: as :func:`read_arm`.
-    """
+    """Return the arm of a model: ``wam``, or the path of a URDF file."""
     if model not in BUILT_IN:
         return read_arm(model, tool_frame)
     if tool_frame is not None:

@@ -13,7 +13,6 @@ adds none to the tool, and no spring is too stiff for the step, whatever the ine
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -73,18 +72,14 @@ class WristParams:
     @property
     def law(self) -> Array:
         """Forces of the joints of what the joints lack, positions above rates, shape (6, 12)."""
-        return self._in_joints(self.damping)
+        return self.implicit_law(0.0)
 
     def implicit_law(self, step: float) -> Array:
         """Return that of a plant with a step, s; a lack of rates counts for more."""
-        rates = [d + step * k for d, k in zip(self.damping, self.stiffness, strict=True)]
-        return self._in_joints(rates)
-
-    def _in_joints(self, damping: Sequence[float]) -> Array:
+        stiffness = np.array(self.stiffness)
+        rates = np.array(self.damping) + step * stiffness
         order = list(ORDER)
-        stiffness, rates = np.array(self.stiffness)[order], np.array(damping)[order]
-        matrix: Array = np.hstack([np.diag(stiffness), np.diag(rates)])
-        return matrix
+        return np.asarray(np.hstack([np.diag(stiffness[order]), np.diag(rates[order])]))
 
 
 class Wrist(NamedTuple):

@@ -329,19 +329,13 @@ class ArmInContact(LeafSystem):
             params.step,
             params.held,
         )
-        n = len(torque)
+        n, at = len(torque), f"at t = {context.get_time():g} s"
         if not all(map(math.isfinite, state.tolist())):
-            raise ParameterError(
-                f"the {self._name}'s velocity at t = {context.get_time():g} s",
-                state[n : 2 * n].tolist(),
-                "finite numbers, the run diverges",
-            )
+            speed, allowed = state[n : 2 * n].tolist(), "finite numbers, the run diverges"
+            raise ParameterError(f"the {self._name}'s velocity {at}", speed, allowed)
         if unsolved:
-            raise ParameterError(
-                f"the error of the {self._name}'s contact at t = {context.get_time():g} s",
-                error,
-                "less, which a shorter step may reach",
-            )
+            allowed = "less, which a shorter step may reach"
+            raise ParameterError(f"the error of the {self._name}'s contact {at}", error, allowed)
         values.set_value(self._state, state)
         values.set_value(self._outputs, outputs)
         values.set_value(self._last_scene, [scene])
@@ -361,16 +355,9 @@ class ArmInContact(LeafSystem):
         energy[:3] = stored
 
     def _patch(self, world: _World, tips: Array) -> Patch:
-        """Return the surfaces about where the points will be in the middle of the period.
-
-        Args:
-            world: The scene.
-            tips: Its points and their velocities, shape (>= m, 6).
-        """
+        """Return the surfaces about where the points, with velocities, are in half a period."""
         m = len(world.points)
-        patch = Patch(
-            np.empty((m, 3)), np.empty(m), np.empty((m, 3)), np.zeros((m, 3, 3)), np.zeros(m)
-        )
+        patch = Patch(*(np.zeros((m, *shape)) for shape in ((3,), (), (3,), (3, 3), ())))
         for i, (place, tip) in enumerate(zip(world.points, tips[:m], strict=True)):
             surface = place.surface
             way = self._params.period / 2 * tip[3:]

@@ -18,9 +18,6 @@ def make_cartesian_manipulator(
     the manipulator. State and output, shape (2d,), are position, m, then velocity, m/s, as
     encoders give them. There is no direct feedthrough. It starts at rest at ``start``, m, shape
     (d,).
-
-    Raises:
-        ParameterError: If the start is not 2 or 3 finite numbers, or the step not one > 0.
     """
     d = len(start)
     if d not in (2, 3) or not all(map(math.isfinite, start)):

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context, LeafSystem, State
 
-from chamfer.models.validation import ParameterError, require_positive
+from chamfer.models.validation import ParameterError, require_numbers, require_positive
 from chamfer.systems.ports import finite_input
 
 Array = NDArray[np.float64]
@@ -54,8 +54,7 @@ class AccommodationParams:
 
     def __post_init__(self) -> None:
         require_positive(self, "period")
-        if len(self.centre) != 3 or not all(map(math.isfinite, self.centre)):
-            raise ParameterError("centre", self.centre, "three finite numbers")
+        require_numbers(self, 3, "centre")
         for name in ("damping", "stiffness"):
             values = getattr(self, name)
             if len(values) != len(AXES):
@@ -81,19 +80,12 @@ class AccommodationParams:
             loop = self.period * self.mobility @ np.diag(self.stiffness)
             largest = float(np.linalg.eigvals(loop).real.max())
             if not largest <= MONOTONE * (1 + 1e-9):
-                raise ParameterError(
-                    "centre",
-                    self.centre,
-                    f"one with which the largest eigenvalue of T D^-1 K, here {largest:.3g}, is "
-                    f"at most {MONOTONE:g}",
-                )
+                found = f"the largest eigenvalue of T D^-1 K, here {largest:.3g}"
+                allowed = f"one with which {found}, is at most {MONOTONE:g}"
+                raise ParameterError("centre", self.centre, allowed)
 
     def with_damping(self, set_to: tuple[float, ...]) -> "AccommodationParams":
-        """Return these parameters with some of the dampings set, those that are not 0.
-
-        Raises:
-            ParameterError: If an axis is not monotone with it.
-        """
+        """Return these parameters with some of the dampings set, those that are not 0."""
         if not any(set_to):
             return self
         damping = tuple(new or own for new, own in zip(set_to, self.damping, strict=True))

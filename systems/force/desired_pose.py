@@ -77,11 +77,7 @@ FEED_SIZE = 3
 
 
 def axis_of(pose: Array) -> Array:
-    """Return the x axis of a pose's frame in the world, shape (3,); the quaternion has length 1.
-
-    Args:
-        pose: Quaternion w, x, y, z and position, m, shape (7,).
-    """
+    """Return the x axis of a pose's frame, (3,), of its unit quaternion and position, (7,)."""
     w, x, y, z = pose[:4].tolist()
     return np.array([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)])
 
@@ -123,13 +119,10 @@ class FeedOffset(LeafSystem):
             velocity[3:] = feed.Eval(context)[1] * axis_of(along.Eval(context))
             vector.SetFromVector(velocity)
 
-        self.DeclareVectorOutputPort(
-            "advanced_pose",
-            POSE_SIZE,
-            calc_pose,
-            {pose.ticket(), along.ticket(), feed.ticket(), self.time_ticket()},
-        )
-        self.DeclareVectorOutputPort("velocity", 6, calc_velocity, {along.ticket(), feed.ticket()})
+        depends = {along.ticket(), feed.ticket()}
+        moves = {*depends, pose.ticket(), self.time_ticket()}
+        self.DeclareVectorOutputPort("advanced_pose", POSE_SIZE, calc_pose, moves)
+        self.DeclareVectorOutputPort("velocity", 6, calc_velocity, depends)
 
 
 _WORLD: Final = RotationMatrix()
@@ -189,10 +182,8 @@ class CompensatedPose(LeafSystem):
         taken = share * np.kron(np.eye(2), R_WH.matrix())  # the share, in the world's axes
 
         def calc(context: Context, vector: BasicVector) -> None:
-            vector.SetFromVector(
-                compensate(pose.Eval(context), taken @ compensation.Eval(context))
-            )
+            share_taken = taken @ compensation.Eval(context)
+            vector.SetFromVector(compensate(pose.Eval(context), share_taken))
 
-        self.DeclareVectorOutputPort(
-            "pose", POSE_SIZE, calc, {pose.ticket(), compensation.ticket()}
-        )
+        depends = {pose.ticket(), compensation.ticket()}
+        self.DeclareVectorOutputPort("pose", POSE_SIZE, calc, depends)

@@ -27,11 +27,7 @@ class FrictionCompensationParams:
         require_positive(self, "bandwidth")
 
     def compensated(self, n: int) -> Array:
-        """Return 1 for each of n joints that is compensated and 0 for the others, shape (n,).
-
-        Raises:
-            ParameterError: If a joint is not there, or twice.
-        """
+        """Return 1 for each of n joints that is compensated and 0 for the others, shape (n,)."""
         joints = range(n) if self.joints is None else self.joints
         if not set(joints) <= set(range(n)) or len(set(joints)) < len(joints):
             raise ParameterError("joints", self.joints, f"different indices below {n}")
@@ -62,11 +58,10 @@ class FrictionCompensation(LeafSystem):
     :class:`chamfer.systems.force.friction_compensation.BaseWrenchTorque` resolves what one reads.
 
     ``command`` and ``torque``, shape (n,), the same units as ``base_torque``. ``moving``, shape
-    (n,), may be left open: the estimate of a joint with 0 there stays as it is, of the others
-    with 1 it follows. A joint that sticks takes whatever torque it is given, so that the estimate
-    would grow until it breaks loose, and then be too much: a joint that is to stand hunts. Kept,
-    not let go, it is right when the joint goes on, where a law's integrator would else hold the
-    same friction.
+    (n,), may be left open: the estimate of a joint with 0 there is kept, of one with 1 it follows.
+    A joint that sticks takes whatever torque it is given, so that the estimate would grow until it
+    breaks loose, and then be too much: a joint that is to stand hunts. Kept, it is right when the
+    joint goes on.
 
     Discrete state: the friction estimate, shape (n,).
 
@@ -79,32 +74,29 @@ class FrictionCompensation(LeafSystem):
     def __init__(self, params: FrictionCompensationParams, *, joints: int, period: float) -> None:
         super().__init__()
         n = joints
-        self._follow = params.follow(period) * params.compensated(n)
-        self._command = self.DeclareVectorInputPort("command", n)
-        self._base_torque = self.DeclareVectorInputPort("base_torque", n)
-        self._moving = self.DeclareVectorInputPort("moving", n)
-        estimate = self.DeclareDiscreteState(np.zeros(n))
+        compensated = params.follow(period) * params.compensated(n)
+        command = self.DeclareVectorInputPort("command", n)
+        base_torque = self.DeclareVectorInputPort("base_torque", n)
+        moving = self.DeclareVectorInputPort("moving", n)
+        held = self.DeclareDiscreteState(np.zeros(n))
 
         def calc(context: Context, vector: BasicVector) -> None:
-            friction = context.get_discrete_state(estimate).value()
-            vector.SetFromVector(self._command.Eval(context) + friction)
+            friction = context.get_discrete_state(held).value()
+            vector.SetFromVector(command.Eval(context) + friction)
 
-        self._output = self.DeclareVectorOutputPort(
-            "torque",
-            n,
-            calc,
-            {self._command.ticket(), self.discrete_state_ticket(estimate)},
-        )
-        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._tick)
+        depends = {command.ticket(), self.discrete_state_ticket(held)}
+        output = self.DeclareVectorOutputPort("torque", n, calc, depends)
 
-    def _tick(self, context: Context, state: DrakeState) -> None:
-        transmitted = finite_input(self._base_torque, context)
-        estimate = state.get_mutable_discrete_state().value(0)
-        friction = self._output.Eval(context) - transmitted
-        follow = self._follow
-        if self._moving.HasValue(context):
-            follow = follow * self._moving.Eval(context)
-        state.get_mutable_discrete_state().set_value(0, estimate + follow * (friction - estimate))
+        def tick(context: Context, state: DrakeState) -> None:
+            estimate = context.get_discrete_state(held).value()
+            friction = output.Eval(context) - finite_input(base_torque, context)
+            follow = compensated
+            if moving.HasValue(context):
+                follow = follow * moving.Eval(context)
+            estimate = estimate + follow * (friction - estimate)
+            state.get_mutable_discrete_state().set_value(held, estimate)
+
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, tick)
 
 
 class JointsToMove(LeafSystem):

@@ -52,11 +52,7 @@ class PositionGains:
                 raise ParameterError(name, gains, "finite numbers >= 0")
 
     def for_joints(self, n: int) -> list[Array]:
-        """Return Kp, Ki and Kd of n joints or coordinates, shape (n,) each.
-
-        Raises:
-            ParameterError: If one of the parameters is for more or fewer of them.
-        """
+        """Return Kp, Ki and Kd of n joints or coordinates, shape (n,) each."""
         found = []
         for name in ("stiffness", "integral", "damping"):
             gains = getattr(self, name)

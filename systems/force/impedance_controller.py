@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RotationMatrix
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, System
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 from scipy.linalg import eigh, null_space
 
 from chamfer.models.arms.serial_arm import SerialArm
 from chamfer.models.validation import ParameterError, require_not_negative, require_positive
 from chamfer.systems.compiled import add_product, compiled, inverse
 from chamfer.systems.force.arm_model import ArmModel, Vector3
-from chamfer.systems.ports import finite_input, require_ports
+from chamfer.systems.ports import finite_input
 from chamfer.systems.pose import POSE_SIZE, pose_vector
 
 Array = NDArray[np.float64]
@@ -267,11 +267,7 @@ class ImpedanceControllerParams:
             self._require_some("torque_limits", len(self.torque_limits))
 
     def limits(self, arm: SerialArm) -> Array:
-        """Return the largest torques of an arm's joints, N m, shape (n,).
-
-        Raises:
-            ParameterError: If they are of another number of joints.
-        """
+        """Return the largest torques of an arm's joints, N m, shape (n,)."""
         if self.torque_limits is None:
             return np.array(arm.torque_limits)
         self._require_some("torque_limits", arm.num_joints)
@@ -434,17 +430,6 @@ class ImpedanceController(LeafSystem):
                 raise ParameterError("desired_pose", desired_pose.tolist(), allowed)
             raise ParameterError("torque", result[: len(self.posture)].tolist(), "finite numbers")
         return result
-
-
-def require_impedance_ports(controller: System, num_joints: int) -> None:
-    """Raise :class:`ParameterError` unless a system has :class:`ImpedanceController`'s ports."""
-    n = num_joints
-    require_ports(
-        "controller",
-        controller,
-        inputs={"encoders": 2 * n, "desired_pose": POSE_SIZE, "desired_velocity": 6},
-        outputs={"torque": n, "tool_pose": POSE_SIZE, "saturated": n},
-    )
 
 
 def _require_stable(

@@ -15,11 +15,7 @@ _TOLERANCE: Final = 1e-9
 
 
 def unit(vector: Array, name: str = "normal") -> Array:
-    """Return the vector at length 1.
-
-    Raises:
-        ParameterError: If it is zero or not finite.
-    """
+    """Return the vector at length 1."""
     length = float(np.linalg.norm(vector))
     if not 0 < length < math.inf:
         raise ParameterError(name, np.asarray(vector).tolist(), "a finite vector other than zero")
@@ -28,11 +24,7 @@ def unit(vector: Array, name: str = "normal") -> Array:
 
 
 def position_selection(normal: Array) -> Array:
-    """Return P = I - n n^T, shape (m, m), for a surface normal n of any length.
-
-    Raises:
-        ParameterError: If the normal is zero or not finite.
-    """
+    """Return P = I - n n^T, shape (m, m), for a surface normal n of any length."""
     n = unit(normal)
     matrix: Array = np.eye(len(n)) - np.outer(n, n)
     return matrix

@@ -114,19 +114,11 @@ class GuardedMotion(LeafSystem):
             time, contact = context.get_time(), float(contact_time.Eval(context)[0])
             into = params.approached(time if contact < 0 else contact)
             sideways = 0.0 if contact < 0 else params.swing(time - contact)
-            vector.SetFromVector(
-                [
-                    x + d * into + a * sideways
-                    for x, d, a in zip(start, direction, along, strict=True)
-                ]
-            )
+            axes = zip(start, direction, along, strict=True)
+            vector.SetFromVector([x + d * into + a * sideways for x, d, a in axes])
 
-        self.DeclareVectorOutputPort(
-            "desired_position",
-            len(start),
-            calc,
-            {self.time_ticket(), contact_time.ticket()},
-        )
+        depends = {self.time_ticket(), contact_time.ticket()}
+        self.DeclareVectorOutputPort("desired_position", len(start), calc, depends)
 
 
 _TOLERANCE: Final = 1e-6  # of the normal's length, and of the sine between it and the axis
@@ -174,15 +166,14 @@ class SurfaceMotion(LeafSystem):
     approach, from which the motion along the surface goes on. While contact is lost it stands
     still, and afterwards begins again.
 
-    ``endpoint_motion``, shape (2m,), is the endpoint vector, m (rad), then its rate, of which
-    only the first is used; ``normal``, shape (d,). ``mode``, size 1, is as
+    ``endpoint_motion``, shape (2m,), is the endpoint vector, m (rad), then its rate, which is not
+    used; ``normal``, shape (d,). ``mode``, size 1, is as
     :class:`chamfer.systems.force.contact_detection.ContactDetection` gives it; left unconnected,
     the arm is taken to be in contact always. ``approach``, shape (m,), is the desired position
-    before contact, read with ``mode`` alone. ``selection``, shape (m * m,), is P row by row;
-    ``desired_force``, shape (m,), N, of the arm on its environment; ``desired_position``, shape
-    (m,), m. The outputs follow the inputs at once, so that a controller which ticks with this
-    block is given the period that begins; looked at between the ticks, the desired position is
-    that of the next one.
+    before contact. ``selection``, shape (m * m,), is P row by row; ``desired_force``, shape (m,),
+    N, of the arm on its environment; ``desired_position``, shape (m,), m. The outputs follow the
+    inputs at once, so that a controller which ticks with this block is given the period that
+    begins; between the ticks the desired position is that of the next one.
 
     Discrete state: the last period's desired position, shape (m,), m, and speed, m/s.
 
@@ -258,12 +249,8 @@ class SurfaceMotion(LeafSystem):
         tickets = {normal.ticket(), mode.ticket()}
         self.DeclareVectorOutputPort("selection", m * m, calc_selection, tickets)
         self.DeclareVectorOutputPort("desired_force", m, calc_force, {normal.ticket()})
-        desired = self.DeclareVectorOutputPort(
-            "desired_position",
-            m,
-            calc_position,
-            {*tickets, motion.ticket(), approach.ticket(), self.discrete_state_ticket(held)},
-        )
+        tickets |= {motion.ticket(), approach.ticket(), self.discrete_state_ticket(held)}
+        desired = self.DeclareVectorOutputPort("desired_position", m, calc_position, tickets)
 
         def tick(context: Context, state: DrakeState) -> None:
             # The controller's own update has the same context: it sees this value, not the next.
@@ -277,8 +264,7 @@ def _unit_normal(port: InputPort, context: Context) -> Array:
     normal = finite_input(port, context)
     length = math.hypot(*normal.tolist())
     if abs(length - 1) > _TOLERANCE:
-        raise ParameterError(
-            port.get_name(), normal.tolist(), f"a vector of length 1 within {_TOLERANCE:g}"
-        )
+        allowed = f"a vector of length 1 within {_TOLERANCE:g}"
+        raise ParameterError(port.get_name(), normal.tolist(), allowed)
     # The rest of the deviation would make P no projection.
     return normal / length

@@ -37,13 +37,7 @@ class ComputationDelay(LeafSystem):
     """
 
     def __init__(
-        self,
-        joints: int,
-        *,
-        delay: float,
-        jitter: float,
-        period: float,
-        step: float,
+        self, joints: int, *, delay: float, jitter: float, period: float, step: float
     ) -> None:
         super().__init__()
         require_within_period(delay, jitter, period)
@@ -61,17 +55,9 @@ class ComputationDelay(LeafSystem):
             now = command.Eval(context)
             vector.SetFromVector(now + old * (context.get_discrete_state(before).value() - now))
 
-        self.DeclareVectorOutputPort(
-            "torque",
-            joints,
-            calc,
-            {
-                command.ticket(),
-                noise.ticket(),
-                self.discrete_state_ticket(before),
-                self.time_ticket(),
-            },
-        )
+        state, time = self.discrete_state_ticket(before), self.time_ticket()
+        depends = {command.ticket(), noise.ticket(), state, time}
+        self.DeclareVectorOutputPort("torque", joints, calc, depends)
 
         # Unrestricted, so that it takes the torque that the controller is about to replace.
         def keep(context: Context, state: DrakeState) -> None:

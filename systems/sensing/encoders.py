@@ -48,11 +48,7 @@ class EncoderParams:
                 raise ParameterError("bandwidth", self.bandwidth, "more than 0 Hz, to track")
 
     def quanta(self, n: int) -> Array:
-        """Return what a count is at n joints, rad or m; 0 where positions are exact.
-
-        Raises:
-            ParameterError: If there are counts for more or fewer of them.
-        """
+        """Return what a count is at n joints, rad or m; 0 where positions are exact."""
         counts = known("counts", self.counts)
         if isinstance(counts, tuple) and len(counts) != n:
             raise ParameterError("counts", counts, f"{n} numbers, or one for all")
@@ -109,9 +105,8 @@ class Encoders(LeafSystem):
         self.DeclareVectorOutputPort("encoders", 2 * n, self._calc, depends)
 
     def _counted(self, q: Array) -> Array:
-        return np.where(
-            self._quanta > 0, self._quanta * np.round(q / np.maximum(self._quanta, 1e-300)), q
-        )
+        counts = np.round(q / np.maximum(self._quanta, 1e-300))
+        return np.where(self._quanta > 0, self._quanta * counts, q)
 
     def _read(self, context: Context) -> tuple[Array, Array, Array]:
         """Return position, filtered position and velocity."""
@@ -126,11 +121,8 @@ class Encoders(LeafSystem):
             return q, q, velocity + follow * ((q - before) / self._period - velocity)
         ahead = tracked + self._period * velocity
         missing = q - ahead
-        return (
-            q,
-            ahead + (1 - pole**2) * missing,
-            velocity + (1 - pole) ** 2 / self._period * missing,
-        )
+        faster = velocity + (1 - pole) ** 2 / self._period * missing
+        return q, ahead + (1 - pole**2) * missing, faster
 
     def _calc(self, context: Context, vector: BasicVector) -> None:
         q, _, velocity = self._read(context)
@@ -186,11 +178,7 @@ class HomingParams:
                 raise ParameterError(name, getattr(self, name), "finite numbers")
 
     def for_joints(self, n: int) -> tuple[Array, Array]:
-        """Return zero errors and marks' distances of n joints, shape (n,) each.
-
-        Raises:
-            ParameterError: If they are for more or fewer of them, or one has an error and no mark.
-        """
+        """Return zero errors and marks' distances of n joints, shape (n,) each."""
         for name in ("zero_error", "mark_distance"):
             if len(getattr(self, name)) not in (0, n):
                 raise ParameterError(name, getattr(self, name), f"{n} numbers, or none")

@@ -103,11 +103,7 @@ class ForceRateParams:
         return 1 - math.exp(-period / self.time_constant)
 
     def noise_gain(self, period: float) -> float:
-        """Return the rate's standard deviation over that of a force with white noise, 1/s.
-
-        Args:
-            period: s, of the samples.
-        """
+        """Return the rate's standard deviation over that of a force with white noise, 1/s."""
         share = self.share(period)
         return share / period * math.sqrt(2 / (2 - share))
 
@@ -199,22 +195,15 @@ class MovingAverage(LeafSystem):
             count = context.get_discrete_state(counted).value()[0]
             before = context.get_discrete_state(last).value().reshape(kept, size)
             # What there was not yet is zero.
-            vector.SetFromVector(
-                (finite_input(signal, context) + before.sum(axis=0)) / (1 + count)
-            )
+            total = finite_input(signal, context) + before.sum(axis=0)
+            vector.SetFromVector(total / (1 + count))
 
         def tick(context: Context, values: DiscreteValues) -> None:
             before = context.get_discrete_state(last).value()
             count = context.get_discrete_state(counted).value()[0]
-            values.set_value(
-                last, np.concatenate([finite_input(signal, context), before])[: kept * size]
-            )
+            newest = np.concatenate([finite_input(signal, context), before])
+            values.set_value(last, newest[: kept * size])
             values.set_value(counted, np.array([min(count + 1, kept)]))
 
-        sources = {
-            signal.ticket(),
-            self.discrete_state_ticket(last),
-            self.discrete_state_ticket(counted),
-        }
-        self.DeclareVectorOutputPort("mean", size, calc, sources)
+        self.DeclareVectorOutputPort("mean", size, calc, {signal.ticket(), self.xd_ticket()})
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, tick)

@@ -174,15 +174,25 @@ def gauges(
     if isinstance(params, LoadCellParams):
         return Gauges(unit(np.array(params.axis), "axis")[np.newaxis], np.ones(1))
     coupling = params.coupling
-    x, y, z = np.subtract(contact_point, known("position", params.position)).tolist()
-    felt = np.vstack([np.eye(3), [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]])[: len(coupling)]
-    scale = np.array([1.0, 1.0, 1.0, *3 * [params.radius]])[: len(coupling)]
-    return Gauges(coupling @ felt, scale)
+    lever = np.subtract(contact_point, known("position", params.position))
+    felt = np.vstack([np.eye(3), _cross(lever)])[: len(coupling)]
+    return Gauges(coupling @ felt, _scale(params.radius)[: len(coupling)])
+
+
+def _cross(lever: Array) -> Array:
+    """Return what makes of a force its moment, shape (3, 3), of a lever, m."""
+    x, y, z = lever.tolist()
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def _scale(radius: float) -> Array:
+    """Return the scale of three forces and three moments, shape (6,)."""
+    return np.array([1.0, 1.0, 1.0, *3 * [radius]])
 
 
 def base_gauges(params: BaseSensorParams) -> Gauges:
     """Return the gauges of a sensor under the base; what they feel is the base's wrench."""
-    return Gauges(-np.eye(6), np.array([*3 * [params.radius], 1.0, 1.0, 1.0]))
+    return Gauges(-np.eye(6), _scale(params.radius)[::-1])
 
 
 class ForceSensor(LeafSystem):
@@ -303,9 +313,8 @@ class ForceSensor(LeafSystem):
             values.set_value(self._count, [count + 1])
 
 
-_AXES = 6
 # Channels are forces, then moments; wrenches are moments above forces.
-_SWAP = np.roll(np.eye(_AXES), 3, axis=0)
+_SWAP = np.roll(np.eye(6), 3, axis=0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -337,22 +346,20 @@ class WrenchSensorParams(ChannelParams):
     @property
     def _moved(self) -> Array:
         """Forces and moments at the sensor's origin of those at the tip, shape (6, 6)."""
-        x, y, z = known("position", self.position)
-        moved = np.eye(_AXES)
-        moved[3:, :3] = -np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        moved = np.eye(6)
+        moved[3:, :3] = -_cross(np.array(known("position", self.position)))
         return moved
 
     @property
     def gauges(self) -> Gauges:
         """How the channels feel the wrench on the tool at its tip, N m above N."""
         # The sensor block reads what the arm does to the surface, the opposite.
-        felt = -self.coupling @ self._moved @ _SWAP
-        return Gauges(felt, np.array([1.0, 1.0, 1.0, *3 * [self.radius]]))
+        return Gauges(-self.coupling @ self._moved @ _SWAP, _scale(self.radius))
 
     @property
     def undoing(self) -> Array:
         """What the reading is multiplied by for the wrench on the tool's tip, shape (6, 6)."""
-        undone = np.linalg.inv(self.coupling) if self.decoupling else np.eye(_AXES)
+        undone = np.linalg.inv(self.coupling) if self.decoupling else np.eye(6)
         matrix: Array = np.asarray(_SWAP.T @ np.linalg.inv(self._moved) @ undone, dtype=np.float64)
         return matrix
 
@@ -411,16 +418,13 @@ class Tare(LeafSystem):
     So a bias goes, and with a nugget in the gripper its weight. What drifts or turns with the
     sensor afterwards does not.
 
-    ``force``, shape (size,), N, or N m above N; ``tare``, size 1: 1 while the zero is taken.
-    ``tared_force``, likewise: zero meanwhile, and what is read less the last mean before and
-    afterwards. ``spread``, likewise: the standard deviation of one of the readings of which the
-    last mean is, 0 before there are two.
+    ``force``, shape (size,), N, or N m above N, a reading a ``period``, s; ``tare``, size 1: 1
+    while the zero is taken. ``tared_force``, likewise: zero meanwhile, and what is read less the
+    last mean before and afterwards. ``spread``, likewise: the standard deviation of one of the
+    readings of which the last mean is, 0 before there are two.
 
     Discrete states: the mean and the sum of squared deviations from it, shape (size,) each, and
-    of how many readings they are, size 2: of the zero that is being taken, 0 once it is taken,
-    and of the last one.
-
-    The readings' period is in s; there are ``size`` of them, 3 of a force, 6 of a wrench.
+    of how many readings they are, size 2: of the zero that is being taken, and of the last one.
 
     Raises:
         ParameterError: If the period is not positive; while running, if the force is not finite.
@@ -440,11 +444,8 @@ class Tare(LeafSystem):
             return bool(tare.Eval(context)[0] > 0.5)
 
         def calc(context: Context, vector: BasicVector) -> None:
-            if takes(context):
-                vector.SetFromVector(np.zeros(size))
-            else:
-                off = context.get_discrete_state(mean).value()
-                vector.SetFromVector(force.Eval(context) - off)
+            tared = force.Eval(context) - context.get_discrete_state(mean).value()
+            vector.SetFromVector(np.zeros(size) if takes(context) else tared)
 
         def calc_spread(context: Context, vector: BasicVector) -> None:
             readings = context.get_discrete_state(counts).value()[1]

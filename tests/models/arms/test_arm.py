@@ -16,7 +16,6 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
-from chamfer.models.arms import adept_one
 from chamfer.models.arms.adept_one import (
     ADEPT_ONE,
     LENGTH_1,
@@ -24,8 +23,6 @@ from chamfer.models.arms.adept_one import (
 )
 from chamfer.models.arms.adept_wrist import (
     ADEPT_WRIST,
-    BODY_LENGTH,
-    FINGER_LENGTH,
     gripper_points,
 )
 from chamfer.models.arms.arm import Arm, Elbow
@@ -169,14 +166,6 @@ def test_joints_are_free_and_nothing_collides(loaded: LoadedArm) -> None:
         assert plant.GetVisualGeometriesForBody(plant.GetBodyByName(name))
 
 
-@pytest.mark.parametrize(("elbow", "sign"), [("negative", -1), ("positive", 1)])
-def test_planar_elbow_at_the_contact_point(elbow: Elbow, sign: int) -> None:
-    # <1, -1.5>, the nominal contact point: cos(q2) = (1 + 2.25 - 2) / 2.
-    q = PLANAR_TWO_LINK.joint_positions(np.array([1.0, -1.5]), elbow)
-    assert math.degrees(q[1]) == pytest.approx(sign * 51.3178, abs=1e-4)
-    np.testing.assert_allclose(PLANAR_TWO_LINK.endpoint(q), [1.0, -1.5], rtol=0, atol=1e-14)
-
-
 def test_planar_links_of_unequal_length_leave_a_hole() -> None:
     asked = np.array([0.5, 0.0])
     with pytest.raises(ParameterError, match=r"more than 1 m and less than 3 m from the pivot$"):
@@ -244,22 +233,7 @@ def test_adept_mass_matrix(q2: float) -> None:
     np.testing.assert_allclose(plant.CalcMassMatrix(context), expected, rtol=0, atol=1e-12)
 
 
-def test_adept_weight_pulls_the_quill_out() -> None:
-    plant = plant_of(ADEPT_ONE)
-    context = plant.CreateDefaultContext()
-    plant.SetPositions(context, [0.4, 0.8, 0.5, 0.0])
-    found = plant.CalcGravityGeneralizedForces(context)
-    np.testing.assert_allclose(found, [0, 0, 6 * 9.81, 0], rtol=0, atol=1e-9)
-
-
 X = np.array([0.45, 0.25, 0.3, 0.7, 0.2, -0.3, 0.4])
-
-
-def test_wrist_hanging_straight_down_the_wrist_lengthens_the_quill() -> None:
-    q = np.array([0.4, 0.9, 0.3, -0.2])
-    expected = adept_one.endpoint(q) - [0, 0, BODY_LENGTH + FINGER_LENGTH, 0]
-    found = ADEPT_WRIST.endpoint(np.concatenate([q, np.zeros(3)]))
-    np.testing.assert_allclose(found, [*expected, 0, 0, 0], rtol=0, atol=1e-15)
 
 
 def test_wrist_urdf_turns_the_nugget_as_the_angles_say() -> None:

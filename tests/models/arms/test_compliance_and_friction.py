@@ -218,9 +218,9 @@ def test_is_the_zero_order_hold(params: CartesianManipulatorParams, d: int, step
     states, inputs = B.shape
     C, D = np.eye(states), np.zeros((states, inputs))
     expected_A, expected_B, *_ = cont2discrete((A, B, C, D), step, method="zoh")
-    found = sampled_dynamics(params, step, dimension=d)
-    np.testing.assert_allclose(found.A, expected_A, rtol=1e-12, atol=1e-15)
-    np.testing.assert_allclose(found.B, expected_B, rtol=1e-12, atol=1e-18)
+    found_A, found_B = sampled_dynamics(params, step, dimension=d)
+    np.testing.assert_allclose(found_A, expected_A, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(found_B, expected_B, rtol=1e-12, atol=1e-18)
 
 
 @given(exponent=st.floats(-9, 1.3), step=st.sampled_from([1e-3, 1.0]))
@@ -232,7 +232,7 @@ def test_position_is_exact_for_any_damping(exponent: float, step: float) -> None
         exact += term
         term *= -Fraction(z) / k
     params = CartesianManipulatorParams(mass=1.0, damping=z / step)
-    found = sampled_dynamics(params, step, dimension=2).B[0, 0] / step**2
+    found = sampled_dynamics(params, step, dimension=2)[1][0, 0] / step**2
     assert found == pytest.approx(float(exact), rel=1e-14, abs=0)
 
 

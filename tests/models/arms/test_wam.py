@@ -112,14 +112,6 @@ def test_pose_and_jacobian_are_those_of_the_urdf(
 
 
 @given(q=joints)
-def test_pose_is_the_product_of_the_table(q: Array) -> None:
-    R, p = wam.pose(q)
-    T = frames(q)[-1].real
-    np.testing.assert_allclose(R, T[:3, :3], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(p, T[:3, 3], rtol=0, atol=1e-12)
-
-
-@given(q=joints)
 def test_gravity_torque_is_the_gradient_of_the_potential(
     plant: MultibodyPlant, context: Context, q: Array
 ) -> None:

@@ -18,6 +18,7 @@ from pydrake.systems.primitives import (
     LogVectorOutput,
     ZeroOrderHold,
 )
+from scipy.optimize import brentq
 
 from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.spring_constraint import SpringConstraint, SpringConstraintParams
@@ -177,19 +178,11 @@ def largest_eigenvalue(height: float) -> float:
     return trace / 2 + math.sqrt(trace**2 / 4 - det)
 
 
-def bound() -> float:
-    """Height at which the largest eigenvalue is 1/4, m."""
-    low, high = 0.0, 0.1
-    for _ in range(60):
-        middle = (low + high) / 2
-        low, high = (middle, high) if largest_eigenvalue(middle) < 0.25 else (low, middle)
-    return low
-
-
 def test_a_centre_too_far_is_refused_by_the_largest_eigenvalue() -> None:
-    far(bound() * 0.999)
-    far(-bound() * 0.999)
-    height = bound() * 1.2
+    bound = brentq(lambda height: largest_eigenvalue(height) - 0.25, 0.0, 0.1)
+    far(bound * 0.999)
+    far(-bound * 0.999)
+    height = bound * 1.2
     with pytest.raises(ParameterError) as refused:
         far(height)
     assert str(refused.value) == (

@@ -13,7 +13,6 @@ from chamfer.systems.force.desired_pose import (
     CompensatedPose,
     FeedOffset,
     StoppableMotion,
-    axis_of,
     compensate,
 )
 from chamfer.systems.pose import pose_vector
@@ -109,10 +108,6 @@ def fed(feed: tuple[float, float, float], time: float) -> tuple[FeedOffset, Cont
     block.GetInputPort("along").FixValue(context, ALONG)
     block.GetInputPort("feed").FixValue(context, feed)
     return block, context
-
-
-def test_the_axis_of_a_pose() -> None:
-    assert axis_of(ALONG) == pytest.approx(AXIS)
 
 
 def test_between_its_samples_the_feed_goes_on() -> None:

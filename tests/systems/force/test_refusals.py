@@ -181,8 +181,8 @@ PERIODS = ("speed", "acceleration", "frequency", "blend")
                 ({"damping": (NAN, *SIX)}, "damping is (nan, 1000.0, "),
                 ({"stiffness": (-1.0, *SIX)}, "stiffness is (-1.0, 1000.0, "),
                 ({"stiffness": (INF, *SIX)}, "stiffness is (inf, 1000.0, "),
-                ({"centre": (0.0, 0.0)}, "centre is (0.0, 0.0), allowed: three finite numbers"),
-                ({"centre": (0.0, 0.0, NAN)}, "centre is (0.0, 0.0, nan), allowed: three finite "),
+                ({"centre": (0.0, 0.0)}, "centre is (0.0, 0.0), allowed: 3 finite numbers"),
+                ({"centre": (0.0, 0.0, NAN)}, "centre is (0.0, 0.0, nan), allowed: 3 finite "),
                 (
                     STEEP,
                     "damping of rx is 399.0, allowed: at least k T / 0.25 = 400 against a sti",
