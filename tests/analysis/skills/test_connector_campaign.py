@@ -150,22 +150,6 @@ def test_a_spread_changes_no_other_s_draws(name: str) -> None:
     assert sum(getattr(one, f.name) != getattr(other, f.name) for f in fields(one)) <= 1
 
 
-@pytest.mark.parametrize(
-    ("fields_", "message"),
-    [
-        ({"lateral": -1.0}, "lateral is -1.0, allowed: a finite number >= 0"),
-        ({"rotational": math.nan}, "rotational is nan, allowed: a finite number >= 0"),
-        ({"friction": 1.0}, "friction is 1.0, allowed: 0 <= share < 1"),
-        ({"mating_force": 0.5}, "mating_force is 0.5, allowed: a finite factor >= 1"),
-        ({"obstacles": 1.5}, "obstacles is 1.5, allowed: 0 to 1"),
-    ],
-)
-def test_refuses(fields_: dict[str, float], message: str) -> None:
-    with pytest.raises(ParameterError) as refused:
-        ScenarioSpread(**fields_)
-    assert str(refused.value) == message
-
-
 def test_an_obstacle_has_room_in_the_socket() -> None:
     with pytest.raises(ParameterError, match=r"^spread\.obstacle_short is 0\.006, allowed: less"):
         randomised(replace(D, spread=ScenarioSpread(obstacle_short=0.006)), 0, 0)

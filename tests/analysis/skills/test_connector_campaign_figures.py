@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 
 from chamfer.analysis.scenario.experiment import Metric, Outcome
 from chamfer.analysis.skills.connector_campaign import plot_searches, plot_success
@@ -58,14 +57,6 @@ def test_dots_and_crosses_stand_at_the_errors_in_milli_and_degrees(figure: Figur
     # About z from the middle of the errors.
     shade = np.asarray(figure.axes[1].collections[0].get_array())
     np.testing.assert_allclose(shade, [-2.0, -2 / 3, 2 / 3], atol=1e-9)
-
-
-def test_the_histograms_hold_every_run_that_ended(figure: Figure) -> None:
-    for panel in (2, 3):
-        bars = [one for one in figure.axes[panel].patches if isinstance(one, Rectangle)]
-        assert sum(bar.get_height() for bar in bars) == 3
-    lines = [np.asarray(line.get_xdata())[0] for line in figure.axes[2].lines]
-    assert lines == [1.0, 1.5]
 
 
 def test_searches_are_compared_trial_by_trial() -> None:

@@ -34,10 +34,6 @@ def quiet(fraction: float, doing: str = "") -> None:
     assert doing
 
 
-def contents(outcome: Outcome) -> dict[str, bytes]:
-    return {name: np.asarray(values).tobytes() for name, values in outcome.traces.items()}
-
-
 def test_a_connector_is_inserted_and_the_path_holds_every_state_with_its_outcome() -> None:
     outcome = run(SHORT, 0, quiet)
     values = {name: metric.value for name, metric in outcome.metrics.items()}
@@ -57,16 +53,14 @@ def test_a_connector_is_inserted_and_the_path_holds_every_state_with_its_outcome
     assert path["time"][-1] <= outcome.traces["time"][-1]
 
 
-def test_a_run_that_fails_says_why_and_its_seed_decides_every_byte() -> None:
+def test_a_run_that_fails_says_why() -> None:
     scenario = replace(SHORT, obstacle=0.001, duration=0.5)
-    outcome, again, other = (run(scenario, seed, quiet) for seed in (3, 3, 4))
+    outcome = run(scenario, 3, quiet)
     assert outcome.metrics["success"].value == 0.0
     note = outcome.metrics["success"].note
     assert note.endswith("still running after 0.5 s")
     texts = [text.get_text() for text in figures(scenario, outcome)["path"].axes[0].texts]
     assert f"D connector: failed: {note}, after 0.50 s" in texts
-    assert contents(again) == contents(outcome)
-    assert contents(other)["wrench_z"] != contents(outcome)["wrench_z"]
 
 
 STATES = ("approach", "push", "retract", "done", "failed")

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ from matplotlib.patches import Rectangle
 
 from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.analysis.skills.lissajous import LissajousScenario, covering_radius, figures, run
-from chamfer.models.validation import ParameterError
 
 SHORT = LissajousScenario(repeats=(2, 6))
 Value = Callable[[str], float]
@@ -62,22 +60,6 @@ def test_a_dense_grid_leaves_half_a_cells_diagonal(cells: int, amplitude: float)
     x, y = np.meshgrid(side, side)
     found = covering_radius(np.column_stack([x.ravel(), y.ravel()]), amplitude)
     assert found == pytest.approx(math.sqrt(2) * amplitude / cells)
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"repeats": ()}, r"repeats is \(\), allowed: one or more whole numbers, 1 to 64"),
-        ({"repeats": (2, 0)}, r"repeats is \(2, 0\), allowed: one or more whole numbers"),
-        ({"repeats": (65,)}, r"repeats is \(65,\), allowed: one or more whole numbers"),
-        ({"repeats": (3, 3)}, r"repeats is \(3, 3\), allowed: different numbers"),
-        ({"amplitude": 0.0}, "amplitude is 0.0, allowed: a finite number > 0"),
-        ({"frequency": -1.0}, "frequency is -1.0, allowed: a finite number > 0"),
-    ],
-)
-def test_a_scenario_refuses(values: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError, match=message):
-        LissajousScenario(**values)
 
 
 def test_the_figure_has_patterns_in_millimetres_and_the_radius_over_n(outcome: Outcome) -> None:

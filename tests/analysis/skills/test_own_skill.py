@@ -181,21 +181,6 @@ def test_a_part_of_ones_own(tmp_path: Path, touch: str) -> None:
     assert found["depth"].value == pytest.approx(0.002, abs=3e-4)
 
 
-@pytest.mark.parametrize(
-    ("fields", "message"),
-    [
-        ({"part": "own"}, r"^own is None, allowed: the files of a part$"),
-        (
-            {"part": "usb"},
-            r"^part is 'usb', allowed: d-connector, bnc-connector, peg, rj45-connector, own$",
-        ),
-    ],
-)
-def test_fields_that_don_t_go_together(fields: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError, match=message):
-        OwnSkillScenario(**fields)
-
-
 def test_a_skill_that_can_t_be_run_is_refused_before_it_runs(tmp_path: Path, touch: str) -> None:
     with pytest.raises(UserError, match=r"nowhere\.yaml: No such file or directory$"):
         resolve_own_skill(OwnSkillScenario(skill=str(tmp_path / "nowhere.yaml")))

@@ -28,7 +28,6 @@ from chamfer.diagrams.skills.vision_servo import (
     VisionServoScenario,
     VisionServoSetup,
 )
-from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.visual_servoing import ServoingParams
 
 
@@ -85,11 +84,10 @@ def test_with_right_cameras_every_share_is_the_gain(name: Any) -> None:
     np.testing.assert_allclose(shares(one), 0.15)
 
 
-def test_a_trial_and_its_repetition() -> None:
+def test_a_trial() -> None:
     one = drawn("grasp", 1)
-    first, again = run_trial(one, seed=4, most=3.0), run_trial(one, seed=4, most=3.0)
+    first = run_trial(one, seed=4, most=3.0)
     assert first.event == "done"
-    np.testing.assert_array_equal(first.errors, again.errors)
     assert first.time == first.times[-1] < 3.0
     assert len(first.times) == len(first.errors)
     assert first.errors[0, 0] > 2e-3
@@ -192,21 +190,3 @@ def test_margins_of_a_map() -> None:
     assert map_metrics(cells)["margin.orientation"].value == 0.0
     cells["converged"] = np.zeros_like(focal)
     assert map_metrics(cells)["margin.focal_factor"].value is None
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"trials": 0},
-        {"focal_error": 1.0},
-        {"orientation_error": -0.1},
-        {"duration": 0.0},
-        {"map_focal": (0.5, 2.0)},
-        {"map_focal": (1.0, 0.5)},
-        {"map_angle": (0.1,)},
-        {"map_trials": 0},
-    ],
-)
-def test_scenario_errors(changes: dict[str, Any]) -> None:
-    with pytest.raises(ParameterError, match=f"^{next(iter(changes))} is "):
-        VisionPrimitivesScenario(**changes)

@@ -13,7 +13,6 @@ from pydrake.systems.framework import Context, Diagram, LeafSystem, State
 
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.skills.skill_run import run_skill
-from chamfer.diagrams.skills import connector_loop
 from chamfer.diagrams.skills.connector_loop import make_connector_diagram
 from chamfer.diagrams.skills.connector_scenario import BNC_CONNECTOR, D_CONNECTOR, resolve
 from chamfer.diagrams.skills.connector_sight import SightSettings
@@ -206,17 +205,6 @@ def sampled(scenario: Any, samples: int, seed: int = 1) -> dict[str, np.ndarray]
     return {name: np.array(values) for name, values in rows.items()}
 
 
-def test_the_skill_reads_what_the_wrist_sensor_does() -> None:
-    bias = (0.3, -0.2, 0.1, 0.01, 0.02, -0.03)  # forces, then moments
-    sensor = WrenchSensorParams(noise=math.sqrt(3) * 0.2, bias=bias, radius=0.02)
-    found = sampled(resolve(replace(D_CONNECTOR, sight=None, height=0.05, sensor=sensor)), 150)
-    error = found["read"] - found["true"]
-    for axes, noise, off in ((slice(0, 3), 0.004, bias[3:]), (slice(3, 6), 0.2, bias[:3])):
-        values = error[:, axes]
-        np.testing.assert_allclose(values.mean(axis=0), off, atol=4 * noise / math.sqrt(150))
-        assert (values - off).std() == pytest.approx(noise, rel=4 / math.sqrt(2 * values.size))
-
-
 def test_the_tip_is_where_the_believed_wrist_says() -> None:
     wrist = WristParams()
     soft = replace(wrist, stiffness=tuple(0.7 * k for k in wrist.stiffness))
@@ -235,17 +223,6 @@ def test_the_tip_is_where_the_believed_wrist_says() -> None:
         stiffness = np.array((believed or wrist).stiffness)
         np.testing.assert_allclose(given, read / stiffness, atol=1e-9)
         assert given[5] > 1e-4
-
-
-def test_a_simulation_that_diverges_is_no_outcome_of_a_skill(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    limits = {"wrench": (6, 3.0), "displacement": (12, 1e3)}  # less than a touch takes
-    monkeypatch.setattr(connector_loop, "_PHYSICAL", limits)
-    scenario = replace(HELD, height=0.001)
-    said = r"^simulation failed: wrench of the connectors at [0-9.]+ s is .*, it diverges"
-    with pytest.raises(ParameterError, match=said):
-        simulate(make_connector_diagram(scenario), duration=10.0, step=PERIOD)
 
 
 def test_with_sight_the_plug_rests_beside_and_without_it_is_held_above() -> None:

@@ -1,7 +1,5 @@
 """Insertions as written and resolved, and what their skills make of them in simulation."""
 
-import math
-import re
 from dataclasses import replace
 from typing import Any, Final
 
@@ -16,14 +14,11 @@ from chamfer.diagrams.skills.connector_scenario import (
     RJ45_CONNECTOR,
     ROUND_PEG,
     SENSING,
-    ConnectorScenario,
     StrategyScenario,
     resolve,
 )
 from chamfer.diagrams.skills.connector_sight import SightSettings
-from chamfer.models.arms.wrist import WristParams
 from chamfer.models.connectors.d_connector import DConnector
-from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.position_primitives import Held
 
 SIGHT: Final = SightSettings()
@@ -102,41 +97,6 @@ def test_parts_that_are_aligned_by_touch_are_inserted_without_sight(written: Any
     above = next(step.time for step in found.path if step.source == "lie")
     tilt = np.interp(above, found.traces["time"], found.traces["tilt"])
     assert tilt < 0.003
-
-
-def test_what_is_believed_has_to_be_stable_and_the_truth_need_not() -> None:
-    wrist = WristParams()
-    stiff = replace(wrist, stiffness=tuple(1.3 * k for k in wrist.stiffness))
-    for name, changes in (
-        ("wrist", {"wrist": stiff}),
-        ("believed_wrist", {"believed_wrist": stiff}),
-    ):
-        with pytest.raises(ParameterError, match=rf"^{name}\.stiffness is .*, allowed: at most"):
-            ConnectorScenario(**changes)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"robot": "puma"}, "robot is 'puma', allowed: carriage, wam"),
-        ({"height": 0.0}, "height is 0.0, allowed: a finite number > 0"),
-        ({"step": -1e-3}, "step is -0.001, allowed: a finite number > 0"),
-        ({"duration": math.inf}, "duration is inf, allowed: a finite number > 0"),
-        ({"obstacle": 0.0}, "obstacle is 0.0, allowed: a finite number > 0, or none"),
-        ({"obstacle": math.nan}, "obstacle is nan, allowed: a finite number > 0, or none"),
-        (
-            {"initial_error": (0.0, 1.0)},
-            "initial_error is (0.0, 1.0), allowed: 6 finite numbers",
-        ),
-        (
-            {"initial_error": (0.0, 0.0, 0.0, 0.0, 0.0, math.nan)},
-            "initial_error is (0.0, 0.0, 0.0, 0.0, 0.0, nan), allowed: 6 finite numbers",
-        ),
-    ],
-)
-def test_errors(changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
-        ConnectorScenario(**changes)
 
 
 def test_a_realistic_one_mixes_forces_and_moments_by_a_hundredth_each() -> None:

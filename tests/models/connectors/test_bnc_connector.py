@@ -1,14 +1,11 @@
 """The BNC connector: scripted motions of the carriage, everything else out of contact."""
 
 import math
-from collections import Counter
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
-from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
@@ -92,30 +89,6 @@ def test_dimensions_of_the_reference_table() -> None:
     far_side = nominal.setback + 2 * nominal.stud_radius
     assert nominal.mated_depth == pytest.approx(floor + far_side)
     assert (nominal.mating_force, nominal.name) == (13.0, "bnc")
-
-
-@pytest.mark.parametrize("socket_first", [False, True])
-def test_only_what_has_to_touch_may_touch(socket_first: bool) -> None:
-    plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), STEP)
-    hand = plant.AddRigidBody("hand", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
-    connector = BncConnector()
-    if socket_first:
-        connector.add_socket(plant, RigidTransform())
-    connector.add_plug(plant, hand, RigidTransform())
-    if not socket_first:
-        connector.add_socket(plant, RigidTransform())
-    plant.Finalize()
-    inspector = scene_graph.model_inspector()
-    pairs = Counter(
-        tuple(sorted(inspector.GetName(g).rpartition("::")[2].partition(":")[0] for g in pair))
-        for pair in inspector.GetCollisionCandidates()
-    )
-    assert pairs == {
-        ("barrel", "sleeve rim"): 8,
-        ("barrel", "sleeve spring"): 3,
-        ("barrel rim", "sleeve bore"): 8,
-        ("sleeve slots", "studs"): 12,
-    }
 
 
 @pytest.mark.parametrize("tolerance", TOLERANCES)

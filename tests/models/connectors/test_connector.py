@@ -1,24 +1,23 @@
 """What pieces become in a plant, which of them touch, and what no connector can be."""
 
 import math
-from itertools import permutations
+from collections import Counter
 from typing import Any
 
 import numpy as np
 import pytest
-from pydrake.geometry import Box, Role, SceneGraph, Sphere
+from pydrake.geometry import Box, Role, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import (
     AddMultibodyPlantSceneGraph,
     DiscreteContactApproximation,
-    MultibodyPlant,
 )
 from pydrake.multibody.tree import PrismaticJoint, SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from chamfer.models.connectors.bnc_connector import BncConnector
-from chamfer.models.connectors.connector import ContactMaterial, ConvexPiece, add_pieces, let_touch
+from chamfer.models.connectors.connector import ContactMaterial, ConvexPiece, add_pieces
 from chamfer.models.connectors.d_connector import DConnector, DSection
 from chamfer.models.connectors.rj45_connector import Rj45Connector
 from chamfer.models.connectors.round_peg import RoundPeg
@@ -84,59 +83,33 @@ def test_two_pieces_that_touch_are_springs_in_series(force: float) -> None:
     assert -height == pytest.approx(force / 1.5e4, rel=1e-3)
 
 
-PAIRS = (("key", "lock"), ("rim", "wall"), ("foot", "wall"))
-BALLS = [
-    ConvexPiece("0", Sphere(0.1), RigidTransform()),
-    ConvexPiece("1", Sphere(0.2), RigidTransform()),
-]
-
-
-def empty_plant() -> tuple[MultibodyPlant, SceneGraph]:
+@pytest.mark.parametrize("kind", [DConnector, BncConnector, Rj45Connector, RoundPeg])
+@pytest.mark.parametrize("socket_first", [False, True])
+def test_only_partners_touch_and_what_is_no_part_is_touched_by_all(
+    kind: Any, socket_first: bool
+) -> None:
     plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.001)
-    plant.AddRigidBody("hand", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
-    return plant, scene_graph
-
-
-def add(plant: MultibodyPlant, part: str) -> None:
-    socket = part in ("lock", "wall", "obstacle")
-    body = plant.world_body() if socket else plant.GetBodyByName("hand")
-    balls = [one._replace(name=f"{part}:{one.name}") for one in BALLS]
-    add_pieces(plant, body, RigidTransform(), balls, MATERIAL, None)
-
-
-def candidates(plant: MultibodyPlant, scene_graph: SceneGraph) -> set[frozenset[str]]:
+    hand = plant.AddRigidBody("hand", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
+    connector, here = kind(), RigidTransform()
+    if socket_first:
+        connector.add_socket(plant, here)
+    connector.add_plug(plant, hand, here)
+    if not socket_first:
+        connector.add_socket(plant, here)
+    obstacle = ConvexPiece("obstacle", Sphere(0.1), here)
+    add_pieces(plant, plant.world_body(), here, [obstacle], MATERIAL, None)
     plant.Finalize()
     inspector = scene_graph.model_inspector()
-    return {
-        frozenset(inspector.GetName(g).split("::")[-1] for g in pair)
+    found = Counter(
+        frozenset(inspector.GetName(g).rpartition("::")[2].partition(":")[0] for g in pair)
         for pair in inspector.GetCollisionCandidates()
-    }
-
-
-@pytest.mark.parametrize("order", list(permutations([("key", "rim", "foot"), ("lock", "wall")])))
-def test_only_the_pieces_of_a_pair_touch_in_any_order(order: tuple[tuple[str, ...], ...]) -> None:
-    plant, scene_graph = empty_plant()
-    for parts in order:
-        for part in parts:
-            add(plant, part)
-        let_touch(plant, PAIRS)
-    expected = {
-        frozenset({f"{plug}:{i}", f"{socket}:{j}"})
-        for plug, socket in PAIRS
-        for i in range(2)
-        for j in range(2)
-    }
-    assert candidates(plant, scene_graph) == expected
-
-
-def test_what_is_no_part_is_touched_by_all() -> None:
-    plant, scene_graph = empty_plant()
-    for part in ("key", "rim", "foot", "obstacle"):
-        add(plant, part)
-    let_touch(plant, PAIRS)
-    found = candidates(plant, scene_graph)
-    assert len(found) == 12
-    assert all(any(name.startswith("obstacle") for name in pair) for pair in found)
+    )
+    plug, socket = (
+        {part.name: len(part.pieces) for part in parts}
+        for parts in (connector.plug_parts(), connector.socket_parts())
+    )
+    expected = {frozenset((a, b)): plug[a] * socket[b] for a, b in kind.PARTNERS}
+    assert found == expected | {frozenset((a, "obstacle")): count for a, count in plug.items()}
 
 
 SECTION = {"width": 0.038, "height": 0.008, "corner_radius": 0.0026, "side_angle": 0.17}
