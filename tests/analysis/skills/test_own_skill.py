@@ -89,10 +89,7 @@ def test_ones_own_primitives_get_names() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("retract: []", "states has to be given, it has no default"),
-        ("states: 5", "states is 5, allowed: a list"),
         ("states: []", "skill 'x': 'retract' runs no primitive"),
-        ("colour: red", "colour: no such field, valid fields: held, name, retract, "),
         (
             STATE % ("{Seat: {sped: 3}}", "{}", 1),
             "states[0].run[0].Seat.sped: no such field, valid fields: direction, ",
@@ -127,15 +124,8 @@ def test_ones_own_primitives_get_names() -> None:
     ],
 )
 def test_a_mistake_is_told_in_one_line(tmp_path: Path, text: str, message: str) -> None:
-    lines = [
-        line
-        for line in ("states: []", "retract: []")
-        if line.partition(":")[0] not in text or text == "colour: red"
-    ]
-    if text == "retract: []":
-        lines = []
     path = tmp_path / "skill.yaml"
-    path.write_text("\n".join(["name: x", text, *lines]))
+    path.write_text(f"name: x\n{text}" + ("" if "retract" in text else "\nretract: []"))
     with pytest.raises(UserError) as refused:
         read_skill(path)
     told = str(refused.value)

@@ -28,51 +28,39 @@ class Run(NamedTuple):
         return self.wrench[Z]
 
 
-def push_down(
-    connector,
-    start,
-    bottom,
-    duration,
-    *,
-    step=1e-3,
-    wrist=None,
-    X_TP=None,
-    hold=0.2,
-    lateral=(),
-    back=None,
-):
-    """Push from one displacement straight down to a height; ``lateral`` changes on the way.
-
-    ``back`` is the height that it is pulled up to in a second after that.
-    """
+def follow(connector, way, *, wrist=None, X_WS=None, X_TP=None, step=1e-3):
+    """Move the carriage by way of displacements, rad above m, at times."""
+    times, points = zip(*way, strict=True)
     builder = DiagramBuilder()
-    start = np.asarray(start, float)
     plant = add_connector_plant(
         builder,
         connector,
         wrist or WristParams(),
-        X_WS=RigidTransform(),
+        X_WS=X_WS or RigidTransform(),
         X_TP=X_TP or RigidTransform(),
-        start=start,
+        start=np.asarray(points[0], float),
         step=step,
     )
-    goal = start.copy()
-    goal[Z] = bottom
-    for axis, value in lateral:
-        goal[axis] = value
-    times = [0, duration, duration + hold]
-    goals = [start, goal, goal]
-    if back is not None:
-        times.append(times[-1] + 1.0)
-        goals.append(np.array([*goal[:Z], back]))
-    path = PiecewisePolynomial.FirstOrderHold(times, np.array(goals).T)
+    path = PiecewisePolynomial.FirstOrderHold(times, np.array(points, float).T)
     desired = builder.AddSystem(TrajectorySource(path, 1))
     builder.Connect(desired.get_output_port(), plant.desired)
     logs = [LogVectorOutput(port, builder, 1e-3) for port in (plant.wrench, plant.displacement)]
     simulator = Simulator(builder.Build())
-    simulator.AdvanceTo(times[-1])
+    simulator.AdvanceTo(times[-1] + 1e-4)
     wrench, displacement = (log.FindLog(simulator.get_context()).data().copy() for log in logs)
     return Run(-displacement[Z], wrench, displacement[:6])
+
+
+def push_down(connector, start, bottom, duration, *, hold=0.2, back=None, **fields):
+    """Push from one displacement straight down to a height.
+
+    ``back`` is the height that it is pulled up to in a second after that.
+    """
+    goal = np.array([*start[:Z], bottom])
+    way = [(0.0, start), (duration, goal), (duration + hold, goal)]
+    if back is not None:
+        way.append((duration + hold + 1.0, [*start[:Z], back]))
+    return follow(connector, way, **fields)
 
 
 class Geometry:
@@ -111,6 +99,11 @@ class Geometry:
 @pytest.fixture
 def insert():
     return push_down
+
+
+@pytest.fixture(name="follow")
+def following():
+    return follow
 
 
 @pytest.fixture

@@ -6,12 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
-from pydrake.trajectories import PiecewisePolynomial
 
-from chamfer.diagrams.skills.connector_loop import add_connector_plant
 from chamfer.models.arms.wrist import WristParams
 from chamfer.models.connectors.bnc_connector import BncConnector
 
@@ -38,29 +33,13 @@ def tip(depth: float, turn: float = 0.0, x: float = 0.0, tilt: float = 0.0) -> n
     return np.array([*angles, 1e-3 * x, 0.0, -1e-3 * depth])
 
 
-def move(
-    connector: BncConnector,
-    *way: tuple[float, np.ndarray],
-    X_WS: RigidTransform = AT_REST,
-    X_TP: RigidTransform = AT_REST,
-    step: float = STEP,
-) -> Motion:
-    times = [time for time, _ in way]
-    points = np.column_stack([point for _, point in way])
-    builder = DiagramBuilder()
-    added = add_connector_plant(
-        builder, connector, WristParams(), X_WS=X_WS, X_TP=X_TP, start=points[:, 0], step=step
-    )
-    path = TrajectorySource(PiecewisePolynomial.FirstOrderHold(times, points), 1)
-    builder.AddSystem(path)
-    builder.Connect(path.get_output_port(), added.desired)
-    logs = [LogVectorOutput(p, builder, 0.001) for p in (added.displacement, added.wrench)]
-    simulator = Simulator(builder.Build())
-    simulator.AdvanceTo(times[-1] + 1e-4)
-    context = simulator.get_context()
-    displacement, wrench = (log.FindLog(context).data().copy() for log in logs)
-    depth = -1e3 * displacement[5]
-    return Motion(depth, np.degrees(displacement[2]), displacement[:6], wrench)
+@pytest.fixture
+def move(follow: Any) -> Any:
+    def moved(connector: BncConnector, *way: tuple[float, np.ndarray], **fields: Any) -> Motion:
+        run = follow(connector, way, **fields)
+        return Motion(1e3 * run.depth, np.degrees(run.displacement[2]), *run[2:0:-1])
+
+    return moved
 
 
 def depths(connector: BncConnector) -> tuple[float, float, float]:
@@ -92,7 +71,7 @@ def test_dimensions_of_the_reference_table() -> None:
 
 
 @pytest.mark.parametrize("tolerance", TOLERANCES)
-def test_locks_by_push_turn_and_release(tolerance: Any) -> None:
+def test_locks_by_push_turn_and_release(move: Any, tolerance: Any) -> None:
     connector = BncConnector(tolerance=tolerance)
     mated, _, full = depths(connector)
     turn = -90.0
@@ -129,7 +108,7 @@ def test_locks_by_push_turn_and_release(tolerance: Any) -> None:
     assert held.depth == pytest.approx(mated, abs=0.05)
 
 
-def test_spring_lifts_a_released_sleeve_until_the_studs_are_in_the_notches() -> None:
+def test_spring_lifts_a_released_sleeve_until_the_studs_are_in_the_notches(move: Any) -> None:
     connector = BncConnector()
     mated, _, _ = depths(connector)
     # The wrist's spring is slack a little above the notches: nothing but the plug's spring pulls.
@@ -141,7 +120,7 @@ def test_spring_lifts_a_released_sleeve_until_the_studs_are_in_the_notches() -> 
     assert rise[1].depth[-1] > mated + 0.7  # the lip holds it
 
 
-def test_spring_is_as_stiff_as_stated() -> None:
+def test_spring_is_as_stiff_as_stated(move: Any) -> None:
     connector = BncConnector()
     motion = move(connector, (0.0, tip(5.0)), (0.3, tip(7.5)), (0.4, tip(7.5)))
     _, _, full = depths(connector)
@@ -153,7 +132,7 @@ def test_spring_is_as_stiff_as_stated() -> None:
 @pytest.mark.parametrize("tolerance", TOLERANCES)
 @pytest.mark.parametrize("turn", [-60.0, 30.0])
 def test_rests_on_the_studs_and_drops_when_turned_to_the_slots(
-    tolerance: Any, turn: float
+    move: Any, tolerance: Any, turn: float
 ) -> None:
     motion = move(
         BncConnector(tolerance=tolerance),
@@ -169,7 +148,7 @@ def test_rests_on_the_studs_and_drops_when_turned_to_the_slots(
 
 
 @pytest.mark.parametrize("tolerance", TOLERANCES)
-def test_turns_when_compressed_only_and_only_one_way(tolerance: Any) -> None:
+def test_turns_when_compressed_only_and_only_one_way(move: Any, tolerance: Any) -> None:
     connector = BncConnector(tolerance=tolerance)
     play = clocking_tolerance(connector)
 
@@ -184,7 +163,7 @@ def test_turns_when_compressed_only_and_only_one_way(tolerance: Any) -> None:
 
 
 @pytest.mark.parametrize("tolerance", TOLERANCES)
-def test_tilt_in_the_bore_is_what_the_clearance_leaves(tolerance: Any) -> None:
+def test_tilt_in_the_bore_is_what_the_clearance_leaves(move: Any, tolerance: Any) -> None:
     connector = BncConnector(tolerance=tolerance)
     lead_in = 1e3 * connector.lead_in
     # The rim's spheres touch at their middle, the barrel's rim half a lead-in below its face.
@@ -199,12 +178,14 @@ def test_tilt_in_the_bore_is_what_the_clearance_leaves(tolerance: Any) -> None:
 @pytest.mark.parametrize(
     ("x", "depth"), [(0.0, 2.0), (0.6, 2.0), (-0.6, 2.0), (1.2, 0.0), (2.0, 0.0), (-3.0, 0.0)]
 )
-def test_lead_in_catches_what_is_less_than_it_to_the_side(x: float, depth: float) -> None:
+def test_lead_in_catches_what_is_less_than_it_to_the_side(
+    move: Any, x: float, depth: float
+) -> None:
     motion = move(BncConnector(), (0.0, tip(-0.5, x=x)), (0.2, tip(2.0 if depth else 0.6, x=x)))
     assert motion.depth[-1] == pytest.approx(depth, abs=0.15)
 
 
-def test_goes_where_the_socket_is_and_the_grasp_leaves_it() -> None:
+def test_goes_where_the_socket_is_and_the_grasp_leaves_it(move: Any) -> None:
     turned = RotationMatrix.MakeZRotation(math.radians(40))
     place = RigidTransform(turned, [4e-3, 0.0, -2e-3])
     grasp = RigidTransform([0.5e-3, 0.0, 1e-3])
