@@ -76,9 +76,13 @@ def require_numbers(params: object, count: int, *names: str) -> None:
 
 
 def require_positive(params: object, *names: str, most: float = math.inf) -> None:
-    """Raise :class:`ParameterError` unless every named field is finite, > 0 and <= ``most``."""
+    """Raise :class:`ParameterError` unless every named field is finite, > 0 and <= ``most``.
+
+    None, as a field is that is still open, is allowed, here and by :func:`require_not_negative`.
+    """
     for name in names:
-        value = getattr(params, name)
+        if (value := getattr(params, name)) is None:
+            continue
         if not (math.isfinite(value) and value > 0):
             raise ParameterError(name, value, "a finite number > 0")
         if value > most:
@@ -95,7 +99,7 @@ def require_not_negative(params: object, *names: str) -> None:
     """Raise :class:`ParameterError` unless every named field is finite and >= 0."""
     for name in names:
         value = getattr(params, name)
-        if not (math.isfinite(value) and value >= 0):
+        if value is not None and not (math.isfinite(value) and value >= 0):
             raise ParameterError(name, value, "a finite number >= 0")
 
 

@@ -159,15 +159,10 @@ class Change:
 def changes(
     scenario: DesignScenario, seed: int = 0, progress: Progress | None = None
 ) -> tuple[Change, ...]:
-    """Return what every field does, the largest sensitivity first.
+    """Return what every field does to a design, not resolved, the largest sensitivity first.
 
     What is left open in the scenario follows each change: increments are designed anew for other
     arms and cameras.
-
-    Args:
-        scenario: Not resolved.
-        seed: Of the draws that a certain design is inside of.
-        progress: Told how far it is.
     """
     resolved = resolve_design(scenario)
     certain = assess(resolved, seed).verdict == "certain"
@@ -223,10 +218,7 @@ def _links(scenario: DesignScenario, field: DesignField, value: float, seed: int
 
 
 def _sensitivity(name: str, less: Links | None, here: Links, more: Links | None) -> float:
-    """Return how a link's margin changes for a tenth more, by a difference to both sides.
-
-    To one side where the other one is refused, or the chain ends before the link.
-    """
+    """Return how a link's margin changes for a tenth more, from all sides that have the link."""
     known = [
         (side, links[name].share)
         for side, links in ((-1, less), (0, here), (1, more))
@@ -258,10 +250,7 @@ def _helps(here: Links, *others: Links | None) -> bool:
 def _ends(
     field: DesignField, here: Links, less: Links | None, more: Links | None
 ) -> tuple[float, ...]:
-    """Return the ends of the range, as logarithms, towards which the tightest link gets wider.
-
-    Both where neither side does.
-    """
+    """Return the ends of the range, as logarithms, towards which the tightest link gets wider."""
     name = tightest(here.values()).name
     ends = [
         math.log(end)
@@ -280,8 +269,7 @@ def _to_certain(
 ) -> float | None:
     """Return the value nearest to a field's own that makes the design certain.
 
-    Looked for at a few factors up to the ends, the first one at which all links hold, and then by
-    halving; and it has to be certain with all draws.
+    A few factors up to the ends are tried, then halves; and it has to be certain with all draws.
     """
 
     def holds(way: float) -> bool:

@@ -149,11 +149,7 @@ class Verified:
 
 
 def insert_drawn(scenario: ResolvedDesignScenario, seed: int, trial: int) -> Row:
-    """Simulate one insertion with drawn errors; it depends on its arguments alone.
-
-    Returns:
-        ``seated``, ``force`` N, ``simulated_seconds``, and how it ended as ``ending``.
-    """
+    """Simulate one insertion with drawn errors; it depends on its arguments alone."""
     one = drawn_design(scenario, seed, trial)
     done = run_cell_insertion(one, trial_seed(seed, trial))
     metrics = insertion_metrics(done, one)
@@ -168,11 +164,7 @@ def insert_drawn(scenario: ResolvedDesignScenario, seed: int, trial: int) -> Row
 def verify(
     scenario: ResolvedDesignScenario, design: Design, trials: int, seed: int, progress: Progress
 ) -> Verified:
-    """Simulate insertions with drawn errors, and put them beside the prediction.
-
-    Raises:
-        UserError, ExperimentError: If every trial fails.
-    """
+    """Simulate insertions with drawn errors, and put them beside the prediction."""
     found = run_each(partial(insert_drawn, scenario, seed), range(trials), progress)
     seated = int(found.column("seated").sum())
     low, high = interval(seated, len(found))

@@ -52,15 +52,9 @@ def answer(
     seed: int,
     progress: Progress,
 ) -> Answer:
-    """Answer what is asked of a design.
+    """Answer what is asked of a design, not resolved: what it leaves open follows changes.
 
-    Args:
-        given: The design, not resolved: what it leaves open follows from what is changed.
-        what_to_change: Whether to look for changes, which takes most of the time.
-        axes: Of its map; None: no map.
-        trials: How many insertions to simulate; 0: none.
-        seed: Of all randomness.
-        progress: Told how far it is.
+    To look for changes takes most of the time. None ``axes``: no map; 0 ``trials``: no insertions.
 
     Raises:
         ParameterError: If there can be no such design.
@@ -127,11 +121,7 @@ def design_document(
 
 
 def write_design(folder: Path, answer: Answer, document: dict[str, Any]) -> None:
-    """Write a design's folder as a whole.
-
-    Raises:
-        OSError: If it can't be written.
-    """
+    """Write a design's folder as a whole; an OSError if it can't be written."""
     figures = {} if answer.map is None else {_MAP: plot_map(answer.map)}
 
     def fill(staging: Path) -> None:

@@ -82,8 +82,7 @@ def parse_map(resolved: DesignScenario, texts: Sequence[str], points: int) -> li
     that change together, or any other number of the scenario.
 
     Raises:
-        UserError: If they are not two, or a field doesn't exist, is no number or may not be what
-            is asked for.
+        UserError: If they are not two different fields, or one is no number.
     """
     axes = [_axis(resolved, text, points) for text in texts]
     if len(axes) != 2:
@@ -98,11 +97,7 @@ def map_design(
 ) -> DesignMap:
     """Return the verdict at every point; a point that can't be is refused, and the others go on.
 
-    Args:
-        scenario: Not resolved: what it leaves open follows from the two fields too.
-        axes: Of :func:`parse_map`.
-        seed: Of the drawn errors.
-        progress: Told how far it is.
+    What the scenario, not resolved, leaves open follows from the two fields too.
     """
     x, y = axes
     shape = len(y.values), len(x.values)

@@ -88,13 +88,7 @@ Document = Mapping[str, Any]
 
 
 def design_page(document: Document, said: str, figure: bytes | None) -> str:
-    """Return the page.
-
-    Args:
-        document: As ``result.json`` has it.
-        said: What is designed, in a sentence.
-        figure: The map's figure as SVG, None without a map.
-    """
+    """Return the page of a ``result.json``, what is designed in a sentence, and the map as SVG."""
     title = f"Design of an {document['design']}"
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'

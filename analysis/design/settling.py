@@ -309,8 +309,7 @@ def _until_touch(
 ) -> tuple[Array, Array]:
     """Run the loops until all draws touch, or it is too late to decide.
 
-    Returns:
-        Time of the decision, s, shape (draws,), and the true errors at the touch, (4, draws).
+    Returned are the time of the decision, s, (draws,), and true errors at the touch, (4, draws).
     """
     decide, insert, period = scenario.decide, scenario.insert, scenario.cameras.frames.period
     running = insert.compensation == "running"
@@ -336,11 +335,8 @@ def _until_touch(
 def first_inside(region: InsertionRegion, measured: Array, frames: int, margin: float) -> Array:
     """Return the tick at which the chart decides, shape (draws,); infinite: at none.
 
-    Args:
-        region: It goes by.
-        measured: Errors across and about, m and rad, shape (ticks, 4, draws).
-        frames: Over which it takes the mean and the standard deviation.
-        margin: Of the region, that is wanted.
+    The errors are those across and about, m and rad, shape (ticks, 4, draws). The chart goes by
+    means and standard deviations over some frames, and wants a margin of the region.
     """
     if len(measured) < frames:
         return np.full(measured.shape[2], math.inf)

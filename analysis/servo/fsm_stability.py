@@ -319,14 +319,9 @@ def gore_findings(
 ) -> tuple[str, ...]:
     """Return what contradicts Gore's two criteria in the compensator's charts, in words.
 
-    Args:
-        axis: The compensator's axis.
-        errors: A closed-loop run's errors, m, one per tick.
-        period: s, of the ticks.
-        folded: Whether the chart of Fig. 3 is the one that runs, with a lap in one tick, or as
-            it is drawn.
-
-    The trajectory ends with the run, and a tenth of it is lost to the camera.
+    The trajectory ends with the run, of which ``errors``, m, has one a tick, and a tenth of it is
+    lost to the camera. ``folded``: the chart of Fig. 3 is the one that runs, with a lap in one
+    tick; otherwise as it is drawn.
     """
     blind = range(len(errors) // 2, len(errors) // 2 + len(errors) // 10)
     seen = [math.nan if i in blind else error for i, error in enumerate(errors)]
@@ -409,13 +404,8 @@ def classify(
     """Simulate settings from rest at random large errors and say what each does.
 
     The initial errors are uniform between one and one and a half times the large error, so that
-    both increments are used and the last small one falls anywhere in the dead zone.
-
-    Args:
-        axes: The settings, n of them.
-        scenario: Its plant, in the position form, and its camera.
-        trials: Initial errors per setting.
-        seed: For the initial errors and the camera's noise.
+    both increments are used and the last small one falls anywhere in the dead zone. Plant, in the
+    position form, and camera are the scenario's.
 
     Returns:
         The worst of each setting's trials, shape (n,): SETTLES, REVERSES (and then settles),

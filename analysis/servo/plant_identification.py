@@ -67,11 +67,8 @@ def identify(
 ) -> PlantParams:
     """Return the plant for which the PID loop of eq. (2) has that rise time and overshoot.
 
-    Args:
-        rise_time: s, 10-90 % of the final value.
-        overshoot: %, relative to the final value.
-        stiffness: N/m. Rise time and overshoot leave a one-parameter family of plants.
-        pid: The controller.
+    Rise time, s, and overshoot, %, as of :func:`step_metrics`, leave a one-parameter family of
+    plants, of which the stiffness, N/m, is one.
 
     Raises:
         ParameterError: If no plant of that stiffness is found.

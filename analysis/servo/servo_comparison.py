@@ -41,11 +41,11 @@ from chamfer.diagrams.servo.comparison_loop import (
     ControllerKind,
     ResolvedComparedLoopScenario,
     make_compared_diagram,
-    resolve_compared,
     sampled_response,
+    what_is_open,
 )
 from chamfer.models.plants.servo_plant import ServoPlantParams, transfer_function
-from chamfer.models.validation import ParameterError
+from chamfer.models.validation import ParameterError, require_not_negative
 from chamfer.systems.servo.settling import guarantee
 
 Array = NDArray[np.float64]
@@ -99,10 +99,7 @@ class Disturbances:
     plant: float = 0.3  # share, by which gain and all times of the plant are off, either way
 
     def __post_init__(self) -> None:
-        for name in ("noise", "friction"):
-            value = getattr(self, name)
-            if value is not None and not 0 <= value < math.inf:
-                raise ParameterError(name, value, "a finite number >= 0")
+        require_not_negative(self, "noise", "friction")
         for name in ("lost", "plant"):
             value = getattr(self, name)
             if not 0 <= value < 1:
@@ -154,17 +151,15 @@ class ResolvedServoComparisonScenario(ResolvedComparedLoopScenario, ServoCompari
 
 def resolve_comparison(scenario: ServoComparisonScenario) -> ResolvedServoComparisonScenario:
     """Return the scenario with both controllers, and what they meet."""
-    loop, disturbance = resolve_compared(scenario), scenario.disturbance
-    bound = scenario.camera.measurement.bound
+    found, disturbance = what_is_open(scenario), scenario.disturbance
+    tolerance, bound = found["tolerance"], scenario.camera.measurement.bound
     noise, friction = disturbance.noise, disturbance.friction
     if noise is None:
-        noise = _NOISE * (bound or loop.tolerance / 10)
+        noise = _NOISE * (bound or tolerance / 10)
     if friction is None:
-        friction = _FRICTION * loop.tolerance
+        friction = _FRICTION * tolerance
     met = ResolvedDisturbances(**vars(disturbance) | {"noise": noise, "friction": friction})
-    return ResolvedServoComparisonScenario(
-        **vars(loop), disturbance=met, spread=scenario.spread, trials=scenario.trials
-    )
+    return ResolvedServoComparisonScenario(**vars(scenario) | found | {"disturbance": met})
 
 
 def drawn(
@@ -236,12 +231,8 @@ def measure(
 ) -> Mapping[str, float | None]:
     """Return the criteria of a run.
 
-    Args:
-        time: s, shape (n,).
-        error: m, desired minus actual position, shape (n,).
-        command: m, of the controller, shape (n,).
-        height: m, of the step.
-        tolerance: m, within which it is settled.
+    ``error``, m, is desired minus actual position; ``height`` that of the step, and a smaller
+    error than the tolerance is settled.
 
     Returns:
         ``settling_time`` s, None where the error is outside in the last third of the run;
@@ -274,14 +265,14 @@ def run(scenario: ResolvedServoComparisonScenario, seed: int, progress: Progress
     """Undo many steps with both controllers under every disturbance."""
     trials = run_each(partial(_compare, scenario, seed), range(scenario.trials), progress)
     found = differences(scenario, trials)
+    said, others = (
+        answer(scenario, found, len(trials)),
+        f"of {len(found)} differences, as fsm.better",
+    )
     counts = {name: sum(one.better == name for one in found) for name in CONTROLLERS}
     metrics = {
-        "fsm.better": Metric(
-            value=counts["fsm"], unit="", note=answer(scenario, found, len(trials))
-        ),
-        "pid.better": Metric(
-            value=counts["pid"], unit="", note=f"of {len(found)} differences, as fsm.better"
-        ),
+        "fsm.better": Metric(value=counts["fsm"], unit="", note=said),
+        "pid.better": Metric(value=counts["pid"], unit="", note=others),
         **design_metrics(scenario),
     }
     for condition in CONDITIONS:

@@ -5,7 +5,7 @@ One plant and one camera, and the two controllers that are designed for them fro
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 from pydrake.common import RandomDistribution
 from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, OutputPort
@@ -94,13 +94,10 @@ class ComparedLoopScenario:
     duration: float | None = None  # s, of a run; None: three times the settling time
 
     def __post_init__(self) -> None:
-        require_positive(self, "settling_time")
+        require_positive(self, "settling_time", "tolerance", "duration")
         require_not_negative(self, "friction")
         with within("desired"):
             require_positive(self.desired, "amplitude")
-        for name in ("tolerance", "duration"):
-            if getattr(self, name) is not None:
-                require_positive(self, name)
         if self.duration is not None and not self.duration > self.settling_time:
             allowed = f"more than the settling time, {self.settling_time:g} s"
             raise ParameterError("duration", self.duration, allowed)
@@ -132,7 +129,12 @@ def sampled_response(plant: TransferFunction, camera: ServoCameraParams) -> Sett
 
 
 def resolve_compared(scenario: ComparedLoopScenario) -> ResolvedComparedLoopScenario:
-    """Return the loop of a scenario with plant identified, tolerance and both controllers.
+    """Return the loop of a scenario with what it leaves open, see :func:`what_is_open`."""
+    return ResolvedComparedLoopScenario(**vars(scenario) | what_is_open(scenario))
+
+
+def what_is_open(scenario: ComparedLoopScenario) -> dict[str, Any]:
+    """Return the plant identified, tolerance, duration and both controllers of a scenario.
 
     Raises:
         ParameterError: If a controller can't settle in time, naming the least time that it needs.
@@ -146,30 +148,21 @@ def resolve_compared(scenario: ComparedLoopScenario) -> ResolvedComparedLoopScen
     height, tolerance = scenario.desired.amplitude, scenario.tolerance
     if tolerance is None:
         tolerance = max(_TOLERANCE * height, _CAMERA_ERRORS * bound)
-    fsm, pid = scenario.fsm, scenario.pid
-    if fsm is None or pid is None:
-        task = SettlingTask(
-            error=height,
-            tolerance=tolerance,
-            settling_time=scenario.settling_time,
-            measurement_error=bound,
-            period=scenario.camera.period,
-        )
-        response = sampled_response(transfer_function(plant), scenario.camera)
-        limit = _REACH * height / response.gain
-        fsm = fsm or timed_axis(task, response, limit=limit)
-        pid = pid or timed_gains(task, response, limit=limit)
-    return ResolvedComparedLoopScenario(
-        desired=scenario.desired,
-        plant=plant,
-        friction=scenario.friction,
-        camera=scenario.camera,
-        settling_time=scenario.settling_time,
+    duration = scenario.duration or _SETTLING_TIMES * scenario.settling_time
+    found = {"plant": plant, "tolerance": tolerance, "duration": duration}
+    if scenario.fsm is not None and scenario.pid is not None:
+        return found
+    task = SettlingTask(
+        error=height,
         tolerance=tolerance,
-        fsm=fsm,
-        pid=pid,
-        duration=scenario.duration or _SETTLING_TIMES * scenario.settling_time,
+        settling_time=scenario.settling_time,
+        measurement_error=bound,
+        period=scenario.camera.period,
     )
+    response = sampled_response(transfer_function(plant), scenario.camera)
+    limit = _REACH * height / response.gain
+    fsm = scenario.fsm or timed_axis(task, response, limit=limit)
+    return found | {"fsm": fsm, "pid": scenario.pid or timed_gains(task, response, limit=limit)}
 
 
 def make_compared_diagram(

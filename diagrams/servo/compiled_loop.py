@@ -9,7 +9,8 @@ trajectory are discretised as the diagrams' are. Written a second time is the wi
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,8 +66,7 @@ def compensate(
     return _limited_sum(compensation, asked, limit), asked
 
 
-@dataclass(frozen=True, kw_only=True)
-class FsmTrials:
+class FsmTrials(NamedTuple):
     """What n trials of the FSM loop did: the diagram's outputs at m times, and t ticks."""
 
     time: Array  # s, shape (m,)
@@ -120,39 +120,32 @@ def run_fsm_trials(
     ticks = -(-(rows - 1) // substeps)
     samples = _camera_noise(scenario, len(axes), ticks, seed) if camera.noise else np.empty((0, 0))
     matrix, column, output, start = _trajectory_and_plant(scenario, form, step)
-    desired, controller, actual, increment = _run(
-        np.array(
-            [
-                (one.dead_zone, one.large_error, one.increment, one.divider, one.limit)
-                for one in axes
-            ],
-            dtype=np.float64,
+    trials = FsmTrials(
+        step * np.arange(rows, dtype=np.float64),
+        *_run(
+            np.array(
+                [(a.dead_zone, a.large_error, a.increment, a.divider, a.limit) for a in axes],
+                dtype=np.float64,
+            ),
+            np.outer(heights, start),
+            matrix,
+            column,
+            output,
+            samples,
+            float(camera.noise),
+            float(camera.resolution),
+            camera.delay_samples,
+            feedforward and form == "position",
+            rows,
+            substeps,
         ),
-        np.outer(heights, start),
-        matrix,
-        column,
-        output,
-        samples,
-        float(camera.noise),
-        float(camera.resolution),
-        camera.delay_samples,
-        feedforward and form == "position",
-        rows,
-        substeps,
     )
+    actual = trials.actual_trajectory
     if not np.isfinite(actual).all():
-        raise ParameterError(
-            "actual_trajectory",
-            float(actual[~np.isfinite(actual)][0]),
-            "finite numbers, these parameters make it overflow",
-        )
-    return FsmTrials(
-        time=step * np.arange(rows, dtype=np.float64),
-        desired_trajectory=desired,
-        controller=controller,
-        actual_trajectory=actual,
-        increment=increment,
-    )
+        unbounded = float(actual[~np.isfinite(actual)][0])
+        allowed = "finite numbers, these parameters make it overflow"
+        raise ParameterError("actual_trajectory", unbounded, allowed)
+    return trials
 
 
 def _trajectory_and_plant(

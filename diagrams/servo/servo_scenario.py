@@ -90,9 +90,7 @@ class ServoScenario:
     # s, of the traces, the FSM's period over a power of two; None: small enough for the plant
 
     def __post_init__(self) -> None:
-        for name in ("duration", "step"):
-            if getattr(self, name) is not None:
-                require_positive(self, name)
+        require_positive(self, "duration", "step")
         if self.fsm.feedforward and self.plant.form != "position":
             raise ParameterError(
                 "fsm.feedforward", True, f"false with plant.form={self.plant.form}"
@@ -215,12 +213,7 @@ def has_feedforward(scenario: ServoScenario) -> bool:
 
 
 def resolve(scenario: ServoScenario) -> ResolvedServoScenario:
-    """Return the scenario with every open value filled in.
-
-    Raises:
-        ParameterError: If the step does not meet the ticks or is too long, or the run would be
-            too long to be stored.
-    """
+    """Return the scenario with every open value filled in, if step and duration can be."""
     axis = fsm_axis(scenario, scenario.plant.form)
     step = _step(scenario)
     duration = scenario.duration or _duration(scenario, axis)
@@ -243,10 +236,7 @@ def resolve(scenario: ServoScenario) -> ResolvedServoScenario:
 
 
 def _step(scenario: ServoScenario) -> float:
-    """Return the step, s: at a step no peak of the plant is missed between two of them.
-
-    The means over a sinusoid have no need of it.
-    """
+    """Return the step, s: at a step, not at a sinusoid, no peak is missed between two of them."""
     period = scenario.fsm.period
     if isinstance(scenario.desired, Sinusoid):
         longest, usual = period, 2 * math.pi / scenario.desired.frequency / 2000

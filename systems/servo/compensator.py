@@ -44,8 +44,7 @@ class AxisThresholds:
     divider: float = 5.0  # a small error gets the increment over this; n/5 of Fig. 4
 
     def __post_init__(self) -> None:
-        if self.dead_zone is not None:
-            require_positive(self, "dead_zone")
+        require_positive(self, "dead_zone")
         if not (math.isfinite(self.divider) and self.divider >= 1):
             raise ParameterError("divider", self.divider, "a finite number >= 1")
 
@@ -65,8 +64,7 @@ class OpenAxisParams(AxisThresholds):
             raise ParameterError(
                 "large_error", large, f"a finite number >= dead_zone, {dead_zone:g}"
             )
-        if self.increment is not None:
-            require_positive(self, "increment")
+        require_positive(self, "increment")
         if self.limit is not None and not self.limit > 0:
             raise ParameterError("limit", self.limit, "a number > 0, infinity for no bound")
 

@@ -5,7 +5,7 @@ allows increments several times larger than the settling theorem), so it is no s
 """
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +32,7 @@ def describing_function(axis: AxisParams, amplitude: Array) -> Array:
     return 4.0 / (math.pi * amplitude) * levels
 
 
-@dataclass(frozen=True)
-class LimitCycle:
+class LimitCycle(NamedTuple):
     """A predicted limit cycle of the error."""
 
     frequency: float  # rad/s

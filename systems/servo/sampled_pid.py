@@ -24,10 +24,7 @@ class OpenPidGains:
     limit: float | None = None  # C, bound on the total
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "derivative")
-        for name in ("proportional", "integral"):
-            if getattr(self, name) is not None:
-                require_not_negative(self, name)
+        require_not_negative(self, "proportional", "integral", "derivative")
         if self.limit is not None and not self.limit > 0:
             raise ParameterError("limit", self.limit, "a number > 0, infinity for no bound")
 

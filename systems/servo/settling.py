@@ -190,12 +190,9 @@ def allowed_increment(
 
     Args:
         plant: From :func:`sample_plant`.
-        dead_zone: eps, in the output's unit.
+        dead_zone: eps, in the output's unit; more than nu.
         measurement_error: nu, in the output's unit.
         divider: n_L / n_s.
-
-    Raises:
-        ParameterError: If the dead zone does not exceed the measurement error.
     """
     room = _room(dead_zone, measurement_error)
     small = _SHARE * room / (1.0 + plant.total)

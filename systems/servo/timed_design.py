@@ -44,12 +44,8 @@ def timed_axis(task: SettlingTask, plant: SettlingPlant, *, limit: float = math.
 
     A measured error inside the dead zone means that the true one is within the tolerance. Of all
     increments that are fast enough, by :func:`settled_after`, those are taken that use the
-    smallest share of what the settling theorem allows.
-
-    Args:
-        task: What is wanted.
-        plant: Gain and step response with all dead times, sampled at the task's period.
-        limit: Of the compensation.
+    smallest share of what the settling theorem allows. The plant, with all dead times, is sampled
+    at the task's period.
 
     Raises:
         ParameterError: If even the largest increments that the theorem allows are too slow.
@@ -115,12 +111,8 @@ def timed_gains(task: SettlingTask, plant: SettlingPlant, *, limit: float = math
     """Return the PI gains, by Skogestad's rules, of a closed loop that is settled in time.
 
     Its error falls off as exp(-(t - theta) / tau_c) behind the dead time theta, so that the time
-    until it is within the tolerance gives tau_c. The rules want tau_c >= theta.
-
-    Args:
-        task: What is wanted.
-        plant: Gain and step response with all dead times, sampled at the task's period.
-        limit: Of the compensation.
+    until it is within the tolerance gives tau_c. The rules want tau_c >= theta. The plant is that
+    of :func:`timed_axis`.
 
     Raises:
         ParameterError: If that takes a faster loop than the rules allow.
