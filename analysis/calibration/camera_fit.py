@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -35,8 +35,7 @@ class BoardView:
     pixels: Array  # shape (n, 2)
 
 
-@dataclass(frozen=True)
-class Places:
+class Places(NamedTuple):
     """Where the parameters of an adjustment are.
 
     In this order: each camera's ``INTRINSIC`` ones, the pose that takes points from the left
@@ -79,11 +78,9 @@ class Adjustment:
         return math.sqrt(squares / max(1, coordinates - len(self.parameters)))
 
     def deviations(self, where: slice | NDArray[np.int64], jacobian: Array) -> Array:
-        """Return standard deviations of what depends on parameters, shape (m,).
+        """Return standard deviations, shape (m,), of what depends on parameters.
 
-        Args:
-            where: The parameters, n of them.
-            jacobian: How it moves with them, shape (m, n).
+        Where these are, and how it moves with them, shape (m, n), is given.
         """
         of_both = [jacobian @ one[where][:, where] @ jacobian.T for one in self.covariances]
         largest: Array = np.sqrt(np.max([np.diag(one) for one in of_both], axis=0))
@@ -102,13 +99,10 @@ class Adjustment:
 def adjust(
     sights: Sequence[BoardView], start: Array, *, places: Places, noise: Sequence[float]
 ) -> Adjustment:
-    """Adjust cameras and boards to what was seen.
+    """Adjust cameras and boards to what was seen, from parameters near the best ones, shape (n,).
 
-    Args:
-        sights: What was seen; pictures are numbered from 0 on, without gaps.
-        start: Parameters near the best ones, shape (n,).
-        places: Of the parameters.
-        noise: Standard deviation of a coordinate, up to a common factor, of each camera.
+    Pictures are numbered from 0 on, without gaps. The noise is the standard deviation of a
+    coordinate, up to a common factor, of each camera.
 
     Raises:
         numpy.linalg.LinAlgError: If the corners don't say what the parameters are.
@@ -477,17 +471,15 @@ def _together(
     paired: Sequence[int],
     alone: Mapping[Owner, str],
 ) -> Fit:
-    X_LR = np.linalg.inv(X_RL)
-    owners: list[Owner] = [(0, k) for k in X_LB]
-    moments = {owner: number for number, owner in enumerate(owners)}
+    owners: list[Owner] = [*((0, k) for k in X_LB), *((1, k) for k in X_RB)]
+    moments = {owner: number for number, owner in enumerate(owners[: len(X_LB)])}
     boards = list(X_LB.values())
     for k, X in X_RB.items():
-        owners.append((1, k))
         if k in paired:
             moments[1, k] = moments[0, k]
         else:
             moments[1, k] = len(boards)
-            boards.append(X_LR @ X)
+            boards.append(np.linalg.inv(X_RL) @ X)
     sights = tuple(_sight(seen[c][k], c, moments[c, k]) for c, k in owners)
     intrinsic = [fit.adjustment.intrinsic(0)[0] for fit in fits]
     turns = [Rotation.from_matrix(X[:3, :3]).as_rotvec() for X in (X_RL, *boards)]

@@ -54,10 +54,7 @@ def read_image(image: ImageRgba8U) -> Image | None:
 def add_noise(rgb: Image, noise: float, generator: np.random.Generator) -> Image:
     """Return an image with normally distributed noise on every channel of every pixel.
 
-    Args:
-        rgb: Shape (height, width, 3).
-        noise: Standard deviation, grey levels, at most 60.
-        generator: Where the noise comes from; as much is drawn for every image.
+    Its standard deviation is in grey levels, at most 60; as much is drawn for every image.
     """
     draw = generator.bit_generator.random_raw(rgb.size // 4 + 1).view(np.uint16)
     noisy = np.empty_like(rgb)
@@ -233,11 +230,8 @@ class SensorParams:
 def shaded(image: Image, vignetting: float, white_balance: tuple[float, float, float]) -> Image:
     """Return an image with less light towards the corners, and other colours.
 
-    Args:
-        image: Red, green, blue, shape (height, width, 3).
-        vignetting: Share of the light that is lost in the corners; it grows with the square of
-            the distance from the image's middle.
-        white_balance: Gains of red, green and blue; what gets brighter than white is white.
+    The share of the light that is lost grows with the square of the distance from the image's
+    middle, to ``vignetting`` in the corners; what gets brighter than white is white.
     """
     height, width = image.shape[:2]
     gains = _gains(width, height, vignetting, white_balance)

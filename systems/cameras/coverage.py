@@ -73,13 +73,10 @@ def coverage(polygon: Array, left: int, top: int, width: int, height: int) -> Ar
 
 @compiled
 def paint(window: Window, polygon: Array, colour: Array, opaque: bool) -> None:
-    """Draw a polygon, its edges with the share of each pixel that they cover.
+    """Draw a polygon, as for :func:`coverage`, on a window, shape (height, width, channels).
 
-    Args:
-        window: What is drawn on, shape (height, width, channels); changed in place.
-        polygon: Corners u and v, pixels of the window, shape (n, 2), without crossings.
-        colour: Shape (channels,).
-        opaque: True: the colour replaces what was there; False: it is added to it.
+    Its edges have the share of each pixel that they cover. Opaque, the colour, shape (channels,),
+    replaces what was there, else it is added to it.
     """
     height, width, channels = window.shape
     left = min(width, max(0, math.floor(polygon[:, 0].min())))
@@ -101,12 +98,7 @@ def paint(window: Window, polygon: Array, colour: Array, opaque: bool) -> None:
 def intersection(one: Array, other: Array) -> Array:
     """Return the corners of what two convex polygons have in common (Sutherland and Hodgman).
 
-    Args:
-        one: Corners, shape (n, 2), in either direction.
-        other: Corners, shape (m, 2), in either direction.
-
-    Returns:
-        Shape (k, 2); k is 0 where they have nothing in common.
+    Both are of shape (n, 2), in either direction, and so is what is returned; n may be 0.
     """
     n = len(other)
     twice = 0.0

@@ -172,14 +172,9 @@ def _rings(profile: bytes, rows: int, section: Section) -> Array:
 
 
 def outline(camera: Camera, p_W: Array) -> Array | None:
-    """Return the convex outline of points in a camera's image.
+    """Return the convex outline, pixels, shape (k, 2), of points ``p_W``, m, shape (n, 3).
 
-    Args:
-        camera: The camera, without distortion.
-        p_W: Points in the world frame, m, shape (n, 3).
-
-    Returns:
-        Corners, pixels, shape (k, 2); None of a part that is not all before the camera.
+    The camera has no distortion; None of a part that is not all before it.
     """
     pixels = camera.project(p_W)
     if len(pixels) < 3 or not (np.abs(pixels) < _FAR).all():

@@ -23,9 +23,7 @@ AXES: Final = ("x", "y", "z", "roll", "pitch", "yaw")  # world axes, turns about
 def image_plane_error(xz: Array, xy: Array) -> Array:
     """Return the error of all six axes from those that two cameras see, shape (6,).
 
-    Args:
-        xz: Of the camera that looks along Y, shape (3,): along, across and the angle.
-        xy: Of the one that looks down, shape (3,).
+    One looks along Y, the other one down: along, across and the angle, shape (3,).
     """
     along, down, pitch = xz.tolist()
     _, aside, yaw = xy.tolist()

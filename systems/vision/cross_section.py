@@ -143,24 +143,16 @@ def _edge(
 
 
 def pack_cross_section(section: CrossSection) -> Array:
-    """Return a cross-section as a vector, shape (8,).
-
-    Status (the number of :class:`Status`), u and v of the centroid in pixels, the angle in rad,
-    the four edges in pixels.
-    """
+    """Return a cross-section as a vector: status, centroid, angle and edges, shape (8,)."""
     values = (section.status, *section.centroid, section.angle, *section.edges)
     return np.array(values, dtype=float)
 
 
 def unpack_cross_section(vector: Array | tuple[float, ...]) -> CrossSection:
     """Return the cross-section that :func:`pack_cross_section` made a vector of."""
-    status, u, v, angle, ahead, back, right, left = (float(value) for value in vector)
-    return CrossSection(
-        status=Status(int(status)),
-        centroid=(u, v),
-        angle=angle,
-        edges=(ahead, back, right, left),
-    )
+    status, u, v, angle, ahead, back, right, left = map(float, vector)
+    edges = ahead, back, right, left
+    return CrossSection(status=Status(int(status)), centroid=(u, v), angle=angle, edges=edges)
 
 
 class CrossSectionDetector(ImageMeasurement):
@@ -174,8 +166,7 @@ class CrossSectionDetector(ImageMeasurement):
         output_ports:
         - cross_section
 
-    ``cross_section``, shape (8,), is laid out as in :func:`pack_cross_section`. What is not found
-    in this image is NaN, with the reason in the status.
+    ``cross_section``, shape (8,), is laid out as in :func:`pack_cross_section`.
     """
 
     def __init__(

@@ -66,13 +66,8 @@ class MeasuredErrorParams(CameraErrorParams):
 def seen(error: float, sample: float, noise: float, resolution: float) -> float:
     """Return what a camera shows of an error, m.
 
-    A plain function of numbers, so that the compiled loops can compile it.
-
-    Args:
-        error: The true one, m.
-        sample: Of the noise, 0 to 1.
-        noise: Half-width, m, 0 for none.
-        resolution: m, 0 for a measurement that is not rounded.
+    The true error and the noise's half-width are in m, its sample from 0 to 1; without resolution,
+    m, it is not rounded. A plain function of numbers, so that the compiled loops can compile it.
     """
     if noise:
         error += noise * (2.0 * sample - 1.0)

@@ -3,7 +3,7 @@
 import math
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Any, Final, NamedTuple, Self
+from typing import Final, NamedTuple, Self
 
 import cv2
 import numpy as np
@@ -27,7 +27,7 @@ _FLOOR: Final = 0.02  # pixels, of a point without noise: what a row gains or lo
 
 
 class ImageMeasurement(LeafSystem):
-    """Gives a vector that is measured in an image.
+    """Gives a vector of a size that is measured in an image of a width and height in pixels.
 
     .. pydrake_system::
 
@@ -37,13 +37,8 @@ class ImageMeasurement(LeafSystem):
         output_ports:
         - (the measured vector)
 
-    The output follows the image, so that it is as old as it is, and holds nothing back.
-
-    Args:
-        output: Name of the output port.
-        size: Of the vector.
-        width: Of the image, pixels.
-        height: Of the image, pixels.
+    The output follows the image, so that it is as old as it is, and holds nothing back: what is
+    not found in this image is NaN, with the reason in the status.
     """
 
     def __init__(self, output: str, size: int, width: int = 320, height: int = 240) -> None:
@@ -82,9 +77,6 @@ class Undistortion:
     :meth:`chamfer.models.cameras.camera.Camera.straight`. What that one would show and this one
     doesn't is filled with the image's border, so that a part which reaches to the border still
     does.
-
-    Args:
-        camera: As it is believed to be.
     """
 
     def __init__(self, camera: Camera) -> None:
@@ -204,8 +196,7 @@ class PartsDetector(ImageMeasurement):
         - detections
 
     ``detections``, shape (6 n,), is laid out as in :func:`pack_detections`, in the order of
-    ``parts``. It follows the image, so that it is as old as it is, and holds nothing back: what
-    is not found in this image is NaN, with the reason in the status.
+    ``parts``.
 
     Raises:
         ParameterError: If there are no parts.
@@ -237,16 +228,8 @@ class PartDetector(ImageMeasurement):
         - alignment_error
 
     ``detections``, shape (12,), is laid out as in :func:`pack_detections`; ``alignment_error``,
-    shape (3,), is that of :func:`alignment_error`. Both follow the image, so that they are as old
-    as it is, and hold nothing back: what is not found in this image is NaN, with the reason in the
-    status.
-
-    Args:
-        peg: What to look for.
-        hole: What to look for.
-        width: Of the image, pixels.
-        height: Of the image, pixels.
-        undistortion: Of the camera, whose detections are those in its straightened images.
+    shape (3,), is that of :func:`alignment_error`. With the camera's undistortion both are those
+    of its straightened images.
     """
 
     def __init__(
@@ -274,5 +257,5 @@ class PartDetector(ImageMeasurement):
         return pack_detections(*detect_parts(image, *self._parts))
 
     def _calc_error(self, context: Context, output: BasicVector) -> None:
-        detections: Any = self._measured.Eval(context)
-        output.SetFromVector(alignment_error(*unpack_detections(detections)))
+        peg, hole = unpack_detections(self._measured.Eval(context))
+        output.SetFromVector(alignment_error(peg, hole))

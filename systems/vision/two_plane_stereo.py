@@ -38,12 +38,7 @@ class PartInSpace:
 
 
 def locate(cameras: Sequence[Camera], detections: Sequence[Detection]) -> PartInSpace:
-    """Return where a part is that two cameras see.
-
-    Args:
-        cameras: Two cameras that look in different directions.
-        detections: What each of them sees of the part.
-    """
+    """Return where a part is that two cameras, which look in different directions, see."""
     worse = max(detection.status for detection in detections)
     if worse.lost:
         return PartInSpace(status=worse)
