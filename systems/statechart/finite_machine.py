@@ -75,13 +75,12 @@ class TarrafProperties:
     """Which of the three properties hold."""
 
     gain: float  # the least finite gain, infinity if there is none
-    external: bool
-    incremental: bool
+    merges: bool  # external and incremental stability
 
     @property
     def count(self) -> int:
         """How many of the three hold."""
-        return int(np.isfinite(self.gain)) + int(self.external) + int(self.incremental)
+        return int(np.isfinite(self.gain)) + 2 * int(self.merges)
 
 
 def tarraf_properties(machine: FiniteMachine) -> TarrafProperties:
@@ -95,8 +94,7 @@ def tarraf_properties(machine: FiniteMachine) -> TarrafProperties:
     a deterministic machine, where equal inputs are the case to be excluded, this is the same
     condition on the pairs.
     """
-    merges = _pairs_agree(machine)
-    return TarrafProperties(gain=_least_gain(machine), external=merges, incremental=merges)
+    return TarrafProperties(gain=_least_gain(machine), merges=_pairs_agree(machine))
 
 
 def storage(machine: FiniteMachine, gain: float) -> NDArray[np.float64] | None:

@@ -22,12 +22,6 @@ class Trapezoid:
     speed: float  # 1/s, at most; of the whole path
     acceleration: float  # 1/s^2, up and down
 
-    def __post_init__(self) -> None:
-        for name in ("speed", "acceleration"):
-            value = getattr(self, name)
-            if not 0 < value < math.inf:
-                raise ParameterError(name, value, "a finite number > 0")
-
     @property
     def top(self) -> float:
         """The speed that is come up to, 1/s."""

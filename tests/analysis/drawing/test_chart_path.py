@@ -6,7 +6,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.patches import FancyBboxPatch
 
-from chamfer.analysis.drawing.chart_graph import START, state_id
+from chamfer.analysis.drawing.chart_graph import state_id
 from chamfer.analysis.drawing.chart_path import Row, path_rows, plot_chart_path
 from chamfer.analysis.scenario.experiment import Table
 from chamfer.analysis.skills.skill_run import SkillStep, path_table
@@ -202,24 +202,3 @@ def test_of_many_numbers_the_first_and_the_last_are_drawn(most: int | None, show
     steps = [("approach", "level", "contact"), ("level", "approach", "lost")] * 3
     (row,) = path_rows(SHORT, path(*steps), most=most)
     assert ("contact", shown) in [label.text.lines for label in row.layout.labels]
-
-
-def test_a_row_is_entered_only_where_the_run_came_from_another_one() -> None:
-    def go(source: str, target: str) -> Transition[None, None]:
-        return Transition(source=source, target=target, label="on", guard=lambda _: True)
-
-    chart = Chart(
-        "rows",
-        states=[State(name=name) for name in "abc"] + [State(name="d", outcome="done")],
-        transitions=[go("a", "c"), go("a", "b"), go("b", "d"), go("c", "d")],
-        memory=None,
-    )
-    _, second = path_rows(
-        chart, path(("a", "c", "on"), ("c", "d", "on")), rows=[{"a", "b"}, {"c", "d"}]
-    )
-    taken = {
-        route.edge.target: one
-        for route, one in zip(second.layout.routes, second.taken, strict=True)
-        if route.edge.source == START
-    }
-    assert taken == {state_id("c"): True, state_id("d"): False}

@@ -19,7 +19,7 @@ from pydrake.systems.primitives import (
 
 from chamfer.analysis.linear.from_control import from_control
 from chamfer.analysis.linear.to_control import to_control
-from chamfer.diagrams.servo.servo_loops import make_fsm_loop, make_pid_loop
+from chamfer.diagrams.servo.servo_loops import make_pid_loop
 from chamfer.diagrams.servo.servo_scenario import StepScenario
 from chamfer.models.arms import puma_250
 from chamfer.models.plants.servo_plant import SpringMassDamperParams
@@ -101,16 +101,6 @@ def test_what_is_seen_at_the_tick_is_what_was_before_it() -> None:
     assert law(z) == pytest.approx((GAINS[0] + GAINS[1] * T / (1 - 1 / z)) / z, rel=1e-6)
 
 
-def test_a_diagram_of_cpp_blocks_with_one_rate_is_exact_and_knows_its_period() -> None:
-    system = LinearSystem(
-        A=[[0.5, 1.0], [0.0, -0.25]], B=[[0.0], [1.0]], C=[[1.0, 0]], D=[[0.125]], time_period=0.1
-    )
-    found = to_control(system)
-    assert found.dt == 0.1
-    assert np.array_equal(found.A, system.A())
-    assert np.array_equal(found.D, system.D())
-
-
 def test_several_rates_make_the_period_of_both() -> None:
     builder = DiagramBuilder()
     fast = builder.AddNamedSystem("fast", DiscreteTimeDelay(0.01, 1, 1))
@@ -188,21 +178,6 @@ def test_an_arm_is_driven_through_its_mass_matrix(step: float) -> None:
     rates = np.linalg.solve(arm.CalcMassMatrix(own), arm.MakeActuationMatrix())
     assert found.B[10:] == pytest.approx((step or 1.0) * rates, rel=1e-6, abs=1e-9)
     assert found.state_labels[0] == "arm::puma_250_base_qw"
-
-
-def test_a_time_is_simulated_to() -> None:
-    # A state machine inside of its dead zone passes nothing on; the plant is as it was.
-    diagram = make_fsm_loop(StepScenario(), "position")
-    plant = to_control(
-        diagram,
-        input="plant::commanded_trajectory",
-        output="plant::actual_trajectory",
-        period=T,
-        at=0.1,
-    )
-    expected = control.c2d(control.tf([K], [M, B, K]), T)
-    assert plant.poles() == pytest.approx(expected.poles(), abs=1e-6)
-    assert plant(1.0) == pytest.approx(1.0, abs=1e-6)
 
 
 class Halves(LeafSystem):
