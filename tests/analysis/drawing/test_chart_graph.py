@@ -93,13 +93,14 @@ def test_notes_and_ways_back() -> None:
 def test_a_flowchart_has_every_node_edge_and_cluster(loops: Diagram) -> None:
     graph = diagram_graph(loops)
     lines = flowchart(graph).splitlines()
-    assert lines[:4] == ["---", 'title: "FSM against PID"', "---", "flowchart LR"]
+    assert lines[:4] == ["---", f'title: "{graph.title}"', "---", "flowchart LR"]
     nodes = [match for line in lines if (match := NODE.fullmatch(line))]
     edges = [match for line in lines if (match := EDGE.fullmatch(line))]
     frames = [match for line in lines if (match := FRAME.fullmatch(line))]
     assert len(nodes) == len({match[1] for match in nodes}) == len(graph.nodes)
     assert len(edges) == len(graph.edges)
-    assert [match[2] for match in frames] == ["PID loop", "plant", "FSM loop", "plant"]
+    labels = ["PID loop", "computer vision", "plant", "FSM loop", "plant"]
+    assert [match[2] for match in frames] == labels
     assert sum(line.strip() == "end" for line in lines) == len(graph.clusters)
     ids = {match[1] for match in nodes}
     assert all(match[1] in ids and match[3] in ids for match in edges)

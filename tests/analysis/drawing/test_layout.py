@@ -180,16 +180,18 @@ def _route(layout: GraphLayout, source: str, target: str) -> tuple[tuple[float, 
     [
         [
             "PID loop/desired trajectory",
-            "PID loop/computer vision",
-            "PID loop/PID",
-            "PID loop/plant/force balance",
-            "PID loop/plant/impedance control A(s)",
+            "PID loop/computer vision/error",
+            "PID loop/controller PID",
         ],
         [
-            "FSM loop/state machine",
+            "FSM loop/desired trajectory",
+            "FSM loop/computer vision",
+            "FSM loop/controller FSM",
             "FSM loop/plant/stiffness K_p",
             "FSM loop/plant/force balance",
             "FSM loop/plant/impedance control A(s)",
+            "FSM loop/plant/actual trajectory",
+            "output fsm.actual_trajectory",
         ],
     ],
 )
@@ -198,27 +200,28 @@ def test_the_forward_path_is_one_straight_line(servo: GraphLayout, path: list[st
     assert len(heights) == 1
 
 
-@pytest.mark.parametrize("loop", ["PID loop", "FSM loop"])
-def test_feedback_runs_back_below_the_forward_path(servo: GraphLayout, loop: str) -> None:
+@pytest.mark.parametrize(
+    ("loop", "vision"),
+    [("PID loop", "PID loop/computer vision/error"), ("FSM loop", "FSM loop/computer vision")],
+)
+def test_feedback_runs_back_below_the_forward_path(
+    servo: GraphLayout, loop: str, vision: str
+) -> None:
     boxes = {box.node.id: _rectangle(box) for box in servo.boxes}
     plant = f"{loop}/plant"
-    forward = boxes[f"{plant}/impedance control A(s)"]
     inner = _route(servo, f"{plant}/environment B(s)", f"{plant}/force balance")
-    outer = _route(servo, f"{plant}/impedance control A(s)", f"{loop}/computer vision")
+    outer = _route(servo, f"{plant}/actual trajectory", vision)
+    forward = boxes[f"{plant}/impedance control A(s)"]
     assert boxes[f"{plant}/environment B(s)"][1] > forward[3]
     assert inner[0][0] > inner[1][0], "leaves to the left"
-    lowest = max(y for _, y in outer)
     frame = next(box for box in servo.clusters if box.cluster.id == plant)
-    assert lowest > frame.y + frame.height
+    assert max(y for _, y in outer) > frame.y + frame.height
     for points in (inner, outer):
         assert points[-2][1] > points[-1][1], "comes from below"
 
 
 def test_unconnected_loops_stand_below_one_another_and_signals_branch(servo: GraphLayout) -> None:
-    pid, fsm = (
-        next(box for box in servo.clusters if box.cluster.id == id_)
-        for id_ in ("PID loop", "FSM loop")
-    )
+    pid, fsm = (box for box in servo.clusters if box.cluster.parent is None)
     assert pid.y + pid.height < fsm.y
     assert pid.x == fsm.x
     plant = "PID loop/plant"
