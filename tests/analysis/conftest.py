@@ -119,10 +119,6 @@ def run_asserting(scenario, seed, progress):
     raise SystemExit("Failure at plant.cc:1 in f():\\ncondition 'x > 0' failed.")
 
 
-def unresolved(scenario):
-    return scenario
-
-
 def no_figures(scenario, outcome):
     return {}
 
@@ -135,33 +131,27 @@ LISTED = """
 from chamfer.analysis.scenario.experiment import Catalogue, Entry
 
 ALL = "{package}.falling.all"
+
+
+def trials(name, paper="toy-paper", run="run_trials", **others):
+    return Entry(
+        name=name, paper=paper, summary=f"{{name}} of trials", module=ALL, scenario="TRIALS",
+        run=run, plot="no_figures", **others,
+    )
+
+
 CATALOGUE = Catalogue(
     published="{package}.published",
     entries=(
-        Entry(
-            name="interrupted", paper="other-paper", summary="interrupted of trials", module=ALL,
-            scenario="TRIALS", run="run_interrupted", plot="no_figures",
-        ),
-        Entry(
-            name="broken", paper="other-paper", summary="broken of trials", module=ALL,
-            scenario="TRIALS", run="run_broken", plot="no_figures",
-        ),
-        Entry(
-            name="asserting", paper="other-paper", summary="asserting of trials", module=ALL,
-            scenario="TRIALS", run="run_asserting", plot="no_figures",
-        ),
-        Entry(
-            name="slow", paper="slow-paper", summary="slow of trials", module=ALL,
-            scenario="TRIALS", run="run_slow", plot="no_figures",
-        ),
+        trials("interrupted", "other-paper", "run_interrupted"),
+        trials("broken", "other-paper", "run_broken"),
+        trials("asserting", "other-paper", "run_asserting"),
+        trials("slow", "slow-paper", "run_slow"),
         Entry(
             name="fall", paper="toy-paper", figure="Fig. 1", summary="a body falls", module=ALL,
             scenario="FALL", resolve="resolve_fall", run="run_fall", plot="plot_fall",
         ),
-        Entry(
-            name="trials", paper="toy-paper", summary="trials of trials", module=ALL,
-            scenario="TRIALS", run="run_trials", plot="no_figures",
-        ),
+        trials("trials"),
     ),
 )
 """

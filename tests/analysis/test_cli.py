@@ -39,26 +39,8 @@ def run_doubtful(scenario, seed, progress):
 """
 
 ENTRIES = """
-        Entry(
-            name="wired",
-            paper="toy-paper",
-            summary="a gain",
-            module=ALL,
-            scenario="TRIALS",
-            run="run_trials",
-            plot="no_figures",
-            diagram="make_diagram",
-            charts="make_charts",
-        ),
-        Entry(
-            name="doubtful",
-            paper="toy-paper",
-            summary="warns",
-            module=ALL,
-            scenario="TRIALS",
-            run="run_doubtful",
-            plot="no_figures",
-        ),
+        trials("wired", diagram="make_diagram", charts="make_charts"),
+        trials("doubtful", run="run_doubtful"),
 """
 
 ROOT = Path(__file__).parents[2]

@@ -49,15 +49,7 @@ def run_campaign(scenario, seed, progress):
 """
 
 ENTRIES = """
-        Entry(
-            name="campaign",
-            paper="campaign-paper",
-            summary="six tasks",
-            module=ALL,
-            scenario="TRIALS",
-            run="run_campaign",
-            plot="no_figures",
-        ),
+        trials("campaign", "campaign-paper", "run_campaign"),
 """
 
 

@@ -1,10 +1,7 @@
 """Trials on a Dask cluster: the same bytes, whatever becomes of its workers."""
 
 import os
-import signal
-import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
@@ -82,49 +79,15 @@ def test_what_is_no_cluster_is_said_in_one_line(monkeypatch: pytest.MonkeyPatch)
         Cluster("local", count=2)
 
 
-@pytest.fixture
-def scheduler(toy: ModuleType) -> Iterator[tuple[str, list[subprocess.Popen[str]]]]:
-    """The address of a scheduler, and the processes of it and its two workers."""
-    assert toy.__file__ is not None
-    options: dict[str, object] = {
-        "env": {**os.environ, "PYTHONPATH": f"{ROOT / 'src'}:{Path(toy.__file__).parent}"},
-        "stderr": subprocess.PIPE,
-        "text": True,
-    }
-    command = [sys.executable, "-m", "dask"]
-    with ExitStack() as stack:
-
-        def begin(*arguments: str) -> subprocess.Popen[str]:
-            process = subprocess.Popen([*command, *arguments], **options)  # type: ignore[call-overload]
-            stack.enter_context(process)
-            stack.callback(process.terminate)
-            return process
-
-        first = begin("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
-        assert first.stderr is not None
-        line = next(line for line in first.stderr if "Scheduler at:" in line)
-        address = line.split()[-1]
-        workers = [begin("worker", address, "--nthreads", "1", "--no-dashboard") for _ in range(2)]
-        for process in (first, *workers):
-            threading.Thread(target=process.communicate, daemon=True).start()
-        yield address, [first, *workers]
-
-
 @pytest.mark.slow
-def test_a_cluster_of_its_own_commands(
-    scheduler: tuple[str, list[subprocess.Popen[str]]], toy: ModuleType
-) -> None:
-    address, processes = scheduler
-    with closing(Cluster(address, count=2)) as cluster:
+def test_a_cluster_that_runs_already_is_used_by_its_address(toy: ModuleType) -> None:
+    with ExitStack() as stack:
+        local = stack.enter_context(closing(clusters._start(2)))
+        cluster = stack.enter_context(closing(Cluster(local.scheduler_address, count=1)))
         while cluster.capacity() < 2:
             time.sleep(0.1)
-        campaign = Campaign(path=None, processors=cluster.processors, engine=cluster)
-        pids = set(campaign(toy.process, range(20), quiet).column("pid").tolist())
-        killing = threading.Timer(1.0, os.kill, (int(pids.pop()), signal.SIGKILL))
-        killing.start()
-        found = campaign(toy.sleep, [0.2 + i / 1000 for i in range(20)], quiet)
-        assert len(found) == 20
-        assert campaign.failed == []
-        processes[0].kill()
+        assert cluster.submit(toy.square, 3).result(60)["square"] == 9
+        call = cluster.submit(toy.sleep, 60.0)
+        local.close()
         with pytest.raises(StartError, match="the cluster's scheduler has gone"):
-            cluster.submit(toy.sleep, 5.0).result(60)
+            call.result(60)

@@ -1,6 +1,7 @@
 import io
 import os
 import time
+from contextlib import suppress
 
 import pytest
 
@@ -46,33 +47,19 @@ def test_line_says_what_runs_how_far_it_is_and_what_it_does() -> None:
 
 def test_line_is_wiped_when_the_run_fails() -> None:
     stream = Terminal()
-
-    def interrupted() -> None:
-        with TerminalProgress("a", stream, delay=0.0, interval=0.01):
-            wait_for(stream, "a  0 s")
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        interrupted()
+    with suppress(KeyboardInterrupt), TerminalProgress("a", stream, 0.0, 0.01):
+        wait_for(stream, "a  0 s")
+        raise KeyboardInterrupt
     assert screen(stream.getvalue()) == ""
 
 
-def test_long_lines_don_t_wrap() -> None:
-    stream = Terminal()
+def test_long_lines_don_t_wrap(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("os.get_terminal_size", lambda _: os.terminal_size((0, 0)))
+    stream = Terminal()  # of no size: taken for a usual one
+    monkeypatch.setattr(stream, "fileno", lambda: 2)
     with TerminalProgress("a" * 200, stream, delay=0.0, interval=0.01):
         wait_for(stream, "a" * 79)
     assert "a" * 80 not in stream.getvalue()
-
-
-def test_a_terminal_of_no_size_is_taken_for_a_usual_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Sizeless(Terminal):
-        def fileno(self) -> int:
-            return 2
-
-    monkeypatch.setattr("os.get_terminal_size", lambda _: os.terminal_size((0, 0)))
-    stream = Sizeless()
-    with TerminalProgress("step-response", stream, delay=0.0, interval=0.01):
-        wait_for(stream, "step-response  0 s")
 
 
 def test_silent_during_the_first_second() -> None:

@@ -27,26 +27,8 @@ def show_trials(scenario, outcome, meshcat):
 """
 
 ENTRIES = """
-        Entry(
-            name="seen",
-            paper="toy-paper",
-            summary="trials to look at",
-            module=ALL,
-            scenario="TRIALS",
-            run="run_trials",
-            plot="no_figures",
-            replay="show_trials",
-        ),
-        Entry(
-            name="seen-slowly",
-            paper="toy-paper",
-            summary="takes its time",
-            module=ALL,
-            scenario="TRIALS",
-            run="run_slow",
-            plot="no_figures",
-            replay="show_trials",
-        ),
+        trials("seen", replay="show_trials"),
+        trials("seen-slowly", run="run_slow", replay="show_trials"),
 """
 
 
