@@ -36,7 +36,7 @@ from chamfer.analysis.report.report import REPORT, write_report
 from chamfer.analysis.report.results import RESULT, json_text, read_result
 from chamfer.analysis.report.results_table import TABLE, results_table
 from chamfer.analysis.scenario.errors import ExperimentError, UserError
-from chamfer.analysis.scenario.experiment import Catalogue, Entry, Progress
+from chamfer.analysis.scenario.experiment import Catalogue, Entry, Progress, quiet
 
 _TRIES: Final = 2  # of an experiment whose process dies
 _QUICK: Final = 5.0  # s, what an experiment may take that is among the first
@@ -287,7 +287,7 @@ def _perform(
             (job,) = prepare([entry], catalogue=order.catalogue)
             if not order.fresh and (result := finished(job, seed=order.seed, out=order.out)):
                 return made(result=result, kept=True)
-            result = run(job, seed=order.seed, out=order.out, progress=_quiet, campaign=campaign)
+            result = run(job, seed=order.seed, out=order.out, progress=quiet, campaign=campaign)
             return made(result=result, warned=warned)
         except TrialsWantedError as wanted:
             return wanted
@@ -296,7 +296,3 @@ def _perform(
         except Exception as error:
             message = f"{type(error).__name__}: {error}"
             return made(error=message, trace=traceback.format_exc(), warned=warned)
-
-
-def _quiet(fraction: float, doing: str = "") -> None:
-    """Tell nobody."""

@@ -35,6 +35,10 @@ class Progress(Protocol):
         """
 
 
+def quiet(fraction: float, doing: str = "") -> None:
+    """Tell nobody."""
+
+
 def part_of(progress: Progress, begin: float, end: float, name: str = "") -> Progress:
     """Return what is told by a part of a run, from one fraction of it to another."""
 

@@ -167,11 +167,6 @@ class BncConnector(PartsConnector):
         return self.overlap - (self.slot - 2 * self.stud_radius)
 
     @property
-    def spring_depth(self) -> float:
-        """At which the insulator meets the barrel's face, m."""
-        return self.overlap - self.spring_travel
-
-    @property
     def mated_depth(self) -> float:
         """Depth of a released plug whose studs lie in the detents, m."""
         return self.turning_depth - self.detent
@@ -230,7 +225,8 @@ class BncConnector(PartsConnector):
         middle = np.array([self.bore_radius + _WALL / 2, 0.0, (low + high) / 2])
         # So large that their centres never reach the barrel's face.
         soft = Sphere(self.spring_travel + self.lead_in)
-        face = np.array([self.spring_radius, 0.0, self.spring_depth + soft.radius()])
+        spring_depth = self.overlap - self.spring_travel  # where the insulator meets the face
+        face = np.array([self.spring_radius, 0.0, spring_depth + soft.radius()])
         parts = {
             "sleeve rim": [
                 ConvexPiece(f"rim_{i}", rim, RigidTransform(R @ [centre, 0.0, self.lead_in]))

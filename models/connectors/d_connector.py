@@ -155,8 +155,7 @@ class DConnector(PartsConnector):
         if not self.lead_in < self.socket_corner:
             allowed = f"less than the socket's corner radius, {self.socket_corner} m"
             raise ParameterError("lead_in", self.lead_in, allowed)
-        if not 2 * self.lead_in < self.travel < min(self._plug_length, self._socket_length):
-            longest = min(self._plug_length, self._socket_length)
+        if not 2 * self.lead_in < self.travel < (longest := min(self._lengths)):
             allowed = f"more than two lead-ins, less than the shells' length, {longest:.3g} m"
             raise ParameterError("travel", self.travel, allowed)
         if not self._tine_spread < self._pin_radius:
@@ -206,10 +205,8 @@ class DConnector(PartsConnector):
     @property
     def clearance(self) -> Array:
         """Clearance per side along x and y, m, shape (2,)."""
-        plug = (self.pick(self.plug_width, tight=0), self.pick(self.plug_height, tight=0))
-        socket = (self.pick(self.socket_width, tight=1), self.pick(self.socket_height, tight=1))
-        clearance: Array = (np.array(plug) - socket) / 2
-        return clearance
+        plug, socket = self.plug_section, self.socket_section
+        return np.array([plug.width - socket.width, plug.height - socket.height]) / 2
 
     @property
     def plug_outline(self) -> Array:
@@ -251,12 +248,9 @@ class DConnector(PartsConnector):
         ]
 
     @property
-    def _plug_length(self) -> float:
-        return self.pick(self.plug_length, tight=0)
-
-    @property
-    def _socket_length(self) -> float:
-        return self.pick(self.socket_length, tight=0)
+    def _lengths(self) -> tuple[float, float]:
+        """Of the plug's shell and of the socket's, m."""
+        return self.pick(self.plug_length, tight=0), self.pick(self.socket_length, tight=0)
 
     @property
     def _pin_radius(self) -> float:
@@ -306,7 +300,7 @@ class DConnector(PartsConnector):
         """Return the walls above the rim, and the bottom of the shell."""
         section = self.plug_section
         pieces = [
-            _wall(f"side_{edge}", section, edge, (0.0, WALL), (self.lead_in, self._plug_length))
+            _wall(f"side_{edge}", section, edge, (0.0, WALL), (self.lead_in, self._lengths[0]))
             for edge in EDGES
         ]
         bottom = Box(section.width, section.height, WALL)
@@ -316,9 +310,10 @@ class DConnector(PartsConnector):
     def _socket_walls(self) -> list[ConvexPiece]:
         """Return a D with its round rim, and the flange."""
         outside, rim = self.socket_section, self.socket_section.grown(-self.lead_in)
+        length = self._lengths[1]
         pieces = []
         for label, section, top in (("low", outside, -self.lead_in), ("high", rim, 0.0)):
-            inward, up = (-section.height / 2, 0.0), (-self._socket_length, top)
+            inward, up = (-section.height / 2, 0.0), (-length, top)
             for edge in EDGES:
                 pieces.append(_wall(f"{label}_{edge}", section, edge, inward, up))
                 corner = Cylinder(section.corner_radius, up[1] - up[0])
@@ -330,7 +325,7 @@ class DConnector(PartsConnector):
             ends = [np.append(point, -self.lead_in) for point in (first, last)]
             pieces.append(capsule(f"lead_in_{number}", self.lead_in, *ends))
         flange = Box(0.053, 0.0125, WALL)  # assumed
-        pieces.append(ConvexPiece("flange", flange, at(0.0, 0.0, -self._socket_length - WALL / 2)))
+        pieces.append(ConvexPiece("flange", flange, at(0.0, 0.0, -length - WALL / 2)))
         return pieces
 
     def _pins(self) -> list[ConvexPiece]:

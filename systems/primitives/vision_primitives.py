@@ -6,10 +6,10 @@ and of an angle: Chaumette and Hutchinson.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final, Literal, NamedTuple
+from typing import ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +41,7 @@ from chamfer.systems.primitives.visual_servoing import (
     seen_part,
 )
 from chamfer.systems.vision.cross_section import CrossSection, unpack_cross_section
-from chamfer.systems.vision.part_detection import Status
+from chamfer.systems.vision.part_detection import Detection, Status
 
 Array = NDArray[np.float64]
 View = Literal["xz", "yz"]
@@ -49,19 +49,6 @@ View = Literal["xz", "yz"]
 _NORMAL: Final[dict[View, Axis]] = {"xz": "y", "yz": "x"}  # to the image plane
 _GRASP_AXES: Final = (3, 4, 2)  # of the velocity: along X and Y, about Z
 _LEAST: Final = 0.05  # smallest singular value of a believed Jacobian, relative to the largest
-
-
-def _check_parts(moved: int, target: int) -> None:
-    for name, part in (("moved", moved), ("target", target)):
-        if not part >= 0:
-            raise ParameterError(name, part, "a whole number >= 0, its place in the detections")
-    if moved == target:
-        raise ParameterError("target", target, "another part than the moved one")
-
-
-def _check_axes(axes: Sequence[str], allowed: Sequence[str]) -> None:
-    if not axes or list(axes) != [axis for axis in allowed if axis in axes]:
-        raise ParameterError("axes", tuple(axes), f"some of {', '.join(allowed)}, in this order")
 
 
 def _check_jacobian(J: Array) -> None:
@@ -91,25 +78,57 @@ class _Servoed(Primitive):
 
 
 @dataclass(frozen=True, kw_only=True)
-class VisTranslation(_Servoed):
+class _Compared(_Servoed):
+    """What brings a part to another, along or about some axes, as cameras see both."""
+
+    axes: tuple[Axis, ...] = AXES
+    cameras: StaticCameras  # as believed
+    moved: int = 0  # part, its place in the detections
+    target: int = 1  # part
+
+    ALLOWED: ClassVar[tuple[Axis, ...]] = AXES
+
+    def __post_init__(self) -> None:
+        if not self.axes or [*self.axes] != [one for one in self.ALLOWED if one in self.axes]:
+            allowed = f"some of {', '.join(self.ALLOWED)}, in this order"
+            raise ParameterError("axes", tuple(self.axes), allowed)
+        for name in ("moved", "target"):
+            if not (part := getattr(self, name)) >= 0:
+                allowed = "a whole number >= 0, its place in the detections"
+                raise ParameterError(name, part, allowed)
+        if self.moved == self.target:
+            raise ParameterError("target", self.target, "another part than the moved one")
+        require_positive(self, "speed", "tolerance")
+
+    @cached_property
+    def _columns(self) -> list[int]:
+        return [AXES.index(axis) for axis in self.axes]
+
+    def _pairs(
+        self, sensed: Observation, views: Sequence[View]
+    ) -> Iterator[tuple[Detection, Detection]]:
+        """Yield what the cameras see of both parts, where they see both."""
+        for view in views:
+            moved = seen_part(sensed, view, self.moved)
+            target = seen_part(sensed, view, self.target)
+            if moved is not None and target is not None:
+                yield moved, target
+
+
+@dataclass(frozen=True, kw_only=True)
+class VisTranslation(_Compared):
     """Brings the tip of a part to a point of another, along chosen axes, by its images.
 
     Along x and z the camera along Y is enough, along y and z the one along X: the other one is
     not asked, so that what is not to be corrected does not disturb.
     """
 
-    axes: tuple[Axis, ...] = AXES
-    cameras: StaticCameras  # as believed
-    moved: int = 0  # part, its place in the detections
-    target: int = 1  # part
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, world, of the goal from its tip
     speed: float = 0.05  # m/s, at most; assumed
     tolerance: float = 0.5  # pixels, e_ok; assumed
 
     def __post_init__(self) -> None:
-        _check_axes(self.axes, AXES)
-        _check_parts(self.moved, self.target)
-        require_positive(self, "speed", "tolerance")
+        super().__post_init__()
         require_numbers(self, 3, "offset")
         middle = [np.array(camera.centre) for camera in self._cameras]
         _check_jacobian(self.jacobian(middle))
@@ -129,10 +148,6 @@ class VisTranslation(_Servoed):
     @cached_property
     def _cameras(self) -> list[Camera]:
         return self.cameras.views(self.views)
-
-    @cached_property
-    def _columns(self) -> list[int]:
-        return [AXES.index(axis) for axis in self.axes]
 
     @cached_property
     def _rows(self) -> list[int]:
@@ -173,15 +188,10 @@ class VisTranslation(_Servoed):
     def step(self, sensed: Observation, memory: Watch, time: float) -> Stepped:
         """Return the velocity at a tick; done within the tolerance, lost without both tips."""
         tips, targets = [], []
-        for view in self.views:
-            moved = seen_part(sensed, view, self.moved)
-            target = seen_part(sensed, view, self.target)
-            if moved is None or target is None:
-                continue
-            if moved.status != Status.VALID or target.status != Status.VALID:
-                continue
-            tips.append(np.array(moved.tip))
-            targets.append(np.array(target.tip))
+        for moved, target in self._pairs(sensed, self.views):
+            if moved.status == target.status == Status.VALID:
+                tips.append(np.array(moved.tip))
+                targets.append(np.array(target.tip))
         if len(tips) < len(self.views):
             watch, event = self.servoing.missing(memory, time)
             return Stepped(watch, STILL, event)
@@ -197,20 +207,17 @@ class VisTranslation(_Servoed):
 
 
 @dataclass(frozen=True, kw_only=True)
-class VisRotation(_Servoed):
+class VisRotation(_Compared):
     """Aligns the axis of a part with that of another, by the angles in the image planes."""
 
     axes: tuple[Axis, ...] = ("x", "y")  # to turn about; x is seen by the camera along X
-    cameras: StaticCameras  # as believed
-    moved: int = 0  # part, its place in the detections
-    target: int = 1  # part
     speed: float = 0.3  # rad/s, at most; assumed
     tolerance: float = 0.003  # rad, e_ok; assumed
 
+    ALLOWED: ClassVar[tuple[Axis, ...]] = ("x", "y")
+
     def __post_init__(self) -> None:
-        _check_axes(self.axes, ("x", "y"))
-        _check_parts(self.moved, self.target)
-        require_positive(self, "speed", "tolerance")
+        super().__post_init__()
         _check_jacobian(self.jacobian)
 
     @property
@@ -230,16 +237,11 @@ class VisRotation(_Servoed):
         A line that is parallel to the image turns in it as much as about the optical axis.
         """
         rows = [camera.R_WC[:, 2] for camera in self.cameras.views(self.views)]
-        return np.array(rows)[:, [AXES.index(axis) for axis in self.axes]]
+        return np.array(rows)[:, self._columns]
 
     def step(self, sensed: Observation, memory: Watch, time: float) -> Stepped:
         """Return the velocity at a tick; done within the tolerance, lost without both axes."""
-        angles = []
-        for view in self.views:
-            moved = seen_part(sensed, view, self.moved)
-            target = seen_part(sensed, view, self.target)
-            if moved is not None and target is not None:
-                angles.append((moved.angle, target.angle))
+        angles = [(one.angle, other.angle) for one, other in self._pairs(sensed, self.views)]
         if len(angles) < len(self.views):
             watch, event = self.servoing.missing(memory, time)
             return Stepped(watch, STILL, event)
@@ -249,7 +251,7 @@ class VisRotation(_Servoed):
         watch, event = self.servoing.found(memory, sensed, features, small, time)
         turn = limited(self.servoing.solve(self.jacobian, deviation), self.speed)
         velocity = np.zeros(6)
-        velocity[[AXES.index(axis) for axis in self.axes]] = turn
+        velocity[self._columns] = turn
         return Stepped(watch, tuple(velocity.tolist()), event)
 
 

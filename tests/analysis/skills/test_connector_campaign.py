@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from chamfer.analysis.campaign.campaign import Trials
+from chamfer.analysis.scenario.experiment import quiet
 from chamfer.analysis.skills.connector_campaign import (
     BNC_CONNECTOR,
     D_ABLATION,
@@ -37,10 +38,6 @@ FREE = ScenarioSpread(obstacles=0.0)
 # So short that no insertion comes to its end.
 CUT = resolve_peg_campaign(replace(ROUND_PEG, trials=2, duration=0.3, spread=FREE))
 ERROR = (0.01, 0.02, 0.03, 0.001, 0.002, 0.0)
-
-
-def quiet(fraction: float, doing: str = "") -> None:
-    assert 0 <= fraction <= 1
 
 
 def attempts(*rows: dict[str, float | None], reasons: list[str] | None = None) -> Trials[int]:

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from chamfer.analysis.report.replay import replay_html
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, quiet
 from chamfer.analysis.skills.connector_insertion import (
     figures,
     plot_insertion,
@@ -27,11 +27,6 @@ SHORT = resolve(
         skill=DConnectorSkillParams(settle_cycles=0.5),
     )
 )
-
-
-def quiet(fraction: float, doing: str = "") -> None:
-    assert 0 <= fraction <= 1
-    assert doing
 
 
 def test_a_connector_is_inserted_and_the_path_holds_every_state_with_its_outcome() -> None:

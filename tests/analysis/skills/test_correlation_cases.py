@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, quiet
 from chamfer.analysis.skills.correlation_cases import (
     CASES,
     CASES_SCENARIO,
@@ -23,10 +23,6 @@ from chamfer.systems.force.accommodation import AccommodationParams
 from chamfer.systems.primitives.trajectory_primitives import Dither
 
 SHORT = replace(CASES_SCENARIO, dither=Dither(cycles=6.0))
-
-
-def quiet(fraction: float, doing: str = "") -> None:
-    assert 0 <= fraction <= 1
 
 
 @pytest.fixture(scope="module")

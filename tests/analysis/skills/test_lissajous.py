@@ -7,15 +7,11 @@ import numpy as np
 import pytest
 from matplotlib.patches import Rectangle
 
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, quiet
 from chamfer.analysis.skills.lissajous import LissajousScenario, covering_radius, figures, run
 
 SHORT = LissajousScenario(repeats=(2, 6))
 Value = Callable[[str], float]
-
-
-def quiet(fraction: float, doing: str = "") -> None:
-    assert 0 <= fraction <= 1
 
 
 @pytest.fixture(scope="module")

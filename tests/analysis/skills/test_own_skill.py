@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.experiment import quiet
 from chamfer.analysis.scenario.scenario_io import make_scenario, unstructure
 from chamfer.analysis.scenario.scenario_yaml import parse_value
 from chamfer.analysis.skills.own_skill import (
@@ -136,10 +137,6 @@ def test_a_mistake_is_told_in_one_line(tmp_path: Path, text: str, message: str) 
 FAST: Final[dict[str, Any]] = {"step": 0.002, "duration": 2.0}
 
 
-def silent(fraction: float, doing: str = "") -> None:
-    """Tells nobody."""
-
-
 @pytest.fixture
 def touch(tmp_path: Path) -> str:
     path = tmp_path / "touch.yaml"
@@ -150,7 +147,7 @@ def touch(tmp_path: Path) -> str:
 def test_a_file_is_run_and_its_text_is_kept(touch: str) -> None:
     scenario = resolve_own_skill(OwnSkillScenario(skill=touch, **FAST))
     Path(touch).unlink()
-    found = run(scenario, 0, silent).metrics
+    found = run(scenario, 0, quiet).metrics
     assert (found["done"].value, found["done"].note) == (1.0, "")
     assert found["success"].value == 0.0  # it is not in
     assert found["success"].note.startswith("said to be done")
@@ -166,7 +163,7 @@ def test_a_part_of_ones_own(tmp_path: Path, touch: str) -> None:
     files = {"plug": str(tmp_path / "block.obj"), "socket": str(tmp_path / "floor.obj")}
     given = {"part": "own", "own": {**files, "mated_depth": 0.002, "mating_force": 5.0}}
     scenario = make_scenario(OwnSkillScenario(), given={**FAST, "skill": touch, **given})
-    found = run(resolve_own_skill(scenario), 0, silent).metrics
+    found = run(resolve_own_skill(scenario), 0, quiet).metrics
     assert (found["done"].value, found["success"].value) == (1.0, 1.0)
     assert found["depth"].value == pytest.approx(0.002, abs=3e-4)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.collections import QuadMesh
 
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, quiet
 from chamfer.analysis.skills.vision_trials import (
     VisionPrimitivesScenario,
     VisionTrial,
@@ -111,10 +111,6 @@ def test_a_primitive_that_refuses_its_cameras_is_a_trial_too() -> None:
 SHORT = VisionPrimitivesScenario(
     trials=1, map_focal=(0.15, 1.0), map_angle=(0.0,), map_trials=1, duration=2.5
 )
-
-
-def quiet(fraction: float, doing: str = "") -> None:
-    assert 0 <= fraction <= 1
 
 
 @pytest.fixture(scope="module")
