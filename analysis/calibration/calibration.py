@@ -77,11 +77,8 @@ def see_board(
 ) -> tuple[list[Seen], Size]:
     """Look for a board in pictures, and return what was seen and the size of most of them.
 
-    Args:
-        board: The board.
-        files: The pictures.
-        names: Of pictures that are not to be used once more, by what is in them; these are added.
-        progress: Told after every picture.
+    The names are of pictures that are not to be used once more, by what is in them; these are
+    added.
     """
     found: list[tuple[Seen, Size | None]] = []
     for k, file in enumerate(files):

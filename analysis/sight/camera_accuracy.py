@@ -12,6 +12,7 @@ from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.campaign.trial_metrics import metrics_of
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.drawing.figure_kit import draw_intervals, metric_value
 from chamfer.analysis.drawing.figure_style import PUBLISHED, Style, dress, new_figure
@@ -228,17 +229,16 @@ def _spread(name: str, values: Array, unit: str, pixel_size: float) -> dict[str,
     """Return rms and largest of one error; the note of the rms says how much of it is bias."""
     known = values[np.isfinite(values)]
     missing = len(values) - len(known)
-    lacks = f"undefined in {missing} of {len(values)}" if missing else ""
+    lacks = [f"undefined in {missing} of {len(values)}"] if missing else []
     if not len(known):
-        return {f"{name}.{key}": Metric(value=None, unit=unit, note=lacks) for key in _POOLED}
+        return metrics_of({f"{name}.{key}": (None, unit, lacks[0]) for key in _POOLED})
     rms, largest = math.sqrt(float(np.mean(known**2))), float(np.abs(known).max())
-    metrics = {}
+    rows = {}
     for key, value in zip(_POOLED, (rms, largest), strict=True):
         notes = [f"{1e3 * pixel_size * value:.2g} mm at the parts"] if unit == "px" else []
         notes += [f"mean {float(np.mean(known)):.2g} {unit}"] if key == "rms" else []
-        notes += [lacks] if lacks else []
-        metrics[f"{name}.{key}"] = Metric(value=value, unit=unit, note=", ".join(notes))
-    return metrics
+        rows[f"{name}.{key}"] = value, unit, ", ".join([*notes, *lacks])
+    return metrics_of(rows)
 
 
 def resolve_camera_accuracy(scenario: AccuracyScenario) -> AccuracyScenario:

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.campaign import Trials, run_each
+from chamfer.analysis.campaign.trial_metrics import metrics_of
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.drawing.figure_kit import colour_legend, draw_shares, name_rows
 from chamfer.analysis.drawing.figure_style import new_figure
@@ -217,7 +218,7 @@ def _rows(scenario: ResolvedConditionsScenario, finished: Trials[ConditionTask])
 
 
 def _metrics(scenario: ResolvedConditionsScenario, traces: Table) -> dict[str, Metric]:
-    metrics: dict[str, Metric] = {}
+    rows: dict[str, tuple[float | None, str, str]] = {}
     middle: dict[str, float] = {}
     for condition in scenario.conditions:
         for k, severity in enumerate(SEVERITIES):
@@ -227,27 +228,34 @@ def _metrics(scenario: ResolvedConditionsScenario, traces: Table) -> dict[str, M
             name = f"{condition}.{severity}"
             for outcome in ("found", "refused", "wrong"):
                 share = 100 * float(np.mean(of[outcome]))
-                note = _reasons(of) if outcome == "refused" and share else ""
-                metrics[f"{name}.{outcome}"] = Metric(value=share, unit="%", note=note)
+                why = _reasons(of) if outcome == "refused" and share else ""
+                rows[f"{name}.{outcome}"] = share, "%", why
+                if (severity, outcome, CONDITIONS[condition].asked) == (
+                    "middle",
+                    "found",
+                    "found",
+                ):
+                    middle[condition] = share
             for error, unit in _ERRORS.items():
-                metrics[f"{name}.{error}.rms"] = _rms(of, error, unit)
-            if severity == "middle" and CONDITIONS[condition].asked == "found":
-                middle[condition] = metrics[f"{name}.found"].value or 0.0
+                values = np.concatenate([of[f"{part}_{error}"] for part in PARTS])
+                known = values[np.isfinite(values)]
+                rms = math.sqrt(float(np.mean(known**2))) if len(known) else None
+                note = "" if len(known) else "nothing was found"
+                rows[f"{name}.{error}.rms"] = rms, unit, note
     least = min(middle, key=lambda condition: middle[condition])
-    return metrics | {
-        "pictures": Metric(value=float(len(traces["wrong"])), unit=""),
-        "wrong": Metric(
-            value=float(np.sum(traces["wrong"])),
-            unit="",
-            note=f"a tip more than {scenario.most_off:g} px off or an axis more than "
-            f"{1e3 * scenario.most_turned:g} mrad, and not refused",
-        ),
-        "middle.found.least": Metric(
-            value=middle[least],
-            unit="%",
-            note=f"{least}, at the middle severity, of what is to be found",
-        ),
-    }
+    wrong = (
+        f"a tip more than {scenario.most_off:g} px off or an axis more than "
+        f"{1e3 * scenario.most_turned:g} mrad, and not refused"
+    )
+    said = f"{least}, at the middle severity, of what is to be found"
+    return metrics_of(
+        {
+            **rows,
+            "pictures": (float(len(traces["wrong"])), "", ""),
+            "wrong": (float(np.sum(traces["wrong"])), "", wrong),
+            "middle.found.least": (middle[least], "%", said),
+        }
+    )
 
 
 def _reasons(of: Table) -> str:
@@ -258,14 +266,6 @@ def _reasons(of: Table) -> str:
         counted = Counter(Status(int(one)) for one in statuses if one != Status.VALID)
         said += [f"{part} {status.name} {number}" for status, number in counted.most_common()]
     return ", ".join(said)
-
-
-def _rms(of: Table, error: str, unit: str) -> Metric:
-    values = np.concatenate([of[f"{part}_{error}"] for part in PARTS])
-    known = values[np.isfinite(values)]
-    if not len(known):
-        return Metric(value=None, unit=unit, note="nothing was found")
-    return Metric(value=math.sqrt(float(np.mean(known**2))), unit=unit)
 
 
 def _examples(scenario: ResolvedConditionsScenario, seed: int) -> Table:

@@ -62,11 +62,7 @@ class Poses(NamedTuple):
 class TrialCamera:
     """A camera that draws the parts; VTK needs what ``missing_graphics`` looks for.
 
-    Args:
-        parts: What is to be drawn.
-        camera: The camera.
-        renderer: What draws.
-        blur: Of the software camera, pixels, not of sampled images.
+    The blur, pixels, is that of the software camera, not of sampled images.
     """
 
     def __init__(
@@ -84,12 +80,8 @@ class TrialCamera:
 
         ``clean`` is what the renderer draws, ``noisy`` the same with noise. In ``sampled`` a pixel
         shows one part or the background, never both: as of a sensor with gaps between its pixels,
-        or after a colour filter that says yes or no.
-
-        Args:
-            poses: Of the parts.
-            noise: Standard deviation, grey levels.
-            random: Where the noise comes from.
+        or after a colour filter that says yes or no. The noise is a standard deviation, grey
+        levels.
         """
         if self._vtk is not None:
             for name, X_WP in zip(("peg_pose", "hole_pose"), poses, strict=True):

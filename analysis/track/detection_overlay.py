@@ -85,12 +85,8 @@ def draw(seen: SeenParts, caption: Caption, note: str = "") -> Image:
     """Return a frame with the axes that were found, the tips as crosses, and a panel below.
 
     A point (u, v) of the frame is at ``s (u + 1/2) - 1/2`` and likewise in v, where s is
-    :func:`scale`: (0, 0) is the middle of the first pixel in both.
-
-    Args:
-        seen: The frame and what was found in it.
-        caption: Which frame it is.
-        note: A further line of the panel, none if it is empty.
+    :func:`scale`: (0, 0) is the middle of the first pixel in both. The note is a further line of
+    the panel.
     """
     height, width = seen.image.shape[:2]
     s = scale(width, height)
@@ -190,11 +186,9 @@ _LIVE: Final = 15.0  # frames/s; encoding takes longer than detection
 
 
 class Overlay:
-    """A video of what is found in each frame, which grows while the block runs.
+    """A .webm video of what is found in each frame, which grows while the block runs.
 
-    Args:
-        path: Of the file, which ends in .webm.
-        rate: Frames/s, or NaN; the video plays at 1 to 240.
+    The rate is in frames/s, or NaN; the video plays at 1 to 240.
     """
 
     def __init__(self, path: Path, rate: float) -> None:
@@ -214,16 +208,10 @@ class Overlay:
         self.write(sheet(seen, captions, note))
 
     def write(self, image: Image, time: float | None = None) -> None:
-        """Append an image.
+        """Append an image, which is of the same even size as all others.
 
-        Args:
-            image: Red, green, blue, shape (height, width, 3), of the same even size as all others.
-            time: When it is shown, s after the first one: the one before stays until then. Where
-                that is sooner than a frame's length after it, the image is left out. None: after
-                the one before.
-
-        Raises:
-            UserError: If the video can't be written.
+        It is shown at a time, s after the first one: the one before stays until then. Sooner than
+        a frame's length after it, the image is left out. None: after the one before.
         """
         if self._writer is None:
             width, height = image.shape[1::-1]

@@ -297,14 +297,7 @@ class LiveCamera:
 
     A thread of its own waits for them, so that one that has stopped delivering can be left. A
     frame's time is that at which it was taken, if the driver says so on the machine's monotonic
-    clock, or else at which it arrived.
-
-    Args:
-        path: Of the device.
-        size: Width and height that it is asked for, pixels; None: its own.
-
-    Raises:
-        UserError: If it can't be opened.
+    clock, or else at which it arrived. The camera is asked for a size, pixels; None: its own.
     """
 
     announced: ClassVar = None

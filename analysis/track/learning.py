@@ -219,10 +219,6 @@ def learn(image: Image, boxes: tuple[Box, Box]) -> Learned:
     A part is what has the colour that is more frequent in its box than around it. Hue,
     saturation, value and sizes are its own with margins; the tips face each other.
 
-    Args:
-        image: Red, green, blue, shape (height, width, 3).
-        boxes: Around the peg and around the hole part.
-
     Raises:
         UserError: If they can't be told from what is around them, or from each other.
     """

@@ -182,11 +182,7 @@ _LEFT = FramePose(rotation_vector=(0.0, 0.0, 0.0), translation=(0.0, 0.0, 0.0))
 
 
 def read_cameras(path: Path, number: int) -> tuple[Camera, ...]:
-    """Return the left camera of a file, or both, in the left one's frame.
-
-    Args:
-        path: Of the file.
-        number: Of the cameras that are needed, 1 or 2.
+    """Return the left camera of a file, or both (number 2), in the left one's frame.
 
     Raises:
         UserError: If the file can't be read, or has only one camera of the two.

@@ -43,10 +43,6 @@ class TrackFiles:
     The lines for people have three kinds of column more than the table: ``file``, and behind every
     status, which is a name there, the reason in words. What was not found is empty. A file whose
     name a spreadsheet would take for a formula has an apostrophe in front of it.
-
-    Args:
-        out: The folder of all results.
-        columns: Names of what is found in a frame.
     """
 
     def __init__(self, out: Path, columns: Sequence[str]) -> None:
@@ -66,12 +62,7 @@ class TrackFiles:
         return self
 
     def add_overlay(self, rate: float, *, live: bool) -> None:
-        """Write the video, too.
-
-        Args:
-            rate: Of the frames, frames/s, or NaN.
-            live: Whether the frames come whether they are looked at or not.
-        """
+        """Write the video, too; live frames come whether they are looked at or not."""
         path = self._folder / VIDEO
         self._overlay = LiveOverlay(path) if live else Overlay(path, rate)
 
@@ -108,11 +99,7 @@ class TrackFiles:
         }
 
     def finish(self, replaces: Callable[[], None]) -> list[Path]:
-        """Complete the files, move them to where they stay and return their paths.
-
-        Args:
-            replaces: Called before the files of an earlier run are replaced, if there are any.
-        """
+        """Complete the files, move them to where they stay and return their paths."""
         self._csv.close()
         if self._overlay is not None:
             self._overlay.close()
@@ -168,11 +155,7 @@ def _alone(folder: Path) -> Iterator[None]:
 class FrameFolder:
     """Keeps frames as PNG while the block runs, each on disk before the next one is looked at.
 
-    Args:
-        folder: Which must not hold anything yet; it goes if no frame comes.
-
-    Raises:
-        UserError: If it can't be made, or is there with something in it.
+    The folder must not hold anything yet; it goes if no frame comes.
     """
 
     def __init__(self, folder: Path) -> None:

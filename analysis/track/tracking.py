@@ -105,12 +105,9 @@ class TrackScenario:
 
 
 class SynchronisedFrames:
-    """Frames of one source, or of two taken together.
+    """Frames of one source, or of two taken together, the left camera's first.
 
-    Args:
-        of: The sources, the left camera's first.
-        rate: Frames/s, or NaN.
-        limit: The most moments; None: as many as there are.
+    The rate is in frames/s, or NaN; the limit is the most moments, None: as many as there are.
     """
 
     def __init__(
@@ -191,17 +188,8 @@ def write_track(
     """Find the parts in every frame, and write the tables and, if asked for, the overlay video.
 
     The columns are ``frame``, from 0, ``time``, s, and those of the finder. What was found until
-    then is written whatever ends it before the last frame.
-
-    Args:
-        out: The folder of all results.
-        source: Where the frames come from.
-        finder: Finds the parts in them.
-        video: Whether to write the overlay.
-        saved: Where to keep the frames; None: nowhere.
-        replaces: Called before the files of an earlier run are replaced, if there are any.
-        stopped: Whether to end.
-        progress: Told after every frame.
+    then is written whatever ends it before the last frame. ``replaces`` is called before the files
+    of an earlier run are replaced, if there are any.
 
     Returns:
         What was found, and the files; none if there was no frame.

@@ -520,3 +520,11 @@ def test_sizes_follow_from_the_parts_and_the_size_of_a_pixel() -> None:
             assert low < radius / 1000 / pixel_size / (1.3 * 1.1)
             assert high > radius / 1000 / pixel_size * (1.3 * 1.1)
             assert sum(look.aspect) / 2 == pytest.approx(length / (2 * radius))
+
+
+def test_of_parts_of_unknown_size_no_size_is_asked() -> None:
+    for look in appearances(PARTS):
+        assert look.half_width is look.aspect is None
+    learnt = PEG.sized(10.0)
+    assert learnt.half_width is not None
+    assert learnt.aspect is None
