@@ -1,5 +1,6 @@
 """Graphs and state charts as Mermaid text, which web pages and editors draw on their own."""
 
+import json
 import re
 from collections.abc import Iterable
 from typing import Any, Final
@@ -108,10 +109,7 @@ def _classes(nodes: Iterable[Node], ids: dict[str, str]) -> list[str]:
 
 
 def _front_matter(title: str) -> list[str]:
-    if not title:
-        return []
-    quoted = title.replace("\\", "\\\\").replace('"', '\\"').replace("\n", " ")
-    return ["---", f'title: "{quoted}"', "---"]
+    return ["---", f"title: {json.dumps(title, ensure_ascii=False)}", "---"] if title else []
 
 
 def _ids(names: Iterable[str]) -> dict[str, str]:

@@ -1,6 +1,7 @@
 """How much room text takes, where it breaks, and how names of the code are typeset."""
 
 import re
+import textwrap
 from dataclasses import dataclass
 from typing import Final
 
@@ -83,13 +84,12 @@ def wrap(text: str, limit: int) -> tuple[str, ...]:
     """
     lines: list[str] = []
     for paragraph in text.split("\n"):
-        words = paragraph.split()
-        best = _fill(words, limit)
-        for narrower in range(limit - 1, 0, -1):
-            candidate = _fill(words, narrower)
-            if len(candidate) > len(best):
+        words, best = " ".join(paragraph.split()), [""]
+        for width in range(limit, 0, -1):
+            fill = textwrap.wrap(words, width, break_long_words=False, break_on_hyphens=False)
+            if width < limit and len(fill) > len(best):
                 break
-            best = candidate
+            best = fill or best
         lines += best
     return tuple(lines)
 
@@ -101,13 +101,3 @@ def text_block(label: str, *, size: float, limit: int) -> TextBlock:
         return TextBlock((), size, 0.0, 0.0)
     width = max(text_width(line, size) for line in lines)
     return TextBlock(lines, size, width, len(lines) * size * _LINE)
-
-
-def _fill(words: list[str], limit: int) -> list[str]:
-    lines = [""]
-    for word in words:
-        if lines[-1] and len(lines[-1]) + 1 + len(word) > limit:
-            lines.append(word)
-        else:
-            lines[-1] = f"{lines[-1]} {word}".strip()
-    return lines
