@@ -26,19 +26,14 @@ ANY: Final = "*"  # as a transition's source: every state that is not final
 TIME_TOLERANCE: Final = 1e-9  # s, periods such as 1/80 s don't add up to a time exactly
 
 
+@dataclass(slots=True)
 class Tick(Generic[Inputs, Memory]):
-    """What guards and actions see: the time, the inputs and the chart's memory.
+    """What guards and actions see: the time, the inputs and the chart's memory."""
 
-    ``time`` and ``time_in_state`` are in seconds.
-    """
-
-    __slots__ = ("inputs", "memory", "time", "time_in_state")
-
-    def __init__(self, time: float, time_in_state: float, inputs: Inputs, memory: Memory) -> None:
-        self.time = time
-        self.time_in_state = time_in_state
-        self.inputs = inputs
-        self.memory = memory
+    time: float  # s
+    time_in_state: float  # s
+    inputs: Inputs
+    memory: Memory
 
 
 @dataclass(frozen=True, kw_only=True)

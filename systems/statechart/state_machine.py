@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Generic, NamedTuple
+from typing import Any, Generic
 
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
@@ -28,21 +28,12 @@ def _of_memory(
     return read(snapshot.memory)
 
 
-class _Log(NamedTuple):
-    """The transitions taken so far, newest first."""
-
-    record: TransitionRecord
-    earlier: "_Log | None"
-
-
+@dataclass(slots=True, eq=False)
 class _Content:
-    """The block's state. It is immutable, so that contexts may share it instead of copying."""
+    """The block's state. It is never changed, so that contexts may share it without copying."""
 
-    __slots__ = ("log", "snapshot")
-
-    def __init__(self, snapshot: Snapshot[Any], log: _Log | None) -> None:
-        self.snapshot = snapshot
-        self.log = log
+    snapshot: Snapshot[Any]
+    log: tuple[TransitionRecord, ...]  # oldest first
 
     def __deepcopy__(self, memo: object) -> "_Content":
         return self
@@ -117,7 +108,7 @@ class StateMachine(LeafSystem, Generic[Inputs, Memory]):
         self._input_ports = [
             (self.DeclareVectorInputPort(name, sizes[name]), name in optional) for name in fields
         ]
-        held = self.DeclareAbstractState(Value[object](_Content(chart.start(), None)))
+        held = self.DeclareAbstractState(Value[object](_Content(chart.start(), ())))
         index = {name: float(i) for i, name in enumerate(chart.state_names)}
 
         def declare(
@@ -140,11 +131,7 @@ class StateMachine(LeafSystem, Generic[Inputs, Memory]):
 
     def transitions(self, context: Context) -> tuple[TransitionRecord, ...]:
         """Return every transition taken so far, oldest first."""
-        records, log = [], self._content(context).log
-        while log is not None:
-            records.append(log.record)
-            log = log.earlier
-        return tuple(reversed(records))
+        return self._content(context).log
 
     def _content(self, context: Context) -> _Content:
         content: _Content = context.get_abstract_state(0).get_value()
@@ -161,5 +148,5 @@ class StateMachine(LeafSystem, Generic[Inputs, Memory]):
             ]
         )
         snapshot, record = self.chart.step(content.snapshot, inputs, context.get_time())
-        log = content.log if record is None else _Log(record, content.log)
+        log = content.log if record is None else (*content.log, record)
         state.get_mutable_abstract_state().get_mutable_value(0).set_value(_Content(snapshot, log))
