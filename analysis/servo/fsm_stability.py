@@ -13,6 +13,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
 
+from chamfer.analysis.campaign.trial_metrics import prefixed
 from chamfer.analysis.drawing.figure_kit import Curve, ReferenceLine, draw_lines
 from chamfer.analysis.drawing.figure_style import FSM, PUBLISHED, Style, dress, legend, new_figure
 from chamfer.analysis.linear.to_control import to_control
@@ -190,17 +191,18 @@ def _map_metrics(cells: Mapping[str, Array]) -> dict[str, Metric]:
     def least(which: NDArray[np.bool_]) -> Metric:
         return measured(share[which].min(initial=math.inf), "", missing="none on the grid")
 
+    counts = {
+        "guaranteed": guaranteed,
+        "settling": verdict == SETTLES,
+        "cycling": cycling,
+        "guaranteed_not_settling": guaranteed & moving,
+    }
+    unfinished = int((verdict == UNFINISHED).sum())
+    note = "cells too slow for the trial" if unfinished else ""
     return {
         "map.cells": Metric(value=len(verdict), unit=""),
-        "map.guaranteed": Metric(value=int(guaranteed.sum()), unit=""),
-        "map.settling": Metric(value=int((verdict == SETTLES).sum()), unit=""),
-        "map.cycling": Metric(value=int(cycling.sum()), unit=""),
-        "map.guaranteed_not_settling": Metric(value=int((guaranteed & moving).sum()), unit=""),
-        "map.unfinished": Metric(
-            value=int((verdict == UNFINISHED).sum()),
-            unit="",
-            note="cells too slow for the trial" if np.any(verdict == UNFINISHED) else "",
-        ),
+        **{f"map.{name}": Metric(value=int(of.sum()), unit="") for name, of in counts.items()},
+        "map.unfinished": Metric(value=unfinished, unit="", note=note),
         "map.first_reversal": least(moving),
         "map.first_cycle": least(cycling),
     }
@@ -386,16 +388,16 @@ def _velocity_search(
         note = "every setting overshoots"
         return {f"{prefix}.least_error": Metric(value=None, unit="m", note=note)}
     best = int(np.argmin(np.where(fits, error, np.inf)))
-    return {
-        f"{prefix}.least_error": Metric(
-            value=float(error[best]), unit="m", note=f"best of {count} settings without overshoot"
-        ),
-        f"{prefix}.ripple": Metric(
+    note = f"best of {count} settings without overshoot"
+    found = {
+        "least_error": Metric(value=float(error[best]), unit="m", note=note),
+        "ripple": Metric(
             value=float(ripple[best]), unit="%", note="of that setting, peak to peak"
         ),
-        f"{prefix}.increment": Metric(value=axes[best].increment, unit="N"),
-        f"{prefix}.large_error": Metric(value=axes[best].large_error, unit="m"),
+        "increment": Metric(value=axes[best].increment, unit="N"),
+        "large_error": Metric(value=axes[best].large_error, unit="m"),
     }
+    return prefixed(prefix, found)
 
 
 def classify(

@@ -25,13 +25,13 @@ from chamfer.models.plants.servo_plant import Form
 from chamfer.models.validation import ParameterError
 from chamfer.systems.compiled import compiled
 from chamfer.systems.exact_discretisation import count_samples
-from chamfer.systems.servo.compensation_law import (
+from chamfer.systems.servo.compensator import (
+    AxisParams,
     class_increment,
     error_class,
     is_measured,
     limited_sum,
 )
-from chamfer.systems.servo.compensator import AxisParams
 from chamfer.systems.servo.desired_trajectory import make_desired_trajectory
 from chamfer.systems.servo.servo_plant import make_spring_mass_damper
 from chamfer.systems.vision.measured_error import seen

@@ -10,8 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.systems.servo.compensation_law import class_increment, error_class
-from chamfer.systems.servo.compensator import AxisParams
+from chamfer.systems.servo.compensator import AxisParams, class_increment, error_class
 from chamfer.systems.servo.sampled_pid import PidGains, pid_step
 from chamfer.systems.servo.settling import SettlingPlant
 

@@ -4,21 +4,16 @@ Source: Ruybal, Lumia and Wood, section 3. The chart of Fig. 3 decides once per 
 the compensation is modified; the chart of Fig. 4, one per degree of freedom, decides by how much.
 One tick is one lap of Fig. 3: reading the next desired position is what every tick begins with.
 
-What guards and actions compute is :mod:`chamfer.systems.servo.compensation_law`.
+What guards and actions compute are plain functions of numbers or arrays, made of comparisons and
+products alone, so that chart, compiled loop, design and benchmarks all call these.
 """
 
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from chamfer.models.validation import ParameterError, known, require_positive
-from chamfer.systems.servo.compensation_law import (
-    class_increment,
-    error_class,
-    is_measured,
-    limited_sum,
-)
 from chamfer.systems.statechart.chart import (
     ANY,
     TIME_TOLERANCE,
@@ -29,6 +24,30 @@ from chamfer.systems.statechart.chart import (
     Transition,
 )
 from chamfer.systems.statechart.state_machine import MachineOutput, StateMachine
+
+
+def error_class(error: Any, dead_zone: Any, large_error: Any) -> Any:
+    """Return the class of an error: 0 in the dead zone, +-1 small, +-2 large; 0 for NaN."""
+    size = abs(error)
+    found = (size >= dead_zone) * 1 + (size >= large_error) * 1
+    return (error > 0) * found - (error < 0) * found
+
+
+def class_increment(found: Any, increment: Any, divider: Any) -> Any:
+    """Return what a class asks for: n for a large error, n / divider for a small one."""
+    size = abs(found)
+    step = (size == 2) * increment + (size == 1) * (increment / divider)
+    return (found > 0) * step - (found < 0) * step
+
+
+def limited_sum(compensation: float, increment: float, limit: float) -> float:
+    """Return the total compensation after an increment."""
+    return max(-limit, min(limit, compensation + increment))
+
+
+def is_measured(error: float) -> bool:
+    """Return whether there is a measurement."""
+    return math.isfinite(error)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,8 +7,12 @@ from typing import Final
 import numpy as np
 
 from chamfer.models.validation import ParameterError, require_positive
-from chamfer.systems.servo.compensation_law import class_increment, error_class, limited_sum
-from chamfer.systems.servo.compensator import AxisParams
+from chamfer.systems.servo.compensator import (
+    AxisParams,
+    class_increment,
+    error_class,
+    limited_sum,
+)
 from chamfer.systems.servo.sampled_pid import PidGains, lag_and_dead_time, tuned_gains
 from chamfer.systems.servo.settling import SettlingPlant, allowed_axis
 
