@@ -182,21 +182,19 @@ class ArmInContact(LeafSystem):
         - base_wrench
 
     Manipulator dynamics and contact model are one block, because dry friction and a stiff contact
-    can only be solved together. Each update holds the torque and takes the surface, to second
-    order, as it is where the tip will be in the middle of it, and integrates the arm's full
-    dynamics with friction and contact in implicit steps
-    (:mod:`chamfer.systems.contact.arm_motion`). A gripper, if there is one, is a spring and a
-    damper without mass between the endpoint and the tip, on which all points of contact are; the
-    tip does not turn on it, and what is held moves with the endpoint.
+    can only be solved together. Each update holds the torque, takes the surface, to second order,
+    as it is where the tip will be in the middle of it, and integrates the arm's full dynamics with
+    friction and contact in implicit steps (:mod:`chamfer.systems.contact.arm_motion`). A gripper
+    is a spring and a damper without mass between the endpoint and the tip, on which all points of
+    contact are; the tip does not turn on it, and what is held moves with the endpoint.
 
     What may touch, and what is held, may change from scene to scene. A load that is taken up has
     the arm's velocity at once; what that costs is booked as work.
 
-    Energy: kinetic, potential, elastic and dissipated energy less work stay what they were to
-    within 1e-5 of the energy that is turned over, at the default steps; 1e-4 where a contact of
-    1e6 N/m and more bounces undamped on a curved surface. Tests hold it to that.
-    Left out: play in the joints (the Adept's quill), and rolling or line contact of a roller,
-    which touches in a point and slides with the surface's friction.
+    Kinetic, potential, elastic and dissipated energy less work stay what they were to within 1e-5
+    of the energy that is turned over, at the default steps; 1e-4 where a contact of 1e6 N/m and
+    more bounces undamped on a curved surface. Left out: play in the joints (the Adept's quill),
+    and rolling or line contact of a roller.
 
     Inputs: ``torque``, shape (n,), held over the period; ``disturbance``, shape (3,), N, a force
     on the arm at the tip's first point in the world frame; ``scene``, shape (1,), index of the
@@ -210,8 +208,7 @@ class ArmInContact(LeafSystem):
       gap is positive.
     * ``tool_force``, shape (3,), N: their sum in the endpoint's frame, with what weight and
       inertia of the load add to it: what a sensor behind the gripper reads.
-    * ``base_torque``, shape (n,): what the joints transmit to the links, torque less friction;
-      what a force and torque sensor under the base resolves (Morel and Dubowsky, 1996).
+    * ``base_torque``, shape (n,): what the joints transmit to the links, torque less friction.
     * ``contact``, shape (M, 6): gap m (negative in the material), approach speed m/s (positive
       towards the surface), slip speed m/s, largest normal force N and largest speed m/s with which
       contact was made in the last ``window`` updates, energy dissipated so far by all J.

@@ -80,12 +80,7 @@ class Look(NamedTuple):
 class SpringOnSurface:
     """A spring's force at any point of a surface, for one nominal position and velocity.
 
-    Args:
-        surface: d = 2 or 3.
-        friction: of the surface.
-        stiffness: N/m, symmetric positive definite, shape (d, d).
-        nominal_position: m, shape (d,).
-        nominal_velocity: m/s, shape (d,).
+    ``stiffness``, N/m, shape (d, d), is symmetric positive definite.
     """
 
     def __init__(
@@ -482,26 +477,28 @@ class SlidingContact(LeafSystem):
         d = surface.dimension
         if len(params.stiffness) != d:
             raise ParameterError("stiffness", params.stiffness, f"{d} rows, as the surface has")
-        self.surface = surface
-        self.params = params
-        self._d = d
+        self.surface, self.params, self._d = surface, params, d
         self._stiffness = np.array(params.stiffness, dtype=float)
         self.nominal_motion = self.DeclareVectorInputPort("nominal_motion", 2 * d)
         self._stored = self.DeclareDiscreteState(3 * d + 1)
-        sources = {self.nominal_motion.ticket(), self.discrete_state_ticket(self._stored)}
         # One solution for all ports and the update.
         self._solution = self.DeclareCacheEntry(
             "contact",
             ValueProducer(allocate=lambda: AbstractValue.Make(None), calc=self._solve),
-            sources,
+            {self.nominal_motion.ticket(), self.discrete_state_ticket(self._stored)},
         )
-        solved = {self._solution.ticket()}
-        for name, size, calc in (
-            ("contact_force", d, self._calc_force),
-            ("contact_force_rate", d, self._calc_force_rate),
-            ("contact", 3 * d + 1, self._calc_contact),
+        for name, size, part in (
+            ("contact_force", d, lambda touch: touch.force),
+            ("contact_force_rate", d, lambda touch: touch.force_rate),
+            ("contact", 3 * d + 1, _packed),
         ):
-            self.DeclareVectorOutputPort(name, size, calc, solved)
+
+            def calc(
+                context: Context, vector: BasicVector, part: Callable[[Touch], Array] = part
+            ) -> None:
+                vector.SetFromVector(part(self.touch(context)))
+
+            self.DeclareVectorOutputPort(name, size, calc, {self._solution.ticket()})
         self.DeclarePeriodicDiscreteUpdateEvent(params.step, 0.0, self._store)
 
     def touch(self, context: Context) -> Touch:
@@ -517,29 +514,14 @@ class SlidingContact(LeafSystem):
         if mode != FREE:
             x, v, n = stored[:d].copy(), stored[d : 2 * d].copy(), stored[2 * d : 3 * d].copy()
             previous = Touch(x, v, np.zeros(d), np.zeros(d), n, mode)
-        value.set_value(
-            advance(
-                self.surface,
-                self.params.friction,
-                self._stiffness,
-                previous,
-                motion[:d],
-                motion[d:],
-            )
+        now = advance(
+            self.surface, self.params.friction, self._stiffness, previous, motion[:d], motion[d:]
         )
-
-    def _calc_force(self, context: Context, vector: BasicVector) -> None:
-        vector.SetFromVector(self.touch(context).force)
-
-    def _calc_force_rate(self, context: Context, vector: BasicVector) -> None:
-        vector.SetFromVector(self.touch(context).force_rate)
-
-    def _calc_contact(self, context: Context, vector: BasicVector) -> None:
-        vector.SetFromVector(self._packed(context))
+        value.set_value(now)
 
     def _store(self, context: Context, values: DiscreteValues) -> None:
-        values.get_mutable_vector(self._stored).SetFromVector(self._packed(context))
+        values.set_value(self._stored, _packed(self.touch(context)))
 
-    def _packed(self, context: Context) -> Array:
-        touch = self.touch(context)
-        return np.concatenate((touch.point, touch.velocity, touch.normal, [touch.mode]))
+
+def _packed(touch: Touch) -> Array:
+    return np.concatenate((touch.point, touch.velocity, touch.normal, [touch.mode]))

@@ -110,10 +110,7 @@ class ToolState(NamedTuple):
 
 
 class ArmModel:
-    """Evaluates pose, Jacobian, mass matrix and gravity torque of an arm with a tool.
-
-    It owns a plant and a context.
-    """
+    """Evaluates pose, Jacobian, mass matrix and gravity torque of an arm with a tool."""
 
     def __init__(self, X_WB: RigidTransform, tool: ToolParams, arm: SerialArm = WAM) -> None:
         plant = MultibodyPlant(0.0)
@@ -144,8 +141,7 @@ class ArmModel:
     def joint_positions(self, X_WT: RigidTransform, near: Array | None) -> Array:
         """Return joint positions, rad, shape (n,), that put the tool frame at a pose.
 
-        See :meth:`chamfer.models.arms.serial_arm.SerialArm.joint_positions`, also for ``near`` and
-        what it raises, or, for None, :func:`chamfer.models.arms.serial_arm.searched_posture`.
+        As :meth:`SerialArm.joint_positions`, or, for None, :func:`searched_posture` does.
         """
         X_BF = self._X_BW @ X_WT @ self._X_TF
         R, p = X_BF.rotation().matrix(), X_BF.translation()
@@ -171,13 +167,12 @@ class TruePose(LeafSystem):
 
     def __init__(self, body: BodyIndex) -> None:
         super().__init__()
-        self._body = int(body)
         poses = self.DeclareAbstractInputPort("body_poses", Value[list[RigidTransform]]())
-        self._poses = poses
-        self.DeclareVectorOutputPort("pose", POSE_SIZE, self._calc_pose, {poses.ticket()})
 
-    def _calc_pose(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(pose_vector(self._poses.Eval(context)[self._body]))
+        def calc(context: Context, output: BasicVector) -> None:
+            output.SetFromVector(pose_vector(poses.Eval(context)[int(body)]))
+
+        self.DeclareVectorOutputPort("pose", POSE_SIZE, calc, {poses.ticket()})
 
 
 class ToolForce(LeafSystem):
@@ -209,12 +204,10 @@ class ToolForce(LeafSystem):
             force.F_Bq_W = SpatialForce(tau=value[:3], f=value[3:])
             output.set_value([force])
 
-        self.DeclareAbstractOutputPort(
-            "spatial_forces",
-            lambda: Value[list[ExternallyAppliedSpatialForce]](),
-            calc,
-            {wrench.ticket()},
-        )
+        def make() -> Any:
+            return Value[list[ExternallyAppliedSpatialForce]]()
+
+        self.DeclareAbstractOutputPort("spatial_forces", make, calc, {wrench.ticket()})
 
 
 def tool_friction(J_V_WT: Array, dry_friction: Array) -> tuple[Array, Array]:

@@ -53,27 +53,21 @@ class ContactDetectionParams:
     def resolved(self, noise: float, bias: float = 0.0) -> "ContactDetectionParams":
         """Return the parameters with what noise and bias of the push without contact ask for, N.
 
-        ``noise`` is its half-width, ``bias`` the most that it is off on average.
-
-        Raises:
-            ParameterError: If the bias alone would be taken for contact.
+        ``noise`` is its half-width, ``bias`` the most that it is off on average. A threshold in
+        the bias is refused.
         """
         detect, release, samples = self.detect, self.release, self.samples
         off = _SLOW * bias
         if detect is None:
-            detect = _rounded(off + max(_LEAST, _ABOVE * noise))
+            detect = float(f"{off + max(_LEAST, _ABOVE * noise):.6g}")
         if release is None:
-            release = _rounded(min(off + _BELOW * noise, (off + detect) / 2))
+            release = float(f"{min(off + _BELOW * noise, (off + detect) / 2):.6g}")
         if detect <= off - noise:
             raise ParameterError("detect", detect, f"more than the sensor's bias, {off:g} N")
         if samples is None:
             chance = max((noise - detect + off) / (2 * noise), 0.0) if noise else 0.0
             samples = math.ceil(math.log(_RARE) / math.log(chance)) if chance else 1
         return ContactDetectionParams(detect=detect, release=release, samples=samples)
-
-
-def _rounded(value: float) -> float:
-    return float(f"{value:.6g}")
 
 
 class Inputs(NamedTuple):
@@ -90,6 +84,7 @@ class Memory(NamedTuple):
 
 
 Guard: TypeAlias = Callable[[Tick[Inputs, Memory]], bool]
+Action: TypeAlias = Callable[[Tick[Inputs, Memory]], Memory]
 
 
 def make_contact_chart(params: ContactDetectionParams, direction: Array) -> Chart[Inputs, Memory]:
@@ -111,19 +106,23 @@ def make_contact_chart(params: ContactDetectionParams, direction: Array) -> Char
     def often(beyond: Guard) -> Guard:
         return lambda tick: beyond(tick) and tick.memory.beyond + 1 >= samples
 
-    def count(beyond: Guard) -> Callable[[Tick[Inputs, Memory]], Memory]:
+    def count(beyond: Guard) -> Action:
         def counted(tick: Tick[Inputs, Memory]) -> Memory:
             return tick.memory._replace(beyond=tick.memory.beyond + 1 if beyond(tick) else 0)
 
         return counted
 
-    def began(tick: Tick[Inputs, Memory]) -> Memory:
-        return Memory(tick.time)
-
     def again(tick: Tick[Inputs, Memory]) -> Memory:
         return tick.memory._replace(beyond=0)
 
-    made, lost = f"force > {detect:g} N{times}", f"force <= {release:g} N{times}"
+    def change(
+        source: str, target: str, beyond: Guard, action: Action = again
+    ) -> Transition[Inputs, Memory]:
+        label = f"force {f'<= {release:g}' if beyond is free else f'> {detect:g}'} N{times}"
+        return Transition(
+            source=source, target=target, guard=often(beyond), label=label, action=action
+        )
+
     return Chart(
         "contact detection",
         states=(
@@ -132,19 +131,9 @@ def make_contact_chart(params: ContactDetectionParams, direction: Array) -> Char
             State(name="lost", during=count(touches)),
         ),
         transitions=(
-            Transition(
-                source="approach",
-                target="contact",
-                guard=often(touches),
-                label=made,
-                action=began,
-            ),
-            Transition(
-                source="contact", target="lost", guard=often(free), label=lost, action=again
-            ),
-            Transition(
-                source="lost", target="contact", guard=often(touches), label=made, action=again
-            ),
+            change("approach", "contact", touches, lambda tick: Memory(tick.time)),
+            change("contact", "lost", free),
+            change("lost", "contact", touches),
         ),
         memory=Memory(),
     )
@@ -164,19 +153,17 @@ class ContactDetection(StateMachine[Inputs, Memory]):
 
     ``measured_force``, shape (m,), N, of the arm on the surface. ``state`` is 0 before contact, 1
     in contact and 2 while it is lost; ``contact_time`` the time of the first contact in s, -1
-    before.
-
-    Thresholds are resolved; ``direction``, shape (m,), in which the arm pushes, is of any length;
-    the period is in s.
+    before. ``direction``, shape (m,), in which the arm pushes, is of any length.
     """
 
     def __init__(self, params: ContactDetectionParams, direction: Array, *, period: float) -> None:
+        shown: MachineOutput[Memory] = MachineOutput(
+            size=1, read=lambda memory: (memory.contact_time,)
+        )
         super().__init__(
             make_contact_chart(params, direction),
             inputs=Inputs,
             sizes={"measured_force": len(direction)},
-            outputs={
-                "contact_time": MachineOutput(size=1, read=lambda memory: (memory.contact_time,))
-            },
+            outputs={"contact_time": shown},
             period=period,
         )

@@ -53,9 +53,8 @@ class FrictionCompensation(LeafSystem):
 
     Idea of Morel and Dubowsky (1996): a sensor under the base resolves the torque that the joints
     transmit to the links; what is missing of the motors' torque is friction. The estimate follows
-    it with a first-order lag and is fed forward. With an arm's own ``base_torque`` the sensor is
-    ideal, and the gain an upper bound of what the method buys;
-    :class:`chamfer.systems.force.friction_compensation.BaseWrenchTorque` resolves what one reads.
+    it with a first-order lag and is fed forward. An arm's own ``base_torque`` is that of an ideal
+    sensor; :class:`BaseWrenchTorque` resolves what a real one reads.
 
     ``command`` and ``torque``, shape (n,), the same units as ``base_torque``. ``moving``, shape
     (n,), may be left open: the estimate of a joint with 0 there is kept, of one with 1 it follows.
@@ -63,9 +62,7 @@ class FrictionCompensation(LeafSystem):
     breaks loose, and then be too much: a joint that is to stand hunts. Kept, it is right when the
     joint goes on.
 
-    Discrete state: the friction estimate, shape (n,).
-
-    n is the number of ``joints``; the period is in s.
+    Discrete state: the friction estimate, shape (n,). The period is in s.
 
     Raises:
         ParameterError: If a compensated joint is not there.
@@ -147,14 +144,11 @@ class BaseWrenchTorque(LeafSystem):
     Through joint j goes what the base gives less what the links before it take, and of that the
     joint transmits what lies along its axis: ``tau_j = s_j . (W - sum_(i < j) w_i)``, with the
     joint's screw s_j and the weight and the velocity terms w_i of link i, all about the world's
-    origin. What is left out is what links take as they speed up, as in the paper: the method is
-    for slow motions. Whatever the links beyond carry or touch is in W.
+    origin. What links take as they speed up is left out, as in the paper.
 
     ``base_wrench``, shape (6,): moment about the world's origin, N m, and force, N, of the base on
     the arm, world axes. ``encoders``, shape (2n,), q and velocity. ``base_torque``, shape (n,),
     N m or N: torque of the motors less friction of the joints, and less what the rotors take.
-
-    The dynamics are what is known of the arm.
     """
 
     def __init__(self, dynamics: ArmDynamics) -> None:

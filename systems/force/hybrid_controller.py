@@ -280,25 +280,46 @@ class HybridController(LeafSystem):
         position_error = desired_position - self._arm.endpoint(q)
         force_error = desired_force - measured_force
         e, rate = P @ position_error, P @ x_rate
+        across = x_rate - rate
         lost = params.loss_mode and mode[0] == LOST
         switched = mode[0] != memory.mode[0] and (
             params.loss_mode or APPROACH in (mode[0], memory.mode[0])
         )
+        # The force domain.
         force_integral, creep, damped = memory.force_integral, memory.creep, np.zeros_like(e)
         push = desired_force - P @ desired_force
         if lost:
-            direction = _direction(push)
+            length = float(np.linalg.norm(push))
+            direction = push / length if length > 0 else push
             short = 1 - float(direction @ x_rate) / params.creep_speed
             growth = params.creep_ramp * params.period * min(max(short, -1.0), 1.0)
             creep = np.zeros(1) if switched else memory.creep + growth
-            force = creep * direction - params.creep_damping * (x_rate - rate)
+            force = creep * direction - params.creep_damping * across
         else:
             gain = params.force_integral * params.period
             force_integral = force_integral + gain * (force_error - P @ force_error)
             force = push + force_integral
-            damped = params.force_damping * (x_rate - rate)
-        moving = rate if desired_velocity is None else rate - P @ desired_velocity
-        position, integral = self._position(memory, q, v, J, inverse, P, e, moving, mode)
+            damped = params.force_damping * across
+        # The position domain.
+        stiffness, integral, damping = self._gains
+        if desired_velocity is not None:
+            rate = rate - P @ desired_velocity
+        if params.law == "inverse":
+            e, rate = inverse @ e, inverse @ rate
+        elif params.law == "projected":
+            projected = np.linalg.pinv(P @ J, rcond=1 / _WORST_CONDITION)
+            e, rate = projected @ e, projected @ rate
+        grown = integral * e * params.period
+        if mode[0] != APPROACH and params.held_integrators:
+            grown[list(params.held_integrators)] = 0.0
+        integral = memory.position_integral + grown
+        position: Array = stiffness * e + integral - damping * rate
+        if params.law == "transpose":
+            position = J.T @ position
+        elif self._model is not None:
+            model = self._model.evaluate(q, v)
+            # Gravity at the start is in the constant estimate already.
+            position = model.mass @ (position / self._inertia) + model.bias - self._known
         law = position + J.T @ force
         offset = memory.offset
         if switched and params.bumpless:
@@ -315,39 +336,6 @@ class HybridController(LeafSystem):
             position_error=position_error,
             force_error=force_error,
         )
-
-    def _position(
-        self,
-        memory: HybridMemory,
-        q: Array,
-        v: Array,
-        J: Array,
-        inverse: Array,
-        P: Array,
-        e: Array,
-        rate: Array,
-        mode: Array,
-    ) -> tuple[Array, Array]:
-        """Return the position domain's torque and its integral."""
-        params = self._params
-        stiffness, growth, damping = self._gains
-        if params.law == "inverse":
-            e, rate = inverse @ e, inverse @ rate
-        elif params.law == "projected":
-            projected = np.linalg.pinv(P @ J, rcond=1 / _WORST_CONDITION)
-            e, rate = projected @ e, projected @ rate
-        growth = growth * e * params.period
-        if mode[0] != APPROACH and params.held_integrators:
-            growth[list(params.held_integrators)] = 0.0
-        integral = memory.position_integral + growth
-        effort: Array = stiffness * e + integral - damping * rate
-        if params.law == "transpose":
-            return J.T @ effort, integral
-        if self._model is not None:
-            model = self._model.evaluate(q, v)
-            # Gravity at the start is in the constant estimate already.
-            return model.mass @ (effort / self._inertia) + model.bias - self._known, integral
-        return effort, integral
 
     def _inverse(self, q: Array, J: Array) -> Array:
         with contextlib.suppress(np.linalg.LinAlgError):
@@ -374,11 +362,6 @@ def require_hybrid_ports(controller: System, arm: Kinematics) -> None:
         inputs={**inputs, "selection": m * m, "mode": 1},
         outputs={"torque": n, "position_error": m, "force_error": m},
     )
-
-
-def _direction(push: Array) -> Array:
-    length = float(np.linalg.norm(push))
-    return push / length if length > 0 else push
 
 
 class AccelerationFeedforward(LeafSystem):

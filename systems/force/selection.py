@@ -54,9 +54,7 @@ class Selection(LeafSystem):
         - selection
 
     ``mode``, size 1, is 0 before contact. ``selection``, size m * m, is P row by row; the force
-    domain is F = I - P. Section 2.1.4.
-
-    The surface normal, shape (m,), in the task's coordinates, is of any length.
+    domain is F = I - P. Section 2.1.4. The surface normal, shape (m,), is of any length.
     """
 
     def __init__(self, normal: Array) -> None:

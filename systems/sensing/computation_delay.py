@@ -24,13 +24,11 @@ class ComputationDelay(LeafSystem):
     so that the impulse is exact.
 
     ``command`` and ``torque``, shape (n,); ``jitter``, size 1, a sample from 0 to 1, new each
-    period (Drake's uniform ``RandomSource``), read only if there is jitter.
-
-    Discrete state: the command of the period before, shape (n,).
+    period (Drake's uniform ``RandomSource``), read only if there is jitter. Discrete state: the
+    command of the period before, shape (n,).
 
     ``delay`` is from 0 to a period, s; ``jitter``, s, the half-width of what is uniformly
-    distributed about it; a torque is held for ``step``, s, a whole part of the period of the
-    computer.
+    distributed about it; a torque is held for ``step``, s, a whole part of the period.
 
     Raises:
         ParameterError: If a torque would be early, or later than a period.

@@ -79,11 +79,10 @@ class Encoders(LeafSystem):
     without error: with poles p = exp(-2 pi bandwidth T) its gains are 1 - p^2 and (1 - p)^2.
 
     ``motion`` and ``encoders``, shape (2n,): positions (rad or m), then velocities. The output
-    belongs to the tick that reads it.
+    belongs to the tick that reads it; the period, s, is the computer's.
 
-    Discrete states: position of the tick before, filtered position and velocity, shape (n,) each.
-
-    They start at rest at ``q``, shape (n,); the period, s, is the computer's.
+    Discrete states: position of the tick before, filtered position and velocity, shape (n,) each,
+    at first at rest at ``q``.
 
     Raises:
         ParameterError: If parameters are open, or for another number of joints.
@@ -210,9 +209,7 @@ class Homing(LeafSystem):
     size 1, 1 once all zeros are known and taken over.
 
     Discrete states: side of the mark on which a joint was, and time since its mark was passed, s,
-    -1 before, shape (n,) each.
-
-    It starts at ``q``, shape (n,); the period, s, is the computer's.
+    -1 before, shape (n,) each. It starts at ``q``, shape (n,).
 
     Raises:
         ParameterError: If parameters are for another number of joints.
@@ -268,9 +265,7 @@ class EndpointMotion(LeafSystem):
     The endpoint is where a gripper's tip would be if it were relaxed, the nominal one of chapter
     4. ``encoders``, shape (2n,), q and velocity. ``endpoint_motion``, shape (2m,), the endpoint
     vector x, m (rad), then ``J v``; ``nominal_motion``, shape (2d,), the same of its d first
-    coordinates, which are those of the plane or of space.
-
-    d is the ``dimension``.
+    coordinates, with d the ``dimension`` of the plane or of space.
     """
 
     def __init__(self, arm: Kinematics, *, dimension: int) -> None:

@@ -49,9 +49,7 @@ class ForceRateSensor(LeafSystem):
     on the arm. ``noise``, shape (2d,), independent standard normal samples (Drake's Gaussian
     ``RandomSource``), first for the force, then for the rate; it is not read if both noises are
     zero. ``measured_force``, shape (d,), N, and ``measured_force_rate``, shape (d,), N/s, of the
-    arm on the surface: the opposite sign.
-
-    d, 2 or 3, is the ``dimension``.
+    arm on the surface: the opposite sign. The ``dimension`` d is 2 or 3.
 
     Raises:
         ParameterError: If the bias has another dimension; while running, if a measured value is
@@ -122,11 +120,10 @@ class ForceRate(LeafSystem):
     With the filtered force ``f <- f + a (F - f)`` and the period T the rate is ``a (F - f) / T``,
     of the sample that the inputs show.
 
-    ``measured_force``, shape (d,), N; ``measured_force_rate``, shape (d,), N/s.
+    ``measured_force``, shape (d,), N; ``measured_force_rate``, shape (d,), N/s. The period is in
+    s.
 
     Discrete state: the last period's filtered force, shape (d,), N; 0 at first.
-
-    d is the ``dimension``; the period is in s.
 
     Raises:
         ParameterError: If the force is not finite.
@@ -169,12 +166,10 @@ class MovingAverage(LeafSystem):
     Of n samples with white noise the mean has the n-th part of its variance, and is late by
     (n - 1) / 2 periods. Before n samples it is the mean of those that there were.
 
-    ``signal`` and ``mean``, shape (size,), in the signal's unit.
+    ``signal`` and ``mean``, shape (size,), in the signal's unit; the period is in s.
 
     Discrete state: the last n - 1 samples, the newest first, shape ((n - 1) * size,), and how many
     of them there were, size 1.
-
-    n, the number of ``samples``, is 1 or more; their period is in s.
 
     Raises:
         ParameterError: If one of them is not positive; while running, if the signal is not finite.

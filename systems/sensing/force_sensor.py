@@ -220,7 +220,6 @@ class ForceSensor(LeafSystem):
     delay is in between.
 
     Discrete states: what left the filter, newest first, the drift, and the tare with its count.
-
     ``step``, s, in which the force changes, is the filter's; the period, s, is the computer's.
 
     Raises:
@@ -380,10 +379,8 @@ class ForceInWorld(LeafSystem):
     orientation R at the joint positions that the encoders show.
 
     ``reading``, shape (k,), N (N m), in the endpoint's axes; ``encoders``, shape (2n,), q and
-    velocity, of which q is used. ``measured_force``, shape (m,), N; angular coordinates read 0.
-
-    D is ``undoing``, shape (3, k); m, the ``coordinates``, is the endpoint vector's size: first x,
-    y, z, then angles.
+    velocity, of which q is used. ``measured_force``, shape (m,), N, of as many ``coordinates`` as
+    the endpoint vector; angular ones read 0. D is ``undoing``, shape (3, k).
     """
 
     def __init__(self, dynamics: ArmDynamics, undoing: Array, *, coordinates: int) -> None:

@@ -141,28 +141,30 @@ def test_a_run_that_never_touches_is_undefined_but_for_what_is_zero() -> None:
 TIME = np.arange(11.0)  # s
 
 
-def test_settling_at_once_and_never() -> None:
-    assert settling_time(TIME, np.full(11, 5.0), 5.0, 0.1) == 0.0
-    assert settling_time(TIME, np.full(11, 5.1), 5.0, 0.1) is not None  # the band's edge is in it
-    assert settling_time(TIME, np.full(11, 5.2), 5.0, 0.1) is None
-    assert settling_time(TIME, np.full(11, np.nan), 5.0, 0.1) is None
+@pytest.mark.parametrize(
+    ("values", "settled"),
+    [
+        (np.full(11, 5.0), 0.0),
+        (np.full(11, 5.1), 0.0),  # the band's edge is in it
+        (np.full(11, 5.2), None),
+        (np.full(11, np.nan), None),
+        # After the last sample outside, above or below.
+        (np.where(np.isin(TIME, [0, 4]), 9.0, 5.0), 5.0),
+        (np.where(np.isin(TIME, [0, 4]), 1.0, 5.0), 5.0),
+        # In the last tenth it is not believed.
+        (np.where(TIME < 9, 9.0, 5.0), 9.0),
+        (np.where(TIME < 10, 9.0, 5.0), None),
+    ],
+)
+def test_settling(values: Array, settled: float | None) -> None:
+    assert settling_time(TIME, values, 5.0, 0.1) == settled
 
 
-def test_settling_is_after_the_last_sample_outside() -> None:
-    values = np.full(11, 5.0)
-    values[[0, 4]] = 9.0
-    assert settling_time(TIME, values, 5.0, 0.1) == 5.0
-    below = 10.0 - values
-    assert settling_time(TIME, below, 5.0, 0.1) == 5.0
-
-
-def test_settling_in_the_last_tenth_is_not_believed() -> None:
-    inside_from = [np.where(first > TIME, 9.0, 5.0) for first in (9, 10)]
-    assert settling_time(TIME, inside_from[0], 5.0, 0.1) == 9.0
-    assert settling_time(TIME, inside_from[1], 5.0, 0.1) is None
-    shifted = TIME - 4.0  # as after a contact at 4 s
-    assert settling_time(shifted, inside_from[0], 5.0, 0.1) == 5.0
-    assert settling_time(shifted, inside_from[1], 5.0, 0.1) is None
+def test_settling_after_a_contact_and_for_as_long_as_asked_for() -> None:
+    values = np.where(TIME < 9, 9.0, 5.0)
+    assert settling_time(TIME - 4.0, values, 5.0, 0.1) == 5.0
+    assert settling_time(TIME, values, 5.0, 0.1, lasting=1.0) == 9.0
+    assert settling_time(TIME, values, 5.0, 0.1, lasting=1.0 + 1e-6) is None
 
 
 def test_longest() -> None:
@@ -176,10 +178,3 @@ def test_longest() -> None:
     # To the end of the run, if it holds until then.
     assert longest(time, np.array([True, False, False, False, True, True])) == 1.0
     assert longest(time, np.array([False, False, False, True, False, False])) == 4.0
-
-
-def test_settling_has_to_last() -> None:
-    values = np.where(TIME < 5, 0.0, 5.0)
-    left = TIME[-1] - 5.0
-    assert settling_time(TIME, values, 5.0, 0.1, lasting=left) == 5.0
-    assert settling_time(TIME, values, 5.0, 0.1, lasting=left + 1e-6) is None

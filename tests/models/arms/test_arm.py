@@ -3,7 +3,8 @@
 import itertools
 import math
 import re
-from typing import Any, NamedTuple
+from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,43 +44,32 @@ ROTOR_INERTIAS = {
 }
 
 
-def plant_of(arm: Arm) -> MultibodyPlant:
-    plant = MultibodyPlant(0.0)
-    Parser(plant).AddModels(str(arm.urdf))
-    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
-    plant.Finalize()
-    return plant
-
-
-class LoadedArm(NamedTuple):
-    arm: Arm
-    diagram: Any  # owns the plant
-    plant: MultibodyPlant
-    context: Any
-
-    def set_positions(self, seed: int) -> np.ndarray:
-        q = np.random.default_rng(seed).uniform(-np.pi, np.pi, self.arm.num_joints)
-        self.plant.SetPositions(self.context, q)
-        return q
-
-
-@pytest.fixture(scope="module", params=ARMS, ids=lambda arm: arm.name)
-def loaded(request: pytest.FixtureRequest) -> LoadedArm:
-    arm = request.param
+@cache
+def load(arm: Arm) -> tuple[MultibodyPlant, Any, Any]:
+    """Return the plant, its geometry, and the diagram that owns them."""
     builder = DiagramBuilder()
-    plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
     Parser(plant).AddModels(str(arm.urdf))
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
     plant.Finalize()
-    diagram = builder.Build()
-    return LoadedArm(arm, diagram, plant, plant.CreateDefaultContext())
+    return plant, scene_graph, builder.Build()
+
+
+def at(arm: Arm, q: Any) -> tuple[MultibodyPlant, Any]:
+    plant, _, _ = load(arm)
+    context = plant.CreateDefaultContext()
+    plant.SetPositions(context, q)
+    return plant, context
+
+
+every_arm = pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.name)
 
 
 def poses(arm: Arm) -> st.SearchStrategy[np.ndarray]:
     return arrays(float, arm.num_joints, elements=st.floats(-np.pi, np.pi))
 
 
-@pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.name)
+@every_arm
 @given(data=st.data())
 def test_jacobian_is_the_derivative(arm: Arm, data: st.DataObject) -> None:
     q = data.draw(poses(arm))
@@ -90,7 +80,7 @@ def test_jacobian_is_the_derivative(arm: Arm, data: st.DataObject) -> None:
     np.testing.assert_allclose(found, np.transpose(columns), rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.name)
+@every_arm
 @pytest.mark.parametrize("elbow", ["negative", "positive"])
 @given(data=st.data())
 def test_inverse_finds_the_pose_again(arm: Arm, elbow: Elbow, data: st.DataObject) -> None:
@@ -116,8 +106,9 @@ def test_inverse_finds_the_pose_again(arm: Arm, elbow: Elbow, data: st.DataObjec
     np.testing.assert_allclose(arm.endpoint(mirrored), x, rtol=0, atol=1e-12)
 
 
-def test_names_and_sizes_agree(loaded: LoadedArm) -> None:
-    arm, _, plant, _ = loaded
+@every_arm
+def test_names_and_sizes_agree(arm: Arm) -> None:
+    plant, _, _ = load(arm)
     n = plant.num_positions()
     assert arm.num_joints == arm.num_coordinates == len(arm.coordinate_units) == n
     assert plant.num_velocities() == plant.num_actuators() == n
@@ -128,10 +119,11 @@ def test_names_and_sizes_agree(loaded: LoadedArm) -> None:
     assert [actuator.joint().name() for actuator in actuators] == list(arm.joint_names)
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_urdf_puts_the_tip_where_the_kinematics_do(loaded: LoadedArm, seed: int) -> None:
-    arm, _, plant, context = loaded
-    q = loaded.set_positions(seed)
+@every_arm
+@given(data=st.data())
+def test_urdf_puts_the_tip_where_the_kinematics_do(arm: Arm, data: st.DataObject) -> None:
+    q = data.draw(poses(arm))
+    plant, context = at(arm, q)
     x = arm.endpoint(q)
     tip = plant.GetFrameByName("endpoint")
     p_WE = plant.CalcPointsPositions(context, tip, np.zeros(3), plant.world_frame()).ravel()
@@ -144,9 +136,9 @@ def test_urdf_puts_the_tip_where_the_kinematics_do(loaded: LoadedArm, seed: int)
         np.testing.assert_allclose(R_WE, [[c, -s, 0], [s, c, 0], [0, 0, 1]], rtol=0, atol=1e-12)
 
 
-def test_mass_matrix_includes_the_rotors(loaded: LoadedArm) -> None:
-    arm, _, plant, _ = loaded
-    context = plant.CreateDefaultContext()
+@every_arm
+def test_mass_matrix_includes_the_rotors(arm: Arm) -> None:
+    plant, context = at(arm, np.zeros(arm.num_joints))
     with_rotors = plant.CalcMassMatrix(context)
     for name in arm.joint_names:
         plant.GetJointActuatorByName(f"{name}_motor").SetRotorInertia(context, 0.0)
@@ -154,8 +146,9 @@ def test_mass_matrix_includes_the_rotors(loaded: LoadedArm) -> None:
     np.testing.assert_allclose(rotors, np.diag(ROTOR_INERTIAS[arm.name]), rtol=0, atol=1e-12)
 
 
-def test_joints_are_free_and_nothing_collides(loaded: LoadedArm) -> None:
-    arm, _, plant, _ = loaded
+@every_arm
+def test_joints_are_free_and_nothing_collides(arm: Arm) -> None:
+    plant, _, _ = load(arm)
     assert np.all(np.isinf(plant.GetPositionLowerLimits()))
     assert np.all(np.isinf(plant.GetPositionUpperLimits()))
     assert np.all(np.isinf(plant.GetEffortUpperLimits()))
@@ -176,13 +169,11 @@ def test_planar_links_of_unequal_length_leave_a_hole() -> None:
 
 @pytest.mark.parametrize("q2", [-2.0, -0.9, 0.0, 0.5, math.pi / 2, 3.0])
 def test_planar_mass_matrix_of_two_rods(q2: float) -> None:
-    plant = plant_of(PLANAR_TWO_LINK)
     m1, m2 = 2.0, 1.0
     a1, a2, a3 = m1 / 3 + m2 / 12 + m2 * 5 / 4, m2 / 2, m2 / 3
     c2 = math.cos(q2)
     expected = [[a1 + 2 * a2 * c2, a3 + a2 * c2], [a3 + a2 * c2, a3]]
-    context = plant.CreateDefaultContext()
-    plant.SetPositions(context, [0.7, q2])
+    plant, context = at(PLANAR_TWO_LINK, [0.7, q2])
     np.testing.assert_allclose(plant.CalcMassMatrix(context), expected, rtol=1e-12)
 
 
@@ -196,11 +187,10 @@ def test_puma_elbow_up_and_down() -> None:
 
 
 def test_puma_weight_of_the_stretched_arm() -> None:
-    plant = plant_of(PUMA_250)
     # Shoulder and elbow lift the arm when their angles grow, so that its weight turns them back.
     forearm = 1.2 * 0.15
     shoulder = 2.3 * 0.08 + 1.2 * 0.2032 + forearm
-    context = plant.CreateDefaultContext()
+    plant, context = at(PUMA_250, np.zeros(3))
     found = plant.CalcGravityGeneralizedForces(context)
     np.testing.assert_allclose(found, [0, -9.81 * shoulder, -9.81 * forearm], rtol=0, atol=1e-9)
 
@@ -216,7 +206,6 @@ def test_adept_orientation_keeps_its_whole_turns(elbow: Elbow, phi: float) -> No
 
 @pytest.mark.parametrize("q2", [-1.5, 0.0, 0.8])
 def test_adept_mass_matrix(q2: float) -> None:
-    plant = plant_of(ADEPT_ONE)
     quill_and_payload, turning = 6.0, 0.0002 + 0.005
     c2 = math.cos(q2)
     second = 0.15 + 9 * 0.15**2 + quill_and_payload * LENGTH_2**2 + turning
@@ -228,8 +217,7 @@ def test_adept_mass_matrix(q2: float) -> None:
         [0, 0, 6, 0],
         [0.005, 0.005, 0, 0.02],
     ]
-    context = plant.CreateDefaultContext()
-    plant.SetPositions(context, [0.4, q2, 0.5, -0.3])
+    plant, context = at(ADEPT_ONE, [0.4, q2, 0.5, -0.3])
     np.testing.assert_allclose(plant.CalcMassMatrix(context), expected, rtol=0, atol=1e-12)
 
 
@@ -237,9 +225,7 @@ X = np.array([0.45, 0.25, 0.3, 0.7, 0.2, -0.3, 0.4])
 
 
 def test_wrist_urdf_turns_the_nugget_as_the_angles_say() -> None:
-    plant = plant_of(ADEPT_WRIST)
-    context = plant.CreateDefaultContext()
-    plant.SetPositions(context, ADEPT_WRIST.joint_positions(X, "positive"))
+    plant, context = at(ADEPT_WRIST, ADEPT_WRIST.joint_positions(X, "positive"))
     X_WE = plant.GetFrameByName("endpoint").CalcPoseInWorld(context)
     yaw, pitch, roll = X[3:6]
     expected = RollPitchYaw(roll, pitch, yaw).ToRotationMatrix().matrix()
@@ -247,15 +233,8 @@ def test_wrist_urdf_turns_the_nugget_as_the_angles_say() -> None:
 
 
 def test_gripper_points_are_the_corners_of_what_is_drawn() -> None:
-    builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
-    Parser(plant).AddModels(str(ADEPT_WRIST.urdf))
-    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
-    plant.Finalize()
-    diagram = builder.Build()
-    context = plant.CreateDefaultContext()
-    plant.SetPositions(context, ADEPT_WRIST.joint_positions(X, "positive"))
-    inspector = scene_graph.model_inspector()
+    plant, context = at(ADEPT_WRIST, ADEPT_WRIST.joint_positions(X, "positive"))
+    inspector = load(ADEPT_WRIST)[1].model_inspector()
     boxes, fork = [], []
     for name in ("link_5", "link_6", "link_7"):
         body = plant.GetBodyByName(name)
@@ -267,7 +246,6 @@ def test_gripper_points_are_the_corners_of_what_is_drawn() -> None:
                 boxes += [X_WG @ (signs * half) for signs in itertools.product((-1, 1), repeat=3)]
             elif isinstance(shape, Cylinder):
                 fork.append((X_WG.inverse(), shape.radius(), shape.length()))
-    del diagram
     found = gripper_points(X[np.newaxis])[0]
     apart = np.linalg.norm(found[:, np.newaxis] - np.array(boxes), axis=2)
     assert len(boxes) == 24

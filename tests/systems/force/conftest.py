@@ -1,4 +1,4 @@
-"""A hybrid controller that is run tick by tick, and the contact it is mostly run in."""
+"""Blocks that are run tick by tick, and the contact the hybrid controller is mostly run in."""
 
 import math
 from collections.abc import Callable
@@ -17,25 +17,14 @@ Array = np.ndarray
 
 
 class Driven:
-    """A controller that is fed one set of inputs a tick; what is not given stays."""
+    """A block that is fed one set of inputs a tick; what is not given stays."""
 
-    def __init__(
-        self, params: HybridControllerParams, arm: Arm, q: Array, dynamics: ArmDynamics | None
-    ) -> None:
-        n = arm.num_joints
-        self.block = HybridController(arm, params, dynamics=dynamics)
-        self.simulator = Simulator(self.block)
+    def __init__(self, block: Any, period: float, output: str, **inputs: Any) -> None:
+        self.block, self.period, self.output = block, period, output
+        self.simulator = Simulator(block)
         self.context: Any = self.simulator.get_mutable_context()
-        self.period = params.period
         self.ticks = 0
-        self.feed(
-            encoders=np.concatenate([q, np.zeros(n)]),
-            desired_position=arm.endpoint(q),
-            desired_force=np.zeros(n),
-            measured_force=np.zeros(n),
-            selection=np.eye(n),
-            mode=0,
-        )
+        self.feed(**inputs)
 
     def feed(self, **inputs: Any) -> None:
         for name, value in inputs.items():
@@ -43,16 +32,34 @@ class Driven:
             port.FixValue(self.context, np.atleast_1d(np.asarray(value, dtype=float).ravel()))
 
     def tick(self, **inputs: Any) -> Array:
-        """Feed the next tick, run it and return the torque."""
+        """Feed the next tick, run it and return the output."""
         self.feed(**inputs)
         self.simulator.AdvanceTo(self.ticks * self.period)
         self.simulator.AdvancePendingEvents()
         self.ticks += 1
-        return self.read("torque")
+        return self.read(self.output)
 
     def read(self, name: str) -> Array:
         found: Array = self.block.GetOutputPort(name).Eval(self.context).copy()
         return found
+
+
+def hybrid(
+    params: HybridControllerParams, arm: Arm, q: Array, dynamics: ArmDynamics | None
+) -> Driven:
+    """Return a driven hybrid controller of an arm at rest."""
+    n = arm.num_joints
+    return Driven(
+        HybridController(arm, params, dynamics=dynamics),
+        params.period,
+        "torque",
+        encoders=np.concatenate([q, np.zeros(n)]),
+        desired_position=arm.endpoint(q),
+        desired_force=np.zeros(n),
+        measured_force=np.zeros(n),
+        selection=np.eye(n),
+        mode=0,
+    )
 
 
 class Contact:
@@ -90,6 +97,12 @@ class Contact:
 
 
 @pytest.fixture(scope="package")
+def driven() -> type[Driven]:
+    """Return what drives a block."""
+    return Driven
+
+
+@pytest.fixture(scope="package")
 def contact() -> Contact:
     return Contact()
 
@@ -120,7 +133,7 @@ def drive(
     """Return a function that drives the planar arm's controller, given changes of parameters."""
 
     def start(law: Law = "inverse", **changes: Any) -> Driven:
-        return Driven(make_params(law, **changes), PLANAR_TWO_LINK, contact.q, None)
+        return hybrid(make_params(law, **changes), PLANAR_TWO_LINK, contact.q, None)
 
     return start
 
@@ -132,6 +145,6 @@ def drive_arm() -> Callable[..., Driven]:
     def start(
         arm: Arm, params: HybridControllerParams, dynamics: ArmDynamics | None = None
     ) -> Driven:
-        return Driven(params, arm, np.full(arm.num_joints, 0.5), dynamics)
+        return hybrid(params, arm, np.full(arm.num_joints, 0.5), dynamics)
 
     return start

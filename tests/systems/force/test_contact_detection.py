@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from pydrake.systems.analysis import Simulator
 
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.contact_detection import (
@@ -120,37 +119,18 @@ def test_a_bias_moves_the_thresholds() -> None:
 # The block
 
 
-class Driven:
-    """The block, fed one force a tick."""
-
-    def __init__(self, params: ContactDetectionParams) -> None:
-        self.block = ContactDetection(params, DOWN, period=PERIOD)
-        self.simulator = Simulator(self.block)
-        self.context: Any = self.simulator.get_mutable_context()
-        self.ticks = 0
-
-    def tick(self, *force: float) -> tuple[float, float]:
-        """Feed the next tick and run it; return state and contact time."""
-        self.block.GetInputPort("measured_force").FixValue(self.context, force)
-        self.simulator.AdvanceTo(self.ticks * PERIOD)
-        self.simulator.AdvancePendingEvents()
-        self.ticks += 1
-        return self.read()
-
-    def read(self) -> tuple[float, float]:
-        state = self.block.GetOutputPort("state").Eval(self.context)[0]
-        return state, self.block.GetOutputPort("contact_time").Eval(self.context)[0]
-
-
-def test_block_runs_the_chart() -> None:
-    driven = Driven(WIDE)
-    assert driven.read() == (APPROACH, -1.0)
+def test_block_runs_the_chart(driven: Any) -> None:
+    block = driven(ContactDetection(WIDE, DOWN, period=PERIOD), PERIOD, "state")
+    assert (block.read("state"), block.read("contact_time")) == (APPROACH, -1.0)
     pushes = [0.0, 1.0, 3.0, 1.0, 0.0, 1.0, 3.0]
-    found = [driven.tick(7.0, -push) for push in pushes]
+    found = [
+        (block.tick(measured_force=[7.0, -push])[0], block.read("contact_time")[0])
+        for push in pushes
+    ]
     states, times, _ = run(WIDE, pushes)
     assert found == [(STATES.index(s), t) for s, t in zip(states, times, strict=True)]
     assert found[-1] == (CONTACT, 0.5)
-    labels = [record.label for record in driven.block.transitions(driven.context)]
+    labels = [record.label for record in block.block.transitions(block.context)]
     assert labels == ["force > 2 N", "force <= 0.5 N", "force > 2 N"]
 
 

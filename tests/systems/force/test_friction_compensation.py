@@ -25,68 +25,35 @@ FRICTION = np.array([0.75, -0.2])
 PERIOD = 0.005
 
 
-class Driven:
-    """The block with a plant that a test computes: the base torque of every tick."""
-
-    def __init__(self, bandwidth: float, joints: int = 2, period: float = PERIOD) -> None:
-        params = FrictionCompensationParams(bandwidth=bandwidth)
-        self.block = FrictionCompensation(params, joints=joints, period=period)
-        self.simulator = Simulator(self.block)
-        self.context: Any = self.simulator.get_mutable_context()
-        self.period = period
-        self.ticks = 0
-
-    def command(self, torque: Any) -> np.ndarray:
-        """Set the command; return the torque that comes of it at once."""
-        self.block.GetInputPort("command").FixValue(self.context, torque)
-        return self.torque
-
-    def tick(self, base_torque: Any) -> np.ndarray:
-        """Run the next tick and return the torque after it."""
-        self.block.GetInputPort("base_torque").FixValue(self.context, base_torque)
-        self.simulator.AdvanceTo(self.ticks * self.period)
-        self.simulator.AdvancePendingEvents()
-        self.ticks += 1
-        return self.torque
-
-    @property
-    def torque(self) -> np.ndarray:
-        found: np.ndarray = self.block.GetOutputPort("torque").Eval(self.context).copy()
-        return found
-
-
-def with_ideal_plant(bandwidth: float, ticks: int, period: float = PERIOD) -> np.ndarray:
-    """Return the torques over the ticks where constant friction is taken from each."""
-    driven = Driven(bandwidth, period=period)
-    torques = [driven.command(COMMAND)]
-    for _ in range(ticks):
-        torques.append(driven.tick(torques[-1] - FRICTION))
-    return np.array(torques)
+def compensation(driven: Any, bandwidth: float, period: float = PERIOD) -> Any:
+    params = FrictionCompensationParams(bandwidth=bandwidth)
+    block = FrictionCompensation(params, joints=2, period=period)
+    return driven(block, period, "torque", command=COMMAND)
 
 
 @settings(max_examples=25)
 @given(bandwidth=st.floats(0.5, 100.0), period=st.sampled_from([0.001, 0.005, 0.02]))
-def test_lag_in_closed_form(bandwidth: float, period: float) -> None:
-    torques = with_ideal_plant(bandwidth, 20, period)
+def test_lag_in_closed_form(driven: Any, bandwidth: float, period: float) -> None:
+    block = compensation(driven, bandwidth, period)
+    torques = [block.read("torque")]
+    for _ in range(20):  # constant friction is taken from each
+        torques.append(block.tick(base_torque=torques[-1] - FRICTION))
     times = period * np.arange(21)
     grown = 1 - np.exp(-2 * math.pi * bandwidth * times)
     expected = COMMAND + np.outer(grown, FRICTION)
     np.testing.assert_allclose(torques, expected, rtol=0, atol=1e-12)
 
 
-def test_the_estimate_of_a_joint_that_is_to_stand_is_kept() -> None:
-    driven = Driven(10.0)
-    driven.command(COMMAND)
-    moving = driven.block.GetInputPort("moving")
-    moving.FixValue(driven.context, [1.0, 1.0])
+def test_the_estimate_of_a_joint_that_is_to_stand_is_kept(driven: Any) -> None:
+    block = compensation(driven, 10.0)
+    torque = block.read("torque")
     for _ in range(200):
-        driven.tick(driven.torque - FRICTION)
-    np.testing.assert_allclose(driven.torque, COMMAND + FRICTION, rtol=0, atol=1e-12)
-    moving.FixValue(driven.context, [1.0, 0.0])
+        torque = block.tick(base_torque=torque - FRICTION, moving=[1.0, 1.0])
+    np.testing.assert_allclose(torque, COMMAND + FRICTION, rtol=0, atol=1e-12)
     for _ in range(30):
         # Both stick: what they are given does not reach the links.
-        driven.tick([0.0, 0.0])
-    added = driven.torque - COMMAND
+        torque = block.tick(base_torque=[0.0, 0.0], moving=[1.0, 0.0])
+    added = torque - COMMAND
     assert added[1] == pytest.approx(FRICTION[1], abs=1e-12)
     assert added[0] > 2 * COMMAND[0]
 
