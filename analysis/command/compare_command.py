@@ -21,9 +21,9 @@ def add_compare(commands: "argparse._SubParsersAction[Any]") -> argparse.Argumen
         "differ.",
         allow_abbrev=False,
     )
-    for name, which in (("first", "first"), ("second", "second")):
+    for which in ("first", "second"):
         compare.add_argument(
-            name, type=Path, metavar="DIR", help=f"the {which} result's folder, such as out/NAME"
+            which, type=Path, metavar="DIR", help=f"the {which} result's folder, such as out/NAME"
         )
     compare.set_defaults(command=_compare)
     return compare
@@ -49,31 +49,26 @@ def comparison(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str,
     Fields and metrics are by name, each with its value in the ``first`` and the ``second``. What
     one of them doesn't have is left out there; a metric that is undefined is None.
     """
-    fields = _differing(*map(_fields, (first, second)))
-    units = {
-        name: str(metric["unit"])
-        for one in (first, second)
-        for name, metric in one["metrics"].items()
-    }
-    metrics = _differing(*map(_values, (first, second)))
+    both = (first, second)
+    units = {name: str(one["unit"]) for each in both for name, one in each["metrics"].items()}
+    values = [{name: _value(one) for name, one in each["metrics"].items()} for each in both]
+    metrics = _differing(*values)
     for name, pair in metrics.items():
         pair["unit"] = units[name]
         if pair.get("first") is not None and pair.get("second") is not None:
             difference = pair["second"] - pair["first"]
             pair["difference"] = difference if math.isfinite(difference) else None
+    fields = _differing(*(dict(_fields(each)) for each in both))
     return {"fields": fields, "metrics": metrics, "same_metrics": len(units) - len(metrics)}
 
 
-def _fields(result: Mapping[str, Any]) -> dict[str, Any]:
+def _value(metric: Mapping[str, Any]) -> float | None:
+    return None if metric["value"] is None else float(metric["value"])
+
+
+def _fields(result: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     above = {"experiment": result["experiment"], "seed": result["seed"]}
-    return {**above, **dict(_leaves(result["scenario"], ""))}
-
-
-def _values(result: Mapping[str, Any]) -> dict[str, float | None]:
-    return {
-        name: None if metric["value"] is None else float(metric["value"])
-        for name, metric in result["metrics"].items()
-    }
+    return _leaves({**above, **result["scenario"]}, "")
 
 
 def _differing(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str, dict[str, Any]]:

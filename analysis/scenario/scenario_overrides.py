@@ -1,6 +1,6 @@
 """The settings that make one scenario of another."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import fields, is_dataclass
 from typing import Any, TypeVar
 
@@ -28,37 +28,22 @@ def overrides(
         settings[path] = f"{path}={value_text(value)}"
         if usual is None:
             left_open.append(path)
-    follow = _follow(scenario, default, resolve, settings, left_open)
-    for left_out in [follow, *({path} for path in left_open)]:
-        fewer = {path: setting for path, setting in settings.items() if path not in left_out}
-        if fewer != settings and _resolved(default, resolve, fewer.values()) == resolved:
-            settings = fewer
-    return list(settings.values())
 
+    def without(some: Collection[str]) -> Scenario | None:
+        """Return what the settings come to without some, None where they are refused."""
+        others = [setting for path, setting in settings.items() if path not in some]
+        try:
+            return resolve(make_scenario(default, settings=others))
+        except (UserError, ParameterError):
+            return None
 
-def _resolved(
-    default: Scenario, resolve: Callable[[Scenario], Scenario], settings: Iterable[str]
-) -> Scenario | None:
-    """Return what the settings come to, None where they are refused."""
-    try:
-        return resolve(make_scenario(default, settings=list(settings)))
-    except (UserError, ParameterError):
-        return None
-
-
-def _follow(
-    scenario: Scenario,
-    default: Scenario,
-    resolve: Callable[[Scenario], Scenario],
-    settings: Mapping[str, str],
-    left_open: Sequence[str],
-) -> set[str]:
-    """Return which of the fields that may be left open come out alike if all of them are."""
-    given = [setting for path, setting in settings.items() if path not in left_open]
-    without = _resolved(default, resolve, given)
-    if without is None:
-        return set()
-    return set(left_open) - {path for path, _, _ in _differences(scenario, without, "")}
+    bare = without(left_open)  # of what comes out alike there all can be left out at once
+    differ = left_open if bare is None else [path for path, *_ in _differences(scenario, bare, "")]
+    left_out: set[str] = set()
+    for some in (set(left_open).difference(differ), *({path} for path in left_open)):
+        if not some <= left_out and without(left_out | some) == resolved:
+            left_out |= some
+    return [setting for path, setting in settings.items() if path not in left_out]
 
 
 def _differences(value: Any, default: Any, path: str) -> Iterator[tuple[str, Any, Any]]:
