@@ -58,25 +58,6 @@ _HALVINGS: Final = 50
 _NEWTON: Final = 5
 
 
-class Springs(NamedTuple):
-    """A support, or several at a time."""
-
-    lateral: Array  # K_x, N/m
-    angular: Array  # K_theta, N m/rad
-    centre: Array  # L_g, m
-
-    @staticmethod
-    def of(support: Support, centre_distance: ArrayLike | None = None) -> "Springs":
-        """Return those of a support, with centres of its own or with others."""
-        centre = support.centre_distance if centre_distance is None else centre_distance
-        return Springs(
-            *(
-                np.asarray(value, dtype=np.float64)
-                for value in (support.lateral_stiffness, support.angular_stiffness, centre)
-            )
-        )
-
-
 class TwoPoints(NamedTuple):
     """The peg on the mouth's right and the left wall, at several tilts."""
 
@@ -121,26 +102,30 @@ def sliding_tilt(parts: PegHoleGeometry, support: Support) -> float:
     """Return the tilt, rad, from which on no push slides a peg on two points; as above."""
 
     def lever(tilt: Array) -> Array:
-        at = two_points(parts, tilt)
-        return leverage(support.centre_distance, at.pose, at.mouth, at.across)
+        return leverage(support.centre_distance, *two_points(parts, tilt)[1:])
 
     return _first(lever, parts.mouth_tilt_limit)
 
 
 def largest_tilt(
     parts: PegHoleGeometry,
-    springs: Springs,
+    support: Support,
     lateral: ArrayLike,
     limit: ArrayLike,
+    centre: ArrayLike | None = None,
 ) -> Array:
-    """Return the largest theta0, rad, for which the tilt at the onset stays below a limit."""
+    """Return the largest theta0, rad, for which the tilt at the onset stays below a limit.
+
+    Of several compliance centres L_g, m, if they are given in place of the support's own.
+    """
     end = parts.mouth_tilt_limit
     share = np.linspace(0.0, 1.0, _GRID) ** 2
-    low = np.asarray(limit, dtype=np.float64)[..., None]
+    low, eps0, L_g = (
+        np.asarray(value, dtype=np.float64)[..., None]
+        for value in (limit, lateral, support.centre_distance if centre is None else centre)
+    )
     tilt = low + (end - low) * share
-    wide = Springs(*(one[..., None] for one in springs))
-    start = initial_tilt(parts, wide, np.asarray(lateral, dtype=np.float64)[..., None], tilt)
-    smallest: Array = np.min(start, axis=-1)
+    smallest: Array = np.min(initial_tilt(parts, support, eps0, tilt, L_g), axis=-1)
     return smallest
 
 
@@ -183,25 +168,29 @@ def sits_on_edge(
 
 def _onset(parts: PegHoleGeometry, support: Support, eps0: Array, theta0: Array) -> Array:
     """Return the depth of the first onset of a peg that leans right."""
-    springs = Springs.of(support)
     tilt = parts.mouth_tilt_limit * np.geomspace(1.0, _LEAST, 4 * _GRID)
     tilt = tilt[two_points(parts, tilt).depth < _DEEPEST * parts.hole_radius]
-    reached = initial_tilt(parts, springs, eps0[..., None], tilt) <= theta0[..., None]
+    reached = initial_tilt(parts, support, eps0[..., None], tilt) <= theta0[..., None]
     first = np.argmax(reached, axis=-1)
-    low, high = tilt[first], tilt[np.maximum(first - 1, 0)]
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        touches = initial_tilt(parts, springs, eps0, middle) <= theta0
-        low, high = np.where(touches, middle, low), np.where(touches, high, middle)
-    depth: Array = two_points(parts, low).depth
+    touched, _ = _bisected(
+        tilt[first],
+        tilt[np.maximum(first - 1, 0)],
+        lambda middle: initial_tilt(parts, support, eps0, middle) <= theta0,
+    )
+    depth: Array = two_points(parts, touched).depth
     return np.where(reached.any(axis=-1), depth, np.nan)
 
 
 def initial_tilt(
-    parts: PegHoleGeometry, springs: Springs, lateral: ArrayLike, onset: ArrayLike
+    parts: PegHoleGeometry,
+    support: Support,
+    lateral: ArrayLike,
+    onset: ArrayLike,
+    centre: Array | None = None,
 ) -> Array:
     """Return theta0, rad, of a peg whose two points, mouth right and tip left, touch at a tilt."""
-    K_x, K_theta, L_g = springs
+    K_x, K_theta = support.lateral_stiffness, support.angular_stiffness
+    L_g = support.centre_distance if centre is None else centre
     at = two_points(parts, onset)
     tilt, rest = at.pose.tilt, at.pose.point(0.0, L_g)[0] - np.asarray(lateral, dtype=np.float64)
     solutions = []
@@ -223,14 +212,19 @@ def _first(function: Callable[[Array], Array], end: float) -> float:
     below = np.flatnonzero(function(grid) <= 0)
     if not below.size:
         return end
-    low, high = float(grid[max(below[0] - 1, 0)]), float(grid[below[0]])
+    low, high = grid[max(below[0] - 1, 0)], grid[below[0]]
+    return float(_bisected(low, high, lambda middle: function(middle) > 0)[1])
+
+
+def _bisected(
+    low: Array, high: Array, holds: Callable[[Array], NDArray[np.bool_]]
+) -> tuple[Array, Array]:
+    """Return the ends of where something that holds at the low end ceases to."""
     for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        if function(np.array(middle)) > 0:
-            low = middle
-        else:
-            high = middle
-    return high
+        middle = np.asarray((low + high) / 2)
+        there = holds(middle)
+        low, high = np.where(there, middle, low), np.where(there, high, middle)
+    return low, high
 
 
 Form = Literal["exact", "simple"]
@@ -267,9 +261,6 @@ def rotation_bounds(
 
     The *simple* form is Whitney's parallelogram, :func:`wedging_bounds` alone. The *exact* one
     is the narrower of :func:`wedging_bounds` and :func:`sliding_bounds`.
-
-    Returns:
-        Lower and upper bound, each of the shape of ``lateral``.
     """
     lower, upper = wedging_bounds(parts, support, lateral, form)
     if form == "simple":
@@ -284,14 +275,11 @@ def wedging_bounds(
     """Return the initial tilts, rad, between which two points that touch can't hold the peg.
 
     The *simple* form is Whitney's parallelogram, ``|theta0 + S eps0'| < theta_w`` where eps0 > 0,
-    with ``eps0' = max(|eps0| - (R - r), 0)``. The *exact* one of
-    :mod:`chamfer.models.peg_theory.wedging` leaves nothing out. For the published parts the
-    simple sides are 3 to 7 % too narrow: the normal at the mouth tilts with the peg, which makes
-    it harder to hold. Of 150 random pegs (R 4 to 15 mm, clearance 1 to 4 %, mu 0.1 to 0.5) they
-    are 14 % too narrow in the middle, and from 45 % too narrow to 2 % too wide in nine of ten.
-
-    Returns:
-        Lower and upper bound, each of the shape of ``lateral``.
+    with ``eps0' = max(|eps0| - (R - r), 0)``. The *exact* one leaves nothing out. The published
+    parts' simple sides are 3 to 7 % too narrow: the normal at the mouth tilts with the peg, which
+    makes it harder to hold. Of 150 random pegs (R 4 to 15 mm, clearance 1 to 4 %, mu 0.1 to 0.5)
+    they are 14 % too narrow in the middle, and from 45 % too narrow to 2 % too wide in nine of
+    ten.
     """
     eps0 = np.asarray(lateral, dtype=np.float64)
     if form == "simple":
@@ -313,28 +301,20 @@ def sliding_bounds(
 
 
 def wedges(
-    parts: PegHoleGeometry,
-    support: Support,
-    lateral: ArrayLike,
-    rotation: ArrayLike,
-    form: Form = "exact",
+    parts: PegHoleGeometry, support: Support, lateral: ArrayLike, rotation: ArrayLike
 ) -> NDArray[np.bool_]:
     """Say where a peg that starts at eps0, m, and theta0, rad, may wedge."""
-    lower, upper = wedging_bounds(parts, support, lateral, form)
+    lower, upper = wedging_bounds(parts, support, lateral)
     theta0 = np.asarray(rotation, dtype=np.float64)
     return (theta0 >= upper) | (theta0 <= lower)
 
 
 def assembles(
-    parts: PegHoleGeometry,
-    support: Support,
-    lateral: ArrayLike,
-    rotation: ArrayLike,
-    form: Form = "exact",
+    parts: PegHoleGeometry, support: Support, lateral: ArrayLike, rotation: ArrayLike
 ) -> NDArray[np.bool_]:
-    """Say where a start is on the chamfer, free of wedging, and slides (exact form alone)."""
+    """Say where a start is on the chamfer, free of wedging, and slides."""
     on_chamfer = np.abs(lateral) < parts.chamfer_limit
-    return on_chamfer & (rotation_margin(parts, support, lateral, rotation, form) > 0)
+    return on_chamfer & (rotation_margin(parts, support, lateral, rotation) > 0)
 
 
 def rotation_margin(
@@ -367,8 +347,10 @@ def least_margin(
             ]
         else:
             limit = np.full_like(distance, wedging_tilt(parts))
-            springs = Springs.of(support, distance)
-            uppers = [largest_tilt(parts, springs, side * lateral, limit) for side in (1.0, -1.0)]
+            uppers = [
+                largest_tilt(parts, support, side * lateral, limit, distance)
+                for side in (1.0, -1.0)
+            ]
         left = np.minimum(uppers[0] - rotation, uppers[1] + rotation)
         best = int(np.argmin(left))
         low, high = grid[max(0, best - 1)], grid[min(_LOOKS - 1, best + 1)]
@@ -434,6 +416,5 @@ def _within(
     parts: PegHoleGeometry, support: Support, eps0: Array, limit: float
 ) -> tuple[Array, Array]:
     """Return the initial tilts for which the tilt at the onset is within the limit."""
-    springs = Springs.of(support)
-    upper, lower = (largest_tilt(parts, springs, side * eps0, limit) for side in (1.0, -1.0))
+    upper, lower = (largest_tilt(parts, support, side * eps0, limit) for side in (1.0, -1.0))
     return -lower, upper
