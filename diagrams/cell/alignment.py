@@ -21,8 +21,14 @@ from chamfer.diagrams.cell.alignment_scenario import (
 )
 from chamfer.diagrams.cell.cell_vision import add_cell_vision, resolved_cameras
 from chamfer.diagrams.cell.controller_design import resolve_controllers
-from chamfer.diagrams.cell.work_cell import ARMS, ArmName, WorkCell, add_work_cell, resolve_arms
-from chamfer.diagrams.cell.work_cell_view import add_part_shapes
+from chamfer.diagrams.cell.work_cell import (
+    ARMS,
+    ArmName,
+    WorkCell,
+    add_part_shapes,
+    add_work_cell,
+    resolve_arms,
+)
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.systems.force.desired_pose import CompensatedPose, StoppableMotion
 from chamfer.systems.ports import require_ports

@@ -280,8 +280,8 @@ def design_compensator(
     increments: Mapping[Kind, float],
 ) -> SixAxisSettings:
     """Return the state machine's elements, what is given kept."""
-
-    def element(kind: Kind) -> OpenAxis:
+    elements: dict[Kind, OpenAxis] = {}
+    for kind in KINDS:
         given: OpenAxis = getattr(scenario.compensator, kind)
         with within(f"compensator.{kind}"):
             axis = designed_axis(
@@ -291,17 +291,16 @@ def design_compensator(
                 measurement_error=measurement_error(scenario, kind),
                 limit=_LIMITS[kind],
             )
-            return replace(given, **vars(axis))
-
-    return SixAxisSettings(lateral=element("lateral"), rotational=element("rotational"))
+            elements[kind] = replace(given, **vars(axis))
+    return SixAxisSettings(**elements)
 
 
 def design_pid(
     scenario: AlignmentScenario, responses: Sequence[Responses], closed_loop: float
 ) -> SixAxisPid:
     """Return the baseline's gains by SIMC, what is given kept."""
-
-    def law(kind: Kind) -> OpenGains:
+    laws: dict[Kind, OpenGains] = {}
+    for kind in KINDS:
         given: OpenGains = getattr(scenario.pid, kind)
         gains = designed_gains(
             given,
@@ -310,9 +309,8 @@ def design_pid(
             period=scenario.cameras.frames.period,
             limit=_LIMITS[kind],
         )
-        return replace(given, **vars(gains))
-
-    return SixAxisPid(lateral=law("lateral"), rotational=law("rotational"))
+        laws[kind] = replace(given, **vars(gains))
+    return SixAxisPid(**laws)
 
 
 def small_share(scenario: ResolvedAlignmentScenario, kind: Kind) -> float:

@@ -26,6 +26,7 @@ from typing import Any, Final, Literal, NamedTuple, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.geometry import Cylinder, Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import (
     AddMultibodyPlantSceneGraph,
@@ -39,13 +40,14 @@ from pydrake.multibody.tree import (
     SpatialInertia,
     UnitInertia,
 )
-from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort, System
+from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort, System
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
 from chamfer.models.arms.serial_arm import SerialArm
 from chamfer.models.arms.urdf_arm import chosen_arm
 from chamfer.models.cameras.camera import View
-from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.peg.part_surfaces import part_shape
+from chamfer.models.peg.peg_and_hole import Colour, ColouredParts
 from chamfer.models.peg.support import Support, in_series
 from chamfer.models.validation import (
     ParameterError,
@@ -486,3 +488,87 @@ def wedging_support(scenario: WorkCellScenario) -> Support:
 def axial_stiffness(scenario: WorkCellScenario) -> float:
     """Return the stiffness of the arms, one behind the other, along the axis, N/m."""
     return scenario.impedance.stiffness[0] / len(scenario.arms)
+
+
+_SIDES: Final = 96  # corners of a circle
+_SEE_THROUGH: Final = 0.45  # opacity of the hole part, so that the peg is seen in the bore
+_GRIP: Final = 1 / 6  # of a part's length, that its holder hides
+_SHORTEST: Final = 1e-6  # m, of a holder
+_WALL: Final = 0.003  # m, of a holder around its part
+_HOLDER: Final = np.array([0.25, 0.27, 0.30, 1.0])  # red, green, blue, opacity
+
+
+def add_part_shapes(
+    scenario: WorkCellScenario,
+    plant: MultibodyPlant,
+    tools: dict[ArmName, RigidBody],
+) -> None:
+    """Add peg and hole part to their tools before Finalize; rods hold what arms have."""
+    peg, hole = scenario.parts.peg, scenario.parts.hole
+    add_part_meshes(scenario.parts, plant, tools)
+    ends = {"peg": (-peg.length, peg.radius), "hole": (hole.depth, hole.outer_radius)}
+    for arm in scenario.arms:
+        X_TF = getattr(scenario, arm).tool.frame.transform.inverse()
+        _add_holder(plant, tools[arm], X_TF.translation(), *ends[arm])
+
+
+def add_part_meshes(
+    parts: ColouredParts, plant: MultibodyPlant, bodies: dict[ArmName, RigidBody]
+) -> None:
+    """Add the peg and a see-through hole part, to be seen, in the frames of two bodies."""
+    looks: dict[ArmName, tuple[Array, Colour, float]] = {
+        "peg": (parts.peg.closed_profile, parts.peg_colour, 1.0),
+        "hole": (parts.hole.closed_profile, parts.hole_colour, _SEE_THROUGH),
+    }
+    for part, (profile, colour, opacity) in looks.items():
+        mesh = part_shape(profile, _SIDES, part, parts.section)
+        rgba = np.array([*(channel / 255 for channel in colour), opacity])
+        plant.RegisterVisualGeometry(bodies[part], RigidTransform(), mesh, part, rgba)
+
+
+def _add_holder(
+    plant: MultibodyPlant, tool: RigidBody, p_TF: Array, end: float, radius: float
+) -> None:
+    """Add a rod from the flange around the end of a part, so that the part is seen to be held.
+
+    The part is as thick as its radius, m, and ends at that place along x_T, m.
+    """
+    p_TE = np.array([(1 - _GRIP) * end, 0.0, 0.0])
+    rod = p_TE - p_TF
+    length = float(np.linalg.norm(rod))
+    if length < _SHORTEST:
+        return
+    R_TR = RotationMatrix.MakeFromOneVector(rod / length, 2)
+    X_TR = RigidTransform(R_TR, (p_TE + p_TF) / 2)
+    shape = Cylinder(radius + _WALL, length)
+    plant.RegisterVisualGeometry(tool, X_TR, shape, "holder", _HOLDER)
+
+
+class WorkCellView(NamedTuple):
+    """A diagram that shows the cell in Meshcat when it publishes."""
+
+    diagram: Diagram
+    plant: MultibodyPlant
+    instances: dict[ArmName, ModelInstanceIndex]
+
+    def positions(self, joints: dict[ArmName, Array]) -> Array:
+        """Return the plant's positions, shape (n, j), from each arm's, rad, (n, joints)."""
+        found = np.zeros((len(joints["peg"]), self.plant.num_positions()))
+        for arm, instance in self.instances.items():
+            for q, q_arm in zip(found, joints[arm], strict=True):
+                self.plant.SetPositionsInArray(instance, q_arm, q)
+        return found
+
+
+def make_work_cell_view(scenario: WorkCellScenario, meshcat: Meshcat) -> WorkCellView:
+    """Build what holds the parts, as shapes without contact, and what draws it."""
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
+    instances, tools = add_holders(plant, scenario)
+    add_part_shapes(scenario, plant, tools)
+    plant.Finalize()
+    params = MeshcatVisualizerParams(prefix="cell")
+    MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, params)
+    diagram = builder.Build()
+    diagram.set_name("Work cell to look at")
+    return WorkCellView(diagram, plant, instances)

@@ -97,11 +97,6 @@ class FedCellScenario(WorkCellScenario):
         bottom = self.parts.bore_depth
         return self.depth if bottom is None else min(self.depth, bottom)
 
-    @property
-    def seated_depth(self) -> float:
-        """From where on the peg is seated, m."""
-        return SEATED * self.depth
-
 
 @dataclass(frozen=True, kw_only=True)
 class BlindFeedScenario(FedCellScenario):
@@ -129,22 +124,16 @@ CellT = TypeVar("CellT", bound=FedCellScenario)
 
 
 def resolve_fed_cell(scenario: CellT) -> CellT:
-    """Fill in where the parts meet and how many facets the clearance asks for.
-
-    Raises:
-        ParameterError: If an arm doesn't reach its place.
-    """
+    """Fill in where the parts meet and how many facets the clearance asks for."""
     scenario = resolve_arms(scenario)
     contact = scenario.contact.over(scenario.parts)
     return replace(scenario, meeting_point=scenario.mouth, contact=contact)
 
 
 def make_blind_feed_diagram(scenario: BlindFeedScenario) -> Diagram:
-    """Return the cell in contact, the peg's arm fed.
+    """Return the cell in contact, the peg's arm fed, of a resolved scenario.
 
-    Outputs: ``<arm>.true_pose``, those of
-    :class:`chamfer.systems.contact.peg_hole_contact_monitor.PegHoleContactMonitor` as
-    ``contact.<name>``. The scenario is resolved.
+    Outputs: ``<arm>.true_pose``, and as ``contact.<name>`` those of the contact's monitor.
     """
     builder = DiagramBuilder()
     X_WT = scenario.start()
@@ -152,7 +141,7 @@ def make_blind_feed_diagram(scenario: BlindFeedScenario) -> Diagram:
         builder,
         scenario,
         scenario.parts,
-        seated_depth=scenario.seated_depth,
+        seated_depth=SEATED * scenario.depth,
         material=scenario.contact,
         start={"peg": X_WT},
     )

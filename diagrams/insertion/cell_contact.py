@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-from pydrake.geometry import GeometryId
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
@@ -24,7 +23,7 @@ from chamfer.models.peg.bore_contact import (
 from chamfer.models.peg.peg_and_hole import PegAndHole
 from chamfer.systems.contact.peg_hole_contact_monitor import PegHoleContactMonitor
 
-_IN_TOOL: Final = RigidTransform()  # the tools' frames are those of peg and mouth
+_IN_TOOL: Final = RigidTransform()  # the bodies' frames are those of peg and mouth
 
 
 class CellInContact(NamedTuple):
@@ -47,51 +46,61 @@ def add_cell_in_contact(
 ) -> CellInContact:
     """Add the work cell with a peg and a hole that touch each other, and nothing else does.
 
-    Args:
-        builder: Where to.
-        scenario: The cell; its step is that of contact too.
-        parts: Peg and hole.
-        seated_depth: m, of the tip below the mouth; from there on the peg is seated.
-        material: Stiffness of contact, with its facets known.
-        start: As of :func:`chamfer.diagrams.cell.work_cell.add_work_cell`.
-        add_parts: Likewise, for what is to be seen.
-        controllers: Likewise, a user's own.
-
-    Returns:
-        The cell, and the block whose outputs are what touches and the wrench in the mouth's
-        frame.
+    ``start``, ``add_parts``, what is to be seen, and ``controllers`` are as of
+    :func:`chamfer.diagrams.cell.work_cell.add_work_cell`, the others as of
+    :class:`TouchingParts`.
     """
-    peg_shapes: list[GeometryId] = []
-    hole_shapes: list[GeometryId] = []
+    touching = TouchingParts(parts, material)
 
     def add(plant: MultibodyPlant, tools: dict[ArmName, RigidBody]) -> None:
         if add_parts is not None:
             add_parts(plant, tools)
-        peg_shapes.extend(add_peg_contact(plant, tools["peg"], _IN_TOOL, parts, material))
-        hole_shapes.extend(add_hole_contact(plant, tools["hole"], _IN_TOOL, parts, material))
+        touching.add(plant, tools["peg"], tools["hole"])
 
     cell = add_work_cell(builder, scenario, start=start, add_parts=add, controllers=controllers)
-    plant = cell.plant
-    contact = builder.AddNamedSystem(
-        "contact",
-        PegHoleContactMonitor(
-            parts,
-            peg=(cell.tools["peg"], _IN_TOOL),
-            hole=(cell.tools["hole"], _IN_TOOL),
-            peg_shapes=peg_shapes,
-            hole_shapes=hole_shapes,
-            seated_depth=seated_depth,
-        ),
-    )
-    builder.Connect(
-        plant.get_contact_results_output_port(), contact.GetInputPort("contact_results")
-    )
-    builder.Connect(plant.get_body_poses_output_port(), contact.GetInputPort("body_poses"))
-    return CellInContact(cell, contact)
+    return CellInContact(cell, touching.monitor(builder, cell.plant, seated_depth))
 
 
-def export_contact(builder: DiagramBuilder, contact: PegHoleContactMonitor) -> None:
+class TouchingParts:
+    """Peg and hole of a plant, in the frames of two bodies; the material has its facets."""
+
+    def __init__(self, parts: PegAndHole, material: ContactMaterial) -> None:
+        self._parts, self._material = parts, material
+
+    def add(self, plant: MultibodyPlant, peg: RigidBody, hole: RigidBody) -> None:
+        """Add what collides, before the plant is finalized."""
+        self._peg, self._hole = (peg, _IN_TOOL), (hole, _IN_TOOL)
+        of = self._parts, self._material
+        self._peg_shapes = add_peg_contact(plant, *self._peg, *of)
+        self._hole_shapes = add_hole_contact(plant, *self._hole, *of)
+
+    def monitor(
+        self, builder: DiagramBuilder, plant: MultibodyPlant, seated_depth: float
+    ) -> PegHoleContactMonitor:
+        """Add the block that tells what touches and the wrench in the mouth's frame.
+
+        The peg is seated from ``seated_depth`` on, m, of the tip below the mouth.
+        """
+        contact: PegHoleContactMonitor = builder.AddNamedSystem(
+            "contact",
+            PegHoleContactMonitor(
+                self._parts,
+                peg=self._peg,
+                hole=self._hole,
+                peg_shapes=self._peg_shapes,
+                hole_shapes=self._hole_shapes,
+                seated_depth=seated_depth,
+            ),
+        )
+        for name in ("contact_results", "body_poses"):
+            builder.Connect(plant.GetOutputPort(name), contact.GetInputPort(name))
+        return contact
+
+
+def export_contact(
+    builder: DiagramBuilder, contact: PegHoleContactMonitor, prefix: str = "contact."
+) -> None:
     """Export the block's outputs, as ``contact.state`` and so on."""
     for i in range(contact.num_output_ports()):
         port = contact.get_output_port(i)
-        builder.ExportOutput(port, f"contact.{port.get_name()}")
+        builder.ExportOutput(port, f"{prefix}{port.get_name()}")

@@ -24,12 +24,12 @@ from chamfer.diagrams.cell.work_cell import (
     ARMS,
     ArmName,
     WorkCell,
+    add_part_shapes,
     axial_stiffness,
     require_strong,
     support_at,
     wedging_support,
 )
-from chamfer.diagrams.cell.work_cell_view import add_part_shapes
 from chamfer.diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
 from chamfer.models.peg.bore_contact import (
     ContactMaterial,
@@ -203,12 +203,8 @@ def make_insertion_diagram(
         controller: A user's own, in the place of the state machine or the PID laws, with the ports
             that :func:`chamfer.diagrams.cell.alignment.make_alignment_diagram` names.
         arm_controllers: Of each arm likewise in the place of its impedance law.
-
-    Raises:
-        ParameterError: If a controller has other ports.
     """
-    params = task_params(scenario)
-    there = scenario.there
+    params, there = task_params(scenario), scenario.there
     builder = DiagramBuilder()
     connect = builder.Connect
     cell, contact = add_cell_in_contact(
@@ -225,10 +221,8 @@ def make_insertion_diagram(
     gate = builder.AddNamedSystem("error gate", MeasurementSelector(len(AXES)))
     watch = add_divergence_watch(builder, scenario)
     controller = add_controller(builder, scenario, controller)
-    peg_joints, hole_joints = (getattr(scenario, arm).arm.num_joints for arm in ARMS)
-    task = builder.AddNamedSystem(
-        TASK, InsertionTask(params, peg_joints=peg_joints, hole_joints=hole_joints)
-    )
+    joints = {f"{arm}_joints": getattr(scenario, arm).arm.num_joints for arm in ARMS}
+    task = builder.AddNamedSystem(TASK, InsertionTask(params, **joints))
     for name in ("error", "valid"):
         connect(error.GetOutputPort(name), gate.GetInputPort(name))
         connect(error.GetOutputPort(name), task.GetInputPort(name))
@@ -251,16 +245,9 @@ def make_insertion_diagram(
         if arm in cell.arms:
             connect(cell.arms[arm].saturated, task.GetInputPort(f"{arm}_saturated"))
     export_alignment(builder, cell, motions, error, watch, compensation)
-    for name, of in (
-        ("feed", "feed"),
-        ("attempts", "attempts"),
-        ("errors", "measured"),
-        ("sensed_force", "sensed_force"),
-        ("sensed_depth", "sensed_depth"),
-        ("trouble", "trouble"),
-        ("state", "state"),
-    ):
-        builder.ExportOutput(task.GetOutputPort(name), of)
+    builder.ExportOutput(task.GetOutputPort("errors"), "measured")
+    for name in ("feed", "attempts", "sensed_force", "sensed_depth", "trouble", "state"):
+        builder.ExportOutput(task.GetOutputPort(name), name)
     export_contact(builder, contact)
     diagram = builder.Build()
     diagram.set_name("Insertion by sight")

@@ -11,7 +11,7 @@ A run advances by the feed, waits, and then takes the push away and withdraws.
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Final, Literal, NamedTuple, TypeVar
+from typing import Final, Literal, TypeVar
 
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
@@ -35,14 +35,11 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import AffineSystem, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from chamfer.models.peg.bore_contact import (
-    ContactMaterial,
-    add_hole_contact,
-    add_peg_contact,
-    require_resolved_clearance,
-)
-from chamfer.models.peg.part_surfaces import part_shape, require_tilted_apart
-from chamfer.models.peg.peg_and_hole import Colour, ColouredParts, PegAndHole
+from chamfer.diagrams.cell.work_cell import add_part_meshes
+from chamfer.diagrams.insertion.cell_contact import TouchingParts, export_contact
+from chamfer.models.peg.bore_contact import ContactMaterial, require_resolved_clearance
+from chamfer.models.peg.part_surfaces import require_tilted_apart
+from chamfer.models.peg.peg_and_hole import ColouredParts, PegAndHole
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.wedging import require_stiff
 from chamfer.models.validation import (
@@ -52,7 +49,7 @@ from chamfer.models.validation import (
     require_one_of,
     require_positive,
 )
-from chamfer.systems.contact.peg_hole_contact_monitor import SEATED, PegHoleContactMonitor
+from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
 
 Approximation = Literal["lagged", "similar", "sap"]
 
@@ -147,13 +144,6 @@ class PegInsertionScenario(FeedScenario):
 PEG_INSERTION: Final = PegInsertionScenario()
 
 
-class SprungPeg(NamedTuple):
-    """What was added to a plant."""
-
-    instance: ModelInstanceIndex
-    body: RigidBody  # its frame is the peg's
-
-
 ScenarioT = TypeVar("ScenarioT", bound=FeedScenario)
 
 
@@ -183,46 +173,32 @@ def make_peg_insertion_diagram(
     if not continuous:
         plant.set_discrete_contact_approximation(_APPROXIMATIONS[scenario.approximation])
     plant.set_stiction_tolerance(scenario.stiction)
-    peg = add_sprung_peg(plant, scenario)
-    at = RigidTransform()
-    shapes = add_peg_contact(plant, peg.body, at, scenario.parts, scenario.contact)
-    hole = plant.world_body()
-    walls = add_hole_contact(plant, hole, at, scenario.parts, scenario.contact)
+    peg, body = _add_sprung_peg(plant, scenario)
+    touching = TouchingParts(scenario.parts, scenario.contact)
+    touching.add(plant, body, plant.world_body())
     plant.Finalize()
     plant.SetDefaultPositions(_at_rest(scenario))
 
     feed = builder.AddNamedSystem("feed", TrajectorySource(_feed(scenario), 1))
     desired = builder.AddNamedSystem("support at rest", _desired(scenario))
-    contact = builder.AddNamedSystem(
-        "contact",
-        PegHoleContactMonitor(
-            scenario.parts,
-            peg=(peg.body, at),
-            hole=(hole, at),
-            peg_shapes=shapes,
-            hole_shapes=walls,
-            seated_depth=SEATED * scenario.depth,
-        ),
-    )
+    contact = touching.monitor(builder, plant, SEATED * scenario.depth)
     connect = builder.Connect
     connect(feed.get_output_port(), desired.get_input_port())
-    connect(desired.get_output_port(), plant.get_desired_state_input_port(peg.instance))
-    connect(plant.get_contact_results_output_port(), contact.GetInputPort("contact_results"))
-    connect(plant.get_body_poses_output_port(), contact.GetInputPort("body_poses"))
-    builder.ExportOutput(plant.get_state_output_port(peg.instance), "joints")
-    builder.ExportOutput(plant.get_net_actuation_output_port(peg.instance), "drives")
-    for i in range(contact.num_output_ports()):
-        port = contact.get_output_port(i)
-        builder.ExportOutput(port, port.get_name())
+    connect(desired.get_output_port(), plant.get_desired_state_input_port(peg))
+    builder.ExportOutput(plant.get_state_output_port(peg), "joints")
+    builder.ExportOutput(plant.get_net_actuation_output_port(peg), "drives")
+    export_contact(builder, contact, "")
     diagram = builder.Build()
     diagram.set_name("Peg on a spring support")
     return diagram
 
 
-def add_sprung_peg(plant: MultibodyPlant, scenario: FeedScenario) -> SprungPeg:
-    """Add the peg on its springs, which the solver takes as they are at a step's end.
+def _add_sprung_peg(
+    plant: MultibodyPlant, scenario: FeedScenario
+) -> tuple[ModelInstanceIndex, RigidBody]:
+    """Add the peg on its springs; return its joints' instance and the body, in its frame.
 
-    So no step is too long for them, however light the peg.
+    The solver takes springs as they are at a step's end: no step is too long for a light peg.
     """
     instance = plant.AddModelInstance("peg")
     support, parts = scenario.support, scenario.parts
@@ -237,18 +213,14 @@ def add_sprung_peg(plant: MultibodyPlant, scenario: FeedScenario) -> SprungPeg:
         shape.ShiftFromCenterOfMass(np.array([back, 0.0, 0.0])),
     )
     plant.set_gravity_enabled(instance, False)
-    across = shape.get_moments()[1]  # about the centre of mass
-    turning = mass * ((L_g - back) ** 2 + across)
-    springs = {
-        "feed": (support.axial_stiffness, mass),
-        "y": (support.lateral_stiffness, mass),
-        "z": (support.lateral_stiffness, mass),
-        "rz": (support.angular_stiffness, turning),
-        "ry": (support.angular_stiffness, turning),
-    }
-    axes = dict(zip(JOINTS, np.eye(3)[[0, 1, 2, 2, 1]], strict=True))
+    about_middle = shape.get_moments()[1]
+    turning = mass * ((L_g - back) ** 2 + about_middle)
+    along, across = (support.axial_stiffness, mass), (support.lateral_stiffness, mass)
+    about = support.angular_stiffness, turning
+    springs = along, across, across, about, about
+    axes = np.eye(3)[[0, 1, 2, 2, 1]]
     parent = plant.world_body()
-    for name in JOINTS:
+    for name, (stiffness, moved), axis in zip(JOINTS, springs, axes, strict=True):
         last = name == JOINTS[-1]
         body = plant.AddRigidBody(
             "peg" if last else f"support {name}",
@@ -260,28 +232,20 @@ def add_sprung_peg(plant: MultibodyPlant, scenario: FeedScenario) -> SprungPeg:
         if last:
             X_TC = RigidTransform([-L_g, 0.0, 0.0])
             child = plant.AddFrame(FixedOffsetFrame("compliance centre", child, X_TC))
-        joint = plant.AddJoint(kind(name, parent.body_frame(), child, axes[name]))
+        joint = plant.AddJoint(kind(name, parent.body_frame(), child, axis))
         limit = scenario.force_cap if name == "feed" else math.inf
-        stiffness, moved = springs[name]
         damping = 2 * support.damping_ratio * math.sqrt(stiffness * moved)
         actuator = plant.AddJointActuator(name, joint, limit)
         actuator.set_controller_gains(PdControllerGains(p=stiffness, d=damping))
         parent = body
-    return SprungPeg(instance, parent)
+    return instance, parent
 
 
 def _at_rest(scenario: PegInsertionScenario) -> np.ndarray:
     """Return the joints' positions at the start, where no spring is strained."""
-    L_g = scenario.support.centre_distance
-    return np.array(
-        [
-            -scenario.gap - L_g * math.cos(scenario.tilt),
-            scenario.lateral + L_g * math.sin(scenario.tilt),
-            0.0,
-            -scenario.tilt,
-            0.0,
-        ]
-    )
+    L_g, tilt = scenario.support.centre_distance, scenario.tilt
+    x, y = -scenario.gap - L_g * math.cos(tilt), scenario.lateral + L_g * math.sin(tilt)
+    return np.array([x, y, 0.0, -tilt, 0.0])
 
 
 def _feed(scenario: PegInsertionScenario) -> PiecewisePolynomial:
@@ -303,36 +267,17 @@ def _desired(scenario: PegInsertionScenario) -> AffineSystem:
     return AffineSystem(empty, np.zeros((0, 2)), np.zeros(0), np.zeros((2 * n, 0)), D, rest)
 
 
-_SIDES: Final = 96  # corners of a circle
-_SEE_THROUGH: Final = 0.45  # opacity of the part with the hole
-
-
-class PegInsertionView(NamedTuple):
-    """A diagram that shows an insertion in Meshcat when it publishes."""
-
-    diagram: Diagram
-    plant: MultibodyPlant
-
-
-def make_peg_insertion_view(scenario: PegInsertionScenario, meshcat: Meshcat) -> PegInsertionView:
-    """Build peg and hole, and what draws them."""
+def make_peg_insertion_view(
+    scenario: PegInsertionScenario, meshcat: Meshcat
+) -> tuple[Diagram, MultibodyPlant]:
+    """Return a diagram that shows peg and hole in Meshcat when it publishes, and its plant."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
-    peg = add_sprung_peg(plant, scenario)
-    parts = scenario.parts
-    hole = plant.world_body()
-    for body, name, profile, colour, opacity in (
-        (peg.body, "peg", parts.peg.closed_profile, ColouredParts.peg_colour, 1.0),
-        (hole, "hole", parts.hole.closed_profile, ColouredParts.hole_colour, _SEE_THROUGH),
-    ):
-        shape = part_shape(profile, _SIDES, name, parts.section)
-        plant.RegisterVisualGeometry(body, RigidTransform(), shape, name, _rgba(colour, opacity))
+    _, body = _add_sprung_peg(plant, scenario)
+    coloured = ColouredParts(**vars(scenario.parts))
+    add_part_meshes(coloured, plant, {"peg": body, "hole": plant.world_body()})
     plant.Finalize()
     MeshcatVisualizer.AddToBuilder(
         builder, scene_graph, meshcat, MeshcatVisualizerParams(prefix="insertion")
     )
-    return PegInsertionView(builder.Build(), plant)
-
-
-def _rgba(colour: Colour, opacity: float) -> np.ndarray:
-    return np.array([*(channel / 255 for channel in colour), opacity])
+    return builder.Build(), plant

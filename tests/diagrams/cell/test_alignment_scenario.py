@@ -21,9 +21,9 @@ from chamfer.diagrams.cell.work_cell import (
     PEG_ARM,
     ArmName,
     WorkCellScenario,
+    add_part_shapes,
     add_work_cell,
 )
-from chamfer.diagrams.cell.work_cell_view import add_part_shapes
 from chamfer.diagrams.insertion.insertion import InsertionScenario
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import ParameterError

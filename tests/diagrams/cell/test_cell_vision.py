@@ -1,6 +1,7 @@
-"""The cell's cameras and what is measured in their images."""
+"""The cell's cameras, what is measured in their images, and where parts at rest look aligned."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.diagrams.cell import cell_vision
-from chamfer.diagrams.cell.alignment import resolve
+from chamfer.diagrams.cell.alignment import make_alignment_diagram, resolve
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
 from chamfer.diagrams.cell.cell_vision import (
     VIEWS,
@@ -24,21 +25,20 @@ from chamfer.diagrams.cell.cell_vision import (
     ViewFrames,
     ViewSettings,
     add_cell_vision,
-    believed_camera,
     camera_placement,
     resolved_cameras,
     true_camera,
 )
+from chamfer.diagrams.cell.still_vision import StillVision
 from chamfer.diagrams.cell.work_cell import ArmName, WorkCellScenario
 from chamfer.models.cameras.camera import Camera, View
 from chamfer.models.cameras.camera_file import CalibratedCamera, CameraFile, camera_text
 from chamfer.models.cameras.camera_model import CameraModel
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import ParameterError
-from chamfer.systems.cameras.camera_image import FrameGrabberParams, SensorParams
-from chamfer.systems.cameras.software_camera import SoftwareCamera
+from chamfer.systems.cameras.camera_image import FrameGrabberParams, Image, SensorParams
 from chamfer.systems.force.desired_pose import StoppableMotion
-from chamfer.systems.pose import pose_vector
+from chamfer.systems.pose import pose_from_vector, pose_vector
 from chamfer.systems.vision.part_detection import Detection, Status
 from chamfer.systems.vision.part_detector import unpack_detections
 
@@ -288,32 +288,6 @@ def test_images_are_of_the_true_camera(name: str, view: View) -> None:
 CELL_STAND = {view: true_camera(settings(), CELL, view) for view in VIEWS}
 
 
-class Deceived(SoftwareCamera):
-    """A camera that is as it is believed to be, whatever is true."""
-
-    believed: tuple[Camera, ...] = ()
-    made: int = 0
-
-    def __init__(self, parts: Any, camera: Camera, **more: Any) -> None:
-        super().__init__(parts, Deceived.believed[Deceived.made % len(VIEWS)], **more)
-        Deceived.made += 1
-
-
-@pytest.fixture
-def deceived(monkeypatch: pytest.MonkeyPatch) -> None:
-    Deceived.believed = tuple(CELL_STAND[view] for view in VIEWS)
-    Deceived.made = 0
-    monkeypatch.setattr(cell_vision, "SoftwareCamera", Deceived)
-
-
-@pytest.mark.usefixtures("deceived")
-@pytest.mark.parametrize("name", FIELDS)
-def test_every_field_that_is_believed_is_measured_with(name: str) -> None:
-    plain = read(settings("metric"))["error"]
-    wrong = settings("metric", **both(believed=alone(name)))
-    assert np.abs(read(wrong)["error"][-1] - plain[-1]).max() > 1e-3
-
-
 def moving(cameras: CameraSettings, start: Array, duration: float = 0.5) -> tuple[Outputs, Array]:
     """Errors of a peg that moves as it is desired to, and its velocity, m/s, at the ticks."""
     builder = DiagramBuilder()
@@ -455,8 +429,120 @@ def test_parts_that_the_true_camera_does_not_see_are_refused() -> None:
     assert resolve(AlignmentScenario(cameras=believed)).cameras.xz.true.tilt == (0.0, 0.0)
 
 
-def test_believed_cameras_are_in_the_holes_axes() -> None:
+METHODS: tuple[Measured, ...] = ("image", "metric")
+STANDS = resolve(AlignmentScenario())
+MOUTH = STANDS.nominal_pose("hole")
+
+
+def with_true(
+    scenario: AlignmentScenario, views: Sequence[View] = VIEWS, **changed: Any
+) -> AlignmentScenario:
+    cameras = scenario.cameras
+    for view in views:
+        of = cameras.view(view)
+        cameras = cameras.with_view(view, replace(of, true=replace(of.true, **changed)))
+    return replace(scenario, cameras=cameras)
+
+
+def measuring(measured: Measured, scenario: AlignmentScenario = STANDS) -> AlignmentScenario:
+    return replace(scenario, cameras=replace(scenario.cameras, measured=measured))
+
+
+def distance_of(X_WT: RigidTransform | None) -> tuple[float, float, float]:
+    """How far a pose is from the aligned one: along and across the axis, m, and turned, rad."""
+    assert X_WT is not None
+    way = X_WT.translation() - STANDS.nominal_pose("peg").translation()
+    axis = X_WT.rotation().matrix()[:, 0]
+    return float(way[0]), math.hypot(way[1], way[2]), math.hypot(axis[1], axis[2])
+
+
+@pytest.mark.parametrize("measured", METHODS)
+def test_cameras_without_error_take_aligned_parts_to_be_aligned(measured: Measured) -> None:
+    along, across, turned = distance_of(StillVision(measuring(measured)).aligned())
+    assert abs(along) < 1e-4
+    assert across < 2e-5
+    assert turned < 2e-4
+
+
+@pytest.mark.parametrize("measured", METHODS)
+def test_the_error_is_that_of_the_diagram(measured: Measured) -> None:
+    frames = FrameGrabberParams(noise=0.0)
+    cameras = CameraSettings(measured=measured, frames=frames)
+    scenario = resolve(AlignmentScenario(begin=0.1, compensation_time=0.05, cameras=cameras))
+    scenario = with_true(scenario, focal_length=(1010.0, 1010.0), roll=0.02)
+    outputs = simulate(
+        make_alignment_diagram(scenario), duration=scenario.duration, step=1 / 80
+    ).outputs
+    first = int(np.flatnonzero(outputs["valid"])[0])
+    # Of the frame that has arrived a period before, when it was a period old.
+    X_WT, X_WM = (
+        pose_from_vector(outputs[f"{arm}.true_pose"][first - 2]) for arm in ("peg", "hole")
+    )
+    expected = StillVision(scenario).error(X_WT, X_WM)
+    scale = np.array([scenario.cameras.pixel_size] * 3 + [1.0] * 3)
+    found = outputs["error"][first] * scale
+    np.testing.assert_allclose(found, expected, rtol=0, atol=2e-5)
+
+
+def test_coinciding_axes_coincide_in_space_whatever_the_pinhole_camera() -> None:
+    for change in (
+        {"focal_length": (1200.0, 1200.0)},
+        {"principal_point": (175.0, 110.0)},
+        {"roll": 0.1},
+        {"tilt": (0.03, -0.03)},
+        {"position": (0.01, -0.01, 0.1)},
+    ):
+        _, across, turned = distance_of(StillVision(with_true(STANDS, **change)).aligned())
+        assert across < 5e-5, change
+        assert turned < 3e-4, change
+    _, across, turned = distance_of(StillVision(with_true(STANDS, VIEWS[:1], roll=0.1)).aligned())
+    assert (across < 5e-5, turned < 3e-4) == (True, True)
+
+
+@pytest.mark.parametrize("offset", [-0.02, 0.01])
+def test_distortion_turns_parts_that_are_off_the_axis(offset: float) -> None:
+    """By about 0.94 |k1| d in each of the two planes together, d the distance in m."""
+    k1 = -1.0
+    cameras = STANDS.cameras
     for view in VIEWS:
-        camera = believed_camera(settings(**both(believed=alone("tilt"))), CELL, view)
-        true = true_camera(settings(**both(true=alone("tilt"))), CELL, view)
-        np.testing.assert_allclose(camera.R_WC, true.R_WC, atol=1e-12)
+        of = cameras.view(view)
+        known = replace(of.believed, position=(0.0, offset, 0.0))
+        bent = replace(known, distortion=(k1, 0.0, 0.0, 0.0, 0.0))
+        cameras = cameras.with_view(view, replace(of, believed=known, true=bent))
+    scenario = replace(STANDS, cameras=cameras)
+    _, across, turned = distance_of(StillVision(scenario).aligned())
+    assert turned == pytest.approx(0.94 * abs(k1 * offset), rel=0.06)
+    assert across < 0.015 * abs(k1 * offset)
+    # What is believed of the lens too is straightened.
+    for view in VIEWS:
+        of = cameras.view(view)
+        cameras = cameras.with_view(view, replace(of, believed=of.true))
+    _, across, turned = distance_of(StillVision(replace(STANDS, cameras=cameras)).aligned())
+    assert turned < 1e-3
+
+
+def test_parts_that_are_not_found_are_nowhere() -> None:
+    def black(image: Image) -> Image:
+        return np.zeros_like(image)
+
+    assert StillVision(STANDS, black).aligned() is None
+    away = with_true(STANDS, tilt=(0.3, 0.3))
+    assert StillVision(away).aligned() is None
+    assert not np.isfinite(StillVision(away).error(STANDS.nominal_pose("peg"), MOUTH)).all()
+
+
+@pytest.mark.parametrize("radius", [0.004, 0.010035])
+def test_square_parts_are_measured_like_round_ones_but_for_the_gap(radius: float) -> None:
+    names = ("chamfer_width", "peg_length", "hole_length", "outer_radius")
+    lengths = {name: getattr(STANDS.parts, name) * radius / 0.010035 for name in names}
+    parts = replace(
+        STANDS.parts, section="square", hole_radius=radius, peg_radius=0.98 * radius, **lengths
+    )
+    sight = StillVision(resolve(AlignmentScenario(parts=parts)))
+    X_WT = RigidTransform(RollPitchYaw(0.0, 0.02, -0.03), [-0.03, 0.002, 0.157])
+    _, y, z, _, pitch, yaw = sight.error(X_WT, MOUTH)
+    assert [y, z] == pytest.approx([-0.002, 0.001], abs=6e-5)
+    assert [pitch, yaw] == pytest.approx([-0.02, 0.03], abs=5e-4)
+    # What is seen of an end face is its far edge: the gap looks narrower by r over the distance.
+    along = sight.error(STANDS.nominal_pose("peg"), MOUTH)[0]
+    assert along == pytest.approx(-STANDS.gap * radius / STANDS.cameras.distance, abs=1e-4)

@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
@@ -21,7 +19,6 @@ from chamfer.diagrams.cell.alignment_scenario import (
     KINDS,
     VERTICAL_TRACKING,
     AlignmentScenario,
-    Kind,
     OpenAxis,
     OpenGains,
     SixAxisPid,
@@ -51,9 +48,8 @@ from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.camera_image import FrameGrabberParams
 from chamfer.systems.force.desired_pose import compensate
 from chamfer.systems.pose import pose_vector
-from chamfer.systems.servo.compensator import AxisParams
 from chamfer.systems.servo.sampled_pid import tuned_gains
-from chamfer.systems.servo.settling import SettlingPlant, guarantee
+from chamfer.systems.servo.settling import guarantee
 from chamfer.systems.vision.cell_error import AXES
 
 Array = NDArray[np.float64]
@@ -68,15 +64,6 @@ ALL = (*LATERAL, *ROTATIONAL)
 def responses() -> Responses:
     (found,) = arm_responses(SCENARIO)
     return found
-
-
-def kind(axis: str) -> Kind:
-    return "lateral" if axis in LATERAL else "rotational"
-
-
-def element(scenario: AlignmentScenario, axis: str) -> AxisParams:
-    found: OpenAxis = getattr(scenario.compensator, kind(axis))
-    return found.closed
 
 
 def seen_by(cameras: FrameGrabberParams, **changed: Any) -> AlignmentScenario:
@@ -214,69 +201,6 @@ def test_nothing_follows_from_arms_that_do_not_come_to_rest() -> None:
     wild = replace(AlignmentScenario().impedance, damping_ratio=5.0, allow_unstable=True)
     with pytest.raises(ParameterError, match=r"damping_ratio.*come to rest"):
         resolve(AlignmentScenario(impedance=wild))
-
-
-def closed_loop(
-    plant: SettlingPlant, axis: AxisParams, initial: float, noise: Array
-) -> tuple[Array, Array]:
-    """Actions and true errors of one axis by convolution, the law written out again."""
-    ticks = len(noise)
-    arrived = np.append(1.0 - plant.undelivered, np.ones(ticks))[:ticks]
-    actions, errors = np.zeros(ticks), np.full(ticks + 1, initial)
-    for k in range(ticks):
-        seen = errors[k] + noise[k]
-        if abs(seen) >= axis.dead_zone:
-            step = axis.increment if abs(seen) >= axis.large_error else axis.small_increment
-            actions[k] = math.copysign(step, seen)
-            errors[k + 1 :] -= plant.gain * actions[k] * arrived[: ticks - k]
-    return actions, errors[:-1]
-
-
-def reversals(actions: Array) -> int:
-    signs = np.sign(actions[np.abs(actions) > 1e-12])
-    return int(np.count_nonzero(np.diff(signs)))
-
-
-@pytest.mark.parametrize("axis", ALL)
-@settings(max_examples=25, deadline=None)
-@given(
-    share=st.floats(-1.0, 1.0),
-    adversary=st.sampled_from(["random", "for", "against", "alternating"]),
-    seed=st.integers(0, 2**32 - 1),
-)
-def test_no_start_and_no_noise_makes_the_measured_response_turn_back(
-    responses: Responses, axis: str, share: float, adversary: str, seed: int
-) -> None:
-    plant, params, nu = responses[axis], element(SCENARIO, axis), MEASUREMENT_ERROR[kind(axis)]
-    initial = share * (25.0 if axis in LATERAL else 0.3)  # pixels, rad
-    ticks = 700
-    sign = math.copysign(1.0, initial)
-    noise = (
-        nu
-        * {
-            "random": np.random.default_rng(seed).choice([-1.0, 1.0], ticks),
-            "for": np.full(ticks, sign),
-            "against": np.full(ticks, -sign),
-            "alternating": np.where(np.arange(ticks) % 2, 1.0, -1.0),
-        }[adversary]
-    )
-    actions, errors = closed_loop(plant, params, initial, noise)
-    assert np.all(sign * actions >= 0)
-    assert not actions[-200:].any()
-    assert abs(errors[-1]) < params.dead_zone + nu
-
-
-@pytest.mark.parametrize(("axis", "beyond"), [("x", 3), ("y", 10), ("z", 10), ("yaw", 6)])
-def test_beyond_the_bound_the_measured_response_goes_to_and_fro(
-    responses: Responses, axis: str, beyond: float
-) -> None:
-    params = element(SCENARIO, axis)
-    wild = replace(params, increment=beyond * params.increment)
-    assert not guarantee(wild, responses[axis], MEASUREMENT_ERROR[kind(axis)]).small_band
-    initial = 16.0 if axis in LATERAL else 0.06
-    actions, _ = closed_loop(responses[axis], wild, initial, np.zeros(480))
-    assert reversals(actions) >= 8
-    assert actions[-80:].any()
 
 
 def test_the_baseline_has_the_most_careful_gains(responses: Responses) -> None:

@@ -185,12 +185,6 @@ def test_what_the_files_say() -> None:
         replace(arm("ur5"), tool_frame=None)
 
 
-def test_a_small_arm_does_not_reach() -> None:
-    small = replace(arm("ur5"), model=file("ur_description/urdf/ur3_robot.urdf"))
-    with pytest.raises(ParameterError, match=r"arm reaches .* within reach of ur3_robot"):
-        resolve_arms(replace(cell("ur5"), peg=small))
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ARMS)
 def test_aligns_and_inserts_by_sight(name: str) -> None:
