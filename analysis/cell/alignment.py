@@ -1,8 +1,9 @@
-"""Figs. 12 to 14: the cameras align peg and hole; and how well, many times."""
+"""Figs. 11 to 14: the cameras align peg and hole, also on the way up; and how well, many times."""
 
 import time
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -10,13 +11,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
-from pydrake.math import RigidTransform
+from pydrake.geometry import Box, Meshcat, Rgba
+from pydrake.math import RigidTransform, RotationMatrix
 from scipy.spatial.transform import Rotation
 
-from chamfer.analysis.campaign.campaign import Trials
+from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_metrics import metrics_of, over_trials
+from chamfer.analysis.campaign.trial_rows import Row, table_of, with_table
 from chamfer.analysis.cell.alignment_runs import (
     ALIGNMENT,
+    COURSE,
     LATE,
     SETTLED,
     STOPPED,
@@ -24,7 +28,9 @@ from chamfer.analysis.cell.alignment_runs import (
     ResolvedRepeatabilityScenario,
     align_all,
     alignment_metrics,
+    courses,
     detected_metric,
+    detected_share,
     drawn,
     margins,
     row_before,
@@ -33,27 +39,48 @@ from chamfer.analysis.cell.alignment_runs import (
     settling_metrics,
     statistics,
     stopped_metrics,
+    stopped_values,
     warn_of_stops,
 )
 from chamfer.analysis.drawing.figure_kit import (
     Curve,
+    FilledBand,
     ReferenceLine,
     draw_lines,
     metric_value,
     trial_curves,
 )
-from chamfer.analysis.drawing.figure_style import BAND, PUBLISHED, Style, dress, legend, new_figure
-from chamfer.analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
+from chamfer.analysis.drawing.figure_style import (
+    BAND,
+    DESIRED,
+    FSM,
+    PUBLISHED,
+    Style,
+    dress,
+    legend,
+    new_figure,
+)
+from chamfer.analysis.published.work_cell import DROOP, MEAN_ERROR, WORST_ERROR
+from chamfer.analysis.report.replay import record, set_stage
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column
 from chamfer.diagrams.cell.alignment import resolve
 from chamfer.diagrams.cell.alignment_scenario import (
     KINDS,
     AlignmentScenario,
+    Compensated,
     ResolvedAlignmentScenario,
     require_fine_enough,
 )
 from chamfer.diagrams.cell.cell_vision import VIEWS, looks_in, undistortion_of
+from chamfer.diagrams.cell.work_cell import (
+    ArmName,
+    CellArmSettings,
+    WorkCellScenario,
+    make_work_cell_view,
+)
+from chamfer.models.cameras.camera import Camera
 from chamfer.models.peg_theory.wedging import rotation_bounds
+from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.camera_image import Image, add_noise, shaded
 from chamfer.systems.cameras.software_camera import between, render, render_moving
 from chamfer.systems.pose import POSE_NAMES, pose_from_vector
@@ -155,13 +182,7 @@ def run_repeatability(
         **_over_trials(finished),
         **settling_metrics(scenario),
     }
-    errors = {
-        "trial": np.repeat(finished.tasks, [len(row["time"]) for row in finished.rows]),
-        **{
-            name.removesuffix("s"): np.concatenate([row[name] for row in finished.rows])
-            for name in ("time", "lateral_errors", "rotational_errors")
-        },
-    }
+    errors = courses(finished.rows, COURSE, trial=finished.tasks)
     return Outcome(
         metrics=metrics,
         traces=_rows(scenario, seed, finished),
@@ -415,3 +436,164 @@ def _ends(axes: Axes, scenario: RepeatabilityScenario, outcome: Outcome) -> None
     dress(axes, title=title, x="lateral error / mm", y="rotational error / mrad")
     axes.set_xlim(0.0, 1e3 * right)
     axes.set_ylim(0.0, 1e3 * top)
+
+
+RUNS: Final = ("uncompensated", "compensated")
+
+
+def resolve_tracking(scenario: AlignmentScenario) -> ResolvedAlignmentScenario:
+    """Refuse what leaves nothing to compare, or to see."""
+    if scenario.axis != "horizontal":
+        allowed = "horizontal, for a peg that goes up to the height of the hole"
+        raise ParameterError("axis", scenario.axis, allowed)
+    if scenario.compensated == "none":
+        raise ParameterError("compensated", "none", "peg, hole, both; one run goes without")
+    return resolve(scenario)
+
+
+def run_tracking(scenario: ResolvedAlignmentScenario, seed: int, progress: Progress) -> Outcome:
+    """Run without and with compensation, and measure the heights that the tip reaches."""
+    finished = run_each(partial(_run_one, scenario, seed), RUNS, progress)
+    split = finished.split(RUNS, lambda name: name)
+    runs = {name: table_of(one.rows[0]) for name, one in split.items()}
+    goal = scenario.mouth[2]
+    metrics: dict[str, Metric] = {}
+    traces = {
+        "time": runs["compensated"]["time"],
+        "desired_height": runs["compensated"]["peg_desired_z"],
+    }
+    time = traces["time"]
+    moving = time <= scenario.motion_time
+    late = time >= time[-1] - LATE - 1e-9
+    for name, found in runs.items():
+        height = found["peg_true_z"]
+        off = height - traces["desired_height"]
+        metrics |= {
+            f"{name}.height_error": Metric(
+                value=float(np.mean(height[late]) - goal),
+                unit="m",
+                note=f"mean of the last {LATE:g} s",
+            ),
+            f"{name}.height_error_max": Metric(
+                value=float(np.abs(height[late] - goal).max()), unit="m"
+            ),
+            f"{name}.tracking_rms": Metric(
+                value=float(np.sqrt(np.mean(off[moving] ** 2))), unit="m", note="on the way"
+            ),
+        }
+        traces |= {
+            f"{name}_height": height,
+            f"{name}_encoder_height": found["peg_tool_z"],
+            f"{name}_hole_height": found["hole_true_z"],
+            f"{name}_valid": found["valid"],
+        }
+    # Without compensation the compensator asks for one too, which nobody adds.
+    traces["compensation"] = runs["compensated"]["compensation_z"]
+    seen = detected_share(runs["compensated"], scenario)
+    metrics["detected"] = detected_metric(np.array([seen]))
+    stopped = stopped_values(runs["compensated"], scenario)
+    warn_of_stops({name: column([stopped[name] or 0.0]) for name in STOPPED})
+    metrics |= {name: Metric(value=value, unit="") for name, value in stopped.items()}
+    metrics |= settling_metrics(scenario)
+    return Outcome(
+        metrics=metrics,
+        traces=traces,
+        simulated_seconds=len(RUNS) * scenario.duration,
+    )
+
+
+def _run_one(scenario: ResolvedAlignmentScenario, seed: int, name: str) -> Row:
+    compensated: Compensated = scenario.compensated if name == "compensated" else "none"
+    return with_table({}, run_alignment(replace(scenario, compensated=compensated), seed))
+
+
+_WITHOUT: Final[Style] = {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.8}
+_ADDED: Final[Style] = {"color": "#7a4100", "linestyle": "-.", "linewidth": 1.3}
+_RUNS: Final = (
+    ("uncompensated", "without compensation", _WITHOUT),
+    ("compensated", "with compensation by sight", FSM),
+)
+
+
+def tracking_figures(
+    scenario: ResolvedAlignmentScenario, outcome: Outcome
+) -> Mapping[str, Figure]:
+    """Draw height, error and compensation over time."""
+    traces, goal = outcome.traces, scenario.mouth[2]
+    time, desired = traces["time"], traces["desired_height"]
+    figure = new_figure(10.0, 7.5)
+    height, error = figure.subplots(2, 1, sharex=True)
+    curves = [Curve(1e3 * desired, "desired", DESIRED)]
+    off = []
+    for name, label, style in _RUNS:
+        reached = traces[f"{name}_height"]
+        curves.append(Curve(1e3 * reached, label, style))
+        off.append(Curve(1e3 * (reached - desired), label, style))
+    off.append(Curve(1e3 * traces["compensation"], "compensation added", _ADDED))
+    title, y = "(a) Height of the peg's tip", "height / mm"
+    draw_lines(height, time, curves, title=title, y=y, over="", key="lower right")
+    zone = 1e3 * scenario.compensator.lateral.closed.dead_zone * scenario.cameras.pixel_size
+    draw_lines(
+        error,
+        time,
+        off,
+        title=f"(b) Actual minus desired height, and compensation; goal {1e3 * goal:g} mm",
+        y="error / mm",
+        bands=[FilledBand(-zone, zone, "dead zone")],
+        levels=[ReferenceLine(1e3 * DROOP, "published: 1.5 mm low", PUBLISHED)],
+    )
+    legend(error, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=5)
+    error.set_xlim(0.0, float(time[-1]))
+    return {"vertical-tracking": figure}
+
+
+Array = NDArray[np.float64]
+
+_EYE: Final = np.array([-0.04, -0.16, 0.10])  # m, from the middle of the gap; assumed
+_BODY: Final = (0.04, 0.03, 0.05)  # m, of a camera, along its axes; assumed
+_REACH: Final = 0.12  # m, that the lines of sight are drawn, along the optical axis
+_CAMERA: Final = Rgba(0.15, 0.16, 0.18)
+_SIGHT: Final = Rgba(0.85, 0.55, 0.1)
+
+
+def replay_alignment(scenario: AlignmentScenario, outcome: Outcome, meshcat: Meshcat) -> None:
+    """Show a run as an animation, with its cameras, seen at first from near the parts.
+
+    The traces have ``time``, s, and of each arm the joint positions ``peg_q1``, ... rad.
+    """
+    cell = make_work_cell_view(scenario, meshcat)
+    target = scenario.nominal_pose("peg") @ np.array([scenario.gap / 2, 0.0, 0.0])
+    floor = np.array([*target[:2], min(_foot(scenario, arm) for arm in scenario.arms)])
+    set_stage(meshcat, floor=floor, eye=target + scenario.hole_axes @ _EYE, target=target)
+    for i, view in enumerate(VIEWS):
+        _draw_camera(meshcat, f"camera_{i + 1}", scenario.camera(view))
+    traces = outcome.traces
+    joints = {
+        arm: np.column_stack([traces[f"{arm}_q{i + 1}"] for i in range(n)])
+        for arm in scenario.arms
+        for n in (getattr(scenario, arm).arm.num_joints,)
+    }
+    record(meshcat, cell.diagram, cell.plant, traces["time"], cell.positions(joints))
+
+
+def _foot(scenario: WorkCellScenario, arm: ArmName) -> float:
+    """Return how high an arm's foot is, m."""
+    settings: CellArmSettings = getattr(scenario, arm)
+    X_WB = settings.base.transform @ settings.base_error.transform
+    return float(X_WB.translation()[2]) - settings.arm.base_height
+
+
+def _draw_camera(meshcat: Meshcat, path: str, camera: Camera) -> None:
+    """Draw a box with its front at the camera's centre, and the edges of what it sees."""
+    X_WC = RigidTransform(RotationMatrix(camera.R_WC), camera.p_WC)
+    meshcat.SetObject(f"{path}/body", Box(*_BODY), _CAMERA)
+    meshcat.SetTransform(f"{path}/body", X_WC @ RigidTransform([0.0, 0.0, -_BODY[2] / 2]))
+    right, low = camera.width - 0.5, camera.height - 0.5
+    corners = np.array([[-0.5, -0.5], [right, -0.5], [right, low], [-0.5, low]])
+    rays = camera.ray(corners)
+    # Corners in which a lens shows nothing are drawn as without it.
+    rays = np.where(np.isfinite(rays), rays, camera.without_distortion().ray(corners))
+    ends = camera.p_WC + rays * (_REACH / (rays @ camera.R_WC[:, 2:]))
+    start = np.vstack([np.tile(camera.p_WC, (4, 1)), ends])
+    end = np.vstack([ends, np.roll(ends, -1, axis=0)])
+    meshcat.SetLineSegments(f"{path}/sight", start.T, end.T, 2.0, _SIGHT)

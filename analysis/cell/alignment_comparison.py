@@ -16,10 +16,12 @@ from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_metrics import mean_interval, metrics_of, prefixed
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.cell.alignment_runs import (
+    COURSE,
     STOPPED,
     AlignmentTrialsScenario,
     ResolvedAlignmentTrialsScenario,
     align,
+    courses,
     detected_metric,
     resolve_trials,
     settled_trials,
@@ -228,15 +230,8 @@ def _errors(
         for i, name in enumerate(CONTROLLERS)
         for task, row in zip(found[name].tasks, found[name].rows, strict=True)
     ]
-    counts = [len(row["time"]) for *_, row in rows]
-    return {
-        "controller": np.repeat([i for i, *_ in rows], counts),
-        "trial": np.repeat([trial for _, trial, _ in rows], counts),
-        **{
-            name.removesuffix("s"): np.concatenate([row[name] for *_, row in rows])
-            for name in ("time", "lateral_errors", "rotational_errors")
-        },
-    }
+    controllers, trials, of = zip(*rows, strict=True)
+    return courses(of, COURSE, controller=controllers, trial=trials)
 
 
 def _tune(

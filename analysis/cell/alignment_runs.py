@@ -6,7 +6,7 @@ One, or many from different starts with different errors of the controllers' mod
 import math
 import time
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from itertools import product
@@ -85,6 +85,7 @@ ALIGNMENT: Final = {
 }
 STOPPED: Final = ("blind", "diverged", "limited", "growing")  # what says that a loop went wrong
 SETTLED: Final = (0.001, 0.01)  # m and rad: a run has settled from where it stays below
+COURSE: Final = ("time", "lateral_errors", "rotational_errors")  # of a trial, in its row
 LATE: Final = 0.5  # s, at the end, over which the compensation should not change any more
 
 
@@ -366,6 +367,17 @@ class Spread:
 
 
 DrawnT = TypeVar("DrawnT", bound=AlignmentScenario)
+ArmT = TypeVar("ArmT", bound=CellArmSettings)
+
+
+def wrong_arm(arm: ArmT, payload_error: float, mass: float, friction: float) -> ArmT:
+    """Return an arm with errors of its model, kg and relative."""
+    return replace(
+        arm,
+        payload_error=payload_error,
+        mass_scale=arm.mass_scale * (1 + mass),
+        joint_friction=tuple(one * (1 + friction) for one in arm.arm.dry_friction),
+    )
 
 
 def drawn(scenario: DrawnT, spread: Spread, seed: int, trial: int) -> DrawnT:
@@ -377,13 +389,9 @@ def drawn(scenario: DrawnT, spread: Spread, seed: int, trial: int) -> DrawnT:
 
     def arm(settings: ArmT) -> ArmT:
         payload, mass, friction = generator.uniform(-1.0, 1.0, 3).tolist()
-        return replace(
-            settings,
-            payload_error=settings.payload_error * (1 + spread.payload * payload),
-            mass_scale=settings.mass_scale * (1 + spread.link_mass * mass),
-            joint_friction=tuple(
-                one * (1 + spread.joint_friction * friction) for one in settings.arm.dry_friction
-            ),
+        payload_error = settings.payload_error * (1 + spread.payload * payload)
+        return wrong_arm(
+            settings, payload_error, spread.link_mass * mass, spread.joint_friction * friction
         )
 
     return replace(
@@ -405,9 +413,6 @@ class AlignmentTrialsScenario(AlignmentScenario):
         super().__post_init__()
         if not 1 <= self.trials <= _MOST:
             raise ParameterError("trials", self.trials, f"1 to {_MOST}")
-
-
-ArmT = TypeVar("ArmT", bound=CellArmSettings)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -493,6 +498,17 @@ def align_all(
 ) -> Trials[int]:
     """Run as many trials as the scenario asks for; a task is a trial's number."""
     return run_each(partial(align, scenario, seed), range(scenario.trials), progress)
+
+
+def courses(
+    rows: Sequence[Row], names: Sequence[str], **labels: Sequence[float]
+) -> dict[str, Array]:
+    """Return columns of the rows' courses, one below the other, each with its row's labels."""
+    counts = [len(row[names[0]]) for row in rows]
+    repeated = {label: np.repeat(values, counts) for label, values in labels.items()}
+    return repeated | {
+        name.removesuffix("s"): np.concatenate([row[name] for row in rows]) for name in names
+    }
 
 
 def statistics(finished: Trials[Any], name: str, unit: str) -> dict[str, Metric]:

@@ -40,6 +40,7 @@ from chamfer.analysis.drawing.figure_style import (
     FSM,
     PID,
     PUBLISHED,
+    Style,
     dress,
     legend,
     new_figure,
@@ -51,6 +52,7 @@ from chamfer.analysis.scenario.experiment import (
     Progress,
     Table,
     column,
+    part_of,
 )
 from chamfer.diagrams.cell.alignment_scenario import (
     AlignmentScenario,
@@ -142,7 +144,7 @@ def resolve(scenario: CameraErrorsScenario) -> ResolvedCameraErrorsScenario:
 def run(scenario: ResolvedCameraErrorsScenario, seed: int, progress: Progress) -> Outcome:
     """Look at parts at rest, and run the loop."""
     study = Study(scenario, scenario.behind, scenario.off_axis, scenario.soon)
-    still = _still(scenario, study, partial(_part, progress, 0.0, 0.2))
+    still = _still(scenario, study, part_of(progress, 0.0, 0.2))
     tasks = [
         *_alone(scenario),
         *(
@@ -153,7 +155,7 @@ def run(scenario: ResolvedCameraErrorsScenario, seed: int, progress: Progress) -
             for name, size in ((NONE, 0.0), (DRAWN, scenario.drawn))
         ),
     ]
-    finished = run_each(partial(run_once, study, seed), tasks, partial(_part, progress, 0.2, 1.0))
+    finished = run_each(partial(run_once, study, seed), tasks, part_of(progress, 0.2, 1.0))
     traces = _rows(finished)
     metrics = _metrics(scenario, still, traces)
     return Outcome(
@@ -162,10 +164,6 @@ def run(scenario: ResolvedCameraErrorsScenario, seed: int, progress: Progress) -
         simulated_seconds=len(finished) * scenario.duration,
         tables={"still": still},
     )
-
-
-def _part(progress: Progress, begin: float, end: float, fraction: float, doing: str = "") -> None:
-    progress(begin + (end - begin) * fraction, doing)
 
 
 def _still(scenario: CameraErrorsScenario, study: Study, progress: Progress) -> Table:
@@ -177,16 +175,16 @@ def _still(scenario: CameraErrorsScenario, study: Study, progress: Progress) -> 
         for error in scenario.alone
         if not error.moving and scenario.points
     ]
-    columns = ("size", *LEFT, "gap_error")
-    if not tasks:
-        names = {name: np.array([], np.str_) for name in ("error", "measured")}
-        return {**names, **{name: np.array([]) for name in columns}}
-    found = run_each(partial(at_rest, study), tasks, progress)
-    count = [len(row["size"]) for row in found.rows]
+    none: Trials[ErrorAtRest] = Trials(tasks=(), rows=())
+    found = run_each(partial(at_rest, study), tasks, progress) if tasks else none
+    count = np.array([len(row["size"]) for row in found.rows], dtype=int)
     return {
-        "error": np.repeat([task.error for task in found.tasks], count),
-        "measured": np.repeat([task.measured for task in found.tasks], count),
-        **{name: np.concatenate([row[name] for row in found.rows]) for name in columns},
+        "error": np.repeat(np.array([one.error for one in found.tasks], np.str_), count),
+        "measured": np.repeat(np.array([one.measured for one in found.tasks], np.str_), count),
+        **{
+            name: np.concatenate([np.array([]), *(row[name] for row in found.rows)])
+            for name in ("size", *LEFT, "gap_error")
+        },
     }
 
 
@@ -343,6 +341,7 @@ _PANELS: Final = (
 )
 _NOT_DRAWN: Final = ", ".join(error.says for error in NOT_DRAWN)
 _BAR: Final = "#9db8dd"
+_POINT: Final[Style] = {"linestyle": "none", "marker": "o", "markersize": 5}
 _LEAST: Final = 1e-3  # mm and mrad, of a bar that is drawn
 
 
@@ -427,22 +426,11 @@ def _tornado(
     ):
         rows = [_row(one.name, runs) for one in errors]
         points = [np.nan if r is None else 1e3 * runs[f"{moment}.{kind}"][r] for r in rows]
-        axes.plot(
-            points,
-            where,
-            linestyle="none",
-            marker="o",
-            markersize=5,
-            markerfacecolor=fill,
-            markeredgecolor=FSM["color"],
-            label=f"the loop after {seconds:g} s",
-        )
+        look: Style = {"markerfacecolor": fill, "markeredgecolor": FSM["color"], **_POINT}
+        axes.plot(points, where, label=f"the loop after {seconds:g} s", **look)
     if (none := _row(NONE, runs)) is not None:
-        axes.axvline(
-            1e3 * runs[f"late.{kind}"][none],
-            label="the loop without an error, at the end",
-            **DESIRED,
-        )
+        left = 1e3 * runs[f"late.{kind}"][none]
+        axes.axvline(left, label="the loop without an error, at the end", **DESIRED)
 
 
 def plot_drawn(scenario: CameraErrorsScenario, outcome: Outcome) -> Figure:
@@ -450,39 +438,21 @@ def plot_drawn(scenario: CameraErrorsScenario, outcome: Outcome) -> Figure:
     runs, _ = _first(outcome.traces, outcome.tables["still"])
     figure = new_figure(10.5, 4.6)
     panels = figure.subplots(1, 2, sharey=True)
-    for axes, (kind, where) in zip(
-        panels,
-        (
-            ("lateral_error", "at the tip"),
-            ("behind_error", f"{1e3 * scenario.behind:g} mm behind the tip"),
-        ),
-        strict=True,
-    ):
+    behind = f"{1e3 * scenario.behind:g} mm behind the tip"
+    places = ("lateral_error", "at the tip"), ("behind_error", behind)
+    for axes, (kind, where) in zip(panels, places, strict=True):
         for name, label, style in (
             (NONE, "no errors of the cameras", PID),
             (DRAWN, f"drawn errors of the cameras,\nwithout {_NOT_DRAWN}", FSM),
         ):
             of = (runs["error"] == name) & ~np.isnan(runs["trial"]) & (runs["seen"] > 0)
-            axes.plot(
-                1e3 * runs[f"soon.{kind}"][of],
-                1e3 * runs["soon.rotational_error"][of],
-                linestyle="none",
-                marker="o",
-                markersize=5,
-                color=style["color"],
-                label=label,
-            )
-        x, y = 1e3 * MEAN_ERROR[0], 1e3 * MEAN_ERROR[1]
-        axes.errorbar(
-            x,
-            y,
-            xerr=[[0.0], [1e3 * WORST_ERROR[0] - x]],
-            yerr=[[0.0], [1e3 * WORST_ERROR[1] - y]],
-            color=PUBLISHED["color"],
-            marker="s",
-            capsize=3,
-            label="published: mean, up to the largest",
-        )
+            left = 1e3 * runs[f"soon.{kind}"][of], 1e3 * runs["soon.rotational_error"][of]
+            axes.plot(*left, color=style["color"], label=label, **_POINT)
+        mean, worst = 1e3 * np.array(MEAN_ERROR), 1e3 * np.array(WORST_ERROR)
+        up = [[[0.0], [beyond]] for beyond in worst - mean]
+        bars: Style = {"color": PUBLISHED["color"], "marker": "s", "capsize": 3}
+        label = "published: mean, up to the largest"
+        axes.errorbar(*mean, xerr=up[0], yerr=up[1], label=label, **bars)
         title = f"After {scenario.soon:g} s, {where}"
         dress(axes, title=title, x="lateral error / mm", y="rotational error / mrad")
         axes.set_xlim(0.0, None)

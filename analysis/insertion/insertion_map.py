@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
 from functools import partial
 from itertools import product
-from typing import Final, NamedTuple, TypeVar, get_args
+from typing import Final, NamedTuple, get_args
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,6 +20,7 @@ from pydrake.systems.framework import Context
 from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_metrics import metrics_of, rate
 from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.cell.alignment_runs import ArmT, wrong_arm
 from chamfer.analysis.drawing.figure_kit import draw_counts
 from chamfer.analysis.drawing.figure_style import Style, dress, legend, new_figure
 from chamfer.analysis.insertion.insertion_runs import median
@@ -30,8 +31,9 @@ from chamfer.analysis.scenario.experiment import (
     Progress,
     Table,
     column,
+    part_of,
 )
-from chamfer.diagrams.cell.work_cell import CellArmSettings, axial_stiffness
+from chamfer.diagrams.cell.work_cell import axial_stiffness
 from chamfer.diagrams.insertion.blind_feed import (
     BlindFeedScenario,
     FedCellScenario,
@@ -182,8 +184,6 @@ def measured(scenario: BlindFeedScenario, run: BlindFeed) -> dict[str, float | N
     }
 
 
-ArmT = TypeVar("ArmT", bound=CellArmSettings)
-
 _MOST: Final = 101  # points along an axis
 _RASTER: Final = 161  # points along an axis of the drawn region
 _BEYOND: Final = 1.1  # of the errors, drawn
@@ -206,16 +206,9 @@ class ModelErrors:
 
     def drawn(self, arm: ArmT, generator: np.random.Generator) -> ArmT:
         """Return an arm with errors of its model."""
-        payload = float(generator.uniform(0.0, 1.0))
+        payload_error = arm.payload_error + self.payload * float(generator.uniform(0.0, 1.0))
         mass, friction = generator.uniform(-1.0, 1.0, 2).tolist()
-        return replace(
-            arm,
-            payload_error=arm.payload_error + self.payload * payload,
-            mass_scale=arm.mass_scale * (1 + self.link_mass * mass),
-            joint_friction=tuple(
-                one * (1 + self.joint_friction * friction) for one in arm.arm.dry_friction
-            ),
-        )
+        return wrong_arm(arm, payload_error, self.link_mass * mass, self.joint_friction * friction)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -318,8 +311,8 @@ def run(scenario: InsertionMapScenario, seed: int, progress: Progress) -> Outcom
     cells = [one for plane in scenario.planes for one in scenario.starts(plane, scenario.points)]
     drawn = drawn_cells(scenario, seed)
     share = len(cells) / (len(cells) + len(drawn))
-    mapped = run_each(feed, cells, partial(_part, progress, 0.0, share))
-    varied = run_each(feed, drawn, partial(_part, progress, share, 1.0)) if drawn else None
+    mapped = run_each(feed, cells, part_of(progress, 0.0, share))
+    varied = run_each(feed, drawn, part_of(progress, share, 1.0)) if drawn else None
     traces = _cells(scenario, mapped)
     metrics = confusion(traces)
     metrics |= _differences(traces)
@@ -335,10 +328,6 @@ def run(scenario: InsertionMapScenario, seed: int, progress: Progress) -> Outcom
         simulated_seconds=simulated,
         tables=tables,
     )
-
-
-def _part(progress: Progress, begin: float, end: float, fraction: float, doing: str = "") -> None:
-    progress(begin + (end - begin) * fraction, doing)
 
 
 def _cells(scenario: InsertionMapScenario, found: Trials[BlindFeedScenario]) -> Table:

@@ -21,6 +21,7 @@ from chamfer.analysis.campaign.trial_metrics import (
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.cell.alignment_runs import (
     AlignmentTrialsScenario,
+    courses,
     drawn,
     require_starts,
     row_before,
@@ -193,14 +194,12 @@ def run(scenario: ResolvedInsertionTrialsScenario, seed: int, progress: Progress
         },
         simulated_seconds=sum(float(row["times"][-1]) for *_, row in rows),
         tables={
-            "courses": {
-                "way": np.concatenate([np.full(len(row["times"]), way) for way, _, row in rows]),
-                "trial": np.concatenate([np.full(len(row["times"]), k) for _, k, row in rows]),
-                **{
-                    name: np.concatenate([row[f"{name}s"] for *_, row in rows])
-                    for name in ("time", "depth", "lateral_error", "rotational_error")
-                },
-            }
+            "courses": courses(
+                [row for *_, row in rows],
+                ("times", "depths", "lateral_errors", "rotational_errors"),
+                way=[way for way, *_ in rows],
+                trial=[trial for _, trial, _ in rows],
+            )
         },
     )
 

@@ -317,13 +317,8 @@ def jamming_loads(
     """Return l, the push, F_x / F_z and M / (r F_z) of what holds the peg, at every step.
 
     It is what the hole does to the peg, reversed, as 10 ms medians; the moment is about the middle
-    between the tip's corners.
-
-    Args:
-        parts: Peg and hole.
-        run: In the plane of the errors ``depth``, ``lateral`` and ``tilt`` of the tip, and of the
-            hole on the peg ``force_x``, ``across`` and ``turning``, N and N m about the mouth.
-        step: s.
+    between the tip's corners. A run has, in the plane of the errors, ``depth``, ``lateral`` and
+    ``tilt`` of the tip, and ``force_x``, ``across`` and ``turning`` of the hole about the mouth.
     """
     height, tilt = parts.peg_chamfer.height, run["tilt"]
     down, across, turning = (-median(run[name], step) for name in ("force_x", "across", "turning"))

@@ -96,8 +96,8 @@ def loads(scenario: PegInsertionScenario) -> Row:
     """
     run = insert(scenario, withdraw=False)
     depth, force_ratio, moment_ratio = load_ratios(scenario, run)
-    speed = np.gradient(run.depth, run.time) if len(run.time) > 1 else np.zeros(1)
-    moving = median(speed, scenario.step) > _MOVING * scenario.speed
+    speed = median(np.gradient(run.depth, run.time), scenario.step)
+    moving = speed > _MOVING * scenario.speed
     stopped = ~moving & (run.push > _PUSHED * scenario.force_cap)
     two = _settled(run.two_point, scenario.step) & (depth > 0)
     of = two & (moving | stopped)

@@ -148,8 +148,8 @@ def replay_peg_insertion(
     scenario: PegInsertionScenario, outcome: Outcome, meshcat: Meshcat
 ) -> None:
     """Show a run as an animation; its traces have the time and the joints' positions."""
-    view = make_peg_insertion_view(scenario, meshcat)
+    diagram, plant = make_peg_insertion_view(scenario, meshcat)
     set_stage(meshcat, floor=_FLOOR, eye=_EYE, target=_TARGET)
     traces = outcome.traces
     positions = np.column_stack([traces[name] for name in JOINTS])
-    record(meshcat, view.diagram, view.plant, np.asarray(traces["time"]), positions)
+    record(meshcat, diagram, plant, np.asarray(traces["time"]), positions)

@@ -1,5 +1,6 @@
-"""The experiments alignment and repeatability: metrics, pictures and figures."""
+"""The experiments alignment, repeatability and vertical tracking: metrics, pictures, replays."""
 
+import struct
 from dataclasses import replace
 from typing import Any
 
@@ -7,23 +8,37 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
+from pydrake.geometry import Meshcat
 from scipy.spatial.transform import Rotation
 
 from chamfer.analysis.campaign.campaign import parallel
 from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.cell import alignment as alignment_module
 from chamfer.analysis.cell.alignment import (
     picture,
     plot_alignment,
     plot_moments,
+    replay_alignment,
     take_pictures,
 )
 from chamfer.analysis.cell.alignment_runs import ALIGNMENT, RepeatabilityScenario, drawn
+from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
 from chamfer.analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
+from chamfer.analysis.report.checks import check
+from chamfer.analysis.report.replay import open_meshcat
 from chamfer.analysis.scenario.experiment import Outcome, load, select
-from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice
+from chamfer.diagrams.cell.alignment_scenario import (
+    VERTICAL_TRACKING,
+    AlignmentScenario,
+    ControllerChoice,
+)
 from chamfer.diagrams.cell.cell_vision import CameraSettings
+from chamfer.diagrams.cell.work_cell import ARMS, HOLE_ARM
+from chamfer.models.arms import wam
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.systems.cameras.camera_image import FrameGrabberParams
+from chamfer.systems.force.arm_model import ArmModel, Placement
+from chamfer.systems.vision.cell_error import AXES
 from chamfer.systems.vision.part_appearance import appearances
 from chamfer.systems.vision.part_detection import detect_parts
 
@@ -80,13 +95,8 @@ def test_metrics_of_many_runs(many: Outcome) -> None:
     errors = many.traces["lateral_error"]
     assert value(many, "lateral_error.mean") == pytest.approx(errors.mean())
     assert value(many, "lateral_error.max") == errors.max()
-    assert value(many, "rotational_error.mean") == many.traces["rotational_error"].mean()
-    assert value(many, "uncompensated.lateral_error") == pytest.approx(
-        many.traces["uncompensated.lateral_error"].mean()
-    )
-    assert value(many, "compensation.late_rotational") == pytest.approx(
-        many.traces["compensation.late_rotational"].mean()
-    )
+    for name in ("uncompensated.lateral_error", "compensation.late_rotational"):
+        assert value(many, name) == pytest.approx(many.traces[name].mean())
     assert many.metrics["settling_time"].value is None
     assert value(many, "settled") == 0
     assert many.simulated_seconds == pytest.approx(0.8)
@@ -266,3 +276,109 @@ def test_the_tips_are_where_the_poses_say() -> None:
         way = tips(CLEAN, table, view, moment)
         assert way[1] == pytest.approx(down, abs=1.0)
         assert way[0] == pytest.approx(60.0, abs=1.5)
+
+
+REPLAYED = AlignmentScenario(
+    hole=replace(HOLE_ARM, base_error=Placement(position=(0.0, 0.0, -0.05), rpy=(0.1, 0.0, 0.0)))
+)
+
+
+@pytest.fixture(scope="module")
+def joints() -> dict[str, Any]:
+    generator = np.random.default_rng(1)
+    return {arm: generator.uniform(wam.LOWER_LIMITS, wam.UPPER_LIMITS, (2, 7)) for arm in ARMS}
+
+
+def replayed(joints: dict[str, Any]) -> Outcome:
+    traces = {f"{arm}_q{i + 1}": q for arm, rows in joints.items() for i, q in enumerate(rows.T)}
+    return Outcome(
+        metrics={}, traces={"time": np.array([0.0, 0.1]), **traces}, simulated_seconds=0.1
+    )
+
+
+@pytest.fixture(scope="module")
+def shown(joints: dict[str, Any]) -> Meshcat:
+    meshcat = open_meshcat(0)
+    replay_alignment(REPLAYED, replayed(joints), meshcat)
+    return meshcat
+
+
+def pose(meshcat: Meshcat, path: str) -> Any:
+    """Return the pose of what is shown before the animation, as a matrix, shape (4, 4)."""
+    packed = meshcat._GetPackedTransform(path)[-16 * 9 :]
+    return np.array([one[0] for one in struct.iter_unpack(">xd", packed)]).reshape(4, 4).T
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_tools_are_where_the_traces_say(shown: Meshcat, joints: dict[str, Any], arm: str) -> None:
+    settings = getattr(REPLAYED, arm)
+    X_WB = settings.base.transform @ settings.base_error.transform
+    expected = ArmModel(X_WB, settings.tool).evaluate(joints[arm][0]).X_WT
+    found = pose(shown, f"/drake/cell/{arm}_arm/wam/tool")
+    np.testing.assert_allclose(found, expected.GetAsMatrix4(), rtol=0, atol=1e-12)
+
+
+TRACKING = load(select(CATALOGUE.entries, ["vertical-tracking"])[0])
+
+UP = replace(
+    VERTICAL_TRACKING, motion_time=0.3, start_offset=(0.0, 0.0, -0.005), compensation_time=0.65
+)
+
+
+@pytest.fixture(scope="module")
+def tracked() -> Outcome:
+    return TRACKING.run(TRACKING.resolve(UP), 0, quiet)
+
+
+def test_traces_of_a_vertical_tracking(tracked: Outcome) -> None:
+    for name, values in tracked.traces.items():
+        assert values.shape == (61,), name
+        assert np.isfinite(values).all(), name
+    desired = tracked.traces["desired_height"]
+    assert desired[0] == pytest.approx(0.153)
+    assert desired[-1] == pytest.approx(0.158)
+    # Compensation lifts the peg, and the hole stays where it is.
+    assert tracked.traces["compensation"][-1] > 5e-4
+    higher = tracked.traces["compensated_height"] - tracked.traces["uncompensated_height"]
+    assert higher[-1] > 2e-4
+    np.testing.assert_allclose(tracked.traces["compensated_hole_height"], 0.158, atol=1e-4)
+
+
+def test_errors_are_signed_means_of_the_end_and_rms_on_the_way(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked = []
+
+    def fake(scenario: AlignmentScenario, seed: int) -> dict[str, NDArray[np.float64]]:
+        asked.append((scenario.compensated, seed))
+        time = np.arange(321) / 80
+        low = 0.0015 if scenario.compensated == "none" else -0.0002
+        height = np.interp(time, [0.0, 2.0], [0.128, 0.158]) - np.where(time < 2.0, 0.003, low)
+        height[-1] += 0.004  # one of the 41 rows of the last half second
+        names = ("peg_tool_z", "hole_true_z", "blind", "diverged", "lateral_error")
+        names += ("rotational_error", *(f"compensation_{axis}" for axis in AXES))
+        traces = dict.fromkeys(names, np.zeros(321))
+        traces["valid"] = np.ones(321)
+        desired = np.interp(time, [0.0, 2.0], [0.128, 0.158])
+        return {"time": time, "peg_true_z": height, "peg_desired_z": desired, **traces}
+
+    monkeypatch.setattr(alignment_module, "run_alignment", fake)
+    scenario = TRACKING.resolve(VERTICAL_TRACKING)
+    tracked = TRACKING.run(scenario, 6, quiet)
+    assert asked == [("none", 6), ("peg", 6)]
+    assert value(tracked, "uncompensated.height_error") == pytest.approx(-0.0015 + 0.004 / 41)
+    assert value(tracked, "compensated.height_error") == pytest.approx(0.0002 + 0.004 / 41)
+    assert value(tracked, "uncompensated.height_error_max") == pytest.approx(0.0025)
+    rms = np.sqrt((160 * 0.003**2 + 0.0015**2) / 161)
+    assert value(tracked, "uncompensated.tracking_rms") == pytest.approx(rms)
+
+
+@pytest.mark.slow
+def test_published_values() -> None:
+    scenario = TRACKING.resolve(VERTICAL_TRACKING)
+    whole = TRACKING.run(scenario, 0, quiet)
+    asked = [one for one in PUBLISHED if one.experiment == "vertical-tracking"]
+    assert all(one.ok for one in check(asked, whole.metrics))
+    # It moves on the way as with a wrong payload, and comes to rest.
+    assert value(whole, "compensated.height_error_max") < 2.5e-4
+    assert value(whole, "compensated.tracking_rms") < value(whole, "uncompensated.tracking_rms")

@@ -28,7 +28,6 @@ from chamfer.analysis.cell.alignment_runs import (
     drawn,
     margins,
     resolve_repeatability,
-    run_alignment,
     settling_metrics,
     statistics,
     stopped_metrics,
@@ -276,29 +275,6 @@ def test_charts_are_those_of_the_state_machine() -> None:
     names = [chart.name for chart in alignment_charts(SCENARIO)]
     assert names == ["trajectory compensator", "compensation of one axis"]
     assert alignment_charts(AlignmentScenario(controller=ControllerChoice(kind="pid"))) == ()
-
-
-SHORT = resolve(AlignmentScenario(begin=0.2, compensation_time=0.3))
-
-
-def test_traces_of_a_run() -> None:
-    short = run_alignment(SHORT, 0)
-    np.testing.assert_allclose(short["time"], np.arange(41) / 80)
-    for name, values in short.items():
-        assert values.shape == (41,), name
-        assert np.isfinite(values).all(), name
-    for arm in ("peg", "hole"):
-        poses = {f"{arm}_{true}{of}" for true in ("", "true_") for of in ("qw", "x", "y", "z")}
-        joints = {f"{arm}_q{i}" for i in range(1, 8)}
-        assert poses | joints | {f"{arm}_tool_z", f"{arm}_desired_z"} <= set(short)
-        quaternion = np.array([short[f"{arm}_true_{q}"] for q in ("qw", "qx", "qy", "qz")])
-        np.testing.assert_allclose(np.linalg.norm(quaternion, axis=0), 1.0)
-        np.testing.assert_allclose(short[f"{arm}_desired_z"], SHORT.mouth[2])
-    assert short["peg_true_x"][0] == pytest.approx(-SHORT.gap, abs=1e-6)
-    # The peg's command is off by what the scenario says, before the compensation.
-    assert short["peg_y"][0] == pytest.approx(0.006)
-    assert short["peg_z"][0] - short["peg_desired_z"][0] == pytest.approx(-0.008)
-    assert short["hole_y"][0] == pytest.approx(0.0)
 
 
 def test_trials_that_never_see_are_counted() -> None:

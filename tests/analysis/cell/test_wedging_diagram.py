@@ -159,7 +159,10 @@ BRIEF = RepeatabilityScenario(**SHORT)
 def test_simulated_alignments_end_in_the_diagram() -> None:
     scenario = WEDGING_DIAGRAM.resolve(replace(SCENARIO, alignment=BRIEF, points=5))
     aligned = WEDGING_DIAGRAM.run(scenario, 3, quiet)
+    (figure,) = WEDGING_DIAGRAM.plot(scenario, aligned).values()
+    x, y = line(figure.axes[0], "simulated alignments")
     ends = aligned.tables["ends"]
+    np.testing.assert_allclose([x, y], [1e3 * values for values in ends.values()])
     alone = REPEATABILITY.run(REPEATABILITY.resolve(RepeatabilityScenario(**SHORT)), 3, quiet)
     for name, values in ends.items():
         np.testing.assert_array_equal(values, alone.traces[name])
@@ -206,24 +209,3 @@ def test_the_figure_is_in_millimetres_and_milliradians(outcome: Outcome) -> None
     of = outcome.traces["start"] == 0
     np.testing.assert_allclose(x, 1e3 * outcome.traces["depth"][of])
     np.testing.assert_array_equal(y, outcome.traces["force"][of])
-
-
-def test_ends_of_simulated_runs_are_drawn_and_in_view(outcome: Outcome) -> None:
-    ends = {
-        "lateral_error": np.array([-0.002, 0.006]),
-        "rotational_error": np.array([-0.03, 0.02]),
-    }
-    x = np.array([-0.004, 0.0, 0.004])
-    arms = {"lateral": x, "exact_lower": x - 0.06, "exact_upper": x + 0.06}
-    aligned = replace(outcome, tables={**outcome.tables, "arms": arms, "ends": ends})
-    (figure,) = WEDGING_DIAGRAM.plot(SCENARIO, aligned).values()
-    for axes in figure.axes[:2]:
-        x, y = line(axes, "exact sides, the arms of the simulation")
-        np.testing.assert_allclose(x, [-4.0, 0.0, 4.0])
-        np.testing.assert_allclose(y, [56.0, 60.0, 64.0])
-        x, y = line(axes, "simulated alignments")
-        np.testing.assert_allclose(x, [-2.0, 6.0])
-        np.testing.assert_allclose(y, [-30.0, 20.0])
-        for low, high, values in ((*axes.get_xlim(), x), (*axes.get_ylim(), y)):
-            assert low < values.min()
-            assert high > values.max()

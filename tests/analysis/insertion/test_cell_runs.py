@@ -5,13 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydrake.common.value import Value
-from pydrake.systems.framework import Context, LeafSystem
-from pydrake.systems.sensors import ImageRgba8U
 
+from chamfer.analysis.campaign.campaign import Trials
 from chamfer.analysis.cell.alignment import picture
 from chamfer.analysis.cell.alignment_runs import true_errors
 from chamfer.analysis.insertion.cell_runs import (
+    INSERTION,
     CellInsertion,
     ending,
     errors_in_one_plane,
@@ -24,25 +23,49 @@ from chamfer.analysis.insertion.cell_runs import (
     touch_row,
 )
 from chamfer.analysis.insertion.insertion import run
+from chamfer.analysis.insertion.insertion_repeatability import (
+    InsertionTrialsScenario,
+    _saved,
+    _settled_statistics,
+    _statistics,
+    in_a_way,
+    resolve_insertion_trials,
+)
 from chamfer.analysis.scenario.experiment import Outcome
-from chamfer.diagrams.cell import cell_vision
 from chamfer.diagrams.cell.cell_vision import CameraSettings
 from chamfer.diagrams.insertion.insertion import InsertionScenario, resolve
-from chamfer.models.cameras.camera import Camera
-from chamfer.models.peg.peg_and_hole import ColouredParts
-from chamfer.systems.cameras.camera_image import FrameGrabberParams, SensorParams, write_image
-from chamfer.systems.cameras.software_camera import PosePorts, render
+from chamfer.models.validation import ParameterError
+from chamfer.systems.cameras.camera_image import FrameGrabberParams
 from chamfer.systems.contact.peg_hole_contact_monitor import ContactState
 from chamfer.systems.pose import POSE_NAMES
+from chamfer.systems.strategies.insertion_chart import InsertParams
 from chamfer.systems.strategies.insertion_decision import DecisionParams
 
 Values = dict[str, float | None]
 
 
 @pytest.fixture(scope="module")
+def quick() -> InsertionScenario:
+    """Close, nearly aligned, fast, not deep: a second of simulation, if all is well."""
+    return InsertionScenario(
+        initial_error=(0.0, 0.001, -0.001, 0.0, 0.01, -0.01),
+        begin=0.2,
+        gap=0.012,
+        insert=InsertParams(depth=0.02, speed=0.06, rest=0.1, attempts=1),
+        duration=8.0,
+    )
+
+
+@pytest.fixture(scope="module")
 def scenario(quick: InsertionScenario) -> InsertionScenario:
     """The quick one, resolved."""
     return resolve(quick)
+
+
+@pytest.fixture(scope="module")
+def done(scenario: InsertionScenario) -> CellInsertion:
+    """The quick one's run."""
+    return run_cell_insertion(scenario, seed=0)
 
 
 @pytest.fixture(scope="module")
@@ -211,35 +234,6 @@ def assert_ended(found: Run, state: str, words: str) -> None:
     assert done.traces["feed"][-1] == pytest.approx(done.traces["feed"][-20], abs=0.001)
 
 
-class PegVanishes(LeafSystem):
-    """A software camera that does not see the peg any more once it is in the hole."""
-
-    def __init__(self, parts: ColouredParts, camera: Camera, *, sensor: SensorParams) -> None:
-        super().__init__()
-        poses = PosePorts(self)
-
-        def calc(context: Context, output: Any) -> None:
-            X_WT, X_WM = poses.read(context)
-            assert X_WT is not None
-            assert X_WM is not None
-            gone = (X_WM.inverse() @ X_WT).translation()[0] > 0.008
-            write_image(output, render(parts, camera, None if gone else X_WT, X_WM))
-
-        model = Value(ImageRgba8U(camera.width, camera.height, 0))
-        self.DeclareAbstractOutputPort("image", model.Clone, calc, poses.tickets())
-
-
-@pytest.mark.slow
-def test_a_part_that_is_lost_in_contact_stops_it(
-    quick: InsertionScenario, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(cell_vision, "SoftwareCamera", PegVanishes)
-    deep = replace(quick, insert=replace(quick.insert, depth=0.04))
-    found = run_of_insertion_faults(deep)
-    assert_ended(found, "blind", "stopped: the cameras see no parts")
-    assert found[0].traces["depth"][-1] > 0.008
-
-
 def test_without_frames_nothing_moves(quick: InsertionScenario) -> None:
     cameras = CameraSettings(frames=FrameGrabberParams(miss=1.0))
     done, scenario = run_of_insertion_faults(replace(quick, cameras=cameras))
@@ -291,3 +285,82 @@ def test_a_wedge_is_told_and_pulled_out(wedge: Run) -> None:
     assert done.traces["depth"][-1] < 0  # it came out
     assert values["depth"] == done.traces["depth"].max()
     assert done.traces["depth"].max() == pytest.approx(0.010, abs=0.002)
+
+
+def trials(way: str, *changes: dict[str, Any]) -> Trials[tuple[int, str]]:
+    """Trials of a way, seated but for the changes."""
+    usual = dict.fromkeys(INSERTION, 1.0) | {"ending": "seated", "state": "seated"}
+    return Trials(
+        tasks=tuple((i, way) for i in range(len(changes))),
+        rows=tuple(usual | change for change in changes),
+    )
+
+
+def test_success_has_its_exact_interval_and_says_what_failed() -> None:
+    stuck: dict[str, Any] = {
+        "seated": 0.0,
+        "seated.first": 0.0,
+        "seated.said": 0.0,
+        "ending": "stuck",
+    }
+    found = _statistics(trials("", *[{}] * 9, stuck))
+    assert found["success_rate"].value == 90
+    assert found["success_rate"].note == "seated, of 10 trials; 1: stuck"
+    # Clopper and Pearson for 9 of 10.
+    assert found["success_rate.low"].value == pytest.approx(55.50, abs=0.01)
+    assert found["success_rate.high"].value == pytest.approx(99.75, abs=0.01)
+    assert found["said_wrongly"].value == 0
+    wrong = _statistics(trials("", {"seated": 0.0, "seated.said": 1.0}, {}))
+    assert wrong["said_wrongly"].value == 1
+
+
+def test_forces_are_quantiles() -> None:
+    found = _statistics(trials("", *({"force.contact": float(k)} for k in range(21))))
+    assert found["force.contact.median"].value == 10
+    assert found["force.contact.p95"].value == 19
+    assert found["force.contact.max"].value == 20
+    assert found["force.soft"].value == pytest.approx(100 * 5 / 21)
+
+
+def test_what_is_saved_is_of_pairs_that_are_both_seated() -> None:
+    early = trials("", *({"time_to_seated": one} for one in (4.0, 4.5, None, 5.0)))
+    late = trials("wait", *({"time_to_seated": one} for one in (6.0, 6.0, 6.0, None)))
+    found = _saved(early, late)
+    assert found["saved.time.mean"].value == pytest.approx(1.75)
+    assert found["saved.time.mean"].note.startswith("2 pairs of one start, 1.5 to 2 s")
+    none = _saved(trials("", {"time_to_seated": None}), late)
+    assert none["saved.time.mean"].value is None
+
+
+def test_settling_is_before_and_after() -> None:
+    row: dict[str, Any] = {
+        "frozen.lateral_error": 1e-4,
+        "settled.lateral_error": 3e-4,
+        "frozen.rotational_error": None,
+        "settled.rotational_error": None,
+    }
+    found = _settled_statistics(trials("settling", row, row | {"settled.lateral_error": 5e-4}))
+    assert found["settling.settled.lateral_error.mean"].value == pytest.approx(4e-4)
+    assert found["settling.settled.lateral_error.max"].value == 5e-4
+    assert found["settling.frozen.rotational_error.mean"].value is None
+
+
+def test_ways_change_what_they_say_and_no_more() -> None:
+    scenario = resolve_insertion_trials(InsertionTrialsScenario())
+    assert in_a_way(scenario, "") == scenario
+    waits = in_a_way(scenario, "wait")
+    assert waits == replace(scenario, decide=replace(scenario.decide, kind="wait"))
+    frozen = in_a_way(scenario, "frozen")
+    assert (frozen.insert.compensation, frozen.decide.kind) == ("frozen", "margin")
+    both = in_a_way(scenario, "frozen_wait")
+    assert (both.insert.compensation, both.decide.kind) == ("frozen", "wait")
+    assert in_a_way(scenario, "settling").insert.pause == 1.5
+    late = replace(scenario, insert=replace(scenario.insert, freeze_depth=-0.003))
+    assert in_a_way(late, "frozen").insert.freeze_depth is None
+
+
+def test_refused() -> None:
+    with pytest.raises(ParameterError, match=r"beside is \('wait', 'wait'\), allowed: some of"):
+        InsertionTrialsScenario(beside=("wait", "wait"))
+    with pytest.raises(ParameterError, match="trials is 0"):
+        InsertionTrialsScenario(trials=0)

@@ -1,6 +1,5 @@
 """Blind feeds: what becomes of them, and the map over their errors."""
 
-import math
 from dataclasses import replace
 from typing import Any
 
@@ -8,7 +7,6 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.insertion.insertion_map import (
     BlindFeed,
     DrawnCells,
@@ -19,15 +17,12 @@ from chamfer.analysis.insertion.insertion_map import (
     drawn_cells,
     errors_in,
     feed_blind,
-    figures,
     measured,
     outcome,
     push_at,
-    run,
     wrong,
 )
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.experiment import select
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.diagrams.insertion.blind_feed import BlindFeedScenario
 from chamfer.models.peg.bore_contact import ContactMaterial
@@ -140,28 +135,6 @@ def test_mistakes_are_said_in_one_line(setting: str, message: str) -> None:
     with pytest.raises(UserError) as caught:
         make_scenario(SCENARIO, settings=[setting])
     assert str(caught.value).startswith(message)
-
-
-@pytest.mark.slow
-def test_a_map_of_one_cell_and_a_draw() -> None:
-    settings = [
-        one
-        for one in select(CATALOGUE.entries, ["insertion-map"])[0].reduced
-        if not one.startswith("drawn")
-    ]
-    settings += ["drawn.points=1", "drawn.draws=1"]
-    scenario = make_scenario(SCENARIO, settings=settings)
-    outcome = run(scenario, 0, lambda fraction, doing="": None)
-    assert outcome.metrics["predicted_safe.cells"].value == 1
-    assert outcome.metrics["predicted_safe.failed"].value == 0
-    assert outcome.metrics["agreement"].value == 100
-    assert outcome.metrics["drawn.safe.success_rate"].value == 100
-    probability = outcome.tables["probability"]
-    assert probability["low"][0] == pytest.approx(2.5)  # of one draw
-    assert outcome.tables["region"]["verdict"].min() == FeedVerdict.SAFE
-    assert outcome.tables["region"]["verdict"].max() == FeedVerdict.STOPPED
-    assert math.isfinite(outcome.traces["touch_lateral_error"][0])
-    assert set(figures(scenario, outcome)) == {"insertion-map"}
 
 
 FED = BlindFeedScenario(speed=0.1, step=0.002)  # released after 1.4 s

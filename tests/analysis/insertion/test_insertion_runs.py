@@ -1,4 +1,4 @@
-"""Insertions of a sprung peg against the statics."""
+"""Insertions of a sprung peg against the statics, and what of them depends on the solver."""
 
 import math
 from dataclasses import replace
@@ -7,6 +7,15 @@ import numpy as np
 import pytest
 
 from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.insertion.contact_convergence import (
+    MEASURED,
+    PARAMETERS,
+    ConvergenceScenario,
+    label,
+    measure_variation,
+    variations,
+)
+from chamfer.analysis.insertion.contact_convergence import resolve as resolve_convergence
 from chamfer.analysis.insertion.insertion_runs import (
     Insertion,
     insert,
@@ -21,6 +30,7 @@ from chamfer.analysis.insertion.jamming_diagram import (
     loads,
     resolve,
 )
+from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import Metric, load, select
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.diagrams.insertion.peg_insertion import (
@@ -240,3 +250,88 @@ def test_agreement_is_of_loads_off_the_sides() -> None:
     assert outcome.metrics["moving.on_sides"].value == pytest.approx(100.0, abs=5.0)
     assert outcome.metrics["stopped.outside"].value == 100.0
     assert outcome.metrics["seated"].value == 1.0
+
+
+(CONVERGENCE,) = select(CATALOGUE.entries, ["contact-convergence"])
+CONTACT_CONVERGENCE = load(CONVERGENCE)
+
+VARIED = resolve_convergence(ConvergenceScenario())
+
+
+def test_one_thing_is_varied_at_a_time_about_the_insertion() -> None:
+    tasks = [one for one in variations(VARIED) if one.start == "sliding"]
+    counts = {name: sum(one.parameter == name for one in tasks) for name in PARAMETERS}
+    assert counts == {
+        "steps": 4,
+        "stiffnesses": 4,
+        "facets": 3,
+        "stictions": 3,
+        "approximations": 3,
+        "accuracies": 2,
+    }
+    base = VARIED.insertion
+    fields = {
+        "steps": "step",
+        "stictions": "stiction",
+        "approximations": "approximation",
+        "stiffnesses": "contact",
+        "facets": "contact",
+    }
+    for one in tasks:
+        name = fields.get(one.parameter, "step")
+        assert replace(one.scenario, **{name: getattr(base, name)}) == base
+    assert [one.accuracy for one in tasks[-2:]] == [1e-2, 1e-5]
+
+
+def test_the_stuck_start_is_beyond_the_last_tilt_that_slides() -> None:
+    stuck = next(one for one in variations(VARIED) if one.start == "stuck")
+    assert stuck.scenario.tilt == VARIED.stuck_tilt
+    leaning_left = replace(VARIED, insertion=replace(VARIED.insertion, tilt=-0.045))
+    stuck = next(one for one in variations(leaning_left) if one.start == "stuck")
+    assert stuck.scenario.tilt == -VARIED.stuck_tilt
+
+
+def test_a_variation_is_measured() -> None:
+    task = next(one for one in variations(VARIED) if one.value == 2e-3)
+    found = measure_variation(task)
+    assert set(found) == set(MEASURED)
+    assert found["seated"] == 1.0
+    assert found["force"] == pytest.approx(8.46, rel=0.02)  # the exact statics
+    assert found["onset"] == pytest.approx(0.01101, abs=2e-4)
+    assert found["balance"] == pytest.approx(100.0, abs=2.0)
+    assert found["depth"] == pytest.approx(VARIED.insertion.depth, abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "value", "expected"),
+    [("steps", 2.5e-4, "0_00025"), ("stiffnesses", 1e8, "1e08"), ("approximations", 2, "sap")],
+)
+def test_values_in_names(parameter: str, value: float, expected: str) -> None:
+    assert label(VARIED, parameter, value) == expected
+
+
+def test_mistakes() -> None:
+    with pytest.raises(
+        UserError, match=r"^steps is \(0\.001, -1\.0\), allowed: finite numbers > 0"
+    ):
+        make_scenario(ConvergenceScenario(), settings=["steps=[0.001, -1]"])
+
+
+@pytest.mark.slow
+def test_a_run_says_how_far_values_are_apart() -> None:
+    settings = [*CONVERGENCE.reduced, "steps=[0.004, 0.002]"]
+    settings = [one for one in settings if one != "steps=[0.002]"]
+    scenario = resolve_convergence(make_scenario(ConvergenceScenario(), settings=settings))
+    outcome = CONTACT_CONVERGENCE.run(scenario, 0, lambda fraction, doing="": None)
+    traces = outcome.traces
+    of = (traces["parameter"] == 0) & (traces["start"] == 0)
+    coarse, fine = traces["force"][of]
+    spread = outcome.metrics["sliding.steps.force.spread"].value
+    assert spread == pytest.approx(100 * abs(coarse - fine) / fine)
+    worst = outcome.metrics["energy.worst"].value
+    assert worst is not None
+    assert worst >= 0
+    assert math.isnan(traces["balance"][traces["parameter"] == PARAMETERS.index("accuracies")][0])
+    assert np.array_equal(
+        traces["force"][(traces["parameter"] == 2) & (traces["start"] == 0)], [fine]
+    )  # the same insertion is run once
