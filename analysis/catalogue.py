@@ -783,12 +783,9 @@ CATALOGUE: Final = Catalogue(
             scenario="OWN_SKILL",
             resolve="resolve_own_skill",
             diagram="make_diagram",
-            charts="make_charts",
+            charts="chamfer.analysis.skills.connector_insertion:skill_charts",
             replay="show_replay",
-            reduced=(
-                "step=0.002",
-                "duration=3.0",
-            ),
+            reduced=("step=0.002", "duration=3.0"),
         ),
         _connector(
             name="d-connector",

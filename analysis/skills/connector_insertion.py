@@ -163,7 +163,7 @@ def _legend(axes: Axes) -> None:
     legend(axes, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.0)
 
 
-def skill_charts(scenario: ResolvedStrategyScenario) -> tuple[Chart[Any, Any], ...]:
+def skill_charts(scenario: Any) -> tuple[Chart[Any, Any], ...]:
     """Return the chart of the scenario's skill."""
     return (make_skill_chart(scenario.make_skill()),)
 
@@ -178,13 +178,12 @@ def replay_insertion(
     """
     view = make_connector_view(scenario, meshcat)
     set_stage(meshcat, floor=_FLOOR, eye=_EYE, target=_TARGET)
-    plug, carriage = (_displacement(outcome.traces, name) for name in ("plug", "carriage"))
+    plug, carriage = (
+        np.column_stack([_column(outcome.traces, f"{name}_{axis}") for axis in AXES])
+        for name in ("plug", "carriage")
+    )
     time = _column(outcome.traces, "time")
     record(meshcat, view.diagram, view.plant, time, view.positions(plug, carriage))
-
-
-def _displacement(traces: Table, name: str) -> Array:
-    return np.column_stack([_column(traces, f"{name}_{axis}") for axis in AXES])
 
 
 def _column(traces: Table, name: str) -> Array:

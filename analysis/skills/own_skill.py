@@ -40,7 +40,7 @@ from chamfer.models.validation import ParameterError, require_one_of
 from chamfer.systems.primitives.primitive import Primitive
 from chamfer.systems.primitives.skill import PRIMITIVES, Skill
 from chamfer.systems.primitives.skill_machine import check_forces, check_timing, make_skill_chart
-from chamfer.systems.statechart.chart import Chart, ChartError
+from chamfer.systems.statechart.chart import ChartError
 
 PartName = Literal["d-connector", "bnc-connector", "peg", "rj45-connector", "own"]
 
@@ -128,11 +128,6 @@ def run(scenario: ResolvedOwnSkillScenario, seed: int, progress: Progress) -> Ou
     outcome = insertion_outcome(done, insertion.connector)
     ended = Metric(value=float(done.outcome == "done"), unit="", note=done.reason)
     return replace(outcome, metrics={"done": ended, **outcome.metrics})
-
-
-def make_charts(scenario: ResolvedOwnSkillScenario) -> tuple[Chart[Any, Any], ...]:
-    """Return the state charts."""
-    return (make_skill_chart(scenario.make_skill()),)
 
 
 def make_diagram(scenario: ResolvedOwnSkillScenario) -> Diagram:

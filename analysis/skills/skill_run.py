@@ -7,7 +7,7 @@ from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import Context, Diagram, LeafSystem
+from pydrake.systems.framework import Context, LeafSystem
 
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.scenario.experiment import Progress, Table, column
@@ -76,7 +76,7 @@ def run_skill(
             :func:`chamfer.diagrams.skills.connector_loop.make_connector_diagram`.
     """
     diagram = make_connector_diagram(scenario, skill, controller=controller)
-    machine = skill_machine(diagram)
+    machine: SkillMachine = diagram.GetSubsystemByName("skill")
     ends = {state.name for state in machine.chart.states if state.outcome is not None}
 
     def ended(root: Context) -> bool:
@@ -120,12 +120,6 @@ def _step(taken: TransitionRecord, reason: str) -> SkillStep:
     if taken.target == RETRACT:
         outcome = reason.partition(": ")[2]
     return SkillStep(taken.time, taken.source, taken.target, outcome, taken.label)
-
-
-def skill_machine(diagram: Diagram) -> SkillMachine:
-    """Return the block that runs an insertion's skill."""
-    machine: SkillMachine = diagram.GetSubsystemByName("skill")
-    return machine
 
 
 def true_motion(displacement: Array, grasp: Array) -> Traces:

@@ -1,7 +1,7 @@
 """The plant of the insertions, with a ball for a plug and a block for a socket."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -35,12 +35,7 @@ class Blocks:
 
     friction: float = 0.0
     touching: bool = True
-    name: str = "blocks"
-    mated_depth: float = 0.0
-    mating_force: float = 0.0
     mass: float = 0.05
-    plug_outline: Array = field(default_factory=lambda: np.zeros((0, 3)))
-    socket_outline: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
     @property
     def material(self) -> ContactMaterial:

@@ -32,11 +32,8 @@ from chamfer.systems.strategies.rj45_strategy import (
     make_rj45_connector_skill,
 )
 
-D_PARAMS, BNC_PARAMS, RJ45_PARAMS = (
-    DConnectorSkillParams(),
-    BncConnectorSkillParams(),
-    Rj45ConnectorSkillParams(),
-)
+D_PARAMS, BNC_PARAMS = DConnectorSkillParams(), BncConnectorSkillParams()
+RJ45_PARAMS, PEG_PARAMS = Rj45ConnectorSkillParams(), PegInHoleSkillParams()
 D, BNC, PEG, RJ45 = DConnector(), BncConnector(), RoundPeg(), Rj45Connector()
 PERIOD: Final = 0.05  # s, that of the drives
 # From "tare" on, where the plug is held.
@@ -66,6 +63,33 @@ RJ45_WAY = [
     *[("depth", "done"), ("pull", "contact"), ("rest", "done")],
 ]
 PEG_WAY = [("down", "contact"), ("search", "lost"), ("insert", "done"), ("depth", "done")]
+# What states tell: a velocity, and the damping of accommodation; None: not asked.
+Told = tuple[tuple[float, ...] | None, tuple[float, ...] | None]
+INF: Final = math.inf
+TILTS = 2 * math.pi * D_PARAMS.settle_amplitude
+D_TOLD: dict[str, Told] = {
+    "lie": (None, (INF, 0.0, INF, INF, INF, 0.0)),
+    "settle": ((TILTS, TILTS, 0, 0, 0, -D_PARAMS.maintained), None),
+    "feel": ((0, 0, 0, 0, 0, -D_PARAMS.maintained), None),
+    "push": ((0, 0, 0, 2 * math.pi * 6.25 * D_PARAMS.push_dither, 0, -Seat().speed), None),
+    "pull": ((0, 0, 0, 0, 0, D_PARAMS.pull_speed), None),
+}
+SLOW, FAST = (
+    2 * math.pi * share * BNC_PARAMS.search_frequency * BNC_PARAMS.search_amplitude
+    for share in (1, 7 / 6)
+)
+BNC_TOLD: dict[str, Told] = {
+    "tare": (STILL, (INF,) * 6),
+    "touch": ((0, 0, 0, 0, 0, -BNC_PARAMS.approach_speed), (*[INF] * 5, 0.0)),
+    "lie": ((0, 0, 0, 0, 0, -BNC_PARAMS.maintained), None),
+    "enter": ((0, 0, 0, SLOW, FAST, -BNC_PARAMS.search_press), STILL),
+    "to the studs": ((0, 0, 0, 0, 0, -BNC_PARAMS.approach_speed), None),
+    "find slots": ((0, 0, 2 * math.pi * 0.05 * math.pi / 2, 0, 0, -BNC_PARAMS.maintained), None),
+    "click": (STILL, None),
+    "pull": ((0, 0, 0, 0, 0, BNC_PARAMS.pull_speed), None),
+}
+LAID_FLAT: dict[str, Told] = {"lie": (None, STILL), "down": (None, (INF, INF, INF, 0.0, 0.0, 0.0))}
+PEG_TOLD: dict[str, Told] = {"search": (None, (INF, INF, INF, 1500.0, 1500.0, 0.0))}
 TILT_WAY = [
     *[("lean", "done"), ("lower", "contact"), ("slide", "contact"), ("across", "done")],
     *[("stand", "done"), ("sink", "done"), ("insert", "done"), ("depth", "done")],
@@ -73,22 +97,34 @@ TILT_WAY = [
 
 
 @pytest.mark.parametrize(
-    ("make", "params", "part", "way", "give_up"),
+    ("make", "params", "part", "way", "give_up", "told"),
     [
-        (make_d_connector_skill, D_PARAMS, D, D_WAY, "push"),
-        (make_bnc_connector_skill, BNC_PARAMS, BNC, BNC_WAY, "compress"),
-        (make_rj45_connector_skill, RJ45_PARAMS, RJ45, RJ45_WAY, "push"),
-        (make_peg_in_hole_skill, PegInHoleSkillParams(), PEG, PEG_WAY, "insert"),
-        (make_peg_in_hole_skill, PegInHoleSkillParams(search="tilt"), PEG, TILT_WAY, "insert"),
+        (make_d_connector_skill, D_PARAMS, D, D_WAY, "push", D_TOLD),
+        (make_bnc_connector_skill, BNC_PARAMS, BNC, BNC_WAY, "compress", BNC_TOLD),
+        (make_rj45_connector_skill, RJ45_PARAMS, RJ45, RJ45_WAY, "push", LAID_FLAT),
+        (make_peg_in_hole_skill, PEG_PARAMS, PEG, PEG_WAY, "insert", LAID_FLAT | PEG_TOLD),
+        (make_peg_in_hole_skill, PegInHoleSkillParams(search="tilt"), PEG, TILT_WAY, "insert", {}),
     ],
 )
 def test_a_strategy_takes_its_recorded_way_and_leaves_every_state(
-    make: Any, params: Any, part: Any, way: Any, give_up: str, grasp_states: Any, make_drive: Any
+    make: Any,
+    params: Any,
+    part: Any,
+    way: Any,
+    give_up: str,
+    told: dict[str, Told],
+    grasp_states: Any,
+    make_drive: Any,
 ) -> None:
     skill = make(params, part, period=PERIOD, before=grasp_states("tare"))
     drive = make_drive(skill)
     for state, outcome in (*GRASP, *FACE, *way):
         assert drive.state == state
+        velocity, damping = told.get(state, (None, None))
+        if velocity is not None:
+            np.testing.assert_allclose(drive.memory.velocity, velocity, atol=1e-12)
+        assert damping is None or drive.memory.damping == damping
+        assert drive.memory.tares == (state in ("tare", "tare again"))
         drive.make(outcome)
     assert (drive.state, drive.memory.retries, drive.memory.reason) == (DONE, (), "")
     assert drive.memory.velocity == STILL
@@ -107,6 +143,19 @@ def test_a_strategy_takes_its_recorded_way_and_leaves_every_state(
     assert answers["out"] == {"done": "tare again"}
 
 
+@pytest.mark.parametrize("turn", ["-rz", "+rz"])
+def test_a_bayonet_that_is_not_locked_is_turned_back(turn: Any, make_drive: Any) -> None:
+    params = BncConnectorSkillParams(turn=turn)
+    drive = make_drive(make_bnc_connector_skill(params, BNC, period=PERIOD))
+    locks = BNC_PARAMS.turn_speed * (1 if turn == "+rz" else -1)
+    for state, outcome in (*FACE, *BNC_WAY[:-1]):
+        if state == "turn":
+            assert drive.memory.velocity[:5] == (0, 0, locks, 0, 0)
+        drive.make(outcome)
+    assert [drive.make(outcome) for outcome in ("lost", "done")] == ["compress again", "turn back"]
+    assert drive.memory.velocity[2] == -locks
+
+
 def held_d(make_drive: Any, *outcomes: str, **changes: Any) -> Any:
     """Drive a plug that is held_d from the begin through outcomes."""
     params = DConnectorSkillParams(**changes)
@@ -120,7 +169,8 @@ def held_d(make_drive: Any, *outcomes: str, **changes: Any) -> Any:
 def test_d_retries_are_those_of_the_parameters(retries: int, make_drive: Any) -> None:
     drive = held_d(make_drive, *TO_D_PUSH, retries=retries)
     assert drive.make("jammed") == "back off"
-    assert [drive.make("done") for _ in range(2)] == ["free", "push"]
+    np.testing.assert_allclose(way_of(drive)[5], D_PARAMS.back_off, atol=1e-12)
+    assert (drive.state, drive.make("done")) == ("free", "push")
     for _ in range(retries):
         assert drive.make("jammed") == "out"
         for outcome in ("done", "done", "lost", "done", "done"):
@@ -128,29 +178,6 @@ def test_d_retries_are_those_of_the_parameters(retries: int, make_drive: Any) ->
     assert drive.make("jammed") == RETRACT
     assert drive.memory.reason == "push: jammed"
     assert drive.end() == FAILED
-
-
-def test_d_what_the_states_command(make_drive: Any) -> None:
-    drive = held_d(make_drive, *TO_D_PUSH[:7])
-    tilts = 2 * math.pi * D_PARAMS.settle_amplitude
-    np.testing.assert_allclose(
-        drive.memory.velocity, [tilts, tilts, 0, 0, 0, -D_PARAMS.maintained]
-    )
-    drive.make("done")
-    assert drive.memory.velocity == (0, 0, 0, 0, 0, -D_PARAMS.maintained)
-    drive.make("done")
-    shake = 2 * math.pi * 6.25 * D_PARAMS.push_dither
-    np.testing.assert_allclose(drive.memory.velocity, [0, 0, 0, shake, 0, -Seat().speed])
-    drive.make("jammed")
-    while drive.state == "back off":
-        way = drive.way()
-        drive.tick()
-    np.testing.assert_allclose(way, [0, 0, 0, 0, 0, D_PARAMS.back_off], atol=1e-12)
-    for outcome in ("done", "done", "done"):
-        drive.make(outcome)
-    assert drive.state == "verify"
-    drive.make("hindered")
-    assert drive.memory.velocity == (0, 0, 0, 0, 0, D_PARAMS.pull_speed)
 
 
 def test_d_depths_count_from_the_face_of_the_believed_connector(
@@ -185,57 +212,6 @@ def test_d_dithers_are_watched_over_whole_cycles(find_primitive: Callable[..., A
     assert [(one.axis, one.amplitude, one.frequency) for one in twist] == [("z", 0.06, 0.12)]
 
 
-def held_bnc(make_drive: Any, *outcomes: str, **changes: Any) -> Any:
-    """Drive a plug that is held_bnc from the begin through outcomes."""
-    params = BncConnectorSkillParams(**changes)
-    drive = make_drive(make_bnc_connector_skill(params, BNC, period=PERIOD))
-    for outcome in outcomes:
-        drive.make(outcome)
-    return drive
-
-
-@pytest.mark.parametrize("turn", ["-rz", "+rz"])
-def test_bnc_what_the_states_command(turn: Any, make_drive: Any) -> None:
-    drive = held_bnc(make_drive, turn=turn)
-    assert drive.memory.closed
-    assert (drive.memory.tares, drive.memory.velocity) == (True, STILL)
-    drive.make("done")
-    assert drive.memory.damping == (math.inf,) * 6
-    drive.make("done")
-    assert drive.memory.damping == (math.inf,) * 5 + (0.0,)
-    assert drive.memory.velocity == (0, 0, 0, 0, 0, -BNC_PARAMS.approach_speed)
-    drive.make("contact")
-    assert drive.memory.velocity == (0, 0, 0, 0, 0, -BNC_PARAMS.maintained)
-    for outcome in ("done", "done", "done"):
-        drive.make(outcome)
-    frequencies = BNC_PARAMS.search_frequency, BNC_PARAMS.search_frequency * 7 / 6
-    slow, fast = (2 * math.pi * f * BNC_PARAMS.search_amplitude for f in frequencies)
-    np.testing.assert_allclose(
-        drive.memory.velocity, [0, 0, 0, slow, fast, -BNC_PARAMS.search_press], atol=1e-12
-    )
-    assert drive.memory.damping == STILL
-    drive.make("lost")
-    assert drive.memory.velocity == (0, 0, 0, 0, 0, -BNC_PARAMS.approach_speed)
-    for outcome in ("contact", "done", "jammed"):
-        drive.make(outcome)
-    sweep = 2 * math.pi * 0.05 * math.pi / 2
-    np.testing.assert_allclose(drive.memory.velocity, [0, 0, sweep, 0, 0, -BNC_PARAMS.maintained])
-    drive.make("lost")
-    pressed = drive.memory.velocity[5]
-    assert pressed < 0
-    drive.make("done")
-    locks = BNC_PARAMS.turn_speed * (1 if turn == "+rz" else -1)
-    assert drive.memory.velocity[:5] == (0, 0, locks, 0, 0)
-    drive.make("done")
-    assert drive.memory.velocity == STILL
-    assert [drive.make("done") for _ in range(2)] == ["depth", "pull"]
-    assert drive.memory.velocity == (0, 0, 0, 0, 0, BNC_PARAMS.pull_speed)
-    drive.make("lost")
-    drive.make("done")
-    assert drive.state == "turn back"
-    assert drive.memory.velocity[2] == -locks
-
-
 def test_bnc_depths_count_from_the_face_of_the_believed_connector(
     find_primitive: Callable[..., Any],
 ) -> None:
@@ -258,22 +234,6 @@ def test_bnc_depths_count_from_the_face_of_the_believed_connector(
     compress = find_primitive(skill, "compress", Seat)
     assert BNC.mated_depth < compress.distance < BNC.turning_depth
     assert compress.limit == BNC_PARAMS.limit_share * BNC.mating_force
-
-
-def test_peg_it_is_aligned_beside_the_hole_and_stays_turned_until_it_is_in(
-    make_drive: Any,
-) -> None:
-    drive = make_drive(make_peg_in_hole_skill(PegInHoleSkillParams(), PEG))
-    stiff = {}
-    for outcome in (*TO_SEARCH, "lost"):
-        stiff[drive.state] = [d == math.inf for d in drive.memory.damping or STILL]
-        drive.make(outcome)
-    assert not any(stiff["lie"])
-    for state in ("above", "tare again", "down", "search"):
-        assert stiff[state][:3] == [True] * 3
-    assert not stiff["search"][5]
-    assert drive.state == "insert"
-    assert not any(d == math.inf for d in drive.memory.damping or STILL)
 
 
 @pytest.mark.parametrize("search", ["dithers", "spiral"])
