@@ -15,6 +15,8 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Final, Literal
 
+import numpy as np
+
 from chamfer.analysis.drawing.graph import Cluster, Edge, Graph, Node
 from chamfer.analysis.drawing.layering import (
     CLEARANCE,
@@ -707,19 +709,12 @@ def _moved(points: Sequence[Point], dx: float, dy: float) -> list[Point]:
 
 def _simplified(points: Sequence[Point]) -> tuple[Point, ...]:
     """Return the corners of a line without repeated points and points on a straight piece."""
-
-    def same(a: Point, b: Point, axis: int) -> bool:
-        return abs(a[axis] - b[axis]) < _STRAIGHT / 2
-
     kept: list[Point] = []
     for point in points:
-        if kept and same(kept[-1], point, 0) and same(kept[-1], point, 1):
-            continue
-        while len(kept) > 1 and any(
-            same(kept[-2], kept[-1], axis) and same(kept[-1], point, axis) for axis in (0, 1)
-        ):
+        while len(kept) > 1 and min(np.ptp([*kept[-2:], point], axis=0)) < _STRAIGHT / 2:
             kept.pop()
-        kept.append(point)
+        if not kept or math.dist(kept[-1], point) >= _STRAIGHT / 2:
+            kept.append(point)
     return tuple(kept)
 
 
@@ -732,19 +727,14 @@ def _branches(routes: Sequence[Route]) -> tuple[Point, ...]:
     branches: list[Point] = []
     for lines in nets.values():
         pieces = {piece for corners in lines for piece in pairwise(corners)}
-        branches += [
-            corner
-            for corner in dict.fromkeys(point for corners in lines for point in corners)
-            if len({way for piece in pieces for way in _directions(corner, *piece)}) > 2
-        ]
+        for x, y in dict.fromkeys(point for corners in lines for point in corners):
+            ways = {
+                (np.sign(end[0] - x), np.sign(end[1] - y))
+                for a, b in pieces
+                if min(a[0], b[0]) <= x <= max(a[0], b[0])
+                and min(a[1], b[1]) <= y <= max(a[1], b[1])
+                for end in (a, b)
+            }
+            if len(ways - {(0, 0)}) > 2:
+                branches.append((x, y))
     return tuple(branches)
-
-
-def _directions(corner: Point, a: Point, b: Point) -> Iterator[tuple[int, int]]:
-    """Yield the directions in which a straight piece leaves a point, none if it is not on it."""
-    for axis in (0, 1):
-        low, high = sorted((a[axis], b[axis]))
-        if a[1 - axis] == b[1 - axis] == corner[1 - axis] and low <= corner[axis] <= high:
-            for end, sign in ((low, -1), (high, 1)):
-                if end != corner[axis]:
-                    yield axis, sign
