@@ -111,29 +111,20 @@ def _neighbours(
     return following, preceding
 
 
-def assign_layers(
-    keys: Sequence[Key],
-    pairs: Sequence[Pair[Key]],
-    first: Callable[[Key], bool],
-    last: Callable[[Key], bool],
-) -> dict[Key, int]:
+def assign_layers(keys: Sequence[Key], pairs: Sequence[Pair[Key]]) -> dict[Key, int]:
     """Return the layer of every key of an acyclic graph, from 0, by the longest path to it.
 
     A source, and what only passes a source on, moves up to the layer before its first target, so
-    that a disturbance stands beside the block that it acts on. The keys for which ``first`` holds,
-    all without predecessors, have the first layer for themselves, those of ``last`` the last one.
+    that a disturbance stands beside the block that it acts on.
     """
     layer, _ = longest_paths(keys, pairs)
-    layer = {key: 0 if first(key) else layer[key] + 1 for key in keys}
     following, preceding = _neighbours(pairs)
     free: dict[Key, bool] = {}
     for key in sorted(keys, key=lambda key: layer[key]):
         only = (free[source] and len(following[source]) == 1 for source in preceding[key])
-        free[key] = not first(key) and all(only)
-    end = max((layer[key] for key in keys if not last(key)), default=-1) + 1
-    layer = {key: end if last(key) else layer[key] for key in keys}
+        free[key] = all(only)
     for key in sorted(keys, key=lambda key: -layer[key]):
-        if free[key] and following[key] and not last(key):
+        if free[key] and following[key]:
             layer[key] = min(layer[target] for target in following[key]) - 1
     rank = {value: i for i, value in enumerate(sorted(set(layer.values())))}
     return {key: rank[layer[key]] for key in keys}

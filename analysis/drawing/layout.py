@@ -393,11 +393,13 @@ class _Level:
                 upright.append(item)
         forward = [wire for wire in ahead if not wire.target.mirrored]
         pairs = [(wire.source, wire.target) for wire in forward]
-        layers = assign_layers(
-            upright, pairs, lambda item: item.kind == "entry", lambda item: item.kind == "exit"
-        )
-        for item, layer in layers.items():
-            item.layer = layer
+        inner = [item for item in upright if item.kind not in ("entry", "exit")]
+        layers = assign_layers(inner, [pair for pair in pairs if set(pair) <= set(inner)])
+        first = int(any(item.kind == "entry" for item in upright))
+        last = max(layers.values(), default=-1) + 1 + first
+        for item in upright:
+            border = last if item.kind == "exit" else 0
+            item.layer = layers[item] + first if item in layers else border
         for target, item, source in between:
             item.layer = (target.layer + 1 + source.layer) // 2
         before, after = longest_paths(upright, pairs)
