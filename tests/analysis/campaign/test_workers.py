@@ -24,13 +24,10 @@ def engine() -> Iterator[Processes]:
         yield engine
 
 
-def test_calls_return_what_they_should(engine: Processes, toy: ModuleType) -> None:
+def test_calls_return_and_raise_what_they_should(engine: Processes, toy: ModuleType) -> None:
     assert engine.capacity() == 2
     found = [engine.submit(toy.square, task) for task in range(5)]
     assert [future.result()["square"] for future in found] == [0, 1, 4, 9, 16]
-
-
-def test_what_a_call_raises_is_raised(engine: Processes) -> None:
     with pytest.raises(ZeroDivisionError):
         engine.submit(divmod, 1, 0).result()
 
