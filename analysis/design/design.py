@@ -41,21 +41,20 @@ class Design:
 
     links: tuple[Link, ...]  # in the order of the chain
     verdict: Verdict
-    limiting_link: str  # name of the link with the smallest share of its allowed value left
     draws: int  # errors that were drawn
     share: float  # of them inside all limits
     share_low: float  # 95 % interval of Clopper and Pearson
     share_high: float
 
     @property
-    def limiting(self) -> Link:
-        """The link with the smallest margin."""
-        return tightest(self.links)
+    def limiting_link(self) -> str:
+        """The name of the link with the smallest margin."""
+        return tightest(self.links).name
 
     @property
     def margin(self) -> float:
-        """Its margin, as a share of what it is allowed."""
-        return self.limiting.share
+        """The smallest margin, as a share of what is allowed."""
+        return tightest(self.links).share
 
 
 def assess(scenario: ResolvedDesignScenario, seed: int = 0, *, draws: int | None = None) -> Design:
@@ -78,7 +77,6 @@ def assess(scenario: ResolvedDesignScenario, seed: int = 0, *, draws: int | None
     return Design(
         links=links,
         verdict=verdict,
-        limiting_link=tightest(links).name,
         draws=count,
         share=safe / count,
         share_low=low,

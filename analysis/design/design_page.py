@@ -6,17 +6,15 @@ from html import escape
 from typing import Any, Final
 
 from chamfer.analysis.design.design_words import (
+    change_cells,
     change_sentence,
     effective,
     ending_sentences,
     limit_sentence,
     link_cells,
     map_sentence,
-    percent,
     quantity,
-    relation,
     share_sentence,
-    source,
     verdict_sentence,
     verified_sentence,
 )
@@ -149,13 +147,13 @@ def _links(document: Document) -> str:
         limits = link["name"] == document["limiting_link"]
         outside = link["margin"] is not None and link["margin"] < 0
         kinds = [*(["limits"] if limits else []), *(["outside"] if outside else [])]
-        bound, allowed, margin, unit = link_cells(link)
-        sign = "≥" if relation(link) == "at least" else "≤"
+        bound, side, allowed, margin, unit, share, source = link_cells(link)
         rows.append(
             f'<tr class="{" ".join(kinds)}"><td>{escape(link["name"])}</td>'
-            f'<td class="number">{bound}</td><td>{sign}</td><td class="number">{allowed}</td>'
-            f'<td class="number">{margin}</td><td>{escape(unit)}</td>'
-            f"<td>{_bar(link)}</td><td>{escape(source(link))}</td></tr>"
+            f'<td class="number">{bound}</td><td>{"≥" if side == "at least" else "≤"}</td>'
+            f'<td class="number">{allowed}</td><td class="number">{margin}</td>'
+            f"<td>{escape(unit)}</td><td>{_bar(link['share'], share)}</td>"
+            f"<td>{escape(source)}</td></tr>"
         )
     head = (
         '<th>link</th><th class="number">bound</th><th></th><th class="number">allowed</th>'
@@ -168,38 +166,32 @@ def _links(document: Document) -> str:
     )
 
 
-def _bar(link: Document) -> str:
+def _bar(share: float | None, said: str) -> str:
     """Return a bar of the margin's share: to the right inside, to the left outside."""
-    share = link["share"]
     if share is None:
         return ""
     width = 50 * min(abs(share), 1.0)
     left = 50.0 if share >= 0 else 50.0 - width
     return (
         f'<span class="bar"><i style="left:{left:.1f}%;width:{width:.1f}%"></i></span>'
-        f'<span class="share">{percent(share)}</span>'
+        f'<span class="share">{said}</span>'
     )
 
 
 def _changes(document: Document) -> str:
     changes, others = effective(document)
-    rows = "".join(
-        f"<tr><td title='{escape(change['meaning'], quote=True)}'>"
-        f"<code>{escape(change['path'])}</code></td>"
-        f'<td class="number">{quantity(change["value"], change["unit"])}</td>'
-        f'<td class="number">{percent(change["sensitivity"], "+")}</td>'
-        f'<td class="number">{quantity(change["to"], change["unit"])}</td></tr>'
-        for change in changes[:_MOST_CHANGES]
-    )
+    rows = ""
+    for change in changes[:_MOST_CHANGES]:
+        path, *numbers = change_cells(change)
+        cells = "".join(f'<td class="number">{one}</td>' for one in numbers)
+        meaning = escape(change["meaning"], quote=True)
+        rows += f"<tr><td title='{meaning}'><code>{escape(path)}</code></td>{cells}</tr>"
     head = (
         '<th>field</th><th class="number">is</th><th class="number">margin for +10 %</th>'
         '<th class="number">alone certain at</th>'
     )
-    rest = (
-        f'<p class="fine">No effect on the smallest margin: {escape(others)}.</p>'
-        if others
-        else ""
-    )
+    none = f'<p class="fine">No effect on the smallest margin: {escape(others)}.</p>'
+    rest = none if others else ""
     return f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>{rest}"
 
 

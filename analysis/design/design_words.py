@@ -72,15 +72,23 @@ def limit_sentence(document: Document) -> str:
     )
 
 
-def link_cells(link: Document) -> tuple[str, str, str, str]:
-    """Return bound, what is allowed, margin and unit of a link, as numbers in one unit."""
+def link_cells(link: Document) -> tuple[str, ...]:
+    """Return bound, relation, allowed value, margin, unit, share and source of a link in words."""
     bound, allowed, margin = (
         "-" if link[name] is None else number(scaled(link[name], link["unit"])[0])
         for name in ("bound", "allowed", "margin")
     )
     if link["bound"] is None:  # null in the document is infinite
         bound = "infinite"
-    return bound, allowed, margin, scaled(0, link["unit"])[1]
+    source = f"{link['source']}{' (kept by design)' if link['by_design'] else ''}"
+    unit, share = scaled(0, link["unit"])[1], percent(link["share"])
+    return bound, relation(link), allowed, margin, unit, share, source
+
+
+def change_cells(change: Document) -> tuple[str, ...]:
+    """Return path, value, sensitivity and the value that makes it certain of a change in words."""
+    value, to = (quantity(change[name], change["unit"]) for name in ("value", "to"))
+    return change["path"], value, percent(change["sensitivity"], "+"), to
 
 
 def effective(document: Document) -> tuple[list[Document], str]:
@@ -96,11 +104,6 @@ def relation(link: Document) -> str:
     if None in (bound, allowed, margin):
         return "at most"
     return "at least" if (bound > allowed) == (margin > 0) else "at most"
-
-
-def source(link: Document) -> str:
-    """Return where a link's numbers come from."""
-    return f"{link['source']} (kept by design)" if link["by_design"] else str(link["source"])
 
 
 def share_sentence(document: Document) -> str:
@@ -160,16 +163,16 @@ def design_text(document: Document) -> Iterator[str]:
     yield share_sentence(document)
     yield ""
     links: list[tuple[str, ...]] = [("link", "bound", "", "allowed", "margin", "", "", "from")]
-    limit = document["limiting_link"]
-    links += [_link_row(link, link["name"] == limit) for link in document["links"]]
+    for link in document["links"]:
+        mark = "> " if link["name"] == document["limiting_link"] else "  "
+        bound, side, *rest = link_cells(link)
+        links.append((mark + link["name"], bound, ">=" if side == "at least" else "<=", *rest))
     yield from table(links, right=(1, 3, 4, 6))
     yield ""
     changes, others = effective(document)
     if changes:
         head = ("field", "is", "margin for +10 %", "alone certain at")
-        fields: list[tuple[str, ...]] = [head]
-        fields += [_change_row(change) for change in changes]
-        yield from table(fields, right=(1, 2, 3))
+        yield from table([head, *map(change_cells, changes)], right=(1, 2, 3))
     if others:
         yield from textwrap.wrap(f"no effect on the smallest margin: {others}", _WIDTH)
     if changes or others:
@@ -183,26 +186,3 @@ def design_text(document: Document) -> Iterator[str]:
         yield from (f"  {one}" for one in ending_sentences(verified))
         if warning := verified["warning"]:
             yield from textwrap.wrap(f"WARNING: {warning}", _WIDTH)
-
-
-def _link_row(link: Document, limits: bool) -> tuple[str, ...]:
-    bound, allowed, margin, unit = link_cells(link)
-    return (
-        f"{'> ' if limits else '  '}{link['name']}",
-        bound,
-        ">=" if relation(link) == "at least" else "<=",
-        allowed,
-        margin,
-        unit,
-        percent(link["share"]),
-        source(link),
-    )
-
-
-def _change_row(change: Document) -> tuple[str, ...]:
-    return (
-        change["path"],
-        quantity(change["value"], change["unit"]),
-        percent(change["sensitivity"], "+"),
-        quantity(change["to"], change["unit"]),
-    )

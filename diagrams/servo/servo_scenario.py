@@ -181,24 +181,23 @@ def fsm_axis(scenario: ServoScenario, form: Form) -> AxisParams:
         fsm = replace(fsm, increment=None, large_error=None, limit=None)
     if form == "velocity":
         held = max(amplitude - 2 * fsm.dead_zone, fsm.dead_zone)
-        increment = fsm.increment or scenario.plant.stiffness * fsm.period * held
-        large_error = fsm.large_error or 2 * fsm.dead_zone
-        return AxisParams(
+        axis = AxisParams(
             dead_zone=fsm.dead_zone,
-            large_error=large_error,
-            increment=increment,
+            large_error=2 * fsm.dead_zone,
+            increment=fsm.increment or scenario.plant.stiffness * fsm.period * held,
             divider=fsm.divider,
             limit=fsm.limit or math.inf,
         )
-    plant = settling_plant(scenario, form)
-    axis = allowed_axis(
-        plant,
-        dead_zone=fsm.dead_zone,
-        measurement_error=scenario.measurement.bound,
-        divider=fsm.divider,
-        increment=fsm.increment,
-        limit=fsm.limit or 2 * max(amplitude, fsm.dead_zone) / plant.gain,
-    )
+    else:
+        plant = settling_plant(scenario, form)
+        axis = allowed_axis(
+            plant,
+            dead_zone=fsm.dead_zone,
+            measurement_error=scenario.measurement.bound,
+            divider=fsm.divider,
+            increment=fsm.increment,
+            limit=fsm.limit or 2 * max(amplitude, fsm.dead_zone) / plant.gain,
+        )
     return replace(axis, large_error=fsm.large_error or axis.large_error)
 
 

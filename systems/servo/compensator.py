@@ -9,7 +9,7 @@ products alone, so that chart, compiled loop, design and benchmarks all call the
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -321,30 +321,25 @@ class TrajectoryCompensator(StateMachine[CompensatorInputs, CompensatorMemory]):
         size = len(params.axes)
         self.axis_chart = make_axis_chart(params.axes[0])
         index = {name: float(i) for i, name in enumerate(self.axis_chart.state_names)}
+
+        def of_axes(
+            read: Callable[[Snapshot[AxisMemory]], float],
+        ) -> MachineOutput[CompensatorMemory]:
+            return MachineOutput(size=size, read=lambda memory: tuple(map(read, memory.axes)))
+
+        def command(memory: CompensatorMemory) -> tuple[float, ...]:
+            pairs = zip(memory.desired, memory.axes, strict=True)
+            return tuple(goal + axis.memory.compensation for goal, axis in pairs)
+
         super().__init__(
             make_compensator_chart(params),
             inputs=CompensatorInputs,
             sizes={"error": size, "valid": 1, "desired_trajectory": size},
             outputs={
-                "compensation": MachineOutput(
-                    size=size,
-                    read=lambda memory: tuple(axis.memory.compensation for axis in memory.axes),
-                ),
-                "command": MachineOutput(
-                    size=size,
-                    read=lambda memory: tuple(
-                        goal + axis.memory.compensation
-                        for goal, axis in zip(memory.desired, memory.axes, strict=True)
-                    ),
-                ),
-                "increment": MachineOutput(
-                    size=size,
-                    read=lambda memory: tuple(axis.memory.increment for axis in memory.axes),
-                ),
-                "axis_state": MachineOutput(
-                    size=size,
-                    read=lambda memory: tuple(index[axis.state] for axis in memory.axes),
-                ),
+                "compensation": of_axes(lambda axis: axis.memory.compensation),
+                "command": MachineOutput(size=size, read=command),
+                "increment": of_axes(lambda axis: axis.memory.increment),
+                "axis_state": of_axes(lambda axis: index[axis.state]),
             },
             optional=("valid", "desired_trajectory"),
             period=params.period,

@@ -194,7 +194,6 @@ def design(verdict: str, low: float = 0.0, high: float = 1.0) -> Design:
     return Design(
         links=(link,),
         verdict=verdict,  # type: ignore[arg-type]
-        limiting_link="one",
         share=0.5,
         share_low=low,
         share_high=high,

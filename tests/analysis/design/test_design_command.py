@@ -61,7 +61,6 @@ def canned(
         design=Design(
             links=links,
             verdict="no",
-            limiting_link="settling",
             share=0.0,
             share_low=0.0,
             share_high=0.02,
