@@ -415,17 +415,14 @@ def _add_camera(
         builder.Connect(pose, source.GetInputPort(f"{arm}_pose"))
     params = settings.frames_of(view)
     _add_shutter(builder, settings, view, poses, source)
-    size = camera.width, camera.height
-    frames = add_frame_grabber(builder, params, f"{view} frames", *size)
+    frames = add_frame_grabber(builder, params, f"{view} frames", camera.width, camera.height)
     builder.Connect(source.GetOutputPort("image"), frames.GetInputPort("image"))
     if trigger is not None:
         builder.Connect(trigger, frames.GetInputPort("trigger"))
     detector: PartDetector = builder.AddNamedSystem(
         f"{view} detection",
         PartDetector(
-            *looks_in(settings, scenario, view),
-            *size,
-            undistortion=undistortion_of(settings, scenario, view),
+            *looks_in(settings, scenario, view), undistortion_of(settings, scenario, view)
         ),
     )
     builder.Connect(frames.get_output_port(), detector.get_input_port())

@@ -205,11 +205,7 @@ class SoftwareCamera(LeafSystem):
     """
 
     def __init__(
-        self,
-        parts: ColouredParts,
-        camera: Camera,
-        style: SceneStyle = _STYLE,
-        sensor: SensorParams = _SENSOR,
+        self, parts: ColouredParts, camera: Camera, sensor: SensorParams = _SENSOR
     ) -> None:
         super().__init__()
         poses = PosePorts(self)
@@ -218,9 +214,9 @@ class SoftwareCamera(LeafSystem):
         def calc(context: Context, output: Any) -> None:
             closing = poses.read(context)
             if opening is None:
-                image = render(parts, camera, *closing, style=style)
+                image = render(parts, camera, *closing)
             else:
-                image = render_moving(parts, camera, opening.read(context), closing, style=style)
+                image = render_moving(parts, camera, opening.read(context), closing)
             if sensor.shades:
                 image = shaded(image, sensor.vignetting, sensor.white_balance)
             write_image(output, image)

@@ -105,9 +105,7 @@ class SolidsCamera(LeafSystem):
         ParameterError: If there are no solids, or two have the same name.
     """
 
-    def __init__(
-        self, camera: Camera, solids: Sequence[Solid], style: SceneStyle = _STYLE
-    ) -> None:
+    def __init__(self, camera: Camera, solids: Sequence[Solid]) -> None:
         super().__init__()
         names = [solid.name for solid in solids]
         if not names or len({*names, "camera"}) != len(names) + 1:
@@ -127,7 +125,7 @@ class SolidsCamera(LeafSystem):
             placed = camera
             if X_WC is not None:
                 placed = camera.placed(X_WC.rotation().matrix(), X_WC.translation())
-            write_image(output, render_solids(placed, solids, poses, style))
+            write_image(output, render_solids(placed, solids, poses))
 
         model = Value(ImageRgba8U(camera.width, camera.height, 0))
         self.DeclareAbstractOutputPort(

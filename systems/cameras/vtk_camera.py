@@ -52,8 +52,6 @@ _LIGHTS: Final = (
     ((0.0, -1.0, 0.3), 0.6),
 )
 
-_STYLE = SceneStyle()
-
 _TRIAL = """
 from chamfer.models.cameras.camera import CameraPlacement
 from chamfer.models.peg.peg_and_hole import ColouredParts
@@ -100,11 +98,11 @@ class VtkCamera(Diagram):
         RuntimeError: Of Drake, where OpenGL is missing; ask :func:`missing_graphics` before.
     """
 
-    def __init__(self, parts: ColouredParts, camera: Camera, style: SceneStyle = _STYLE) -> None:
+    def __init__(self, parts: ColouredParts, camera: Camera) -> None:
         super().__init__()
         builder = DiagramBuilder()
         scene = builder.AddNamedSystem("scene", SceneGraph())
-        scene.AddRenderer("vtk", MakeRenderEngineVtk(_engine(style)))
+        scene.AddRenderer("vtk", MakeRenderEngineVtk(_engine()))
         source = scene.RegisterSource("parts")
         frames = []
         for name, profile, colour in (
@@ -157,7 +155,7 @@ class _FramePoses(LeafSystem):
         self.DeclareAbstractOutputPort("poses", model.Clone, calc, ports.tickets())
 
 
-def _engine(style: SceneStyle) -> RenderEngineVtkParams:
+def _engine() -> RenderEngineVtkParams:
     lights = [
         LightParameter(
             type="directional",
@@ -167,7 +165,7 @@ def _engine(style: SceneStyle) -> RenderEngineVtkParams:
         )
         for direction, intensity in _LIGHTS
     ]
-    clear = [channel / 255 for channel in style.background]
+    clear = [channel / 255 for channel in SceneStyle.background]
     return RenderEngineVtkParams(default_clear_color=clear, lights=lights, backend="EGL")
 
 

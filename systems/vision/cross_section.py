@@ -12,8 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.models.peg.peg_and_hole import RED, Colour, require_colour
-from chamfer.models.validation import ParameterError
+from chamfer.models.peg.peg_and_hole import RED
 from chamfer.systems.cameras.camera_image import Image
 from chamfer.systems.vision.part_detection import Status
 from chamfer.systems.vision.part_detector import ImageMeasurement
@@ -57,29 +56,17 @@ class CrossSection:
         return u + cos * along - sin * across, v + sin * along + cos * across
 
 
-@dataclass(frozen=True, kw_only=True)
-class CrossSectionParams:
-    """What to look for."""
-
-    colour: Colour = RED  # of the cross-section; assumed
-    area: int = 200  # pixels, at least
-
-    def __post_init__(self) -> None:
-        require_colour(self, "colour")
-        if not self.area >= 2:
-            raise ParameterError("area", self.area, "a whole number >= 2")
+_COLOUR: Final = np.array(RED, dtype=float)  # of the cross-section; assumed
+_AREA: Final = 200  # pixels, at least
 
 
-_PARAMS: Final = CrossSectionParams()
-
-
-def cross_section(image: Image, params: CrossSectionParams = _PARAMS) -> CrossSection:
+def cross_section(image: Image) -> CrossSection:
     """Find the largest thing in an image, shape (height, width, 3), that is not background.
 
     The background is the image's median.
     """
     background = np.median(image[4::8, 4::8].reshape(-1, 3), axis=0)
-    *normal, square = contrast(np.array(params.colour, dtype=float), background)
+    *normal, square = contrast(_COLOUR, background)
     if not square:
         return CrossSection(status=Status.NO_CONTRAST)
     weights = -np.array(normal) / square
@@ -92,7 +79,7 @@ def cross_section(image: Image, params: CrossSectionParams = _PARAMS) -> CrossSe
         return CrossSection(status=Status.NO_COLOUR)
     k = 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax())
     left, top, width, height, area = stats[k].tolist()
-    if area < params.area:
+    if area < _AREA:
         return CrossSection(status=Status.NO_COLOUR)
     rows, columns = labels.shape
     if min(left, top) < 2 or left + width > columns - 2 or top + height > rows - 2:
@@ -169,14 +156,11 @@ class CrossSectionDetector(ImageMeasurement):
     ``cross_section``, shape (8,), is laid out as in :func:`pack_cross_section`.
     """
 
-    def __init__(
-        self, params: CrossSectionParams = _PARAMS, width: int = 320, height: int = 240
-    ) -> None:
-        super().__init__("cross_section", CROSS_SECTION_SIZE, width, height)
-        self._params = params
+    def __init__(self) -> None:
+        super().__init__("cross_section", CROSS_SECTION_SIZE)
 
     def measure(self, image: Image | None) -> Array:
         """Return the packed cross-section of an image."""
         if image is None:
             return pack_cross_section(CrossSection(status=Status.NO_IMAGE))
-        return pack_cross_section(cross_section(image, self._params))
+        return pack_cross_section(cross_section(image))

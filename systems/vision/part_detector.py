@@ -27,7 +27,7 @@ _FLOOR: Final = 0.02  # pixels, of a point without noise: what a row gains or lo
 
 
 class ImageMeasurement(LeafSystem):
-    """Gives a vector of a size that is measured in an image of a width and height in pixels.
+    """Gives a vector of a size that is measured in an image.
 
     .. pydrake_system::
 
@@ -41,12 +41,12 @@ class ImageMeasurement(LeafSystem):
     not found in this image is NaN, with the reason in the status.
     """
 
-    def __init__(self, output: str, size: int, width: int = 320, height: int = 240) -> None:
+    def __init__(self, output: str, size: int) -> None:
         super().__init__()
         # Of the last image that was looked at: whatever updates a state anywhere in a diagram
         # makes Drake ask again, and detection is the dearest part of the loop.
         self._seen: tuple[Image, Array] | None = None
-        self._image = self.DeclareAbstractInputPort("image", Value(ImageRgba8U(width, height, 0)))
+        self._image = self.DeclareAbstractInputPort("image", Value(ImageRgba8U(1, 1, 0)))
         self._depends = {self._image.ticket()}
         self._measured: OutputPort = self.DeclareVectorOutputPort(
             output, size, self._calc_measured, self._depends
@@ -202,10 +202,10 @@ class PartsDetector(ImageMeasurement):
         ParameterError: If there are no parts.
     """
 
-    def __init__(self, parts: Sequence[Appearance], width: int = 320, height: int = 240) -> None:
+    def __init__(self, parts: Sequence[Appearance]) -> None:
         if not parts:
             raise ParameterError("parts", list(parts), "one or more")
-        super().__init__("detections", DETECTION_SIZE * len(parts), width, height)
+        super().__init__("detections", DETECTION_SIZE * len(parts))
         self._parts = tuple(parts)
 
     def measure(self, image: Image | None) -> Array:
@@ -233,15 +233,9 @@ class PartDetector(ImageMeasurement):
     """
 
     def __init__(
-        self,
-        peg: Appearance,
-        hole: Appearance,
-        width: int = 320,
-        height: int = 240,
-        *,
-        undistortion: Undistortion | None = None,
+        self, peg: Appearance, hole: Appearance, undistortion: Undistortion | None = None
     ) -> None:
-        super().__init__("detections", DETECTIONS_SIZE, width, height)
+        super().__init__("detections", DETECTIONS_SIZE)
         self._parts = peg, hole
         self._undistortion = undistortion
         self.DeclareVectorOutputPort(

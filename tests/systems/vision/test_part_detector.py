@@ -187,7 +187,7 @@ class Brightness(ImageMeasurement):
     """Counts how often it looked."""
 
     def __init__(self) -> None:
-        super().__init__("brightness", 2, 8, 6)
+        super().__init__("brightness", 2)
         self.looks = 0
 
     def measure(self, image: Image | None) -> np.ndarray:

@@ -11,7 +11,6 @@ from chamfer.models.cameras.camera import CameraPlacement
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import ParameterError
 from chamfer.systems.vision.cell_error import CellErrorParams, ExpectedError
-from chamfer.systems.vision.cross_section import CrossSectionParams
 from chamfer.systems.vision.measured_error import MeasuredErrorParams
 from chamfer.systems.vision.part_appearance import PEG, appearances
 from chamfer.systems.vision.part_detection import ContinuityParams
@@ -35,8 +34,6 @@ ROWS: list[Row] = [
     (ContinuityParams, "speed", (0.0,), ""),
     (ContinuityParams, "turning", (-1.0,), ""),
     (ContinuityParams, "most_jumps", (-1,), ""),
-    (CrossSectionParams, "area", (1,), ""),
-    (CrossSectionParams, "colour", ((0, 0),), ""),
     (PartsDetector, "parts", ([],), "one or more"),
     (PEG, "front", (0, 2), ""),
     (PEG, "hue", (-1, 256), ""),
