@@ -33,7 +33,7 @@ from chamfer.analysis.command.output_folder import require_writable
 from chamfer.analysis.drawing.figure_kit import colour_bar
 from chamfer.analysis.drawing.figure_style import dress, new_figure
 from chamfer.analysis.report.console import say, table
-from chamfer.analysis.report.results import json_text, save_figures, write_whole
+from chamfer.analysis.report.results import figure_files, json_text, write_folder
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import Progress
 from chamfer.analysis.track.frame_source import Recording, open_recording, shown_name
@@ -293,13 +293,8 @@ def run(arguments: argparse.Namespace) -> int:
             found = _found(board, files, known, progress)
         if (folder / CAMERA).exists():
             say(f"what is in {folder} is replaced")
-        figures = {"residuals": plot_residuals(found)}
-
-        def fill(staging: Path) -> None:
-            save_figures(staging, figures)
-            (staging / CAMERA).write_text(camera_text(found.cameras), encoding="utf-8")
-
-        write_whole(folder, fill, last=CAMERA)
+        figures = figure_files({"residuals": plot_residuals(found)})
+        write_folder(folder, {**figures, CAMERA: camera_text(found.cameras)})
     except KeyboardInterrupt:
         say("interrupted, nothing was written")
         return _INTERRUPTED

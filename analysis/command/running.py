@@ -17,14 +17,17 @@ from chamfer.analysis.report.checks import Paper, check, load_paper
 from chamfer.analysis.report.results import (
     REPLAY,
     RESULT,
-    Artifacts,
+    SCENARIO,
     check_document,
     defined_metrics,
+    figure_files,
+    json_text,
     metric_document,
     read_result,
     versions,
-    write_result,
+    write_folder,
 )
+from chamfer.analysis.report.traces import table_bytes
 from chamfer.analysis.scenario.errors import ExperimentError, UserError
 from chamfer.analysis.scenario.experiment import (
     Catalogue,
@@ -168,13 +171,9 @@ def run(
         started = time.perf_counter()
         outcome = experiment.run(scenario, seed, progress)
         wall_seconds = campaign.seconds + time.perf_counter() - started
-        artifacts = Artifacts(
-            scenario=scenario_text(scenario),
-            outcome=outcome,
-            figures=experiment.plot(scenario, outcome),
-            drawings={**draw_diagram(job), **draw_charts(job)},
-            replay=_replay(job, outcome),
-        )
+        figures = experiment.plot(scenario, outcome)
+        drawings = {**draw_diagram(job), **draw_charts(job)}
+        replay = _replay(job, outcome)
     metrics = defined_metrics(outcome.metrics)
     published = [value for value in job.paper.published if value.experiment == job.entry.name]
     checks = check(published, metrics) if job.checked else []
@@ -196,14 +195,22 @@ def run(
         "simulated_seconds": outcome.simulated_seconds,
         "wall_seconds": round(wall_seconds, 4),
         "command": _command(job, seed),
-        "figures": artifacts.figure_files(),
-        "drawings": [name for name in artifacts.drawings if name.endswith(".svg")],
+        "figures": list(drawn := figure_files(figures)),
+        "drawings": [name for name in drawings if name.endswith(".svg")],
     }
-    if artifacts.replay is not None:
+    tables = {"traces": outcome.traces, **outcome.tables}
+    files: dict[str, str | bytes] = {
+        SCENARIO: scenario_text(scenario),
+        **{f"{name}.parquet": table_bytes(table) for name, table in tables.items()},
+        **drawn,
+        **drawings,
+    }
+    if replay is not None:
         document["replay"] = REPLAY
+        files[REPLAY] = replay
     folder = out / job.entry.name
     with written(folder):
-        write_result(folder, document, artifacts)
+        write_folder(folder, {**files, RESULT: json_text(document)})
     campaign.finish()
     return document
 

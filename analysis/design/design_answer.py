@@ -19,12 +19,12 @@ from chamfer.analysis.design.design_words import described
 from chamfer.analysis.report.results import (
     RESULT,
     SCENARIO,
+    figure_files,
     json_text,
-    save_figures,
     versions,
-    write_whole,
+    write_folder,
 )
-from chamfer.analysis.report.traces import write_table
+from chamfer.analysis.report.traces import table_bytes
 from chamfer.analysis.scenario.experiment import Progress, part_of
 from chamfer.analysis.scenario.scenario_io import scenario_text, sha256, unstructure
 
@@ -122,20 +122,14 @@ def design_document(
 
 def write_design(folder: Path, answer: Answer, document: dict[str, Any]) -> None:
     """Write a design's folder as a whole; an OSError if it can't be written."""
-    figures = {} if answer.map is None else {_MAP: plot_map(answer.map)}
-
-    def fill(staging: Path) -> None:
-        (staging / SCENARIO).write_text(scenario_text(answer.scenario), encoding="utf-8")
-        save_figures(staging, figures)
-        if answer.map is not None:
-            write_table(staging / f"{_MAP}.parquet", answer.map.table())
-        drawn = staging / f"{_MAP}.svg"
-        figure = drawn.read_bytes() if figures else None
-        page = design_page(document, described(answer.scenario), figure)
-        (staging / PAGE).write_text(page, encoding="utf-8")
-        (staging / RESULT).write_text(json_text(document), encoding="utf-8")
-
-    write_whole(folder, fill, last=RESULT)
+    files: dict[str, str | bytes] = {SCENARIO: scenario_text(answer.scenario)}
+    figure = None
+    if answer.map is not None:
+        figures = figure_files({_MAP: plot_map(answer.map)})
+        files |= {**figures, f"{_MAP}.parquet": table_bytes(answer.map.table())}
+        figure = figures[f"{_MAP}.svg"]
+    files[PAGE] = design_page(document, described(answer.scenario), figure)
+    write_folder(folder, {**files, RESULT: json_text(document)})
 
 
 def _map_document(found: DesignMap) -> dict[str, Any]:

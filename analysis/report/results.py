@@ -1,21 +1,21 @@
 """The result of an experiment as a document, and its folder on disk."""
 
 import fcntl
+import io
 import json
 import math
 import os
 import platform
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from chamfer.analysis.report.checks import Check
 from chamfer.analysis.report.fingerprint import code
-from chamfer.analysis.report.traces import write_table
-from chamfer.analysis.scenario.experiment import Metric, Outcome
+from chamfer.analysis.scenario.experiment import Metric
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,26 +28,7 @@ REPLAY: Final = "replay.html"
 _PACKAGES: Final = (
     *("drake", "numpy", "numba", "scipy", "control", "opencv", "matplotlib", "chamfer"),
 )
-_DOTS_PER_INCH: Final = 150
-
-
-@dataclass(frozen=True, kw_only=True)
-class Artifacts:
-    """What goes beside the result: figures by name without ending, drawings by file name.
-
-    ``scenario`` is the resolved scenario as YAML, ``replay`` the page of the run in three
-    dimensions, None if the experiment has none.
-    """
-
-    scenario: str
-    outcome: Outcome
-    figures: "Mapping[str, Figure]"
-    drawings: Mapping[str, str]
-    replay: str | None = None
-
-    def figure_files(self) -> list[str]:
-        """Return the names of the figures' files."""
-        return [f"{name}.{ending}" for name in self.figures for ending in ("svg", "png")]
+_FORMATS: Final[Mapping[str, Any]] = {"svg": {"metadata": {"Date": None}}, "png": {"dpi": 150}}
 
 
 def defined_metrics(metrics: Mapping[str, Metric]) -> dict[str, Metric]:
@@ -106,44 +87,26 @@ def json_text(document: Mapping[str, Any] | Sequence[Any]) -> str:
     return json.dumps(document, indent=2, allow_nan=False) + "\n"
 
 
-def write_result(folder: Path, document: Mapping[str, Any], artifacts: Artifacts) -> None:
-    """Write a result and everything beside it, all of it or nothing."""
+def write_folder(folder: Path, files: Mapping[str, str | bytes]) -> None:
+    """Write files, all of them or nothing.
 
-    def fill(staging: Path) -> None:
-        (staging / SCENARIO).write_text(artifacts.scenario, encoding="utf-8")
-        write_table(staging / "traces.parquet", artifacts.outcome.traces)
-        for table, columns in artifacts.outcome.tables.items():
-            write_table(staging / f"{table}.parquet", columns)
-        save_figures(staging, artifacts.figures)
-        for drawing, text in artifacts.drawings.items():
-            (staging / drawing).write_text(text, encoding="utf-8")
-        if artifacts.replay is not None:
-            (staging / REPLAY).write_text(artifacts.replay, encoding="utf-8")
-        (staging / RESULT).write_text(json_text(document), encoding="utf-8")
-
-    write_whole(folder, fill, last=RESULT)
-
-
-def write_whole(folder: Path, fill: Callable[[Path], None], *, last: str) -> None:
-    """Write the files of a folder, all of them or nothing.
-
-    The files are made in a hidden folder and then renamed into place, the document last: whoever
-    finds it finds its figures. A lock keeps two runs from mixing their files.
+    They are made in a hidden folder and then renamed into place in their order, the document
+    last: whoever finds it finds its figures. A lock keeps two runs from mixing their files.
 
     Args:
         folder: Made if it isn't there.
-        fill: Writes the files into the folder that it is given.
-        last: The document's file.
+        files: Their contents by name.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".unfinished-", dir=folder) as name:
-        staging = Path(name)
-        fill(staging)
+    with tempfile.TemporaryDirectory(prefix=".unfinished-", dir=folder) as staging:
+        for name, content in files.items():
+            path = Path(staging, name)
+            path.write_bytes(content.encode() if isinstance(content, str) else content)
         descriptor = os.open(folder, os.O_RDONLY)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX)
-            for path in sorted(staging.iterdir(), key=lambda path: path.name == last):
-                os.replace(path, folder / path.name)
+            for name in files:
+                os.replace(Path(staging, name), folder / name)
         finally:
             os.close(descriptor)
 
@@ -168,14 +131,18 @@ def _no_number(text: str) -> float:
     raise ValueError(f"{text} is no number in JSON")
 
 
-def save_figures(folder: Path, figures: "Mapping[str, Figure]") -> None:
-    """Write figures as SVG and PNG, the same bytes in every run."""
+def figure_files(figures: "Mapping[str, Figure]") -> dict[str, bytes]:
+    """Return figures by name as files, SVG and PNG, the same bytes in every run."""
     if not figures:
-        return
+        return {}
     from matplotlib import rc_context
 
+    files = {}
     # The salt makes the ids of an SVG, and a missing date its bytes, the same in every run.
     with rc_context({"svg.hashsalt": "chamfer"}):
         for name, figure in figures.items():
-            figure.savefig(folder / f"{name}.svg", format="svg", metadata={"Date": None})
-            figure.savefig(folder / f"{name}.png", format="png", dpi=_DOTS_PER_INCH)
+            for ending, options in _FORMATS.items():
+                buffer = io.BytesIO()
+                figure.savefig(buffer, format=ending, **options)
+                files[f"{name}.{ending}"] = buffer.getvalue()
+    return files

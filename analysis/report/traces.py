@@ -1,5 +1,6 @@
 """Tables of numbers on disk, as Parquet."""
 
+import io
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,14 @@ from chamfer.analysis.report.atomic_write import replacing
 from chamfer.analysis.scenario.experiment import Table
 
 
-def write_table(path: Path, table: Table, *, infinite: bool = False) -> None:
-    """Write the columns; the same columns give the same bytes.
+def write_table(path: Path, table: Table) -> None:
+    """Write a table as :func:`table_bytes` returns it."""
+    with replacing(path) as temporary:
+        temporary.write_bytes(table_bytes(table))
+
+
+def table_bytes(table: Table, *, infinite: bool = False) -> bytes:
+    """Return the columns as a file; the same columns give the same bytes.
 
     NaN stands for a value that a trial doesn't have; infinity is refused unless allowed.
 
@@ -34,9 +41,9 @@ def write_table(path: Path, table: Table, *, infinite: bool = False) -> None:
             raise ValueError(
                 f"column {name!r} is infinite in row {int(np.argmax(np.isinf(values)))}"
             )
-    # Opened here, as PyArrow takes no path that is not UTF-8.
-    with replacing(path) as temporary, temporary.open("wb") as file:
-        pq.write_table(pa.table(columns), file, compression="zstd")
+    file = io.BytesIO()
+    pq.write_table(pa.table(columns), file, compression="zstd")
+    return file.getvalue()
 
 
 def read_table(path: Path) -> dict[str, NDArray[Any]]:

@@ -1,6 +1,7 @@
 """A sweep's folder: its points as tables, its figure and the document that says what it is."""
 
 import csv
+import io
 import math
 import shlex
 from collections.abc import Mapping
@@ -9,8 +10,8 @@ from typing import Any, Final
 
 from chamfer.analysis.report.check_text import number
 from chamfer.analysis.report.console import table
-from chamfer.analysis.report.results import SWEEP, json_text, save_figures, versions, write_whole
-from chamfer.analysis.report.traces import write_table
+from chamfer.analysis.report.results import SWEEP, figure_files, json_text, versions, write_folder
+from chamfer.analysis.report.traces import table_bytes
 from chamfer.analysis.scenario.scenario_io import unstructure
 from chamfer.analysis.sweep.sweep import OK, SweepPlan, SweepResult
 from chamfer.analysis.sweep.sweep_figures import plot_sweep
@@ -32,21 +33,21 @@ def write_sweep(out: Path, result: SweepResult, wall_seconds: float) -> dict[str
         OSError: If it can't be written.
     """
     figure = plot_sweep(result)
-    figures = {} if figure is None else {"sweep": figure}
+    figures = figure_files({} if figure is None else {"sweep": figure})
     document = _document(result, wall_seconds, list(figures))
-
-    def fill(folder: Path) -> None:
-        write_table(folder / "points.parquet", result.table, infinite=True)
-        with (folder / "points.csv").open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(result.table)
-            columns = [column.tolist() for column in result.table.values()]
-            writer.writerows(map(_csv, row) for row in zip(*columns, strict=True))
-        write_table(folder / "trials.parquet", result.trials, infinite=True)
-        save_figures(folder, figures)
-        (folder / SWEEP).write_text(json_text(document), encoding="utf-8")
-
-    write_whole(out / folder_name(result.plan.job.entry.name), fill, last=SWEEP)
+    points = io.StringIO(newline="")
+    writer = csv.writer(points, lineterminator="\n")
+    writer.writerow(result.table)
+    columns = [column.tolist() for column in result.table.values()]
+    writer.writerows(map(_csv, row) for row in zip(*columns, strict=True))
+    files: dict[str, str | bytes] = {
+        "points.parquet": table_bytes(result.table, infinite=True),
+        "points.csv": points.getvalue(),
+        "trials.parquet": table_bytes(result.trials, infinite=True),
+        **figures,
+        SWEEP: json_text(document),
+    }
+    write_folder(out / folder_name(result.plan.job.entry.name), files)
     return document
 
 
@@ -123,7 +124,7 @@ def _document(result: SweepResult, wall_seconds: float, figures: list[str]) -> d
         "simulated_seconds": result.simulated_seconds,
         "wall_seconds": round(wall_seconds, 4),
         "command": _command(plan),
-        "figures": [f"{name}.{ending}" for name in figures for ending in ("svg", "png")],
+        "figures": figures,
     }
 
 

@@ -168,7 +168,7 @@ def test_a_disk_that_is_full_is_one_line(
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("chamfer.analysis.report.results.write_table", full)
+    monkeypatch.setattr("pathlib.Path.write_bytes", full)
     message = f"chamfer: {out}/trials can't be written: No space left on device\n"
     assert chamfer("run", "trials", "--out", out) == (2, "", message)
     assert files(out) == []

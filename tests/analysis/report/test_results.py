@@ -1,5 +1,4 @@
 import fcntl
-import gc
 import json
 import math
 import os
@@ -15,16 +14,16 @@ from matplotlib.figure import Figure
 
 from chamfer.analysis.report.checks import Check, Published
 from chamfer.analysis.report.results import (
-    Artifacts,
     check_document,
     defined_metrics,
+    figure_files,
     json_text,
     metric_document,
     read_result,
     versions,
-    write_result,
+    write_folder,
 )
-from chamfer.analysis.scenario.experiment import Metric, Outcome
+from chamfer.analysis.scenario.experiment import Metric
 
 
 def figure() -> Figure:
@@ -35,26 +34,7 @@ def figure() -> Figure:
     return made
 
 
-class FailingFigure(Figure):
-    failure: BaseException = OSError(28, "No space left on device")
-
-    def savefig(self, *_: Any, **__: Any) -> None:
-        raise self.failure
-
-
-def artifacts(drawn: Figure | None = None, value: float = 1.0) -> Artifacts:
-    return Artifacts(
-        scenario="height: 5.0\n",
-        outcome=Outcome(
-            metrics={},
-            traces={"time": np.array([0.0, value])},
-            tables={"map": {"x": np.zeros(2)}},
-            simulated_seconds=1.0,
-        ),
-        figures={"response": drawn or figure()},
-        drawings={"diagram.svg": "<svg/>"},
-        replay="<p>π</p>",
-    )
+FILES = {"a.parquet": b"\x00", "scenario.yaml": "height: 5.0 # π", "result.json": "{}"}
 
 
 def published(**changes: Any) -> Published:
@@ -71,69 +51,61 @@ def published(**changes: Any) -> Published:
     return Published(**{**given, **changes})
 
 
-def test_writes_everything_that_belongs_to_a_result(tmp_path: Path) -> None:
-    write_result(tmp_path / "fall", {"figures": artifacts().figure_files()}, artifacts())
-    assert {path.name for path in (tmp_path / "fall").iterdir()} == {
-        *("diagram.svg", "map.parquet", "response.png", "response.svg"),
-        *("replay.html", "result.json", "scenario.yaml", "traces.parquet"),
-    }
-    assert (tmp_path / "fall" / "replay.html").read_text(encoding="utf-8") == "<p>π</p>"
-    assert (tmp_path / "fall" / "scenario.yaml").read_text() == "height: 5.0\n"
-    assert read_result(tmp_path / "fall" / "result.json") == {
-        "figures": ["response.svg", "response.png"]
-    }
-
-
-def test_same_result_same_bytes(tmp_path: Path) -> None:
-    for name in ("a", "b"):
-        write_result(tmp_path / name, {}, artifacts())
-    for path in (tmp_path / "a").iterdir():
-        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes(), path.name
-    assert b"<dc:date>" not in (tmp_path / "a" / "response.svg").read_bytes()
-
-
-@pytest.mark.parametrize("failure", [OSError(28, "full"), KeyboardInterrupt()])
-def test_a_failure_midway_leaves_the_old_result_with_its_own_files(
-    tmp_path: Path, failure: BaseException
-) -> None:
-    folder = tmp_path / "fall"
-    write_result(folder, {"run": 1}, artifacts())
-    before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    failing = FailingFigure()
-    failing.failure = failure
-    with pytest.raises(type(failure)):
-        write_result(folder, {"run": 2}, artifacts(failing, value=2.0))
-    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
-
-
-def test_a_result_that_is_not_json_is_not_written(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="JSON"):
-        write_result(tmp_path / "fall", {"value": math.nan}, artifacts())
-    assert list((tmp_path / "fall").iterdir()) == []
-
-
-def test_the_result_is_the_last_file_to_appear(
+def test_all_files_are_written_and_the_document_appears_last(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     appeared: list[str] = []
     replace = os.replace
 
     def spy(source: Path, target: Path) -> None:
-        if Path(target).parent == tmp_path:
-            appeared.append(Path(target).name)
+        appeared.append(Path(target).name)
         replace(source, target)
 
     monkeypatch.setattr("chamfer.analysis.report.results.os.replace", spy)
-    write_result(tmp_path, {}, artifacts())
-    assert appeared[-1] == "result.json"
-    assert len(appeared) == 8
+    write_folder(tmp_path / "fall", FILES)
+    assert appeared == list(FILES)
+    assert {path.name: path.read_bytes() for path in (tmp_path / "fall").iterdir()} == {
+        name: content.encode() if isinstance(content, str) else content
+        for name, content in FILES.items()
+    }
+    assert read_result(tmp_path / "fall" / "result.json") == {}
+
+
+def test_figures_are_the_same_bytes_in_every_run() -> None:
+    first, second = (figure_files({"response": figure()}) for _ in range(2))
+    assert first == second
+    assert list(first) == ["response.svg", "response.png"]
+    assert b"<dc:date>" not in first["response.svg"]
+
+
+@pytest.mark.parametrize("failure", [OSError(28, "full"), KeyboardInterrupt()])
+def test_a_failure_midway_leaves_the_old_result_with_its_own_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failure: BaseException
+) -> None:
+    write_folder(tmp_path, FILES)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    write = Path.write_bytes
+
+    def fail(path: Path, content: bytes) -> None:
+        if path.name == "scenario.yaml":
+            raise failure
+        write(path, content)
+
+    monkeypatch.setattr(Path, "write_bytes", fail)
+    with pytest.raises(type(failure)):
+        write_folder(tmp_path, dict.fromkeys(FILES, "new"))
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_a_document_that_is_not_json_is_refused() -> None:
+    with pytest.raises(ValueError, match="JSON"):
+        json_text({"value": math.nan})
 
 
 def test_two_runs_don_t_mix_their_files(tmp_path: Path) -> None:
-    gc.collect()  # Meshcats of other tests may not end in another thread
     descriptor = os.open(tmp_path, os.O_RDONLY)  # another run is renaming its files
     fcntl.flock(descriptor, fcntl.LOCK_EX)
-    writer = threading.Thread(target=write_result, args=(tmp_path, {}, artifacts()))
+    writer = threading.Thread(target=write_folder, args=(tmp_path, FILES))
     writer.start()
     writer.join(timeout=0.5)
     assert [path.name for path in tmp_path.iterdir() if path.is_file()] == []
