@@ -1,10 +1,7 @@
 """Diagrams and charts of the kind that the project draws."""
 
-from collections.abc import Callable
-from typing import Any
-
 import pytest
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram
 
 from chamfer.diagrams.servo.servo_loops import make_servo_diagram
 from chamfer.diagrams.servo.servo_scenario import STEP, resolve
@@ -66,17 +63,3 @@ def axis() -> AnyChart:
         ],
         memory=None,
     )
-
-
-@pytest.fixture
-def build() -> Callable[[Callable[[DiagramBuilder], Any]], Diagram]:
-    """Build a diagram from what a function adds to a builder."""
-
-    def make(add: Callable[[DiagramBuilder], Any]) -> Diagram:
-        builder = DiagramBuilder()
-        add(builder)
-        diagram = builder.Build()
-        diagram.set_name("root")
-        return diagram
-
-    return make

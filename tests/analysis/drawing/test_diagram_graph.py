@@ -1,4 +1,3 @@
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,11 @@ from pydrake.systems.primitives import (
 from chamfer.analysis.drawing.diagram_graph import diagram_graph, gain_matrix, gain_text
 from chamfer.analysis.drawing.graph import Graph
 
-Build = Callable[[Callable[[DiagramBuilder], Any]], Diagram]
+
+def graph_of(builder: DiagramBuilder) -> Graph:
+    diagram = builder.Build()
+    diagram.set_name("root")
+    return diagram_graph(diagram)
 
 
 def _wires(graph: Graph) -> dict[tuple[str, str], tuple[str, str]]:
@@ -55,12 +58,12 @@ def test_diagrams_are_clusters_and_wires_end_at_the_blocks_behind(loops: Diagram
     assert len(graph.edges) == 19
 
 
-def test_names_with_addresses_are_replaced(build: Build) -> None:
-    def add(builder: DiagramBuilder) -> None:
-        first, second = builder.AddSystem(Integrator(1)), builder.AddSystem(Integrator(1))
-        builder.Connect(first.get_output_port(), second.get_input_port())
+def test_names_with_addresses_are_replaced() -> None:
+    builder = DiagramBuilder()
+    first, second = builder.AddSystem(Integrator(1)), builder.AddSystem(Integrator(1))
+    builder.Connect(first.get_output_port(), second.get_input_port())
 
-    graph = diagram_graph(build(add))
+    graph = graph_of(builder)
     assert [(node.id, node.label) for node in graph.nodes] == [
         ("Integrator", "Integrator"),
         ("Integrator 2", "Integrator"),
@@ -68,15 +71,15 @@ def test_names_with_addresses_are_replaced(build: Build) -> None:
     assert _wires(graph) == {("Integrator", "Integrator 2"): ("", "")}
 
 
-def test_exported_ports_of_the_root_are_open_ends(build: Build) -> None:
-    def add(builder: DiagramBuilder) -> None:
-        block = builder.AddNamedSystem("block", PassThrough(1))
-        other = builder.AddNamedSystem("sum", Adder(1, 1))
-        port = builder.ExportInput(block.get_input_port(), "command")
-        builder.ConnectInput(port, other.get_input_port(0))
-        builder.ExportOutput(block.get_output_port(), "position")
+def test_exported_ports_of_the_root_are_open_ends() -> None:
+    builder = DiagramBuilder()
+    block = builder.AddNamedSystem("block", PassThrough(1))
+    other = builder.AddNamedSystem("sum", Adder(1, 1))
+    port = builder.ExportInput(block.get_input_port(), "command")
+    builder.ConnectInput(port, other.get_input_port(0))
+    builder.ExportOutput(block.get_output_port(), "position")
 
-    graph = diagram_graph(build(add))
+    graph = graph_of(builder)
     assert [(node.id, node.kind) for node in graph.nodes] == [
         ("input command", "port"),
         ("block", "block"),
@@ -90,16 +93,16 @@ def test_exported_ports_of_the_root_are_open_ends(build: Build) -> None:
     }
 
 
-def test_one_port_of_a_nested_diagram_may_reach_several_blocks(build: Build) -> None:
-    def add(builder: DiagramBuilder) -> None:
-        inner = DiagramBuilder()
-        a, b = inner.AddNamedSystem("a", Gain(2.0, 1)), inner.AddNamedSystem("b", Gain(3.0, 1))
-        inner.ConnectInput(inner.ExportInput(a.get_input_port(), "force"), b.get_input_port())
-        nested = builder.AddNamedSystem("nested", inner.Build())
-        source = builder.AddNamedSystem("source", ConstantVectorSource([1.0]))
-        builder.Connect(source.get_output_port(), nested.get_input_port())
+def test_one_port_of_a_nested_diagram_may_reach_several_blocks() -> None:
+    builder = DiagramBuilder()
+    inner = DiagramBuilder()
+    a, b = inner.AddNamedSystem("a", Gain(2.0, 1)), inner.AddNamedSystem("b", Gain(3.0, 1))
+    inner.ConnectInput(inner.ExportInput(a.get_input_port(), "force"), b.get_input_port())
+    nested = builder.AddNamedSystem("nested", inner.Build())
+    source = builder.AddNamedSystem("source", ConstantVectorSource([1.0]))
+    builder.Connect(source.get_output_port(), nested.get_input_port())
 
-    assert _wires(diagram_graph(build(add))) == {
+    assert _wires(graph_of(builder)) == {
         ("source", "nested/a"): ("force", ""),
         ("source", "nested/b"): ("force", ""),
     }
@@ -116,45 +119,45 @@ def test_one_port_of_a_nested_diagram_may_reach_several_blocks(build: Build) -> 
     ],
 )
 def test_a_negative_gain_before_a_sum_is_a_minus_sign(
-    build: Build, gain: Any, node: str | None, sign: str
+    gain: Any, node: str | None, sign: str
 ) -> None:
-    def add(builder: DiagramBuilder) -> None:
-        source = builder.AddNamedSystem("source", ConstantVectorSource([1.0, 1.0]))
-        builder.AddNamedSystem("gain", gain)
-        total = builder.AddNamedSystem("total", Adder(1, 2))
-        builder.Connect(source.get_output_port(), gain.get_input_port())
-        builder.Connect(gain.get_output_port(), total.get_input_port(0))
+    builder = DiagramBuilder()
+    source = builder.AddNamedSystem("source", ConstantVectorSource([1.0, 1.0]))
+    builder.AddNamedSystem("gain", gain)
+    total = builder.AddNamedSystem("total", Adder(1, 2))
+    builder.Connect(source.get_output_port(), gain.get_input_port())
+    builder.Connect(gain.get_output_port(), total.get_input_port(0))
 
-    graph = diagram_graph(build(add))
+    graph = graph_of(builder)
     details = {node.id: node.detail for node in graph.nodes}
     assert details.get("gain") == node
     assert _wires(graph)[("source" if node is None else "gain", "total")] == ("", sign)
 
 
-def test_a_minus_that_goes_elsewhere_too_stays_a_gain(build: Build) -> None:
-    def add(builder: DiagramBuilder) -> None:
-        source = builder.AddNamedSystem("source", ConstantVectorSource([1.0]))
-        gain = builder.AddNamedSystem("gain", Gain(-1.0, 1))
-        total = builder.AddNamedSystem("total", Adder(1, 1))
-        builder.Connect(source.get_output_port(), gain.get_input_port())
-        builder.Connect(gain.get_output_port(), total.get_input_port(0))
-        builder.ExportOutput(gain.get_output_port(), "negative")
+def test_a_minus_that_goes_elsewhere_too_stays_a_gain() -> None:
+    builder = DiagramBuilder()
+    source = builder.AddNamedSystem("source", ConstantVectorSource([1.0]))
+    gain = builder.AddNamedSystem("gain", Gain(-1.0, 1))
+    total = builder.AddNamedSystem("total", Adder(1, 1))
+    builder.Connect(source.get_output_port(), gain.get_input_port())
+    builder.Connect(gain.get_output_port(), total.get_input_port(0))
+    builder.ExportOutput(gain.get_output_port(), "negative")
 
-    graph = diagram_graph(build(add))
+    graph = graph_of(builder)
     assert _wires(graph)["gain", "total"] == ("", "+")
 
 
-def test_a_diagram_of_loggers_is_empty_without_them(build: Build) -> None:
-    def add(builder: DiagramBuilder) -> None:
-        inner = DiagramBuilder()
-        through = inner.AddNamedSystem("through", PassThrough(1))
-        inner.ExportInput(through.get_input_port(), "signal")
-        LogVectorOutput(through.get_output_port(), inner)
-        nested = builder.AddNamedSystem("log", inner.Build())
-        source = builder.AddNamedSystem("source", ConstantVectorSource([1.0]))
-        builder.Connect(source.get_output_port(), nested.get_input_port())
+def test_a_diagram_of_loggers_is_empty_without_them() -> None:
+    builder = DiagramBuilder()
+    inner = DiagramBuilder()
+    through = inner.AddNamedSystem("through", PassThrough(1))
+    inner.ExportInput(through.get_input_port(), "signal")
+    LogVectorOutput(through.get_output_port(), inner)
+    nested = builder.AddNamedSystem("log", inner.Build())
+    source = builder.AddNamedSystem("source", ConstantVectorSource([1.0]))
+    builder.Connect(source.get_output_port(), nested.get_input_port())
 
-    graph = diagram_graph(build(add))
+    graph = graph_of(builder)
     assert [node.id for node in graph.nodes] == ["source"]
     assert graph.clusters == ()
     assert graph.edges == ()
