@@ -11,50 +11,9 @@ from numpy.typing import NDArray
 from chamfer.models.validation import ParameterError
 from chamfer.systems.trajectory.segment import CIRCLE, HOLD, LINE, SLEW, Segment
 
-
-@dataclass(frozen=True, kw_only=True)
-class Trapezoid:
-    """From 0 to 1, from rest to rest: speeds up, goes on, slows down.
-
-    A path too short to come up to speed is half speeding up and half slowing down.
-    """
-
-    speed: float  # 1/s, at most; of the whole path
-    acceleration: float  # 1/s^2, up and down
-
-    @property
-    def top(self) -> float:
-        """The speed that is come up to, 1/s."""
-        return min(self.speed, math.sqrt(self.acceleration))
-
-    @property
-    def duration(self) -> float:
-        """From rest to rest, s."""
-        return self.top / self.acceleration + 1 / self.top
-
-    def at(self, time: float) -> tuple[float, float]:
-        """Return how far, 0 to 1, and how fast, 1/s, at a time, s."""
-        top, acceleration, duration = self.top, self.acceleration, self.duration
-        if time >= duration:
-            return 1.0, 0.0
-        ramp, left = top / acceleration, duration - time
-        if time < ramp:
-            return acceleration * time * time / 2, acceleration * time
-        if left < ramp:
-            return 1 - acceleration * left * left / 2, acceleration * left
-        return top * (time - ramp / 2), top
-
-
-def quintic(part: float) -> tuple[float, float]:
-    """Return how far, 0 to 1, and its derivative, at a part of the time, 0 to 1.
-
-    At rest and without acceleration at both ends; beyond them it stays where it is.
-    """
-    u = min(max(part, 0.0), 1.0)
-    return u**3 * (10 + u * (6 * u - 15)), 30 * (u * (1 - u)) ** 2
-
-
 Array = NDArray[np.float64]
+# A time, s, to how far, 0 to 1, and how fast, 1/s.
+Profile = Callable[[float], tuple[float, float]]
 Motion = tuple[Array, Array]  # position, m and rad, and velocity, m/s and rad/s, shape (7,) each
 
 # A slew's parts of its time. The nugget goes up first, across in the middle, then down; the parts
@@ -69,6 +28,40 @@ _NEEDED: Final[dict[float, tuple[str, ...]]] = {  # by kind: what has to be > 0
 }
 
 
+def trapezoid(speed: float, acceleration: float) -> tuple[float, Profile]:
+    """Return duration, s, and profile from rest to rest: speeds up, goes on, slows down.
+
+    A path too short to come up to speed is half speeding up and half slowing down.
+
+    Args:
+        speed: 1/s, at most, > 0; of the whole path.
+        acceleration: 1/s^2, up and down, > 0.
+    """
+    top = min(speed, math.sqrt(acceleration))
+    ramp, duration = top / acceleration, top / acceleration + 1 / top
+
+    def at(time: float) -> tuple[float, float]:
+        left = duration - time
+        if left <= 0:
+            return 1.0, 0.0
+        if time < ramp:
+            return acceleration * time * time / 2, acceleration * time
+        if left < ramp:
+            return 1 - acceleration * left * left / 2, acceleration * left
+        return top * (time - ramp / 2), top
+
+    return duration, at
+
+
+def quintic(part: float) -> tuple[float, float]:
+    """Return how far, 0 to 1, and its derivative, at a part of the time, 0 to 1.
+
+    At rest and without acceleration at both ends; beyond them it stays where it is.
+    """
+    u = min(max(part, 0.0), 1.0)
+    return u**3 * (10 + u * (6 * u - 15)), 30 * (u * (1 - u)) ** 2
+
+
 @dataclass(frozen=True)
 class Path:
     """A way from rest to rest."""
@@ -81,23 +74,28 @@ def _stay(place: Array) -> Path:
     return Path(0.0, lambda _: (place, np.zeros_like(place)))
 
 
-def _line(start: Array, way: Array, profile: Trapezoid) -> Path:
+def _line(start: Array, way: Array, duration: float, profile: Profile) -> Path:
     """Move all coordinates in proportion."""
 
     def at(time: float) -> Motion:
-        far, fast = profile.at(time)
+        far, fast = profile(time)
         return start + far * way, fast * way
 
-    return Path(profile.duration, at)
+    return Path(duration, at)
 
 
 def _circle(
-    start: Array, way: Array, centre: tuple[float, float], angle: float, profile: Trapezoid
+    start: Array,
+    way: Array,
+    centre: tuple[float, float],
+    angle: float,
+    duration: float,
+    profile: Profile,
 ) -> Path:
     """Turn x and y about a vertical axis; the other coordinates in proportion."""
 
     def at(time: float) -> Motion:
-        far, fast = profile.at(time)
+        far, fast = profile(time)
         position, velocity = start + far * way, fast * way
         c, s = np.cos(far * angle), np.sin(far * angle)
         across, along = start[:2] - centre
@@ -106,7 +104,7 @@ def _circle(
         velocity[:2] = -fast * angle * y, fast * angle * x
         return position, velocity
 
-    return Path(profile.duration, at)
+    return Path(duration, at)
 
 
 def _slew(start: Array, way: Array, via: float, duration: float) -> Path:
@@ -169,7 +167,7 @@ def path_of(segment: Segment, *, turn_acceleration: float) -> Path:
         )
         if size > 0
     ]
-    profile = Trapezoid(speed=min(v for v, _ in limits), acceleration=min(a for _, a in limits))
+    profile = trapezoid(min(v for v, _ in limits), min(a for _, a in limits))
     if segment.kind == CIRCLE:
-        return _circle(start, way, segment.centre[:2], segment.turn, profile)
-    return _line(start, way, profile)
+        return _circle(start, way, segment.centre[:2], segment.turn, *profile)
+    return _line(start, way, *profile)
