@@ -95,6 +95,14 @@ def require_all_positive(params: Any, *but: str) -> None:
     require_positive(params, *names)
 
 
+def require_whole(params: object, *names: str) -> None:
+    """Raise :class:`ParameterError` unless every named field is a whole number, 1 or more."""
+    for name in names:
+        value = getattr(params, name)
+        if not (isinstance(value, int) and value >= 1):
+            raise ParameterError(name, value, "a whole number >= 1")
+
+
 def require_not_negative(params: object, *names: str) -> None:
     """Raise :class:`ParameterError` unless every named field is finite and >= 0."""
     for name in names:

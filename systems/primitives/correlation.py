@@ -34,7 +34,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from chamfer.models.validation import ParameterError, require_not_negative, require_positive
+from chamfer.models.validation import (
+    ParameterError,
+    require_not_negative,
+    require_positive,
+    require_whole,
+)
 
 FREE = math.pi**2 / 8  # C of two sines without phase lag, of many samples
 
@@ -131,8 +136,7 @@ class CorrelatorParams:
         require_not_negative(self, "threshold", "amplitude_threshold")
         if self.samples is not None and not self.samples >= 4:
             raise ParameterError("samples", self.samples, "a whole number >= 4")
-        if not self.windows >= 1:
-            raise ParameterError("windows", self.windows, "a whole number >= 1")
+        require_whole(self, "windows")
 
     def resolved(self, *, samples: int, period: float) -> "ResolvedCorrelatorParams":
         """Return the parameters with these values where they leave them open."""

@@ -14,6 +14,7 @@ from chamfer.models.validation import (
     require_not_negative,
     require_one_of,
     require_positive,
+    require_whole,
 )
 from chamfer.systems.primitives.correlation import Correlation, Phasors
 from chamfer.systems.primitives.primitive import (
@@ -185,8 +186,7 @@ class Obstructed(Primitive):
         if len(self.samples) != len(self.axes) or not all(n >= 4 for n in self.samples):
             raise ParameterError("samples", self.samples, "a whole number >= 4 for each axis")
         require_not_negative(self, "threshold", "amplitude_threshold")
-        if not self.windows >= 1:
-            raise ParameterError("windows", self.windows, "a whole number >= 1")
+        require_whole(self, "windows")
 
     @property
     def events(self) -> Mapping[Event, float]:

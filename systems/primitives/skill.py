@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from chamfer.models.validation import ParameterError
+from chamfer.models.validation import ParameterError, require_whole
 from chamfer.systems.primitives.force_primitives import GuardedMove, Hold, Level, Obstructed, Stick
 from chamfer.systems.primitives.position_primitives import Centre, Held, Place, Way
 from chamfer.systems.primitives.primitive import EVENTS, STILL, Primitive
@@ -39,8 +39,7 @@ class Retry:
     then: "Retry | None" = None
 
     def __post_init__(self) -> None:
-        if not self.at_most >= 1:
-            raise ParameterError("at_most", self.at_most, "a whole number >= 1")
+        require_whole(self, "at_most")
 
 
 @dataclass(frozen=True, kw_only=True)

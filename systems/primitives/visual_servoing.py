@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.models.cameras.camera import Camera
-from chamfer.models.validation import ParameterError, require_positive
+from chamfer.models.validation import ParameterError, require_positive, require_whole
 from chamfer.systems.primitives.primitive import STILL, Event, Observation, Vector
 from chamfer.systems.statechart.chart import TIME_TOLERANCE
 from chamfer.systems.vision.part_detection import Detection
@@ -74,9 +74,7 @@ class ServoingParams:
     def __post_init__(self) -> None:
         if not 0 < self.gain < 1:
             raise ParameterError("gain", self.gain, "a number between 0 and 1")
-        for name in ("settled_frames", "lost_frames"):
-            if not getattr(self, name) >= 1:
-                raise ParameterError(name, getattr(self, name), "a whole number >= 1")
+        require_whole(self, "settled_frames", "lost_frames")
 
     def with_frames(self, period: float) -> "Servoing":
         """Return the law for frames of a period, s."""

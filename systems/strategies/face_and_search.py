@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Final
 
 from chamfer.models.connectors.connector import Connector
-from chamfer.models.validation import ParameterError, require_all_positive
+from chamfer.models.validation import ParameterError, require_all_positive, require_whole
 from chamfer.systems.primitives.force_primitives import GuardedMove, Hold, Stick
 from chamfer.systems.primitives.position_primitives import Centre, Place, Way
 from chamfer.systems.primitives.primitive import Primitive
@@ -181,13 +181,6 @@ class PlugInsertionParams(FaceFeelingParams):
             Centre(dither=y, gain=self.centring, offset=-self.beside),
             Hold(axes=("rx", "ry"), gain=self.hold_gain),
         )
-
-
-def require_whole(params: object, name: str) -> None:
-    """Raise :class:`ParameterError` unless the named field is a whole number, 1 or more."""
-    value = getattr(params, name)
-    if not (isinstance(value, int) and value >= 1):
-        raise ParameterError(name, value, "a whole number >= 1")
 
 
 def tare(name: str, time: float, then: str) -> SkillState:

@@ -526,8 +526,7 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
     (4,), are the last :class:`chamfer.systems.strategies.insertion_decision.MeasuredErrors`, 0
     before there are any; ``sensed_force``, shape (3,), N, along the hole's axes, and
     ``sensed_depth``, m, are what the arm knows of the contact, tared where the advance began;
-    ``trouble`` is the :class:`InsertionTrouble` of the
-    attempt.
+    ``trouble`` is the :class:`InsertionTrouble` of the attempt.
 
     Args:
         params: Parameters.

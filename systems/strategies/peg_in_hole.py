@@ -10,17 +10,12 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from chamfer.models.connectors.round_peg import RoundPeg
-from chamfer.models.validation import require_one_of
+from chamfer.models.validation import require_one_of, require_whole
 from chamfer.systems.primitives.force_primitives import Stick
 from chamfer.systems.primitives.primitive import Primitive
 from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Dither, Spiral, lissajous
-from chamfer.systems.strategies.face_and_search import (
-    ALONG,
-    TiltSearchParams,
-    TouchParams,
-    require_whole,
-)
+from chamfer.systems.strategies.face_and_search import ALONG, TiltSearchParams, TouchParams
 
 Search = Literal["dithers", "spiral", "tilt"]
 

@@ -47,13 +47,6 @@ def test_things_are_carried_in_their_places() -> None:
         CarriedPoses({})
 
 
-def displacement_of(pose: np.ndarray) -> np.ndarray:
-    block = PoseDisplacement()
-    context: Any = block.CreateDefaultContext()
-    block.GetInputPort("pose").FixValue(context, pose)
-    return np.array(block.GetOutputPort("displacement").Eval(context))
-
-
 def within(limit: float) -> st.SearchStrategy[float]:
     return st.floats(-limit, limit)
 
@@ -70,7 +63,11 @@ def test_displacement_is_carried_poses_undone(
     carried.GetInputPort("displacement").FixValue(context, list(displacement))
     pose = np.array(carried.GetOutputPort("tool_pose").Eval(context))
     pose[:4] *= sign  # a quaternion and its opposite are one turn
-    np.testing.assert_allclose(displacement_of(pose), displacement, atol=1e-9)
+    undone = PoseDisplacement()
+    context = undone.CreateDefaultContext()
+    undone.GetInputPort("pose").FixValue(context, pose)
+    found = undone.GetOutputPort("displacement").Eval(context)
+    np.testing.assert_allclose(found, displacement, atol=1e-9)
 
 
 def test_true_motion_is_that_of_the_body_in_a_plant() -> None:
@@ -205,14 +202,6 @@ def test_what_is_within_reach_is_gripped(
     assert bench.holding == (distance < 0.004)
 
 
-def guarded(force: float, place: float) -> Simulator:
-    guard = DivergenceGuard("arm", limits={"force": (2, 100.0), "place": (1, 1.0)}, period=0.1)
-    simulator = Simulator(guard)
-    guard.GetInputPort("force").FixValue(simulator.get_mutable_context(), [1.0, force])
-    guard.GetInputPort("place").FixValue(simulator.get_mutable_context(), [place])
-    return simulator
-
-
 @pytest.mark.parametrize(
     ("force", "place", "name", "said"),
     [
@@ -224,8 +213,12 @@ def guarded(force: float, place: float) -> Simulator:
 def test_what_diverges_is_told_with_plant_time_and_value(
     force: float, place: float, name: str, said: str
 ) -> None:
-    simulator = guarded(force, place)
-    simulator.get_mutable_context().SetTime(0.25)
+    guard = DivergenceGuard("arm", limits={"force": (2, 100.0), "place": (1, 1.0)}, period=0.1)
+    simulator = Simulator(guard)
+    context = simulator.get_mutable_context()
+    guard.GetInputPort("force").FixValue(context, [1.0, force])
+    guard.GetInputPort("place").FixValue(context, [place])
+    context.SetTime(0.25)
     with pytest.raises(ParameterError) as refused:
         simulator.AdvanceTo(0.5)
     expected = f"simulation failed: {name} of the arm at 0.3 s {said}, it diverges"

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any, Final
 
 import pytest
@@ -10,7 +9,7 @@ import pytest
 from chamfer.models.connectors.d_connector import DConnector
 from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.force_primitives import GuardedMove, Obstructed, Stick
-from chamfer.systems.primitives.primitive import Event, Observation, Primitive, Stepped
+from chamfer.systems.primitives.primitive import Primitive
 from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import DONE, FAILED, RETRACT, Retry, Skill, SkillState
 from chamfer.systems.primitives.skill_machine import check_forces, check_timing, make_skill_chart
@@ -21,18 +20,10 @@ PERIOD: Final = 0.01  # s
 SHAKE: Final = Dither(axis="x", frequency=2.0, cycles=4.0)
 
 
-@dataclass(frozen=True)
-class Fake:
-    """Does nothing; it has the events that it is given."""
+class Fake(Primitive):
+    """May be done or lost."""
 
-    events: Mapping[Event, float] = field(default_factory=lambda: {"done": 0.0, "lost": 0.0})
-    label: str = "fake"
-
-    def begin(self, sensed: Observation) -> None:
-        """It remembers nothing."""
-
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
-        return Stepped(None)
+    events: Any = {"done": 0.0, "lost": 0.0}  # noqa: RUF012
 
 
 def state(name: str, *run: Primitive, on: Mapping[Any, Any], **fields: Any) -> SkillState:
