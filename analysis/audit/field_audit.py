@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import cache
 from itertools import islice
 from types import FrameType, NoneType
 from typing import Any, Final, Literal, get_args, get_origin, get_type_hints
@@ -18,7 +19,7 @@ from typing import Any, Final, Literal, get_args, get_origin, get_type_hints
 import numpy as np
 
 from chamfer.analysis.audit.contexts import Context
-from chamfer.analysis.campaign.campaign import run_each
+from chamfer.analysis.campaign.campaign import try_each
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.command.scenario_fields import Leaf, leaves
 from chamfer.analysis.scenario.errors import ExperimentError, UserError
@@ -29,7 +30,6 @@ from chamfer.models.validation import ParameterError
 _SEED: Final = 0
 _LONGEST: Final = 5.0  # times what the unperturbed run takes, then a perturbed one is given up
 _LEAST: Final = 120.0  # s, that it has in any case: compiling may take most of it
-_REFERENCES: Final = 0.1  # of the audit, for the progress
 
 # Mild ones first: they are the least likely to be refused or to end the run early. A bound that
 # is out of reach is told only by the strong ones.
@@ -79,7 +79,7 @@ class Reference:
     """What a base measures unperturbed."""
 
     # A digest of each metric and column, None for what comes out differently each time, as wall
-    # times do. Nothing if the base is refused.
+    # times do.
     measured: Mapping[str, str | None]
     seconds: float = 0.0
 
@@ -96,7 +96,7 @@ class FieldTask:
 
     entry: Entry
     path: str
-    bases: tuple[tuple[Base, Reference], ...]
+    bases: tuple[Base, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,7 +141,7 @@ def audit(
     Raises:
         UserError: If an experiment doesn't run unperturbed.
     """
-    plans = {}
+    tasks = []
     for entry in entries:
         plain = Base(entry=entry, settings=(entry.reduced, tuple(settings)))
         try:
@@ -149,70 +149,24 @@ def audit(
         except UserError as error:
             raise UserError(f"{entry.name} can't be reduced: {error}") from error
         for leaf in leaves(scenario):
-            plans[entry, leaf.path] = _bases(plain, leaf, contexts)
-    bases = list(dict.fromkeys(base for plan in plans.values() for base in plan))
-    found = run_each(
-        measure,
-        bases,
-        lambda fraction, doing="": progress(_REFERENCES * fraction, f"unperturbed: {doing}"),
-    )
-    for _, failure in found.failed:
-        raise UserError(failure.reason)
-    references = {
-        base: Reference(measured=json.loads(row["measured"]), seconds=row["seconds"])
-        for base, row in zip(found.tasks, found.rows, strict=True)
-    }
-    tasks = [
-        FieldTask(
-            entry=entry,
-            path=path,
-            bases=tuple((base, references[base]) for base in plan if references[base].measured),
+            bases = _bases(plain, leaf, contexts)
+            tasks.append(FieldTask(entry=entry, path=leaf.path, bases=bases))
+    found = try_each(audit_field, tasks, progress)
+    rows: dict[FieldTask, Row] = dict(zip(found.tasks, found.rows, strict=True))
+    for task, failure in found.failed:
+        if failure.refused:
+            raise UserError(failure.reason)
+        crash = [("undecided", f"{CRASH} {failure.reason}")]  # it took the process along
+        rows[task] = {"tried": json.dumps(crash), "seconds": 0.0}
+    return [
+        FieldVerdict(
+            experiment=task.entry.name,
+            path=task.path,
+            tried=tuple((kind, what) for kind, what in json.loads(rows[task]["tried"])),
+            seconds=rows[task]["seconds"],
         )
-        for (entry, path), plan in plans.items()
+        for task in tasks
     ]
-    audited = run_each(
-        audit_field,
-        tasks,
-        lambda fraction, doing="": progress(_REFERENCES + (1 - _REFERENCES) * fraction, doing),
-    )
-    verdicts = {
-        (task.entry, task.path): FieldVerdict(
-            experiment=task.entry.name,
-            path=task.path,
-            tried=tuple((kind, what) for kind, what in json.loads(row["tried"])),
-            seconds=row["seconds"],
-        )
-        for task, row in zip(audited.tasks, audited.rows, strict=True)
-    }
-    for task, failure in audited.failed:  # a perturbation took the process along
-        verdicts[task.entry, task.path] = FieldVerdict(
-            experiment=task.entry.name,
-            path=task.path,
-            tried=(("undecided", f"{CRASH} {failure.reason}"),),
-            seconds=0.0,
-        )
-    return [verdicts[key] for key in plans]
-
-
-def measure(base: Base) -> Row:
-    """Run a base unperturbed, twice; in a context that an experiment refuses nothing is measured.
-
-    Returns:
-        What a :class:`Reference` holds, the digests as JSON.
-
-    Raises:
-        UserError: If it doesn't run.
-    """
-    started = time.perf_counter()
-    try:
-        first, second = (_run(base.scenario(), base.entry) for _ in range(2))
-    except _REFUSALS as error:
-        if base.in_context:
-            return {"measured": "{}", "seconds": 0.0}
-        raise UserError(f"{base.entry.name} doesn't run: {error}") from error
-    stable = {name: one if one == second.get(name) else None for name, one in first.items()}
-    seconds = (time.perf_counter() - started) / 2
-    return {"measured": json.dumps(stable), "seconds": seconds}
 
 
 def audit_field(task: FieldTask) -> Row:
@@ -220,20 +174,36 @@ def audit_field(task: FieldTask) -> Row:
 
     Returns:
         What was ``tried``, as JSON, and the ``seconds`` of a :class:`FieldVerdict`.
+
+    Raises:
+        UserError: If the experiment doesn't run unperturbed.
     """
     started = time.process_time()
     tried: list[tuple[Kind, str]] = []
-    if not task.bases:
+    references = {base: one for base in task.bases if (one := _reference(base))}
+    if not references:
         tried.append(("undecided", "no context allows it"))
-    for base, reference in task.bases:
+    for base, reference in references.items():
         for setting in _perturbed(base, task.path):
             kind, what = _try(base, setting, reference)
             tried.append((kind, f"{setting}: {what}"))
             if kind == "effective":
-                break
-        if tried and tried[-1][0] == "effective":
-            break
+                return {"tried": json.dumps(tried), "seconds": time.process_time() - started}
     return {"tried": json.dumps(tried), "seconds": time.process_time() - started}
+
+
+@cache
+def _reference(base: Base) -> Reference | None:
+    """Run a base unperturbed, twice; None for a context that an experiment refuses."""
+    started = time.perf_counter()
+    try:
+        first, second = (_run(base.scenario(), base.entry) for _ in range(2))
+    except _REFUSALS as error:
+        if base.in_context:
+            return None
+        raise UserError(f"{base.entry.name} doesn't run: {error}") from error
+    stable = {name: one if one == second.get(name) else None for name, one in first.items()}
+    return Reference(measured=stable, seconds=(time.perf_counter() - started) / 2)
 
 
 def digests(outcome: Outcome) -> dict[str, str]:
