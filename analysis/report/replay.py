@@ -22,7 +22,6 @@ Array = NDArray[np.float64]
 
 FRAME_RATE: Final = 40.0  # frames a second; more make a larger file
 
-_ANY_PORT: Final = 0
 _BACKGROUND: Final = {"top_color": [0.97, 0.98, 1.0], "bottom_color": [0.80, 0.83, 0.87]}
 _FLOOR: Final = (2.4, 1.6)  # m, along X and Y
 _THICKNESS: Final = 0.02  # m, of the floor
@@ -34,12 +33,8 @@ _LINES: Final = Rgba(0.70, 0.72, 0.75)
 def open_meshcat(port: int | None = None) -> Meshcat:
     """Return a Meshcat that listens on localhost until nothing refers to it.
 
-    Args:
-        port: Where to listen, 1024 to 65535, or 0 for any that is free; unless given it is the
-            first free one from 7000 on.
-
-    Raises:
-        UserError: If the port is taken.
+    The port is 1024 to 65535, or 0 for any that is free; unless given it is the first free one
+    from 7000 on. A UserError says that it is taken.
     """
     logger = logging.getLogger("drake")
     level = logger.level
@@ -59,7 +54,7 @@ def replay_html(show: Callable[[Meshcat], None]) -> str:
 
     The same scene gives the same text.
     """
-    meshcat = open_meshcat(_ANY_PORT)
+    meshcat = open_meshcat(port=0)
     try:
         show(meshcat)
         page: str = meshcat.StaticHtml()
@@ -70,13 +65,9 @@ def replay_html(show: Callable[[Meshcat], None]) -> str:
 
 
 def set_stage(meshcat: Meshcat, *, floor: Array, eye: Array, target: Array) -> None:
-    """Put a floor under the scene, with lines every 0.1 m, and the eye where one looks from first.
+    """Put a floor, with lines every 0.1 m, around its middle, and the eye that sees the target.
 
-    Args:
-        meshcat: Where.
-        floor: Its middle, m, world frame, shape (3,).
-        eye: Where one looks from, m, world frame, shape (3,).
-        target: What one looks at, m, world frame, shape (3,).
+    All three are points in the world frame, m, shape (3,).
     """
     for path in ("/Axes", "/Grid"):
         meshcat.SetProperty(path, "visible", False)
@@ -98,20 +89,16 @@ def record(
 ) -> None:
     """Make an animation of positions that a plant had, interpolated at the frames' times.
 
-    Args:
-        meshcat: Where ``diagram`` draws when it publishes.
-        diagram: Holds the plant.
-        plant: What moves.
-        time: Ascending times, s, shape (n,); the animation begins with the first one.
-        positions: Of the plant at these times, shape (n, number of positions).
+    The diagram holds the plant and draws in Meshcat when it publishes. Times, s, ascend, shape
+    (n,); the animation begins with the first one. Positions have shape (n, number of positions).
 
     Raises:
         ValueError: If a time or a position is not finite, or the times don't ascend.
     """
     for name, values in (("times", time), ("positions", positions)):
-        missing = np.argwhere(~np.isfinite(values))
-        if len(missing):
-            raise ValueError(f"{name} are not finite in row {missing[0, 0]}")
+        if not np.isfinite(values).all():
+            row = np.argwhere(~np.isfinite(values))[0, 0]
+            raise ValueError(f"{name} are not finite in row {row}")
     if not len(time) or (np.diff(time) <= 0).any():
         raise ValueError("times have to ascend, and there has to be one")
     last = math.ceil((time[-1] - time[0]) * FRAME_RATE - 1e-6)

@@ -118,17 +118,17 @@ def read_result(path: Path) -> dict[str, Any]:
         ValueError: If the file is not JSON with a mapping.
         OSError: If it can't be read.
     """
+
+    def no_number(text: str) -> float:
+        raise ValueError(f"{text} is no number in JSON")
+
     try:
-        document = json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_number)
+        document = json.loads(path.read_text(encoding="utf-8"), parse_constant=no_number)
     except RecursionError as error:
         raise ValueError("nested too deeply") from error
     if not isinstance(document, dict):
         raise ValueError("not a mapping")
     return document
-
-
-def _no_number(text: str) -> float:
-    raise ValueError(f"{text} is no number in JSON")
 
 
 def figure_files(figures: "Mapping[str, Figure]") -> dict[str, bytes]:

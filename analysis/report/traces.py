@@ -36,11 +36,8 @@ def table_bytes(table: Table, *, infinite: bool = False) -> bytes:
         rows = len(values) if rows is None else rows
         if len(values) != rows:
             raise ValueError(f"column {name!r} has {len(values)} rows, the first one has {rows}")
-        floating = np.issubdtype(values.dtype, np.floating)
-        if floating and not infinite and np.isinf(values).any():
-            raise ValueError(
-                f"column {name!r} is infinite in row {int(np.argmax(np.isinf(values)))}"
-            )
+        if not infinite and values.dtype.kind == "f" and np.isinf(values).any():
+            raise ValueError(f"column {name!r} is infinite in row {np.argmax(np.isinf(values))}")
     file = io.BytesIO()
     pq.write_table(pa.table(columns), file, compression="zstd")
     return file.getvalue()

@@ -4,7 +4,6 @@ import operator
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
@@ -120,40 +119,32 @@ def test_modules_are_those_of_all_functions() -> None:
     )
 
 
-@pytest.fixture
-def import_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], None]:
-    """Imports files of somebody's own, named as from the folder that modules are found in."""
-    monkeypatch.syspath_prepend(tmp_path)
-
-    def begin(file: str, text: str) -> None:
-        path = tmp_path / file
-        path.parent.mkdir(exist_ok=True)
-        path.write_text(text)
-        top = file.partition("/")[0].removesuffix(".py")
-        monkeypatch.delitem(sys.modules, top, raising=False)
-        __import__(top)
-
-    return begin
-
-
 def fresh_code(*modules: str) -> Code:
     code.cache_clear()
     return code(modules)
 
 
-def test_sources_are_also_those_of_ones_own(import_own: Callable[[str, str], None]) -> None:
+def test_sources_are_also_those_of_ones_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "ours").mkdir()
+
+    def own(file: str, text: str, module: str) -> Code:
+        (tmp_path / file).write_text(text)
+        top = file.partition("/")[0].removesuffix(".py")
+        monkeypatch.delitem(sys.modules, top, raising=False)
+        __import__(top)
+        return fresh_code(module)
+
     project = fresh_code("chamfer.analysis.campaign.campaign")
     assert fresh_code("chamfer.diagrams.anything") == project
-    import_own("mine.py", "x = 1\n")
-    first = fresh_code("mine")
+    first = own("mine.py", "x = 1\n", "mine")
     assert first.sources != project.sources
     assert fresh_code("mine") == first
-    import_own("mine.py", "x = 2\n")
-    assert fresh_code("mine").sources != first.sources
-    import_own("ours/__init__.py", "")
-    first = fresh_code("ours.inner")
-    import_own("ours/beside.py", "")
-    assert fresh_code("ours.inner").sources != first.sources
+    assert own("mine.py", "x = 2\n", "mine").sources != first.sources
+    first = own("ours/__init__.py", "", "ours.inner")
+    assert own("ours/beside.py", "", "ours.inner").sources != first.sources
 
 
 @pytest.mark.parametrize("folder", ["models/arms", "systems", "diagrams", "analysis/published"])

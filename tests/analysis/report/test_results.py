@@ -1,3 +1,5 @@
+"""Files of results: each whole or not there, the same bytes for the same content."""
+
 import fcntl
 import json
 import math
@@ -11,7 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
+from chamfer.analysis.report.atomic_write import replacing, write_text
 from chamfer.analysis.report.checks import Check, Published
 from chamfer.analysis.report.results import (
     check_document,
@@ -23,7 +27,107 @@ from chamfer.analysis.report.results import (
     versions,
     write_folder,
 )
+from chamfer.analysis.report.traces import read_table, table_bytes, write_table
 from chamfer.analysis.scenario.experiment import Metric
+
+
+def test_replaces_the_file_and_leaves_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    write_text(path, "old")
+    write_text(path, "new ±")
+    assert path.read_text(encoding="utf-8") == "new ±"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("error", [OSError, KeyboardInterrupt])
+def test_a_writer_that_fails_midway_leaves_the_old_file(
+    tmp_path: Path, error: type[BaseException]
+) -> None:
+    path = tmp_path / "a.txt"
+    write_text(path, "old")
+
+    def write() -> None:
+        with replacing(path) as temporary:
+            temporary.write_text("half")
+            raise error
+
+    with pytest.raises(error):
+        write()
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_two_writers_at_once_don_t_share_a_temporary_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    with replacing(path) as first, replacing(path) as second:
+        first.write_text("first")
+        second.write_text("second")
+    assert path.read_text() == "first"  # the outer one ends last
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_permissions_are_those_of_any_new_file(tmp_path: Path) -> None:
+    write_text(tmp_path / "a.txt", "text")
+    (tmp_path / "b.txt").write_text("text")
+    assert (tmp_path / "a.txt").stat().st_mode == (tmp_path / "b.txt").stat().st_mode
+
+
+def table() -> dict[str, NDArray[Any]]:
+    return {
+        "time": np.array([np.nan, *np.linspace(0.0, 1.0, 49)]),  # NaN where a trial lacks it
+        "trial": np.arange(50),
+        "ok": np.arange(50) % 2 == 0,
+        "state": np.array(["aligned", "moving"] * 25),
+    }
+
+
+def test_columns_come_back_in_order_with_their_types(tmp_path: Path) -> None:
+    write_table(tmp_path / "a.parquet", table())
+    read = read_table(tmp_path / "a.parquet")
+    assert list(read) == ["time", "trial", "ok", "state"]
+    for name, values in table().items():
+        np.testing.assert_array_equal(read[name], values)
+    assert [read[name].dtype.kind for name in ("time", "trial", "ok")] == ["f", "i", "b"]
+    pandas = pytest.importorskip("pandas")
+    assert pandas.read_parquet(tmp_path / "a.parquet").state.tolist() == ["aligned", "moving"] * 25
+
+
+def test_same_columns_same_bytes() -> None:
+    assert table_bytes(table()) == table_bytes(table())
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        ({"a": np.zeros(3), "b": np.zeros(2)}, "column 'b' has 2 rows, the first one has 3"),
+        ({"a": np.array([0.0, -np.inf])}, "column 'a' is infinite in row 1"),
+        ({"a": np.zeros((2, 3))}, r"column 'a' has shape \(2, 3\), allowed: \(rows,\)"),
+    ],
+)
+def test_bad_columns_are_named_and_the_old_table_stays(
+    tmp_path: Path, columns: dict[str, NDArray[Any]], message: str
+) -> None:
+    path = tmp_path / "a.parquet"
+    write_table(path, table())
+    before = path.read_bytes()
+    with pytest.raises(ValueError, match=f"^{message}$"):
+        write_table(path, columns)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_table_without_rows_or_columns_can_be_read(tmp_path: Path) -> None:
+    write_table(tmp_path / "a.parquet", {"x": np.array([])})
+    assert read_table(tmp_path / "a.parquet")["x"].shape == (0,)
+    write_table(tmp_path / "a.parquet", {})
+    assert read_table(tmp_path / "a.parquet") == {}
+
+
+def test_a_folder_whose_name_is_not_utf_8(tmp_path: Path) -> None:
+    folder = tmp_path / "a\udcff"
+    folder.mkdir()
+    write_table(folder / "a.parquet", table())
+    assert list(read_table(folder / "a.parquet")) == list(table())
 
 
 def figure() -> Figure:
