@@ -26,22 +26,8 @@ from functools import cache
 from typing import Final
 
 _SYMBOLS: Final = (
-    *(
-        "s",
-        "m",
-        "mm",
-        "km",
-        "kg",
-        "N",
-        "rad",
-        "deg",
-        "Hz",
-        "%",
-        "pixels",
-        "grey levels",
-        "periods",
-    ),
-    *("E", "C"),  # of a block that takes any unit: its error's and its output's
+    *("s", "m", "mm", "km", "kg", "N", "rad", "deg", "Hz", "%", "pixels", "grey levels"),
+    *("periods", "E", "C"),  # E and C of a block that takes any unit: its error's, its output's
 )
 _SYMBOL: Final = rf"(?:{'|'.join(map(re.escape, _SYMBOLS))})(?:\^-?[0-9])?"
 _PRODUCT: Final = rf"{_SYMBOL}(?: {_SYMBOL})*"

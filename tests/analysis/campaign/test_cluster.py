@@ -87,7 +87,10 @@ def test_a_cluster_that_runs_already_is_used_by_its_address(toy: ModuleType) -> 
         while cluster.capacity() < 2:
             time.sleep(0.1)
         assert cluster.submit(toy.square, 3).result(60)["square"] == 9
-        call = cluster.submit(toy.sleep, 60.0)
+        local.scale(0)
+        while cluster._client.nthreads():
+            time.sleep(0.1)
+        call = cluster.submit(toy.square, 3)  # waits for a worker
         local.close()
         with pytest.raises(StartError, match="the cluster's scheduler has gone"):
             call.result(60)

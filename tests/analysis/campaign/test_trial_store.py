@@ -1,10 +1,10 @@
 import os
-import sqlite3
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
+from typing import Final
 
 import pytest
 
@@ -67,45 +67,24 @@ def test_without_a_file_nothing_stays() -> None:
         assert store.rows(KEYS) == {}
 
 
-def damage_text(path: Path) -> None:
-    path.write_text("not a database\n" * 1000)
+# What becomes of a file's content.
+DAMAGES: Final[dict[str, Callable[[bytes], bytes]]] = {
+    "text": lambda content: b"not a database\n" * 1000,
+    "header": lambda content: content[:16] + b"\xff" * 5000,
+    "end": lambda content: content[:9000],
+    "pages": lambda content: content[:4096] + b"\x0d" * (len(content) - 4096),
+    "row": lambda content: content.replace(bytes([7]) * 100, bytes([7]) * 99 + b"\x08", 1),
+    "format": lambda content: content[:60] + (99).to_bytes(4, "big") + content[64:],
+}
 
 
-def damage_header(path: Path) -> None:
-    path.write_bytes(path.read_bytes()[:16] + b"\xff" * 5000)
-
-
-def damage_end(path: Path) -> None:
-    path.write_bytes(path.read_bytes()[:9000])
-
-
-def damage_pages(path: Path) -> None:
-    content = path.read_bytes()
-    path.write_bytes(content[:4096] + b"\x0d" * (len(content) - 4096))
-
-
-def damage_row(path: Path) -> None:
-    content = path.read_bytes()
-    place = content.index(bytes([7]) * 100)
-    path.write_bytes(content[: place + 50] + b"\x08" + content[place + 51 :])
-
-
-def damage_format(path: Path) -> None:
-    with closing(sqlite3.connect(path)) as connection:
-        connection.execute("PRAGMA user_version = 99")
-
-
-@pytest.mark.parametrize(
-    "damage",
-    [damage_text, damage_header, damage_end, damage_pages, damage_row, damage_format],
-    ids=lambda damage: damage.__name__,
-)
+@pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_file_is_begun_anew(
-    path: Path, damage: object, capsys: pytest.CaptureFixture[str]
+    path: Path, damage: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with stored(path) as store:
         store.add(ROWS)
-    damage(path)  # type: ignore[operator]
+    path.write_bytes(DAMAGES[damage](path.read_bytes()))
     with stored(path) as store:
         assert store.rows(KEYS) == {}
         store.add(ROWS[:2])

@@ -75,20 +75,17 @@ def test_leaves_are_what_set_takes_a_single_value_for() -> None:
     ]
 
 
-def test_a_leaf_below_a_null_names_it() -> None:
-    above = {leaf.path: leaf.above for leaf in leaves(Scenario()) if leaf.above}
-    below_filter = ("bandwidth", "place.position", "place.turn", "order")
-    assert above == {
-        "camera.position": "camera",
-        "camera.turn": "camera",
-        **{f"filter.{name}": "filter" for name in below_filter},
+def test_a_leaf_below_a_null_names_it_and_is_null_if_it_has_no_default() -> None:
+    assert {leaf.path: leaf.value for leaf in BY_PATH.values() if leaf.above == "filter"} == {
+        "filter.bandwidth": None,
+        "filter.place.position": (0.0, 1.0),
+        "filter.place.turn": math.inf,
+        "filter.order": (1,),
     }
-
-
-def test_what_has_to_be_given_below_a_null_is_null() -> None:
-    assert BY_PATH["filter.bandwidth"].value is None
-    assert BY_PATH["filter.order"].value == (1,)
-    assert BY_PATH["filter.place.turn"].value == math.inf
+    assert [leaf.path for leaf in BY_PATH.values() if leaf.above == "camera"] == [
+        "camera.position",
+        "camera.turn",
+    ]
 
 
 @pytest.mark.parametrize(

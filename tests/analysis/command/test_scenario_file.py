@@ -1,3 +1,4 @@
+import json
 from pathlib import Path
 
 import pytest
@@ -49,13 +50,15 @@ def test_bad_files_are_named_with_the_line(tmp_path: Path, text: str, message: s
 
 def test_unreadable_files_are_named(tmp_path: Path) -> None:
     assert refused(tmp_path / "no.yaml") == f"{tmp_path}/no.yaml: No such file or directory"
+    assert refused(tmp_path / "no.json") == f"{tmp_path}/no.json: No such file or directory"
     assert refused(tmp_path) == f"{tmp_path}: Is a directory"
     (tmp_path / "latin.yaml").write_bytes(b"name: \xe9\n")
     assert refused(tmp_path / "latin.yaml") == f"{tmp_path}/latin.yaml: not a text in UTF-8"
 
 
-def test_a_result_gives_its_scenario(tmp_path: Path) -> None:
-    text = '{"experiment": "fall", "scenario": {"high": "inf"}, "metrics": {}}'
+@pytest.mark.parametrize("kind", ["experiment", "design"])
+def test_a_result_gives_its_scenario(tmp_path: Path, kind: str) -> None:
+    text = json.dumps({kind: "fall", "scenario": {"high": "inf"}, "metrics": {}})
     assert read_scenario(write(tmp_path, text, "result.json"), "fall") == {"high": "inf"}
 
 
@@ -63,6 +66,7 @@ def test_a_result_gives_its_scenario(tmp_path: Path) -> None:
     ("text", "message"),
     [
         ('{"experiment": "rise", "scenario": {}}', " is a result of rise, not of fall"),
+        ('{"design": "rise", "scenario": {}}', " is a result of rise, not of fall"),
         ('{"experiment": "fall"}', " is not a result: it has no scenario"),
         ("[1]", " is not a result: not a mapping"),
         ("{", " is not a result: Expecting property name enclosed in double quotes: line 1 column"
@@ -74,14 +78,3 @@ def test_what_is_not_a_result_of_the_experiment_is_refused(
 ) -> None:
     path = write(tmp_path, text, "result.json")
     assert refused(path) == f"{path}{message}"
-
-
-def test_a_result_that_is_missing_is_named(tmp_path: Path) -> None:
-    assert refused(tmp_path / "no.json") == f"{tmp_path}/no.json: No such file or directory"
-
-
-def test_fields_come_from_a_design_as_from_a_result(tmp_path: Path) -> None:
-    path = write(tmp_path, '{"design": "fall", "scenario": {"height": 2}}', "result.json")
-    assert read_scenario(path, "fall") == {"height": 2}
-    with pytest.raises(UserError, match="is a result of fall, not of rise"):
-        read_scenario(path, "rise")
