@@ -29,12 +29,11 @@ from chamfer.analysis.campaign.trial_store import TRIALS
 from chamfer.analysis.campaign.workers import Engine, LostError, StartError, cores
 from chamfer.analysis.command.running import Job, finished, prepare, run, trials_path, written
 from chamfer.analysis.report.atomic_write import write_text
-from chamfer.analysis.report.check_text import counts, counts_text
+from chamfer.analysis.report.check_text import TABLE, counts, counts_text, results_table
 from chamfer.analysis.report.checks import load_paper
 from chamfer.analysis.report.console import failed_text, result_text, say
 from chamfer.analysis.report.report import REPORT, write_report
 from chamfer.analysis.report.results import RESULT, json_text, read_result
-from chamfer.analysis.report.results_table import TABLE, results_table
 from chamfer.analysis.scenario.errors import ExperimentError, UserError
 from chamfer.analysis.scenario.experiment import Catalogue, Entry, Progress, quiet
 

@@ -12,11 +12,11 @@ from chamfer.analysis.report.check_text import (
     counts_text,
     number,
     relation,
+    results_table,
     typeset,
     verdict_text,
 )
 from chamfer.analysis.report.console import result_text
-from chamfer.analysis.report.results_table import results_table
 
 ROOT = Path(__file__).parents[3]
 
