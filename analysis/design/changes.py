@@ -51,14 +51,17 @@ def _with(scenario: DesignScenario, path: str, value: object) -> DesignScenario:
     return _with(scenario, owner, replace(attrgetter(owner)(scenario), **{name: value}))
 
 
-def _scaled(path: str) -> Callable[[DesignScenario, float], DesignScenario]:
-    """Return what sets the third of three stiffnesses, and scales the others with it."""
+def _third(path: str, unit: str, meaning: str) -> DesignField:
+    """Return the third of three stiffnesses, which scales the others with it."""
+
+    def read(scenario: DesignScenario) -> float:
+        return float(attrgetter(path)(scenario)[2])
 
     def write(scenario: DesignScenario, value: float) -> DesignScenario:
         x, y, z = attrgetter(path)(scenario)
         return _with(scenario, path, (x * value / z, y * value / z, value))
 
-    return write
+    return DesignField(path, unit, meaning, read=read, write=write)
 
 
 def _with_clearance(scenario: DesignScenario, value: float) -> DesignScenario:
@@ -82,20 +85,8 @@ def _with_joint_friction(scenario: DesignScenario, value: float) -> DesignScenar
 
 
 _FIELDS: Final = (
-    DesignField(
-        "impedance.stiffness",
-        "N/m",
-        "stiffness of the arms",
-        read=lambda scenario: scenario.impedance.stiffness[2],
-        write=_scaled("impedance.stiffness"),
-    ),
-    DesignField(
-        "impedance.rotational_stiffness",
-        "N m/rad",
-        "rotational stiffness of the arms",
-        read=lambda scenario: scenario.impedance.rotational_stiffness[2],
-        write=_scaled("impedance.rotational_stiffness"),
-    ),
+    _third("impedance.stiffness", "N/m", "stiffness of the arms"),
+    _third("impedance.rotational_stiffness", "N m/rad", "rotational stiffness of the arms"),
     DesignField(
         "support.centre_distance",
         "m",

@@ -98,19 +98,17 @@ class DrawnDesignsScenario:
         sizes = self.sizes(seed, design)
         radius, stiffness, width = sizes["radius"], sizes["stiffness"], int(sizes["width"])
         default = DesignScenario()
+        usual = default.parts.hole_radius
         parts = replace(
             default.parts,
             hole_radius=radius,
             peg_radius=radius * (1 - sizes["clearance"]),
             friction=sizes["friction"],
-            **{
-                name: getattr(default.parts, name) / default.parts.hole_radius * radius
-                for name in _LENGTHS
-            },
+            **{one: getattr(default.parts, one) / usual * radius for one in _LENGTHS},
         )
         impedance, hole, cameras = default.impedance, default.hole, default.cameras
         stiffer = math.sqrt(stiffness / impedance.stiffness[0])
-        about = [stiffer * one for one in impedance.rotational_stiffness]
+        a, b, c = impedance.rotational_stiffness
         seen = cameras.width * cameras.pixel_size
         steps = math.ceil(FEED_SPEED * impedance.period / (2 * parts.clearance))
         return replace(
@@ -119,7 +117,7 @@ class DrawnDesignsScenario:
             impedance=replace(
                 impedance,
                 stiffness=(stiffness,) * 3,
-                rotational_stiffness=(about[0], about[1], about[2]),
+                rotational_stiffness=(stiffer * a, stiffer * b, stiffer * c),
             ),
             hole=replace(hole, kind=self.hole),
             cameras=replace(

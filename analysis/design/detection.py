@@ -19,7 +19,7 @@ from chamfer.diagrams.cell.still_vision import StillVision
 from chamfer.models.peg.peg_and_hole import OF_CONTACT, ColouredParts
 from chamfer.systems.cameras.camera_image import Image, add_noise
 from chamfer.systems.vision.cell_error import AXES
-from chamfer.systems.vision.part_detector import MeasurementSpread, measurement_spread
+from chamfer.systems.vision.part_detector import measurement_spread
 
 Array = NDArray[np.float64]
 
@@ -95,15 +95,12 @@ def smallest_part(scenario: AlignmentScenario) -> float:
     The least of length of the edges, and root of the area.
     """
     parts, found = scenario.parts, []
+    radii, columns = (parts.peg_radius, parts.outer_radius), edge_columns(scenario)
     for view in VIEWS:
         looks = looks_in(scenario.cameras, scenario, view)
         scale = scenario.cameras.pixel_size * scenario.cameras.pixel_scale(view)
-        columns = edge_columns(scenario)
-        for look, radius, length in zip(
-            looks, (parts.peg_radius, parts.outer_radius), columns, strict=True
-        ):
-            area = length * 2 * radius / scale
-            found += [length / look.length, math.sqrt(area / look.area)]
+        for look, radius, length in zip(looks, radii, columns, strict=True):
+            found += [length / look.length, math.sqrt(length * 2 * radius / scale / look.area)]
     return min(found)
 
 
@@ -114,13 +111,6 @@ def edge_columns(scenario: AlignmentScenario) -> tuple[float, float]:
     peg = min(parts.peg_length, side) - parts.peg_chamfer.height
     hole = min(parts.hole_length, side)
     return max(peg / cameras.pixel_size, 2.0), max(hole / cameras.pixel_size, 2.0)
-
-
-def spread_of(scenario: AlignmentScenario) -> MeasurementSpread:
-    """Return the standard deviations of one frame's errors with the noisier camera."""
-    noise = max(scenario.cameras.frames_of(view).noise for view in VIEWS)
-    gap = scenario.gap / scenario.cameras.pixel_size
-    return measurement_spread(noise, *edge_columns(scenario), gap)
 
 
 @lru_cache(maxsize=256)
@@ -163,8 +153,8 @@ def _sight(
             X_WT = X_WM_moved @ RigidTransform(turn, np.array([x, 0.0, 0.0]))
             seen.append(_is_found(look.error(X_WT, X_WM_moved)))
         on_way.append(float(np.mean(seen)))
-    one = spread_of(scenario)
     pixel = scenario.cameras.pixel_size
+    one = measurement_spread(noise, *edge_columns(scenario), scenario.gap / pixel)
     spread = np.array([pixel * one.lateral] * 3 + [one.rotational] * 3)
     return Sight(bias, spread, sum(found), len(found), tuple(on_way))
 

@@ -95,19 +95,6 @@ def test_holds_every_axis_without_a_valid_measurement(
         assert driven.read("command") == [goal + 0.5, -goal - 0.125]
 
 
-@pytest.mark.parametrize(
-    ("error", "state", "total"),
-    [(2.0, "modify_compensation", 1.0), (-2.0, "modify_compensation", 0.0), (0.0, "aligned", 0.5)],
-)
-def test_resumes_after_a_hold(error: float, state: str, total: float) -> None:
-    driven = Driven(AXIS)
-    driven.tick(2.0, valid=[1.0])
-    driven.tick(math.nan, valid=[0.0])
-    driven.tick(error, valid=[0.5])
-    assert driven.state == state
-    assert driven.read("compensation") == [total]
-
-
 def test_log_tells_why() -> None:
     driven = Driven(AXIS)
     for error in (2.0, 0.5, math.nan, 0.0, 2.0):

@@ -62,21 +62,11 @@ def test_the_pid_falls_off_so_that_it_is_settled_in_time() -> None:
     assert outside[-1] / 60 == pytest.approx(TASK.settling_time, rel=0.1)
 
 
-def test_what_is_too_fast_is_refused_with_the_least_time() -> None:
-    hurried = replace(TASK, settling_time=0.2)
-    with pytest.raises(
-        ParameterError, match=r"^settling_time is 0\.2, allowed: at least 0\.\d+ s"
-    ):
-        timed_axis(hurried, PLANT)
-    with pytest.raises(
-        ParameterError, match=r"^settling_time is 0\.2, allowed: at least 0\.\d+ s"
-    ):
-        timed_gains(hurried, PLANT)
-
-
 def test_the_least_time_that_is_named_is_enough() -> None:
     for design in (timed_axis, timed_gains):
-        with pytest.raises(ParameterError) as refused:
+        with pytest.raises(
+            ParameterError, match=r"^settling_time is 0\.1, allowed: at"
+        ) as refused:
             design(replace(TASK, settling_time=0.1), PLANT)
         least = float(refused.value.allowed.split()[2])
         design(replace(TASK, settling_time=1.001 * least), PLANT)
