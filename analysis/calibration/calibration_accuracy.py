@@ -30,7 +30,7 @@ from chamfer.analysis.scenario.experiment import (
 )
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.cameras.camera_file import CalibratedCamera, Intrinsics
-from chamfer.models.validation import ParameterError, require_not_negative
+from chamfer.models.validation import ParameterError, require_between, require_not_negative
 from chamfer.systems.cameras.coverage import coverage
 
 Array = NDArray[np.float64]
@@ -50,8 +50,7 @@ class BoardPicture:
 
     def __post_init__(self) -> None:
         require_not_negative(self, "blur")
-        if not 0 <= self.noise <= 60:
-            raise ParameterError("noise", self.noise, "from 0 to 60")
+        require_between(self, 0, 60, "noise")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,9 +62,8 @@ class BoardPoses:
     extent: tuple[float, float] = (0.4, 0.8)  # of the picture's width, that its width covers
 
     def __post_init__(self) -> None:
-        for name, most in (("tilt", 1.2), ("roll", math.pi)):
-            if not 0 <= getattr(self, name) <= most:
-                raise ParameterError(name, getattr(self, name), f"a number from 0 to {most:g}")
+        require_between(self, 0, 1.2, "tilt")
+        require_between(self, 0, math.pi, "roll")
         low, high = self.extent
         if not 0.05 <= low <= high <= 1:
             raise ParameterError("extent", self.extent, "two numbers from 0.05 to 1, in order")
@@ -205,7 +203,7 @@ class DrawnCameras:
     k3: float = 0.03  # at most
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "aspect", "principal_point", "tangential", "k3")
+        require_not_negative(self, "principal_point", "tangential", "k3")
         for name in ("width", "height"):
             if not 64 <= getattr(self, name) <= 4096:
                 raise ParameterError(name, getattr(self, name), "a whole number from 64 to 4096")
@@ -215,8 +213,7 @@ class DrawnCameras:
                 raise ParameterError(name, getattr(self, name), "two finite numbers, in order")
         if not self.focal_length[0] >= 50:
             raise ParameterError("focal_length", self.focal_length, "two numbers >= 50, in order")
-        if self.aspect > 0.5:
-            raise ParameterError("aspect", self.aspect, "a number from 0 to 0.5")
+        require_between(self, 0, 0.5, "aspect")
 
     def draw(self, random: np.random.Generator) -> Camera:
         """Return a random one of them."""

@@ -20,7 +20,7 @@ from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.sight.detection_trials import Poses, true_detection
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.peg.peg_and_hole import Colour, ColouredParts
-from chamfer.models.validation import ParameterError, require_not_negative
+from chamfer.models.validation import require_between, require_not_negative
 from chamfer.systems.cameras.camera_image import FrameGrabberParams, Image
 from chamfer.systems.cameras.scene import SceneStyle
 from chamfer.systems.cameras.software_camera import render
@@ -36,8 +36,7 @@ class PictureQuality:
 
     def __post_init__(self) -> None:
         require_not_negative(self, "blur")
-        if not 0 <= self.noise <= 60:
-            raise ParameterError("noise", self.noise, "from 0 to 60")
+        require_between(self, 0, 60, "noise")
 
 
 # In colour, of scenes, and in the package itself: nothing is downloaded.

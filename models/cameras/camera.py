@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from chamfer.models.validation import (
     ParameterError,
     require_finite,
+    require_numbers,
     require_one_of,
     require_positive,
 )
@@ -176,8 +177,7 @@ class Camera:
                 raise ParameterError(name, getattr(self, name), "a whole number >= 1")
         if not all(0 < f < math.inf for f in self.focal):
             raise ParameterError("focal", self.focal, "two finite numbers > 0")
-        if not all(map(math.isfinite, self.centre)):
-            raise ParameterError("centre", self.centre, "two finite numbers")
+        require_numbers(self, 2, "centre")
         R = np.asarray(self.R_WC)
         if R.shape != (3, 3) or not np.allclose(R @ R.T, np.eye(3), rtol=0, atol=1e-9):
             raise ParameterError("R_WC", R.tolist(), "a rotation matrix")
@@ -397,8 +397,7 @@ class CameraPlacement(CameraStand):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_one_of(self, "view", _AXES)
-        if len(self.target) != 3 or not all(map(math.isfinite, self.target)):
-            raise ParameterError("target", self.target, "three finite numbers")
+        require_numbers(self, 3, "target")
 
     @property
     def camera(self) -> Camera:

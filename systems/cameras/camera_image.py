@@ -93,10 +93,8 @@ class FrameGrabberParams:
         require_not_negative(self, "offset")
         if not (isinstance(self.latency, int) and 0 <= self.latency <= 100):
             raise ParameterError("latency", self.latency, "a whole number from 0 to 100")
-        if not 0 <= self.noise <= 60:
-            raise ParameterError("noise", self.noise, "from 0 to 60")
-        if not 0 <= self.miss <= 1:
-            raise ParameterError("miss", self.miss, "a probability, from 0 to 1")
+        require_between(self, 0, 60, "noise")
+        require_between(self, 0, 1, "miss")
 
 
 class _Frames(tuple[Image | None, ...]):
@@ -215,8 +213,7 @@ class SensorParams:
 
     def __post_init__(self) -> None:
         require_not_negative(self, "exposure")
-        if not 0 <= self.vignetting <= 1:
-            raise ParameterError("vignetting", self.vignetting, "a share, from 0 to 1")
+        require_between(self, 0, 1, "vignetting")
         gains = self.white_balance
         if len(gains) != 3 or not all(math.isfinite(gain) and gain > 0 for gain in gains):
             raise ParameterError("white_balance", gains, "three finite numbers > 0")

@@ -19,6 +19,10 @@ Range = tuple[float, float]  # least and most
 _SLACK: Final = 0.03  # of a part's length over its width, relative to it
 
 
+def _in_order(limits: Range | None) -> bool:
+    return limits is None or 0 < limits[0] <= limits[1] < math.inf
+
+
 @dataclass(frozen=True, kw_only=True)
 class Appearance:
     """What to look for."""
@@ -47,31 +51,29 @@ class Appearance:
 
     def __post_init__(self) -> None:
         require_one_of(self, "front", (1, -1))
-        for name, low, high in _LEVELS:
-            value = getattr(self, name)
-            if not low <= value <= high:
-                raise ParameterError(name, value, f"a whole number from {low} to {high}")
-        for name in ("end_ratio", "band", "seen"):
-            if not 0 < getattr(self, name) <= 1:
-                raise ParameterError(name, getattr(self, name), "a number > 0 and <= 1")
-        for name in ("area", "length"):
-            if not getattr(self, name) >= 2:
-                raise ParameterError(name, getattr(self, name), "a whole number >= 2")
-        for name in ("half_width", "aspect"):
-            limits = getattr(self, name)
-            if limits is not None and not 0 < limits[0] <= limits[1] < math.inf:
-                raise ParameterError(name, limits, "two numbers > 0, the least one first, or null")
         require_positive(self, "straight")
-        if not 1 <= self.squareness < math.inf:
-            raise ParameterError("squareness", self.squareness, "a finite number >= 1")
-        if self.end_angle is not None and not 0 < self.end_angle < math.pi / 2:
-            raise ParameterError("end_angle", self.end_angle, "between 0 and pi/2, or null")
-        if self.end_angle is not None and self.end_ratio == 1:
-            raise ParameterError("end_angle", self.end_angle, "null where end_ratio is 1")
-        if not 3 <= self.window[0] <= self.window[1] <= 50:
-            raise ParameterError(
-                "window", self.window, "two whole numbers from 3 to 50, the least one first"
-            )
+        chamfer, (least, most) = self.end_angle, self.window
+        share, count = "a number > 0 and <= 1", "a whole number >= 2"
+        limits = "two numbers > 0, the least one first, or null"
+        for name, good, allowed in (
+            ("hue", 0 <= self.hue <= 255, "a whole number from 0 to 255"),
+            ("hue_width", 0 <= self.hue_width <= 127, "a whole number from 0 to 127"),
+            ("saturation", 0 <= self.saturation <= 255, "a whole number from 0 to 255"),
+            ("value", 1 <= self.value <= 255, "a whole number from 1 to 255"),
+            ("end_ratio", 0 < self.end_ratio <= 1, share),
+            ("band", 0 < self.band <= 1, share),
+            ("seen", 0 < self.seen <= 1, share),
+            ("area", self.area >= 2, count),
+            ("length", self.length >= 2, count),
+            ("half_width", _in_order(self.half_width), limits),
+            ("aspect", _in_order(self.aspect), limits),
+            ("squareness", 1 <= self.squareness < math.inf, "a finite number >= 1"),
+            ("end_angle", chamfer is None or 0 < chamfer < math.pi / 2, "from 0 to pi/2, or null"),
+            ("end_angle", chamfer is None or self.end_ratio != 1, "null where end_ratio is 1"),
+            ("window", 3 <= least <= most <= 50, "two whole numbers from 3 to 50, in order"),
+        ):
+            if not good:
+                raise ParameterError(name, getattr(self, name), allowed)
 
     def oblong(self) -> "Appearance":
         """Return this as it may look in pixels that are less square than believed.
@@ -163,13 +165,6 @@ _WIDTH: Final = 1.5  # factor of the expected width, more or less
 
 
 _BESIDE: Final = 0.05  # by which a nearer part may be wider beside the other, relative to it
-
-_LEVELS: Final = (
-    ("hue", 0, 255),
-    ("hue_width", 0, 127),
-    ("saturation", 0, 255),
-    ("value", 1, 255),
-)
 
 
 def appearances(

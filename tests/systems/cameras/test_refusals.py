@@ -17,7 +17,7 @@ from chamfer.systems.cameras.solids_camera import Solid, SolidsCamera
 NAN = math.nan
 NOT_NEGATIVE = "a finite number >= 0"
 LATENCY = "a whole number from 0 to 100"
-CHANCE = "a probability, from 0 to 1"
+CHANCE = "a number from 0 to 1"
 GAINS = "three finite numbers > 0"
 SHADE = "more than 0 and at most 1"
 
@@ -29,14 +29,14 @@ SHADE = "more than 0 and at most 1"
         (FrameGrabberParams, "offset", -1e-3, NOT_NEGATIVE),
         (FrameGrabberParams, "latency", -1, LATENCY),
         (FrameGrabberParams, "latency", 0.5, LATENCY),
-        (FrameGrabberParams, "noise", -1.0, "from 0 to 60"),
-        (FrameGrabberParams, "noise", NAN, "from 0 to 60"),
+        (FrameGrabberParams, "noise", -1.0, "a number from 0 to 60"),
+        (FrameGrabberParams, "noise", NAN, "a number from 0 to 60"),
         (FrameGrabberParams, "miss", 1.1, CHANCE),
         (FrameGrabberParams, "miss", NAN, CHANCE),
         (SensorParams, "exposure", -0.1, NOT_NEGATIVE),
         (SensorParams, "exposure", NAN, NOT_NEGATIVE),
-        (SensorParams, "vignetting", 1.1, "a share, from 0 to 1"),
-        (SensorParams, "vignetting", NAN, "a share, from 0 to 1"),
+        (SensorParams, "vignetting", 1.1, "a number from 0 to 1"),
+        (SensorParams, "vignetting", NAN, "a number from 0 to 1"),
         (SensorParams, "white_balance", (1.0, 1.0), GAINS),
         (SensorParams, "white_balance", (1.0, 0.0, 1.0), GAINS),
         (SceneStyle, "blur", -0.1, NOT_NEGATIVE),
