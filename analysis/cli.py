@@ -23,7 +23,13 @@ from chamfer.analysis.command.view_command import add_view
 from chamfer.analysis.design.design_command import add_design
 from chamfer.analysis.report.console import plain_warnings, say
 from chamfer.analysis.scenario.errors import ExperimentError, UserError
-from chamfer.analysis.scenario.experiment import Catalogue, Entry, select, select_paper
+from chamfer.analysis.scenario.experiment import (
+    Catalogue,
+    Entry,
+    select,
+    select_paper,
+    valid_integer,
+)
 from chamfer.analysis.sweep.sweep_command import add_sweep
 from chamfer.analysis.track.track_command import add_track
 
@@ -312,16 +318,12 @@ def _diagram(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     return 0
 
 
-def _seed(text: str) -> int:
-    if not re.fullmatch("[0-9]{1,10}", text) or int(text) > _LARGEST_SEED:
-        raise UserError(f"--seed is {text!r}, allowed: an integer from 0 to {_LARGEST_SEED}")
-    return int(text)
+def _seed(text: str) -> int | None:
+    return valid_integer("--seed", text, 0, _LARGEST_SEED)
 
 
-def _workers(text: str) -> int:
-    if not re.fullmatch("[0-9]{1,4}", text) or int(text) < 1:
-        raise UserError(f"--workers is {text!r}, allowed: an integer from 1 to 9999")
-    return int(text)
+def _workers(text: str) -> int | None:
+    return valid_integer("--workers", text, 1, 9999)
 
 
 def _cluster(text: str) -> str:

@@ -1,12 +1,10 @@
 """The command ``chamfer view``: a run in three dimensions, served on localhost."""
 
 import argparse
-import re
 import time
 from typing import TYPE_CHECKING, Any, Final
 
-from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.experiment import Catalogue, select
+from chamfer.analysis.scenario.experiment import Catalogue, select, valid_integer
 
 if TYPE_CHECKING:
     from pydrake.geometry import Meshcat
@@ -36,7 +34,7 @@ def _view(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     from chamfer.analysis.command.running import prepare, show
     from chamfer.analysis.report.replay import open_meshcat
 
-    port = None if arguments.port is None else _port(arguments.port)
+    port = valid_integer("--port", arguments.port, *_PORTS)
     chosen = select(catalogue.entries, [arguments.name])
     (job,) = prepare(
         chosen, file=arguments.scenario, settings=arguments.settings, catalogue=catalogue
@@ -56,10 +54,3 @@ def _serve(meshcat: "Meshcat") -> None:
             time.sleep(3600)
     except KeyboardInterrupt:
         return
-
-
-def _port(text: str) -> int:
-    low, high = _PORTS
-    if not re.fullmatch("[0-9]{1,5}", text) or not low <= int(text) <= high:
-        raise UserError(f"--port is {text!r}, allowed: an integer from {low} to {high}")
-    return int(text)

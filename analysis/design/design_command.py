@@ -1,12 +1,10 @@
 """The command ``chamfer design``: does it assemble, what limits it, and what to change."""
 
 import argparse
-import re
 import time
 from typing import Any, Final
 
-from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.experiment import Catalogue
+from chamfer.analysis.scenario.experiment import Catalogue, valid_integer
 
 _DESIGNS: Final = ("insertion",)
 
@@ -58,7 +56,7 @@ def add_design(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
 def _design(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     from chamfer.analysis.command.fields_command import print_fields
     from chamfer.analysis.command.output_folder import require_writable
-    from chamfer.analysis.command.running import given_scenario, named_failures
+    from chamfer.analysis.command.running import given_scenario, named_failures, written
     from chamfer.analysis.command.session import command_campaign
     from chamfer.analysis.design.design import MOST_TRIALS
     from chamfer.analysis.design.design_answer import (
@@ -81,7 +79,7 @@ def _design(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     if arguments.fields is not None:
         print_fields(given, resolve_design, prefix=arguments.fields, as_json=arguments.json)
         return 0
-    trials = _trials(arguments.verify, MOST_TRIALS)
+    trials = valid_integer("--verify", arguments.verify, 1, MOST_TRIALS) or 0
     axes = parse_map(resolved, arguments.map, POINTS) if arguments.map else None
     asked = tuple(overrides(given, default, resolve_design))
     folder = arguments.out / f"design-{name}"
@@ -102,10 +100,8 @@ def _design(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
         document = design_document(
             name, found, overrides=asked, wall_seconds=time.perf_counter() - started
         )
-        try:
+        with written(folder):
             write_design(folder, found, document)
-        except OSError as error:
-            raise UserError(f"{folder} can't be written: {error.strerror or error}") from error
     report = write_report(arguments.out, catalogue.entries, catalogue)
     if arguments.json:
         print(json_text({**document, "folder": str(folder), "report": str(report)}), end="")
@@ -113,11 +109,3 @@ def _design(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
         print("\n".join(design_text(document)))
         print(f"page: {folder / document['page']}\nreport: {report}")
     return 1 if found.verified is not None and found.verified.failed_trials else 0
-
-
-def _trials(text: str | None, most: int) -> int:
-    if text is None:
-        return 0
-    if not re.fullmatch("[0-9]{1,6}", text) or not 1 <= int(text) <= most:
-        raise UserError(f"--verify is {text!r}, allowed: an integer from 1 to {most}")
-    return int(text)

@@ -207,3 +207,16 @@ def valid_name(kind: str, name: str, names: Mapping[str, Any]) -> str:
     suggestion = f", did you mean {close[0]!r}?" if close else ","
     valid = ", ".join(names) or "none"
     raise UserError(f"unknown {kind} {name!r}{suggestion} valid names: {valid}")
+
+
+def valid_integer(option: str, text: str | None, low: int, high: int) -> int | None:
+    """Return the integer that an option is given, None if it is not.
+
+    Raises:
+        UserError: If it is none, or outside the range.
+    """
+    if text is None:
+        return None
+    if not re.fullmatch("[0-9]{1,10}", text) or not low <= int(text) <= high:
+        raise UserError(f"{option} is {text!r}, allowed: an integer from {low} to {high}")
+    return int(text)

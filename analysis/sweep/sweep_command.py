@@ -1,13 +1,12 @@
 """The command ``chamfer sweep``: an experiment at many points of its scenario."""
 
 import argparse
-import re
 import time
 from collections import Counter
 from typing import Any
 
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.experiment import Catalogue
+from chamfer.analysis.scenario.experiment import Catalogue, valid_integer
 
 
 def add_sweep(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentParser:
@@ -58,6 +57,7 @@ def add_sweep(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
 
 def _sweep(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     from chamfer.analysis.command.output_folder import require_writable
+    from chamfer.analysis.command.running import written
     from chamfer.analysis.command.session import command_campaign
     from chamfer.analysis.report.console import say
     from chamfer.analysis.report.report import write_report
@@ -74,10 +74,10 @@ def _sweep(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
         arguments.name,
         vary,
         metrics=arguments.metric,
-        trials=_count("--trials", arguments.trials, MOST_TRIALS) or 1,
+        trials=valid_integer("--trials", arguments.trials, 1, MOST_TRIALS) or 1,
         seed=arguments.seed,
         design=arguments.design,
-        points=_count("--points", arguments.points, MOST_POINTS),
+        points=valid_integer("--points", arguments.points, 1, MOST_POINTS),
         settings=arguments.settings,
         scenario=arguments.scenario,
         catalogue=catalogue,
@@ -89,10 +89,8 @@ def _sweep(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     started = time.perf_counter()
     with command_campaign(folder, f"sweep {arguments.name}", arguments) as progress:
         result = run_sweep(plan, progress)
-        try:
+        with written(folder):
             document = write_sweep(arguments.out, result, time.perf_counter() - started)
-        except OSError as error:
-            raise UserError(f"{folder} can't be written: {error.strerror or error}") from error
     report = write_report(arguments.out, catalogue.entries, catalogue)
     if arguments.json:
         print(json_text({**document, "folder": str(folder), "report": str(report)}), end="")
@@ -100,11 +98,3 @@ def _sweep(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
         print("\n".join(sweep_text(result, document)))
         print(f"points: {folder / 'points.csv'}\nreport: {report}")
     return 1 if result.counts["failed"] or not result.counts["ok"] else 0
-
-
-def _count(option: str, text: str | None, most: int) -> int | None:
-    if text is None:
-        return None
-    if not re.fullmatch("[0-9]{1,6}", text) or not 1 <= int(text) <= most:
-        raise UserError(f"{option} is {text!r}, allowed: an integer from 1 to {most}")
-    return int(text)
