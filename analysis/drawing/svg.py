@@ -1,5 +1,6 @@
 """A graph as a self-contained SVG picture."""
 
+import math
 from collections import defaultdict
 from collections.abc import Sequence
 from typing import Final
@@ -21,7 +22,6 @@ _LOOKS: Final[dict[str, _Style]] = {
 }
 _FRAME: Final = "#6b7280"
 _LABEL: Final = "#374151"
-_CORNER: Final = 6.0  # px, radius of a line's bends
 _HEAD: Final = (8.0, 3.6)  # length of an arrow head and half its width, px
 _BASELINE: Final = 0.8  # of the font size: the first baseline below the upper edge, with leading
 _BOX_CORNER: Final = {"state": 12.0, "final": 12.0, "failed": 12.0, "any": 17.0, "source": 21.0}
@@ -84,40 +84,32 @@ def _wires(layout: GraphLayout) -> list[str]:
     for (source, _), routes in nets.items():
         targets = ", ".join(route.edge.target for route in routes)
         # One path, which is inked once where its branches lie on each other.
-        outline = "".join(_path(route.points, set(layout.branches)) for route in routes)
-        line = _tag("path", d=outline, fill="none", **_STROKE)
+        outline = "".join(_outline(route.points) for route in routes)
+        line = _tag("path", d=outline, fill="none", stroke_linejoin="round", **_STROKE)
         heads = (_head(route.points) for route in routes)
         lines.append(_group("edge", f"{source} \N{RIGHTWARDS ARROW} {targets}", line, *heads))
     lines += [_tag("circle", cx=x, cy=y, r=2.6, fill=_INK) for x, y in layout.branches]
     return lines
 
 
-def _path(points: Sequence[Point], branches: set[Point]) -> str:
-    tip = points[-1]
-    end = _towards(tip, points[-2], _HEAD[0] - 1)
-    corners = [*points[:-1], end]
-
-    def at(point: Point) -> str:
-        return f"{_number(point[0])} {_number(point[1])}"
-
-    parts = [f"M{at(corners[0])}"]
-    for before, corner, after in zip(corners, corners[1:], corners[2:], strict=False):
-        radius = min(_CORNER, _length(before, corner) / 2, _length(corner, after) / 2)
-        if (round(corner[0], 1), round(corner[1], 1)) in branches:
-            radius = 0.0
-        start, stop = _towards(corner, before, radius), _towards(corner, after, radius)
-        parts.append(f"L{at(start)}")
-        if radius:
-            parts.append(f"Q{at(corner)} {at(stop)}")
-    return "".join([*parts, f"L{at(end)}"])
+def _outline(points: Sequence[Point]) -> str:
+    """Return a line up to its arrow head as a path."""
+    corners = [*points[:-1], _before(points[-1], points[-2], _HEAD[0] - 1)]
+    return "M" + "L".join(f"{_number(x)} {_number(y)}" for x, y in corners)
 
 
 def _head(points: Sequence[Point]) -> str:
     length, half = _HEAD
     tip = points[-1]
-    x, y = _towards(tip, points[-2], length)
+    x, y = _before(tip, points[-2], length)
     dx, dy = half * (tip[0] - x) / length, half * (tip[1] - y) / length
     return _tag("polygon", points=_points([tip, (x - dy, y + dx), (x + dy, y - dx)]), fill=_INK)
+
+
+def _before(tip: Point, start: Point, distance: float) -> Point:
+    """Return the point at a distance before the tip of a straight line."""
+    share = distance / math.dist(tip, start)
+    return tip[0] + (start[0] - tip[0]) * share, tip[1] + (start[1] - tip[1]) * share
 
 
 def _sign(route: Route) -> str:
@@ -185,19 +177,6 @@ def _runs(line: str, size: float) -> str:
         parts.append(_tag("tspan", escape(lower), dy=drop, font_size=small))
         parts.append(_tag("tspan", escape(raised), dy=-drop) if raised else "")
     return "".join(parts)
-
-
-def _length(a: Point, b: Point) -> float:
-    return abs(a[0] - b[0]) + abs(a[1] - b[1])
-
-
-def _towards(start: Point, goal: Point, distance: float) -> Point:
-    """Return the point at a distance from the start; the two differ along one axis only."""
-    length = _length(start, goal)
-    if not length:
-        return start
-    share = distance / length
-    return start[0] + (goal[0] - start[0]) * share, start[1] + (goal[1] - start[1]) * share
 
 
 def _number(value: float) -> str:

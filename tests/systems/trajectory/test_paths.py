@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.trajectory.paths import Path, path_of, quintic, trapezoid
+from chamfer.systems.trajectory.paths import Path, path_of, trapezoid
 from chamfer.systems.trajectory.segment import LINE as STRAIGHT
 from chamfer.systems.trajectory.segment import SIZE, Segment, circle, segment_of
 from chamfer.systems.trajectory.segment import SLEW as FAST
@@ -40,14 +40,6 @@ def test_trapezoid_goes_from_rest_to_rest(speed: float, acceleration: float) -> 
     np.testing.assert_allclose(
         np.diff(far) / step, (fast[1:] + fast[:-1]) / 2, atol=acceleration * step
     )
-
-
-def test_quintic_has_no_acceleration_at_its_ends() -> None:
-    assert quintic(-0.1) == (0.0, 0.0)
-    assert quintic(1.1) == (1.0, 0.0)
-    h = 1e-6
-    assert quintic(h)[1] / h < 1e-4
-    assert quintic(0.5) == (0.5, 1.875)
 
 
 @every_kind
