@@ -128,6 +128,10 @@ def test_vector_and_back() -> None:
     assert segment_of(vector) == segment
 
 
+def test_what_is_not_told_is_0() -> None:
+    assert Segment(1.0, FAST, FROM, TO).vector()[16:] == (0.0,) * (SIZE - 16)
+
+
 def test_refuses_another_size_and_what_is_no_number() -> None:
     allowed = rf"segment is .*, allowed: {SIZE} finite numbers"
     for vector in ((0.0,) * (SIZE - 1), (math.nan,) * SIZE):
