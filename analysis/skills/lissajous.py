@@ -52,14 +52,10 @@ def run(scenario: LissajousScenario, seed: int, progress: Progress) -> Outcome:
     """Integrate the velocities for every N and measure what is covered."""
     amplitude = scenario.amplitude
     finished = run_each(partial(_search, scenario), scenario.repeats, progress)
+    rows = {n: its.rows[0] for n, its in finished.split(scenario.repeats, lambda n: n).items()}
     metrics: dict[str, Metric] = {}
-    rows: dict[str, list[Array]] = {"repeats": [], "time": [], "first": [], "second": []}
-    drift, simulated = 0.0, 0.0
-    for n, found in finished.split(scenario.repeats, lambda n: n).items():
-        (row,) = found.rows
-        position = row["position"]
-        drift = max(drift, float(np.abs(position[-1] - position[0]).max()))
-        radius = row["covering_radius"]
+    for n, row in rows.items():
+        position, radius = row["position"], row["covering_radius"]
         metrics |= {
             f"covering_radius.n{n}": Metric(value=radius, unit="m"),
             f"covering_ratio.n{n}": Metric(
@@ -73,23 +69,21 @@ def run(scenario: LissajousScenario, seed: int, progress: Progress) -> Outcome:
             ),
             f"duration.n{n}": Metric(value=row["duration"], unit="s"),
         }
-        for name, values in (
-            ("repeats", np.full(len(position), float(n))),
-            ("time", row["time"]),
-            ("first", position[:, 0]),
-            ("second", position[:, 1]),
-        ):
-            rows[name].append(values)
-        simulated += row["duration"]
+    each = [row["position"] for row in rows.values()]
+    drift = max(float(np.abs(position[-1] - position[0]).max()) for position in each)
     metrics["repeats_after"] = Metric(value=round(drift, 12), unit="m")
     metrics["sine_start.offset"] = Metric(
         value=amplitude, unit="m", note="of the centre, if the velocity began as a sine"
     )
-    return Outcome(
-        metrics=metrics,
-        traces={name: column(np.concatenate(values)) for name, values in rows.items()},
-        simulated_seconds=simulated,
-    )
+    first, second = np.concatenate(each).T
+    traces = {
+        "repeats": np.repeat(column(list(rows)), [len(position) for position in each]),
+        "time": np.concatenate([row["time"] for row in rows.values()]),
+        "first": first.copy(),
+        "second": second.copy(),
+    }
+    simulated = sum(row["duration"] for row in rows.values())
+    return Outcome(metrics=metrics, traces=traces, simulated_seconds=simulated)
 
 
 def _search(scenario: LissajousScenario, repeats: int) -> Row:
