@@ -29,7 +29,6 @@ from chamfer.systems.strategies.insertion_chart import (
     STOPPED,
     WORDS,
     InsertionTask,
-    InsertionTrouble,
     make_insertion_chart,
 )
 
@@ -274,7 +273,7 @@ def ending(done: CellInsertion, scenario: ResolvedInsertionScenario) -> str:
     depth = f"{1e3 * float(done.traces['depth'][-1]):.1f} mm deep"
     if done.state == "seated":
         return f"seated, {depth}" if metrics["seated"] else f"said to be seated, but {depth}"
-    trouble = WORDS[InsertionTrouble(int(done.traces["trouble"][-1]))]
+    trouble = WORDS[int(done.traces["trouble"][-1])]
     if done.state == "gave_up":
         attempts = int(done.traces["attempts"][-1])
         return f"gave up after {attempts} attempt{'s' * (attempts != 1)}: {trouble}"

@@ -47,19 +47,17 @@ class InsertionTrouble(IntEnum):
     NOT_ALIGNED = 8  # the errors did not become small enough in time
 
 
-WORDS: Final = {
-    InsertionTrouble.NONE: "",
-    InsertionTrouble.WEDGED: "wedged",
-    InsertionTrouble.JAMMED: "jammed",
-    InsertionTrouble.AT_MOUTH: (
-        "stuck at the mouth, the peg does not enter: too thick, or on an edge"
-    ),
-    InsertionTrouble.BEFORE_MOUTH: "the arm did not get to the mouth",
-    InsertionTrouble.SHORT: "not deep enough at the end of the feed",
-    InsertionTrouble.BESIDE: "on its way to miss the mouth",
-    InsertionTrouble.HELD: "held in the hole, could not be pulled out",
-    InsertionTrouble.NOT_ALIGNED: "not aligned in time",
-}
+WORDS: Final = (  # of each trouble, in the order of the numbers
+    "",
+    "wedged",
+    "jammed",
+    "stuck at the mouth, the peg does not enter: too thick, or on an edge",
+    "the arm did not get to the mouth",
+    "not deep enough at the end of the feed",
+    "on its way to miss the mouth",
+    "held in the hole, could not be pulled out",
+    "not aligned in time",
+)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -93,8 +93,7 @@ class InsertionRegion:
 
     def margin(self, lateral: float, rotational: float) -> float:
         """Return what is left of the limits, as a share of them; below zero outside; m and rad."""
-        tilt = (self.tilt_at(lateral) - rotational) / self.rotation_limit
-        return min(1 - lateral / self.lateral_limit, tilt)
+        return float(self.margins(np.array(lateral), np.array(rotational)))
 
     def margins(self, lateral: Array, rotational: Array) -> Array:
         """Return the same of many errors at once, of one shape."""
