@@ -561,19 +561,19 @@ def replay_alignment(scenario: AlignmentScenario, outcome: Outcome, meshcat: Mes
 
     The traces have ``time``, s, and of each arm the joint positions ``peg_q1``, ... rad.
     """
-    cell = make_work_cell_view(scenario, meshcat)
+    diagram, plant = make_work_cell_view(scenario, meshcat)
     target = scenario.nominal_pose("peg") @ np.array([scenario.gap / 2, 0.0, 0.0])
     floor = np.array([*target[:2], min(_foot(scenario, arm) for arm in scenario.arms)])
     set_stage(meshcat, floor=floor, eye=target + scenario.hole_axes @ _EYE, target=target)
     for i, view in enumerate(VIEWS):
         _draw_camera(meshcat, f"camera_{i + 1}", scenario.camera(view))
     traces = outcome.traces
-    joints = {
-        arm: np.column_stack([traces[f"{arm}_q{i + 1}"] for i in range(n)])
+    joints = [
+        traces[f"{arm}_q{i + 1}"]
         for arm in scenario.arms
-        for n in (getattr(scenario, arm).arm.num_joints,)
-    }
-    record(meshcat, cell.diagram, cell.plant, traces["time"], cell.positions(joints))
+        for i in range(getattr(scenario, arm).arm.num_joints)
+    ]
+    record(meshcat, diagram, plant, traces["time"], np.column_stack(joints))
 
 
 def _foot(scenario: WorkCellScenario, arm: ArmName) -> float:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final, NamedTuple, TypeVar
 
@@ -14,6 +14,7 @@ from chamfer.analysis.campaign.trial_metrics import trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.cell.alignment_runs import (
     LATE,
+    AlignmentTrialsScenario,
     ResolvedAlignmentTrialsScenario,
     Traces,
     drawn,
@@ -31,7 +32,7 @@ from chamfer.diagrams.cell.alignment_scenario import (
 from chamfer.diagrams.cell.cell_vision import VIEWS, CameraSettings, Measured, ViewSettings
 from chamfer.diagrams.cell.still_vision import StillVision
 from chamfer.models.cameras.camera import View
-from chamfer.models.validation import ParameterError, known
+from chamfer.models.validation import ParameterError, known, require_not_negative, require_positive
 from chamfer.systems.cameras.camera_image import Image
 from chamfer.systems.pose import POSE_NAMES, pose_vector
 
@@ -210,13 +211,52 @@ LEFT: Final = {"lateral_error": "m", "rotational_error": "rad", "behind_error": 
 MOMENTS: Final = ("soon", "late")
 
 
-class Study(NamedTuple):
-    """What all runs of a study have in common; resolved."""
+@dataclass(frozen=True, kw_only=True)
+class CameraErrorsScenario(AlignmentTrialsScenario):
+    """The alignment with errors of its cameras; its controllers know nothing of them.
 
-    scenario: ResolvedAlignmentTrialsScenario
-    behind: float  # m, from the tip
-    off_axis: float  # m
-    soon: float  # s, since the compensation's begin
+    Parts at rest tell where an error alone makes the cameras take them to be aligned, without
+    noise and dead zones, at many sizes. Runs of the loop tell what is left in the end at one.
+    """
+
+    initial_error: tuple[float, ...] = AlignmentScenario.initial_error
+    trials: int = 4  # runs with drawn errors and starts, each with and without the errors
+    compensation_time: float = 6.0  # s, the end: what is left then is bias, the rest was slow
+    soon: float = 2.5  # s, of the compensation, after which is looked too; section 5
+    behind: float = 0.1  # m, from the tip, where the peg's axis is looked at too
+    off_axis: float = 0.02  # m, from the optical axes to parts that are off them; assumed
+    points: int = 3  # sizes of an error of parts at rest, up to the largest; 0: none at rest
+    largest: float = 1.0  # of the sizes that an error may well have: the largest that is tried
+    drawn: float = 0.5  # of them: drawn errors are at most as large
+    errors: tuple[str, ...] = ()  # names of those to be tried alone; none: all
+    controllers: tuple[ControllerKind, ...] = ("fsm",)  # of the loop: fsm, pid
+    measurements: tuple[Measured, ...] = ("image",)  # image, metric
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "soon", "behind", "largest")
+        require_not_negative(self, "off_axis", "drawn")
+        if not self.soon <= self.compensation_time:
+            allowed = f"at most compensation_time, {self.compensation_time:g} s"
+            raise ParameterError("soon", self.soon, allowed)
+        if not 0 <= self.points <= 100:
+            raise ParameterError("points", self.points, "0 to 100")
+        for name in self.errors:
+            if name not in BY_NAME:
+                raise ParameterError("errors", name, ", ".join(BY_NAME))
+        for field in ("controllers", "measurements"):
+            if not getattr(self, field):
+                raise ParameterError(field, (), "one or more")
+
+    @property
+    def alone(self) -> tuple[AssumedCameraError, ...]:
+        """The errors that are tried alone."""
+        return tuple(one for one in ERRORS if not self.errors or one.name in self.errors)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedCameraErrorsScenario(ResolvedAlignmentTrialsScenario, CameraErrorsScenario):
+    """The same with nothing left open."""
 
 
 class ErrorAtRest(NamedTuple):
@@ -237,7 +277,7 @@ class ErrorRun(NamedTuple):
     trial: int | None = None  # by which its start is drawn too; None: the scenario's own start
 
 
-def left(study: Study, pose: Array, hole: Array) -> dict[str, Array]:
+def left(study: ResolvedCameraErrorsScenario, pose: Array, hole: Array) -> dict[str, Array]:
     """Return what :data:`LEFT` names, shape (n,), of poses of peg and hole, shape (n, 7)."""
     found = true_errors(pose, hole)
     back = Rotation.from_quat(pose[:, :4], scalar_first=True).apply([-study.behind, 0.0, 0.0])
@@ -251,7 +291,7 @@ def left(study: Study, pose: Array, hole: Array) -> dict[str, Array]:
     }
 
 
-def at_rest(study: Study, task: ErrorAtRest) -> Row:
+def at_rest(study: ResolvedCameraErrorsScenario, task: ErrorAtRest) -> Row:
     """Return where the parts are taken to be aligned, shape (n,); NaN where one is not seen."""
     error = BY_NAME[task.error]
     values: dict[str, list[float]] = {name: [] for name in (*LEFT, "gap_error")}
@@ -286,7 +326,7 @@ def reached(size: Array, left: Array, wanted: float) -> float | None:
     return float(size[k - 1] + share * (size[k] - size[k - 1]))
 
 
-def run_once(study: Study, seed: int, task: ErrorRun) -> Row:
+def run_once(study: ResolvedCameraErrorsScenario, seed: int, task: ErrorRun) -> Row:
     """Run the loop, and return what is left soon and late; it depends on its arguments alone.
 
     ``seen`` is 0 where nothing was measured in the end: what is left then is of the start, or of
@@ -336,17 +376,16 @@ def _names() -> list[str]:
     return [f"{moment}.{name}" for moment in MOMENTS for name in (*LEFT, *seen)]
 
 
-def _measured(study: Study, traces: Traces) -> dict[str, float | None]:
+def _measured(study: ResolvedCameraErrorsScenario, traces: Traces) -> dict[str, float | None]:
     """Return what is left, and what the cameras are off, soon and late."""
-    scenario = study.scenario
     poses = [
         np.column_stack([traces[f"{arm}_true_{name}"] for name in POSE_NAMES])
         for arm in ("peg", "hole")
     ]
     found = left(study, *poses)
-    rows = {"soon": row_before(traces["time"], scenario.begin + study.soon) + 1, "late": -1}
+    rows = {"soon": row_before(traces["time"], study.begin + study.soon) + 1, "late": -1}
     values: dict[str, float | None] = {}
-    pixel = scenario.cameras.pixel_size
+    pixel = study.cameras.pixel_size
     for moment, row in rows.items():
         row = min(row, len(traces["time"]) - 1)
         values |= {f"{moment}.{name}": float(of[row]) for name, of in found.items()}
@@ -361,11 +400,7 @@ def _measured(study: Study, traces: Traces) -> dict[str, float | None]:
 
 
 def _of(
-    study: Study, measured: Measured, controller: ControllerKind = "fsm"
-) -> ResolvedAlignmentTrialsScenario:
-    scenario = study.scenario
-    return replace(
-        scenario,
-        controller=ControllerChoice(kind=controller),
-        cameras=replace(scenario.cameras, measured=measured),
-    )
+    study: ResolvedCameraErrorsScenario, measured: Measured, controller: ControllerKind = "fsm"
+) -> ResolvedCameraErrorsScenario:
+    cameras = replace(study.cameras, measured=measured)
+    return replace(study, controller=ControllerChoice(kind=controller), cameras=cameras)

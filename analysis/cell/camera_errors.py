@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from typing import Final
@@ -14,23 +13,18 @@ from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_metrics import metrics_of
-from chamfer.analysis.cell.alignment_runs import (
-    AlignmentTrialsScenario,
-    ResolvedAlignmentTrialsScenario,
-    resolve_trials,
-)
+from chamfer.analysis.cell.alignment_runs import resolve_trials
 from chamfer.analysis.cell.camera_error_runs import (
-    BY_NAME,
     DRAWN,
-    ERRORS,
     LEFT,
     MOMENTS,
     NONE,
     NOT_DRAWN,
     AssumedCameraError,
+    CameraErrorsScenario,
     ErrorAtRest,
     ErrorRun,
-    Study,
+    ResolvedCameraErrorsScenario,
     at_rest,
     reached,
     run_once,
@@ -55,12 +49,10 @@ from chamfer.analysis.scenario.experiment import (
     part_of,
 )
 from chamfer.diagrams.cell.alignment_scenario import (
-    AlignmentScenario,
     ControllerChoice,
-    ControllerKind,
 )
-from chamfer.diagrams.cell.cell_vision import CameraSettings, Measured
-from chamfer.models.validation import ParameterError, require_not_negative, require_positive
+from chamfer.diagrams.cell.cell_vision import CameraSettings
+from chamfer.models.validation import ParameterError
 
 Array = NDArray[np.float64]
 
@@ -70,54 +62,6 @@ PUBLISHED_ERRORS: Final = {
     "rotational_error": MEAN_ERROR[1],
     "behind_error": MEAN_ERROR[0],
 }
-
-
-@dataclass(frozen=True, kw_only=True)
-class CameraErrorsScenario(AlignmentTrialsScenario):
-    """The alignment with errors of its cameras; its controllers know nothing of them.
-
-    Parts at rest tell where an error alone makes the cameras take them to be aligned, without
-    noise and dead zones, at many sizes. Runs of the loop tell what is left in the end at one.
-    """
-
-    initial_error: tuple[float, ...] = AlignmentScenario.initial_error
-    trials: int = 4  # runs with drawn errors and starts, each with and without the errors
-    compensation_time: float = 6.0  # s, the end: what is left then is bias, the rest was slow
-    soon: float = 2.5  # s, of the compensation, after which is looked too; section 5
-    behind: float = 0.1  # m, from the tip, where the peg's axis is looked at too
-    off_axis: float = 0.02  # m, from the optical axes to parts that are off them; assumed
-    points: int = 3  # sizes of an error of parts at rest, up to the largest; 0: none at rest
-    largest: float = 1.0  # of the sizes that an error may well have: the largest that is tried
-    drawn: float = 0.5  # of them: drawn errors are at most as large
-    errors: tuple[str, ...] = ()  # names of those to be tried alone; none: all
-    controllers: tuple[ControllerKind, ...] = ("fsm",)  # of the loop: fsm, pid
-    measurements: tuple[Measured, ...] = ("image",)  # image, metric
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_positive(self, "soon", "behind", "largest")
-        require_not_negative(self, "off_axis", "drawn")
-        if not self.soon <= self.compensation_time:
-            allowed = f"at most compensation_time, {self.compensation_time:g} s"
-            raise ParameterError("soon", self.soon, allowed)
-        if not 0 <= self.points <= 100:
-            raise ParameterError("points", self.points, "0 to 100")
-        for name in self.errors:
-            if name not in BY_NAME:
-                raise ParameterError("errors", name, ", ".join(BY_NAME))
-        for field in ("controllers", "measurements"):
-            if not getattr(self, field):
-                raise ParameterError(field, (), "one or more")
-
-    @property
-    def alone(self) -> tuple[AssumedCameraError, ...]:
-        """The errors that are tried alone."""
-        return tuple(one for one in ERRORS if not self.errors or one.name in self.errors)
-
-
-@dataclass(frozen=True, kw_only=True)
-class ResolvedCameraErrorsScenario(ResolvedAlignmentTrialsScenario, CameraErrorsScenario):
-    """The same with nothing left open."""
 
 
 CAMERA_ERRORS: Final = CameraErrorsScenario()
@@ -143,8 +87,7 @@ def resolve(scenario: CameraErrorsScenario) -> ResolvedCameraErrorsScenario:
 
 def run(scenario: ResolvedCameraErrorsScenario, seed: int, progress: Progress) -> Outcome:
     """Look at parts at rest, and run the loop."""
-    study = Study(scenario, scenario.behind, scenario.off_axis, scenario.soon)
-    still = _still(scenario, study, part_of(progress, 0.0, 0.2))
+    still = _still(scenario, part_of(progress, 0.0, 0.2))
     tasks = [
         *_alone(scenario),
         *(
@@ -155,7 +98,7 @@ def run(scenario: ResolvedCameraErrorsScenario, seed: int, progress: Progress) -
             for name, size in ((NONE, 0.0), (DRAWN, scenario.drawn))
         ),
     ]
-    finished = run_each(partial(run_once, study, seed), tasks, part_of(progress, 0.2, 1.0))
+    finished = run_each(partial(run_once, scenario, seed), tasks, part_of(progress, 0.2, 1.0))
     traces = _rows(finished)
     metrics = _metrics(scenario, still, traces)
     return Outcome(
@@ -166,7 +109,7 @@ def run(scenario: ResolvedCameraErrorsScenario, seed: int, progress: Progress) -
     )
 
 
-def _still(scenario: CameraErrorsScenario, study: Study, progress: Progress) -> Table:
+def _still(scenario: ResolvedCameraErrorsScenario, progress: Progress) -> Table:
     """Return a row for each error at each size, as either measurement sees parts at rest."""
     shares = scenario.largest * np.linspace(0.0, 1.0, scenario.points + 1)[1:]
     tasks = [
@@ -176,7 +119,7 @@ def _still(scenario: CameraErrorsScenario, study: Study, progress: Progress) -> 
         if not error.moving and scenario.points
     ]
     none: Trials[ErrorAtRest] = Trials(tasks=(), rows=())
-    found = run_each(partial(at_rest, study), tasks, progress) if tasks else none
+    found = run_each(partial(at_rest, scenario), tasks, progress) if tasks else none
     count = np.array([len(row["size"]) for row in found.rows], dtype=int)
     return {
         "error": np.repeat(np.array([one.error for one in found.tasks], np.str_), count),

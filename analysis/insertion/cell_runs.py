@@ -24,7 +24,7 @@ from chamfer.models.peg.peg_and_hole import PegAndHole
 from chamfer.models.peg_theory.fed_insertion import FeedPrediction, FeedVerdict, predict_feed
 from chamfer.models.peg_theory.wedging import jamming_level
 from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, SEATED, ContactState
-from chamfer.systems.statechart.chart import Chart
+from chamfer.systems.statechart.chart import Chart, TransitionRecord
 from chamfer.systems.strategies.insertion_chart import (
     STOPPED,
     WORDS,
@@ -67,20 +67,11 @@ _TOUCHING: Final = 0.01  # N
 _MOUTH, _TIP, _BOTTOM = (FEATURES.index(name) for name in ("mouth", "tip", "bottom"))
 
 
-class TaskTransition(NamedTuple):
-    """A transition that the task took."""
-
-    time: float  # s
-    source: str
-    target: str
-    label: str
-
-
 class CellInsertion(NamedTuple):
     """A finished run; the traces have a row a step of the plant."""
 
     traces: Traces
-    path: tuple[TaskTransition, ...]
+    path: tuple[TransitionRecord, ...]
     states: tuple[str, ...]  # names of the chart's states, by their numbers
     cpu_seconds: float
 
@@ -160,8 +151,7 @@ def run_cell_insertion(
         traces[f"measured_{name}_uncertainty"] = outputs["measured"][:, 2 + i]
     assert run.final is not None
     context = task.GetMyContextFromRoot(run.final)
-    path = tuple(TaskTransition(*one[:4]) for one in task.transitions(context))
-    return CellInsertion(traces, path, task.chart.state_names, cpu)
+    return CellInsertion(traces, task.transitions(context), task.chart.state_names, cpu)
 
 
 def force_medians(traces: Table, step: float) -> tuple[Array, Array]:
@@ -282,7 +272,7 @@ def ending(done: CellInsertion, scenario: ResolvedInsertionScenario) -> str:
     return f"not over after {done.traces['time'][-1]:.4g} s, in {done.state}"
 
 
-def path_table(path: Sequence[TaskTransition]) -> Table:
+def path_table(path: Sequence[TransitionRecord]) -> Table:
     """Return the columns of the transitions taken, as the chart's drawing wants them."""
     names = {
         name: np.array([getattr(one, name) for one in path], dtype=np.str_)

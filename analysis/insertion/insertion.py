@@ -59,7 +59,6 @@ from chamfer.diagrams.insertion.insertion import (
 from chamfer.models.peg_theory.wedging import rotation_bounds
 from chamfer.systems.contact.peg_hole_contact_monitor import SEATED, ContactState
 
-_MOMENTS = ("before", "touch", "end")
 _NOTES = {
     "seated": f"1: {100 * SEATED:g} % of the commanded depth, or on the bottom, at the end",
     "seated.first": "1: with the first attempt",
@@ -119,10 +118,10 @@ def _metrics(scenario: ResolvedInsertionScenario, done: CellInsertion) -> dict[s
 
 def _moments(scenario: ResolvedInsertionScenario, done: CellInsertion) -> dict[str, int]:
     """Return the rows of the traces of which there are pictures."""
-    before = row_before(done.traces["time"], scenario.begin)
-    touch = touch_row(done)
-    last = len(done.traces["time"]) - 1
-    return dict(zip(_MOMENTS, (before, last if touch is None else touch, last), strict=True))
+    time, touch = done.traces["time"], touch_row(done)
+    last = len(time) - 1
+    before = row_before(time, scenario.begin)
+    return {"before": before, "touch": last if touch is None else touch, "end": last}
 
 
 def figures(scenario: ResolvedInsertionScenario, outcome: Outcome) -> Mapping[str, Figure]:

@@ -544,31 +544,20 @@ def _add_holder(
     plant.RegisterVisualGeometry(tool, X_TR, shape, "holder", _HOLDER)
 
 
-class WorkCellView(NamedTuple):
-    """A diagram that shows the cell in Meshcat when it publishes."""
+def make_work_cell_view(
+    scenario: WorkCellScenario, meshcat: Meshcat
+) -> tuple[Diagram, MultibodyPlant]:
+    """Return a diagram that shows the cell in Meshcat when it publishes, and its plant.
 
-    diagram: Diagram
-    plant: MultibodyPlant
-    instances: dict[ArmName, ModelInstanceIndex]
-
-    def positions(self, joints: dict[ArmName, Array]) -> Array:
-        """Return the plant's positions, shape (n, j), from each arm's, rad, (n, joints)."""
-        found = np.zeros((len(joints["peg"]), self.plant.num_positions()))
-        for arm, instance in self.instances.items():
-            for q, q_arm in zip(found, joints[arm], strict=True):
-                self.plant.SetPositionsInArray(instance, q_arm, q)
-        return found
-
-
-def make_work_cell_view(scenario: WorkCellScenario, meshcat: Meshcat) -> WorkCellView:
-    """Build what holds the parts, as shapes without contact, and what draws it."""
+    The plant's positions are those of the arms, one after the other.
+    """
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
-    instances, tools = add_holders(plant, scenario)
+    _, tools = add_holders(plant, scenario)
     add_part_shapes(scenario, plant, tools)
     plant.Finalize()
     params = MeshcatVisualizerParams(prefix="cell")
     MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, params)
     diagram = builder.Build()
     diagram.set_name("Work cell to look at")
-    return WorkCellView(diagram, plant, instances)
+    return diagram, plant

@@ -1,7 +1,7 @@
 """Peg and hole that touch in the work cell: what collides there, and what is read of it."""
 
 from collections.abc import Mapping
-from typing import Final, NamedTuple
+from typing import Final
 
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
@@ -26,13 +26,6 @@ from chamfer.systems.contact.peg_hole_contact_monitor import PegHoleContactMonit
 _IN_TOOL: Final = RigidTransform()  # the bodies' frames are those of peg and mouth
 
 
-class CellInContact(NamedTuple):
-    """What was added to a builder."""
-
-    cell: WorkCell
-    contact: PegHoleContactMonitor
-
-
 def add_cell_in_contact(
     builder: DiagramBuilder,
     scenario: WorkCellScenario,
@@ -43,7 +36,7 @@ def add_cell_in_contact(
     start: dict[ArmName, RigidTransform] | None = None,
     add_parts: AddParts | None = None,
     controllers: Mapping[ArmName, System] | None = None,
-) -> CellInContact:
+) -> tuple[WorkCell, PegHoleContactMonitor]:
     """Add the work cell with a peg and a hole that touch each other, and nothing else does.
 
     ``start``, ``add_parts``, what is to be seen, and ``controllers`` are as of
@@ -58,7 +51,7 @@ def add_cell_in_contact(
         touching.add(plant, tools["peg"], tools["hole"])
 
     cell = add_work_cell(builder, scenario, start=start, add_parts=add, controllers=controllers)
-    return CellInContact(cell, touching.monitor(builder, cell.plant, seated_depth))
+    return cell, touching.monitor(builder, cell.plant, seated_depth)
 
 
 class TouchingParts:

@@ -21,7 +21,6 @@ from chamfer.analysis.cell.camera_error_runs import (
     AssumedCameraError,
     ErrorAtRest,
     ErrorRun,
-    Study,
     at_rest,
     left,
     reached,
@@ -44,7 +43,6 @@ SCENARIO = resolve(
         measurements=("image", "metric"),
     )
 )
-STUDY = Study(SCENARIO, 0.1, 0.02, 2.5)
 CHANGING = [error for error in ERRORS if error.change is not None]
 
 
@@ -89,7 +87,7 @@ def test_parts_off_the_axis_are_where_that_is_known() -> None:
 
 def test_drawn_errors_are_bounded_and_those_of_the_trial() -> None:
     first, again, other = (
-        with_drawn_errors(SCENARIO, 3, trial, 0.5, STUDY.off_axis) for trial in (0, 0, 1)
+        with_drawn_errors(SCENARIO, 3, trial, 0.5, SCENARIO.off_axis) for trial in (0, 0, 1)
     )
     assert first.cameras == again.cameras != other.cameras
     for view in VIEWS:
@@ -101,7 +99,7 @@ def test_drawn_errors_are_bounded_and_those_of_the_trial() -> None:
         assert abs((of.believed.position or (0, 9, 0))[1]) <= 0.01
     assert first.cameras.xz.true != first.cameras.xy.true
     assert {error.name for error in ERRORS} - {error.name for error in DRAWN_ERRORS} == {"shading"}
-    none = with_drawn_errors(SCENARIO, 3, 0, 0.0, STUDY.off_axis)
+    none = with_drawn_errors(SCENARIO, 3, 0, 0.0, SCENARIO.off_axis)
     assert none.cameras == SCENARIO.cameras
 
 
@@ -109,7 +107,7 @@ def test_what_is_left_behind_the_tip_is_what_the_angle_makes_of_it() -> None:
     mouth = np.array([[1.0, 0, 0, 0, 0, 0, 0]])
     angle = 0.02
     tip = np.array([[math.cos(angle / 2), 0, 0, math.sin(angle / 2), -0.03, 0.001, 0.0]])
-    found = left(STUDY, tip, mouth)  # turned about z: the axis behind the tip is lower in y
+    found = left(SCENARIO, tip, mouth)  # turned about z: the axis behind the tip is lower in y
     assert found["lateral_error"][0] == pytest.approx(0.001)
     assert found["rotational_error"][0] == pytest.approx(angle)
     assert found["behind_error"][0] == pytest.approx(0.1 * math.sin(angle) - 0.001, rel=1e-6)
@@ -134,10 +132,10 @@ def test_the_size_at_which_an_error_is_reached(
 
 
 def test_at_rest_distortion_turns_and_a_lost_part_is_nowhere() -> None:
-    row = at_rest(STUDY, ErrorAtRest("distortion_off_axis", (-0.5, -1.0), "image"))
+    row = at_rest(SCENARIO, ErrorAtRest("distortion_off_axis", (-0.5, -1.0), "image"))
     np.testing.assert_allclose(row["rotational_error"], [0.0094, 0.0188], rtol=0.1)
     np.testing.assert_allclose(row["behind_error"], 0.1 * row["rotational_error"], rtol=0.2)
-    lost = at_rest(STUDY, ErrorAtRest("tilt_in_place", (0.5,), "metric"))
+    lost = at_rest(SCENARIO, ErrorAtRest("tilt_in_place", (0.5,), "metric"))
     assert np.isnan(lost["rotational_error"]).all()
 
 
@@ -147,7 +145,7 @@ class Loop:
     def __init__(self) -> None:
         self.asked: list[ErrorRun] = []
 
-    def __call__(self, study: Study, seed: int, task: ErrorRun) -> Row:
+    def __call__(self, study: CameraErrorsScenario, seed: int, task: ErrorRun) -> Row:
         self.asked.append(task)
         place = (
             1
@@ -249,9 +247,9 @@ def test_refused(changed: dict[str, Any], message: str) -> None:
 def test_parts_that_are_lost_at_every_size_are_never_said_harmless(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def rest(_: Study, task: ErrorAtRest) -> Row:
+    def rest(_: CameraErrorsScenario, task: ErrorAtRest) -> Row:
         sizes = (0.1, 0.2)  # of 0.02 m at most
-        return at_rest(STUDY, ErrorAtRest("position_down", sizes, task.measured))
+        return at_rest(SCENARIO, ErrorAtRest("position_down", sizes, task.measured))
 
     monkeypatch.setattr(camera_errors, "run_once", Loop())
     monkeypatch.setattr(camera_errors, "at_rest", rest)

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialForce
-from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlant
-from pydrake.multibody.tree import RigidBody
+from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
@@ -163,24 +162,6 @@ def test_controllers_know_the_arms_by_their_encoders_alone() -> None:
     read_by = {end for (end, _), start in wires.items() if start == ("arms", "body_poses")}
     assert read_by == {f"{arm} true pose" for arm in ARMS}
     assert not [start for start, _ in wires.values() if "true pose" in start]  # exported only
-
-
-def test_parts_are_added_to_the_tools() -> None:
-    seen: dict[ArmName, RigidBody] = {}
-
-    def add_parts(plant: MultibodyPlant, tools: dict[ArmName, RigidBody]) -> None:
-        assert not plant.is_finalized()
-        assert plant.geometry_source_is_registered()
-        seen.update(tools)
-
-    builder = DiagramBuilder()
-    cell = add_work_cell(builder, WorkCellScenario(), add_parts=add_parts)
-    assert {arm: body.name() for arm, body in seen.items()} == dict.fromkeys(ARMS, "tool")
-    for arm, ports in cell.arms.items():
-        assert seen[arm].model_instance() == ports.instance
-        pose = builder.AddSystem(ConstantVectorSource(np.array([1.0, 0, 0, 0, 0, 0, 0.158])))
-        builder.Connect(pose.get_output_port(), ports.desired_pose)
-    Simulator(builder.Build()).AdvanceTo(0.01)  # the desired velocity needs no source
 
 
 @pytest.mark.parametrize(

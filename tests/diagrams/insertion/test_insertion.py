@@ -17,6 +17,7 @@ from chamfer.diagrams.cell.work_cell import (
     HOLE_ARM,
     HoleKind,
     HoleSettings,
+    WorkCell,
     WorkCellScenario,
     support_at,
     wedging_support,
@@ -28,7 +29,6 @@ from chamfer.diagrams.insertion.blind_feed import (
     resolve_fed_cell,
 )
 from chamfer.diagrams.insertion.cell_contact import (
-    CellInContact,
     add_cell_in_contact,
     export_contact,
 )
@@ -198,20 +198,18 @@ MATERIAL = ContactMaterial()
 
 def build(
     gap: float, hole: HoleSettings = HOLE_ARM, material: ContactMaterial = MATERIAL
-) -> tuple[Diagram, CellInContact]:
+) -> tuple[Diagram, WorkCell]:
     """Return the cell at rest at a gap."""
     scenario = WorkCellScenario(gap=gap, hole=hole)
     builder = DiagramBuilder()
-    found = add_cell_in_contact(
+    cell, contact = add_cell_in_contact(
         builder, scenario, PARTS, seated_depth=0.036, material=material.over(PARTS)
     )
     for arm in scenario.arms:
         pose = ConstantVectorSource(pose_vector(scenario.nominal_pose(arm)))
-        builder.Connect(
-            builder.AddSystem(pose).get_output_port(), found.cell.arms[arm].desired_pose
-        )
-    export_contact(builder, found.contact)
-    return builder.Build(), found
+        builder.Connect(builder.AddSystem(pose).get_output_port(), cell.arms[arm].desired_pose)
+    export_contact(builder, contact)
+    return builder.Build(), cell
 
 
 def read(diagram: Diagram, context: Context, name: str) -> np.ndarray:
@@ -231,10 +229,10 @@ def test_only_the_peg_against_the_hole_can_touch() -> None:
 
 @pytest.mark.parametrize("kind", get_args(HoleKind))
 def test_a_peg_in_the_bore_is_pushed_back_by_the_wall_that_it_leans_on(kind: HoleKind) -> None:
-    diagram, found = build(-0.02, replace(HOLE_ARM, kind=kind))  # in the bore, in line
+    diagram, cell = build(-0.02, replace(HOLE_ARM, kind=kind))  # in the bore, in line
     simulator = Simulator(diagram)
     simulator.Initialize()
-    plant = found.cell.plant
+    plant = cell.plant
     context = plant.GetMyContextFromRoot(simulator.get_context())
     q = plant.GetPositions(context)
     q[0] += 0.0004  # rad, about the vertical: 0.3 mm to +y, where the clearance is less
