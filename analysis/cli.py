@@ -294,10 +294,7 @@ def _session(
     from chamfer.analysis.report.results import RESULT
 
     out, fresh = arguments.out, arguments.fresh
-    require_writable(out, [entry.name for entry in chosen])
-    earlier = [entry.name for entry in chosen if (out / entry.name / RESULT).exists()]
-    if earlier:
-        say(f"what is in {out} of {', '.join(earlier)} is replaced")
+    require_writable(out, [entry.name for entry in chosen], RESULT)
     order = Order(catalogue=catalogue, out=out, seed=arguments.seed, fresh=fresh)
     with engines(arguments.workers or cores(), arguments.cluster) as (here, trials):
         yield Session(order=order, as_json=arguments.json, here=here, trials=trials)

@@ -4,11 +4,14 @@ import secrets
 from collections.abc import Sequence
 from pathlib import Path
 
+from chamfer.analysis.report.console import say
 from chamfer.analysis.scenario.errors import UserError
 
 
-def require_writable(out: Path, names: Sequence[str]) -> None:
+def require_writable(out: Path, names: Sequence[str], result: str = "") -> None:
     """Make ``out`` if it isn't there, and write and remove a file in it and in named folders.
+
+    Where one of them has a result, a file of that name, it is said that this is replaced.
 
     Permission bits say little (root ignores them, a read-only file system has its own mind), so
     it is tried.
@@ -28,3 +31,6 @@ def require_writable(out: Path, names: Sequence[str]) -> None:
         inside = "" if folder == out else f" because of {folder.name}"
         reason = f"can't be written{inside} ({error.strerror or error})"
         raise UserError(f"--out is {str(out)!r}, which {reason}, allowed: a folder") from error
+    replaced = [str(out / name) for name in names if result and (out / name / result).exists()]
+    if replaced:
+        say(f"what is in {', '.join(replaced)} is replaced")

@@ -67,7 +67,6 @@ def _design(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     from chamfer.analysis.design.design_map import POINTS, parse_map
     from chamfer.analysis.design.design_scenario import DesignScenario, resolve_design
     from chamfer.analysis.design.design_words import design_text
-    from chamfer.analysis.report.console import say
     from chamfer.analysis.report.report import write_report
     from chamfer.analysis.report.results import RESULT, json_text
     from chamfer.analysis.scenario.scenario_overrides import overrides
@@ -83,9 +82,7 @@ def _design(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     axes = parse_map(resolved, arguments.map, POINTS) if arguments.map else None
     asked = tuple(overrides(given, default, resolve_design))
     folder = arguments.out / f"design-{name}"
-    require_writable(arguments.out, [folder.name])
-    if (folder / RESULT).exists():
-        say(f"what is in {folder} is replaced")
+    require_writable(arguments.out, [folder.name], RESULT)
     started = time.perf_counter()
     with command_campaign(folder, f"design {name}", arguments) as progress:
         with named_failures(name, asked):

@@ -59,7 +59,6 @@ def _sweep(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     from chamfer.analysis.command.output_folder import require_writable
     from chamfer.analysis.command.running import written
     from chamfer.analysis.command.session import command_campaign
-    from chamfer.analysis.report.console import say
     from chamfer.analysis.report.report import write_report
     from chamfer.analysis.report.results import SWEEP, json_text
     from chamfer.analysis.sweep.sweep import MOST_TRIALS, make_plan, run_sweep
@@ -83,9 +82,7 @@ def _sweep(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
         catalogue=catalogue,
     )
     folder = arguments.out / folder_name(arguments.name)
-    require_writable(arguments.out, [folder.name])
-    if (folder / SWEEP).exists():
-        say(f"what is in {folder} is replaced")
+    require_writable(arguments.out, [folder.name], SWEEP)
     started = time.perf_counter()
     with command_campaign(folder, f"sweep {arguments.name}", arguments) as progress:
         result = run_sweep(plan, progress)

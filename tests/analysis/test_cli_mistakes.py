@@ -94,7 +94,7 @@ def test_results_that_a_run_replaces_are_named(
     status, _, err = chamfer("run", "trials", "--out", out)
     assert (status, err) == (0, "")
     *_, err = chamfer(*command, "--out", out)
-    assert err == f"chamfer: what is in {out} of trials is replaced\n"
+    assert err == f"chamfer: what is in {out}/trials is replaced\n"
 
 
 @pytest.mark.parametrize(

@@ -260,8 +260,9 @@ def test_two_runs_into_one_folder_at_once(start: Start, toys: Catalogue, out: Pa
         _, err = process.communicate(timeout=30)
         assert process.returncode == 0
         assert set(err.splitlines()) <= {
-            f"chamfer: what is in {out} of {name} is replaced"
-            for name in ("fall", "trials", "fall, trials", "trials, fall")
+            f"chamfer: what is in {name} is replaced"
+            for fall, trials in [(f"{out}/fall", f"{out}/trials")]
+            for name in (fall, trials, f"{fall}, {trials}", f"{trials}, {fall}")
         }
     assert files(out) == [
         "fall/fall.png",
