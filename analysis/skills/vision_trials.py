@@ -545,8 +545,8 @@ def _draw_map(axes: Axes, outcome: Outcome) -> None:
                 axes.plot(x, i, marker, color="#555555", mfc="none", ms=5)
     shades = np.where(share == 0, 0, np.where(share < 1, 1, 2))
     axes.pcolormesh(
-        np.arange(len(focal) + 1) - 0.5,
-        np.arange(len(angle) + 1) - 0.5,
+        range(len(focal)),
+        range(len(angle)),
         shades,
         cmap=_SHADES,
         vmin=0,
@@ -560,9 +560,4 @@ def _draw_map(axes: Axes, outcome: Outcome) -> None:
         axes.plot([], [], style, color="#555555", mfc="none", ms=5, label=label)
     legend(axes, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     title = "(f) Translation: blue, all settle; yellow, some; red, none"
-    dress(
-        axes,
-        title=title,
-        x="believed focal length / true one",
-        y="orientation error / degrees",
-    )
+    dress(axes, title=title, x="believed focal length / true one", y="orientation error / degrees")
