@@ -88,7 +88,7 @@ def test_the_shape_of_the_end_is_learned(share: float) -> None:
     doubled = [Box(*(2 * number for number in box)) for box in (PEG_BOX, HOLE_BOX)]
     peg, hole = learn(image, (doubled[0], doubled[1])).looks
     true = parts.peg
-    assert peg.end_ratio == pytest.approx(1 - true.chamfer / true.radius, abs=0.03)
+    assert peg.end_ratio == pytest.approx(1 - true.chamfer.width / true.radius, abs=0.03)
     assert (peg.end_angle is None) == (share == 0)
     assert peg.end_angle is None or peg.end_angle == pytest.approx(np.pi / 4, abs=0.06)
     assert (hole.end_ratio, hole.end_angle) == (1.0, None)

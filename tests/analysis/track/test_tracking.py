@@ -76,7 +76,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def run(
     out: Path,
     recording: Recording,
-    scenario: TrackScenario = TrackScenario(),  # noqa: B008
     *,
     video: bool = False,
     limit: int | None = None,
@@ -84,6 +83,7 @@ def run(
     progress: Progress = no_progress,
 ) -> tuple[Track, list[Path]]:
     out.mkdir(exist_ok=True)
+    scenario = TrackScenario()
     return write_track(
         out,
         SynchronisedFrames([recording], scenario.rate_of(recording), limit),
