@@ -301,16 +301,13 @@ def _session(
 
 
 def _diagram(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
-    from chamfer.analysis.command.output_folder import require_writable
-    from chamfer.analysis.command.running import draw, prepare, write_drawings
+    from chamfer.analysis.command.running import prepare, write_drawings
 
     chosen = select(catalogue.entries, [arguments.name])
     (job,) = prepare(
         chosen, file=arguments.scenario, settings=arguments.settings, catalogue=catalogue
     )
-    drawings = draw(job, charts=arguments.chart)
-    require_writable(arguments.out, [arguments.name])
-    for path in write_drawings(arguments.out / arguments.name, drawings):
+    for path in write_drawings(job, arguments.out, charts=arguments.chart):
         print(path)
     return 0
 

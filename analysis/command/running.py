@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from chamfer.analysis.campaign.campaign import Campaign, running
 from chamfer.analysis.campaign.trial_store import TRIALS
 from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.command.output_folder import require_writable
 from chamfer.analysis.report.atomic_write import write_text
 from chamfer.analysis.report.checks import Paper, check, load_paper
 from chamfer.analysis.report.results import (
@@ -172,7 +173,7 @@ def run(
         outcome = experiment.run(scenario, seed, progress)
         wall_seconds = campaign.seconds + time.perf_counter() - started
         figures = experiment.plot(scenario, outcome)
-        drawings = {**draw_diagram(job), **draw_charts(job)}
+        drawings = draw(job)
         replay = _replay(job, outcome)
     metrics = defined_metrics(outcome.metrics)
     published = [value for value in job.paper.published if value.experiment == job.entry.name]
@@ -247,62 +248,44 @@ def show(job: Job, *, seed: int, meshcat: "Meshcat", progress: Progress) -> None
         job.experiment.replay(job.scenario, outcome, meshcat)
 
 
-def draw_diagram(job: Job) -> Mapping[str, str]:
-    """Return the block diagram's drawings by file name; none if the experiment has no diagram."""
-    if job.experiment.diagram is None:
-        return {}
-    from chamfer.analysis.drawing.diagram_graph import diagram_graph
-    from chamfer.analysis.drawing.mermaid import flowchart
-    from chamfer.analysis.drawing.svg import render
-
-    graph = diagram_graph(job.experiment.diagram(job.scenario))
-    return {"diagram.svg": render(graph), "diagram.mmd": flowchart(graph)}
-
-
-def draw_charts(job: Job) -> Mapping[str, str]:
-    """Return the state charts' drawings by file name."""
-    if job.experiment.charts is None:
-        return {}
+def draw(job: Job, *, charts: bool = True) -> dict[str, str]:
+    """Return the drawings of a block diagram and of state charts by file name, where there are."""
     from chamfer.analysis.drawing.chart_graph import chart_graph
-    from chamfer.analysis.drawing.mermaid import state_diagram
+    from chamfer.analysis.drawing.diagram_graph import diagram_graph
+    from chamfer.analysis.drawing.mermaid import flowchart, state_diagram
     from chamfer.analysis.drawing.svg import render
 
     drawings = {}
-    for chart in job.experiment.charts(job.scenario):
-        stem = f"chart-{chart.name.replace(' ', '-').replace('/', '-')}"
-        drawings[f"{stem}.svg"] = render(chart_graph(chart))
-        drawings[f"{stem}.mmd"] = state_diagram(chart)
+    if job.experiment.diagram is not None:
+        graph = diagram_graph(job.experiment.diagram(job.scenario))
+        drawings = {"diagram.svg": render(graph), "diagram.mmd": flowchart(graph)}
+    if charts and job.experiment.charts is not None:
+        for chart in job.experiment.charts(job.scenario):
+            stem = f"chart-{chart.name.replace(' ', '-').replace('/', '-')}"
+            drawings[f"{stem}.svg"] = render(chart_graph(chart))
+            drawings[f"{stem}.mmd"] = state_diagram(chart)
     return drawings
 
 
-def draw(job: Job, *, charts: bool) -> dict[str, str]:
-    """Return an experiment's block diagram and, on request, its state charts by file name.
+def write_drawings(job: Job, out: Path, *, charts: bool) -> list[Path]:
+    """Write a block diagram and, on request, state charts, and return their paths.
 
     Raises:
-        UserError: If the experiment has no such drawing.
+        UserError: If the experiment has no such drawing, or they can't be written.
     """
     name = job.entry.name
-    with named_failures(job.entry.name, job.overrides):
-        diagram = draw_diagram(job)
-        charted = draw_charts(job) if charts else {}
-    if not diagram and not charts:
+    with named_failures(name, job.overrides):
+        drawings = draw(job, charts=charts)
+    if not drawings and not charts:
         raise UserError(f"{name} has no block diagram")
-    if not charted and charts:
+    if charts and not any(drawing.startswith("chart-") for drawing in drawings):
         raise UserError(f"{name} has no state chart")
-    return {**diagram, **charted}
-
-
-def write_drawings(folder: Path, drawings: Mapping[str, str]) -> list[Path]:
-    """Write drawings into an experiment's folder and return their paths.
-
-    Raises:
-        UserError: If they can't be written.
-    """
-    with written(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, text in drawings.items():
-            write_text(folder / name, text)
-    return [folder / name for name in drawings]
+    require_writable(out, [name])
+    with written(out / name):
+        (out / name).mkdir(exist_ok=True)
+        for drawing, text in drawings.items():
+            write_text(out / name / drawing, text)
+    return [out / name / drawing for drawing in drawings]
 
 
 def _replay(job: Job, outcome: Outcome) -> str | None:

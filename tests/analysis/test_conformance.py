@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from chamfer.analysis.catalogue import CATALOGUE
-from chamfer.analysis.command.running import Job, draw_charts, draw_diagram, prepare
+from chamfer.analysis.command.running import Job, draw, prepare
 from chamfer.analysis.report.checks import check, load_paper
 from chamfer.analysis.report.results import defined_metrics
 from chamfer.analysis.report.traces import write_table
@@ -190,7 +190,7 @@ def test_the_same_seed_gives_the_same_bytes(ran: Ran) -> None:
 
 
 def test_drawings_are_drawn(ran: Ran) -> None:
-    drawings = {**draw_diagram(ran.job), **draw_charts(ran.job)}
+    drawings = draw(ran.job)
     assert ("diagram.svg" in drawings) == (ran.experiment.diagram is not None)
     assert any(name.startswith("chart-") for name in drawings) == (
         ran.experiment.charts is not None
