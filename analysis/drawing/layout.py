@@ -68,7 +68,8 @@ _START: Final = 12.0  # least length of a line before its first bend
 _END: Final = 18.0  # after its last bend: an arrow head
 _CHANNEL: Final = 38.0  # least width
 _STRAIGHT: Final = 0.02  # a step that is rounding only
-_ATTEMPTS: Final = 8
+_ATTEMPTS: Final = 10
+_STEP: Final = 6.0  # a smaller one looks like a mistake
 _MAIN: Final = 1000.0  # how much more a straight main path is worth than another line
 
 
@@ -534,10 +535,18 @@ class _Level:
                     bends = (start.kind == "bend") + (end.kind == "bend")
                     wishes[start, end, here - there] = 4.0**bends * (1.0 if wire.rank else _MAIN)
         tracks: dict[tuple[int, Net], int] = {}
-        for _ in range(_ATTEMPTS):
+        for attempt in range(_ATTEMPTS):
             heights = align(items, gaps, wishes)
             if heights is None:
                 break
+            small = {
+                (one, other, drop): _MAIN * weight
+                for (one, other, drop), weight in wishes.items()
+                if _STRAIGHT < abs(heights[other] - heights[one] - drop) < _STEP
+            }
+            if attempt < 2 and small:  # rather a large step elsewhere
+                wishes |= small
+                continue
             top = min((heights[item] - item.above for item in items), default=0.0)
             for item in items:
                 item.y = round(heights[item] - top, 3)
