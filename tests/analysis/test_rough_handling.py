@@ -14,7 +14,7 @@ from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdo
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from types import FrameType
+from types import FrameType, SimpleNamespace
 from typing import Any, Final
 from unittest import mock
 
@@ -275,30 +275,19 @@ def load_stub(entry: Entry) -> Experiment[Any]:
     )
 
 
-class Here:
-    """An engine that calls at once, in this process."""
-
-    exact = True
-    processors = ("this",)
-
-    def capacity(self) -> int:
-        return 1
-
-    def submit(
-        self, function: Callable[..., Any], *arguments: object, limit: float | None = None
-    ) -> Future[Any]:
-        future: Future[Any] = Future()
-        future.set_result(function(*arguments))
-        return future
-
-    def close(self) -> None:
-        pass
+def call_here(function: Callable[..., Any], *arguments: Any, **_: float | None) -> Future[Any]:
+    future: Future[Any] = Future()
+    future.set_result(function(*arguments))
+    return future
 
 
 @contextmanager
-def engines(_: int, cluster: str | None) -> Iterator[tuple[Here, Here]]:
+def engines(_: int, cluster: str | None) -> Iterator[tuple[Any, Any]]:
+    """Give engines that call at once, in this process."""
     assert cluster is None
-    yield Here(), Here()
+    here = SimpleNamespace(exact=True, processors=("this",), submit=call_here)
+    here.capacity, here.close = lambda: 1, lambda: None
+    yield here, here
 
 
 @contextmanager
