@@ -169,15 +169,9 @@ def figures(scenario: PlanarLoop, outcome: Outcome) -> Mapping[str, Figure]:
     for i, gain in enumerate(gains):
         of = table["force_integral"] == gain
         shade = 0.25 + 0.75 * i / max(1, len(gains) - 1)
-        axes.semilogy(
-            table["bounce"][of] + 1,
-            table["speed"][of],
-            marker="o",
-            ms=4,
-            label=f"{gain:g} 1/s",
-            color=POSITION["color"],
-            alpha=shade,
-        )
+        look = {"marker": "o", "ms": 4, "color": POSITION["color"], "alpha": shade}
+        label = f"{gain:g} 1/s"
+        axes.semilogy(table["bounce"][of] + 1, table["speed"][of], label=label, **look)
     axes.axhline(SAFE_SPEED, label=f"safe for glass, {SAFE_SPEED:g} m/s", **LIMIT)
     dress(
         axes,

@@ -1,6 +1,6 @@
 """The hybrid position/force loop of Fig. 2-4, with the controllers of Figs. 2-1 and 2-2."""
 
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, LeafSystem, OutputPort
@@ -77,22 +77,13 @@ def _add_measured_force(
     return add_force_in_world(builder, given, dynamics, reading, encoders, coordinates=m)
 
 
-SIGNALS: Final = (
-    "encoders",
-    "measured_encoders",
-    "contact_force",
-    "contact",
-    "torque",
-    "position_error",
-    "force_error",
-    "mode",
-)
-
-
 def make_hybrid_diagram(
     scenario: HybridScenario, *, controller: LeafSystem | None = None
 ) -> Diagram:
-    """Build the loop of a resolved scenario; it exports :data:`SIGNALS`.
+    """Build the loop of a resolved scenario.
+
+    It exports ``encoders``, ``measured_encoders``, ``contact_force``, ``contact``, ``torque``,
+    ``position_error``, ``force_error`` and ``mode``.
 
     The controller knows the arm by its encoders and its force sensor alone (with friction
     compensation also by the torque sensor under its base). One of the user's own has the ports
@@ -151,14 +142,9 @@ def add_friction_compensation(
     torque = controller.GetOutputPort("torque")
     if scenario.friction_compensation is None:
         return torque
-    compensation = builder.AddNamedSystem(
-        "friction compensation",
-        FrictionCompensation(
-            scenario.friction_compensation,
-            joints=scenario.ARM.num_joints,
-            period=scenario.controller.period,
-        ),
-    )
+    n, period = scenario.ARM.num_joints, scenario.controller.period
+    block = FrictionCompensation(scenario.friction_compensation, joints=n, period=period)
+    compensation = builder.AddNamedSystem("friction compensation", block)
     builder.Connect(torque, compensation.GetInputPort("command"))
     builder.Connect(manipulator.base_torque, compensation.GetInputPort("base_torque"))
     return compensation.GetOutputPort("torque")

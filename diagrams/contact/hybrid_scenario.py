@@ -276,9 +276,6 @@ def fill(scenario: HybridScenarioT) -> HybridScenarioT:
 
     Sensors and computer are what ``sensing`` says. The controller knows gravity at the start, as
     a constant (section 2.1.2), and with full dynamics the inertia where it should touch.
-
-    Raises:
-        ParameterError: If blocks refuse their parameters, or the arm can't reach the task.
     """
     values, dynamics = scenario.SENSING[scenario.sensing], scenario.dynamics()
     control = scenario.controller

@@ -41,17 +41,8 @@ def endpoint(q: NDArray[Any]) -> NDArray[Any]:
     pitch = joint_6 - lean
     ahead, aside, up = _from_mount(pitch, roll, lean)
     c, s = np.cos(yaw), np.sin(yaw)
-    return np.array(
-        [
-            x + c * ahead - s * aside,
-            y + s * ahead + c * aside,
-            z + up,
-            yaw,
-            pitch,
-            roll,
-            lean,
-        ]
-    )
+    tip = x + c * ahead - s * aside, y + s * ahead + c * aside, z + up
+    return np.array([*tip, yaw, pitch, roll, lean])
 
 
 def jacobian(q: NDArray[Any]) -> NDArray[Any]:
@@ -97,9 +88,8 @@ def joint_positions(x: NDArray[Any], elbow: Elbow) -> NDArray[Any]:
     try:
         arm = adept_one.joint_positions(mount, elbow)
     except ParameterError as error:
-        raise ParameterError(
-            "endpoint", tuple(x.tolist()), f"the mount {error.allowed}"
-        ) from error
+        allowed = f"the mount {error.allowed}"
+        raise ParameterError("endpoint", tuple(x.tolist()), allowed) from error
     return np.array([*arm, lean, pitch + lean, roll])
 
 
@@ -142,15 +132,10 @@ def _box(size: tuple[float, float, float], middle: tuple[float, float, float]) -
 
 
 def _fork() -> Array:
-    angle = 2 * np.pi * np.arange(_ROUND) / _ROUND
     radius, length = _FORK
-    return np.array(
-        [
-            (radius * np.cos(one), side * length / 2, radius * np.sin(one))
-            for one in angle
-            for side in (-1.0, 1.0)
-        ]
-    )
+    angle = np.repeat(2 * np.pi * np.arange(_ROUND) / _ROUND, 2)
+    side = np.tile([-1.0, 1.0], _ROUND)
+    return np.stack([radius * np.cos(angle), side * length / 2, radius * np.sin(angle)], axis=1)
 
 
 # In the body's axes, from joint 6, and in the endpoint's frame.

@@ -19,22 +19,15 @@ ELBOW_SIGN: dict[Elbow, float] = {"negative": -1.0, "positive": 1.0}
 class Kinematics:
     """What a controller knows of a manipulator with as many joints as endpoint coordinates.
 
-    Attributes:
-        name: What to call it in a sentence, "planar two-link arm".
-        joint_names: The joints in the order of q, n of them; rad, or m if prismatic.
-        coordinates: Names of the endpoint vector's entries, m = n of them.
-        coordinate_units: Unit of each entry.
-        endpoint: Joint positions q, shape (n,), to the endpoint vector x, shape (m,). Takes
-            complex q, for complex-step derivatives.
-        jacobian: q, shape (n,), to dx/dq, shape (m, n). Takes complex q.
+    Its functions take complex q, for complex-step derivatives.
     """
 
-    name: str
-    joint_names: tuple[str, ...]
-    coordinates: tuple[str, ...]
+    name: str  # what to call it in a sentence, "planar two-link arm"
+    joint_names: tuple[str, ...]  # in the order of q, n of them; rad, or m if prismatic
+    coordinates: tuple[str, ...]  # of the endpoint vector, m = n of them
     coordinate_units: tuple[str, ...]
-    endpoint: Callable[[NDArray[Any]], NDArray[Any]]
-    jacobian: Callable[[NDArray[Any]], NDArray[Any]]
+    endpoint: Callable[[NDArray[Any]], NDArray[Any]]  # q, shape (n,), to x, shape (m,)
+    jacobian: Callable[[NDArray[Any]], NDArray[Any]]  # q to dx/dq, shape (m, n)
 
     @property
     def num_joints(self) -> int:
@@ -56,20 +49,14 @@ class Arm(Kinematics):
     tip. The joints, named in ``joint_names``, carry no limits, damping or friction. Each has an
     actuator of its own, ``<joint>_motor``, in the joints' order, with the rotor inertia as seen
     at the joint.
-
-    Attributes:
-        urdf: The file with links, inertias and visual geometry.
-        joint_positions: Inverse kinematics: x, shape (m,), and the sign of the elbow joint to q,
-            shape (n,). Raises :class:`chamfer.models.validation.ParameterError` if x is out of
-            reach or only reached in a singular pose.
-        assumed: True if masses and inertias are not published but plausible guesses.
-        note: One line about where masses and lengths come from.
     """
 
-    urdf: Path
+    urdf: Path  # with links, inertias and visual geometry
     joint_positions: Callable[[NDArray[Any], Elbow], NDArray[Any]]
-    assumed: bool
-    note: str
+    # x, shape (m,), and the sign of the elbow joint to q, shape (n,); refuses an x that is out of
+    # reach or only reached in a singular pose
+    assumed: bool  # True: masses and inertias are not published but plausible guesses
+    note: str  # where masses and lengths come from
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,11 +84,3 @@ class JointFrictionParams:
             raise ParameterError("breakaway", self.breakaway, "a finite number >= 1")
         if not 0 < self.stribeck < np.inf:
             raise ParameterError("stribeck", self.stribeck, "a finite number > 0")
-
-    def dry(self, speed: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the dry friction's magnitude of moving joints, shape (..., n)."""
-        fading = np.exp(-np.square(np.asarray(speed) / self.stribeck))
-        moving: NDArray[np.float64] = np.asarray(self.coulomb) * (
-            1 + (self.breakaway - 1) * fading
-        )
-        return moving

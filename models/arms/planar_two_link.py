@@ -70,11 +70,8 @@ def two_link_angles(
     l1, l2 = lengths
     c2 = (along * along + across * across - l1 * l1 - l2 * l2) / (2 * l1 * l2)
     if not abs(c2) < 1 - _STRAIGHT:  # also NaN
-        raise ParameterError(
-            "endpoint",
-            tuple(x.tolist()),
-            f"more than {abs(l1 - l2):g} m and less than {l1 + l2:g} m from {pivot}",
-        )
+        allowed = f"more than {abs(l1 - l2):g} m and less than {l1 + l2:g} m from {pivot}"
+        raise ParameterError("endpoint", tuple(x.tolist()), allowed)
     s2 = ELBOW_SIGN[elbow] * math.sqrt((1 - c2) * (1 + c2))
     q1 = math.atan2(across, along) - math.atan2(l2 * s2, l1 + l2 * c2)
     return wrapped(q1), math.atan2(s2, c2)

@@ -65,9 +65,8 @@ def joint_positions(x: NDArray[Any], elbow: Elbow) -> NDArray[Any]:
     px, py, pz = x.tolist()
     radius_squared = px * px + py * py - OFFSET * OFFSET
     if not radius_squared > _SMALLEST_RADIUS**2:  # also NaN
-        raise ParameterError(
-            "endpoint", tuple(x.tolist()), f"more than {OFFSET:.3g} m from the waist's axis"
-        )
+        allowed = f"more than {OFFSET:.3g} m from the waist's axis"
+        raise ParameterError("endpoint", tuple(x.tolist()), allowed)
     r = math.sqrt(radius_squared)
     q1 = wrapped(math.atan2(py, px) + math.atan2(OFFSET, r))
     links = (UPPER_ARM, FOREARM)

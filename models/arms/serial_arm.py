@@ -40,37 +40,22 @@ class SerialArm:
 
     Conventions of its URDF: nothing collides, the file does not fix the base, and every joint
     that can move is one of ``joint_names``, with an actuator ``<joint>_motor``, in this order.
-
-    Attributes:
-        name: What to call it.
-        urdf: The text of the URDF, not its path.
-        base: The base's link.
-        flange: The flange's link.
-        joint_names: The joints in the order of q, n of them, all revolute.
-        lower_limits: Of the joints' positions, rad, n of them.
-        upper_limits: Likewise.
-        torque_limits: Of the motors at the joints, N m, n of them.
-        rotor_inertia: Of the motors as seen at the joints, kg m^2, n of them; the URDF's own
-            don't count.
-        dry_friction: Coulomb's, of each joint, N m, n of them.
-        kinematics: Joint positions, rad, shape (n,), to where the flange is.
-        posture: Near which the rest posture is sought, rad, n of them; None: nothing is known.
-        base_height: m, of the base frame above the arm's foot.
     """
 
     name: str
-    urdf: str
-    base: str
-    flange: str
-    joint_names: tuple[str, ...]
-    lower_limits: tuple[float, ...]
+    urdf: str  # its text, not its path
+    base: str  # link
+    flange: str  # link
+    joint_names: tuple[str, ...]  # in the order of q, n of them, all revolute
+    lower_limits: tuple[float, ...]  # rad, n of them
     upper_limits: tuple[float, ...]
-    torque_limits: tuple[float, ...]
-    rotor_inertia: tuple[float, ...]
-    dry_friction: tuple[float, ...]
-    kinematics: Callable[[Array], FlangeState] = field(compare=False)
+    torque_limits: tuple[float, ...]  # N m, of the motors at the joints, n of them
+    rotor_inertia: tuple[float, ...]  # kg m^2, as seen at the joints; the URDF's don't count
+    dry_friction: tuple[float, ...]  # N m, Coulomb's, n of them
+    kinematics: Callable[[Array], FlangeState] = field(compare=False)  # of q, rad, shape (n,)
     posture: tuple[float, ...] | None = None
-    base_height: float = 0.0
+    # rad, near which the rest posture is sought; None: nothing is known
+    base_height: float = 0.0  # m, of the base frame above the arm's foot
 
     @property
     def num_joints(self) -> int:
@@ -142,10 +127,7 @@ def _rounded(values: Array | tuple[float, ...]) -> tuple[float, ...]:
 
 
 class PlantKinematics:
-    """Where the flange of a URDF's arm is, in its base frame; called with joint positions.
-
-    It owns a plant and a context.
-    """
+    """Where the flange of a URDF's arm is, in its base frame; called with joint positions."""
 
     def __init__(self, urdf: str, base: str, flange: str) -> None:
         self.plant = arm_alone(urdf, base)

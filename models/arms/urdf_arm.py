@@ -175,18 +175,16 @@ def _chain(above: dict[str, Element], names: list[str], tool_frame: str | None) 
         raise ParameterError("tool_frame", tool_frame, f"one of the model's links {told}")
     links, joints = _way(above, tool_frame)
     moving = [joint for joint in joints if joint.get("type") != "fixed"]
+    on_the_way = f"on the way to {tool_frame!r}"
     for joint in moving:
         if not _revolute(joint):
             kind = "mimic" if joint.get("type") in _RIGID else joint.get("type")
             raise UnfitError(
-                f"with revolute joints alone on the way to {tool_frame!r}; "
-                f"{_name(joint)!r} is {kind}"
+                f"with revolute joints alone {on_the_way}; {_name(joint)!r} is {kind}"
             )
     if len(moving) < LEAST_JOINTS:
-        raise UnfitError(
-            f"with {LEAST_JOINTS} or more revolute joints on the way to {tool_frame!r}, "
-            f"not {len(moving)}"
-        )
+        least = f"{LEAST_JOINTS} or more revolute joints"
+        raise UnfitError(f"with {least} {on_the_way}, not {len(moving)}")
     return _Chain(links, joints, moving)
 
 

@@ -45,11 +45,7 @@ POSTURE: Final = (0.0, 0.75, 0.0, 1.75, 0.0, -0.93, 0.0)  # rad, elbow up and be
 
 
 def pose(q: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return the flange's rotation R_BF, shape (3, 3), and position p_BF, m, shape (3,).
-
-    Args:
-        q: Joint positions, rad, shape (7,), real or complex.
-    """
+    """Return the flange's rotation R_BF, shape (3, 3), and position p_BF, m, of q, rad, (7,)."""
     R, p, _, _ = _chain(q)
     return R, p
 

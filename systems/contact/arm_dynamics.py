@@ -247,23 +247,20 @@ class ArmState(NamedTuple):
 class ArmDynamics:
     """Evaluates an arm's mass matrix, bias and contact point (2-1, without friction).
 
-    The contact point is fixed in the arm's endpoint frame.
-
-    The base is welded to the world; gravity, if it acts, is along -z; the contact point is
-    ``contact_offset``, m, from the endpoint in its frame.
+    The base is welded to the world; gravity is along -z; the contact point is ``contact_offset``,
+    m, from the endpoint in its frame.
     """
 
     def __init__(
         self,
         arm: Arm,
         *,
-        gravity: bool = True,
         contact_offset: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
         if not all(math.isfinite(value) for value in contact_offset):
             raise ParameterError("contact_offset", contact_offset, "three finite numbers")
         self.arm = arm
-        self.chain = make_chain(arm, GRAVITY * gravity)
+        self.chain = make_chain(arm)
         self.contact_offset = np.array(contact_offset)
 
     def evaluate(self, q: Array, v: Array) -> ArmState:
@@ -287,12 +284,8 @@ class ArmDynamics:
         return self.evaluate(q, np.zeros(len(q))).bias
 
 
-def make_chain(arm: Arm, gravity: float) -> Chain:
-    """Return an arm's links as its URDF has them, its base welded; gravity, m/s^2, is along -z.
-
-    Raises:
-        ParameterError: If the URDF's joints are not a chain of revolute and prismatic ones.
-    """
+def make_chain(arm: Arm) -> Chain:
+    """Return an arm's links as its URDF has them, its base welded; gravity is along -z."""
     plant = MultibodyPlant(0.0)
     Parser(plant).AddModels(str(arm.urdf))
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
@@ -306,9 +299,8 @@ def make_chain(arm: Arm, gravity: float) -> Chain:
     for joint in joints:
         slides = isinstance(joint, PrismaticJoint)
         welded = {body.index() for body in plant.GetBodiesWeldedTo(parent)}
-        if not (slides or isinstance(joint, RevoluteJoint)) or (
-            joint.parent_body().index() not in welded
-        ):
+        moves = slides or isinstance(joint, RevoluteJoint)
+        if not moves or joint.parent_body().index() not in welded:
             allowed = "a chain of revolute and prismatic joints"
             raise ParameterError("urdf", str(arm.urdf), allowed)
         place = joint.frame_on_parent().CalcPoseInWorld(context)
@@ -341,5 +333,5 @@ def make_chain(arm: Arm, gravity: float) -> Chain:
         rotor=rotors,
         endpoint=endpoint.translation() - origins[-1],
         R_WE=np.ascontiguousarray(endpoint.rotation().matrix()),
-        gravity=np.array([0.0, 0.0, -gravity]),
+        gravity=np.array([0.0, 0.0, -GRAVITY]),
     )

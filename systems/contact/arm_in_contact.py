@@ -27,7 +27,6 @@ from chamfer.models.validation import (
     require_same,
 )
 from chamfer.systems.contact.arm_dynamics import (
-    GRAVITY,
     Chain,
     base_wrench,
     bias,
@@ -134,7 +133,6 @@ class ArmInContactParams:
     contact: ContactParams = ContactParams()  # with scenes theirs, and not this
     contact_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, in the endpoint's frame; so
     gripper: GripperCompliance | None = None  # None: rigid
-    gravity: bool = True
     step: float = 1e-4  # s, of dynamics, friction and contact
     held: int = 10  # steps over which the torque, and the surface to second order, are held
     window: int = 1  # updates of which peak force and impact speed are the largest
@@ -249,7 +247,7 @@ class ArmInContact(LeafSystem):
             raise ParameterError("world", world, "at least one scene")
         self._name = arm.name
         self._params = params
-        chain = make_chain(arm, GRAVITY * params.gravity)
+        chain = make_chain(arm)
         self._worlds = [_make_world(chain, scene, params) for scene in scenes]
         most = max(len(scene.points) for scene in scenes)
         self._torque = self.DeclareVectorInputPort("torque", n)

@@ -81,12 +81,8 @@ def cluster(points: Points, X_MT: RigidTransform, parts: PegAndHole) -> Clusters
 
     The normal tells bore, chamfer and faces apart; of the bore's contacts, those closer to the
     peg's corner than to the bore's edge are at the tip. A wedge of the hole's geometry is no
-    feature: a contact is one however many pairs of pieces share its force.
-
-    Args:
-        points: In the mouth's frame.
-        X_MT: The peg's frame in the mouth's.
-        parts: Peg and hole.
+    feature: a contact is one however many pairs of pieces share its force. ``X_MT`` is the peg's
+    frame in the mouth's.
     """
     angles = parts.chamfer_angle, parts.peg_chamfer_angle
     found = _by_feature(
@@ -115,15 +111,9 @@ def _by_feature(
 ) -> Array:
     """Return forces and sides of :class:`Clusters`, shape (8,).
 
-    Args:
-        position: Of contacts, as the next two in the mouth's frame, m, shape (n, 3).
-        force: On the peg, N.
-        normal: Unit vectors out of the hole.
-        X_MT: The peg's pose, shape (3, 4).
-        heights: Of the chamfers of hole and peg, m.
-        on_bore: The largest share of a normal along the axis that is one of the bore.
-        on_face: The least of one that is along the axis.
-        bore_depth: m, infinite without a bottom.
+    Contacts are as :class:`Points` has them, ``X_MT`` has shape (3, 4), ``heights`` are those of
+    the chamfers of hole and peg, m. ``on_bore`` is the largest share of a normal along the axis
+    that is one of the bore, ``on_face`` the least of one that is along the axis.
     """
     pressing, across = np.zeros(len(FEATURES)), np.zeros((len(FEATURES), 2))
     edge, corner = heights
@@ -204,13 +194,8 @@ class PegHoleContactMonitor(LeafSystem):
     touches. ``depth``, m, is that of the tip's middle below the mouth. ``loss``, W, is the power
     that the contacts take, elastic part included.
 
-    Args:
-        parts: Peg and hole.
-        peg: The body that holds the peg, and the peg's frame on it.
-        hole: Likewise of the part with the hole.
-        peg_shapes: The peg's collision geometry.
-        hole_shapes: The hole's.
-        seated_depth: m, of the tip; from there on a peg in the bore, not beside it, is seated.
+    ``peg`` is the body that holds the peg and the peg's frame on it, ``hole`` likewise; shapes are
+    collision geometry. From ``seated_depth``, m, of the tip on a peg in the bore is seated.
     """
 
     def __init__(

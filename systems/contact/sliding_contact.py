@@ -94,9 +94,9 @@ class SpringOnSurface:
         self.surface, self.friction, self.stiffness = surface, friction, stiffness
         self.nominal_position, self.nominal_velocity = nominal_position, nominal_velocity
         self.d = surface.dimension
-        self.K = _rows(stiffness, self.d)
-        self.x_nom = _triple(nominal_position, self.d)
-        self.v_nom = _triple(nominal_velocity, self.d)
+        self.K = _rows(stiffness)
+        self.x_nom = _triple(nominal_position)
+        self.v_nom = _triple(nominal_velocity)
 
     def is_outside(self) -> bool:
         """Return whether the nominal endpoint is outside of the material, or on the surface."""
@@ -108,12 +108,12 @@ class SpringOnSurface:
 
     def look_at(self, point: Array) -> Look:
         """Return what is known at a point of the surface, shape (d,), m."""
-        return self._look(_triple(point, self.d))
+        return self._look(_triple(point))
 
     def _look(self, p: Triple) -> Look:
         place = np.array(p[: self.d])
         level = self.surface.level(place)
-        gradient = _triple(self.surface.gradient(place), self.d)
+        gradient = _triple(self.surface.gradient(place))
         size = math.sqrt(_dot(gradient, gradient))
         n = (gradient[0] / size, gradient[1] / size, gradient[2] / size)
         a, b, c = self.x_nom
@@ -130,10 +130,10 @@ class SpringOnSurface:
         From |F_t|' = (F_t . K u) / |F_t| - N (F_t . n') / |F_t| and N' = n . K u + F_t . n', with
         n' = P H u / size, where P takes away the part along n.
         """
-        hessian = _rows(self.surface.hessian(look.place), self.d)
+        hessian = _rows(self.surface.hessian(look.place))
         stiff = _times(self.K, _plus(_scaled(look.pull, 1 / look.drag), -look.mu, look.n))
         bent = _times(hessian, look.pull)
-        rise = _triple(self.friction.gradient(look.place), self.d)
+        rise = _triple(self.friction.gradient(look.place))
         growth = _plus(stiff, -(look.push / look.drag + look.mu) / look.size, bent)
         return _plus(growth, -look.push, rise)
 
@@ -168,7 +168,7 @@ class SpringOnSurface:
         tangents = np.linalg.svd(n[np.newaxis])[2][1:]
         stiff = tangents @ (self.stiffness - look.push * bend) @ tangents.T
         driven = tangents @ (self.stiffness @ self.nominal_velocity)
-        return _triple(np.linalg.solve(stiff, driven) @ tangents, self.d)
+        return _triple(np.linalg.solve(stiff, driven) @ tangents)
 
     # The way to the point where friction holds
 
@@ -195,7 +195,7 @@ class SpringOnSurface:
         if self.is_outside():
             return None
         target = nearest(self.surface, self.nominal_position, self.stiffness)
-        goal = self._look(_triple(target, self.d))
+        goal = self._look(_triple(target))
         way = _plus(goal.p, -1.0, start.p)
         ahead = _plus(way, -_dot(way, start.n), start.n)
         length = math.sqrt(_dot(ahead, ahead))
@@ -210,7 +210,7 @@ class SpringOnSurface:
 
     def _straightened(self, start: Look, end: Look, before: Array) -> Look:
         """Return a slide's end in space along the mean of its first and last direction."""
-        x, y, z = _triple(before, self.d)
+        x, y, z = _triple(before)
         speed = math.sqrt(x * x + y * y + z * z)
         if self.d == 2 or speed == 0 or end.drag == 0:
             return end
@@ -287,7 +287,7 @@ class SpringOnSurface:
         return look
 
     def _bend(self, look: Look, along: Triple) -> float:
-        hessian = _rows(self.surface.hessian(look.place), self.d)
+        hessian = _rows(self.surface.hessian(look.place))
         return _dot(along, _times(hessian, along)) / look.size
 
 
@@ -331,20 +331,18 @@ def _times(rows: tuple[Triple, Triple, Triple], a: Triple) -> Triple:
     return p * x + q * y + r * z, s * x + t * y + u * z, v * x + w * y + k * z
 
 
-def _triple(values: Array, d: int) -> Triple:
-    if d == 2:
-        x, y = values.tolist()
-        return x, y, 0.0
-    x, y, z = values.tolist()
+def _padded(values: list[float]) -> Triple:
+    x, y, z = [*values, 0.0][:3]
     return x, y, z
 
 
-def _rows(matrix: Array, d: int) -> tuple[Triple, Triple, Triple]:
-    if d == 2:
-        (a, b), (c, e) = matrix.tolist()
-        return (a, b, 0.0), (c, e, 0.0), (0.0, 0.0, 0.0)
-    (a, b, c), (e, f, g), (h, i, j) = matrix.tolist()
-    return (a, b, c), (e, f, g), (h, i, j)
+def _triple(values: Array) -> Triple:
+    return _padded(values.tolist())
+
+
+def _rows(matrix: Array) -> tuple[Triple, Triple, Triple]:
+    first, second, third = [*map(_padded, matrix.tolist()), REST][:3]
+    return first, second, third
 
 
 FREE: Final = 0

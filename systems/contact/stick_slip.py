@@ -16,10 +16,10 @@ that satisfy
   spring that gives back all that it takes (Gonzalez, 1996), and the damper's exact impulse.
 * surface friction: |p_t| <= mu p_n, sticking or against the slip.
 
-Displacements are h v~. Kinetic energy changes by p . v~, so that what is booked as dissipated is,
-to rounding, all that the step takes. Friction, whose conditions hold at the end of the step, may
-in a step in which a joint or the slip reverses give back up to half of its bound times the change
-of velocity; nothing else ever gives energy.
+Displacements are h v~. Kinetic energy changes by p . v~, so that what is booked as dissipated is
+all that the step takes. Friction, whose conditions hold at the end of the step, may in a step in
+which a joint or the slip reverses give back up to half of its bound times the change of velocity;
+nothing else ever gives energy.
 
 **A gripper** between arm and tip is a spring and a damper without mass, p = h K (s + e) + D e with
 the stretch s and its change e over the step, by which the tip moves more than the arm. It is
@@ -27,10 +27,9 @@ implicit, as is then the contact's spring, p_n = max(0, -h k g+ - d (min(g+, 0) 
 tip has no inertia, it would ring otherwise. What that takes, K e^2 / 2 in a step, is booked. The
 surface friction's conditions then are those of the tip's mean velocity.
 
-Several points may touch at once: conditions of contact and surface friction are then those of each
-point, and all points are fixed on one tip, which a gripper carries and which does not turn on it.
-:mod:`chamfer.systems.contact.stick_slip` solves them. This is the velocity-level time
-stepping of Stewart and Trinkle (1996) with a compliant normal.
+Several points may touch at once, all fixed on one tip, which a gripper carries and which does not
+turn on it. This is the velocity-level time stepping of Stewart and Trinkle (1996) with a compliant
+normal.
 """
 
 import math
@@ -435,10 +434,8 @@ def _conditions(
 ) -> Conditions:
     velocity = motion.velocity
     n, m = len(velocity), len(model.gap)
-    rows, before = np.zeros((3 * m, n)), np.zeros(3 * m)
-    reach = np.zeros((n + 3 * m, n))
-    bound = np.empty(n)
-    largest = 0.0
+    rows, before, largest = np.zeros((3 * m, n)), np.zeros(3 * m), 0.0
+    reach, bound = np.zeros((n + 3 * m, n)), np.empty(n)
     for j in range(n):
         largest = max(largest, abs(velocity[j]))
         fading = 1.0 if motion.sticking[j] else math.exp(-((velocity[j] / material.stribeck) ** 2))

@@ -179,12 +179,11 @@ class HybridController(LeafSystem):
     Coriolis and gravity torques are added.
 
     ``encoders``, shape (2n,), q and velocity; ``desired_position``, shape (m,), m (rad);
-    ``desired_velocity``, shape (m,), m/s (rad/s), or unconnected;
-    ``desired_force`` and ``measured_force``, shape (m,), N, of the arm on its environment;
-    ``selection``, shape (m * m,), P row by row; ``mode``, size 1, as
-    :class:`chamfer.systems.force.contact_detection.ContactDetection` gives it. ``torque``, shape
-    (n,), and the errors, desired less measured, shape (m,), before the selection, are held over
-    the period.
+    ``desired_velocity``, shape (m,), m/s (rad/s); ``desired_force`` and ``measured_force``, shape
+    (m,), N, of the arm on its environment; ``selection``, shape (m * m,), P row by row; ``mode``,
+    size 1, as :class:`chamfer.systems.force.contact_detection.ContactDetection` gives it.
+    ``torque``, shape (n,), and the errors, desired less measured, shape (m,), before the
+    selection, are held over the period.
 
     Raises:
         ParameterError: If an input is not finite, P is no projection or, in contact, leaves the
@@ -384,9 +383,7 @@ class AccelerationFeedforward(LeafSystem):
 
     ``encoders``, shape (2n,), q and velocity; ``desired_acceleration``, shape (m,), m/s^2 and
     rad/s^2; ``selection``, shape (m * m,), P row by row. ``torque``, shape (n,), N m or N, is held
-    over the period.
-
-    The arm has m = n coordinates; the period is in s.
+    over the period, s.
 
     Raises:
         ParameterError: If the period is not positive; while running, if an input is not finite or
@@ -398,25 +395,23 @@ class AccelerationFeedforward(LeafSystem):
         if not 0 < period < math.inf:
             raise ParameterError("period", period, "a finite number > 0")
         n, m = arm.num_joints, arm.num_coordinates
-        self._arm, self._dynamics = arm, dynamics
-        self._encoders = self.DeclareVectorInputPort("encoders", 2 * n)
-        self._acceleration = self.DeclareVectorInputPort("desired_acceleration", m)
-        self._selection = self.DeclareVectorInputPort("selection", m * m)
+        encoders = self.DeclareVectorInputPort("encoders", 2 * n)
+        desired = self.DeclareVectorInputPort("desired_acceleration", m)
+        selection = self.DeclareVectorInputPort("selection", m * m)
         self.DeclareStateOutputPort("torque", self.DeclareDiscreteState(n))
-        # Of the kind that the hybrid controller's are, so that both torques change at once.
-        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._tick)
 
-    def _tick(self, context: Context, state: DrakeState) -> None:
-        acceleration = self._acceleration.Eval(context)
-        torque = np.zeros(self._arm.num_joints)
-        if np.any(acceleration):
-            q = self._encoders.Eval(context)[: len(torque)]
-            P = self._selection.Eval(context).reshape(len(acceleration), -1)
-            joints = np.full(len(q), np.nan)
-            with contextlib.suppress(np.linalg.LinAlgError):
-                joints = np.linalg.solve(self._arm.jacobian(q), P @ acceleration)
-            torque = self._dynamics.evaluate(q, np.zeros(len(q))).mass @ joints
-        state.get_mutable_discrete_state().set_value(0, finite("torque", torque))
+        def tick(context: Context, state: DrakeState) -> None:
+            acceleration, torque = desired.Eval(context), np.zeros(n)
+            if np.any(acceleration):
+                q, joints = encoders.Eval(context)[:n], np.full(n, np.nan)
+                wanted = selection.Eval(context).reshape(m, m) @ acceleration
+                with contextlib.suppress(np.linalg.LinAlgError):
+                    joints = np.linalg.solve(arm.jacobian(q), wanted)
+                torque = dynamics.evaluate(q, np.zeros(n)).mass @ joints
+            state.get_mutable_discrete_state().set_value(0, finite("torque", torque))
+
+        # Of the kind that the hybrid controller's are, so that both torques change at once.
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, tick)
 
 
 def position_map(J: Array, P: Array, law: Law) -> Array:

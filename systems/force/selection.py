@@ -30,16 +30,16 @@ def position_selection(normal: Array) -> Array:
     return matrix
 
 
-def require_projection(matrix: Array, name: str = "selection") -> None:
-    """Raise :class:`ParameterError` unless a matrix is a symmetric projection.
+def require_projection(matrix: Array) -> None:
+    """Raise :class:`ParameterError` unless a selection is a symmetric projection.
 
     With P also F = I - P is one, and P v + F v = v (2-5).
     """
     if not np.all(np.isfinite(matrix)):
-        raise ParameterError(name, matrix.tolist(), "finite numbers")
+        raise ParameterError("selection", matrix.tolist(), "finite numbers")
     off = np.abs(matrix - matrix.T).max() + np.abs(matrix @ matrix - matrix).max()
     if off > _TOLERANCE:
-        raise ParameterError(name, matrix.tolist(), "a symmetric projection, P P = P = P^T")
+        raise ParameterError("selection", matrix.tolist(), "a symmetric projection, P P = P = P^T")
 
 
 class Selection(LeafSystem):

@@ -34,9 +34,8 @@ class EncoderParams:
     # Hz, of the low-pass behind the difference, 0 for none, or of the tracking filter
 
     def __post_init__(self) -> None:
-        if self.counts is not None and not all(
-            0 <= one < math.inf for one in np.atleast_1d(self.counts)
-        ):
+        counts = 0.0 if self.counts is None else self.counts
+        if not all(0 <= one < math.inf for one in np.atleast_1d(counts)):
             raise ParameterError("counts", self.counts, "finite numbers >= 0")
         if self.velocity is not None:
             require_one_of(self, "velocity", ("exact", "differenced", "tracked"))
@@ -220,7 +219,7 @@ class Homing(LeafSystem):
         n = len(q)
         error, distance = params.for_joints(n)
         marks = q + distance
-        self._motion = self.DeclareVectorInputPort("motion", 2 * n)
+        motion = self.DeclareVectorInputPort("motion", 2 * n)
         side = self.DeclareDiscreteState(np.sign(-distance))
         since = self.DeclareDiscreteState(np.where(distance == 0, params.settle, -1.0))
 
@@ -231,21 +230,21 @@ class Homing(LeafSystem):
             return share
 
         def calc(context: Context, vector: BasicVector) -> None:
-            motion = self._motion.Eval(context)
-            vector.SetFromVector([*(motion[:n] + error * left(context)), *motion[n:]])
+            true = motion.Eval(context)
+            vector.SetFromVector([*(true[:n] + error * left(context)), *true[n:]])
 
         def calc_homed(context: Context, vector: BasicVector) -> None:
             vector.SetAtIndex(0, float(not left(context).any()))
 
         def tick(context: Context, values: DiscreteValues) -> None:
-            now = np.sign(self._motion.Eval(context)[:n] - marks)
+            now = np.sign(motion.Eval(context)[:n] - marks)
             before = context.get_discrete_state(since).value()
             passed = (now != context.get_discrete_state(side).value()) | (before >= 0)
             values.set_value(side, now)
             values.set_value(since, np.where(passed, np.maximum(before, 0.0) + period, -1.0))
 
         known = self.discrete_state_ticket(since)
-        self.DeclareVectorOutputPort("encoders", 2 * n, calc, {self._motion.ticket(), known})
+        self.DeclareVectorOutputPort("encoders", 2 * n, calc, {motion.ticket(), known})
         self.DeclareVectorOutputPort("homed", 1, calc_homed, {known})
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, tick)
 

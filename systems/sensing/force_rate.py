@@ -64,27 +64,26 @@ class ForceRateSensor(LeafSystem):
             raise ParameterError("bias", params.bias, f"{d} numbers")
         silent = params.force_noise == params.force_rate_noise == 0
         inputs = [
-            self.DeclareVectorInputPort(name, d)
-            for name in ("contact_force", "contact_force_rate")
+            self.DeclareVectorInputPort(f"contact_{of}", d) for of in ("force", "force_rate")
         ]
         noise = self.DeclareVectorInputPort("noise", 2 * d)
 
         def declare(
-            name: str, signal: InputPort, length: float, samples: slice, constant: Array
+            of: str, signal: InputPort, length: float, first: int, constant: Array
         ) -> None:
             scale = length / math.sqrt(3)
 
             def calc(context: Context, vector: BasicVector) -> None:
                 measured = constant - signal.Eval(context)
                 if not silent:
-                    measured += scale * noise.Eval(context)[samples]
-                vector.SetFromVector(finite(name.replace("_", " "), measured))
+                    measured += scale * noise.Eval(context)[first : first + d]
+                vector.SetFromVector(finite(f"measured {of.replace('_', ' ')}", measured))
 
-            self.DeclareVectorOutputPort(name, d, calc, {signal.ticket(), noise.ticket()})
+            depends = {signal.ticket(), noise.ticket()}
+            self.DeclareVectorOutputPort(f"measured_{of}", d, calc, depends)
 
-        none = np.zeros(d)
-        declare("measured_force", inputs[0], params.force_noise, slice(0, d), bias)
-        declare("measured_force_rate", inputs[1], params.force_rate_noise, slice(d, 2 * d), none)
+        declare("force", inputs[0], params.force_noise, 0, bias)
+        declare("force_rate", inputs[1], params.force_rate_noise, d, np.zeros(d))
 
 
 @dataclass(frozen=True, kw_only=True)

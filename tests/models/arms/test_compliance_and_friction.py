@@ -172,28 +172,6 @@ def test_other_dimensions_are_refused() -> None:
         GripperCompliance(stiffness=(1.0, 2.0)).matrix(3)
 
 
-FRICTION = JointFrictionParams(coulomb=(2.0, 0.5), breakaway=1.4, stribeck=0.1, viscous=(1.0, 0.0))
-speeds = st.floats(-10.0, 10.0)
-
-
-def test_breakaway_fades_to_coulomb() -> None:
-    np.testing.assert_allclose(FRICTION.dry(np.zeros(2)), [2.8, 0.7], rtol=1e-15)
-    np.testing.assert_allclose(FRICTION.dry(np.full(2, 1e3)), [2.0, 0.5], rtol=1e-15)
-    # At the Stribeck speed 1/e of the excess is left.
-    expected = np.array([2.0, 0.5]) * (1 + 0.4 / math.e)
-    np.testing.assert_allclose(FRICTION.dry(np.array([0.1, -0.1])), expected, rtol=1e-15)
-
-
-@given(slow=speeds, fast=speeds)
-def test_falls_with_the_speed_within_its_limits(slow: float, fast: float) -> None:
-    slow, fast = sorted((slow, fast), key=abs)
-    more, less = FRICTION.dry(np.array([slow, slow])), FRICTION.dry(np.array([fast, fast]))
-    assert np.all(more >= less)
-    assert np.all(less >= FRICTION.coulomb)
-    assert np.all(more <= 1.4 * np.array(FRICTION.coulomb) * (1 + 1e-15))
-    np.testing.assert_array_equal(more, FRICTION.dry(np.array([-slow, -slow])))
-
-
 HEAVY = CartesianManipulatorParams(mass=3.0, damping=7.0)
 
 

@@ -21,16 +21,6 @@ from chamfer.systems.contact.arm_motion import CONTACT_SIGNALS, ENERGIES
 
 GRAVITY = 9.81
 NOWHERE = RippledPlane(point=(0.0, 0.0, -100.0))
-PORTS = (
-    "encoders",
-    "contact_force",
-    "tool_force",
-    "base_torque",
-    "contact",
-    "tip",
-    "energy",
-    "base_wrench",
-)
 
 
 class Run(NamedTuple):
@@ -100,7 +90,7 @@ def run_block(
     for k in range(round(duration / period) + 1):
         if k > 0:  # else the first update would already be part of the first row
             simulator.AdvanceTo(k * period)
-        rows.append([block.GetOutputPort(name).Eval(context).copy() for name in PORTS])
+        rows.append([block.GetOutputPort(name).Eval(context).copy() for name in Run._fields])
     return Run(*(np.array(column) for column in zip(*rows, strict=True)))
 
 

@@ -25,9 +25,6 @@ from chamfer.systems.contact.arm_dynamics import ArmDynamics, base_wrench, pose
 ARMS = (PLANAR_TWO_LINK, PUMA_250, ADEPT_ONE, ADEPT_WRIST)
 OFFSET = (0.03, -0.05, 0.07)
 
-DYNAMICS = {arm.name: ArmDynamics(arm) for arm in ARMS}
-WEIGHTLESS = {arm.name: ArmDynamics(arm, gravity=False) for arm in ARMS}
-
 
 def load(arm: Arm) -> tuple[MultibodyPlant, Context]:
     plant = MultibodyPlant(0.0)
@@ -40,26 +37,17 @@ def load(arm: Arm) -> tuple[MultibodyPlant, Context]:
 PLANTS = {arm.name: load(arm) for arm in ARMS}
 WITH_OFFSET = {arm.name: ArmDynamics(arm, contact_offset=OFFSET) for arm in ARMS}
 
-every_arm = pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.name)
 angles = st.floats(-math.pi, math.pi)
 rates = st.floats(-3.0, 3.0)
 
 
-def poses(arm: Arm) -> st.SearchStrategy[np.ndarray]:
-    return arrays(float, arm.num_joints, elements=angles)
-
-
-def speeds(arm: Arm) -> st.SearchStrategy[np.ndarray]:
-    return arrays(float, arm.num_joints, elements=rates)
-
-
-@every_arm
+@pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.name)
 @given(data=st.data())
 def test_equations_of_motion_are_those_of_the_multibody_plant(
     arm: Arm, data: st.DataObject
 ) -> None:
     plant, context = PLANTS[arm.name]
-    q, v = data.draw(poses(arm)), data.draw(speeds(arm))
+    q, v = (data.draw(arrays(float, arm.num_joints, elements=one)) for one in (angles, rates))
     plant.SetPositionsAndVelocities(context, np.concatenate([q, v]))
     found = WITH_OFFSET[arm.name].evaluate(q, v)
     bias = plant.CalcBiasTerm(context) - plant.CalcGravityGeneralizedForces(context)
@@ -86,21 +74,6 @@ def test_only_chains_have_equations_of_motion(tmp_path: Path) -> None:
     branched.write_text(f'<robot name="branched">{links}{joints}</robot>')
     with pytest.raises(ParameterError, match=r"^urdf is .*, allowed: a chain of revolute and"):
         ArmDynamics(dataclasses.replace(PUMA_250, urdf=branched))
-
-
-@every_arm
-@given(data=st.data())
-def test_gravity_is_added_to_what_motion_needs(arm: Arm, data: st.DataObject) -> None:
-    q, v = data.draw(poses(arm)), data.draw(speeds(arm))
-    heavy, light = DYNAMICS[arm.name], WEIGHTLESS[arm.name]
-    np.testing.assert_allclose(
-        heavy.evaluate(q, v).bias - light.evaluate(q, v).bias,
-        heavy.gravity_torque(q),
-        rtol=0,
-        atol=1e-9,
-    )
-    np.testing.assert_array_equal(light.gravity_torque(q), np.zeros(arm.num_joints))
-    np.testing.assert_array_equal(heavy.evaluate(q, v).mass, light.evaluate(q, v).mass)
 
 
 STEP = 1e-5  # s, of the momentum's difference

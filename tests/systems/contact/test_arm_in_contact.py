@@ -215,9 +215,10 @@ def test_driven_planar_arm_converges_with_its_step(simulate: Any) -> None:
 
 def test_disturbance_accelerates_the_tip(simulate: Any) -> None:
     force = np.array([3.0, -2.0, 1.0])
-    settings = params(3, gravity=False, contact_offset=(0.02, 0.01, -0.03))
-    found = simulate(PUMA_250, PUMA_Q, settings, 0.005, disturbance=force)
-    dynamics = ArmDynamics(PUMA_250, gravity=False, contact_offset=(0.02, 0.01, -0.03))
+    settings = params(3, contact_offset=(0.02, 0.01, -0.03))
+    dynamics = ArmDynamics(PUMA_250, contact_offset=(0.02, 0.01, -0.03))
+    held = dynamics.gravity_torque(PUMA_Q)
+    found = simulate(PUMA_250, PUMA_Q, settings, 0.005, torque=held, disturbance=force)
     state = dynamics.evaluate(PUMA_Q, np.zeros(3))
     expected = 1e-3 * np.linalg.solve(state.mass, state.J_v_WC.T @ force)
     np.testing.assert_allclose(found.v[1], expected, rtol=1e-4)

@@ -34,30 +34,17 @@ def run(block: LinearSystem, force: list[float], end: float) -> np.ndarray:
 def test_step_response(axis: int) -> None:
     step, end = 0.001, 2.0
     mass, damping = MANIPULATOR.mass, MANIPULATOR.damping
-    force = [0.0, 0.0]
+    force, start = [0.0, 0.0], (0.25, -0.1)
     force[axis] = 3.0
-    found = run(make_cartesian_manipulator(MANIPULATOR, start=(0.0, 0.0), step=step), force, end)
+    block = make_cartesian_manipulator(MANIPULATOR, start=start, step=step)
+    assert not block.HasAnyDirectFeedthrough()
+    found = run(block, force, end) - [*start, 0.0, 0.0]
     times = step * np.arange(len(found))
     _, position = control.step_response(control.tf([1.0], [mass, damping, 0.0]), times)
     _, velocity = control.step_response(control.tf([1.0], [mass, damping]), times)
     np.testing.assert_allclose(found[:, axis], 3.0 * position, rtol=1e-8, atol=1e-12)
     np.testing.assert_allclose(found[:, 2 + axis], 3.0 * velocity, rtol=1e-9, atol=1e-12)
     assert not np.any(found[:, [1 - axis, 3 - axis]])
-
-
-def test_is_one_linear_block_at_rest() -> None:
-    block = make_cartesian_manipulator(MANIPULATOR, start=(0.25, -0.1), step=0.001)
-    assert isinstance(block, LinearSystem)
-    assert block.get_name() == "manipulator"
-    assert block.time_period() == 0.001
-    assert (block.get_input_port().size(), block.get_output_port().size()) == (2, 4)
-    assert not block.HasAnyDirectFeedthrough()
-    context = block.CreateDefaultContext()
-    assert context.num_continuous_states() == 0
-    # Position, then velocity.
-    np.testing.assert_array_equal(block.get_output_port().Eval(context), [0.25, -0.1, 0, 0])
-    context.SetDiscreteState([1.0, 2.0, 3.0, 4.0])
-    np.testing.assert_array_equal(block.get_output_port().Eval(context), [1.0, 2.0, 3.0, 4.0])
 
 
 def wrench(displacement: dict[int, float], **params: Any) -> list[float]:

@@ -157,25 +157,23 @@ def test_domains_share_out_the_space(normal: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize(
-    ("matrix", "allowed"),
+    "matrix",
     [
-        # A projection, but an oblique one.
-        ([[1.0, 1.0], [0.0, 0.0]], "a symmetric projection, P P = P = P^T"),
-        # Symmetric, but a scaling, a reflection, a permutation.
-        ([[0.5, 0.0], [0.0, 1.0]], "a symmetric projection, P P = P = P^T"),
-        ([[-1.0, 0.0], [0.0, 1.0]], "a symmetric projection, P P = P = P^T"),
-        ([[0.0, 1.0], [1.0, 0.0]], "a symmetric projection, P P = P = P^T"),
-        ([[1.0, 0.0], [0.0, 1e-6]], "a symmetric projection, P P = P = P^T"),
-        ([[math.nan, 0.0], [0.0, 1.0]], "finite numbers"),
-        ([[1.0, 0.0], [0.0, math.inf]], "finite numbers"),
+        [[1.0, 1.0], [0.0, 0.0]],  # a projection, but an oblique one
+        [[0.5, 0.0], [0.0, 1.0]],  # a scaling, a reflection, a permutation
+        [[-1.0, 0.0], [0.0, 1.0]],
+        [[0.0, 1.0], [1.0, 0.0]],
+        [[1.0, 0.0], [0.0, 1e-6]],
+        [[math.nan, 0.0], [0.0, 1.0]],
+        [[1.0, 0.0], [0.0, math.inf]],
     ],
 )
-def test_what_is_no_projection_is_refused(matrix: list[list[float]], allowed: str) -> None:
+def test_what_is_no_projection_is_refused(matrix: list[list[float]]) -> None:
+    finite = np.isfinite(matrix).all()
+    allowed = "a symmetric projection, P P = P = P^T" if finite else "finite numbers"
     with pytest.raises(ParameterError) as caught:
         require_projection(np.array(matrix))
     assert str(caught.value) == f"selection is {matrix}, allowed: {allowed}"
-    with pytest.raises(ParameterError, match=r"^P is "):
-        require_projection(np.array(matrix), "P")
 
 
 @pytest.mark.parametrize("normal", [(0.0, -2.0), (1.0, 2.0, -2.0), (0.0, 0.0, 1.0, 0.0)])

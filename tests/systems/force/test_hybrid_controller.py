@@ -427,7 +427,7 @@ def feedforward(selection: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
 
 def test_from_rest_the_arm_accelerates_as_wanted_in_the_position_domain_alone() -> None:
     # x'' = J M^-1 tau, where nothing else acts.
-    mass = ArmDynamics(ADEPT_ONE, gravity=False).evaluate(PLACE, np.zeros(4)).mass
+    mass = ArmDynamics(ADEPT_ONE).evaluate(PLACE, np.zeros(4)).mass
     normal = np.array([0.6, 0.8, 0.0, 0.0])
     for P in (np.eye(4), np.eye(4) - np.outer(normal, normal)):
         found = ADEPT_ONE.jacobian(PLACE) @ np.linalg.solve(mass, feedforward(P, WANTED))

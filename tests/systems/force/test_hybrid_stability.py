@@ -42,7 +42,9 @@ from chamfer.systems.force.sampled_loop import (
 Array = np.ndarray
 
 ARMS = (PLANAR_TWO_LINK, PUMA_250, ADEPT_ONE)
-DYNAMICS = {arm.name: ArmDynamics(arm, gravity=False) for arm in ARMS}
+DYNAMICS = {arm.name: ArmDynamics(arm) for arm in ARMS}
+for one in DYNAMICS.values():
+    one.chain = one.chain._replace(gravity=np.zeros(3))
 LAWS: tuple[Law, ...] = ("inverse", "transpose", "projected")
 ELBOWS: tuple[Elbow, ...] = ("negative", "positive")
 TOUCH = np.array([1.0, -1.5])  # m, the nominal contact point
