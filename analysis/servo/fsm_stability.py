@@ -33,7 +33,6 @@ from chamfer.diagrams.servo.servo_loops import make_pid_loop, make_servo_diagram
 from chamfer.diagrams.servo.servo_scenario import (
     CameraParams,
     FsmParams,
-    FsmRule,
     PlantParams,
     SinusoidScenario,
     StepScenario,
@@ -42,7 +41,7 @@ from chamfer.diagrams.servo.servo_scenario import (
     settling_plant,
 )
 from chamfer.models.plants.servo_plant import SpringMassDamperParams
-from chamfer.models.validation import ParameterError, require_positive
+from chamfer.models.validation import ParameterError, require_positive, within
 from chamfer.systems.servo.compensator import (
     AxisMemory,
     AxisParams,
@@ -97,6 +96,16 @@ class MapParams:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FsmRule:
+    """The state machine compensator, as far as it does not follow from the settling theorem."""
+
+    dead_zone: float = FsmParams.dead_zone
+    # m, a measured error smaller than this is left alone; 1 % of the step, assumed
+    divider: float = 5.0  # a small error gets the increment over this; n/5 of Fig. 4
+    period: float = FsmParams.period  # s, between two ticks; section 4
+
+
+@dataclass(frozen=True, kw_only=True)
 class StabilityScenario:
     """The loops of Fig. 8 on the plant in position form, and what is tried around them."""
 
@@ -120,11 +129,13 @@ class StabilityScenario:
     @property
     def loop(self) -> StepScenario:
         """The loops, everything open."""
+        with within("fsm"):
+            fsm = FsmParams(**vars(self.fsm))
         return StepScenario(
             desired=self.desired,
             plant=PlantParams(**vars(self.plant)),
             pid=self.pid,
-            fsm=FsmParams(**vars(self.fsm)),
+            fsm=fsm,
             camera=self.camera,
         )
 

@@ -14,7 +14,7 @@ from chamfer.models.validation import (
     require_positive,
     within,
 )
-from chamfer.systems.servo.compensator import AxisParams, AxisThresholds, OpenAxisParams
+from chamfer.systems.servo.compensator import AxisParams, OpenAxisParams
 from chamfer.systems.servo.desired_trajectory import Sinusoid, Step
 from chamfer.systems.servo.pid import PidParams
 from chamfer.systems.servo.servo_plant import make_spring_mass_damper
@@ -45,28 +45,22 @@ class PlantParams(SpringMassDamperParams):
 
 
 @dataclass(frozen=True, kw_only=True)
-class FsmRule(AxisThresholds):
-    """The state machine compensator, as far as it does not follow from the settling theorem."""
-
-    dead_zone: float = 0.01  # m, 1 % of the step, assumed
-    period: float = 1 / 80  # s, between two ticks; section 4
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_positive(self, "period")
-
-
-@dataclass(frozen=True, kw_only=True)
-class FsmParams(FsmRule, OpenAxisParams):
+class FsmParams(OpenAxisParams):
     """The state machine compensator; what is None follows from the settling theorem.
 
     Increment and limit are in m, with a plant that is driven by a force in N; without a DC gain
     there is no limit unless it is set.
     """
 
+    dead_zone: float = 0.01  # m, 1 % of the step, assumed
+    period: float = 1 / 80  # s, between two ticks; section 4
     feedforward: bool | None = None
     # the desired trajectory goes to the plant too, as on the robot, which takes a plant in
     # position form; None: a sinusoid does, a step does not
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "period")
 
 
 @dataclass(frozen=True, kw_only=True)

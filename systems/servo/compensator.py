@@ -51,8 +51,8 @@ def is_measured(error: float) -> bool:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AxisThresholds:
-    """What has to be chosen for one degree of freedom; m for a lateral one, rad for a rotation.
+class OpenAxisParams:
+    """One degree of freedom, m for a lateral one, rad for a rotation; None is to be derived.
 
     The paper prints only the divider. The rest can follow from the settling theorem,
     :mod:`chamfer.systems.servo.settling`.
@@ -61,29 +61,19 @@ class AxisThresholds:
     dead_zone: float | None = None
     # m or rad or pixels, a measured error smaller than this is left alone
     divider: float = 5.0  # a small error gets the increment over this; n/5 of Fig. 4
-
-    def __post_init__(self) -> None:
-        require_positive(self, "dead_zone")
-        if not (math.isfinite(self.divider) and self.divider >= 1):
-            raise ParameterError("divider", self.divider, "a finite number >= 1")
-
-
-@dataclass(frozen=True, kw_only=True)
-class OpenAxisParams(AxisThresholds):
-    """Parameters of one degree of freedom; what is None is still to be derived."""
-
     large_error: float | None = None  # m or rad or pixels, from here on an error is large
     increment: float | None = None  # m or rad or N, n of Fig. 4, added per tick to a large error
     limit: float | None = None  # m or rad or N, bound on the total compensation
 
     def __post_init__(self) -> None:
-        super().__post_init__()
+        require_positive(self, "dead_zone", "increment")
+        if not (math.isfinite(self.divider) and self.divider >= 1):
+            raise ParameterError("divider", self.divider, "a finite number >= 1")
         large, dead_zone = self.large_error, self.dead_zone or 0.0
         if large is not None and not (math.isfinite(large) and large >= dead_zone):
             raise ParameterError(
                 "large_error", large, f"a finite number >= dead_zone, {dead_zone:g}"
             )
-        require_positive(self, "increment")
         if self.limit is not None and not self.limit > 0:
             raise ParameterError("limit", self.limit, "a number > 0, infinity for no bound")
 
