@@ -262,6 +262,7 @@ def test_studies_are_marked_and_run_when_asked_for(
     assert (out / "trials" / "result.json").exists()
 
 
+@pytest.mark.slow
 def test_what_was_reproduced_is_kept_until_seed_or_files_change(
     chamfer: Chamfer, toys: Catalogue, out: Path
 ) -> None:

@@ -59,7 +59,6 @@ UNITS: Final = {
 }
 # Of the others two runs take seconds, or they run with other values what one of these does.
 QUICK: Final = {
-    "adept-nugget-hold",
     "adept-unknown-wall",
     "calibration-accuracy",
     "charging-campaign",
@@ -70,7 +69,6 @@ QUICK: Final = {
     "planar-hold",
     "planar-slide",
     "plant-identification",
-    "puma-roller-motion",
     "servo-comparison",
     "skill",
     "step-response",

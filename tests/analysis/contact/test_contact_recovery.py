@@ -52,6 +52,7 @@ def test_bounces_grow_above_the_threshold_and_decay_below(outcome: Outcome) -> N
     assert threshold.unit == "1/s"
 
 
+@pytest.mark.slow
 def test_growth_and_threshold_follow_from_the_bounces(outcome: Outcome) -> None:
     table = outcome.tables["bounces"]
     for gain in GAINS:
@@ -66,6 +67,7 @@ def test_growth_and_threshold_follow_from_the_bounces(outcome: Outcome) -> None:
         )
 
 
+@pytest.mark.slow
 def test_the_loss_mode_is_gentle_after_the_blow(outcome: Outcome) -> None:
     value = {name: metric.value for name, metric in outcome.metrics.items()}
     for name in ("recontact.force", "recontact.blow_speed", "recontact.speed"):
@@ -77,6 +79,7 @@ def test_the_loss_mode_is_gentle_after_the_blow(outcome: Outcome) -> None:
     assert (value["without_loss_mode.speed"] or 0) > 0.1
 
 
+@pytest.mark.slow
 def test_checks_that_fail_are_the_ones_that_a_note_explains(outcome: Outcome) -> None:
     failed = {c.published.metric for c in check(ASKED, outcome.metrics) if not c.ok}
     assert failed == {"without_loss_mode.growth_at_2", "impact.speed"}
