@@ -218,7 +218,7 @@ def make_insertion_diagram(
         controllers=arm_controllers,
     )
     motions, error = add_sight(builder, scenario, cell, there.parts)
-    gate = builder.AddNamedSystem("error gate", MeasurementSelector(len(AXES)))
+    gate = builder.AddNamedSystem("measurement selector", MeasurementSelector(len(AXES)))
     watch = add_divergence_watch(builder, scenario)
     controller = add_controller(builder, scenario, controller)
     joints = {f"{arm}_joints": getattr(scenario, arm).arm.num_joints for arm in ARMS}
@@ -264,7 +264,7 @@ def _add_advance(
 ) -> None:
     """Add the feed along the hole's commanded axis, and what the arm knows of its way and load."""
     connect, peg = builder.Connect, cell.arms["peg"]
-    advance = builder.AddNamedSystem("advance", FeedOffset())
+    advance = builder.AddNamedSystem("feed offset", FeedOffset())
     connect(commands["peg"], advance.GetInputPort("pose"))
     connect(commands["hole"], advance.GetInputPort("along"))
     connect(task.GetOutputPort("feed"), advance.GetInputPort("feed"))

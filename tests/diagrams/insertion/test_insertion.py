@@ -118,7 +118,7 @@ def test_the_task_knows_cameras_encoders_and_its_own_springs(diagram: Diagram) -
     sensed = {
         port: (start, name) for start, name, end, port in wires(diagram) if end == "spring force"
     }
-    assert sensed["command"] == ("advance", "advanced_pose")
+    assert sensed["command"] == ("feed offset", "advanced_pose")
     assert sensed["tool_pose"] == ("peg impedance control", "tool_pose")
     assert sensed["hole_pose"][0] in ("hole impedance control", "hole fixture")
 
@@ -127,10 +127,14 @@ def test_the_controller_gets_what_the_task_lets_through(diagram: Diagram) -> Non
     found = wires(diagram)
     controllers = {"trajectory compensator", "PID"}
     into = {port: start for start, _, end, port in found if end in controllers}
-    assert into == {"error": "error gate", "valid": "divergence watch"}
+    assert into == {"error": "measurement selector", "valid": "divergence watch"}
     watched = {port: start for start, _, end, port in found if end == "divergence watch"}
-    assert watched == {"error": "error gate", "valid": "error gate", "blind": "image error"}
-    assert (TASK, "compensates", "error gate", "open") in found
+    assert watched == {
+        "error": "measurement selector",
+        "valid": "measurement selector",
+        "blind": "image error",
+    }
+    assert (TASK, "compensates", "measurement selector", "open") in found
 
 
 def test_cameras_see_the_peg_that_is_there_and_look_for_the_one_of_the_drawing() -> None:
