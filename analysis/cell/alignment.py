@@ -60,7 +60,7 @@ from chamfer.analysis.drawing.figure_style import (
     legend,
     new_figure,
 )
-from chamfer.analysis.published.work_cell import DROOP, MEAN_ERROR, WORST_ERROR
+from chamfer.analysis.published.fsm_work_cell import DROOP, MEAN_ERROR, WORST_ERROR
 from chamfer.analysis.report.replay import record, set_stage
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column
 from chamfer.diagrams.cell.alignment import resolve

@@ -30,7 +30,7 @@ from chamfer.analysis.cell.alignment_runs import (
     stopped_metrics,
 )
 from chamfer.analysis.drawing.figure_style import LOOPS, PUBLISHED, dress, legend, new_figure
-from chamfer.analysis.published.work_cell import MEAN_ERROR
+from chamfer.analysis.published.fsm_work_cell import MEAN_ERROR
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.diagrams.cell.alignment_scenario import (
     ControllerChoice,

@@ -28,7 +28,7 @@ from chamfer.analysis.drawing.figure_style import (
     legend,
     new_figure,
 )
-from chamfer.analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
+from chamfer.analysis.published.fsm_work_cell import MEAN_ERROR, WORST_ERROR
 from chamfer.analysis.scenario.experiment import (
     Metric,
     Outcome,

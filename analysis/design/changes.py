@@ -15,7 +15,7 @@ from chamfer.analysis.design.design_scenario import (
 )
 from chamfer.analysis.design.detection import sight
 from chamfer.analysis.design.link import Link, tightest
-from chamfer.analysis.design.settling import draw_errors
+from chamfer.analysis.design.remaining_errors import draw_errors
 from chamfer.analysis.scenario.experiment import Progress
 from chamfer.analysis.scenario.scenario_overrides import overrides
 from chamfer.models.validation import ParameterError

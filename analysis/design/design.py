@@ -23,7 +23,7 @@ from chamfer.analysis.design.insertion_links import (
     time_link,
 )
 from chamfer.analysis.design.link import Link, tightest
-from chamfer.analysis.design.settling import DrawnErrors, draw_errors, settling_links
+from chamfer.analysis.design.remaining_errors import DrawnErrors, draw_errors, settling_links
 from chamfer.analysis.insertion.cell_runs import ending, insertion_metrics, run_cell_insertion
 from chamfer.analysis.scenario.experiment import Progress
 from chamfer.models.peg_theory.fed_insertion import FeedVerdict as Planar

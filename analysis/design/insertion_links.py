@@ -1,7 +1,8 @@
 """What the errors at the touch make of the insertion: reach, wedging, jamming, forces, depth.
 
-Errors are those of the randomised cells (:mod:`chamfer.analysis.design.settling`), and each link's
-bound is that of the worst one: of n drawn ones it bounds 1 - 3 / n of all, with 95 % confidence.
+Errors are those of the randomised cells (:mod:`chamfer.analysis.design.remaining_errors`), and
+each link's bound is that of the worst one: of n drawn ones it bounds 1 - 3 / n of all, with 95 %
+confidence.
 """
 
 import math
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from chamfer.analysis.design.design_scenario import ResolvedDesignScenario, target_of
 from chamfer.analysis.design.detection import Sight
 from chamfer.analysis.design.link import Link, at_most
-from chamfer.analysis.design.settling import ACROSS, DrawnErrors, arm_at_tool
+from chamfer.analysis.design.remaining_errors import ACROSS, DrawnErrors, arm_at_tool
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.planar_statics import equilibrium
 from chamfer.models.peg_theory.wedging import sits_on_edge, sliding_bounds, wedging_bounds

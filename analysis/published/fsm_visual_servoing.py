@@ -2,8 +2,8 @@
 
 from typing import Final
 
+from chamfer.analysis.published.fsm_work_cell import WORK_CELL
 from chamfer.analysis.published.rows import at_least, at_most, near, of
-from chamfer.analysis.published.work_cell import WORK_CELL
 from chamfer.analysis.report.checks import Published
 
 TITLE: Final = (

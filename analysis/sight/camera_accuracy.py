@@ -16,7 +16,7 @@ from chamfer.analysis.campaign.trial_metrics import metrics_of
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.drawing.figure_kit import draw_intervals, metric_value
 from chamfer.analysis.drawing.figure_style import PUBLISHED, Style, dress, new_figure
-from chamfer.analysis.published.work_cell import SIGNAL_ACCURACY
+from chamfer.analysis.published.fsm_work_cell import SIGNAL_ACCURACY
 from chamfer.analysis.scenario.experiment import (
     Metric,
     Outcome,

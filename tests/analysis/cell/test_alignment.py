@@ -23,7 +23,7 @@ from chamfer.analysis.cell.alignment import (
 )
 from chamfer.analysis.cell.alignment_runs import ALIGNMENT, RepeatabilityScenario, drawn
 from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
-from chamfer.analysis.published.work_cell import MEAN_ERROR, WORST_ERROR
+from chamfer.analysis.published.fsm_work_cell import MEAN_ERROR, WORST_ERROR
 from chamfer.analysis.report.checks import check
 from chamfer.analysis.report.replay import open_meshcat
 from chamfer.analysis.scenario.experiment import Outcome, load, select

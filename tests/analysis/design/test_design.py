@@ -10,7 +10,7 @@ from chamfer.analysis.design.design_scenario import DesignScenario, drawn_design
 from chamfer.analysis.design.detection import Sight
 from chamfer.analysis.design.insertion_links import Starts, edge_force, region_links, stiffened
 from chamfer.analysis.design.link import at_least, at_most, tightest
-from chamfer.analysis.design.settling import arm_at_tool, first_inside, loops, start_error
+from chamfer.analysis.design.remaining_errors import arm_at_tool, first_inside, loops, start_error
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg.support import Support
