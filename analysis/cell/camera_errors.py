@@ -414,6 +414,7 @@ def answer(errors: Sequence[AssumedCameraError], still: Table, runs: Table) -> M
     """
     runs, still = _first(runs, still)
     reach, turns, harmless, lost = 0, [], [], set(runs["error"][runs["seen"] < 1].tolist())
+    takes, tips = [], []
     for one in errors:
         of = still["error"] == one.name
         seen = np.isfinite(still["rotational_error"][of])
@@ -421,10 +422,15 @@ def answer(errors: Sequence[AssumedCameraError], still: Table, runs: Table) -> M
             lost.add(one.name)
         if not seen.any():
             continue
-        size, angle, behind = (
-            np.abs(still[name][of][seen]) for name in ("size", "rotational_error", "behind_error")
+        size, tip, angle, behind = (
+            np.abs(still[name][of][seen])
+            for name in ("size", "lateral_error", "rotational_error", "behind_error")
         )
-        reach += reached(size, angle, MEAN_ERROR[1]) is not None
+        tips.append((float(tip[-1]), one.says))
+        if (at := reached(size, angle, MEAN_ERROR[1])) is not None:
+            reach += 1
+            wanted = f"{math.copysign(at, one.most):.3g} {one.unit}".rstrip()
+            takes.append(f"{1e3 * MEAN_ERROR[1]:g} mrad take {wanted} of {one.says}.")
         if angle[-1] < _MATTERS * MEAN_ERROR[1]:
             harmless.append(one.says)
             continue
@@ -433,8 +439,16 @@ def answer(errors: Sequence[AssumedCameraError], still: Table, runs: Table) -> M
         turns.append(f"{sized} ({left})")
     said = [
         f"The angle is biased by {_listed(turns)}." if turns else "",
+        *takes,
         f"The loop does not care about {_listed(harmless)}." if harmless else "",
     ]
+    if tips:
+        most, name = max(tips)
+        verb = "reaches" if most >= MEAN_ERROR[0] else "is not"
+        said.append(
+            f"At the tip the largest bias is {1e3 * most:.2g} mm, by {name}, which {verb} the "
+            f"published {1e3 * MEAN_ERROR[0]:g} mm."
+        )
     if gone := [one.says for one in errors if one.name in lost]:
         said.append(f"Parts get lost by {_listed(gone)}.")
     drawn = (runs["error"] == DRAWN) & (runs["seen"] > 0)
