@@ -190,7 +190,7 @@ def test_every_kind_of_observer_is_timed(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(speed, "cost", cost)
     speed.measure_updates(seconds, updates=1)
     assert list(seconds) == [*KINDS, NEWTON]
-    assert all(1e-7 < one < 1.0 for one in seconds.values())
+    assert all(1e-7 < one < 60.0 for one in seconds.values())
     newton, thesis = contenders[-1], contenders[KINDS.index("thesis")]
     assert isinstance(newton, ConstrainedFilter)
     assert (newton._params.solver, thesis._params.solver) == ("newton", "closed_form")

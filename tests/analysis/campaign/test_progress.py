@@ -19,7 +19,7 @@ class ClosedTerminal(Terminal):
 
 
 def wait_for(stream: Terminal, text: str) -> None:
-    until = time.monotonic() + 5
+    until = time.monotonic() + 60
     while text not in stream.getvalue():
         assert time.monotonic() < until, f"{text!r} not in {stream.getvalue()!r}"
         time.sleep(0.005)
