@@ -108,6 +108,10 @@ def test_wrench_and_loss() -> None:
     wrench, loss = pressed.wrench_and_loss[:6], pressed.wrench_and_loss[6]
     np.testing.assert_allclose(wrench, [0, 0, 0.002 * -5 - 0.01 * -1, -1, -5, 0])
     assert loss == pytest.approx(1.0 * 0.02 + 5.0 * 0.001)
+    position, force = np.array([[0.3, 0.5, 0.7], [0.2, -0.4, 0.1]]), np.arange(6.0).reshape(2, 3)
+    both = Points(position, force, np.eye(3)[:2], np.zeros((2, 2))).wrench_and_loss
+    np.testing.assert_allclose(both[:3], np.cross(position, force).sum(axis=0), atol=1e-12)
+    np.testing.assert_allclose(both[3:6], force.sum(axis=0))
 
 
 def test_in_a_plant_the_hole_s_wrench_is_what_the_springs_put_on_the_peg() -> None:
