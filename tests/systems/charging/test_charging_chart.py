@@ -82,6 +82,16 @@ def test_a_turned_place_is_approached_along_its_normal(cell_with: Cells) -> None
     assert begin[3] == pytest.approx(0.7)
 
 
+def test_the_scan_begins_and_ends_beside_the_scanner(cell_with: Cells) -> None:
+    cell = cell_with([PlanItem()]).to("scan.pass")
+    begin = cell.commands[-1][1]
+    cell.to("slew.over")
+    station = cell.beliefs.station
+    far = station.scan_length / 2 + 0.015  # m, run-in
+    assert begin == pytest.approx(station.scanner[1] - far, abs=1e-3)
+    assert cell.commands[-1][1] == pytest.approx(station.scanner[1] + far, abs=1e-3)
+
+
 def test_noise_alone_is_no_contact(cell_with: Cells) -> None:
     # As many readings in a row as detection asks for, less one, over and over.
     cell = cell_with([PlanItem()]).to("acquire.descend")

@@ -143,6 +143,9 @@ def test_memory(make_filter: Make) -> None:
         np.testing.assert_allclose(first.normal, n, rtol=0, atol=1e-15)
         flat = 0.04 * (np.eye(3) - np.outer(n, n))
         np.testing.assert_allclose(first.covariance, flat, rtol=0, atol=1e-15)
+    # The nominal motion back to the latest force: 0.1 s and four deviations, at 20 Hz.
+    late = ModelErrorParams(delay=0.1, delay_deviation=0.01)
+    assert len(make_filter(3, model_error=late).start(n)) - len(make_filter(3).start(n)) == 6 * 4
 
 
 @pytest.mark.parametrize(("radius", "count"), [(0.75, 3), (11.9, 3), (12.0, 1), (50.0, 1)])
