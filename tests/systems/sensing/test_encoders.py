@@ -157,7 +157,7 @@ STEP = 0.001
 
 
 class Ticker(LeafSystem):
-    """Puts out 1, 2, 3, ... from its ticks on, as the controller does."""
+    """Puts out 3, 6, 9, ... from its ticks on, as the controller does."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -166,7 +166,7 @@ class Ticker(LeafSystem):
 
         def tick(context: Any, state: Any) -> None:
             values = state.get_mutable_discrete_state()
-            values.set_value([values.value()[0] + 1])
+            values.set_value([values.value()[0] + 3])
 
         self.DeclarePeriodicUnrestrictedUpdateEvent(PERIOD, 0.0, tick)
 
@@ -186,7 +186,7 @@ class Held(LeafSystem):
 
 
 def held(delay: float, jitter: float = 0.0, until: float = 0.0505) -> np.ndarray:
-    """What the plant holds in each of its steps."""
+    """What the plant holds in each of its steps, in thirds."""
     builder = DiagramBuilder()
     ticker = builder.AddSystem(Ticker())
     block = builder.AddSystem(
@@ -203,7 +203,7 @@ def held(delay: float, jitter: float = 0.0, until: float = 0.0505) -> np.ndarray
     diagram.SetRandomContext(context, RandomGenerator(1))
     simulator = Simulator(diagram, context)
     simulator.AdvanceTo(until)
-    found: np.ndarray = logger.FindLog(simulator.get_context()).data()[0, 1:].copy()
+    found: np.ndarray = logger.FindLog(simulator.get_context()).data()[0, 1:] / 3
     return found
 
 
