@@ -13,7 +13,7 @@ from chamfer.analysis.campaign.campaign import Campaign, running
 from chamfer.analysis.campaign.trial_store import TRIALS
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.command.output_folder import require_writable
-from chamfer.analysis.report.atomic_write import write_text
+from chamfer.analysis.report.atomic_write import write_text, written
 from chamfer.analysis.report.checks import Paper, check, load_paper
 from chamfer.analysis.report.results import (
     REPLAY,
@@ -348,12 +348,3 @@ def _reason(error: BaseException, asked: Sequence[str]) -> str | None:
     ):
         return f"can't be computed{given}: {error}"
     return None
-
-
-@contextmanager
-def written(path: Path) -> Iterator[None]:
-    """Say in one line that a file or a folder can't be written."""
-    try:
-        yield
-    except OSError as error:
-        raise UserError(f"{path} can't be written: {error.strerror or error}") from error

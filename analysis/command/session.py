@@ -27,8 +27,8 @@ from chamfer.analysis.campaign.cluster import engines
 from chamfer.analysis.campaign.progress import TerminalProgress, duration
 from chamfer.analysis.campaign.trial_store import TRIALS
 from chamfer.analysis.campaign.workers import Engine, LostError, StartError, cores
-from chamfer.analysis.command.running import Job, finished, prepare, run, trials_path, written
-from chamfer.analysis.report.atomic_write import write_text
+from chamfer.analysis.command.running import Job, finished, prepare, run, trials_path
+from chamfer.analysis.report.atomic_write import write_text, written
 from chamfer.analysis.report.check_text import TABLE, counts, counts_text, results_table
 from chamfer.analysis.report.checks import load_paper
 from chamfer.analysis.report.console import failed_text, result_text, say

@@ -56,7 +56,7 @@ def add_design(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
 def _design(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     from chamfer.analysis.command.fields_command import print_fields
     from chamfer.analysis.command.output_folder import require_writable
-    from chamfer.analysis.command.running import given_scenario, named_failures, written
+    from chamfer.analysis.command.running import given_scenario, named_failures
     from chamfer.analysis.command.session import command_campaign
     from chamfer.analysis.design.design import MOST_TRIALS
     from chamfer.analysis.design.design_answer import (
@@ -67,6 +67,7 @@ def _design(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     from chamfer.analysis.design.design_map import POINTS, parse_map
     from chamfer.analysis.design.design_scenario import DesignScenario, resolve_design
     from chamfer.analysis.design.design_words import design_text
+    from chamfer.analysis.report.atomic_write import written
     from chamfer.analysis.report.report import write_report
     from chamfer.analysis.report.results import RESULT, json_text
     from chamfer.analysis.scenario.scenario_overrides import overrides

@@ -1,10 +1,12 @@
-"""Files that are either whole or not there."""
+"""Files that are either whole or not there, and one line where they can't be written."""
 
 import os
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from chamfer.analysis.scenario.errors import UserError
 
 
 @contextmanager
@@ -26,3 +28,12 @@ def write_text(path: Path, text: str) -> None:
     """Write a text file in UTF-8 as a whole."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+@contextmanager
+def written(path: Path) -> Iterator[None]:
+    """Say in one line that a file or a folder can't be written."""
+    try:
+        yield
+    except OSError as error:
+        raise UserError(f"{path} can't be written: {error.strerror or error}") from error

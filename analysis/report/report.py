@@ -11,10 +11,8 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 from urllib.parse import quote
 
-from jinja2 import Environment, FileSystemLoader
-
 from chamfer.analysis.catalogue import CATALOGUE
-from chamfer.analysis.report.atomic_write import write_text
+from chamfer.analysis.report.atomic_write import write_text, written
 from chamfer.analysis.report.check_text import (
     EXPLAINED,
     WORDS,
@@ -28,7 +26,6 @@ from chamfer.analysis.report.check_text import (
 from chamfer.analysis.report.checks import Verdict, load_paper
 from chamfer.analysis.report.console import failed_text
 from chamfer.analysis.report.results import RESULT, SWEEP, read_result
-from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import Catalogue, Entry
 
 REPORT: Final = "index.html"
@@ -66,15 +63,13 @@ def write_report(
         UserError: If the page can't be written.
     """
     path = out / REPORT
-    try:
+    with written(path):
         out.mkdir(parents=True, exist_ok=True)
-        while True:
-            seen = _signature(out)
+        seen: list[Any] | None = None
+        while (there := _signature(out)) != seen:
+            seen = there
             write_text(path, report_text(out, entries, catalogue, running=running))
-            if _signature(out) == seen:
-                return path
-    except OSError as error:
-        raise UserError(f"{path} can't be written: {error.strerror or error}") from error
+    return path
 
 
 def report_text(
@@ -157,18 +152,19 @@ def _signature(out: Path) -> list[Any]:
     )
 
 
-class _Environment(Environment):
-    """Looks a name up in a mapping, where Jinja would take a missing one as empty."""
-
-    def getattr(self, obj: Any, attribute: str) -> Any:
-        if isinstance(obj, Mapping) and not hasattr(obj, attribute):
-            return obj[attribute]
-        return getattr(obj, attribute)
-
-
 @cache
 def _macros() -> Any:
-    environment = _Environment(
+    from jinja2 import Environment, FileSystemLoader
+
+    class Strict(Environment):
+        """Looks a name up in a mapping, where Jinja would take a missing one as empty."""
+
+        def getattr(self, obj: Any, attribute: str) -> Any:
+            if isinstance(obj, Mapping) and not hasattr(obj, attribute):
+                return obj[attribute]
+            return getattr(obj, attribute)
+
+    environment = Strict(
         loader=FileSystemLoader(Path(__file__).parent),
         autoescape=True,
         trim_blocks=True,

@@ -57,8 +57,8 @@ def add_sweep(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
 
 def _sweep(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     from chamfer.analysis.command.output_folder import require_writable
-    from chamfer.analysis.command.running import written
     from chamfer.analysis.command.session import command_campaign
+    from chamfer.analysis.report.atomic_write import written
     from chamfer.analysis.report.report import write_report
     from chamfer.analysis.report.results import SWEEP, json_text
     from chamfer.analysis.sweep.sweep import MOST_TRIALS, make_plan, run_sweep
