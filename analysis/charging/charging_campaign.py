@@ -5,7 +5,7 @@ Shares for conclusions want ``trials=50``.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Final, NamedTuple
@@ -94,28 +94,7 @@ class ChargingCampaignScenario:
             raise ParameterError("trials", self.trials, f"1 to {_MOST_TRIALS}")
 
 
-Remedy = Callable[[CrucibleChargingScenario, RemedyMeans], CrucibleChargingScenario]
-
-
-def _decouple(cycle: CrucibleChargingScenario, _: RemedyMeans) -> CrucibleChargingScenario:
-    return replace(cycle, sensor=replace(cycle.sensor, decoupling=True))
-
-
-def _compensate(cycle: CrucibleChargingScenario, means: RemedyMeans) -> CrucibleChargingScenario:
-    return replace(cycle, friction_compensation=means.compensation)
-
-
-def _soften(cycle: CrucibleChargingScenario, means: RemedyMeans) -> CrucibleChargingScenario:
-    return replace(cycle, gripper=means.soft_gripper)
-
-
-REMEDIES: Final[dict[str, tuple[Remedy, ...]]] = {
-    "none": (),
-    "decoupling": (_decouple,),
-    "compensation": (_compensate,),
-    "soft_gripper": (_soften,),
-    "all": (_decouple, _compensate, _soften),
-}
+REMEDIES: Final = ("none", "decoupling", "compensation", "soft_gripper", "all")
 CHARGING_CAMPAIGN: Final = ChargingCampaignScenario()
 # What of a randomised cycle is told in its row.
 DRAWN: Final = ("mass", "bias", "lean", "tilt", "wall_friction", "quill_friction", "size_error")
@@ -126,8 +105,12 @@ def with_remedy(
     cycle: CrucibleChargingScenario, remedy: str, means: RemedyMeans
 ) -> CrucibleChargingScenario:
     """Return a cycle with what a remedy, one of :data:`REMEDIES`, changes of it."""
-    for change in REMEDIES[remedy]:
-        cycle = change(cycle, means)
+    if remedy in ("decoupling", "all"):
+        cycle = replace(cycle, sensor=replace(cycle.sensor, decoupling=True))
+    if remedy in ("compensation", "all"):
+        cycle = replace(cycle, friction_compensation=means.compensation)
+    if remedy in ("soft_gripper", "all"):
+        cycle = replace(cycle, gripper=means.soft_gripper)
     return cycle
 
 
@@ -147,13 +130,7 @@ class RemedyTrial(NamedTuple):
 def drawn(
     cycle: CrucibleChargingScenario, spread: SpreadParams, seed: int
 ) -> CrucibleChargingScenario:
-    """Return a cycle that is off what it is believed to be.
-
-    Args:
-        cycle: What is believed is left as it is.
-        spread: By how much.
-        seed: Of the draw.
-    """
+    """Return a cycle that is off what it is believed to be, which is left as it is."""
     rng = np.random.default_rng(seed)
 
     def off(half_width: float) -> float:
@@ -207,12 +184,7 @@ def run_campaign(scenario: ChargingCampaignScenario, seed: int, progress: Progre
         "trial": column([task.trial for task in finished.tasks]),
         **{
             name: finished.column(name)
-            for name in (
-                "finished",
-                "time",
-                *DRAWN,
-                *_told(scenario.cycle),
-            )
+            for name in ("finished", "time", *DRAWN, *_told(scenario.cycle))
         },
     }
     return Outcome(

@@ -54,7 +54,35 @@ class ChargingRun(NamedTuple):
 
     def said(self, metric: str, scale: float = 1.0) -> str:
         """Return a metric's value for a title."""
-        return said(self.outcome, metric, scale)
+        found = self.outcome.metrics.get(metric)
+        if found is None or found.value is None:
+            return "-"
+        return f"{scale * found.value + 0.0:.3g}"  # no -0
+
+    def parts(self, *modes: str, first: str = "", kind: str = "") -> list["ModeRows"]:
+        """Return the rows in which items were in one of some modes.
+
+        Args:
+            *modes: With which the states' names begin.
+            first: The state from which on rows count; "" for any.
+            kind: Of the items; "" for any.
+        """
+        traces = self.outcome.traces
+        mode = np.array([name.partition(".")[0] for name in self.states])
+        current = mode[traces["state"].astype(int)]
+        found: list[ModeRows] = []
+        for i, one in enumerate(self.scenario.plan):
+            rows = np.flatnonzero(np.isin(current, modes) & (traces["item"] == i))
+            if first:
+                begun = traces["state"][rows] == self.states.index(first)
+                rows = rows[np.logical_or.accumulate(begun)]
+            if len(rows) and kind in ("", one.kind):
+                style: Style = {"color": _colour_of(i), "linewidth": 1.2}
+                label = f"{i + 1}: {one.kind}, {1e3 * one.mass:.0f} g"
+                time = traces["time"][rows] - traces["time"][rows[0]]
+                label = label if len(found) < _NAMED else ""
+                found.append(ModeRows(i, label, style, rows, time))
+        return found
 
 
 class ModeRows(NamedTuple):
@@ -67,54 +95,14 @@ class ModeRows(NamedTuple):
     time: Array  # s, since the mode began
 
 
-def parts(
-    scenario: ResolvedCrucibleChargingScenario,
-    traces: Table,
-    states: Sequence[str],
-    *modes: str,
-    first: str = "",
-) -> list[ModeRows]:
-    """Return the rows in which items were in one of some modes.
-
-    Args:
-        scenario: Of the run.
-        traces: Of the run.
-        states: Names of the chart's states, by the index in ``traces``.
-        *modes: With which the states' names begin.
-        first: The state from which on rows count; "" for any.
-    """
-    begun = states.index(first) if first else -1
-    mode = np.array([name.partition(".")[0] for name in states])[traces["state"].astype(int)]
-    found: list[ModeRows] = []
-    for i, one in enumerate(scenario.plan):
-        rows = np.flatnonzero(np.isin(mode, modes) & (traces["item"] == i))
-        if begun >= 0:
-            rows = rows[np.logical_or.accumulate(traces["state"][rows] == begun)]
-        if len(rows):
-            style: Style = {"color": colour_of(i), "linewidth": 1.2}
-            label = f"{i + 1}: {one.kind}, {1e3 * one.mass:.0f} g" if len(found) < _NAMED else ""
-            time = traces["time"][rows] - traces["time"][rows[0]]
-            found.append(ModeRows(i, label, style, rows, time))
-    return found
-
-
-def colour_of(item: int) -> str:
-    """Return the colour of an item, by its index in the plan."""
+def _colour_of(item: int) -> str:
     return _COLOURS[item % len(_COLOURS)]
 
 
-def off_command(traces: Table) -> Array:
+def _off_command(traces: Table) -> Array:
     """Return how far the nugget is from the command, m."""
     away: Array = np.linalg.norm(in_space(traces, "nugget") - in_space(traces, "desired"), axis=1)
     return away
-
-
-def said(outcome: Outcome, metric: str, scale: float = 1.0) -> str:
-    """Return a metric's value for a title."""
-    found = outcome.metrics.get(metric)
-    if found is None or found.value is None:
-        return "-"
-    return f"{scale * found.value + 0.0:.3g}"  # no -0
 
 
 def _courses(shown: Sequence[ModeRows], values: Array, named: bool = False) -> list[Curve]:
@@ -181,7 +169,7 @@ def plot_scan(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
     rates, errors = [], []
     for part in shown:
         rows = part.rows[passing[part.rows]]
-        way, off = MM * along[rows], MM * off_command(traces)[rows]
+        way, off = MM * along[rows], MM * _off_command(traces)[rows]
         rates.append(Curve(CM * rate[rows], part.label, part.style, way))
         errors.append(Curve(off, None, part.style, way))
     half = MM * station.scan_length / 2
@@ -238,7 +226,7 @@ def plot_slew(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
     side.set_aspect("equal")
     _panel(
         error,
-        _courses(shown, MM * off_command(traces), named=True),
+        _courses(shown, MM * _off_command(traces), named=True),
         [_limit(10.0, "mm")],
         f"(a) In {run.said('slew.time')} s, "
         f"{run.said('slew.position_error', MM)} mm off at most; "
@@ -329,7 +317,7 @@ def plot_bulk(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
     figure = new_figure(10.0, 4.0)
     _panel(
         figure.subplots(),
-        _courses(shown, MM * off_command(traces), named=True),
+        _courses(shown, MM * _off_command(traces), named=True),
         [_limit(10.0, "mm")],
         f"Poured {run.said('bulk.position_error', MM)} mm from its place; within 10 mm is wanted",
         "off the command / mm",
@@ -382,7 +370,7 @@ def plot_places(scenario: ResolvedCrucibleChargingScenario, outcome: Outcome) ->
     for i, (item, rows) in enumerate(zip(items_of(scenario), held, strict=True)):
         if not len(rows):
             continue
-        colour = colour_of(i)
+        colour = _colour_of(i)
         place = (float(nugget[rows[-1], 0]), float(nugget[rows[-1], 1]))
         axes.add_patch(Circle(place, MM * item.nugget.reach, fill=False, color=colour))
         axes.annotate(str(i + 1), place, xytext=(4, 4), textcoords="offset points", fontsize=8)
@@ -424,12 +412,7 @@ def plot_charging(
     """
     run, figures = ChargingRun(scenario, outcome, states), {}
     for name, (draw, modes, first, kind) in _MODES.items():
-        shown = [
-            part
-            for part in parts(scenario, outcome.traces, states, *modes, first=first)
-            if kind in ("", scenario.plan[part.item].kind)
-        ]
-        if shown:
+        if shown := run.parts(*modes, first=first, kind=kind):
             figures[name] = draw(run, shown)
     places = plot_places(scenario, outcome)
     return {**figures, "places": places} if places else figures

@@ -23,7 +23,6 @@ from chamfer.systems.charging.charging_chart import ChargingMachine
 from chamfer.systems.charging.crucible_world import (
     CutOff,
     FaultTrigger,
-    FaultTriggerParams,
     Grasp,
     LayerMotion,
     LayerMotionParams,
@@ -82,22 +81,23 @@ def make_charging_diagram(
     arm, control, plant = scenario.ARM, scenario.controller, scenario.plant
     builder = DiagramBuilder()
     add, connect = builder.AddNamedSystem, builder.Connect
+
+    def wire(source: LeafSystem, target: LeafSystem, *names: str) -> None:
+        for name in names:
+            connect(source.GetOutputPort(name), target.GetInputPort(name))
+
     start = arm.joint_positions(scenario.start, scenario.arm.elbow)
     world = add("manipulator and contact", ArmInContact(arm, make_scenes(scenario), plant, start))
-    encoders = add_encoders(
-        builder,
-        scenario.encoders,
-        world.GetOutputPort("encoders"),
-        start,
-        period=control.period,
+    read = add_encoders(
+        builder, scenario.encoders, world.GetOutputPort("encoders"), start, period=control.period
     )
     homing = add("homing", Homing(scenario.homing, start, period=control.period))
-    connect(encoders, homing.GetInputPort("motion"))
+    connect(read, homing.GetInputPort("motion"))
     encoders = homing.GetOutputPort("encoders")
     torque = add_delay(builder, control, world.GetInputPort("torque"), step=plant.period)
     beliefs = beliefs_of(scenario)
     machine = add("charging chart", ChargingMachine(scenario.charging, beliefs))
-    cut = add_world(builder, scenario, world, machine)
+    cut = _add_world(builder, scenario, world, machine)
     following = PathFollowerParams(period=control.period)
     follower = add("path", PathFollower(following, np.array(beliefs.start)))
     motion = add("endpoint motion", EndpointMotion(arm, dimension=3))
@@ -120,45 +120,39 @@ def make_charging_diagram(
         step=plant.period,
         period=control.period,
     )
+    if cut is not None:
+        line = add("sensor's line", CutOff(reading.size()))
+        connect(reading, line.GetInputPort("signal"))
+        connect(cut, line.GetInputPort("cut"))
+        wire(line, machine, "alive")
+        reading = line.GetOutputPort("reading")
     force = add_force_in_world(
-        builder,
-        scenario.sensor,
-        scenario.dynamics(),
-        add_line(builder, reading, machine, cut),
-        encoders,
-        coordinates=3,
+        builder, scenario.sensor, scenario.dynamics(), reading, encoders, coordinates=3
     )
     connect(force, tare.GetInputPort("force"))
     measured = tare.GetOutputPort("tared_force")
     connect(measured, wrench.get_input_port())
     connect(encoders, motion.GetInputPort("encoders"))
-    connect(homing.GetOutputPort("homed"), machine.GetInputPort("homed"))
-    out = machine.GetOutputPort
-    for name in ("desired_position", "desired_velocity", "progress"):
-        connect(follower.GetOutputPort(name), machine.GetInputPort(name))
-    connect(motion.GetOutputPort("endpoint_motion"), machine.GetInputPort("endpoint_motion"))
+    wire(homing, machine, "homed")
+    wire(follower, machine, "desired_position", "desired_velocity", "progress")
+    wire(motion, machine, "endpoint_motion")
     connect(measured, machine.GetInputPort("measured_force"))
     connect(measured, mean.GetInputPort("signal"))
     connect(mean.GetOutputPort("mean"), machine.GetInputPort("mean_force"))
-    connect(out("segment"), follower.GetInputPort("segment"))
-    connect(out("hold"), follower.GetInputPort("halt"))
-    connect(out("tare"), tare.GetInputPort("tare"))
-    connect(encoders, controller.GetInputPort("encoders"))
+    wire(machine, follower, "segment")
+    connect(machine.GetOutputPort("hold"), follower.GetInputPort("halt"))
+    wire(machine, tare, "tare")
     connect(wrench.get_output_port(), controller.GetInputPort("measured_force"))
-    for name in ("desired_position", "desired_velocity"):
-        connect(follower.GetOutputPort(name), controller.GetInputPort(name))
-    for name in ("mode", "desired_force", "selection"):
-        connect(out(name), controller.GetInputPort(name))
+    wire(homing, controller, "encoders")
+    wire(follower, controller, "desired_position", "desired_velocity")
+    wire(machine, controller, "mode", "desired_force", "selection")
     ahead = add(
         "acceleration feed-forward",
         AccelerationFeedforward(arm, scenario.dynamics(), period=control.period),
     )
-    for source, name in (
-        (encoders, "encoders"),
-        (follower.GetOutputPort("desired_acceleration"), "desired_acceleration"),
-        (out("selection"), "selection"),
-    ):
-        connect(source, ahead.GetInputPort(name))
+    wire(homing, ahead, "encoders")
+    wire(follower, ahead, "desired_acceleration")
+    wire(machine, ahead, "selection")
     total = add("commanded torque", Adder(2, arm.num_joints))
     connect(controller.GetOutputPort("torque"), total.get_input_port(0))
     connect(ahead.GetOutputPort("torque"), total.get_input_port(1))
@@ -182,52 +176,63 @@ def make_charging_diagram(
     builder.ExportOutput(follower.GetOutputPort("desired_position"), "desired_position")
     builder.ExportOutput(measured, "measured_force")
     for name in ("desired_force", "mode", "state", "item", "finished", "grip"):
-        builder.ExportOutput(out(name), name)
+        builder.ExportOutput(machine.GetOutputPort(name), name)
     diagram = builder.Build()
     diagram.set_name("Charging a crucible")
     return diagram
 
 
-LAYER: Final = 1  # index of the contact point that meets the layer below
+_LAYER: Final = 1  # index of the contact point that meets the layer below
 _TIMED: Final = ("part_dropped", "sensor_dead", "contact_lost", "halt")  # begin in a state
 
 
-def add_world(
+def _add_world(
     builder: DiagramBuilder,
     scenario: ResolvedCrucibleChargingScenario,
     arm: ArmInContact,
     machine: ChargingMachine,
 ) -> OutputPort | None:
-    """Add gripper, layer and faults about the arm; return the port that cuts the sensor's line.
-
-    Args:
-        builder: Of the loop.
-        scenario: What the world is like.
-        arm: With the scenario's scenes.
-        machine: The chart that commands the gripper.
-    """
-    fault, connect = scenario.fault, builder.Connect
+    """Add gripper, layer and faults about the arm; return the port that cuts the sensor's line."""
+    fault, connect, add = scenario.fault, builder.Connect, builder.AddNamedSystem
+    contact, forces = arm.GetOutputPort("contact"), arm.GetOutputPort("contact_force")
+    item = machine.GetOutputPort("item")
     missing = fault.item if fault.kind == "part_missing" else None
-    contact = arm.GetOutputPort("contact")
-    grasp = builder.AddNamedSystem(
-        "grasp",
-        Grasp(
-            scenario.grasp,
-            tuple(index != missing for index in range(len(scenario.plan))),
-            contacts=contact.size(),
-        ),
-    )
+    present = tuple(index != missing for index in range(len(scenario.plan)))
+    grasp = add("grasp", Grasp(scenario.grasp, present, contacts=contact.size()))
     connect(contact, grasp.GetInputPort("contact"))
-    for name in ("grip", "item"):
-        connect(machine.GetOutputPort(name), grasp.GetInputPort(name))
+    connect(machine.GetOutputPort("grip"), grasp.GetInputPort("grip"))
+    connect(item, grasp.GetInputPort("item"))
     connect(grasp.GetOutputPort("scene"), arm.GetInputPort("scene"))
     connect(grasp.GetOutputPort("held"), machine.GetInputPort("held"))
     for name in ("scene", "held"):
         builder.ExportOutput(grasp.GetOutputPort(name), name)
-    _add_layer(builder, scenario, arm, machine)
+    pick = np.eye(3, forces.size(), 3 * _LAYER)
+    force = add("force on the layer", MatrixGain(pick))
+    given = LayerMotionParams(
+        stiffness=scenario.layer.stiffness,
+        mass=scenario.layer.mass,
+        friction=scenario.layer.slip_friction,
+        period=scenario.plant.period,
+    )
+    layer = add("layer below", LayerMotion(given))
+    connect(forces, force.get_input_port())
+    connect(force.get_output_port(), layer.GetInputPort("force"))
+    connect(item, layer.GetInputPort("item"))
+    builder.ExportOutput(layer.GetOutputPort("shift"), "layer_shift")
     if fault.kind not in _TIMED:
         return None
-    active = _add_trigger(builder, scenario, machine)
+    trigger = add(
+        "fault",
+        FaultTrigger(
+            (machine.chart.state_names.index(fault.state), fault.item),
+            delay=fault.delay,
+            lasting=fault.lasting,
+            period=scenario.controller.period,
+        ),
+    )
+    connect(machine.GetOutputPort("state"), trigger.GetInputPort("state"))
+    connect(item, trigger.GetInputPort("item"))
+    active = trigger.GetOutputPort("active")
     if fault.kind == "part_dropped":
         connect(active, grasp.GetInputPort("drop"))
     elif fault.kind == "halt":
@@ -235,69 +240,7 @@ def add_world(
     elif fault.kind == "contact_lost":
         azimuth = scenario.plan[fault.item].azimuth
         away = -fault.force * np.array([math.cos(azimuth), math.sin(azimuth), 0.0])
-        blow = builder.AddNamedSystem("blow", MatrixGain(away[:, np.newaxis]))
+        blow = add("blow", MatrixGain(away[:, np.newaxis]))
         connect(active, blow.get_input_port())
         connect(blow.get_output_port(), arm.GetInputPort("disturbance"))
     return active if fault.kind == "sensor_dead" else None
-
-
-def add_line(
-    builder: DiagramBuilder, reading: OutputPort, machine: ChargingMachine, cut: OutputPort | None
-) -> OutputPort:
-    """Put a line that can be cut behind a sensor, if any; return what the computer reads."""
-    if cut is None:
-        return reading
-    line = builder.AddNamedSystem("sensor's line", CutOff(reading.size()))
-    builder.Connect(reading, line.GetInputPort("signal"))
-    builder.Connect(cut, line.GetInputPort("cut"))
-    builder.Connect(line.GetOutputPort("alive"), machine.GetInputPort("alive"))
-    return line.GetOutputPort("reading")
-
-
-def _add_layer(
-    builder: DiagramBuilder,
-    scenario: ResolvedCrucibleChargingScenario,
-    arm: ArmInContact,
-    machine: ChargingMachine,
-) -> None:
-    given = scenario.layer
-    forces = arm.GetOutputPort("contact_force")
-    pick = np.zeros((3, forces.size()))
-    pick[:, 3 * LAYER : 3 * LAYER + 3] = np.eye(3)
-    force = builder.AddNamedSystem("force on the layer", MatrixGain(pick))
-    layer = builder.AddNamedSystem(
-        "layer below",
-        LayerMotion(
-            LayerMotionParams(
-                stiffness=given.stiffness,
-                mass=given.mass,
-                friction=given.slip_friction,
-                period=scenario.plant.period,
-            )
-        ),
-    )
-    builder.Connect(forces, force.get_input_port())
-    builder.Connect(force.get_output_port(), layer.GetInputPort("force"))
-    builder.Connect(machine.GetOutputPort("item"), layer.GetInputPort("item"))
-    builder.ExportOutput(layer.GetOutputPort("shift"), "layer_shift")
-
-
-def _add_trigger(
-    builder: DiagramBuilder, scenario: ResolvedCrucibleChargingScenario, machine: ChargingMachine
-) -> OutputPort:
-    fault, states = scenario.fault, machine.chart.state_names
-    trigger = builder.AddNamedSystem(
-        "fault",
-        FaultTrigger(
-            FaultTriggerParams(
-                state=states.index(fault.state),
-                item=fault.item,
-                delay=fault.delay,
-                duration=fault.lasting,
-                period=scenario.controller.period,
-            )
-        ),
-    )
-    for name in ("state", "item"):
-        builder.Connect(machine.GetOutputPort(name), trigger.GetInputPort(name))
-    return trigger.GetOutputPort("active")

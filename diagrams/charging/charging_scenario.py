@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Final, Literal, NamedTuple, get_args
+from typing import ClassVar, Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,6 @@ from chamfer.diagrams.charging.wrist_control import (
     BaseCompensationParams,
 )
 from chamfer.diagrams.contact.hybrid_loop_stability import (
-    LinearLoop,
     Stability,
     linear_loops,
     require_stable,
@@ -333,7 +332,7 @@ def make_scenes(scenario: ResolvedCrucibleChargingScenario) -> tuple[Scene, ...]
         top = 0.0 if hit and fault.kind == "part_missing" else nugget.height
         grip = ContactPoint((0.0, 0.0, 0.0), station.tray(top), scenario.feeder)
         scenes.append(Scene((grip,)))
-        wall = _far(station).wall() if hit and fault.kind == "wall_missing" else standing
+        wall = replace(station, crucible_radius=_FAR).wall() if hit and fault.kind == "wall_missing" else standing
         depth = _ABYSS if hit and fault.kind == "layer_missing" else 0.0
         layer = station.layer(goal.position, goal.layer - depth, tilt=scenario.layer.tilt)
         points = (
@@ -343,11 +342,6 @@ def make_scenes(scenario: ResolvedCrucibleChargingScenario) -> tuple[Scene, ...]
         load = Load(nugget.mass, nugget.centre, nugget.inertia)
         scenes.append(Scene(points, load))
     return tuple(scenes)
-
-
-def _far(station: Station) -> Station:
-    """Return the station with a crucible whose wall is out of reach."""
-    return replace(station, crucible_radius=_FAR)
 
 
 def beliefs_of(scenario: ResolvedCrucibleChargingScenario) -> ChargingBeliefs:
@@ -407,12 +401,15 @@ def contact_loops(scenario: ResolvedCrucibleChargingScenario) -> tuple[NuggetLoo
     for item, nugget, goal in zip(scenario.plan, scenario.nuggets, goals, strict=True):
         ahead = (math.cos(goal.azimuth), math.sin(goal.azimuth), 0.0)
         if item.kind == "wall":
-            meets = _Meeting(nugget.wall_point, wall, scenario.wall, charging.wall_force)
-            loops.append(fill(_loop(scenario, nugget, goal, meets, ahead, _DOWN)))
+            meets = ContactPoint(nugget.wall_point, wall, scenario.wall)
+            how = meets, charging.wall_force, ahead, _DOWN
         elif item.kind == "crown":
             layer = station.layer(goal.position, goal.layer, tilt=scenario.layer.tilt)
-            meets = _Meeting(nugget.layer_point, layer, scenario.layer, charging.layer_force)
-            loops.append(fill(_loop(scenario, nugget, goal, meets, _DOWN, ahead)))
+            meets = ContactPoint(nugget.layer_point, layer, scenario.layer)
+            how = meets, charging.layer_force, _DOWN, ahead
+        else:
+            continue
+        loops.append(fill(_loop(scenario, nugget, goal, *how)))
     return tuple(loops)
 
 
@@ -422,26 +419,16 @@ def charging_stability(scenario: ResolvedCrucibleChargingScenario) -> Stability 
     Raises:
         ParameterError: If a place is out of reach.
     """
-    linear: list[LinearLoop] = []
-    for loop in contact_loops(scenario):
-        linear += linear_loops(loop)
+    linear = [one for loop in contact_loops(scenario) for one in linear_loops(loop)]
     return stability_of(tuple(linear)) if linear else None
-
-
-class _Meeting(NamedTuple):
-    """Where and on what a nugget is pressed."""
-
-    point: tuple[float, float, float]  # m, of the nugget, in the endpoint's frame
-    surface: Surface
-    material: ContactParams
-    force: float  # N
 
 
 def _loop(
     scenario: CrucibleChargingScenario,
     nugget: Nugget,
     goal: ItemPlace,
-    meets: _Meeting,
+    meets: ContactPoint,
+    force: float,
     ahead: Point,
     along: Point,
 ) -> NuggetLoop:
@@ -453,17 +440,17 @@ def _loop(
         arm=ContactArmSettings(
             joint_friction=scenario.arm.joint_friction,
             elbow=scenario.arm.elbow,
-            contact_offset=meets.point,
+            contact_offset=meets.offset,
         ),
         gripper=scenario.gripper,
         touched=meets.surface,
-        surface=meets.material,
+        surface=meets.contact,
         task=SlidingTask(
             start=tuple(start.tolist()),
             direction=(*ahead, *_STILL),
             along=(*along, *_STILL),
             speed=scenario.charging.seek_speed,
-            force=meets.force,
+            force=force,
             amplitude=_SWING,
         ),
         controller=scenario.controller,

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from pydrake.systems.framework import Context
 
-from chamfer.systems.charging.charging_motions import ChargingMotions
+from chamfer.systems.charging.charging_motions import ChargingMotions, Motion
 from chamfer.systems.charging.charging_params import (
     ChargingBeliefs,
     ChargingInputs,
@@ -26,7 +26,7 @@ from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
 from chamfer.systems.force.selection import position_selection
 from chamfer.systems.statechart.chart import ANY, TIME_TOLERANCE, Chart, State, Tick, Transition
 from chamfer.systems.statechart.state_machine import MachineOutput, StateMachine
-from chamfer.systems.trajectory.segment import COORDINATES, SIZE, Segment, Vector3, hold
+from chamfer.systems.trajectory.segment import COORDINATES, SIZE, Vector3, hold
 
 ChargingTick = Tick[ChargingInputs, ChargingMemory]
 Guard = Callable[[ChargingTick], bool]
@@ -38,8 +38,12 @@ _SWINGING: Final = 0.1  # s, for which a nugget swings on in the gripper
 _MORE: Final = 2.0  # by which what the nugget's inertia shows at most is exceeded
 
 
-class ForceReadings:
-    """What the sensors say at a tick, and troubles in a row: noise alone decides nothing."""
+class ChargingGuards:
+    """What is true at a tick.
+
+    Troubles are counted, and contact is told by the mean of the last readings: noise alone decides
+    nothing.
+    """
 
     def __init__(self, params: ResolvedChargingParams, motions: ChargingMotions) -> None:
         self._params, self._motions = params, motions
@@ -94,16 +98,6 @@ class ForceReadings:
             along = sum(n * e for n, e in zip(memory.normal, error, strict=True))
             error = [e - along * n for n, e in zip(memory.normal, error, strict=True)]
         return math.hypot(*error)
-
-
-class ChargingGuards:
-    """What is true at a tick."""
-
-    def __init__(self, params: ResolvedChargingParams, motions: ChargingMotions) -> None:
-        self._params, self._motions = params, motions
-        readings = ForceReadings(params, motions)
-        self.at_wall, self.off_wall = readings.at_wall, readings.off_wall
-        self.on_below = readings.on_below
 
     def arrived(self, tick: ChargingTick) -> bool:
         """Whether the segment's goal is reached; not of the segment before."""
@@ -210,7 +204,6 @@ def _next(count: int, again: bool) -> int:
 
 
 ChargingChart = Chart[ChargingInputs, ChargingMemory]
-_Plan = Callable[[ChargingMemory, ChargingInputs], Segment]
 _Step = Transition[ChargingInputs, ChargingMemory]
 
 HALTED: Final = "halted"
@@ -227,7 +220,7 @@ class _Touch(NamedTuple):
     target: str
     label: str
     guard: Guard
-    plan: _Plan
+    motion: Motion = "stay"
 
 
 # Of each state the hybrid controller's mode; halted has that of the state before.
@@ -284,20 +277,22 @@ def make_charging_chart(params: ResolvedChargingParams, beliefs: ChargingBeliefs
     motions = ChargingMotions(params, beliefs)
     guards = ChargingGuards(params, motions)
     touches = (
-        _Touch("acquire.descend", "acquire.touch", "touched", guards.on_below, motions.stay),
-        _Touch("wall.approach", "wall.press", "wall", guards.at_wall, motions.stay),
-        _Touch("wall.seek", "wall.press", "wall", guards.at_wall, motions.stay),
-        _Touch("wall.slide", "wall.touch", "layer", guards.on_below, motions.stay),
-        _Touch("wall.land", "wall.touch", "layer", guards.on_below, motions.stay),
-        _Touch("crown.descend", "crown.set_down", "layer", guards.on_below, motions.stay),
-        _Touch("crown.land", "crown.set_down", "layer", guards.on_below, motions.stay),
+        _Touch("acquire.descend", "acquire.touch", "touched", guards.on_below),
+        _Touch("wall.approach", "wall.press", "wall", guards.at_wall),
+        _Touch("wall.seek", "wall.press", "wall", guards.at_wall),
+        _Touch("wall.slide", "wall.touch", "layer", guards.on_below),
+        _Touch("wall.land", "wall.touch", "layer", guards.on_below),
+        _Touch("crown.descend", "crown.set_down", "layer", guards.on_below),
+        _Touch("crown.land", "crown.set_down", "layer", guards.on_below),
     )
-    actions = _Actions(params, motions, touches)
+    actions = _Actions(guards, motions, touches)
     running = [name for name in MODE_OF if name not in (BRAKE, AWAY, DONE, STOPPED)]
     start = ChargingMemory(hold(beliefs.start, 0.0), "home.out", normal=motions.normal(0))
 
-    def go(source: str, target: str, label: str, guard: Guard, plan: _Plan | None = None) -> _Step:
-        action = actions.enter(target, plan)
+    def go(
+        source: str, target: str, label: str, guard: Guard, motion: Motion | None = None
+    ) -> _Step:
+        action = actions.enter(target, motion)
         return Transition(source=source, target=target, label=label, guard=guard, action=action)
 
     def fail(source: str, label: str, guard: Guard, trouble: ChargingTrouble) -> _Step:
@@ -329,15 +324,14 @@ def make_charging_chart(params: ResolvedChargingParams, beliefs: ChargingBeliefs
     return Chart(
         "charging",
         states=[
-            State(
-                name="home.out",
-                entry=actions.begin,
-                during=actions.sense,
-                note=_NOTES["home.out"],
-            ),
             *(
-                State(name=name, during=actions.sense, note=_NOTES.get(name, ""))
-                for name in (*running[1:], BRAKE, AWAY)
+                State(
+                    name=name,
+                    entry=actions.begin if name == "home.out" else None,
+                    during=actions.sense,
+                    note=_NOTES.get(name, ""),
+                )
+                for name in (*running, BRAKE, AWAY)
             ),
             State(name=HALTED, during=actions.wait, note=_NOTES[HALTED]),
             State(name=DONE, outcome="done"),
@@ -354,31 +348,31 @@ def make_charging_chart(params: ResolvedChargingParams, beliefs: ChargingBeliefs
             ),
             *resumed,
             *(go(*touch) for touch in touches),
-            go("home.out", "home.settle", arrived, guards.arrived, motions.stay),
-            go("home.settle", "acquire.above", "homed", guards.homed, motions.above),
+            go("home.out", "home.settle", arrived, guards.arrived, "stay"),
+            go("home.settle", "acquire.above", "homed", guards.homed, "above"),
             fail("home.settle", "not homed", guards.never_homed, ChargingTrouble.NOT_HOMED),
             go("acquire.above", "acquire.zero", arrived, guards.arrived),
-            go("acquire.zero", "acquire.descend", rested, guards.rested, motions.descend),
+            go("acquire.zero", "acquire.descend", rested, guards.rested, "descend"),
             fail("acquire.descend", "nothing there", guards.arrived, ChargingTrouble.NO_PART),
             go("acquire.touch", "acquire.grip", "at rest", guards.arrived),
-            go("acquire.grip", "acquire.lift", held, guards.held, motions.lift),
+            go("acquire.grip", "acquire.lift", held, guards.held, "lift"),
             fail("acquire.grip", "not held", guards.not_held, ChargingTrouble.NO_PART),
             go("acquire.lift", "acquire.weigh", arrived, guards.arrived),
-            go("acquire.weigh", "slew.over", "bulk", guards.weighed_bulk, motions.slew),
-            go("acquire.weigh", "scan.run_in", rested, guards.rested, motions.run_in),
-            go("scan.run_in", "scan.pass", arrived, guards.arrived, motions.scan),
-            go("scan.pass", "slew.over", arrived, guards.arrived, motions.slew),
+            go("acquire.weigh", "slew.over", "bulk", guards.weighed_bulk, "slew"),
+            go("acquire.weigh", "scan.run_in", rested, guards.rested, "run_in"),
+            go("scan.run_in", "scan.pass", arrived, guards.arrived, "scan"),
+            go("scan.pass", "slew.over", arrived, guards.arrived, "slew"),
             *(
-                go("slew.over", f"{kind}.lower", kind, guards.is_kind(kind), motions.lower)
+                go("slew.over", f"{kind}.lower", kind, guards.is_kind(kind), "lower")
                 for kind in ("wall", "crown", "bulk")
             ),
             go("wall.lower", "wall.zero", arrived, guards.arrived),
-            go("wall.zero", "wall.approach", rested, guards.rested, motions.approach),
-            go("wall.approach", "wall.seek", arrived, guards.arrived, motions.seek_wall),
+            go("wall.zero", "wall.approach", rested, guards.rested, "approach"),
+            go("wall.approach", "wall.seek", arrived, guards.arrived, "seek_wall"),
             fail("wall.seek", "no wall", guards.arrived, ChargingTrouble.NO_WALL),
-            go("wall.press", "wall.slide", rested, guards.rested, motions.slide),
+            go("wall.press", "wall.slide", rested, guards.rested, "slide"),
             go("wall.slide", "wall.lost", "wall lost", guards.off_wall),
-            go("wall.slide", "wall.land", "near the layer", guards.arrived, motions.seek_layer),
+            go("wall.slide", "wall.land", "near the layer", guards.arrived, "seek_layer"),
             go("wall.land", "wall.lost", "wall lost", guards.off_wall),
             fail("wall.land", "no layer", guards.arrived, ChargingTrouble.NO_LAYER),
             fail("wall.lost", "lost too often", guards.lost_often, ChargingTrouble.LOST_OFTEN),
@@ -387,25 +381,25 @@ def make_charging_chart(params: ResolvedChargingParams, beliefs: ChargingBeliefs
                 for name in ("wall.slide", "wall.land")
             ),
             fail("wall.lost", "lost too long", guards.lost_for_long, ChargingTrouble.CONTACT_LOST),
-            go("wall.touch", "wall.set_down", "at rest", guards.arrived, motions.stay),
-            go("wall.set_down", "release.open", rested, guards.rested, motions.stay),
+            go("wall.touch", "wall.set_down", "at rest", guards.arrived, "stay"),
+            go("wall.set_down", "release.open", rested, guards.rested, "stay"),
             go("crown.lower", "crown.zero", arrived, guards.arrived),
-            go("crown.zero", "crown.descend", rested, guards.rested, motions.descend_to_layer),
-            go("crown.descend", "crown.land", arrived, guards.arrived, motions.seek_layer),
+            go("crown.zero", "crown.descend", rested, guards.rested, "descend_to_layer"),
+            go("crown.descend", "crown.land", arrived, guards.arrived, "seek_layer"),
             fail("crown.land", "no layer", guards.arrived, ChargingTrouble.NO_LAYER),
             go("crown.set_down", "release.open", rested, guards.rested),
             go("bulk.lower", "bulk.pour", arrived, guards.arrived),
-            go("bulk.pour", "retreat.up", "empty", guards.not_held, motions.retreat),
-            go("release.open", "retreat.up", "let go", guards.not_held, motions.retreat),
-            go("retreat.up", "return.over", arrived, guards.arrived, motions.back),
+            go("bulk.pour", "retreat.up", "empty", guards.not_held, "retreat"),
+            go("release.open", "retreat.up", "let go", guards.not_held, "retreat"),
+            go("retreat.up", "return.over", arrived, guards.arrived, "back"),
             go("return.over", DONE, "last item", guards.last),
-            go("return.over", "acquire.above", "next item", guards.arrived, motions.above),
-            go(BRAKE, STOPPED, "at rest, not to be moved", guards.stays, motions.stay),
-            go(BRAKE, AWAY, "at rest", guards.stands, motions.away),
-            go(BRAKE, STOPPED, "timed out", guards.late, motions.stay),
+            go("return.over", "acquire.above", "next item", guards.arrived, "above"),
+            go(BRAKE, STOPPED, "at rest, not to be moved", guards.stays, "stay"),
+            go(BRAKE, AWAY, "at rest", guards.stands, "away"),
+            go(BRAKE, STOPPED, "timed out", guards.late, "stay"),
             go(AWAY, BRAKE, "operator's halt", guards.stop_asked),
             go(AWAY, STOPPED, arrived, guards.arrived),
-            go(AWAY, STOPPED, "timed out", guards.late, motions.stay),
+            go(AWAY, STOPPED, "timed out", guards.late, "stay"),
         ],
         memory=start,
     )
@@ -415,37 +409,40 @@ class _Actions:
     """What the chart does."""
 
     def __init__(
-        self,
-        params: ResolvedChargingParams,
-        motions: ChargingMotions,
-        touches: tuple["_Touch", ...],
+        self, guards: ChargingGuards, motions: ChargingMotions, touches: tuple[_Touch, ...]
     ) -> None:
-        self._motions = motions
-        self._readings = ForceReadings(params, motions)
-        self._touches = touches
+        self._guards, self._motions, self._touches = guards, motions, touches
         self._sensitive = {touch.source for touch in touches}
 
+    def _moving(
+        self, motion: Motion, memory: ChargingMemory, tick: ChargingTick
+    ) -> ChargingMemory:
+        segment = self._motions.segment(motion, memory, tick.inputs)
+        return memory._replace(segment=segment)
+
     def begin(self, tick: ChargingTick) -> ChargingMemory:
-        return tick.memory._replace(segment=self._motions.home(tick.memory, tick.inputs))
+        return self._moving("home", tick.memory, tick)
 
     def sense(self, tick: ChargingTick) -> ChargingMemory:
-        return self._readings.count(tick)
+        return self._guards.count(tick)
 
     def wait(self, tick: ChargingTick) -> ChargingMemory:
         """Stand still; what is touched on the last way, or lost meanwhile, is not overlooked."""
         memory = tick.memory
         for touch in self._touches:
             if touch.source == memory.left and touch.guard(tick):
-                tick.memory = self.enter(touch.target, touch.plan)(tick)
+                tick.memory = self.enter(touch.target, touch.motion)(tick)
                 return self.halt(tick)
-        memory = self._readings.count(tick)
-        if memory.mode == CONTACT and self._readings.off_wall(tick):
+        memory = self._guards.count(tick)
+        if memory.mode == CONTACT and self._guards.off_wall(tick):
             return memory._replace(mode=LOST)
-        if memory.mode == LOST and self._readings.at_wall(tick):
+        if memory.mode == LOST and self._guards.at_wall(tick):
             return memory._replace(mode=CONTACT)
         return memory
 
-    def enter(self, target: str, plan: _Plan | None) -> Callable[[ChargingTick], ChargingMemory]:
+    def enter(
+        self, target: str, motion: Motion | None
+    ) -> Callable[[ChargingTick], ChargingMemory]:
         """Return the action of a way into a state, with a new motion or without."""
 
         def entered(tick: ChargingTick) -> ChargingMemory:
@@ -453,9 +450,9 @@ class _Actions:
             if target == "acquire.above" and memory.at == "return.over":
                 item = memory.item + 1
                 memory = memory._replace(item=item, losses=0, normal=self._motions.normal(item))
-            if plan is not None:
+            if motion is not None:
                 # With the mode before: what was under force control goes on where the arm is.
-                memory = memory._replace(segment=plan(memory, tick.inputs))
+                memory = self._moving(motion, memory, tick)
             lost, opens = target == "wall.lost", target in _OPENS
             return memory._replace(
                 at=target,
@@ -489,7 +486,7 @@ class _Actions:
             at = memory.left or memory.at
             quick = memory.mode != APPROACH or at in self._sensitive
             if quick:
-                memory = memory._replace(segment=self._motions.stay(memory, tick.inputs))
+                memory = self._moving("stay", memory, tick)
             return memory._replace(
                 at=BRAKE,
                 left="",

@@ -1,7 +1,7 @@
 """Where the charging cycle's motions go: segments for each item, from what is believed."""
 
 import math
-from typing import Final
+from typing import Final, Literal
 
 from chamfer.models.charging.packing import ItemPlace, Nugget
 from chamfer.systems.charging.charging_params import (
@@ -13,6 +13,26 @@ from chamfer.systems.charging.charging_params import (
 from chamfer.systems.trajectory.segment import LINE, SLEW, Segment, Vector3, Vector7, hold
 
 _INSIDE: Final = 0.01  # m, of the nugget's lowest point below the rim where a slew ends
+
+Motion = Literal[
+    "stay",  # where the command is, soon
+    "home",  # past the joints' index marks
+    "above",  # over the nugget in the feeder
+    "descend",  # down to it, and somewhat further
+    "run_in",  # to where the scan's motion begins
+    "scan",  # over the scanner
+    "slew",  # with the item into the crucible
+    "lower",  # to the height from which it is laid
+    "approach",  # near the wall
+    "seek_wall",  # slowly to the wall, and somewhat further
+    "slide",  # down the wall, near to the layer
+    "descend_to_layer",  # likewise without wall
+    "seek_layer",  # slowly down to the layer, and somewhat further
+    "lift",  # out of the feeder
+    "retreat",  # upwards out of the crucible
+    "back",  # over the feeder again
+    "away",  # off the wall where it was near, else upwards
+]
 
 
 class ChargingMotions:
@@ -43,100 +63,75 @@ class ChargingMotions:
         """Return an item's mass, kg, as it is believed."""
         return self._nugget(item).mass
 
-    def stay(self, memory: ChargingMemory, inputs: ChargingInputs) -> Segment:
-        """Stop where the command is, soon."""
-        segment = hold(self._now(memory, inputs), memory.segment.id + 1)
-        return segment._replace(acceleration=self._params.stop_acceleration)
-
-    def home(self, memory: ChargingMemory, inputs: ChargingInputs) -> Segment:
-        """Pass the joints' index marks."""
-        return self._line(memory, inputs, self._beliefs.home, self._params.travel_speed)
-
-    def above(self, memory: ChargingMemory, inputs: ChargingInputs) -> Segment:
-        """Go over the nugget in the feeder."""
-        goal = self._feeder(memory.item, self._params.lift_height)
-        return self._line(memory, inputs, goal, self._params.travel_speed)
-
-    def descend(self, memory: ChargingMemory, inputs: ChargingInputs) -> Segment:
-        """Go down to the nugget in the feeder, and somewhat further."""
-        goal = self._feeder(memory.item, -self._params.search)
-        return self._line(memory, inputs, goal, self._params.descend_speed)
-
-    def lift(self, memory: ChargingMemory, inputs: ChargingInputs) -> Segment:
-        """Lift the nugget out of the feeder."""
-        goal = self._feeder(memory.item, self._params.lift_height)
-        return self._line(memory, inputs, goal, self._params.lift_speed)
-
-    def run_in(self, memory: ChargingMemory, inputs: ChargingInputs) -> Segment:
-        """Go to where the scan's motion begins."""
-        return self._line(
-            memory, inputs, self._scan_end(memory.item, -1.0), self._params.travel_speed
+    def segment(self, motion: Motion, memory: ChargingMemory, inputs: ChargingInputs) -> Segment:
+        """Return the segment of a motion of the present item."""
+        params, station, item = self._params, self._beliefs.station, memory.item
+        now, number = self._now(memory, inputs), memory.segment.id + 1
+        if motion == "stay":
+            return hold(now, number)._replace(acceleration=params.stop_acceleration)
+        top = station.rim_height + params.clearance
+        if motion not in ("slew", "back"):
+            goal, speed = self._line(motion, now, top, memory)
+            return Segment(
+                id=number,
+                kind=LINE,
+                start=now,
+                goal=goal,
+                speed=speed,
+                turn_speed=params.turn_speed,
+                acceleration=params.acceleration,
+            )
+        goal = self._feeder(item, params.lift_height)
+        if motion == "slew":
+            drop = self._place(item).layer + params.drop
+            goal = self._over_place(item, max(station.rim_height - _INSIDE, drop))
+            top += self._nugget(item).height
+        return Segment(
+            id=number,
+            kind=SLEW,
+            start=now,
+            goal=goal,
+            duration=params.slew_time,
+            via_height=max(top, goal[2], inputs.desired_position[2]),
         )
 
-    def scan(self, memory: ChargingMemory, inputs: ChargingInputs) -> Segment:
-        """Pass the nugget over the scanner."""
-        goal = self._scan_end(memory.item, 1.0)
-        return self._line(memory, inputs, goal, self._params.scan_speed)
-
-    def slew(self, memory: ChargingMemory, inputs: ChargingInputs) -> Segment:
-        """Carry the item into the crucible."""
-        params, station = self._params, self._beliefs.station
-        lowest = max(station.rim_height - _INSIDE, self._place(memory.item).layer + params.drop)
-        goal = self._over_place(memory.item, lowest)
-        via = station.rim_height + params.clearance + self._nugget(memory.item).height
-        return self._slew(memory, inputs, goal, via)
-
-    def lower(self, memory: ChargingMemory, inputs: ChargingInputs) -> Segment:
-        """Lower the item to the height from which it is laid."""
-        layer = self._place(memory.item).layer
-        goal = self._over_place(memory.item, layer + self._params.drop)
-        return self._line(memory, inputs, goal, self._params.approach_speed)
-
-    def approach(self, memory: ChargingMemory, inputs: ChargingInputs) -> Segment:
-        """Go near the wall."""
-        return self._towards_wall(
-            memory, inputs, -self._params.near, speed=self._params.approach_speed
-        )
-
-    def seek_wall(self, memory: ChargingMemory, inputs: ChargingInputs) -> Segment:
-        """Go slowly to the wall, and somewhat further."""
-        return self._towards_wall(
-            memory, inputs, self._params.search, speed=self._params.seek_speed
-        )
-
-    def slide(self, memory: ChargingMemory, inputs: ChargingInputs) -> Segment:
-        """Slide down the wall, near to the layer."""
-        return self._down(memory, inputs, self._params.near, self._params.slide_speed)
-
-    def descend_to_layer(self, memory: ChargingMemory, inputs: ChargingInputs) -> Segment:
-        """Go down near to the layer without wall."""
-        return self._down(memory, inputs, self._params.near, self._params.approach_speed)
-
-    def seek_layer(self, memory: ChargingMemory, inputs: ChargingInputs) -> Segment:
-        """Go slowly down to the layer, and somewhat further."""
-        return self._down(memory, inputs, -self._params.search, self._params.seek_speed)
-
-    def retreat(self, memory: ChargingMemory, inputs: ChargingInputs) -> Segment:
-        """Leave the crucible upwards."""
-        now = self._now(memory, inputs)
-        top = max(self._beliefs.station.rim_height + self._params.clearance, now[2])
-        return self._line(memory, inputs, _at_height(now, top), self._params.approach_speed)
-
-    def back(self, memory: ChargingMemory, inputs: ChargingInputs) -> Segment:
-        """Go back over the feeder."""
-        goal = self._feeder(memory.item, self._params.lift_height)
-        via = self._beliefs.station.rim_height + self._params.clearance
-        return self._slew(memory, inputs, goal, via)
-
-    def away(self, memory: ChargingMemory, inputs: ChargingInputs) -> Segment:
-        """Back off: from the wall where it was near, else upwards."""
-        now, far = self._now(memory, inputs), self._params.near
-        if memory.trouble_at.startswith("wall"):
-            x, y, _ = (a - far * n for a, n in zip(now[:3], memory.normal, strict=True))
-            goal: Vector7 = (x, y, *now[2:])
-        else:
-            goal = _at_height(now, now[2] + far)
-        return self._line(memory, inputs, goal, self._params.slide_speed)
+    def _line(
+        self, motion: Motion, now: Vector7, top: float, memory: ChargingMemory
+    ) -> tuple[Vector7, float]:
+        """Return goal and speed, m/s, of a straight motion; ``top``, m, is clear of the rim."""
+        params, item = self._params, memory.item
+        layer = self._place(item).layer
+        match motion:
+            case "home":
+                return self._beliefs.home, params.travel_speed
+            case "above":
+                return self._feeder(item, params.lift_height), params.travel_speed
+            case "descend":
+                return self._feeder(item, -params.search), params.descend_speed
+            case "lift":
+                return self._feeder(item, params.lift_height), params.lift_speed
+            case "run_in":
+                return self._scan_end(item, -1.0), params.travel_speed
+            case "scan":
+                return self._scan_end(item, 1.0), params.scan_speed
+            case "lower":
+                return self._over_place(item, layer + params.drop), params.approach_speed
+            case "approach":
+                return self._towards_wall(now, item, -params.near), params.approach_speed
+            case "seek_wall":
+                return self._towards_wall(now, item, params.search), params.seek_speed
+            case "retreat":
+                return _at_height(now, max(top, now[2])), params.approach_speed
+            case "away" if memory.trouble_at.startswith("wall"):
+                return _along(now, memory.normal, -params.near), params.slide_speed
+            case "away":
+                return _at_height(now, now[2] + params.near), params.slide_speed
+        over, speed = {
+            "slide": (params.near, params.slide_speed),
+            "descend_to_layer": (params.near, params.approach_speed),
+            "seek_layer": (-params.search, params.seek_speed),
+        }[motion]
+        return _at_height(now, layer + self._nugget(item).height + over), speed
 
     def _nugget(self, item: int) -> Nugget:
         return self._beliefs.nuggets[item]
@@ -144,20 +139,18 @@ class ChargingMotions:
     def _place(self, item: int) -> ItemPlace:
         return self._beliefs.places[item]
 
-    def _pose(self, x: float, y: float, lowest: float, item: int, yaw: float) -> Vector7:
+    def _pose(self, x: float, y: float, lowest: float, item: int, yaw: float = 0.0) -> Vector7:
         height = self._nugget(item).height
         return x, y, lowest + height, yaw, 0.0, 0.0, self._params.lean
 
     def _feeder(self, item: int, over: float) -> Vector7:
         x, y, z = self._beliefs.station.feeder
-        return self._pose(x, y, z + over, item, 0.0)
+        return self._pose(x, y, z + over, item)
 
     def _scan_end(self, item: int, side: float) -> Vector7:
         station = self._beliefs.station
         x, y, z = station.scanner
-        return self._pose(
-            x, y + side * (station.scan_length / 2 + self._params.run_in), z, item, 0.0
-        )
+        return self._pose(x, y + side * (station.scan_length / 2 + self._params.run_in), z, item)
 
     def _over_place(self, item: int, lowest: float) -> Vector7:
         place, n = self._place(item), self.normal(item)
@@ -165,57 +158,23 @@ class ChargingMotions:
         x, y = (a - off * b for a, b in zip(place.position, n[:2], strict=True))
         return self._pose(x, y, lowest, item, math.remainder(place.azimuth, 2 * math.pi))
 
-    def _towards_wall(
-        self, memory: ChargingMemory, inputs: ChargingInputs, beyond: float, *, speed: float
-    ) -> Segment:
-        now, n = self._now(memory, inputs), self.normal(memory.item)
-        at = self._place(memory.item).position
-        x, y = (a + beyond * b for a, b in zip(at, n[:2], strict=True))
-        return self._line(memory, inputs, (x, y, *now[2:]), speed)
-
-    def _down(
-        self, memory: ChargingMemory, inputs: ChargingInputs, over: float, speed: float
-    ) -> Segment:
-        layer, height = self._place(memory.item).layer, self._nugget(memory.item).height
-        now = self._now(memory, inputs)
-        return self._line(memory, inputs, _at_height(now, layer + height + over), speed)
+    def _towards_wall(self, now: Vector7, item: int, beyond: float) -> Vector7:
+        at_place = (*self._place(item).position, *now[2:])
+        return _along(at_place, self.normal(item), beyond)
 
     def _now(self, memory: ChargingMemory, inputs: ChargingInputs) -> Vector7:
         """Return the command, but for what is under force control, where the arm is."""
-        command = inputs.desired_position
+        command, n = inputs.desired_position, memory.normal
         if not memory.mode:
             return command
-        n = memory.normal
-        arm = inputs.endpoint_motion[:3]
-        along = sum(one * (a - c) for one, a, c in zip(n, arm, command[:3], strict=True))
-        x, y, z = (c + along * one for c, one in zip(command[:3], n, strict=True))
-        return x, y, z, *command[3:]
-
-    def _line(
-        self, memory: ChargingMemory, inputs: ChargingInputs, goal: Vector7, speed: float
-    ) -> Segment:
-        return Segment(
-            id=memory.segment.id + 1,
-            kind=LINE,
-            start=self._now(memory, inputs),
-            goal=goal,
-            speed=speed,
-            turn_speed=self._params.turn_speed,
-            acceleration=self._params.acceleration,
-        )
-
-    def _slew(
-        self, memory: ChargingMemory, inputs: ChargingInputs, goal: Vector7, via: float
-    ) -> Segment:
-        return Segment(
-            id=memory.segment.id + 1,
-            kind=SLEW,
-            start=self._now(memory, inputs),
-            goal=goal,
-            duration=self._params.slew_time,
-            via_height=max(via, goal[2], inputs.desired_position[2]),
-        )
+        off = zip(n, inputs.endpoint_motion[:3], command[:3], strict=True)
+        return _along(command, n, sum(one * (a - c) for one, a, c in off))
 
 
 def _at_height(pose: Vector7, z: float) -> Vector7:
     return (*pose[:2], z, *pose[3:])
+
+
+def _along(pose: Vector7, direction: Vector3, way: float) -> Vector7:
+    x, y, z = (a + way * n for a, n in zip(pose[:3], direction, strict=True))
+    return x, y, z, *pose[3:]

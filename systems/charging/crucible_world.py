@@ -162,23 +162,6 @@ class LayerMotion(LeafSystem):
         values.set_value(0, np.array([sx, sy, vx, vy, item, *shift]))
 
 
-@dataclass(frozen=True, kw_only=True)
-class FaultTriggerParams:
-    """Parameters of :class:`FaultTrigger`."""
-
-    state: int  # index of the chart's state
-    item: int  # index in the plan
-    delay: float  # s, after the state is entered with that item
-    duration: float  # s; may be infinite
-    period: float = 0.005  # s
-
-    def __post_init__(self) -> None:
-        require_not_negative(self, "delay")
-        require_positive(self, "period")
-        if not self.duration > 0:
-            raise ParameterError("duration", self.duration, "a number > 0")
-
-
 class FaultTrigger(LeafSystem):
     """Says when a fault acts: once, a while after a state is entered.
 
@@ -194,33 +177,37 @@ class FaultTrigger(LeafSystem):
     ``state`` and ``item``, size 1, of the chart; ``active``, size 1, 1 while the fault acts.
 
     Discrete state: time since the state was entered with the item, s, -1 before; active.
+
+    Args:
+        at: Index of the chart's state, and of the item in the plan.
+        delay: s, after the state is entered with that item.
+        lasting: s; may be infinite.
+        period: s.
     """
 
-    def __init__(self, params: FaultTriggerParams) -> None:
+    def __init__(
+        self, at: tuple[int, int], *, delay: float, lasting: float, period: float
+    ) -> None:
         super().__init__()
-        self._params = params
-        self._state = self.DeclareVectorInputPort("state", 1)
-        self._item = self.DeclareVectorInputPort("item", 1)
+        state = self.DeclareVectorInputPort("state", 1)
+        item = self.DeclareVectorInputPort("item", 1)
         memory = self.DeclareDiscreteState(np.array([-1.0, 0.0]))
 
         def calc(context: Context, vector: BasicVector) -> None:
             vector.SetAtIndex(0, context.get_discrete_state(memory).value()[1])
 
         self.DeclareVectorOutputPort("active", 1, calc, {self.discrete_state_ticket(memory)})
-        self.DeclarePeriodicDiscreteUpdateEvent(params.period, 0.0, self._tick)
 
-    def _tick(self, context: Context, values: DiscreteValues) -> None:
-        params = self._params
-        since = float(context.get_discrete_state(0).value()[0])
-        if since >= 0:
-            since += params.period
-        elif (
-            self._state.Eval(context)[0] == params.state
-            and self._item.Eval(context)[0] == params.item
-        ):
-            since = 0.0
-        late = since - params.delay + 1e-9
-        values.set_value(0, np.array([since, float(since >= 0 and 0 <= late < params.duration)]))
+        def tick(context: Context, values: DiscreteValues) -> None:
+            since = float(context.get_discrete_state(memory).value()[0])
+            if since >= 0:
+                since += period
+            elif (state.Eval(context)[0], item.Eval(context)[0]) == at:
+                since = 0.0
+            late = since - delay + 1e-9
+            values.set_value(0, np.array([since, float(since >= 0 and 0 <= late < lasting)]))
+
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, tick)
 
 
 class CutOff(LeafSystem):

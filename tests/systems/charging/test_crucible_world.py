@@ -7,7 +7,6 @@ from pydrake.systems.framework import Context
 from chamfer.systems.charging.crucible_world import (
     CutOff,
     FaultTrigger,
-    FaultTriggerParams,
     Grasp,
     GraspParams,
     LayerMotion,
@@ -88,8 +87,7 @@ def test_it_slips_as_a_block_on_a_table() -> None:
 
 
 def test_fault_acts_once_and_after_its_delay() -> None:
-    params = FaultTriggerParams(state=3, item=1, delay=0.01, duration=0.015)
-    trigger = FaultTrigger(params)
+    trigger = FaultTrigger((3, 1), delay=0.01, lasting=0.015, period=0.005)
     context = trigger.CreateDefaultContext()
     active = []
     for state, item in [(3, 0), (2, 1), *3 * [(3, 1)], *5 * [(4, 1)], *4 * [(3, 1)]]:
