@@ -16,6 +16,7 @@ from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_metrics import mean_interval, metrics_of, prefixed
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.cell.alignment_runs import (
+    ALIGNMENT,
     COURSE,
     STOPPED,
     AlignmentTrialsScenario,
@@ -45,12 +46,8 @@ from chamfer.diagrams.cell.controller_design import arm_responses, design_compen
 from chamfer.models.validation import ParameterError
 
 CONTROLLERS: Final[tuple[ControllerKind, ...]] = ("fsm", "pid")
-_MEASURED: Final = (
-    ("lateral_error", "m"),
-    ("rotational_error", "rad"),
-    ("lateral_overshoot", "m"),
-    ("rotational_overshoot", "rad"),
-)
+_ERRORS: Final = ("lateral_error", "rotational_error")
+_MEASURED: Final = (*_ERRORS, "lateral_overshoot", "rotational_overshoot")
 _TUNING_TRIALS: Final = 1_000_000  # from here on: none of the comparison is among them
 
 
@@ -106,25 +103,25 @@ def _candidates(
     scenario: ResolvedAlignmentComparisonScenario,
 ) -> dict[ControllerKind, list[ResolvedAlignmentComparisonScenario]]:
     responses, untuned = arm_responses(scenario), _without_numbers(scenario)
-    fsm, pid = (replace(scenario, controller=ControllerChoice(kind=kind)) for kind in CONTROLLERS)
-    large = {
-        kind: [getattr(scenario.compensator, kind).divider * one for one in small]
-        for kind, small in (
-            ("lateral", scenario.small_lateral),
-            ("rotational", scenario.small_rotational),
-        )
-    }
+    of = _with_both(scenario)
+    fsm = scenario.compensator
     increments: list[dict[Kind, float]] = [
-        {"lateral": one, "rotational": other} for one, other in product(*large.values())
+        {"lateral": fsm.lateral.divider * one, "rotational": fsm.rotational.divider * other}
+        for one, other in product(scenario.small_lateral, scenario.small_rotational)
     ]
+    elements = [design_compensator(untuned, responses, one) for one in increments]
+    laws = [design_pid(untuned, responses, time) for time in scenario.closed_loop]
     return {
-        "fsm": [
-            replace(fsm, compensator=design_compensator(untuned, responses, one))
-            for one in increments
-        ],
-        "pid": [
-            replace(pid, pid=design_pid(untuned, responses, time)) for time in scenario.closed_loop
-        ],
+        "fsm": [replace(of["fsm"], compensator=one) for one in elements],
+        "pid": [replace(of["pid"], pid=one) for one in laws],
+    }
+
+
+def _with_both(
+    scenario: ResolvedAlignmentComparisonScenario,
+) -> dict[ControllerKind, ResolvedAlignmentComparisonScenario]:
+    return {
+        kind: replace(scenario, controller=ControllerChoice(kind=kind)) for kind in CONTROLLERS
     }
 
 
@@ -132,21 +129,10 @@ def _without_numbers(
     scenario: ResolvedAlignmentComparisonScenario,
 ) -> ResolvedAlignmentComparisonScenario:
     """Return the scenario with what tuning is to find open again."""
-
-    def element(of: OpenAxis) -> OpenAxis:
-        return OpenAxis(divider=of.divider, limit=of.limit)
-
-    def law(of: OpenGains) -> OpenGains:
-        return OpenGains(derivative=of.derivative, limit=of.limit)
-
-    fsm, pid = scenario.compensator, scenario.pid
-    return replace(
-        scenario,
-        compensator=SixAxisSettings(
-            lateral=element(fsm.lateral), rotational=element(fsm.rotational)
-        ),
-        pid=SixAxisPid(lateral=law(pid.lateral), rotational=law(pid.rotational)),
-    )
+    fsm, pid = vars(scenario.compensator).items(), vars(scenario.pid).items()
+    elements = {kind: OpenAxis(divider=of.divider, limit=of.limit) for kind, of in fsm}
+    laws = {kind: OpenGains(derivative=of.derivative, limit=of.limit) for kind, of in pid}
+    return replace(scenario, compensator=SixAxisSettings(**elements), pid=SixAxisPid(**laws))
 
 
 class ControllerTrial(NamedTuple):
@@ -168,16 +154,14 @@ def score(finished: Trials[ControllerTrial]) -> float:
     """Return the mean error of trials, both kinds relative to the published means, summed."""
     if not len(finished):
         return math.inf
-    lateral, rotational = map(finished.column, ("lateral_error", "rotational_error"))
+    lateral, rotational = map(finished.column, _ERRORS)
     return float(np.mean(lateral / MEAN_ERROR[0] + rotational / MEAN_ERROR[1]))
 
 
 def run(scenario: ResolvedAlignmentComparisonScenario, seed: int, progress: Progress) -> Outcome:
     """Tune both if asked to, and compare them."""
     tables: dict[str, dict[str, NDArray[np.float64]]] = {}
-    chosen = {
-        name: replace(scenario, controller=ControllerChoice(kind=name)) for name in CONTROLLERS
-    }
+    chosen = _with_both(scenario)
     simulated = 0
     if scenario.tuning_trials:
         tuned, tables["tuning"] = _tune(scenario, seed, progress)
@@ -191,8 +175,8 @@ def run(scenario: ResolvedAlignmentComparisonScenario, seed: int, progress: Prog
     found = finished.split(CONTROLLERS, lambda task: task.scenario.controller.kind)
     metrics: dict[str, Metric] = {}
     for name, of in found.items():
-        for measured, unit in _MEASURED:
-            metrics |= prefixed(name, statistics(of, measured, unit))
+        for measured in _MEASURED:
+            metrics |= prefixed(name, statistics(of, measured, ALIGNMENT[measured].unit))
         count = int(np.isfinite(of.column("settling_time")).sum())
         note = f"mean of the {count} of {len(of)} trials that settle in time"
         metrics |= prefixed(name, settled_trials(of, note))
@@ -200,12 +184,12 @@ def run(scenario: ResolvedAlignmentComparisonScenario, seed: int, progress: Prog
         stopped = {one: of.column(one) for one in STOPPED}
         metrics |= prefixed(name, {**stopped_metrics(stopped), **settling_metrics(chosen[name])})
         metrics |= prefixed(name, _parameters(chosen[name]))
-    for measured, unit in _MEASURED[:2]:
-        metrics |= _difference(found, measured, unit)
+    for measured in _ERRORS:
+        metrics |= _difference(found, measured, ALIGNMENT[measured].unit)
     tables["errors"] = _errors(found)
     traces = {"trial": column(np.arange(scenario.trials))}
     for name, of in found.items():
-        for measured, _ in (*_MEASURED, ("settling_time", "s")):
+        for measured in (*_MEASURED, "settling_time"):
             values = np.full(scenario.trials, np.nan)
             values[_numbers(of)] = of.column(measured)
             traces[f"{name}.{measured}"] = values
@@ -250,24 +234,20 @@ def _tune(
     for name in CONTROLLERS:
         of = [i for i, (controller, _) in enumerate(listed) if controller == name]
         best[name] = listed[min(of, key=lambda i: scores[i])][1]
+    # What tells candidates apart: small increments, or integral gains.
+    knobs = [
+        [axis.small_increment for axis in one.compensator.axes]
+        if name == "fsm"
+        else [law.integral for law in one.pid.axes]
+        for name, one in listed
+    ]
     table = {
         "controller": column([float(CONTROLLERS.index(name)) for name, _ in listed]),
-        "lateral": column([_knob(name, one)[0] for name, one in listed]),
-        "rotational": column([_knob(name, one)[1] for name, one in listed]),
+        "lateral": column([axes[0] for axes in knobs]),
+        "rotational": column([axes[3] for axes in knobs]),
         "score": column(scores),
     }
     return best, table
-
-
-def _knob(
-    name: ControllerKind, scenario: ResolvedAlignmentComparisonScenario
-) -> tuple[float, float]:
-    """Return what tells candidates apart: small increments, or integral gains."""
-    if name == "fsm":
-        elements = scenario.compensator.axes
-        return elements[0].small_increment, elements[3].small_increment
-    laws = scenario.pid.axes
-    return laws[0].integral, laws[3].integral
 
 
 def _parameters(scenario: ResolvedAlignmentComparisonScenario) -> dict[str, Metric]:
@@ -305,7 +285,6 @@ def _difference(
     return metrics_of({f"difference.{name}.{of}": (end, unit, note) for of, end in ends.items()})
 
 
-_CONTROLLERS: Final = ("fsm", "pid")
 _KINDS: Final = (("lateral", "mm", MEAN_ERROR[0]), ("rotational", "mrad", MEAN_ERROR[1]))
 
 
@@ -321,12 +300,8 @@ def figures(
         over_time.axhline(1e3 * published, label="published mean, FSM", **PUBLISHED)
         over_time.set_ylim(1e3 * published / 1000, None)
         title = f"({'ac'[row]}) True {name} error: trials thin, median thick"
-        dress(
-            over_time,
-            title=title,
-            x="time since the compensation's begin / s",
-            y=f"error / {unit}",
-        )
+        since = "time since the compensation's begin / s"
+        dress(over_time, title=title, x=since, y=f"error / {unit}")
         legend(over_time, loc="lower left")
         _ends(ends, outcome, name)
         ends.axhline(1e3 * published, label="published mean, FSM", **PUBLISHED)
@@ -339,7 +314,7 @@ def _over_time(
     axes: Axes, scenario: ResolvedAlignmentComparisonScenario, outcome: Outcome, name: str
 ) -> None:
     table = outcome.tables["errors"]
-    for i, controller in enumerate(_CONTROLLERS):
+    for i, controller in enumerate(CONTROLLERS):
         label, style = LOOPS[controller]
         of = table["controller"] == i
         shape = (len(np.unique(table["trial"][of])), -1)
@@ -352,11 +327,11 @@ def _over_time(
 
 def _ends(axes: Axes, outcome: Outcome, name: str) -> None:
     pairs = 1e3 * np.array(
-        [outcome.traces[f"{controller}.{name}_error"] for controller in _CONTROLLERS]
+        [outcome.traces[f"{controller}.{name}_error"] for controller in CONTROLLERS]
     )
-    axes.semilogy(range(len(_CONTROLLERS)), pairs, color="#999999", linewidth=0.7)
-    for i, controller in enumerate(_CONTROLLERS):
+    axes.semilogy(range(len(CONTROLLERS)), pairs, color="#999999", linewidth=0.7)
+    for i, controller in enumerate(CONTROLLERS):
         color = LOOPS[controller][1]["color"]
         axes.semilogy(np.full(pairs.shape[1], i), pairs[i], "o", color=color, markersize=4)
-    axes.set_xticks(range(len(_CONTROLLERS)), [LOOPS[one][0] for one in _CONTROLLERS])
-    axes.set_xlim(-0.5, len(_CONTROLLERS) - 0.5)
+    axes.set_xticks(range(len(CONTROLLERS)), [LOOPS[one][0] for one in CONTROLLERS])
+    axes.set_xlim(-0.5, len(CONTROLLERS) - 0.5)

@@ -86,6 +86,11 @@ ALIGNMENT: Final = {
 STOPPED: Final = ("blind", "diverged", "limited", "growing")  # what says that a loop went wrong
 SETTLED: Final = (0.001, 0.01)  # m and rad: a run has settled from where it stays below
 COURSE: Final = ("time", "lateral_errors", "rotational_errors")  # of a trial, in its row
+# Across the hole's axis, and where they are in a compensation.
+_ACROSS: Final = {
+    "lateral": (("y", "z"), slice(0, 3)),
+    "rotational": (("pitch", "yaw"), slice(3, 6)),
+}
 LATE: Final = 0.5  # s, at the end, over which the compensation should not change any more
 
 
@@ -190,42 +195,44 @@ def row_before(time: Array, begin: float) -> int:
 def alignment_metrics(traces: Table, scenario: AlignmentScenario) -> dict[str, float | None]:
     """Measure a run, see :data:`ALIGNMENT`; a value is None where it is undefined."""
     time = traces["time"]
-    lateral, rotational = traces["lateral_error"], traces["rotational_error"]
     before = row_before(time, scenario.begin)
-    values: dict[str, float | None] = dict.fromkeys(ALIGNMENT)
-    values["lateral_error"] = float(lateral[-1])
-    values["rotational_error"] = float(rotational[-1])
-    values["uncompensated.lateral_error"] = float(lateral[before])
-    values["uncompensated.rotational_error"] = float(rotational[before])
-    values["gap_error"] = float(traces["gap"][-1]) - scenario.gap
-    if traces["valid"][-1]:
-        off = [traces[f"error_{axis}"][-1] for axis in ("y", "z", "pitch", "yaw")]
-        true = [traces[f"true_{axis}"][-1] for axis in ("y", "z", "pitch", "yaw")]
-        pixel = scenario.cameras.pixel_size
-        values["vision.lateral_error"] = float(
-            np.hypot(pixel * off[0] - true[0], pixel * off[1] - true[1])
-        )
-        values["vision.rotational_error"] = float(np.hypot(off[2] - true[2], off[3] - true[3]))
-    for name, across in (("lateral", ("y", "z")), ("rotational", ("pitch", "yaw"))):
-        lacks = np.column_stack([traces[f"true_{axis}"] for axis in across])
-        values[f"{name}_overshoot"] = _overshoot(lacks[before:])
-    out = np.flatnonzero((lateral > SETTLED[0]) | (rotational > SETTLED[1]))
-    last = int(out[-1]) + 1 if len(out) else 0
-    if last < len(time):
-        values["settling_time"] = max(float(time[last]) - scenario.begin, 0.0)
     total = np.column_stack([traces[f"compensation_{axis}"] for axis in AXES])
     late = total[time >= time[-1] - LATE - 1e-9]
     changed = late.max(axis=0) - late.min(axis=0)
-    for name, axes in (("lateral", slice(0, 3)), ("rotational", slice(3, 6))):
+    values: dict[str, float | None] = dict.fromkeys(ALIGNMENT)
+    for name, (across, axes) in _ACROSS.items():
+        error = traces[f"{name}_error"]
+        values[f"{name}_error"] = float(error[-1])
+        values[f"uncompensated.{name}_error"] = float(error[before])
+        lacks = np.column_stack([traces[f"true_{axis}"] for axis in across])
+        values[f"{name}_overshoot"] = _overshoot(lacks[before:])
         values[f"compensation.{name}"] = float(np.abs(total[-1, axes]).max())
         values[f"compensation.late_{name}"] = float(changed[axes].max())
         if largest := float(np.abs(total[:, axes]).max()):
             share = 100 * float(changed[axes].max()) / largest
             values[f"compensation.late_{name}_share"] = share
+    values["gap_error"] = float(traces["gap"][-1]) - scenario.gap
+    out = (traces["lateral_error"] > SETTLED[0]) | (traces["rotational_error"] > SETTLED[1])
+    if not out[-1]:
+        last = int(np.flatnonzero(out).max(initial=-1)) + 1
+        values["settling_time"] = max(float(time[last]) - scenario.begin, 0.0)
     busy = [traces[f"{arm}_saturated"] > 0 for arm in scenario.arms]
     values["saturated"] = 100 * float(np.mean(np.any(busy, axis=0)))
     values["detected"] = detected_share(traces, scenario)
-    return values | stopped_values(traces, scenario)
+    pixel = scenario.cameras.pixel_size
+    return values | vision_errors(traces, -1, pixel) | stopped_values(traces, scenario)
+
+
+def vision_errors(traces: Table, row: int, pixel_size: float) -> dict[str, float | None]:
+    """Return what the measured errors are off at a row, m and rad; None if nothing is measured."""
+    values: dict[str, float | None] = {}
+    for name, (across, _) in _ACROSS.items():
+        scale = pixel_size if name == "lateral" else 1.0
+        off = [
+            scale * traces[f"error_{axis}"][row] - traces[f"true_{axis}"][row] for axis in across
+        ]
+        values[f"vision.{name}_error"] = float(np.hypot(*off)) if traces["valid"][row] else None
+    return values
 
 
 def _overshoot(lacks: Array) -> float:
@@ -360,10 +367,14 @@ class Spread:
 
     def __post_init__(self) -> None:
         require_not_negative(self, "lateral", "rotational", "link_mass")
-        for name in ("payload", "joint_friction", "link_mass"):
-            value = getattr(self, name)
-            if not 0 <= value < 1:
-                raise ParameterError(name, value, "from 0 to less than 1")
+        require_shares(self, "payload", "joint_friction", "link_mass")
+
+
+def require_shares(params: object, *names: str) -> None:
+    """Refuse a relative error that may take all of a value."""
+    for name in names:
+        if not 0 <= (value := getattr(params, name)) < 1:
+            raise ParameterError(name, value, "from 0 to less than 1")
 
 
 DrawnT = TypeVar("DrawnT", bound=AlignmentScenario)

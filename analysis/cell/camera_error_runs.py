@@ -21,6 +21,7 @@ from chamfer.analysis.cell.alignment_runs import (
     row_before,
     run_alignment,
     true_errors,
+    vision_errors,
 )
 from chamfer.diagrams.cell.alignment_scenario import (
     AlignmentScenario,
@@ -99,24 +100,16 @@ def _changed(of: ViewSettings, part: str, **values: Any) -> ViewSettings:
     return replace(of, **changes)
 
 
-def _more(part: str, name: str) -> Change:
-    """Add the size to a number of the true camera, the frames or the sensor."""
+def _more(part: str, name: str, *shares: float) -> Change:
+    """Add the size, or shares of it to its elements, to a field of one of a view's settings."""
 
     def change(of: ViewSettings, size: float, cameras: CameraSettings) -> ViewSettings:
         was = getattr(getattr(of, part), name)
-        value = round(was + size) if isinstance(was, int) else was + size
-        return _changed(of, part, **{name: value})
-
-    return change
-
-
-def _added(name: str, *shares: float) -> Change:
-    """Add shares of the size to the elements of a field of the true camera."""
-
-    def change(of: ViewSettings, size: float, cameras: CameraSettings) -> ViewSettings:
-        was = getattr(of.true, name)
-        now = tuple(one + share * size for one, share in zip(was, shares, strict=True))
-        return _changed(of, "true", **{name: now})
+        if shares:
+            now: Any = tuple(one + share * size for one, share in zip(was, shares, strict=True))
+        else:
+            now = round(was + size) if isinstance(was, int) else was + size
+        return _changed(of, part, **{name: now})
 
     return change
 
@@ -124,9 +117,8 @@ def _added(name: str, *shares: float) -> Change:
 def _focal(along_u: float, along_v: float) -> Change:
     def change(of: ViewSettings, size: float, cameras: CameraSettings) -> ViewSettings:
         fu, fv = known("focal_length", of.true.focal_length)
-        return _changed(
-            of, "true", focal_length=(fu * (1 + along_u * size), fv * (1 + along_v * size))
-        )
+        longer = fu * (1 + along_u * size), fv * (1 + along_v * size)
+        return _changed(of, "true", focal_length=longer)
 
     return change
 
@@ -149,24 +141,23 @@ def _coarse(of: ViewSettings, size: float, cameras: CameraSettings) -> ViewSetti
 
 
 def _warm(of: ViewSettings, size: float, cameras: CameraSettings) -> ViewSettings:
-    gains = zip(of.sensor.white_balance, _WARM, strict=True)
-    return _changed(
-        of, "sensor", white_balance=tuple(gain * (1 + size * more) for gain, more in gains)
-    )
+    gains = np.multiply(of.sensor.white_balance, 1 + size * np.array(_WARM))
+    return _changed(of, "sensor", white_balance=tuple(gains.tolist()))
 
 
 _OFF_AXIS: Final = partial(AssumedCameraError, off_axis=True)
 _IN_MOTION: Final = partial(AssumedCameraError, moving=True, signed=False)
 _OF_ONE: Final = partial(_IN_MOTION, views=VIEWS[1:])
-_K1, _K2, _P1 = (_added("distortion", *np.eye(5)[k].tolist()) for k in range(3))
-_RIGHT, _DOWN, _AHEAD = (_added("position", *np.eye(3)[k].tolist()) for k in range(3))
+_K1, _K2, _P1 = (_more("true", "distortion", *np.eye(5)[k].tolist()) for k in range(3))
+_RIGHT, _DOWN, _AHEAD = (_more("true", "position", *np.eye(3)[k].tolist()) for k in range(3))
 _LONGER: Final = 1 / 30 - 1 / 80  # s
 
 ERRORS: Final[tuple[AssumedCameraError, ...]] = (
     AssumedCameraError("focal_length", "", 0.3, "focal length", _focal(1.0, 1.0)),
     AssumedCameraError("pixel_aspect", "", 0.02, "aspect of the pixels", _focal(0.5, -0.5)),
     AssumedCameraError(
-        "principal_point", "pixels", 20.0, "principal point", _added("principal_point", 1.0, 1.0)
+        *("principal_point", "pixels", 20.0, "principal point"),
+        _more("true", "principal_point", 1.0, 1.0),
     ),
     AssumedCameraError("distortion", "", -1.25, "distortion k1 of parts on the axis", _K1),
     _OFF_AXIS("distortion_off_axis", "", -1.25, "distortion k1 of parts off the axis", _K1),
@@ -175,7 +166,7 @@ ERRORS: Final[tuple[AssumedCameraError, ...]] = (
     AssumedCameraError("position_along", "m", 0.15, "a place nearer to the parts", _AHEAD),
     AssumedCameraError("position_across", "m", 0.03, "a place to the right", _RIGHT),
     AssumedCameraError("position_down", "m", 0.02, "a place further down", _DOWN),
-    AssumedCameraError("tilt_in_place", "rad", 0.05, "tilt in place", _added("tilt", 1.0, 1.0)),
+    AssumedCameraError("tilt_in_place", "rad", 0.05, "tilt in place", _more("true", "tilt", 1, 1)),
     AssumedCameraError("tilt_aimed", "rad", 0.3, "tilt with the aim kept", _aim),
     AssumedCameraError("roll", "rad", 0.15, "roll", _more("true", "roll")),
     AssumedCameraError(
@@ -295,16 +286,13 @@ def at_rest(study: ResolvedCameraErrorsScenario, task: ErrorAtRest) -> Row:
     """Return where the parts are taken to be aligned, shape (n,); NaN where one is not seen."""
     error = BY_NAME[task.error]
     values: dict[str, list[float]] = {name: [] for name in (*LEFT, "gap_error")}
+    hole = pose_vector(study.nominal_pose("hole"))[np.newaxis]
     for size in task.sizes:
         scenario = with_error(_of(study, task.measured), error, size, study.off_axis)
         picture = None if error.picture is None else error.picture(size)
-        X_WT = StillVision(scenario, picture).aligned()
-        if X_WT is None:
-            found = dict.fromkeys(values, math.nan)
-        else:
-            pose, hole = (
-                pose_vector(X)[np.newaxis] for X in (X_WT, scenario.nominal_pose("hole"))
-            )
+        found = dict.fromkeys(values, math.nan)
+        if (X_WT := StillVision(scenario, picture).aligned()) is not None:
+            pose = pose_vector(X_WT)[np.newaxis]
             found = {name: float(of[0]) for name, of in left(study, pose, hole).items()}
             found["gap_error"] = float(true_errors(pose, hole).gap[0]) - scenario.gap
         for name, value in found.items():
@@ -383,19 +371,13 @@ def _measured(study: ResolvedCameraErrorsScenario, traces: Traces) -> dict[str, 
         for arm in ("peg", "hole")
     ]
     found = left(study, *poses)
-    rows = {"soon": row_before(traces["time"], study.begin + study.soon) + 1, "late": -1}
+    last = len(traces["time"]) - 1
+    soon = min(row_before(traces["time"], study.begin + study.soon) + 1, last)
     values: dict[str, float | None] = {}
-    pixel = study.cameras.pixel_size
-    for moment, row in rows.items():
-        row = min(row, len(traces["time"]) - 1)
-        values |= {f"{moment}.{name}": float(of[row]) for name, of in found.items()}
-        off = [
-            scale * traces[f"error_{axis}"][row] - traces[f"true_{axis}"][row]
-            for axis, scale in (("y", pixel), ("z", pixel), ("pitch", 1.0), ("yaw", 1.0))
-        ]
-        seen = bool(traces["valid"][row])
-        values[f"{moment}.vision.lateral_error"] = float(np.hypot(*off[:2])) if seen else None
-        values[f"{moment}.vision.rotational_error"] = float(np.hypot(*off[2:])) if seen else None
+    for moment, row in (("soon", soon), ("late", last)):
+        at = vision_errors(traces, row, study.cameras.pixel_size)
+        at |= {name: float(of[row]) for name, of in found.items()}
+        values |= {f"{moment}.{name}": value for name, value in at.items()}
     return values
 
 

@@ -20,7 +20,7 @@ from pydrake.systems.framework import Context
 from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_metrics import metrics_of, rate
 from chamfer.analysis.campaign.trial_rows import Row
-from chamfer.analysis.cell.alignment_runs import ArmT, wrong_arm
+from chamfer.analysis.cell.alignment_runs import ArmT, require_shares, wrong_arm
 from chamfer.analysis.drawing.figure_kit import draw_counts
 from chamfer.analysis.drawing.figure_style import Style, dress, legend, new_figure
 from chamfer.analysis.insertion.insertion_runs import median
@@ -199,10 +199,7 @@ class ModelErrors:
 
     def __post_init__(self) -> None:
         require_not_negative(self, "payload")
-        for name in ("link_mass", "joint_friction"):
-            value = getattr(self, name)
-            if not 0 <= value < 1:
-                raise ParameterError(name, value, "from 0 to less than 1")
+        require_shares(self, "link_mass", "joint_friction")
 
     def drawn(self, arm: ArmT, generator: np.random.Generator) -> ArmT:
         """Return an arm with errors of its model."""
