@@ -27,7 +27,9 @@ from chamfer.models.validation import ParameterError
 
 SEPARATOR: Final = "::"  # between the names of blocks and ports, as in Drake's own paths
 
+Array = NDArray[np.float64]
 Way = Literal["input", "output"]
+Ports: TypeAlias = str | InputPort | OutputPort | Sequence[str | InputPort | OutputPort] | None
 
 
 class Port(NamedTuple):
@@ -62,24 +64,32 @@ class Port(NamedTuple):
         return context
 
 
-def _all(
+def _blocks(
     system: System, path: tuple[int, ...] = (), name: str = ""
 ) -> Iterator[tuple[tuple[int, ...], str, System]]:
     """Return path, name and system of the whole, and of all in it in the states' order."""
     yield path, name, system
     if isinstance(system, Diagram):
         for i, inner in enumerate(system.GetSystems()):
-            yield from _all(inner, (*path, i), _joined(name, inner.get_name()))
+            yield from _blocks(inner, (*path, i), _joined(name, inner.get_name()))
+
+
+def _ports(system: System, way: Way) -> Iterator[Port]:
+    """Return the ports of the whole and of all in it; an abstract one has the size 0."""
+    for path, name, block in _blocks(system):
+        count = block.num_input_ports() if way == "input" else block.num_output_ports()
+        for i in range(count):
+            port = Port(way, path, i, name, 0).of(system)
+            size = port.size() if port.get_data_type() == PortDataType.kVectorValued else 0
+            yield Port(way, path, i, _joined(name, port.get_name()), size)
 
 
 def own_ports(system: System, way: Way) -> list[Port]:
     """Return a system's own vector ports."""
-    return [port for port in _ports(system, way, (), "") if port.size]
+    return [port for port in _ports(system, way) if port.size and not port.path]
 
 
-def find_ports(
-    system: System, way: Way, wanted: "str | InputPort | OutputPort | Sequence[Any] | None"
-) -> list[Port]:
+def find_ports(system: System, way: Way, wanted: Ports) -> list[Port]:
     """Return the ports that are meant, or all of the system's own for None.
 
     Args:
@@ -94,32 +104,42 @@ def find_ports(
     if wanted is None:
         return own_ports(system, way)
     each = [wanted] if isinstance(wanted, str | InputPort | OutputPort) else list(wanted)
-    return [_find(system, way, one) for one in each]
+    everywhere = list(_ports(system, way))
+    found = []
+    for one in each:
+        if isinstance(one, InputPort | OutputPort):
+            shown, meant = one.get_name(), [port for port in everywhere if port.of(system) is one]
+        else:
+            shown, ahead = one, f"{one}{SEPARATOR}"
+            meant = [port for port in everywhere if port.name == one] or [
+                port
+                for port in everywhere
+                if port.name.startswith(ahead) and SEPARATOR not in port.name[len(ahead) :]
+            ]
+        if len(meant) != 1 or not meant[0].size:
+            names = dict.fromkeys(port.name for port in meant or everywhere if port.size)
+            allowed = f"one of the vector ports: {', '.join(names) or 'there is none'}"
+            raise ParameterError(way, shown, allowed)
+        found += meant
+    return found
 
 
 def source_of(system: System, port: Port) -> Port | None:
     """Return the output that is connected to a block's input, None if there is none."""
     if not port.path:
         return None
-    diagram = _block(system, port.path[:-1])
-    block = diagram.GetSystems()[port.path[-1]]
-    connected = diagram.connection_map().get((block, InputPortIndex(port.number)))
+    entrance, diagram = port.of(system), _block(system, port.path[:-1])
+    connected = diagram.connection_map().get((entrance.get_system(), entrance.get_index()))
     if connected is None:
         return None
-    source, index = connected
-    return next(
-        found
-        for path, name, one in _all(system)
-        if one is source
-        for found in _ports(one, "output", path, name)
-        if found.number == int(index)
-    )
+    output = connected[0].get_output_port(connected[1])
+    return next(one for one in _ports(system, "output") if one.of(system) is output)
 
 
 def state_labels(system: System, context: Context) -> list[str]:
     """Return a name for each state: continuous ones, then discrete ones, block by block."""
     continuous, discrete = [], []
-    for path, name, block in _all(system):
+    for path, name, block in _blocks(system):
         if isinstance(block, Diagram):
             continue
         own = Port("input", path, 0, name, 0).context(system, context)
@@ -135,57 +155,6 @@ def state_labels(system: System, context: Context) -> list[str]:
     return continuous + discrete
 
 
-def _find(system: System, way: Way, wanted: Any) -> Port:
-    everywhere = [
-        port for path, name, one in _all(system) for port in _ports(one, way, path, name)
-    ]
-    if isinstance(wanted, InputPort | OutputPort):
-        found = [port for port in everywhere if _same(port.of(system), wanted)]
-        shown = wanted.get_name()
-    else:
-        shown = wanted
-        found = [port for port in everywhere if port.name == wanted]
-        if not found:
-            ahead = f"{wanted}{SEPARATOR}"
-            found = [
-                port
-                for port in everywhere
-                if port.name.startswith(ahead) and SEPARATOR not in port.name[len(ahead) :]
-            ]
-    if len(found) == 1 and found[0].size:
-        return found[0]
-    names = ", ".join(dict.fromkeys(port.name for port in (found or everywhere) if port.size))
-    raise ParameterError(way, shown, f"one of the vector ports: {names or 'there is none'}")
-
-
-def _same(port: Any, wanted: Any) -> bool:
-    return (
-        isinstance(wanted, type(port))
-        and port.get_system() is wanted.get_system()
-        and port.get_index() == wanted.get_index()
-    )
-
-
-def _ports(system: System, way: Way, path: tuple[int, ...], name: str) -> list[Port]:
-    """Return a block's ports; an abstract one has the size 0."""
-    if way == "input":
-        ports = [system.get_input_port(InputPortIndex(i)) for i in range(system.num_input_ports())]
-    else:
-        ports = [
-            system.get_output_port(OutputPortIndex(i)) for i in range(system.num_output_ports())
-        ]
-    return [
-        Port(
-            way,
-            path,
-            i,
-            _joined(name, port.get_name()),
-            port.size() if port.get_data_type() == PortDataType.kVectorValued else 0,
-        )
-        for i, port in enumerate(ports)
-    ]
-
-
 def _block(system: System, path: tuple[int, ...]) -> System:
     for i in path:
         system = system.GetSystems()[i]
@@ -196,8 +165,6 @@ def _joined(name: str, inner: str) -> str:
     return f"{name}{SEPARATOR}{inner}" if name else inner
 
 
-Array = NDArray[np.float64]
-
 _EARLY: Final = 1e-6  # periods, by which a period begins before its tick, for there to be one
 _RADIANS: Final = 0.1  # of the fastest continuous mode in a step of the integrator
 _MOST_STEPS: Final = 20_000  # of the integrator in a period
@@ -205,8 +172,6 @@ _LOOKED_AT: Final = 16  # periods, for as many events in each
 _COMPARED: Final = 8  # columns of the map, with those of the next period
 _SAME: Final = 0.01  # of the map's largest number, by which they may differ
 
-
-Ports: TypeAlias = str | InputPort | OutputPort | Sequence[str | InputPort | OutputPort] | None
 
 _STEP: Final = 1e-6  # of the differences
 _CLOSES: Final = 1e-4  # by which a loop that is closed again may differ from the diagram's
