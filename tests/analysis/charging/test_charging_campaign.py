@@ -133,6 +133,3 @@ def test_campaigns_that_are_none_are_refused(changes: dict[str, Any], message: s
     with pytest.raises(ParameterError) as caught:
         ChargingCampaignScenario(**changes)
     assert str(caught.value).startswith(message)
-
-
-DRAWN = ChargingCampaignScenario(trials=3)

@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
-from chamfer.analysis.charging.charging_figures import (
-    plot_charging,
-    plot_path,
-)
+from chamfer.analysis.charging.charging_figures import plot_charging, plot_path
 from chamfer.analysis.charging.charging_runs import LIMITS
 from chamfer.analysis.scenario.experiment import Metric, Outcome
 from chamfer.diagrams.charging.charging_scenario import (
@@ -18,7 +15,6 @@ from chamfer.diagrams.charging.charging_scenario import (
     resolve_charging,
 )
 from chamfer.models.charging.packing import PlanItem
-from chamfer.systems.charging.charging_chart import ChargingChart
 
 PLAN = (PlanItem(kind="wall"), PlanItem(kind="crown"), PlanItem(kind="bulk"))
 VISITS = (  # item and state, a row each
@@ -95,45 +91,27 @@ def test_wall_shows_the_carried_nugget_and_marks_the_slide(
     np.testing.assert_allclose(np.asarray(thick[0].get_ydata()), [*pushed, np.nan])
 
 
-@pytest.fixture(scope="module")
-def chart() -> ChargingChart:
-    return chart_of(resolve_charging(CrucibleChargingScenario(plan=(PlanItem(),))))
-
-
-def taken(*steps: tuple[str, str, str], why: str = "") -> Outcome:
-    source, target, label = np.array(steps).T
-    table = {"time": 0.5 * np.arange(len(steps)), "source": source, "target": target}
+def test_each_state_stands_in_its_modes_row(scenario: CrucibleChargingScenario) -> None:
+    chart = chart_of(scenario)
+    way = {
+        "time": np.array([0.0, 0.5]),
+        "source": np.array(["home.out", "home.settle"]),
+        "target": np.array(["home.settle", "acquire.above"]),
+        "label": np.array(["there", "homed"]),
+    }
     metrics = {
-        "cycle.laid": Metric(value=0, unit="", note=why),
+        "cycle.laid": Metric(value=0, unit="", note="no part in the feeder"),
         "cycle.time": Metric(value=5.5, unit="s"),
     }
-    return Outcome(
-        metrics=metrics,
-        traces={},
-        simulated_seconds=5.5,
-        tables={"transitions": table | {"label": label}},
+    result = Outcome(
+        metrics=metrics, traces={}, simulated_seconds=5.5, tables={"transitions": way}
     )
-
-
-HOMED = (
-    ("home.out", "home.settle", "there"),
-    ("home.settle", "acquire.above", "homed"),
-)
-
-
-def shown(chart: ChargingChart, result: Outcome) -> dict[str, tuple[float, float]]:
-    """Return where each text stands, by its words without spaces."""
-    texts = plot_path(chart, result).axes[0].texts
-    return {
-        "".join(text.get_text().replace("_", " ").split()): text.get_position() for text in texts
+    found = {
+        "".join(text.get_text().replace("_", " ").split()): text.get_position()
+        for text in plot_path(chart, result).axes[0].texts
     }
-
-
-def test_each_state_stands_in_its_modes_row(chart: ChargingChart) -> None:
-    found = shown(chart, taken(*HOMED, why="no part in the feeder"))
     assert "charging:0itemslaidin5.5s,thenstopped:nopartinthefeeder" in found
-    boxes = {name.replace("_", "").replace(" ", ""): name for name in chart.state_names}
-    missing = {name for words, name in boxes.items() if words not in found}
+    missing = {name for name in chart.state_names if name.replace("_", "") not in found}
     # What a run seldom comes to is drawn only where it did.
     assert missing == {"halted", "back_off.brake", "back_off.away", "stopped"}
     heights = [found[one][1] for one in ("home.settle", "acquire.zero", "wall.lower", "done")]

@@ -1,6 +1,7 @@
 """The block: the chart's ports, with a path follower in a diagram, and what it may be told."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from pydrake.systems.primitives import ConstantVectorSource, Multiplexer
 from chamfer.models.charging.packing import PlanItem, places
 from chamfer.models.charging.station import Station
 from chamfer.models.validation import ParameterError
-from chamfer.systems.charging.charging_chart import MODE_OF, ChargingMachine
+from chamfer.systems.charging.charging_chart import ChargingMachine
 from chamfer.systems.charging.charging_params import (
     ChargingBeliefs,
     ChargingParams,
@@ -20,7 +21,6 @@ from chamfer.systems.charging.charging_params import (
     ResolvedTouchDetectionParams,
     TouchDetectionParams,
 )
-from chamfer.systems.force.contact_detection import APPROACH
 from chamfer.systems.force.selection import position_selection
 from chamfer.systems.trajectory.path_follower import PathFollower, PathFollowerParams
 
@@ -30,14 +30,9 @@ DETECTION = ResolvedTouchDetectionParams(detect=0.3, readings=2)
 
 def beliefs() -> ChargingBeliefs:
     plan = (PlanItem(azimuth=0.5), PlanItem(kind="crown"))
-    return ChargingBeliefs(
-        station=Station(),
-        plan=plan,
-        nuggets=tuple(item.believed_nugget for item in plan),
-        places=places(plan, Station(), believed=True),
-        start=START,
-        home=START,
-    )
+    nuggets = tuple(item.believed_nugget for item in plan)
+    where = places(plan, Station(), believed=True)
+    return ChargingBeliefs(Station(), plan, nuggets, where, START, START)
 
 
 def machine() -> ChargingMachine:
@@ -105,13 +100,6 @@ def test_with_a_follower_it_goes_to_the_feeder_and_finds_nothing() -> None:
     ]
 
 
-def test_only_at_the_wall_a_direction_is_under_force_control() -> None:
-    touching = [name for name, mode in MODE_OF.items() if mode != APPROACH]
-    wall = ("press", "slide", "land", "lost", "touch", "set_down")
-    assert touching == [f"wall.{name}" for name in wall]
-    assert set(machine().chart.state_names) - set(MODE_OF) == {"halted"}
-
-
 SLIDE, PERIOD = 1.2, 0.005  # N, s
 RUNS = 400
 
@@ -153,37 +141,23 @@ def test_thresholds_follow_from_noise_and_bias() -> None:
 
 
 @pytest.mark.parametrize(
-    ("make", "message"),
+    ("make", "given", "message"),
     [
+        (ChargingParams, {"approach_speed": 0.11}, "approach_speed is 0.11, allowed: a finite n"),
+        (ChargingParams, {"seek_speed": 0.0}, "seek_speed is 0.0, allowed: a finite number > 0"),
+        (ChargingParams, {"near": 0.03}, "near is 0.03, allowed: less than standoff, 0.03"),
+        (ChargingParams, {"near": 0.02, "drop": 0.02}, "near is 0.02, allowed: less than drop, 0"),
+        (ChargingParams, {"lean": 1.5}, "lean is 1.5, allowed: a number from -1"),
+        (TouchDetectionParams, {"readings": 0}, "readings is 0, allowed: a whole number >= 1"),
+        (TouchDetectionParams, {"detect": 0.1}, "release is 0.15, allowed: less than detect, 0.1"),
         (
-            lambda: ChargingParams(approach_speed=0.11),
-            "approach_speed is 0.11, allowed: a finite number > 0 and <= 0.1",
-        ),
-        (
-            lambda: ChargingParams(seek_speed=0.0),
-            "seek_speed is 0.0, allowed: a finite number > 0",
-        ),
-        (lambda: ChargingParams(near=0.03), "near is 0.03, allowed: less than standoff, 0.03"),
-        (
-            lambda: ChargingParams(near=0.02, drop=0.02),
-            "near is 0.02, allowed: less than drop, 0.02",
-        ),
-        (lambda: ChargingParams(lean=1.5), "lean is 1.5, allowed: a number from -1"),
-        (
-            lambda: TouchDetectionParams(readings=0),
-            "readings is 0, allowed: a whole number >= 1",
-        ),
-        (
-            lambda: TouchDetectionParams(detect=0.3, release=0.4),
-            "release is 0.4, allowed: less than detect, 0.3",
-        ),
-        (
-            lambda: TouchDetectionParams(detect=0.4).resolved(0.1, 0.5),
+            TouchDetectionParams(detect=0.4).resolved,
+            {"noise": 0.1, "bias": 0.5},
             "detect is 0.4, allowed: more than the sensor's bias, 0.5",
         ),
     ],
 )
-def test_refusals(make: Callable[[], object], message: str) -> None:
+def test_refusals(make: Callable[..., object], given: dict[str, Any], message: str) -> None:
     with pytest.raises(ParameterError) as caught:
-        make()
+        make(**given)
     assert str(caught.value).startswith(message)
