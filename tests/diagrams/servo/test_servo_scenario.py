@@ -17,20 +17,7 @@ from chamfer.diagrams.servo.servo_scenario import (
 )
 from chamfer.models.validation import ParameterError
 from chamfer.systems.servo.desired_trajectory import Sinusoid
-from chamfer.systems.servo.pid import PidParams
 from chamfer.systems.servo.settling import guarantee
-
-
-def test_defaults_are_the_papers_and_the_identified_plant() -> None:
-    scenario = StepScenario()
-    assert scenario.plant == PlantParams(
-        mass=2.14708, damping=53.896, stiffness=700.0, form="position"
-    )
-    assert scenario.pid == PidParams(
-        proportional=341.0, integral=21903.0, derivative=-0.00853, filter=39971.0
-    )
-    assert scenario.fsm == FsmParams(dead_zone=0.01, divider=5.0, period=1 / 80)
-    assert scenario.camera == CameraParams(resolution=0.005)
 
 
 @settings(max_examples=40, deadline=None)

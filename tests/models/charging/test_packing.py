@@ -37,11 +37,6 @@ def test_believed_place_follows_the_scanner() -> None:
     )
 
 
-def test_place_outside_of_the_crucible_is_refused() -> None:
-    with pytest.raises(ParameterError, match=r"plan\[0\].radius is 0.2"):
-        places([PlanItem(kind="crown", radius=0.2)], STATION, believed=True)
-
-
 def test_nuggets_that_would_overlap_are_refused() -> None:
     plan = [PlanItem(mass=0.085, azimuth=0.0), PlanItem(mass=0.185, azimuth=0.3)]
     first, second = (item.true_nugget.reach for item in plan)
@@ -74,19 +69,21 @@ def test_only_those_of_the_same_height_overlap() -> None:
     places([bulk, bulk, below], STATION, believed=True)  # what is poured is no obstacle
 
 
-def test_no_wall_nugget_above_the_rim() -> None:
-    stack = [PlanItem(mass=0.185)] * 3
-    message = r"^plan\[2\].azimuth is 0.0, allowed: one where its middle, 0.479 m high, is below"
-    places(stack[:2], STATION, believed=True)
-    with pytest.raises(ParameterError, match=message):
-        places(stack, STATION, believed=True)
-
-
-def test_a_nugget_larger_than_the_crucible_is_refused() -> None:
-    most = 0.085 * (STATION.crucible_radius / PlanItem(mass=0.085).true_nugget.reach) ** 3
-    message = rf"^plan\[0\].mass is 30.0, allowed: less than {most:.3g} kg, to fit into"
-    with pytest.raises(ParameterError, match=message):
-        places([PlanItem(mass=30.0)], STATION, believed=True)
+@pytest.mark.parametrize(
+    ("plan", "message"),
+    [
+        ([PlanItem(kind="crown", radius=0.2)], r"plan\[0\].radius is 0.2"),
+        (
+            [PlanItem(mass=0.185)] * 3,
+            r"plan\[2\].azimuth is 0.0, allowed: one where its middle, 0.479 m high, is below",
+        ),
+        ([PlanItem(mass=30.0)], r"plan\[0\].mass is 30.0, allowed: less than 23.7 kg, to fit"),
+    ],
+)
+def test_what_has_no_place_is_refused(plan: list[PlanItem], message: str) -> None:
+    places(plan[:-1], STATION, believed=True)
+    with pytest.raises(ParameterError, match=f"^{message}"):
+        places(plan, STATION, believed=True)
 
 
 def test_mass_is_that_of_solid_silicon() -> None:

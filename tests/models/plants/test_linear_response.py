@@ -32,9 +32,6 @@ def test_powers_beyond_the_count_are_not_formed() -> None:
     assert found[0, -1] == pytest.approx(1e240)
 
 
-MODES = np.diag([-1.0, -50.0, 0.0])
-
-
 @pytest.mark.parametrize(
     ("sizes", "fastest"),
     [
@@ -45,20 +42,19 @@ MODES = np.diag([-1.0, -50.0, 0.0])
 )
 def test_the_fastest_mode_is_one_that_shows(sizes: list[float], fastest: float) -> None:
     turned = np.array([[1.0, 2.0, 0.0], [0.0, 1.0, 3.0], [1.0, 0.0, 1.0]])  # other coordinates
-    dynamics = turned @ MODES @ np.linalg.inv(turned)
+    dynamics = turned @ np.diag([-1.0, -50.0, 0.0]) @ np.linalg.inv(turned)
     output, initial = np.ones(3) @ np.linalg.inv(turned), turned @ np.array(sizes)
     assert fastest_mode(dynamics, output, initial) == pytest.approx(fastest)
 
 
-def test_an_oscillation_is_as_fast_as_its_pole_is_far_from_zero() -> None:
-    dynamics = np.array([[0.0, 1.0], [-100.0, -2.0]])
-    assert fastest_mode(dynamics, np.array([1.0, 0.0]), np.ones(2)) == pytest.approx(10.0)
-
-
-def test_what_stands_still_has_no_mode() -> None:
-    assert fastest_mode(np.zeros((2, 2)), np.ones(2), np.ones(2)) == 0.0
-
-
-def test_poles_that_coincide_are_modes_too() -> None:
-    dynamics = np.array([[-3.0, 1.0], [0.0, -3.0]])
-    assert fastest_mode(dynamics, np.array([1.0, 0.0]), np.array([0.0, 1.0])) == 3.0
+@pytest.mark.parametrize(
+    ("dynamics", "fastest"),
+    [
+        ([[0.0, 1.0], [-100.0, -2.0]], 10.0),  # an oscillation: how far its pole is from zero
+        ([[0.0, 0.0], [0.0, 0.0]], 0.0),  # what stands still
+        ([[-3.0, 1.0], [0.0, -3.0]], 3.0),  # poles that coincide
+    ],
+)
+def test_modes_that_are_not_alone(dynamics: list[list[float]], fastest: float) -> None:
+    found = fastest_mode(np.array(dynamics), np.array([1.0, 0.0]), np.ones(2))
+    assert found == pytest.approx(fastest)

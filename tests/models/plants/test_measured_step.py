@@ -104,11 +104,6 @@ def test_a_file_that_is_no_step_is_refused(tmp_path: Path, rows: list[str], mess
         read_step(write(tmp_path / "step.csv", rows))
 
 
-def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ParameterError, match=r"^measured is .*, allowed: a file: No such file"):
-        read_step(tmp_path / "step.csv")
-
-
 def test_an_identified_plant_needs_its_covariance() -> None:
     with pytest.raises(ParameterError, match=r"^covariance is \(1\.0,\), allowed: 16 finite"):
         IdentifiedPlant(gain=1.0, lag=0.1, ratio=0.2, dead_time=0.0, covariance=(1.0,))

@@ -55,22 +55,13 @@ def test_is_the_first_harmonic_of_what_the_chart_does(amplitude: float) -> None:
     assert abs(harmonic.imag) < 3e-3 * harmonic.real
 
 
-def test_is_zero_inside_the_dead_zone_and_continuous_at_both_thresholds() -> None:
-    edges = np.array([0.005, 0.01, 0.01 * (1 + 1e-12), 0.05, 0.05 * (1 + 1e-12)])
-    inside, edge, above, inner, outer = describing_function(FIVE_LEVELS, edges)
-    assert (inside, edge) == (0.0, 0.0)
-    assert (above, outer) == (pytest.approx(edge, abs=1e-4), pytest.approx(inner, abs=1e-4))
-
-
-@pytest.mark.parametrize("form", ["position", "compliance"])
-def test_loop_response_is_that_of_hold_plant_and_accumulator(form: str) -> None:
-    plant = make_spring_mass_damper(LIGHTLY_DAMPED, form)  # type: ignore[arg-type]
+@pytest.mark.parametrize("delay", [0, 4])
+def test_loop_response_is_that_of_hold_plant_accumulator_and_dead_time(delay: int) -> None:
+    plant = make_spring_mass_damper(LIGHTLY_DAMPED, "position")
     frequencies = np.geomspace(0.01, 0.999 * math.pi / PERIOD, 50)
-    np.testing.assert_allclose(
-        loop_response(plant, PERIOD, frequencies),
-        sampled_loop(plant)(np.exp(1j * frequencies * PERIOD)),
-        rtol=1e-8,
-    )
+    z = np.exp(1j * frequencies * PERIOD)
+    found = loop_response(plant, PERIOD, frequencies, delay_samples=delay)
+    np.testing.assert_allclose(found, sampled_loop(plant)(z) * z**-delay, rtol=1e-8)
 
 
 def test_frequency_is_the_loops_phase_crossover_and_the_amplitude_balances_its_gain() -> None:
@@ -126,12 +117,3 @@ def test_predicted_limit_cycle_is_the_simulated_one(axis: AxisParams) -> None:
     frequency = 2 * math.pi * (len(rises) - 1) / ((rises[-1] - rises[0]) * PERIOD)
     assert cycle.frequency == pytest.approx(frequency, rel=0.03)
     assert cycle.amplitude == pytest.approx(np.ptp(settled) / 2, rel=0.15)
-
-
-def test_dead_time_turns_the_loop_by_its_phase() -> None:
-    plant = make_spring_mass_damper(LIGHTLY_DAMPED, "position")
-    frequencies = np.array([1.0, 10.0, 50.0])
-    prompt, late = (
-        loop_response(plant, PERIOD, frequencies, delay_samples=delay) for delay in (0, 4)
-    )
-    np.testing.assert_allclose(late, prompt * np.exp(-4j * frequencies * PERIOD))
