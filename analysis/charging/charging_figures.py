@@ -404,11 +404,8 @@ def plot_charging(
 ) -> dict[str, Figure]:
     """Draw each mode that the run came to, and where all items were left.
 
-    Args:
-        scenario: Of the run.
-        outcome: Its metrics and traces.
-        states: Names of the chart's states, by the index in the traces. A name begins with its
-            mode and a point.
+    ``states`` are the chart's by their index in the traces; each name begins with its mode and a
+    point.
     """
     run, figures = ChargingRun(scenario, outcome, states), {}
     for name, (draw, modes, first, kind) in _MODES.items():
@@ -444,13 +441,7 @@ _MOST: Final = 2  # numbers at a line; a transition is taken with each item
 
 
 def plot_path(chart: ChargingChart, outcome: Outcome) -> Figure:
-    """Draw the chart and what a run took of it.
-
-    Args:
-        chart: Which ran.
-        outcome: Its table ``transitions`` has the columns ``time``, s, ``source``, ``target`` and
-            ``label``; its metrics ``cycle.laid`` and ``cycle.time``.
-    """
+    """Draw the chart and what a run took of it, by its table ``transitions``."""
     names = [*chart.state_names, ANY]
     mode = {name: name.partition(".")[0] for name in names}
     path = outcome.tables["transitions"]

@@ -31,14 +31,7 @@ _NEAR: Final = 0.01  # m, from its place, where a nugget lies on what the plan s
 def replay_charging(
     scenario: ResolvedCrucibleChargingScenario, outcome: Outcome, meshcat: Meshcat
 ) -> None:
-    """Show a cycle as an animation.
-
-    Args:
-        scenario: Of the run.
-        outcome: Its traces have the columns ``time``, s, ``item``, ``held``, ``roll``, ``pitch``,
-            ``yaw``, rad, ``nugget_x``, ``nugget_y`` and ``nugget_z``, the true grip point, m, and
-            ``<joint>.position``, rad and m.
-        meshcat: Where.
+    """Show a cycle as an animation, by the traces of its run.
 
     Raises:
         ValueError: If a column is missing, or what :func:`chamfer.analysis.report.replay.record`

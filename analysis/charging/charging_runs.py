@@ -203,12 +203,7 @@ def items_of(scenario: ResolvedCrucibleChargingScenario) -> tuple[Item, ...]:
     """Return a resolved scenario's items as they are."""
     goals = places(scenario.plan, scenario.station.true, believed=False)
     return tuple(
-        Item(
-            planned.kind,
-            nugget,
-            (*goal.position, goal.layer + nugget.height),
-            goal.azimuth,
-        )
+        Item(planned.kind, nugget, (*goal.position, goal.layer + nugget.height), goal.azimuth)
         for planned, nugget, goal in zip(scenario.plan, scenario.nuggets, goals, strict=True)
     )
 
@@ -218,12 +213,8 @@ def item_limits(
 ) -> dict[str, float]:
     """Measure one item's cycle; what its run did not come to is missing.
 
-    Args:
-        traces: As :func:`chamfer.analysis.charging.charging_runs.run_charging` gives them.
-        names: Of the chart's states, by the index in ``traces``.
-        item: As it is.
-        index: Of it in the plan.
-        station: As it is.
+    ``names`` are those of the chart's states by their index in the traces; item and station are
+    as they are.
     """
     mine = traces["item"] == index
     current = np.where(mine, np.array(names)[traces["state"].astype(int)], "")
@@ -286,10 +277,7 @@ def item_limits(
 def nugget_points(nugget: Nugget, grip: Array, yaw: Array) -> Array:
     """Return points all over a nugget in the world, m, shape (k, 26, 3).
 
-    Args:
-        nugget: Which.
-        grip: Of the middle of its top, m, shape (k, 3).
-        yaw: rad, shape (k,).
+    ``grip``, m, shape (k, 3), is the middle of its top; ``yaw``, rad, has the shape (k,).
     """
     directions = np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=3)))
     directions = np.delete(directions, 13, axis=0)  # the centre
@@ -302,11 +290,9 @@ def nugget_points(nugget: Nugget, grip: Array, yaw: Array) -> Array:
 
 
 def clearance(points: Array, station: Station) -> float:
-    """Return the least way from points to the crucible's wall, m; negative in the material.
+    """Return the least way from points, m, shape (..., 3), to the crucible's wall, m.
 
-    Args:
-        points: m, shape (..., 3).
-        station: With the crucible.
+    It is negative in the material.
     """
     x, y = station.crucible_centre
     radius = np.hypot(points[..., 0] - x, points[..., 1] - y)

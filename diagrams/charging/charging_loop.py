@@ -25,7 +25,6 @@ from chamfer.systems.charging.crucible_world import (
     FaultTrigger,
     Grasp,
     LayerMotion,
-    LayerMotionParams,
 )
 from chamfer.systems.contact.arm_in_contact import ArmInContact
 from chamfer.systems.force.hybrid_controller import (
@@ -208,13 +207,15 @@ def _add_world(
         builder.ExportOutput(grasp.GetOutputPort(name), name)
     pick = np.eye(3, forces.size(), 3 * _LAYER)
     force = add("force on the layer", MatrixGain(pick))
-    given = LayerMotionParams(
-        stiffness=scenario.layer.stiffness,
-        mass=scenario.layer.mass,
-        friction=scenario.layer.slip_friction,
-        period=scenario.plant.period,
+    layer = add(
+        "layer below",
+        LayerMotion(
+            stiffness=scenario.layer.stiffness,
+            mass=scenario.layer.mass,
+            friction=scenario.layer.slip_friction,
+            period=scenario.plant.period,
+        ),
     )
-    layer = add("layer below", LayerMotion(given))
     connect(forces, force.get_input_port())
     connect(force.get_output_port(), layer.GetInputPort("force"))
     connect(item, layer.GetInputPort("item"))

@@ -69,9 +69,7 @@ class ChargingView(NamedTuple):
     def positions(self, joints: Array, nuggets: Array) -> Array:
         """Return the plant's positions.
 
-        Args:
-            joints: The arm's, rad and m, shape (k, 7).
-            nuggets: Of each item of the plan, shape (k, items, POSE).
+        Joints, rad and m, have the shape (k, 7), nuggets of the plan (k, items, POSE).
         """
         found = np.zeros((len(joints), self.plant.num_positions()))
         for i, name in enumerate(ADEPT_WRIST.joint_names):
@@ -85,13 +83,9 @@ class ChargingView(NamedTuple):
 def make_charging_view(
     station: Station, plan: Sequence[PlanItem], meshcat: Meshcat, *, lean: float = 0.0
 ) -> ChargingView:
-    """Build the cell as shapes without contact, and what draws it.
+    """Build the cell as shapes without contact, with the plan's true nuggets.
 
-    Args:
-        station: Where things stand.
-        plan: Whose true nuggets are drawn.
-        meshcat: Where to draw.
-        lean: rad, by which the crucible stands off the vertical, its top towards +x.
+    The crucible stands off the vertical by ``lean``, rad, its top towards +x.
     """
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
@@ -120,13 +114,10 @@ def make_charging_view(
 
 
 def waiting_pose(station: Station, height: float, ahead: float) -> Array:
-    """Return where a nugget waits at the feeder, shape (POSE,).
+    """Return where a nugget of a height, m, waits at the feeder, shape (POSE,).
 
-    Args:
-        station: Where the feeder is.
-        height: Of the nugget, m.
-        ahead: How many are before it, 0 for the one that is picked up next; a broken number
-            while the queue moves up.
+    ``ahead`` are before it, 0 for the one that is picked up next; a broken number while the queue
+    moves up.
     """
     x, y, z = station.feeder
     return np.array([0.0, 0.0, 0.0, x - _WAITING * min(ahead, _SHOWN), y, z + height])

@@ -74,10 +74,8 @@ class Nugget:
 def nugget_of(mass: float, *, size: float = 1.0) -> Nugget:
     """Return the nugget of a mass, kg, of solid silicon with the usual proportions.
 
-    Args:
-        mass: kg.
-        size: By which its lengths, not its mass, are larger than those of an ellipsoid: a nugget
-            is irregular, and what matters is where it touches.
+    By ``size`` its lengths, not its mass, are larger than those of an ellipsoid: a nugget is
+    irregular, and what matters is where it touches.
 
     Raises:
         ParameterError: If a number is not finite and > 0.
@@ -159,12 +157,8 @@ def places(
     """Return where each item of a plan goes, and how high what it is laid on is by then.
 
     An item lies on the bed, or on the highest of the wall and crown nuggets that were laid before
-    it and whose outline, seen from above as a circle, holds the middle of its own.
-
-    Args:
-        plan: In the order of laying.
-        station: As it is, or as it is believed to be.
-        believed: Whether nuggets are as the scanner shows them.
+    it and whose outline, seen from above as a circle, holds the middle of its own. ``believed``:
+    nuggets are as the scanner shows them.
 
     Raises:
         ParameterError: If a nugget does not fit into the crucible, would overlap one that was

@@ -59,8 +59,7 @@ class Station(StationLayout):
     def wall(self, *, lean: float = 0.0) -> Surface:
         """Return the crucible's wall, from its rim down, without an end below.
 
-        Args:
-            lean: rad, by which the crucible's axis is off the vertical, its top towards +x.
+        Its axis is off the vertical by ``lean``, rad, the top towards +x.
         """
         x, y = self.crucible_centre
         outer = self.crucible_radius + self.crucible_thickness
@@ -78,10 +77,7 @@ class Station(StationLayout):
     def layer(self, place: tuple[float, float], height: float, *, tilt: float = 0.0) -> Surface:
         """Return what a nugget is laid on, a plane inside of the crucible.
 
-        Args:
-            place: m, x and y of the nugget's middle.
-            height: m, there.
-            tilt: rad, by which it rises towards +x.
+        At ``place``, m, it has the height, m; it rises towards +x by ``tilt``, rad.
         """
         x, y = place
         ground = RippledPlane(point=(x, y, height), tilt=tilt)
@@ -89,11 +85,7 @@ class Station(StationLayout):
         return Intersection(parts=(ground, Extruded(curve=inside)))
 
     def tray(self, height: float) -> Surface:
-        """Return the top of what stands in the feeder, or its ground; a level table.
-
-        Args:
-            height: m, of it above the feeder's ground.
-        """
+        """Return the top of what stands in the feeder, ``height`` m above its ground."""
         x, y, z = self.feeder
         ends = Circle(centre=(x, y), radius=self.feeder_radius)
         top = RippledPlane(point=(x, y, z + height))

@@ -12,18 +12,10 @@ _SEEN = 0.01  # of the largest mode, from which on a mode shows in a response
 def free_response(
     transition: NDArray[np.float64], initial: NDArray[np.float64], count: int
 ) -> NDArray[np.float64]:
-    """Return the states ``x_k = transition^k initial`` for k = 0 ... count - 1.
+    """Return ``x_k = transition^k initial`` for k = 0 ... count - 1, shape (n, count).
 
     The block of known states is doubled with ever higher powers, so that the work grows with the
-    logarithm of the count.
-
-    Args:
-        transition: Shape (n, n).
-        initial: Shape (n,).
-        count: How many states, at least one.
-
-    Returns:
-        Shape (n, count).
+    logarithm of the count, which is at least one.
     """
     states = np.empty((len(initial), count))
     states[:, 0] = initial
@@ -40,18 +32,10 @@ def free_response(
 def fastest_mode(
     dynamics: NDArray[np.float64], output: NDArray[np.float64], initial: NDArray[np.float64]
 ) -> float:
-    """Return how fast the fastest mode is that shows in ``y = C e^(A t) x_0``.
+    """Return how fast, 1/s, the fastest mode is that shows in ``y = C e^(A t) x_0``.
 
-    Modes of less than a hundredth of the largest one don't show; what is constant or grows with
-    a power of the time only is no mode here.
-
-    Args:
-        dynamics: A, shape (n, n).
-        output: C, shape (n,).
-        initial: x_0, shape (n,).
-
-    Returns:
-        The magnitude of its pole, 1/s, 0 if there is none.
+    That is its pole's magnitude, 0 if there is none. Modes of less than a hundredth of the largest
+    one don't show; what is constant or grows with a power of the time only is no mode here.
     """
     decomposed: Any = eig(dynamics, left=True, right=True)
     poles, left, right = decomposed

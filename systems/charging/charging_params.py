@@ -165,15 +165,13 @@ class ChargingTrouble(IntEnum):
 class ChargingInputs(NamedTuple):
     """What the chart reads: sensors, the operator, and what the path follower commands."""
 
-    endpoint_motion: tuple[
-        float, ...
-    ]  # (14,), endpoint vector, m and rad, then its rate, by the encoders
+    endpoint_motion: tuple[float, ...]
+    # (14,), endpoint vector, m and rad, then its rate, by the encoders
     desired_position: tuple[float, ...]  # (7,), commanded now
     desired_velocity: tuple[float, ...]  # (7,)
     progress: tuple[float, ...]  # 1 at the segment's goal
-    measured_force: tuple[
-        float, ...
-    ]  # (3,), N, of the nugget on its environment, world axes, tared
+    measured_force: tuple[float, ...]
+    # (3,), N, of the nugget on its environment, world axes, tared
     mean_force: tuple[float, ...]  # (3,), N, the same, the mean of the last readings
     held: tuple[float, ...]  # 1: the gripper's part sensor sees a part
     homed: tuple[float, ...] | None  # 1: the encoders' zeros are known; None: they always are

@@ -245,42 +245,27 @@ def make_compensator_chart(params: CompensatorParams) -> CompensatorChart:
         State(name="modify_compensation", during=modify),
         State(name="hold", during=keep),
     ]
-    transitions: list[Transition[CompensatorInputs, CompensatorMemory]] = [
-        Transition(source=ANY, target="hold", label="no valid measurement", guard=invalid),
-        Transition(
-            source=ANY,
-            target="modify_compensation",
-            label="error outside the dead zone",
-            guard=outside,
-        ),
-        Transition(
-            source=ANY,
-            target="aligned",
-            label="error inside the dead zone",
-            guard=inside,
-        ),
+    ways: list[tuple[str, str, Callable[[CompensatorTick], bool]]] = [
+        ("hold", "no valid measurement", invalid),
+        ("modify_compensation", "error outside the dead zone", outside),
+        ("aligned", "error inside the dead zone", inside),
     ]
     if math.isfinite(params.end_time):
         # An action of its own, so that what belongs to one state alone can be told.
         states.append(
             State(name="trajectory_ended", entry=lambda tick: keep(tick), outcome="done")
         )
-        transitions.insert(
-            0,
-            Transition(
-                source=ANY,
-                target="trajectory_ended",
-                label="trajectory ended",
-                guard=lambda tick: tick.time >= params.end_time - TIME_TOLERANCE,
-            ),
-        )
+        end = params.end_time - TIME_TOLERANCE
+        ways.insert(0, ("trajectory_ended", "trajectory ended", lambda tick: tick.time >= end))
+    start = tuple(chart.start() for chart in charts)
     return Chart(
         "trajectory compensator",
         states=states,
-        transitions=transitions,
-        memory=CompensatorMemory(
-            tuple(chart.start() for chart in charts), (0.0,) * len(params.axes)
-        ),
+        transitions=[
+            Transition(source=ANY, target=target, label=label, guard=guard)
+            for target, label, guard in ways
+        ],
+        memory=CompensatorMemory(start, (0.0,) * len(charts)),
     )
 
 

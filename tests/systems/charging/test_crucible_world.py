@@ -9,7 +9,6 @@ from chamfer.systems.charging.crucible_world import (
     Grasp,
     GraspParams,
     LayerMotion,
-    LayerMotionParams,
 )
 
 NEAR, AWAY = -1e-4, 1.0  # m, gaps to the item
@@ -42,16 +41,16 @@ def test_the_gripper_holds_what_it_closed_on(
         assert grasp.GetOutputPort("held").Eval(context)[0] == scene % 2
 
 
-PARAMS = LayerMotionParams(stiffness=1e4, mass=0.1, friction=0.5)
+STEP = 0.001  # s
 
 
 def pushed(force: tuple[float, float, float], seconds: float) -> np.ndarray:
     """Return the shift under a constant force of the arm on the layer."""
-    layer = LayerMotion(PARAMS)
+    layer = LayerMotion(stiffness=1e4, mass=0.1, friction=0.5, period=STEP)
     context = layer.CreateDefaultContext()
     layer.GetInputPort("force").FixValue(context, [-one for one in force])
     layer.GetInputPort("item").FixValue(context, [0.0])
-    for _ in range(round(seconds / PARAMS.period)):
+    for _ in range(round(seconds / STEP)):
         context.SetDiscreteState(layer.EvalUniquePeriodicDiscreteUpdate(context))
     return np.array(layer.GetOutputPort("shift").Eval(context))
 
