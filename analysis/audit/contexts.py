@@ -141,4 +141,6 @@ EXEMPTIONS: Final = (
     Context("*connector.largest_*"),
     # In the plane only the sign of what is at right angles to the approach counts.
     Context("task.along", experiment="planar-unknown-wall"),
+    # What is drawn alone.
+    Context("depth_ratios", experiment="jamming-diagram"),
 )
