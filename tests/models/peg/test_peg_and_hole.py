@@ -127,7 +127,7 @@ def test_lengths_of_the_parts() -> None:
             for angle in (0.0, math.pi / 2, math.nan)
             for name in ("chamfer_angle", "peg_chamfer_angle")
         ),
-        ("chamfer_width", 0.02, "with less than the peg's radius, 0.009779, on the peg"),
+        ("chamfer_width", 0.019558, "with less than the peg's radius, 0.009779, on the peg"),
         ("peg_chamfer_share", 1.1, "0 to 1"),
         ("outer_radius", 0.012035, "more than radius + chamfer, 0.012035 m"),
         *(

@@ -336,6 +336,11 @@ NOWHERE = ", so that friction is nowhere negative"
             {"p": [0.0, -1.0]},
             "a point nearer to the surface than its radius of curvature",
         ),
+        (  # as near as can be along one direction only
+            lambda p: nearest(Paraboloid(coefficients=(0.1, 1.0)), np.array(p)),
+            {"p": [0.05, 0.0, 1.0]},
+            "a point nearer to the surface than its radius of curvature",
+        ),
         (lambda p: nearest(Circle(), np.array(p)), {"p": [0.0, math.nan]}, "finite numbers"),
         (
             lambda p: normal(Circle(), np.array(p)),

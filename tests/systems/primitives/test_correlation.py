@@ -16,6 +16,7 @@ from chamfer.systems.primitives.correlation import (
     Correlation,
     Correlator,
     CorrelatorParams,
+    Phasors,
     ResolvedCorrelatorParams,
     Sums,
     correlation,
@@ -30,6 +31,13 @@ def cosine(samples: int, lag: float = 0.0, periods: int = 1) -> Array:
 
 def sine(samples: int) -> Array:
     return cosine(samples, lag=math.pi / 2)
+
+
+def by_phasors(command: Array, motion: Array) -> Correlation:
+    total = Phasors()
+    for f, g in zip(command, motion, strict=True):
+        total = total.add(f, g, len(command))
+    return total.correlation()
 
 
 @settings(deadline=None)
@@ -49,6 +57,8 @@ def test_the_closed_form_holds_for_every_even_number_of_samples(samples: int) ->
 def test_a_phase_lag_lowers_it_by_its_cosine(lag: float) -> None:
     found = correlation(cosine(4000), cosine(4000, lag=lag))
     assert found.value == pytest.approx(FREE * math.cos(lag), abs=1e-5)
+    found = by_phasors(cosine(20), 0.5 * cosine(20, lag=lag))
+    assert found == pytest.approx((FREE * math.cos(lag), 0.5, 0.0), abs=1e-12)
 
 
 SIGNALS = st.lists(
@@ -72,6 +82,7 @@ def test_the_sums_equal_the_array_form(signals: list[tuple[float, float]]) -> No
 def test_a_signal_of_zero_gives_zero(command: float, motion: float) -> None:
     found = correlation(command * cosine(20), motion * cosine(20))
     assert found == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
+    assert by_phasors(command * cosine(20), motion * cosine(20)) == (0.0, 0.0, 0.0)
     assert Sums().correlation() == Correlation(0.0, 0.0, 0.0)
 
 

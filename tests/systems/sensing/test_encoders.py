@@ -25,6 +25,7 @@ from chamfer.systems.sensing.encoders import (
     EndpointMotion,
     Homing,
     HomingParams,
+    linear_encoders,
 )
 
 PERIOD = 0.005
@@ -79,6 +80,27 @@ def test_a_tracking_filter_has_its_poles_and_no_lag_in_velocity() -> None:
     scaled = error[1:25] / pole**k
     np.testing.assert_allclose(np.diff(scaled, 2), 0.0, atol=1e-6)
     assert abs(error[-1]) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("velocity", "bandwidth"),
+    [("exact", 0.0), ("differenced", 0.0), ("differenced", 20.0), ("tracked", 20.0)],
+)
+def test_the_sampled_model_shows_what_the_block_shows(velocity: Any, bandwidth: float) -> None:
+    params = EncoderParams(counts=0.0, velocity=velocity, bandwidth=bandwidth)
+    block = Encoders(params, np.zeros(2), period=PERIOD)
+    context = block.CreateDefaultContext()
+    model = linear_encoders(params, 2, period=PERIOD, beside=1)
+    x = np.zeros(len(model.A))
+    for motion in np.random.default_rng(0).normal(size=(4, 4)):
+        block.GetInputPort("motion").FixValue(context, motion)
+        u = np.append(motion, 7.0)
+        shown = block.GetOutputPort("encoders").Eval(context)
+        np.testing.assert_allclose(model.C @ x + model.D @ u, [*shown, 7.0], atol=1e-9)
+        x = model.A @ x + model.B @ u
+        if velocity != "exact":
+            after = block.EvalUniquePeriodicDiscreteUpdate(context)
+            context.SetDiscreteState(after)
 
 
 @pytest.mark.parametrize("velocity", ["differenced", "tracked"])

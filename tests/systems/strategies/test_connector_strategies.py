@@ -34,6 +34,7 @@ from chamfer.systems.strategies.rj45_strategy import (
 
 D_PARAMS, BNC_PARAMS = DConnectorSkillParams(), BncConnectorSkillParams()
 RJ45_PARAMS, PEG_PARAMS = Rj45ConnectorSkillParams(), PegInHoleSkillParams()
+TILTING = PegInHoleSkillParams(search="tilt")
 D, BNC, PEG, RJ45 = DConnector(), BncConnector(), RoundPeg(), Rj45Connector()
 PERIOD: Final = 0.05  # s, that of the drives
 # From "tare" on, where the plug is held.
@@ -89,7 +90,7 @@ BNC_TOLD: dict[str, Told] = {
     "pull": ((0, 0, 0, 0, 0, BNC_PARAMS.pull_speed), None),
 }
 LAID_FLAT: dict[str, Told] = {"lie": (None, STILL), "down": (None, (INF, INF, INF, 0.0, 0.0, 0.0))}
-PEG_TOLD: dict[str, Told] = {"search": (None, (INF, INF, INF, 1500.0, 1500.0, 0.0))}
+PEG_TOLD = LAID_FLAT | {"search": (None, (INF, INF, INF, 1500.0, 1500.0, 0.0))}
 TILT_WAY = [
     *[("lean", "done"), ("lower", "contact"), ("slide", "contact"), ("across", "done")],
     *[("stand", "done"), ("sink", "done"), ("insert", "done"), ("depth", "done")],
@@ -97,13 +98,13 @@ TILT_WAY = [
 
 
 @pytest.mark.parametrize(
-    ("make", "params", "part", "way", "give_up", "told"),
+    ("make", "params", "part", "way", "give_up", "told", "longest"),
     [
-        (make_d_connector_skill, D_PARAMS, D, D_WAY, "push", D_TOLD),
-        (make_bnc_connector_skill, BNC_PARAMS, BNC, BNC_WAY, "compress", BNC_TOLD),
-        (make_rj45_connector_skill, RJ45_PARAMS, RJ45, RJ45_WAY, "push", LAID_FLAT),
-        (make_peg_in_hole_skill, PEG_PARAMS, PEG, PEG_WAY, "insert", LAID_FLAT | PEG_TOLD),
-        (make_peg_in_hole_skill, PegInHoleSkillParams(search="tilt"), PEG, TILT_WAY, "insert", {}),
+        (make_d_connector_skill, D_PARAMS, D, D_WAY, "push", D_TOLD, 284.905),
+        (make_bnc_connector_skill, BNC_PARAMS, BNC, BNC_WAY, "compress", BNC_TOLD, 413.765),
+        (make_rj45_connector_skill, RJ45_PARAMS, RJ45, RJ45_WAY, "push", LAID_FLAT, 260.735),
+        (make_peg_in_hole_skill, PEG_PARAMS, PEG, PEG_WAY, "insert", PEG_TOLD, 233.810),
+        (make_peg_in_hole_skill, TILTING, PEG, TILT_WAY, "insert", {}, 209.656),
     ],
 )
 def test_a_strategy_takes_its_recorded_way_and_leaves_every_state(
@@ -113,6 +114,7 @@ def test_a_strategy_takes_its_recorded_way_and_leaves_every_state(
     way: Any,
     give_up: str,
     told: dict[str, Told],
+    longest: float,
     grasp_states: Any,
     make_drive: Any,
 ) -> None:
@@ -137,6 +139,7 @@ def test_a_strategy_takes_its_recorded_way_and_leaves_every_state(
         for answer in state.on.values():
             if isinstance(answer, Retry):
                 assert answer.at_most <= params.retries or state.name == "grasp"
+    assert sum(state.timeout for state in skill.states) == pytest.approx(longest, abs=1e-3)
     # What jams is tried again from out of the socket.
     answers = {state.name: state.on for state in skill.states}
     assert "out" in targets(answers[give_up]["jammed"])
@@ -283,7 +286,7 @@ TO_LEAN: Final = ("done", "done", "contact", "done", "done", "done")
 @pytest.fixture
 def leaning_drive(make_drive: Any) -> Any:
     """A drive of a skill that leans, at the begin of the leaning."""
-    leaning = make_drive(make_peg_in_hole_skill(PegInHoleSkillParams(search="tilt"), PEG))
+    leaning = make_drive(make_peg_in_hole_skill(TILTING, PEG))
     for outcome in TO_LEAN:
         leaning.make(outcome)
     assert leaning.state == "lean"

@@ -166,6 +166,8 @@ def test_block_begins_a_segment_in_the_tick_that_gives_it() -> None:
     velocity = output.Eval(context)
     assert np.linalg.norm(velocity[:3]) == pytest.approx(1.0 * PERIOD)
     assert not block.HasAnyDirectFeedthrough()
+    assert block.GetOutputPort("progress").Eval(context) < 0.01
+    assert block.num_output_ports() == 4
 
 
 def test_parameters_have_to_be_positive() -> None:
