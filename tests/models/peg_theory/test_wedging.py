@@ -127,6 +127,7 @@ def test_no_compliance_centre_leaves_less_than_the_least_margin(form: Any) -> No
     parts, support = PAPER
     lateral, rotation = 0.0032, 0.040
     least, at = least_margin(parts, support, lateral, rotation, form)
+    assert least_margin(parts, support, -lateral, -rotation, form) == pytest.approx((least, at))
     for distance in np.linspace(0.0, 1.0, 51).tolist():
         there = replace(support, centre_distance=distance)
         _, upper = wedging_bounds(parts, there, lateral, form)

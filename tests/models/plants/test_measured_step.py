@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -62,12 +63,20 @@ def test_a_drawn_plant_is_as_far_off_as_the_uncertainty_says() -> None:
     gains = [found.drawn(generator).gain for _ in range(200)]
     assert np.mean(gains) == pytest.approx(found.gain, abs=4 * found.deviations[0] / 14)
     assert np.std(gains) == pytest.approx(found.deviations[0], rel=0.25)
+    # Little as is known of it, it has a gain, lags and no lead.
+    unknown = replace(found, covariance=tuple(100 * np.eye(4).ravel()))
+    drawn = [unknown.drawn(generator) for _ in range(20)]
+    least = [min(getattr(one, name) for one in drawn) for name in ("gain", "lag", "ratio")]
+    assert least == pytest.approx([0.1 * found.gain, 0.1 * found.lag, 1e-4])
+    assert min(one.dead_time for one in drawn) == 0.0
 
 
 def test_what_is_no_lag_is_refused() -> None:
     wild = MeasuredStep(TIME, np.where(TIME > 0, np.sin(9 * TIME) + 0.5 * TIME, 0.0), 0.02)
-    with pytest.raises(ParameterError, match=r"^measured is 'its position', allowed: a step that"):
-        identify(wild)
+    for scale in (1e-3, 1.0):  # whatever the unit of the position
+        scaled = wild._replace(position=scale * wild.position)
+        with pytest.raises(ParameterError, match=r"^measured is 'its position', allowed: a step "):
+            identify(scaled)
     with pytest.raises(ParameterError, match=r"^measured is -1\..*follows its command"):
         identify(measured(-1.3, 0.1, 0.2, 0.0))
 

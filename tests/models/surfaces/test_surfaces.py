@@ -274,6 +274,13 @@ def test_gradient(x: float, d: int) -> None:
     np.testing.assert_allclose(VARIED.gradient(p), differences, atol=1e-7)
 
 
+def test_the_wall_ahead_is_where_the_way_meets_the_circle() -> None:
+    p, way = np.array([1.3, -0.6]), np.array([0.8, -0.6])
+    distance = Crucible().ahead(p, way)
+    assert distance > 0
+    assert np.linalg.norm(p + distance * way - Crucible().centre) == pytest.approx(0.75)
+
+
 def test_published_numbers() -> None:
     assert SCRATCH_FORCE == 5.0
     assert SAFE_SPEED == 0.20
@@ -335,6 +342,11 @@ NOWHERE = ", so that friction is nowhere negative"
             lambda p: nearest(Circle(), np.array(p)),
             {"p": [0.0, -1.0]},
             "a point nearer to the surface than its radius of curvature",
+        ),
+        (
+            lambda point: Crucible().ahead(np.array(point), np.array([0.0, 1.0])),
+            {"point": [0.0, 2.0]},
+            "inside of the circle of 0.75 m about (1.0, -0.75)",
         ),
         (  # as near as can be along one direction only
             lambda p: nearest(Paraboloid(coefficients=(0.1, 1.0)), np.array(p)),

@@ -475,6 +475,9 @@ TROUBLES = {
     ChargingTrouble.OFF_PATH: QUIET._replace(endpoint_motion=FAR),
 }
 
+FEELING = {"acquire.descend", "wall.approach", "wall.slide", "wall.land"}
+FEELING |= {"wall.seek", "crown.descend", "crown.land"}
+
 
 def put_in(cell: Cell, state: str, at: float = 0.0) -> Snapshot[Any]:
     """Return the chart in a state since a time, with a part in the gripper; halted: in a slew."""
@@ -513,6 +516,9 @@ def test_trouble_stops_any_state_and_names_it(trouble: ChargingTrouble) -> None:
         assert snapshot.state == BRAKE, state
         assert snapshot.memory.trouble is trouble, state
         assert snapshot.memory.trouble_at == ("slew.over" if state == HALTED else state)
+        # It stops on its path in free space alone.
+        free = MODE_OF.get(state, APPROACH) == APPROACH
+        assert snapshot.memory.hold == (free and state not in FEELING), state
 
 
 forces = st.tuples(*[st.floats(-9.0, 9.0)] * 3)

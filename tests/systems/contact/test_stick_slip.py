@@ -14,9 +14,13 @@ from chamfer.systems.contact.stick_slip import (
     Motion,
     Moved,
     StepModel,
+    _conditions,
+    mobility_of,
+    natural_map,
     normal_impulse,
     normal_slope,
     step,
+    tangent,
 )
 
 gaps = st.floats(-1e-2, 1e-2)
@@ -399,3 +403,30 @@ def test_solution_does_not_depend_on_where_it_starts(seed: int, rigid: bool) -> 
     # Where joints and tip all stick the share of each is open, but not the surface's push.
     pushes = [case.held.normal[0] @ done.motion.impulse[0] / H for done in (warm, cool)]
     assert pushes[0] == pytest.approx(pushes[1], rel=1e-4, abs=1e-4)
+
+
+@rigid_or_gripper
+@pytest.mark.parametrize("seed", range(6))
+def test_natural_map_of_two_points_has_its_slope(seed: int, rigid: bool) -> None:
+    held, material, motion, _ = random_case(seed, rigid=rigid, points=2)
+    held = held._replace(gap=-1e-2 * held.gap)  # contact is made in the step
+    n, rng = len(motion.velocity), np.random.default_rng(seed)
+    axes = np.vstack([[up, tangent(up), np.cross(up, tangent(up))] for up in held.normal])
+    compliance = np.linalg.inv(held.mass + H * np.diag(material.viscous) / 2)
+    problem = _conditions(held, material, motion, axes, compliance, H)
+    mobility = mobility_of(problem)
+    for point, push in enumerate(problem.push):
+        own = mobility[n + 3 * point :, n + 3 * point :][:3, :3]
+        assert push == pytest.approx(H * own[0, 0])
+        assert problem.slide[point] == pytest.approx(np.linalg.eigvalsh(own[1:, 1:])[-1])
+
+    def mapped(impulse: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        velocity = motion.velocity + problem.reach.T @ impulse
+        lack, slope = np.empty(n + 6), np.empty((n + 6, n + 6))
+        stretch = problem.yielding @ impulse[n:]
+        natural_map(problem, velocity, stretch, impulse, mobility, 0.5, lack, slope)
+        return lack, slope
+
+    at = rng.normal(size=n + 6) * 1e-3
+    differences = [(mapped(at + e)[0] - mapped(at - e)[0]) / 2e-8 for e in 1e-8 * np.eye(n + 6)]
+    np.testing.assert_allclose(mapped(at)[1].T, differences, rtol=1e-3, atol=1e-4)

@@ -18,7 +18,7 @@ from chamfer.systems.primitives.primitive import STILL
 from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import DONE, FAILED, RETRACT, Retry
 from chamfer.systems.primitives.skill_machine import targets
-from chamfer.systems.primitives.trajectory_primitives import Dither
+from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
 from chamfer.systems.strategies.bnc_strategy import (
     BncConnectorSkillParams,
     make_bnc_connector_skill,
@@ -259,6 +259,8 @@ def test_peg_it_searches_about_the_middle(search: Any, make_drive: Any) -> None:
 def test_peg_depths_and_limit_are_those_of_the_peg_as_it_is_believed(find_primitive: Any) -> None:
     params = PegInHoleSkillParams()
     skill = make_peg_in_hole_skill(params, RoundPeg(depth=0.012, seating_force=8.0))
+    beside = (0.0, 0.0, 0.0, 0.0, params.beside, 0.0)
+    assert find_primitive(skill, "beside", MoveDx).displacement == beside
     seat: Seat = find_primitive(skill, "insert", Seat)
     assert (seat.distance, seat.limit) == pytest.approx((0.012 - params.end, 10.0))
     assert seat.free == pytest.approx(params.free_share * 8.0)
