@@ -58,16 +58,11 @@ def simulate(
             naming the port.
     """
     if not duration / step <= _MOST_STEPS:
-        raise ParameterError(
-            "duration",
-            duration,
-            f"at most {_MOST_STEPS} steps of {step:g} s, {_MOST_STEPS * step:g} s",
-        )
+        allowed = f"at most {_MOST_STEPS} steps of {step:g} s, {_MOST_STEPS * step:g} s"
+        raise ParameterError("duration", duration, allowed)
     ports = [system.get_output_port(i) for i in range(system.num_output_ports())]
     if system.num_input_ports() == 0 and is_linear(system):
-        time: NDArray[np.float64] = step * np.arange(
-            count_samples(duration, step), dtype=np.float64
-        )
+        time: NDArray[np.float64] = step * np.arange(count_samples(duration, step), dtype=float)
         rows = _solve(system if isinstance(system, LinearSystem) else fuse(system), time)
         final = None
         if progress is not None:

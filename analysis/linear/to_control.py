@@ -90,13 +90,7 @@ def own_ports(system: System, way: Way) -> list[Port]:
 
 
 def find_ports(system: System, way: Way, wanted: Ports) -> list[Port]:
-    """Return the ports that are meant, or all of the system's own for None.
-
-    Args:
-        system: Where they are.
-        way: Of the ports.
-        wanted: One or several, each a port or its name: ``port`` of the system itself,
-            ``block::port`` of a block in it, ``block`` if that is its only one.
+    """Return the ports that are meant, as :func:`to_control` describes them.
 
     Raises:
         ParameterError: If there is none of that name, or it has no vector.

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
@@ -83,12 +83,9 @@ class MapParams:
     settings: int = 1000  # of the force-to-velocity search, per rate
 
     def __post_init__(self) -> None:
-        if self.points < 2:
-            raise ParameterError("points", self.points, "a whole number >= 2")
-        if self.trials < 1:
-            raise ParameterError("trials", self.trials, "a whole number >= 1")
-        if self.settings < 1:
-            raise ParameterError("settings", self.settings, "a whole number >= 1")
+        for name, least in (("points", 2), ("trials", 1), ("settings", 1)):
+            if getattr(self, name) < least:
+                raise ParameterError(name, getattr(self, name), f"a whole number >= {least}")
         for name in ("dead_zone", "increment"):
             low, high = getattr(self, name)
             if not 0 < low < high < math.inf:
@@ -120,11 +117,8 @@ class StabilityScenario:
         require_positive(self.desired, "amplitude")
         bound = self.loop.measurement.bound
         if not self.map.dead_zone[0] > bound:
-            raise ParameterError(
-                "map.dead_zone",
-                self.map.dead_zone,
-                f"from more than the camera's error, {bound:g}",
-            )
+            allowed = f"from more than the camera's error, {bound:g}"
+            raise ParameterError("map.dead_zone", self.map.dead_zone, allowed)
 
     @property
     def loop(self) -> StepScenario:
@@ -344,23 +338,22 @@ def gore_findings(
     fig3_inputs = [CompensatorInputs((error,), None, None) for error in seen for _ in range(ticks)]
     fig4 = make_axis_chart(axis)
     fig4_inputs = [error for error in seen if math.isfinite(error)]
-    local = [
-        *not_local(fig3, fig3_inputs, period=period / ticks),
-        *not_local(fig4, fig4_inputs, period=period),
-    ]
-    unused = [
-        *not_used(fig3, replay(fig3, fig3_inputs, period=period / ticks)),
-        *not_used(fig4, replay(fig4, fig4_inputs, period=period)),
-    ]
-    apart = [*not_connected(fig3), *not_connected(fig4)]
+    local: list[str] = []
+    unused: list[str] = []
+    apart: list[str] = []
+    runs: tuple[tuple[Chart[Any, Any], Sequence[Any], float], ...] = (
+        (fig3, fig3_inputs, period / ticks),
+        (fig4, fig4_inputs, period),
+    )
+    for chart, inputs, step in runs:
+        local += not_local(chart, inputs, period=step)
+        unused += [f"{name} not used" for name in not_used(chart, replay(chart, inputs, period=step))]
+        apart += [f"no way from {start} to {end}" for start, end in not_connected(chart)]
     findings = []
     if local:
         findings.append(f"criterion 1: the rest depends on what {', '.join(local)} does")
     if unused or apart:
-        ways = [f"no way from {start} to {end}" for start, end in apart]
-        findings.append(
-            "criterion 2: " + ", ".join([f"{name} not used" for name in unused] + ways)
-        )
+        findings.append(f"criterion 2: {', '.join(unused + apart)}")
     return tuple(findings)
 
 
@@ -400,11 +393,10 @@ def _velocity_search(
         return {f"{prefix}.least_error": Metric(value=None, unit="m", note=note)}
     best = int(np.argmin(np.where(fits, error, np.inf)))
     note = f"best of {count} settings without overshoot"
+    peak = "of that setting, peak to peak"
     found = {
         "least_error": Metric(value=float(error[best]), unit="m", note=note),
-        "ripple": Metric(
-            value=float(ripple[best]), unit="%", note="of that setting, peak to peak"
-        ),
+        "ripple": Metric(value=float(ripple[best]), unit="%", note=peak),
         "increment": Metric(value=axes[best].increment, unit="N"),
         "large_error": Metric(value=axes[best].large_error, unit="m"),
     }

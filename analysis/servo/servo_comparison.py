@@ -72,18 +72,12 @@ _MATTERS: Final = {"settling_time": 0.05, "error": 0.05, "overshoot": 1.0, "trav
 # from which on a difference is one: of the settling time, the tolerance, %, the tolerance
 
 
-class Criterion(NamedTuple):
-    """What controllers are compared by; less is better."""
-
-    unit: str
-    says: str
-
-
+# What controllers are compared by, less is better: the unit, and what it is called.
 CRITERIA: Final = {
-    "settling_time": Criterion("s", "settling time"),
-    "error": Criterion("m", "error at rest"),
-    "overshoot": Criterion("%", "overshoot"),
-    "travel": Criterion("m", "travel of the command"),
+    "settling_time": ("s", "settling time"),
+    "error": ("m", "error at rest"),
+    "overshoot": ("%", "overshoot"),
+    "travel": ("m", "travel of the command"),
 }
 
 
@@ -208,19 +202,14 @@ def _compare(scenario: ResolvedServoComparisonScenario, seed: int, trial: int) -
                 step=world.camera.period / _SAMPLES,
                 seed=trial_seed(seed, trial),
             )
-            error, command = (
-                world.desired.amplitude - run.outputs["position"],
-                run.outputs["command"],
-            )
+            height, command = world.desired.amplitude, run.outputs["command"]
+            error = height - run.outputs["position"]
             measured = measure(
-                run.time, error, command, height=world.desired.amplitude, tolerance=world.tolerance
+                run.time, error, command, height=height, tolerance=world.tolerance
             )
             row |= {f"{condition}.{controller}.{name}": one for name, one in measured.items()}
             time = run.time[::_SAMPLES]
-            which = {
-                "condition": np.full(len(time), float(i)),
-                "controller": np.full(len(time), float(j)),
-            }
+            which = {"condition": np.full_like(time, i), "controller": np.full_like(time, j)}
             courses.append({**which, "time": time, "error": error[::_SAMPLES]})
     table = {name: np.concatenate([one[name] for one in courses]) for name in courses[0]}
     return with_table(row, table)
@@ -265,16 +254,12 @@ def run(scenario: ResolvedServoComparisonScenario, seed: int, progress: Progress
     """Undo many steps with both controllers under every disturbance."""
     trials = run_each(partial(_compare, scenario, seed), range(scenario.trials), progress)
     found = differences(scenario, trials)
-    said, others = (
-        answer(scenario, found, len(trials)),
-        f"of {len(found)} differences, as fsm.better",
-    )
-    counts = {name: sum(one.better == name for one in found) for name in CONTROLLERS}
-    metrics = {
-        "fsm.better": Metric(value=counts["fsm"], unit="", note=said),
-        "pid.better": Metric(value=counts["pid"], unit="", note=others),
-        **design_metrics(scenario),
-    }
+    notes = answer(scenario, found, len(trials)), f"of {len(found)} differences, as fsm.better"
+    metrics = {}
+    for better, note in zip(CONTROLLERS, notes, strict=True):
+        count = sum(one.better == better for one in found)
+        metrics[f"{better}.better"] = Metric(value=count, unit="", note=note)
+    metrics |= design_metrics(scenario)
     for condition in CONDITIONS:
         for controller in CONTROLLERS:
             name = f"{condition}.{controller}"
@@ -430,7 +415,7 @@ def answer(
     if not parts:
         parts = ["neither controller is better in anything"]
     alike = [
-        CRITERIA[name].says
+        CRITERIA[name][1]
         for name in CRITERIA
         if not any(one.better for one in found if one.criterion == name)
     ]

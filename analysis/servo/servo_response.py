@@ -189,8 +189,7 @@ def run_step(
 ) -> Outcome:
     """Run Fig. 8: a step, on the plants that the paper and the hardware have."""
     run = run_loops(scenario, _STEP_LOOPS, seed=seed, progress=progress, compiled=compiled)
-    _require_amplitude(scenario)
-    reference = scenario.desired.amplitude
+    reference = _amplitude(scenario)
     metrics: dict[str, Metric] = {}
     for name in _STEP_LOOPS:
         if name in run.growth:
@@ -208,9 +207,10 @@ def run_step(
     return Outcome(metrics=metrics, traces=run.traces, simulated_seconds=scenario.duration)
 
 
-def _require_amplitude(scenario: ResolvedServoScenario) -> None:
+def _amplitude(scenario: ResolvedServoScenario) -> float:
     if scenario.desired.amplitude == 0:
         raise ParameterError("desired.amplitude", 0.0, "a finite number other than 0")
+    return scenario.desired.amplitude
 
 
 run_step_compiled = partial(run_step, compiled=True)  # for a point of a sweep
@@ -227,23 +227,20 @@ def run_sinusoid(
         progress=lambda done, doing="": progress(0.3 * done, doing),
         compiled=compiled,
     )
-    _require_amplitude(scenario)
+    _amplitude(scenario)
     metrics: dict[str, Metric] = {}
     for name in _SINUSOID_LOOPS:
         if name in run.growth:
             metrics |= _unstable(name, run.growth[name], "error_rms", "m")
             continue
         metrics |= _tracking(scenario.frequency, run, name).as_metrics(name, "m")
-    metrics |= {
-        "error_rms_ratio": _ratio(metrics, "fsm.error_rms", "pid.error_rms"),
-        "error_rms_ratio_compensation": _ratio(
-            metrics, "fsm_compensation.error_rms", "pid.error_rms"
-        ),
-        "error_rms_ratio_velocity": _ratio(metrics, "fsm_velocity.error_rms", "pid.error_rms"),
-        "transient_error_ratio": _ratio(
-            metrics, "fsm.transient_error_rms", "pid.transient_error_rms"
-        ),
-    }
+    for ratio, loop, error in (
+        ("error_rms_ratio", "fsm", "error_rms"),
+        ("error_rms_ratio_compensation", "fsm_compensation", "error_rms"),
+        ("error_rms_ratio_velocity", "fsm_velocity", "error_rms"),
+        ("transient_error_ratio", "fsm", "transient_error_rms"),
+    ):
+        metrics[ratio] = _ratio(metrics, f"{loop}.{error}", f"pid.{error}")
     metrics |= _compensator_metrics(scenario)
     sweep = _sweep(scenario, seed, progress)
     for name in ("fsm", "fsm_compensation"):
@@ -289,13 +286,11 @@ def _sweep(scenario: ResolvedServoScenario, seed: int, progress: Progress) -> di
 def _crossover(sweep: Mapping[str, Array], name: str) -> Metric:
     advantage = np.log(sweep[name] / sweep["pid"])
     worse = np.flatnonzero(~(advantage < 0))
-    if len(worse) == 0:
-        return Metric(
-            value=None, unit="rad/s", note="better than the PID at every frequency tried"
-        )
-    i = int(worse[0])
+    i = int(worse[0]) if len(worse) else 0
     if i == 0:
-        return Metric(value=None, unit="rad/s", note="worse than the PID at every frequency tried")
+        which = "worse" if len(worse) else "better"
+        note = f"{which} than the PID at every frequency tried"
+        return Metric(value=None, unit="rad/s", note=note)
     part = advantage[i - 1] / (advantage[i - 1] - advantage[i])
     logs = np.log(sweep["frequency"])
     return Metric(value=float(np.exp(logs[i - 1] + part * (logs[i] - logs[i - 1]))), unit="rad/s")
@@ -326,10 +321,8 @@ def _compensator_metrics(scenario: ResolvedServoScenario) -> dict[str, Metric]:
 
 def _slope_ratio(axis: AxisParams, height: float, run: ServoRun) -> Metric:
     """Compare the response's slope while the error is large with that while it is small."""
-    time, error = (
-        run.traces["time"],
-        abs(height) - np.abs(run.traces["fsm.actual_trajectory"]),
-    )
+    time = run.traces["time"]
+    error = abs(height) - np.abs(run.traces["fsm.actual_trajectory"])
     moving = np.flatnonzero(error < axis.dead_zone)
     until = int(moving[0]) if len(moving) else len(error)
     slope = -np.gradient(error, time)

@@ -128,11 +128,6 @@ def sampled_response(plant: TransferFunction, camera: ServoCameraParams) -> Sett
     )
 
 
-def resolve_compared(scenario: ComparedLoopScenario) -> ResolvedComparedLoopScenario:
-    """Return the loop of a scenario with what it leaves open, see :func:`what_is_open`."""
-    return ResolvedComparedLoopScenario(**vars(scenario) | what_is_open(scenario))
-
-
 def what_is_open(scenario: ComparedLoopScenario) -> dict[str, Any]:
     """Return the plant identified, tolerance, duration and both controllers of a scenario.
 

@@ -85,12 +85,9 @@ def make_servo_diagram(
         if loop.controller == "PID":
             diagram = make_pid_loop(scenario, form, step=step, controller=controller)
         else:
+            ahead = loop.feedforward
             diagram = make_fsm_loop(
-                scenario,
-                form,
-                feedforward=loop.feedforward,
-                step=step,
-                controller=controller,
+                scenario, form, feedforward=ahead, step=step, controller=controller
             )
         diagram.set_name(loop.title)
         builder.AddSystem(diagram)
@@ -112,11 +109,9 @@ def make_pid_loop(
 
     With a user's own controller only trajectory and plant take exact steps.
     """
-    if controller is not None:
-        require_ports("controller", controller, inputs={"error": 1}, outputs={"compensation": 1})
-        return _wire("PID", scenario, form, controller, step=step)
-    loop = _wire("PID", scenario, form, None)
-    return loop if step is None else discretise(loop, step)
+    if controller is None and step is not None:
+        return discretise(_wire("PID", scenario, form, None), step)
+    return _wire("PID", scenario, form, controller, step=step)
 
 
 def make_fsm_loop(
@@ -135,13 +130,6 @@ def make_fsm_loop(
     if feedforward is None:
         feedforward = has_feedforward(scenario)
     feedforward = feedforward and form == "position"
-    if controller is not None:
-        require_ports(
-            "controller",
-            controller,
-            inputs={"error": 1} | ({"desired_trajectory": 1} if feedforward else {}),
-            outputs={"compensation": 1} | ({"command": 1} if feedforward else {}),
-        )
     return _wire("FSM", scenario, form, controller, step=step, feedforward=feedforward)
 
 
@@ -159,6 +147,13 @@ def _wire(
     def linear(system: System) -> System:
         return system if step is None else discretise(system, step)
 
+    if own is not None:
+        require_ports(
+            "controller",
+            own,
+            inputs={"error": 1} | ({"desired_trajectory": 1} if feedforward else {}),
+            outputs={"compensation": 1} | ({"command": 1} if feedforward else {}),
+        )
     builder = DiagramBuilder()
     desired = builder.AddNamedSystem(
         "desired trajectory", linear(make_desired_trajectory(scenario.desired))

@@ -61,12 +61,8 @@ def pid_step(
 ) -> tuple[Array, Array]:
     """Return total and integral part after a sample, of the law of :class:`SampledPid`.
 
-    Args:
-        integral: The integral part so far, of any shape; all others are of it or broadcast to it.
-        last: The error before, NaN if there is none.
-        error: The new one, finite.
-        gains: Of error, integral and derivative, and the limit, as in :class:`PidGains`.
-        period: s.
+    All are of one shape or broadcast to it; the error before, ``last``, is NaN if there is none.
+    Gains are those of error, integral and derivative, and the limit.
     """
     proportional, per_second, derivative, limit = gains
     change = np.nan_to_num((error - last) / period)
@@ -158,12 +154,7 @@ def tuned_gains(
     The response is taken for a lag behind a dead time, :func:`lag_and_dead_time`. S. Skogestad,
     Simple analytic rules for model reduction and PID controller tuning, J. Process Control 13
     (2003) 291-309, eqs. (23) and (24); its half rule counts half a sampling period as dead time.
-
-    Args:
-        plant: Gain and step response, sampled at the period.
-        closed_loop: s, the wanted time constant tau_c of the closed loop.
-        period: s.
-        limit: Bound on the compensation.
+    ``closed_loop``, s, is the wanted time constant tau_c of the closed loop.
     """
     for name, value in (("closed_loop", closed_loop), ("period", period)):
         if not 0 < value < math.inf:

@@ -186,13 +186,8 @@ def allowed_increment(
     """Return the large increment n that the theorem allows, in the compensation's unit.
 
     It uses a share of the bound on the small increment; what is left lets the large increments
-    die out. The overshoot that it allows is a part of the dead zone.
-
-    Args:
-        plant: From :func:`sample_plant`.
-        dead_zone: eps, in the output's unit; more than nu.
-        measurement_error: nu, in the output's unit.
-        divider: n_L / n_s.
+    die out. The overshoot that it allows is a part of the dead zone, which has to be more than
+    the measurement error.
     """
     room = _room(dead_zone, measurement_error)
     small = _SHARE * room / (1.0 + plant.total)

@@ -46,14 +46,6 @@ def test_fingers_and_nuggets_are_where_the_positions_say(view: ChargingView) -> 
     np.testing.assert_allclose(pose("nugget_2")[:, 3], [0.3, -0.3, 0.4], rtol=0, atol=1e-12)
 
 
-def test_draws_each_nugget_and_publishes(view: ChargingView, meshcat: Meshcat) -> None:
-    view.diagram.ForcedPublish(view.diagram.CreateDefaultContext())
-    for index in range(len(PLAN)):
-        assert meshcat.HasPath(f"charging/nuggets/nugget_{index + 1}")
-    for name in ("crucible", "bed", "feeder", "scanner"):
-        assert meshcat.HasPath(f"charging/{name}")
-
-
 def test_nuggets_wait_in_a_row_at_the_feeder() -> None:
     first, second, *_, last = (waiting_pose(STATION, 0.03, ahead) for ahead in range(50))
     np.testing.assert_allclose(first[3:], [*STATION.feeder[:2], STATION.feeder[2] + 0.03])

@@ -10,8 +10,9 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.diagrams.servo.comparison_loop import (
     ComparedLoopScenario,
+    ResolvedComparedLoopScenario,
     make_compared_diagram,
-    resolve_compared,
+    what_is_open,
 )
 from chamfer.diagrams.servo.servo_loops import (
     make_fsm_loop,
@@ -57,7 +58,7 @@ def test_the_pid_loop_steps_as_python_control_says(form: Form) -> None:
 
 
 def test_the_pid_loop_follows_a_sinusoid_exactly_at_any_step() -> None:
-    scenario = SinusoidScenario(desired=Sinusoid(frequency=7.0))
+    scenario = SinusoidScenario(desired=Sinusoid(amplitude=-2.0, frequency=7.0))
     coarse, fine = (
         simulate(make_pid_loop(scenario, "velocity", step=step), duration=2.0, step=step)
         for step in (0.05, 0.001)
@@ -68,7 +69,7 @@ def test_the_pid_loop_follows_a_sinusoid_exactly_at_any_step() -> None:
     loop = pid_transfer(scenario.pid) * transfer(scenario.plant, "velocity")
     ratio = control.minreal(control.feedback(loop, 1), verbose=False)(7.0j)
     late = fine.time > 1.0
-    expected = (ratio * np.exp(7.0j * fine.time[late])).imag
+    expected = -2 * (ratio * np.exp(7.0j * fine.time[late])).imag
     np.testing.assert_allclose(fine.outputs["actual_trajectory"][late], expected, atol=1e-6)
 
 
@@ -206,7 +207,7 @@ def test_a_controller_with_other_ports_is_refused_in_a_line() -> None:
 
 
 def test_a_users_own_controller_is_compared_too() -> None:
-    scenario = resolve_compared(ComparedLoopScenario())
+    scenario = ResolvedComparedLoopScenario(**what_is_open(ComparedLoopScenario()))
     loop = make_compared_diagram(scenario, "fsm", controller=Proportional(0.5))
     run = simulate(loop, duration=3.0, step=scenario.camera.period / 8)
     assert run.outputs["position"][-1] == pytest.approx(0.02 / 3, abs=2e-4)

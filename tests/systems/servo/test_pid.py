@@ -1,7 +1,6 @@
 import math
 from collections.abc import Sequence
 
-import control
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,27 +9,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.primitives import LinearSystem
 from scipy.signal import lfilter
 
-from chamfer.systems.servo.pid import PidParams, make_pid
 from chamfer.systems.servo.sampled_pid import PidGains, SampledPid, SampledPidParams, tuned_gains
 from chamfer.systems.servo.settling import SettlingPlant, sample_plant
-
-PAPER = PidParams()
-TEXTBOOK = PidParams(proportional=2.0, integral=3.0, derivative=0.5, filter=40.0)
-
-
-@pytest.mark.parametrize("params", [PAPER, TEXTBOOK], ids=["paper", "textbook"])
-def test_has_the_frequency_response_of_equation_2(params: PidParams) -> None:
-    s = control.tf("s")
-    n = params.filter
-    equation = params.proportional + params.integral / s + params.derivative * n / (1 + n / s)
-    block = make_pid(params)
-    frequencies = np.geomspace(1e-2, 1e3, 60) * n / 40
-    np.testing.assert_allclose(
-        control.ss(block.A(), block.B(), block.C(), block.D())(1j * frequencies),
-        equation(1j * frequencies),
-        rtol=1e-9,
-    )
-
 
 PERIOD = 1 / 80
 NAN = math.nan

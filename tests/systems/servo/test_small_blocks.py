@@ -1,12 +1,10 @@
-import numpy as np
 import pytest
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from chamfer.systems.servo.backlash import Backlash
-from chamfer.systems.servo.desired_trajectory import Sinusoid, Step, make_desired_trajectory
 from chamfer.systems.servo.measurement_selector import MeasurementSelector
 
 
@@ -40,32 +38,3 @@ def test_a_selector_lets_through_what_is_open(
     block.GetInputPort("open").FixValue(context, [float(one) for one in opened])
     assert block.GetOutputPort("error").Eval(context).tolist() == [first, -2.0, 1.0]
     assert block.GetOutputPort("valid").Eval(context)[0] == counts
-
-
-def values(trajectory: Step | Sinusoid, times: np.ndarray) -> np.ndarray:
-    block = make_desired_trajectory(trajectory)
-    simulator = Simulator(block)
-    ApplySimulatorConfig(
-        SimulatorConfig(integration_scheme="runge_kutta5", accuracy=1e-11, max_step_size=0.1),
-        simulator,
-    )
-    output = []
-    for time in times:
-        simulator.AdvanceTo(time)
-        output.append(block.get_output_port().Eval(simulator.get_context())[0])
-    return np.array(output)
-
-
-@pytest.mark.parametrize("amplitude", [1.0, -0.25, 0.0])
-def test_step_is_constant_from_the_start(amplitude: float) -> None:
-    assert values(Step(amplitude=amplitude), np.linspace(0, 3, 7)).tolist() == [amplitude] * 7
-
-
-@pytest.mark.parametrize(("amplitude", "frequency"), [(1.0, 1.0), (-0.2, 7.0), (3.0, 0.1)])
-def test_sinusoid_is_a_sine(amplitude: float, frequency: float) -> None:
-    times = np.linspace(0.0, 4.0, 33)
-    np.testing.assert_allclose(
-        values(Sinusoid(amplitude=amplitude, frequency=frequency), times),
-        amplitude * np.sin(frequency * times),
-        atol=1e-8 * abs(amplitude),
-    )

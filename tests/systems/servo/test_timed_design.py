@@ -42,26 +42,6 @@ def test_the_time_to_settle_is_that_of_the_law_step_by_step() -> None:
     assert settled_after(axis, still, task) == pytest.approx(7 / 60)
 
 
-def test_the_pid_falls_off_so_that_it_is_settled_in_time() -> None:
-    gains = timed_gains(TASK, PLANT)
-    faster = timed_gains(replace(TASK, settling_time=0.75), PLANT)
-    finer = timed_gains(replace(TASK, tolerance=5e-4), PLANT)
-    assert faster.proportional > 1.5 * gains.proportional
-    assert finer.proportional > gains.proportional
-    error, integral, position = TASK.error, 0.0, np.zeros(400)
-    last = 0.0
-    arrived = np.ones(400)
-    arrived[: len(PLANT.undelivered)] = 1 - PLANT.undelivered[:400]
-    for tick in range(399):
-        error = TASK.error - position[tick]
-        integral += gains.integral * error / 60
-        command = integral + gains.proportional * error
-        position[tick + 1 :] += (command - last) * arrived[: -tick - 1]
-        last = command
-    outside = np.flatnonzero(np.abs(TASK.error - position) > TASK.tolerance)
-    assert outside[-1] / 60 == pytest.approx(TASK.settling_time, rel=0.1)
-
-
 def test_the_least_time_that_is_named_is_enough() -> None:
     for design in (timed_axis, timed_gains):
         with pytest.raises(
