@@ -25,6 +25,7 @@ from chamfer.analysis.calibration.camera_fit import (
     doubts,
     fit_camera,
     fit_pair,
+    pose_vector,
     rms,
     transform,
 )
@@ -42,7 +43,6 @@ from chamfer.models.cameras.camera_file import (
     CameraFile,
     FramePose,
     Intrinsics,
-    MeasuredPose,
     camera_text,
     plain_pose,
 )
@@ -117,7 +117,7 @@ class Picture:
     name: str
     pixels: Array | None  # of the corners, shape (n, 2); None if it was left out
     residuals: Array | None  # seen minus projected, pixels, shape (n, 2)
-    board: MeasuredPose | None = None  # in the camera's frame
+    board: FramePose | None = None  # in the camera's frame
     left_out: str = ""  # why
     alone: str = ""  # why it is not used as one of a pair
 
@@ -156,7 +156,7 @@ def calibrate(
     """
     whose = tuple(f"{eye} camera: " for eye in EYES) if len(seen) > 1 else ("",)
     fits = [fit_camera(seen[k], sizes[k], whose=of) for k, of in enumerate(whose)]
-    fit = fits[0] if len(fits) == 1 else fit_pair(seen, fits)
+    fit = fits[0] if len(fits) == 1 else fit_pair(fits)
     notes = doubts(fit, sizes, whose)
     pictures = tuple(
         tuple(_picture(one, fit, (camera, k)) for k, one in enumerate(of))
@@ -184,7 +184,7 @@ def _picture(one: Seen, fit: Fit, owner: Owner) -> Picture:
     return Picture(
         name=one.name,
         pixels=one.corners.pixels,
-        residuals=fit.adjustment.residuals[fit.owners.index(owner)],
+        residuals=fit.residuals[owner],
         board=_board_pose(fit, owner),
         alone=fit.alone.get(owner, ""),
     )
@@ -211,32 +211,28 @@ def _named(intrinsic: Array) -> dict[str, Any]:
     }
 
 
-def _world_pose(fit: Fit, known: tuple[int, Array], seen: Sequence[Seen]) -> MeasuredPose:
+def _world_pose(fit: Fit, known: tuple[int, Array], seen: Sequence[Seen]) -> FramePose:
     number, X_WB = known
     if (0, number) in fit.left_out:
         raise UserError(
             f"{seen[number].name} can't tell where the camera stands: {fit.left_out[0, number]}"
         )
-    board = fit.adjustment.places.board(fit.moment((0, number)))
-    return _measured(fit, [board], lambda pose: X_WB @ _inverse(pose))
+    return _measured(fit, [fit.board((0, number))], lambda pose: X_WB @ _inverse(pose))
 
 
-def _board_pose(fit: Fit, owner: Owner) -> MeasuredPose:
+def _board_pose(fit: Fit, owner: Owner) -> FramePose:
     """Return the board's pose in the frame of the camera that saw it."""
-    places = fit.adjustment.places
-    board = places.board(fit.moment(owner))
     if owner[0] == 0:
-        return _measured(fit, [board], transform)
-    return _measured(
-        fit, [places.stereo, board], lambda both: transform(both[:6]) @ transform(both[6:])
-    )
+        return _measured(fit, [fit.board(owner)], transform)
+    where = [fit.adjustment.places.stereo, fit.board(owner)]
+    return _measured(fit, where, lambda both: transform(both[:6]) @ transform(both[6:]))
 
 
 def _inverse(pose: Array) -> Array:
     return np.linalg.inv(transform(pose)).astype(float)
 
 
-def _measured(fit: Fit, where: Sequence[slice], of: Callable[[Array], Array]) -> MeasuredPose:
+def _measured(fit: Fit, where: Sequence[slice], of: Callable[[Array], Array]) -> FramePose:
     """Return a pose and how well it is known.
 
     Args:
@@ -251,10 +247,12 @@ def _measured(fit: Fit, where: Sequence[slice], of: Callable[[Array], Array]) ->
         (_moved(found, of(parameters + turn)) - _moved(found, of(parameters - turn))) / 2 / _TURN
         for turn in _TURN * np.eye(len(parameters))
     ]
-    rotation = Rotation.from_matrix(found[:3, :3]).as_rotvec()
-    return MeasuredPose(
-        value=_frame_pose(np.concatenate([rotation, found[:3, 3]])),
-        sd=_frame_pose(fit.adjustment.deviations(indices, np.column_stack(columns))),
+    a, b, c, x, y, z = pose_vector(found).tolist()
+    sd = fit.adjustment.deviations(indices, np.column_stack(columns)).tolist()
+    return FramePose(
+        rotation_vector=(a, b, c),
+        translation=(x, y, z),
+        sd=FramePose(rotation_vector=tuple(sd[:3]), translation=tuple(sd[3:])),
     )
 
 
@@ -262,11 +260,6 @@ def _moved(found: Array, other: Array) -> Array:
     """Return the small rotation, rad, and the shift, m, from one pose to another, shape (6,)."""
     turned = Rotation.from_matrix(other[:3, :3] @ found[:3, :3].T).as_rotvec()
     return np.concatenate([turned, other[:3, 3] - found[:3, 3]])
-
-
-def _frame_pose(vector: Array) -> FramePose:
-    a, b, c, x, y, z = vector.tolist()
-    return FramePose(rotation_vector=(a, b, c), translation=(x, y, z))
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -21,13 +21,8 @@ from chamfer.analysis.campaign.trial_metrics import rate
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.drawing.figure_kit import draw_cumulative
 from chamfer.analysis.drawing.figure_style import BAND, LIMIT, Style, dress, legend, new_figure
-from chamfer.analysis.scenario.experiment import (
-    Metric,
-    Outcome,
-    Progress,
-    Table,
-    column,
-)
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column
+from chamfer.analysis.sight.picture_conditions import PictureQuality
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.cameras.camera_file import CalibratedCamera, Intrinsics
 from chamfer.models.validation import ParameterError, require_between, require_not_negative
@@ -42,15 +37,10 @@ _TRIES: Final = 300  # of a random pose
 
 
 @dataclass(frozen=True, kw_only=True)
-class BoardPicture:
+class BoardPicture(PictureQuality):
     """What pictures of a board suffer from."""
 
     noise: float = 2.0  # grey levels, standard deviation
-    blur: float = 0.7  # pixels, standard deviation
-
-    def __post_init__(self) -> None:
-        require_not_negative(self, "blur")
-        require_between(self, 0, 60, "noise")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +86,7 @@ def place_board(
     outline = _outline(board)
     width = float(np.ptp(outline[:, 0]))
     middle = np.append(outline.mean(axis=0), 0.0)
-    from_middle = np.column_stack([outline, np.zeros(len(outline))]) - middle
+    from_middle = np.pad(outline, ((0, 0), (0, 1))) - middle
     size = np.array([camera.width, camera.height])
     front = camera.placed(np.eye(3), np.zeros(3))  # the camera's own frame
     for _ in range(_TRIES):
@@ -116,14 +106,8 @@ def place_board(
 
 
 def board_corners(points: Array, camera: Camera) -> Array:
-    """Return the pixels at which a camera, whose world is the board, sees its points.
-
-    Args:
-        points: x and y in the board's frame, m, shape (n, 2).
-        camera: The camera.
-    """
-    pixels: Array = camera.project(np.column_stack([points, np.zeros(len(points))]))
-    return pixels
+    """Return the pixels at which a camera, whose world is the board, sees points, m, (n, 2)."""
+    return camera.project(np.pad(points, ((0, 0), (0, 1))))
 
 
 def _squares(board: Board) -> Iterator[tuple[Array, bool]]:
@@ -164,8 +148,7 @@ def _outline(board: Board, margin: float = 0.0) -> Array:
     """Return the outline of all squares and a margin, m, shape (n, 2)."""
     corners = np.array([corner for corner, _ in _squares(board)])
     low, high = corners.min(axis=0) - margin, corners.max(axis=0) + board.square + margin
-    outline: Array = low + (high - low) * _UNIT
-    return outline
+    return np.asarray(low + (high - low) * _UNIT)
 
 
 def _paint(image: Array, polygon: Array, level: float) -> None:

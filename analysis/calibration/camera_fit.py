@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 import cv2
@@ -25,14 +25,12 @@ _FIRST: Final = 1e-6  # damping, of the normal matrix scaled to ones on the diag
 _HARDER: Final = 10.0  # factor of the damping after a step that made it worse
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class BoardView:
+class BoardView(NamedTuple):
     """A board's corners as one camera saw them."""
 
     camera: int  # 0: left, 1: right
     picture: int  # pictures of one moment share a number, and the board's place
-    points: Array  # shape (n, 2), m, x and y in the board's frame
-    pixels: Array  # shape (n, 2)
+    corners: Corners
 
 
 class Places(NamedTuple):
@@ -225,12 +223,12 @@ def _seen(
         composed = np.vstack([np.hstack(by[:4]), np.hstack(by[4:])])  # by the halves in turn
         derivatives = np.hsplit(composed, 2)
         columns.append(np.r_[places.stereo])
-    points = np.column_stack([sight.points, np.zeros(len(sight.points))])
+    points = _in_space(sight.corners.points)
     rotation, translation = np.split(pose, 2)
     projected, jacobian = cv2.projectPoints(points, rotation, translation, matrix, distortion)
     by_pose, by_camera = jacobian[:, :_POSE], jacobian[:, _POSE : _POSE + INTRINSIC]
     blocks = [by_camera, *(by_pose @ one for one in derivatives)]
-    residual = sight.pixels - projected.reshape(-1, 2)
+    residual = sight.corners.pixels - projected.reshape(-1, 2)
     return residual, np.hstack(blocks), np.concatenate([np.r_[own], *columns])
 
 
@@ -261,20 +259,28 @@ class Fit:
     """What fits best, and what became of the pictures."""
 
     adjustment: Adjustment
-    sights: tuple[BoardView, ...]
-    owners: tuple[Owner, ...]  # of each sight
+    sights: Mapping[Owner, BoardView]
     left_out: Mapping[Owner, str]  # why
-    alone: Mapping[Owner, str]  # why a picture is not used as one of a pair
-    pairs: int
+    alone: Mapping[Owner, str] = field(default_factory=dict)  # why it is not one of a pair
+
+    @property
+    def pairs(self) -> int:
+        """How many pictures are used together with one of the other camera."""
+        return len(self.sights) - len({one.picture for one in self.sights.values()})
+
+    @property
+    def residuals(self) -> dict[Owner, Array]:
+        """What remains in each picture, seen minus projected, pixels, shape (n, 2)."""
+        return dict(zip(self.sights, self.adjustment.residuals, strict=True))
 
     @property
     def errors(self) -> Array:
         """Root of the mean square of the distances in each sight, pixels."""
         return np.array([rms(residual) for residual in self.adjustment.residuals])
 
-    def moment(self, owner: Owner) -> int:
-        """Return under which number the board's pose in a picture is."""
-        return self.sights[self.owners.index(owner)].picture
+    def board(self, owner: Owner) -> slice:
+        """Return where the parameters of the board's pose in a picture are."""
+        return self.adjustment.places.board(self.sights[owner].picture)
 
 
 def rms(residuals: Array) -> float:
@@ -290,6 +296,11 @@ def transform(pose: Array) -> Array:
     return matrix
 
 
+def pose_vector(X: Array) -> Array:
+    """Return a matrix, shape (4, 4), as a rotation vector and a translation, shape (6,)."""
+    return np.append(Rotation.from_matrix(X[:3, :3]).as_rotvec(), X[:3, 3])
+
+
 def fit_camera(seen: Sequence[Seen], size: tuple[int, int], *, whose: str = "") -> Fit:
     """Fit one camera to its pictures, of a size in pixels.
 
@@ -299,7 +310,7 @@ def fit_camera(seen: Sequence[Seen], size: tuple[int, int], *, whose: str = "") 
         UserError: If the pictures don't tell what the camera is; ``whose`` is put in front.
     """
     left_out = {(0, k): one.reason for k, one in enumerate(seen) if one.corners is None}
-    kept = [k for k, one in enumerate(seen) if one.corners is not None]
+    kept = [(k, one.corners) for k, one in enumerate(seen) if one.corners is not None]
     while True:
         if len(kept) < LEAST_PICTURES:
             why = next((f" ({seen[k].name}: {said})" for (_, k), said in left_out.items()), "")
@@ -307,26 +318,20 @@ def fit_camera(seen: Sequence[Seen], size: tuple[int, int], *, whose: str = "") 
                 f"{whose}{len(kept)} of {len(seen)} pictures show the board{why}, "
                 f"allowed: at least {LEAST_PICTURES}"
             )
-        sights = tuple(_sight(seen[k], 0, j) for j, k in enumerate(kept))
-        fit = Fit(
-            adjustment=_adjusted(sights, size, whose),
-            sights=sights,
-            owners=tuple((0, k) for k in kept),
-            left_out=left_out,
-            alone={},
-            pairs=0,
-        )
+        sights = {(0, k): BoardView(0, j, corners) for j, (k, corners) in enumerate(kept)}
+        adjustment = _adjusted(list(sights.values()), size, whose)
+        fit = Fit(adjustment=adjustment, sights=sights, left_out=left_out)
         worst, median = int(fit.errors.argmax()), float(np.median(fit.errors))
         if not fit.errors[worst] > _BEYOND * median:
             return fit
-        left_out[0, kept.pop(worst)] = (
+        left_out[0, kept.pop(worst)[0]] = (
             f"an outlier: its error of {fit.errors[worst]:.2g} pixels is more than "
             f"{_BEYOND:g} times the median, {median:.2g}"
         )
 
 
-def fit_pair(seen: Sequence[Sequence[Seen]], fits: Sequence[Fit]) -> Fit:
-    """Fit two cameras together to all of their pictures.
+def fit_pair(fits: Sequence[Fit]) -> Fit:
+    """Fit two cameras, of which each has been fitted, together to all of their pictures.
 
     Pairs that don't fit the others are taken apart; both of their pictures are still used, each
     for its own camera. Pictures of the same number were taken at the same time.
@@ -335,10 +340,7 @@ def fit_pair(seen: Sequence[Sequence[Seen]], fits: Sequence[Fit]) -> Fit:
         UserError: If too few pairs tell where the cameras stand to each other.
     """
     X_LB, X_RB = (
-        {
-            k: transform(fit.adjustment.parameters[fit.adjustment.places.board(j)])
-            for j, (_, k) in enumerate(fit.owners)
-        }
+        {k: transform(fit.adjustment.parameters[fit.board((0, k))]) for _, k in fit.sights}
         for fit in fits
     )
     paired = sorted(X_LB.keys() & X_RB.keys())
@@ -349,13 +351,13 @@ def fit_pair(seen: Sequence[Sequence[Seen]], fits: Sequence[Fit]) -> Fit:
     }
     median = float(np.median(np.concatenate([fit.errors for fit in fits])))
     if both >= LEAST_PICTURES:
-        X_RL, apart = _agreed(seen[1], X_LB, X_RB, paired, fits[1])
+        X_RL, apart = _agreed(fits[1], X_LB, X_RB, paired)
         for k in [k for k in paired if apart[k] > _APART * median]:
             paired.remove(k)
             alone |= dict.fromkeys([(0, k), (1, k)], _UNLIKE)
     while len(paired) >= LEAST_PICTURES:
-        fit = _together(seen, fits, X_LB, X_RB, X_RL, paired, alone)
-        left = dict(zip(fit.owners, fit.adjustment.residuals, strict=True))
+        fit = _together(fits, X_LB, X_RB, X_RL, paired, alone)
+        left = fit.residuals
         errors = {k: rms(np.concatenate([left[0, k], left[1, k]])) for k in paired}
         worst = max(paired, key=errors.__getitem__)
         if not errors[worst] > _BEYOND * median:
@@ -363,7 +365,8 @@ def fit_pair(seen: Sequence[Sequence[Seen]], fits: Sequence[Fit]) -> Fit:
         paired.remove(worst)
         alone |= dict.fromkeys([(0, worst), (1, worst)], _UNLIKE)
     if both < LEAST_PICTURES:
-        said = f"both cameras see the board in {both} of {len(seen[0])} pairs of pictures"
+        number = len(fits[0].sights) + len(fits[0].left_out)
+        said = f"both cameras see the board in {both} of {number} pairs of pictures"
     else:
         said = (
             f"of {both} pairs of pictures {len(paired)} agree on how the cameras stand: are both "
@@ -411,16 +414,9 @@ def _bent(fit: Fit, camera: int, size: tuple[int, int]) -> float:
     return float(fit.adjustment.deviations(slice(end - _DISTORTION, end), distorted).max())
 
 
-def _sight(one: Seen, camera: int, picture: int) -> BoardView:
-    if one.corners is None:
-        raise ValueError(f"{one.name} shows no board")
-    points, pixels = one.corners.points, one.corners.pixels
-    return BoardView(camera=camera, picture=picture, points=points, pixels=pixels)
-
-
 def _adjusted(sights: Sequence[BoardView], size: tuple[int, int], whose: str) -> Adjustment:
-    points = [_in_space(sight.points).astype(np.float32) for sight in sights]
-    pixels = [sight.pixels.astype(np.float32) for sight in sights]
+    points = [_in_space(sight.corners.points).astype(np.float32) for sight in sights]
+    pixels = [sight.corners.pixels.astype(np.float32) for sight in sights]
     try:
         _, matrix, distortion, rotations, translations = cv2.calibrateCamera(
             points, pixels, size, np.eye(3), np.zeros(5)
@@ -436,34 +432,24 @@ def _adjusted(sights: Sequence[BoardView], size: tuple[int, int], whose: str) ->
 
 
 def _agreed(
-    seen: Sequence[Seen],
-    X_LB: Mapping[int, Array],
-    X_RB: Mapping[int, Array],
-    paired: Sequence[int],
-    right: Fit,
+    right: Fit, X_LB: Mapping[int, Array], X_RB: Mapping[int, Array], paired: Sequence[int]
 ) -> tuple[Array, dict[int, float]]:
     """Return the pair's pose by which the others are predicted best, and their errors, pixels."""
     poses = [X_RB[k] @ np.linalg.inv(X_LB[k]) for k in paired]
-    errors = [
-        {j: _predicted(right, _sight(seen[j], 1, 0), X_RL @ X_LB[j]) for j in paired}
-        for X_RL in poses
-    ]
+    matrix, distortion = right.adjustment.lens(0)
+
+    def error(k: int, X_RL: Array) -> float:
+        corners, pose = right.sights[0, k].corners, pose_vector(X_RL @ X_LB[k])
+        points = _in_space(corners.points)
+        projected, _ = cv2.projectPoints(points, pose[:3], pose[3:], matrix, distortion)
+        return rms(corners.pixels - np.reshape(projected, (-1, 2)))
+
+    errors = [{k: error(k, X_RL) for k in paired} for X_RL in poses]
     best = int(np.argmin([np.median(list(one.values())) for one in errors]))
     return poses[best], errors[best]
 
 
-def _predicted(right: Fit, sight: BoardView, X_RB: Array) -> float:
-    """Return a sight's error with the board at a place, pixels."""
-    matrix, distortion = right.adjustment.lens(0)
-    rotation = Rotation.from_matrix(X_RB[:3, :3]).as_rotvec()
-    projected, _ = cv2.projectPoints(
-        _in_space(sight.points), rotation, X_RB[:3, 3], matrix, distortion
-    )
-    return rms(sight.pixels - np.reshape(projected, (-1, 2)))
-
-
 def _together(
-    seen: Sequence[Sequence[Seen]],
     fits: Sequence[Fit],
     X_LB: Mapping[int, Array],
     X_RB: Mapping[int, Array],
@@ -471,34 +457,28 @@ def _together(
     paired: Sequence[int],
     alone: Mapping[Owner, str],
 ) -> Fit:
-    owners: list[Owner] = [*((0, k) for k in X_LB), *((1, k) for k in X_RB)]
-    moments = {owner: number for number, owner in enumerate(owners[: len(X_LB)])}
+    left, right = fits
+    sights = dict(left.sights)
     boards = list(X_LB.values())
     for k, X in X_RB.items():
-        if k in paired:
-            moments[1, k] = moments[0, k]
-        else:
-            moments[1, k] = len(boards)
+        picture = sights[0, k].picture if k in paired else len(boards)
+        if k not in paired:
             boards.append(np.linalg.inv(X_RL) @ X)
-    sights = tuple(_sight(seen[c][k], c, moments[c, k]) for c, k in owners)
+        sights[1, k] = BoardView(1, picture, right.sights[0, k].corners)
     intrinsic = [fit.adjustment.intrinsic(0)[0] for fit in fits]
-    turns = [Rotation.from_matrix(X[:3, :3]).as_rotvec() for X in (X_RL, *boards)]
-    poses = [np.append(turn, X[:3, 3]) for turn, X in zip(turns, (X_RL, *boards), strict=True)]
-    start = np.concatenate([*intrinsic, *poses])
+    start = np.concatenate([*intrinsic, *map(pose_vector, (X_RL, *boards))])
     noise = [max(_LEAST_NOISE, fit.adjustment.noise) for fit in fits]
     return Fit(
-        adjustment=adjust(sights, start, places=Places(2), noise=noise),
+        adjustment=adjust(list(sights.values()), start, places=Places(2), noise=noise),
         sights=sights,
-        owners=tuple(owners),
         left_out={
             (camera, k): reason
             for camera, fit in enumerate(fits)
             for (_, k), reason in fit.left_out.items()
         },
         alone=dict(alone),
-        pairs=len(paired),
     )
 
 
 def _in_space(points: Array) -> Array:
-    return np.column_stack([points, np.zeros(len(points))])
+    return np.pad(points, ((0, 0), (0, 1)))

@@ -17,13 +17,7 @@ from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.drawing.figure_kit import draw_intervals, metric_value
 from chamfer.analysis.drawing.figure_style import PUBLISHED, Style, dress, new_figure
 from chamfer.analysis.published.fsm_work_cell import SIGNAL_ACCURACY
-from chamfer.analysis.scenario.experiment import (
-    Metric,
-    Outcome,
-    Progress,
-    Table,
-    column,
-)
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column
 from chamfer.analysis.sight.detection_trials import (
     NEAR,
     STATUSES,
@@ -53,6 +47,7 @@ _MOST_POSES: Final = 10_000
 _EXAMPLE: Final = ("wide", "noisy")  # of which the first pose's frames are kept
 _AROUND: Final = (104, 48)  # pixels of an example frame that are kept, to either side
 _MARKS: Final = ("view", "part", "tip_u", "tip_v", "point_u", "point_v", "angle")
+_PIXELS: Final = ("view", "u", "v", "red", "green", "blue")
 _MEASURED: Final = (*STATUSES, *UNITS)
 _POOLED: Final = ("rms", "max")
 
@@ -157,8 +152,7 @@ def _example(scenario: AccuracyScenario, seed: int) -> dict[str, Table]:
     """Return the middle of a pose's frames, a row a pixel, and what is detected in them."""
     name, kind = _EXAMPLE
     _, images = _trial(scenario, seed, CASES[name], 0)
-    pixels: dict[str, list[Array]] = {}
-    marks: dict[str, list[float]] = {}
+    pixels, marks = [], []
     looks = appearances(scenario.parts, scenario.cameras.pixel_size, scenario.cameras.distance)
     for index, view in enumerate(VIEWS):
         image = images[view][kind]
@@ -166,17 +160,13 @@ def _example(scenario: AccuracyScenario, seed: int) -> dict[str, Table]:
         rows = slice(max(height // 2 - _AROUND[1], 0), height // 2 + _AROUND[1])
         columns = slice(max(width // 2 - _AROUND[0], 0), width // 2 + _AROUND[0])
         v, u = np.mgrid[rows, columns]
-        red, green, blue = np.moveaxis(image[rows, columns], 2, 0)
-        values = {"u": u, "v": v, "red": red, "green": green, "blue": blue}
-        for key, of in {"view": np.full_like(u, index), **values}.items():
-            pixels.setdefault(key, []).append(of.ravel())
+        colours = np.moveaxis(image[rows, columns], 2, 0)
+        pixels.append([one.ravel() for one in (np.full_like(u, index), u, v, *colours)])
         for part, found in enumerate(detect_parts(image, *looks)):
-            values_of = (index, part, *found.tip, *found.point, found.angle)
-            for key, value in zip(_MARKS, values_of, strict=True):
-                marks.setdefault(key, []).append(value)
+            marks.append((index, part, *found.tip, *found.point, found.angle))
     return {
-        "frames": {key: np.concatenate(of) for key, of in pixels.items()},
-        "frame_detections": {key: column(of) for key, of in marks.items()},
+        "frames": dict(zip(_PIXELS, map(np.concatenate, zip(*pixels, strict=True)), strict=True)),
+        "frame_detections": dict(zip(_MARKS, map(column, zip(*marks, strict=True)), strict=True)),
     }
 
 

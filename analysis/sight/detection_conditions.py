@@ -18,13 +18,7 @@ from chamfer.analysis.campaign.trial_metrics import metrics_of
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.drawing.figure_kit import colour_legend, draw_shares, name_rows
 from chamfer.analysis.drawing.figure_style import new_figure
-from chamfer.analysis.scenario.experiment import (
-    Metric,
-    Outcome,
-    Progress,
-    Table,
-    column,
-)
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column
 from chamfer.analysis.sight.detection_trials import (
     PARTS,
     WIDE,

@@ -79,14 +79,14 @@ class Caption(NamedTuple):
     frame: int
     time: float  # s, or NaN
     name: str  # of its file
+    note: str = ""  # a further line
 
 
-def draw(seen: SeenParts, caption: Caption, note: str = "") -> Image:
+def draw(seen: SeenParts, caption: Caption) -> Image:
     """Return a frame with the axes that were found, the tips as crosses, and a panel below.
 
     A point (u, v) of the frame is at ``s (u + 1/2) - 1/2`` and likewise in v, where s is
-    :func:`scale`: (0, 0) is the middle of the first pixel in both. The note is a further line of
-    the panel.
+    :func:`scale`: (0, 0) is the middle of the first pixel in both.
     """
     height, width = seen.image.shape[:2]
     s = scale(width, height)
@@ -111,16 +111,13 @@ def draw(seen: SeenParts, caption: Caption, note: str = "") -> Image:
 
     full = max(size[0], _PANEL_WIDTH)
     unit_text = min(full / _PANEL_WIDTH, 2.0)
-    panel_height = round((_ROWS + bool(note) + 0.5) * _ROW * unit_text)
+    panel_height = round((_ROWS + bool(caption.note) + 0.5) * _ROW * unit_text)
     # The encoder halves the resolution of colours and so wants even sides.
-    sheet = np.full((_even(size[1] + panel_height), _even(full), 3), _DARK, np.uint8)
+    rows, columns = (one + one % 2 for one in (size[1] + panel_height, full))
+    sheet = np.full((rows, columns, 3), _DARK, np.uint8)
     sheet[: size[1], : size[0]] = picture
-    _write_panel(sheet[size[1] :], seen, caption, note, unit_text)
+    _write_panel(sheet[size[1] :], seen, caption, unit_text)
     return sheet
-
-
-def _even(size: int) -> int:
-    return size + size % 2
 
 
 def _along(part: Detection) -> Array:
@@ -136,7 +133,7 @@ def _line(
         cv2.line(picture, ends[0], ends[1], ink, thickness, cv2.LINE_AA, _SHIFT)
 
 
-def _write_panel(panel: Image, seen: SeenParts, caption: Caption, note: str, unit: float) -> None:
+def _write_panel(panel: Image, seen: SeenParts, caption: Caption, unit: float) -> None:
     # Each at a place of its own, so that nothing moves when a number gets longer.
     moment = "" if math.isnan(caption.time) else f"{caption.time:.4f} s"
     lines = (
@@ -144,7 +141,7 @@ def _write_panel(panel: Image, seen: SeenParts, caption: Caption, note: str, uni
         (PEG_COLOUR, {10: "peg", **_found(seen.peg)}),
         (HOLE_COLOUR, {10: "hole part", **_found(seen.hole)}),
         (_PAPER, {10: "error", **_error(seen.error)}),
-        (_PAPER, {10: note}),
+        (_PAPER, {10: caption.note}),
     )
     for k, (colour, texts) in enumerate(lines):
         for x, text in texts.items():
@@ -199,13 +196,13 @@ class Overlay:
         self._last: cv2.typing.MatLike | None = None
         self._written = 0
 
-    def show(self, seen: Sequence[SeenParts], captions: Sequence[Caption], note: str = "") -> None:
+    def show(self, seen: Sequence[SeenParts], captions: Sequence[Caption]) -> None:
         """Append what was found in the frames of one moment.
 
         Raises:
             UserError: If the video can't be written.
         """
-        self.write(sheet(seen, captions, note))
+        self.write(sheet(seen, captions))
 
     def write(self, image: Image, time: float | None = None) -> None:
         """Append an image, which is of the same even size as all others.
@@ -237,27 +234,25 @@ class Overlay:
 
 
 class LiveOverlay(Overlay):
-    """The same of frames that come whether they are looked at or not.
+    """The same of frames that come whether they are looked at or not, at their own times.
 
-    A thread of its own draws and encodes, and takes the next frame when it is done with one. The
-    video takes as long as the frames did.
+    A thread draws and encodes, and takes the next frame when it is done with one.
     """
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, _LIVE)
-        self._next: queue.Queue[tuple[Sequence[SeenParts], Sequence[Caption], str] | None] = (
-            queue.Queue(1)
-        )
+        self._next: queue.Queue[tuple[Sequence[SeenParts], Sequence[Caption]] | None]
+        self._next = queue.Queue(1)
         self._fault: UserError | None = None
         self._thread = threading.Thread(target=self._draw, daemon=True)
         self._thread.start()
 
-    def show(self, seen: Sequence[SeenParts], captions: Sequence[Caption], note: str = "") -> None:
+    def show(self, seen: Sequence[SeenParts], captions: Sequence[Caption]) -> None:
         """Show what was found, unless other frames are still being drawn."""
         if self._fault is not None:
             raise self._fault
         if not self._next.full():
-            self._next.put((seen, captions, note))
+            self._next.put((seen, captions))
 
     def close(self) -> None:
         """Complete the file."""
@@ -275,8 +270,8 @@ class LiveOverlay(Overlay):
                     self._fault = error
 
 
-def sheet(seen: Sequence[SeenParts], captions: Sequence[Caption], note: str = "") -> Image:
+def sheet(seen: Sequence[SeenParts], captions: Sequence[Caption]) -> Image:
     """Return what was found in the frames of all cameras, side by side."""
-    sheets = [draw(one, caption, note) for one, caption in zip(seen, captions, strict=True)]
+    sheets = list(map(draw, seen, captions))
     height = max(len(one) for one in sheets)
     return np.hstack([np.pad(one, ((0, height - len(one)), (0, 0), (0, 0))) for one in sheets])

@@ -24,10 +24,7 @@ from chamfer.systems.cameras.camera_image import Image
 
 @contextmanager
 def silenced() -> Iterator[None]:
-    """Drop what the block writes to the process's standard error.
-
-    Decoders and encoders write there what went wrong; whoever calls them says it in one line.
-    """
+    """Drop what decoders and encoders write to the process's standard error."""
     sys.stderr.flush()
     before = os.dup(2)
     try:
@@ -41,10 +38,7 @@ def silenced() -> Iterator[None]:
 
 @contextmanager
 def utf8_path(path: Path) -> Iterator[str]:
-    """Give a name by which OpenCV can open a file or make it; another one is a crash.
-
-    It is absolute, as a name with a colon would be taken for an address.
-    """
+    """Give an absolute name, which is no address, by which OpenCV can open or make a file."""
     name = str(path.absolute())
     try:
         name.encode()
@@ -92,11 +86,6 @@ class Recording:
         """How many frames there are, as far as that is known."""
         return self.announced if self.video else len(self.files)
 
-    @property
-    def timed(self) -> bool:
-        """Whether it says how fast its frames were taken."""
-        return self.video
-
     def frames(self, stopped: Callable[[], bool] = lambda: False) -> Iterator[Frame]:
         """Yield the frames in order, all of one size; it ends by itself.
 
@@ -128,8 +117,7 @@ class Recording:
 def open_recording(paths: Sequence[Path]) -> Recording:
     """Find the frames of an image folder, of image files or of a video file.
 
-    Images come in the natural order of their names (frame2 before frame10), however they are
-    given: a shell sorts them otherwise. In a folder all other files are left alone.
+    Images come in the natural order of their names (frame2 before frame10), however given.
 
     Raises:
         UserError: If there is nothing to be read, or more than one folder or video.
@@ -140,7 +128,7 @@ def open_recording(paths: Sequence[Path]) -> Recording:
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             raise UserError(f"{path}: {reason}, allowed: {_ALLOWED}") from error
-    others = [path for path in paths if not (path.is_file() and _is_image(path))]
+    others = [path for path in paths if not _is_image(path)]
     if not others:
         return Recording(files=tuple(sorted(paths, key=_natural)), video=False)
     if len(paths) > 1:
@@ -166,13 +154,13 @@ def require_paired(left: Recording, right: Recording, *, rated: bool) -> None:
         )
 
 
+def _is_image(path: Path) -> bool:
+    return path.is_file() and path.suffix.lower() in IMAGE_ENDINGS
+
+
 def shown_name(path: Path) -> str:
     """Return a file's name as a text, in which what is not UTF-8 is escaped."""
     return os.fsencode(path.name).decode(errors="backslashreplace")
-
-
-def _is_image(path: Path) -> bool:
-    return path.suffix.lower() in IMAGE_ENDINGS
 
 
 def _natural(path: Path) -> tuple[object, ...]:
@@ -184,13 +172,10 @@ def _natural(path: Path) -> tuple[object, ...]:
 
 def _folder(folder: Path) -> Recording:
     try:
-        found = [
-            path
-            for path in folder.iterdir()
-            if _is_image(path) and path.is_file() and not path.name.startswith(".")
-        ]
+        files = [path for path in folder.iterdir() if not path.name.startswith(".")]
     except OSError as error:
         raise UserError(f"{folder}: {error.strerror}") from error
+    found = [path for path in files if _is_image(path)]
     if not found:
         endings = ", ".join(sorted(IMAGE_ENDINGS))
         raise UserError(f"{folder} holds no images, allowed: files that end in {endings}")
@@ -295,14 +280,13 @@ class CameraError(Exception):
 class LiveCamera:
     """A camera whose frames are read while the block runs.
 
-    A thread of its own waits for them, so that one that has stopped delivering can be left. A
-    frame's time is that at which it was taken, if the driver says so on the machine's monotonic
-    clock, or else at which it arrived. The camera is asked for a size, pixels; None: its own.
+    A thread waits for them, so that a camera that has stopped can be left. A frame's time is
+    that at which it was taken, if the driver says so on the machine's monotonic clock, or else at
+    which it arrived. The camera is asked for a size, pixels; None: its own.
     """
 
     announced: ClassVar = None
     number: ClassVar = None
-    timed: ClassVar = True
     live: ClassVar = True
 
     def __init__(self, path: Path, size: tuple[int, int] | None = None) -> None:

@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import least_squares
 
 from chamfer.analysis.command.output_folder import require_writable
-from chamfer.analysis.report.atomic_write import replacing, write_text
+from chamfer.analysis.report.atomic_write import write_text
 from chamfer.analysis.report.console import say
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.scenario_io import unstructure
@@ -28,7 +28,7 @@ from chamfer.analysis.track.detection_overlay import (
     draw,
 )
 from chamfer.analysis.track.frame_source import open_recording
-from chamfer.analysis.track.track_files import FOLDER
+from chamfer.analysis.track.track_files import FOLDER, write_picture
 from chamfer.systems.cameras.camera_image import Image
 from chamfer.systems.vision.part_appearance import HOLE_PART, PEG, Appearance
 from chamfer.systems.vision.part_detection import Detection, Status, detect, detect_parts
@@ -126,9 +126,8 @@ def _seen(
 ) -> Array:
     """Return half widths over the radius as a blurred picture shows them behind the first point.
 
-    In pixels are the radius of the sides and the blur's standard deviation; the ratio is of the
-    end's radius to the sides', the turn out of the image plane, rad, the height that of the
-    chamfer along the axis, over the radius.
+    Radius and blur, a standard deviation, are in pixels; the ratio is of the end's radius to the
+    sides', the turn out of the image plane, rad, the height that of the chamfer, over the radius.
     """
     reach = math.ceil(4 * blur / _FINE)
     fine = np.arange(at.min() / _FINE - reach, at.max() / _FINE + reach + 1) * _FINE
@@ -431,9 +430,8 @@ _HEADER: Final = """\
 def learn_parts(picture: Path, peg_box: str, hole_box: str, *, out: Path) -> dict[str, Any]:
     """Learn the parts in two boxes of a picture, and write them and a picture of what was found.
 
-    The picture may be a recording, of which the first frame is taken; a box is ``x,y,w,h``,
-    pixels; ``out`` is the folder of all results. Returned is, for JSON, what was learned, and the
-    files.
+    Of a recording the first frame is taken; a box is ``x,y,w,h``, pixels; ``out`` is the folder
+    of all results. Returned is, for JSON, what was learned, and the files.
 
     Raises:
         UserError: If the picture can't be read, the parts can't be learned from it, or what was
@@ -452,12 +450,10 @@ def learn_parts(picture: Path, peg_box: str, hole_box: str, *, out: Path) -> dic
     for (x, y, width, height), colour in zip(boxes, (PEG_COLOUR, HOLE_COLOUR), strict=True):
         cv2.rectangle(image, (x, y), (x + width - 1, y + height - 1), colour)
     sheet = draw(SeenParts(image, *learned.found), Caption(0, math.nan, frame.name))
-    shown = cv2.imencode(".png", cv2.cvtColor(sheet, cv2.COLOR_RGB2BGR))[1]
     try:
         folder.mkdir(exist_ok=True)
         write_text(paths[0], _HEADER.format(picture=frame.name, name=PARTS) + block(looks))
-        with replacing(paths[1]) as temporary:
-            temporary.write_bytes(shown.tobytes())
+        write_picture(paths[1], sheet)
     except OSError as error:
         raise UserError(f"{folder} can't be written: {error.strerror or error}") from error
     return {**looks, "files": [str(path) for path in paths]}

@@ -196,7 +196,7 @@ def read_cameras(path: Path, number: int) -> tuple[Camera, ...]:
                     f"{path} holds one camera, allowed with --right: a file of two, with right "
                     "and pose"
                 )
-            cameras.append(file.right.placed(file.pose.value))
+            cameras.append(file.right.placed(file.pose))
     except ParameterError as error:
         raise UserError(str(error)) from error
     return tuple(cameras)

@@ -57,8 +57,11 @@ class TrackFiles:
         self._folder = Path(self._staging.name)
         self._csv = (self._folder / CSV).open("w", encoding="utf-8", newline="")
         self._lines = csv.writer(self._csv, lineterminator="\n")
-        names = [name for column in self._columns[1:] for name in _names(column)]
-        self._lines.writerow(["frame", "file", "time", *names])
+        names = ["frame", "file"]
+        for column in self._columns:
+            reason = f"{column.removesuffix(STATUS)}_reason"
+            names += [column, reason] if column.endswith(STATUS) else [column]
+        self._lines.writerow(names)
         return self
 
     def add_overlay(self, rate: float, *, live: bool) -> None:
@@ -80,8 +83,8 @@ class TrackFiles:
         self._csv.flush()
         self._values.extend(row)
         if self._overlay is not None:
-            captions = [Caption(number, time, frame.name) for frame in frames]
-            self._overlay.show(found.seen, captions, found.note)
+            captions = [Caption(number, time, frame.name, found.note) for frame in frames]
+            self._overlay.show(found.seen, captions)
 
     def __len__(self) -> int:
         """Return how many rows there are."""
@@ -124,12 +127,6 @@ class TrackFiles:
         self._staging.cleanup()
 
 
-def _names(column: str) -> Iterator[str]:
-    yield column
-    if column.endswith(STATUS):
-        yield f"{column.removesuffix(STATUS)}_reason"
-
-
 def _cells(column: str, value: float) -> Iterator[str]:
     if column.endswith(STATUS):
         status = Status(int(value))
@@ -150,6 +147,13 @@ def _alone(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.close(number)
+
+
+def write_picture(path: Path, image: Image) -> None:
+    """Write an image, red, green, blue, as PNG, as a whole."""
+    picture = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))[1]
+    with replacing(path) as temporary:
+        temporary.write_bytes(picture.tobytes())
 
 
 class FrameFolder:
@@ -176,9 +180,7 @@ class FrameFolder:
 
     def save(self, name: str, image: Image) -> None:
         """Write a frame, red, green, blue, shape (height, width, 3)."""
-        picture = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))[1]
-        with replacing(self._folder / name) as temporary:
-            temporary.write_bytes(picture.tobytes())
+        write_picture(self._folder / name, image)
 
     def __exit__(self, *_: object) -> None:
         """Leave no folder, nor one around it, where there was no frame."""

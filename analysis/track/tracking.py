@@ -58,8 +58,8 @@ _NOT_LEARNED: Final = (
 def stop_request() -> Iterator[Callable[[], bool]]:
     """Give a function that says whether the block has been asked to stop.
 
-    The first Ctrl-C, or request to terminate, only asks; a second one interrupts the block where
-    it is. A signal that the process ignores stays ignored.
+    The first Ctrl-C, or request to terminate, asks; a second one interrupts. A signal that the
+    process ignores stays ignored.
     """
     asked = False
     before: dict[int, Any] = {}
@@ -117,7 +117,8 @@ class SynchronisedFrames:
         self._limit = limit
         self.rate = rate
         self.live = of[0].live  # whether a camera takes the frames now
-        self.timed = of[0].timed  # whether it says when its frames were taken, or how fast
+        # Whether it says when its frames were taken, or how fast.
+        self.timed = self.live or of[0].rate is not None
         self.ends = not self.live or limit is not None  # by itself
         known = [one.number for one in of if one.number is not None]
         # Frames of the longer of two recordings without a partner, as far as is known.

@@ -323,7 +323,7 @@ def _outside(scenario: AlignmentScenario, X_WT: RigidTransform, p_T: Array) -> s
         straight = believed.straight()
         for as_seen, by, seen in (
             ("", camera, pixels),
-            ("straightened, ", straight, believed.straightened(pixels)),
+            ("straightened, ", straight, believed.shown_by(straight, pixels)),
         ):
             last = np.array([by.width - 1, by.height - 1])
             inside = ((seen >= 0) & (seen <= last)).all(axis=1)

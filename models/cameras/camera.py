@@ -178,12 +178,11 @@ class Camera:
         if not all(0 < f < math.inf for f in self.focal):
             raise ParameterError("focal", self.focal, "two finite numbers > 0")
         require_numbers(self, 2, "centre")
-        R = np.asarray(self.R_WC)
+        R, p = np.asarray(self.R_WC), np.asarray(self.p_WC)
         if R.shape != (3, 3) or not np.allclose(R @ R.T, np.eye(3), rtol=0, atol=1e-9):
             raise ParameterError("R_WC", R.tolist(), "a rotation matrix")
         if np.linalg.det(R) < 0:
             raise ParameterError("R_WC", R.tolist(), "a rotation, not a reflection")
-        p = np.asarray(self.p_WC)
         if p.shape != (3,) or not np.isfinite(p).all():
             raise ParameterError("p_WC", p.tolist(), "three finite numbers")
         LensDistortion(self.distortion)
@@ -216,41 +215,31 @@ class Camera:
         return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
     def project(self, p_W: Vector) -> Vector:
-        """Return the pixels u and v, shape (..., 2), at which points appear.
+        """Return the pixels u and v, shape (..., 2), of points, m, world frame, shape (..., 3).
 
-        NaN for points that are not in front of the camera, or where the distortion would fold
-        them back. The points ``p_W``, shape (..., 3), are in the world frame, m.
+        NaN for points that are not in front of the camera, or that the distortion folds back.
         """
         p_C = (p_W - self.p_WC) @ self.R_WC
         depth = p_C[..., 2:]
         if not (depth > 0).all():
             depth = np.where(depth > 0, depth, math.nan)
-        seen: Vector = p_C[..., :2] / depth
+        return self._pixels(p_C[..., :2] / depth)
+
+    def _pixels(self, seen: Vector) -> Vector:
+        """Return where points at a focal length of 1 are shown."""
         if self.lens is not None:
             seen = self.lens.distort(seen)
         pixels: Vector = seen * self.focal + self.centre
         return pixels
 
-    def undistorted(self, pixel: Vector) -> Vector:
-        """Return where this camera without distortion would show what is seen at pixels.
+    def shown_by(self, other: "Camera", pixel: Vector) -> Vector:
+        """Return where another camera at this place shows what this one shows at pixels.
 
-        Both of shape (..., 2); NaN where nothing can be seen.
+        Both of shape (..., 2); NaN where this one or the other one shows nothing.
         """
-        if self.lens is None:
+        if other is self:
             return np.asarray(pixel, dtype=float)
-        pixels: Vector = self._at_unit_focal(pixel) * self.focal + self.centre
-        return pixels
-
-    def distorted(self, pixel: Vector) -> Vector:
-        """Return where this camera shows what it would show at pixels without distortion.
-
-        Both of shape (..., 2); NaN where the distortion would fold back.
-        """
-        if self.lens is None:
-            return np.asarray(pixel, dtype=float)
-        seen = self.lens.distort((pixel - np.array(self.centre)) / self.focal)
-        pixels: Vector = seen * self.focal + self.centre
-        return pixels
+        return other._pixels(self.at_unit_focal(pixel))
 
     def without_distortion(self) -> "Camera":
         """Return this camera with another lens, which shows straight lines straight."""
@@ -281,18 +270,8 @@ class Camera:
             distortion=UNDISTORTED,
         )
 
-    def straightened(self, pixel: Vector) -> Vector:
-        """Return where :meth:`straight` shows what this camera shows at pixels.
-
-        Both of shape (..., 2); NaN where nothing can be seen.
-        """
-        straight, pixels = self.straight(), self.undistorted(pixel)
-        if straight.focal == self.focal:
-            return pixels
-        moved: Vector = (pixels - self.centre) / self.focal * straight.focal + straight.centre
-        return moved
-
-    def _at_unit_focal(self, pixel: Vector) -> Vector:
+    def at_unit_focal(self, pixel: Vector) -> Vector:
+        """Return what is seen at pixels as points at a focal length of 1, shape (..., 2)."""
         seen: Vector = (pixel - np.array(self.centre)) / self.focal
         return seen if self.lens is None else self.lens.undistort(seen)
 
@@ -302,7 +281,7 @@ class Camera:
         NaN where nothing can be seen.
         """
         direction = np.ones((*np.shape(pixel)[:-1], 3))
-        direction[..., :2] = self._at_unit_focal(pixel)
+        direction[..., :2] = self.at_unit_focal(pixel)
         direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
         rotated: Vector = direction @ self.R_WC.T
         return rotated
@@ -312,7 +291,7 @@ class Camera:
 
         The depth, m, is along the optical axis.
         """
-        p_C = depth * np.append(self._at_unit_focal(pixel), 1.0)
+        p_C = depth * np.append(self.at_unit_focal(pixel), 1.0)
         p_W: Vector = self.p_WC + self.R_WC @ p_C
         return p_W
 
@@ -321,7 +300,7 @@ class Camera:
 
         The point is seen at a pixel, shape (2,), at a depth along the optical axis, m.
         """
-        point = self._at_unit_focal(pixel)
+        point = self.at_unit_focal(pixel)
         x, y = point
         rows = np.array([[1.0, 0.0, -x], [0.0, 1.0, -y]]) / depth
         if self.lens is not None:
@@ -340,14 +319,7 @@ class Camera:
 
         The focal factor is of the believed to the true focal length; the turn from the true to the
         believed orientation is a rotation vector in the camera's frame, rad; the place stays.
-
-        Raises:
-            ParameterError: If the focal factor is not positive or the turn is not finite.
         """
-        if not (math.isfinite(focal_factor) and focal_factor > 0):
-            raise ParameterError("focal_factor", focal_factor, "a finite number > 0")
-        if len(turn) != 3 or not all(map(math.isfinite, turn)):
-            raise ParameterError("turn", turn, "three finite numbers")
         return replace(
             self,
             focal=(focal_factor * self.focal[0], focal_factor * self.focal[1]),

@@ -20,8 +20,8 @@ the place along the axes, of the frame in which the pose is given. What is said 
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -51,6 +51,7 @@ class FramePose:
 
     rotation_vector: Triple  # rad
     translation: Triple  # m
+    sd: "FramePose | None" = None  # its standard deviations, None where they are not known
 
     @property
     def rotation(self) -> Matrix:
@@ -66,14 +67,6 @@ class Intrinsics:
     focal_length: Pair  # pixels, along u and v
     principal_point: Pair  # pixels, where the optical axis meets the image
     distortion: Coefficients  # k1, k2, p1, p2, k3 of OpenCV's model
-
-
-@dataclass(frozen=True, kw_only=True)
-class MeasuredPose:
-    """A pose and its standard deviations, None where they are not known."""
-
-    value: FramePose
-    sd: FramePose | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,8 +97,8 @@ class CameraFile:
 
     left: CalibratedCamera
     right: CalibratedCamera | None = None
-    pose: MeasuredPose | None = None  # of the right camera in the left one's frame
-    world_pose: MeasuredPose | None = None  # of the left camera in the world
+    pose: FramePose | None = None  # of the right camera in the left one's frame
+    world_pose: FramePose | None = None  # of the left camera in the world
 
     def eye(self, which: Eye) -> CalibratedCamera:
         """Return the left or the right camera.
@@ -135,41 +128,37 @@ def read_camera(path: Path) -> CameraFile:
 
 def camera_text(file: CameraFile) -> str:
     """Return a file's text, from which :func:`read_camera` makes the same again."""
-    document = _plain_camera(file.left)
+    document = _plain(file.left, _FACTS)
     deviations = document.pop("sd", {})
     if file.right is not None:
-        document["right"] = _plain_camera(file.right)
+        document["right"] = _plain(file.right, _FACTS)
     for name in _POSES:
-        pose: MeasuredPose | None = getattr(file, name)
-        if pose is not None:
-            document[name] = _plain_pose(pose.value)
-            if pose.sd is not None:
-                deviations[name] = _plain_pose(pose.sd)
+        if getattr(file, name) is not None:
+            document[name] = plain_pose(getattr(file, name))
+            if "sd" in document[name]:
+                deviations[name] = document[name].pop("sd")
     if deviations:
         document["sd"] = deviations
     return yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=math.inf)
 
 
-def plain_pose(pose: MeasuredPose) -> dict[str, Any]:
+def plain_pose(pose: FramePose) -> dict[str, Any]:
     """Return a pose as plain data, its standard deviations under ``sd``."""
-    return _plain_pose(pose.value) | ({} if pose.sd is None else {"sd": _plain_pose(pose.sd)})
+    return _plain(pose, _POSE)
 
 
-def _plain_camera(camera: CalibratedCamera) -> dict[str, Any]:
-    plain: dict[str, Any] = {name: _listed(getattr(camera, name)) for name in _FACTS}
-    if camera.reprojection_error is not None:
-        plain["reprojection_error"] = camera.reprojection_error
-    if camera.sd is not None:
-        plain["sd"] = {name: _listed(getattr(camera.sd, name)) for name in _INTRINSIC}
+def _plain(of: Any, names: Iterable[str]) -> dict[str, Any]:
+    """Return fields as plain data, and what is known of their errors."""
+    values = {name: getattr(of, name) for name in names}
+    plain = {
+        name: [float(one) for one in value] if isinstance(value, tuple) else value
+        for name, value in values.items()
+    }
+    if getattr(of, "reprojection_error", None) is not None:
+        plain["reprojection_error"] = of.reprojection_error
+    if getattr(of, "sd", None) is not None:
+        plain["sd"] = _plain(of.sd, [name for name in names if name in (_INTRINSIC | _POSE)])
     return plain
-
-
-def _plain_pose(pose: FramePose) -> dict[str, Any]:
-    return {name: _listed(getattr(pose, name)) for name in _POSE}
-
-
-def _listed(value: Any) -> Any:
-    return [float(one) for one in value] if isinstance(value, tuple) else value
 
 
 def _document(path: Path) -> Any:
@@ -203,7 +192,11 @@ def _file(document: Any) -> CameraFile:
     if given.get("right") is not None:
         names = (*_FACTS, "reprojection_error", "sd")
         right = _camera(_fields(given["right"], "right", names), "right.")
-    poses = {name: _measured(given, deviations or {}, name) for name in _POSES}
+    poses = {}
+    for name in _POSES:
+        pose = _pose(given.get(name), name)
+        sd = _pose((deviations or {}).get(name), f"sd.{name}", " >= 0")
+        poses[name] = pose and replace(pose, sd=sd)
     if (right is None) != (poses["pose"] is None):
         lacks, has = ("right", "pose") if right is None else ("pose", "right")
         raise ParameterError(lacks, None, f"given, as {has} is")
@@ -229,28 +222,21 @@ def _camera(given: Mapping[str, Any], path: str) -> CalibratedCamera:
     if given.get("sd") is not None:
         sd = _fields(given["sd"], f"{path}sd", (*_INTRINSIC, *_POSES))
         if sd.keys() & _INTRINSIC.keys():
-            values["sd"] = Intrinsics(**_group(sd, f"{path}sd", _INTRINSIC, " >= 0"))
+            values["sd"] = Intrinsics(**_group(sd, f"{path}sd.", _INTRINSIC, " >= 0"))
     return CalibratedCamera(**values)
 
 
-def _measured(
-    given: Mapping[str, Any], deviations: Mapping[str, Any], name: str
-) -> MeasuredPose | None:
-    if given.get(name) is None:
+def _pose(given: Any, path: str, sign: str = "") -> FramePose | None:
+    if given is None:
         return None
-    value = _group(_fields(given[name], name, tuple(_POSE)), name, _POSE)
-    if deviations.get(name) is None:
-        return MeasuredPose(value=FramePose(**value))
-    path = f"sd.{name}"
-    sd = _group(_fields(deviations[name], path, tuple(_POSE)), path, _POSE, " >= 0")
-    return MeasuredPose(value=FramePose(**value), sd=FramePose(**sd))
+    return FramePose(**_group(_fields(given, path, tuple(_POSE)), f"{path}.", _POSE, sign))
 
 
 def _group(
     given: Mapping[str, Any], path: str, counts: Mapping[str, int], sign: str = ""
 ) -> dict[str, Any]:
     return {
-        name: _numbers(given.get(name), f"{path}.{name}", count, sign)
+        name: _numbers(given.get(name), f"{path}{name}", count, sign)
         for name, count in counts.items()
     }
 

@@ -80,12 +80,10 @@ class CameraModel:
             distortion=found.distortion,
         )
         if file.world_pose is not None:
-            there = file.world_pose.value
-            R_WC, p_WC = there.rotation, np.array(there.translation)
+            R_WC, p_WC = file.world_pose.rotation, np.array(file.world_pose.translation)
             if eye == "right" and file.pose is not None:
-                of_left = file.pose.value
-                p_WC = p_WC + R_WC @ np.array(of_left.translation)
-                R_WC = R_WC @ of_left.rotation
+                p_WC = p_WC + R_WC @ np.array(file.pose.translation)
+                R_WC = R_WC @ file.pose.rotation
             try:
                 place = type(self).beside(camera, R_WC, p_WC)
             except ParameterError as error:

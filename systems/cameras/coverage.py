@@ -21,21 +21,12 @@ def _left_of(z: float) -> float:
 
 @compiled
 def coverage(polygon: Array, left: int, top: int, width: int, height: int) -> Array:
-    """Return the share of each pixel's area that is inside of a polygon.
+    """Return the share of each pixel's area that is inside of a polygon, shape (height, width).
 
     Every edge adds, in each row that it crosses, the area to its right with the sign of its
-    direction; the sum along the row is the area inside. Nothing is sampled.
-
-    Args:
-        polygon: Corners u and v, pixels, shape (n, 2), in either direction, without crossings;
-            pixel (0, 0) reaches from -0.5 to 0.5.
-        left: Column of the first pixel wanted.
-        top: Row of the first pixel wanted.
-        width: Number of columns.
-        height: Number of rows.
-
-    Returns:
-        Shape (height, width), from 0 to 1.
+    direction; the sum along the row is the area inside. Nothing is sampled. The polygon has
+    corners u and v, pixels, shape (n, 2), in either direction, without crossings; pixel (0, 0)
+    reaches from -0.5 to 0.5. The first pixel wanted is in column ``left`` and row ``top``.
     """
     result = np.zeros((height, width))
     n = len(polygon)

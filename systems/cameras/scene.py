@@ -64,17 +64,11 @@ def scene_shapes(
     X_WM: RigidTransform | None,
     style: SceneStyle,
 ) -> list[Shape]:
-    """Return what a camera sees, in the order in which it is to be drawn.
+    """Return what a camera without distortion sees, in the order in which it is to be drawn.
 
-    Args:
-        parts: Peg and hole part.
-        camera: The camera, without distortion.
-        X_WT: Pose of the peg's tip frame; None: no peg.
-        X_WM: Pose of the hole part's mouth frame; None: no hole part.
-        style: Brightness of the faces.
+    The poses are of the peg's tip and of the hole part's mouth frame; None: it is not there.
     """
-    peg, hole = parts.peg, parts.hole
-    section = parts.section
+    peg, hole, section = parts.peg, parts.hole, parts.section
     bar = None
     if X_WT is not None:
         bar = _Solid(camera, X_WT, peg.profile, section, parts.peg_colour, style)
@@ -161,14 +155,14 @@ class _Solid:
 
 
 def _placed(X_WP: RigidTransform, profile: Array, section: Section) -> Array:
-    around = _rings(profile.tobytes(), len(profile), section)
+    around = _rings(profile.tobytes(), section)
     points: Array = around @ X_WP.rotation().matrix().T + X_WP.translation()
     return points
 
 
 @lru_cache(maxsize=16)
-def _rings(profile: bytes, rows: int, section: Section) -> Array:
-    return rings(np.frombuffer(profile).reshape(rows, 2), _SIDES, section)
+def _rings(profile: bytes, section: Section) -> Array:
+    return rings(np.frombuffer(profile).reshape(-1, 2), _SIDES, section)
 
 
 def outline(camera: Camera, p_W: Array) -> Array | None:
@@ -212,7 +206,9 @@ def _bent(camera: Camera, polygon: Array) -> Array | None:
     away = np.linalg.norm((polygon - np.array(camera.centre)) / camera.focal, axis=1)
     if away.max() >= radius:
         polygon = intersection(polygon, field)
-    return camera.distorted(_subdivided(polygon)) if len(polygon) >= 3 else None
+    if len(polygon) < 3:
+        return None
+    return camera.without_distortion().shown_by(camera, _subdivided(polygon))
 
 
 @lru_cache(maxsize=8)
@@ -221,8 +217,8 @@ def _field(camera: Camera) -> tuple[Array, float]:
     lens = camera.lens
     assert lens is not None
     u, v = camera.width - 0.5, camera.height - 0.5
-    corners = camera.undistorted(np.array([[-0.5, -0.5], [u, -0.5], [-0.5, v], [u, v]]))
-    far = np.linalg.norm((corners - np.array(camera.centre)) / camera.focal, axis=1)
+    corners = camera.at_unit_focal(np.array([[-0.5, -0.5], [u, -0.5], [-0.5, v], [u, v]]))
+    far = np.linalg.norm(corners, axis=1)
     # A corner beyond the fold shows nothing.
     radius = min(lens.reach * (1 - 1e-9), _BEYOND * float(np.nan_to_num(far, nan=np.inf).max()))
     turns = np.linspace(0.0, 2 * np.pi, _AROUND, endpoint=False)

@@ -11,32 +11,22 @@ from typing import Any, Final
 
 import cv2
 import numpy as np
-from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.common.value import Value
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, LeafSystem
 from pydrake.systems.sensors import ImageRgba8U
+from pydrake.trajectories import PiecewisePose
 
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.peg.peg_and_hole import Colour, ColouredParts
-from chamfer.systems.cameras.camera_image import (
-    Image,
-    SensorParams,
-    shaded,
-    write_image,
-)
+from chamfer.systems.cameras.camera_image import Image, SensorParams, shaded, write_image
 from chamfer.systems.cameras.coverage import paint
 from chamfer.systems.cameras.scene import SceneStyle, Shape, scene_shapes, through_lens
 from chamfer.systems.pose import POSE_SIZE, pose_from_vector
 
 
 class PosePorts:
-    """The inputs ``peg_pose`` and ``hole_pose`` of a system; one not connected: not in view.
-
-    Args:
-        system: Whose inputs.
-        when: What is added to the names.
-    """
+    """The inputs ``peg_pose`` and ``hole_pose`` of a system, with something behind their names."""
 
     def __init__(self, system: LeafSystem, when: str = "") -> None:
         self._ports: list[Any] = [
@@ -49,7 +39,8 @@ class PosePorts:
 
         None where a port is not connected, or the zeros of a hold that has not sampled yet.
         """
-        peg, hole = (_read(port, context) for port in self._ports)
+        poses = [port.Eval(context) if port.HasValue(context) else _NONE for port in self._ports]
+        peg, hole = (pose_from_vector(pose) if pose.any() else None for pose in poses)
         return peg, hole
 
     def tickets(self) -> set[Any]:
@@ -57,17 +48,11 @@ class PosePorts:
         return {port.ticket() for port in self._ports}
 
 
-def _read(port: Any, context: Context) -> RigidTransform | None:
-    if not port.HasValue(context):
-        return None
-    pose = port.Eval(context)
-    return pose_from_vector(pose) if pose.any() else None
-
-
 PartPoses = tuple[RigidTransform | None, RigidTransform | None]
 
 AT_OPENING: Final = "_at_opening"  # of the names of ports
 
+_NONE: Final = np.zeros(POSE_SIZE)
 _STYLE: Final = SceneStyle()
 _SENSOR: Final = SensorParams()
 _STEP: Final = 1.0  # pixels, of motion in one of the pictures of an exposure
@@ -82,21 +67,12 @@ def render(
     *,
     style: SceneStyle = _STYLE,
 ) -> Image:
-    """Return what a camera sees of the peg and the hole part.
+    """Return what a camera sees of the peg and the hole part, shape (height, width, 3).
 
-    The nearer part covers the other. A peg in the hole is cut at the plane of the mouth: what is
+    The poses are of the peg's tip and of the hole part's mouth frame; None: it is not there. The
+    nearer part covers the other. A peg in the hole is cut at the plane of the mouth: what is
     behind it shows through the opening only. A part that reaches behind the camera is not drawn.
     Where the edges of both parts coincide, a pixel shows up to a quarter of the background.
-
-    Args:
-        parts: Peg and hole part.
-        camera: The camera.
-        X_WT: Pose of the peg's tip frame in the world; None: no peg.
-        X_WM: Pose of the hole part's mouth frame in the world; None: no hole part.
-        style: Background, brightness and blur.
-
-    Returns:
-        Red, green, blue, shape (height, width, 3).
     """
     shapes = scene_shapes(parts, camera.without_distortion(), X_WT, X_WM, style)
     return paint_shapes(camera, shapes, style)
@@ -115,21 +91,18 @@ def render_moving(
     It is the mean of pictures of at most a pixel's motion each, of up to 32. The poses X_WT and
     X_WM are those when the shutter opens (None: as when it closes) and closes (None: not there).
     """
-    ends = {"peg": parts.peg.profile[[0, -1], 0], "hole": parts.hole.outside[[0, -1], 0]}
-    ways, travel = [], 0.0
-    for x, X_begin, X_end in zip(ends.values(), opening, closing, strict=True):
-        if X_begin is None or X_end is None:
-            ways.append((X_end, X_end))
-            continue
-        ways.append((X_begin, X_end))
-        points = np.column_stack([x, np.zeros((len(x), 2))]).T
-        moved = camera.project((X_end @ points).T) - camera.project((X_begin @ points).T)
-        travel = max(travel, float(np.nan_to_num(np.linalg.norm(moved, axis=1)).max()))
+    travel = 0.0
+    profiles = parts.peg.profile, parts.hole.outside
+    for profile, X_begin, X_end in zip(profiles, opening, closing, strict=True):
+        if X_begin is not None and X_end is not None:
+            ends = np.pad(profile[[0, -1], :1], ((0, 0), (0, 2))).T
+            moved = camera.project((X_end @ ends).T) - camera.project((X_begin @ ends).T)
+            travel = max(travel, float(np.nan_to_num(np.linalg.norm(moved, axis=1)).max()))
     count = min(max(math.ceil(travel / _STEP), 1), _MOST)
-    shares = (np.arange(count) + 0.5) / count
+    ways = list(zip(opening, closing, strict=True))
     images = [
-        render(parts, camera, *(between(*way, share) for way in ways), style=style)
-        for share in shares.tolist()
+        render(parts, camera, *(between(*way, (k + 0.5) / count) for way in ways), style=style)
+        for k in range(count)
     ]
     if count == 1:
         return images[0]
@@ -145,11 +118,7 @@ def between(
     """Return the pose at a share of an even motion from one to another; None: not there."""
     if X_begin is None or X_end is None:
         return X_end
-    turn = (X_begin.rotation().inverse() @ X_end.rotation()).ToAngleAxis()
-    R_begin = X_begin.rotation()
-    R = R_begin @ RotationMatrix(AngleAxis(share * turn.angle(), turn.axis()))
-    p_begin, p_end = X_begin.translation(), X_end.translation()
-    return RigidTransform(R, p_begin + share * (p_end - p_begin))
+    return PiecewisePose.MakeLinear([0.0, 1.0], [X_begin, X_end]).GetPose(share)
 
 
 def paint_shapes(camera: Camera, shapes: Sequence[Shape], style: SceneStyle) -> Image:
@@ -196,9 +165,9 @@ class SoftwareCamera(LeafSystem):
         - image
 
     ``peg_pose`` and ``hole_pose`` are of the frames T and M in the world, shape (7,): quaternion
-    w, x, y, z and position in m. A part whose port is not connected is not in view. The image
-    follows the poses; a :class:`~chamfer.systems.cameras.camera_image.FrameGrabber` behind it
-    samples, holds, delays and adds noise.
+    w, x, y, z and position in m; not connected, the part is not in view. The image follows the
+    poses; a :class:`~chamfer.systems.cameras.camera_image.FrameGrabber` samples, holds, delays
+    and adds noise.
 
     With an exposure there are ``peg_pose_at_opening`` and ``hole_pose_at_opening`` too, where the
     parts were when the shutter opened; a part of which that is not known has not moved since.

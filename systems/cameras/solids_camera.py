@@ -58,16 +58,8 @@ def render_solids(
     """Return what a camera sees of solids.
 
     The solid whose nearest vertex is nearest, along the optical axis, covers the others: a sleeve
-    covers what it is put over. A solid that reaches behind the camera is not drawn.
-
-    Args:
-        camera: The camera.
-        solids: The solids.
-        poses: Of the solids' frames in the world by their names; one without is not in view.
-        style: Background and blur.
-
-    Returns:
-        Red, green, blue, shape (height, width, 3).
+    covers what it is put over. A solid that reaches behind the camera is not drawn, nor is one
+    without a pose, by its name, of its frame in the world. Red, green, blue, (height, width, 3).
     """
     pinhole = camera.without_distortion()
     seen: list[tuple[float, Shape]] = []

@@ -34,7 +34,7 @@ from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.peg.part_surfaces import part_shape
-from chamfer.models.peg.peg_and_hole import Colour, ColouredParts
+from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.systems.cameras.scene import SceneStyle
 from chamfer.systems.cameras.software_camera import PosePorts
 
@@ -113,7 +113,7 @@ class VtkCamera(Diagram):
             mesh = part_shape(profile, _SIDES, name, parts.section)
             part = GeometryInstance(RigidTransform(), mesh, name)
             look = PerceptionProperties()
-            look.AddProperty("phong", "diffuse", _rgba(colour))
+            look.AddProperty("phong", "diffuse", Rgba(*(channel / 255 for channel in colour)))
             part.set_perception_properties(look)
             scene.RegisterGeometry(source, frame, part)
             frames.append(frame)
@@ -167,11 +167,6 @@ def _engine() -> RenderEngineVtkParams:
     ]
     clear = [channel / 255 for channel in SceneStyle.background]
     return RenderEngineVtkParams(default_clear_color=clear, lights=lights, backend="EGL")
-
-
-def _rgba(colour: Colour) -> Rgba:
-    red, green, blue = (channel / 255 for channel in colour)
-    return Rgba(red, green, blue, 1.0)
 
 
 def _core(camera: Camera) -> RenderCameraCore:

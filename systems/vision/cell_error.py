@@ -254,15 +254,9 @@ class ExpectedError(LeafSystem):
         - expected_error
 
     The poses, shape (7,), are those that are commanded, before any compensation;
-    ``expected_error``, shape (6,), is what
-    :class:`chamfer.systems.vision.cell_error.CellError` subtracts: from peg to hole, pixels along
-    and rad about axes H, x into the hole. Pixels need the images' scale only, which the eye can
-    measure on the parts.
-
-    Args:
-        pixel_size: m.
-        gap: pixels, that count as no error along X.
-        R_WH: The axes; by default the world's.
+    ``expected_error``, shape (6,), is what :class:`CellError` subtracts: from peg to hole, pixels
+    along and rad about axes H, x into the hole. Pixels need no more of the cameras than their
+    size, m. The gap, pixels, counts as no error along X.
     """
 
     def __init__(self, *, pixel_size: float, gap: float, R_WH: RotationMatrix = _WORLD) -> None:

@@ -96,15 +96,15 @@ class Appearance:
         camera is seen by the ends; so it says whether an end is covered. It depends on how much
         less square than believed the pixels are, as that of another part in the image does.
 
-        Args:
-            half_width: Of the part's sides, pixels.
-            length: Of the part, pixels; None: not known.
-            slack: By how much the ratio of the length to the width may be off, relative to it.
+        Half the width of the sides, and the length if it is known, are in pixels; the slack is
+        that of the ratio of length to width, relative to it.
 
         Raises:
             ParameterError: If they are not positive.
         """
-        require_positive(_Size(half_width, half_width if length is None else length), *_SIZE)
+        for name, value in (("half_width", half_width), ("length", length)):
+            if value is not None and not 0 < value < math.inf:
+                raise ParameterError(name, value, "a finite number > 0")
         turned = _TURNED if self.flat else 0.0  # its end face is seen, beside the part's length
         ratio = None if length is None else length / (2 * half_width)
         area = edges = math.inf
@@ -152,12 +152,6 @@ def _middle(limits: Range) -> float:
     return math.log(limits[0] * limits[1]) / 2
 
 
-class _Size(NamedTuple):
-    half_width: float
-    length: float
-
-
-_SIZE: Final = _Size._fields
 _TURNED: Final = 0.12  # rad, by which a square part may be turned towards the camera
 _WHOLE: Final = 0.5  # share of a small part's expected area that has to have its colour
 _EDGES: Final = 0.5  # share of a short part's expected length that has to be straight
@@ -170,14 +164,10 @@ _BESIDE: Final = 0.05  # by which a nearer part may be wider beside the other, r
 def appearances(
     parts: ColouredParts, pixel_size: float | None = None, distance: float = math.inf
 ) -> tuple[Appearance, Appearance]:
-    """Return what to look for of the peg and of the hole part.
+    """Return what to look for of the peg and of the hole part, of any size without a pixel's.
 
-    Args:
-        parts: Their shapes and colours.
-        pixel_size: What a pixel is believed to cover at the parts, m; None: not known, and parts
-            of any size are looked for.
-        distance: From the camera to the parts, m: the face of a square part that is towards it
-            is nearer by half its width, and looks as much larger.
+    ``pixel_size`` is what a pixel is believed to cover at the parts, m; ``distance``, m, that of
+    the camera: the near face of a square part is nearer by half its width and looks larger.
 
     Raises:
         ParameterError: If a colour filter can't tell the parts from each other, or one of them

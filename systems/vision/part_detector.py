@@ -70,23 +70,18 @@ _FAR: Final = 1e4  # pixels: at the border of the image in that direction
 
 
 class Undistortion:
-    """Straightens what a camera's lens has bent, and makes its pixels square.
+    """Makes an image what :meth:`chamfer.models.cameras.camera.Camera.straight` would show.
 
-    Lines that are straight in space are straight again, and angles in a plane before the camera
-    are angles in the image, so that parts are detected as by
-    :meth:`chamfer.models.cameras.camera.Camera.straight`. What that one would show and this one
-    doesn't is filled with the image's border, so that a part which reaches to the border still
-    does.
+    What that one would show and this one doesn't is filled with the image's border, so that a part
+    which reaches to the border still does.
     """
 
     def __init__(self, camera: Camera) -> None:
         straight = camera.straight()
         v, u = np.mgrid[: straight.height, : straight.width].astype(float)
         grid = np.stack([u, v], axis=-1)
-        if straight.focal != camera.focal:
-            grid = (grid - straight.centre) / straight.focal * camera.focal + camera.centre
-        seen = camera.distorted(grid)
-        way = grid - np.array(camera.centre)
+        seen = straight.shown_by(camera, grid)
+        way = straight.shown_by(camera.without_distortion(), grid) - np.array(camera.centre)
         away = _FAR * way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1.0)
         seen = np.where(np.isfinite(seen), seen, away)
         self._u, self._v = seen.astype(np.float32).transpose(2, 0, 1).copy()
@@ -162,18 +157,13 @@ class MeasurementSpread(NamedTuple):
 
 
 def measurement_spread(noise: float, peg: float, hole: float, gap: float) -> MeasurementSpread:
-    """Return how much noise moves the errors that one image tells of two long parts.
+    """Return how much noise, grey levels, moves the errors that one image tells of two long parts.
 
-    Both long edges of a part are lines fitted to one point a column. Over L columns a line's
-    angle has the variance ``12 s^2 / L^3`` and its middle ``s^2 / L``, with s the standard
-    deviation of one point, and the axis is the mean of two lines. The lateral error is that of
-    the peg's tip from the hole's axis, which is prolonged over the gap.
-
-    Args:
-        noise: Grey levels, standard deviation.
-        peg: Columns of the peg's straight edges.
-        hole: Likewise of the part with the hole.
-        gap: Columns between tip and mouth.
+    Both long edges of a part are lines fitted to one point a column: over so many columns of the
+    peg and of the hole part. Over L columns a line's angle has the variance ``12 s^2 / L^3`` and
+    its middle ``s^2 / L``, with s the standard deviation of one point, and the axis is the mean of
+    two lines. The lateral error is that of the peg's tip from the hole's axis, which is prolonged
+    over the gap, columns between tip and mouth.
     """
     point = math.hypot(_POINT * noise, _FLOOR)
     angles = [6 / length**3 for length in (peg, hole)]
@@ -210,9 +200,8 @@ class PartsDetector(ImageMeasurement):
 
     def measure(self, image: Image | None) -> Array:
         """Return the packed detections of the parts in an image."""
-        if image is None:
-            return pack_detections(*[_NOTHING for _ in self._parts])
-        return pack_detections(*[detect(image, part) for part in self._parts])
+        parts = self._parts
+        return pack_detections(*[_NOTHING if image is None else detect(image, p) for p in parts])
 
 
 class PartDetector(ImageMeasurement):

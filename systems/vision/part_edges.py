@@ -123,12 +123,10 @@ def fit_line(u: Array, v: Array) -> tuple[float, float, float, int, float]:
 
 @compiled
 def fit_end(across: Array, along: Array, flat: bool = False) -> tuple[float, float, float, int]:
-    """Fit an end's edge: half an ellipse, its ends level with the middle of the face; or a line.
+    """Fit an end's edge: half an ellipse, its ends level with the middle of the face.
 
-    Args:
-        across: Of points of the edge, relative to the face's radius, shape (n,), between -1 and 1.
-        along: Of the same points, pixels, out of the part, shape (n,).
-        flat: Whether it is a line, as of a square face.
+    Points of the edge are across relative to the face's radius, between -1 and 1, and along in
+    pixels out of the part, both of shape (n,). A square face has a flat edge, a line.
 
     Returns:
         Where the middle of the face is and by how much the ellipse is ahead of it, pixels; the rms

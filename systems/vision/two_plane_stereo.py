@@ -60,9 +60,9 @@ def locate(cameras: Sequence[Camera], detections: Sequence[Detection]) -> PartIn
             tips.append(origin + along * direction)
     return PartInSpace(
         status=Status.VALID if tips else worse,
-        tip=_triple(np.mean(tips, axis=0)) if tips else _UNKNOWN,
-        direction=_triple(direction),
-        point=_triple(origin),
+        tip=tuple(np.mean(tips, axis=0).tolist()) if tips else _UNKNOWN,
+        direction=tuple(direction.tolist()),
+        point=tuple(origin.tolist()),
     )
 
 
@@ -87,11 +87,6 @@ def _planes(
         normals.append(normal / np.linalg.norm(normal))
         ways.append(last - first)
     return normals, ways
-
-
-def _triple(vector: Array) -> tuple[float, float, float]:
-    x, y, z = vector.tolist()
-    return x, y, z
 
 
 def metric_error(peg: PartInSpace, hole: PartInSpace) -> Array:

@@ -109,7 +109,7 @@ def test_two_cameras_in_the_world(
     file = read_camera(out / "calibrate" / "camera.yaml")
     assert file.pose is not None
     assert file.world_pose is not None
-    assert file.pose.value.translation == pytest.approx((0.05, 0, 0), abs=1e-3)
+    assert file.pose.translation == pytest.approx((0.05, 0, 0), abs=1e-3)
     assert file.eye("right").focal_length == pytest.approx((560, 565), abs=5)
 
 

@@ -14,7 +14,6 @@ from chamfer.analysis.calibration.board import Chessboard, Corners
 from chamfer.analysis.calibration.calibration import Calibration, calibrate, plot_residuals
 from chamfer.analysis.calibration.calibration_accuracy import BoardPoses
 from chamfer.analysis.calibration.camera_fit import (
-    BoardView,
     Fit,
     Places,
     Seen,
@@ -26,7 +25,7 @@ from chamfer.analysis.calibration.camera_fit import (
 )
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.models.cameras.camera import Camera
-from chamfer.models.cameras.camera_file import MeasuredPose
+from chamfer.models.cameras.camera_file import FramePose
 
 SIZE = (640, 480)
 
@@ -34,12 +33,10 @@ Place = Callable[..., list[Camera]]
 Look = Callable[..., list[Seen]]
 
 
-def seen_by(sights: Sequence[BoardView]) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    points = [
-        np.column_stack([one.points, np.zeros(len(one.points))]).astype(np.float32)
-        for one in sights
-    ]
-    return points, [one.pixels.astype(np.float32) for one in sights]
+def seen_by(fit: Fit) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    corners = [one.corners for one in fit.sights.values()]
+    points = [np.pad(one.points, ((0, 0), (0, 1))).astype(np.float32) for one in corners]
+    return points, [one.pixels.astype(np.float32) for one in corners]
 
 
 @pytest.fixture
@@ -55,7 +52,7 @@ def photographed(photographs: Path, board: Chessboard) -> list[Seen]:
 def test_one_camera_is_what_opencv_finds_of_the_photographs(photographed: list[Seen]) -> None:
     fit = fit_camera(photographed, SIZE)
     rms, matrix, distortion, *_, deviations, _, errors = cv2.calibrateCameraExtended(
-        *seen_by(fit.sights), SIZE, np.eye(3), np.zeros(5)
+        *seen_by(fit), SIZE, np.eye(3), np.zeros(5)
     )
     found, _ = fit.adjustment.intrinsic(0)
     expected = [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], *np.ravel(distortion)]
@@ -90,11 +87,9 @@ def test_derivatives_of_two_cameras(place: Place, look: Look) -> None:
     parameters = fit.adjustment.parameters
     stereo = [0.02, -0.1, 0.05, -0.1, 0.01, 0.02]
     both = np.concatenate([parameters[:9], parameters[:9] + 0.1, stereo, parameters[9:]])
-    right = [
-        BoardView(camera=1, picture=one.picture, points=one.points, pixels=one.pixels)
-        for one in fit.sights
-    ]
-    sights, places, noise = [*fit.sights, *right], Places(2), [0.05, 0.1]
+    left = list(fit.sights.values())
+    sights = [*left, *(one._replace(camera=1) for one in left)]
+    places, noise = Places(2), [0.05, 0.1]
     _, _, slope = _linearised(sights, both, places, noise)
     numeric = []
     for k in range(len(both)):
@@ -109,7 +104,7 @@ def test_corners_that_tell_nothing_are_refused(place: Place, look: Look) -> None
     fit = fit_camera(look(place(3)), SIZE)
     start = fit.adjustment.parameters[:15]
     with pytest.raises(np.linalg.LinAlgError):
-        adjust(fit.sights[:1], start, places=Places(1), noise=[1.0])
+        adjust([fit.sights[0, 0]], start, places=Places(1), noise=[1.0])
 
 
 X_LR = np.eye(4)
@@ -139,7 +134,7 @@ def seen_from(places: list[Camera], camera: Camera) -> list[Camera]:
 
 def fit_both(left: list[Seen], right: list[Seen]) -> Fit:
     fits = [fit_camera(left, SIZE, whose="left: "), fit_camera(right, SIZE, whose="right: ")]
-    return fit_pair([left, right], fits)
+    return fit_pair(fits)
 
 
 @pytest.fixture
@@ -157,7 +152,7 @@ def test_a_picture_that_fits_badly_is_left_out(place: Place, look: Look) -> None
     assert fit.left_out[0, 7] == NOT_FOUND
     assert fit.left_out[0, 4].startswith("an outlier: its error of ")
     assert fit.left_out[0, 4].endswith(" is more than 3 times the median, 0.068")
-    assert len(fit.owners) == 8
+    assert len(fit.sights) == 8
 
 
 @pytest.mark.parametrize("tilt", [0.0, 1e-4, 0.01])
@@ -184,7 +179,7 @@ def test_a_pair_of_cameras(pairs: tuple[list[Seen], list[Seen]]) -> None:
     assert fit.pairs == 6
     assert fit.left_out == {(1, 2): NOT_FOUND, (0, 5): NOT_FOUND}
     assert fit.alone == {(0, 2): "without the right camera's", (1, 5): "without the left camera's"}
-    assert len(fit.owners) == 14
+    assert len(fit.sights) == 14
     X_RL = np.linalg.inv(X_LR)
     stereo = fit.adjustment.parameters[fit.adjustment.places.stereo]
     turned = Rotation.from_rotvec(stereo[:3]).as_matrix() @ X_RL[:3, :3].T
@@ -228,12 +223,12 @@ def test_pairs_that_don_t_agree_at_all(pairs: tuple[list[Seen], list[Seen]]) -> 
 # Calibrations
 
 
-def deviations_off(pose: MeasuredPose | None, X: np.ndarray) -> np.ndarray:
+def deviations_off(pose: FramePose | None, X: np.ndarray) -> np.ndarray:
     """Return how far a pose is off, in its standard deviations, shape (6,)."""
     assert pose is not None
     assert pose.sd is not None
-    turned = Rotation.from_matrix(pose.value.rotation @ X[:3, :3].T).as_rotvec()
-    shift = np.array(pose.value.translation) - X[:3, 3]
+    turned = Rotation.from_matrix(pose.rotation @ X[:3, :3].T).as_rotvec()
+    shift = np.array(pose.translation) - X[:3, 3]
     sd = [*pose.sd.rotation_vector, *pose.sd.translation]
     return np.concatenate([turned, shift]) / sd
 

@@ -1,10 +1,10 @@
 """Pictures of the parts, and a camera that shows them in place of a real one."""
 
 import csv
-import importlib.util
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from types import ModuleType
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -17,76 +17,79 @@ from chamfer.systems.cameras.software_camera import render
 
 PARTS = ColouredParts()
 
-# The interface of cv2.VideoCapture with V4L2, as far as it is used: it waits for the next frame,
-# says when it was taken on the monotonic clock, and fails at once when it has been unplugged.
-CAMERA = """
-import time
-from pathlib import Path
 
-import cv2
+class FakeCamera:
+    """The interface of cv2.VideoCapture with V4L2, as far as it is used.
 
-PERIOD = 0.02  # s
-COUNT = None  # frames until it stops delivering; None: for ever
-STAMPS = True
-SIZE = (320, 240)
-PICTURES = [cv2.imread(str(path)) for path in sorted(Path(__file__).parent.glob("*.png"))]
-OPEN_FILE = cv2.VideoCapture
+    It waits for the next frame and says when it was taken on the monotonic clock.
+    """
 
+    def __init__(self, does: SimpleNamespace) -> None:
+        self.does = does
+        self.open, self.sent = True, 0
+        self.asked: dict[int, float] = {}
 
-def VideoCapture(path, backend):
-    if backend != cv2.CAP_V4L2:
-        return OPEN_FILE(path, backend)
-    assert path == "/dev/null"
-    return Camera()
-
-
-class Camera:
-    def __init__(self):
-        self.open = True
-        self.sent = 0
-        self.asked = {}
-
-    def isOpened(self):
+    def isOpened(self) -> bool:  # noqa: N802
         return self.open
 
-    def set(self, name, value):
+    def set(self, name: int, value: float) -> bool:
         self.asked[name] = value
         return True
 
-    def get(self, name):
+    def get(self, name: int) -> float:
         if name == cv2.CAP_PROP_FPS:
-            return 1 / PERIOD
-        if name == cv2.CAP_PROP_POS_MSEC and STAMPS:
-            return 1e3 * self.taken
-        return 0.0
+            return 1 / self.does.PERIOD
+        return 1e3 * self.taken if name == cv2.CAP_PROP_POS_MSEC and self.does.STAMPS else 0.0
 
-    def read(self):
+    def read(self) -> tuple[bool, np.ndarray | None]:
         assert self.open
-        if self.sent == COUNT:
+        if self.sent == self.does.COUNT:
             return False, None
-        time.sleep(PERIOD)
+        time.sleep(self.does.PERIOD)
         self.taken = time.monotonic() - 0.005
         self.sent += 1
-        return True, PICTURES[(self.sent - 1) % len(PICTURES)].copy()
+        return True, self.does.PICTURES[self.sent % 2 - 1].copy()
 
-    def release(self):
+    def release(self) -> None:
         self.open = False
-"""
 
 
-def save(path: Path, gap: float | None, size: tuple[int, int] = (320, 240)) -> None:
+def drawn(gap: float | None) -> np.ndarray:
+    """Return a frame with a gap between the parts, m; None: of nothing."""
+    if gap is None:
+        return np.full((240, 320, 3), 200, np.uint8)
+    peg, hole = RigidTransform([-gap, 0.001, 0]), RigidTransform([0.01, 0, 0])
+    return render(PARTS, CameraPlacement().camera, peg, hole)
+
+
+def save(path: Path, gap: float | None) -> None:
     """Save a frame with a gap between the parts, m; None: of nothing."""
-    image = np.full((size[1], size[0], 3), 200, np.uint8)
-    if gap is not None:
-        peg, hole = RigidTransform([-gap, 0.001, 0]), RigidTransform([0.01, 0, 0])
-        image = render(PARTS, CameraPlacement().camera, peg, hole)
-    assert cv2.imwrite(str(path), cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+    assert cv2.imwrite(str(path), cv2.cvtColor(drawn(gap), cv2.COLOR_RGB2BGR))
 
 
 @pytest.fixture
 def picture() -> Callable[[Path, float], None]:
     """Saves a frame with a gap between the parts, m."""
     return save
+
+
+@pytest.fixture(scope="session")
+def film() -> Callable[..., Path]:
+    """Saves a video of images, red, green, blue, and returns its path."""
+
+    def saved(
+        path: Path, images: Iterable[np.ndarray], rate: float = 30.0, code: str = "MJPG"
+    ) -> Path:
+        images = list(images)
+        size, kind = images[0].shape[1::-1], cv2.VideoWriter.fourcc(*code)
+        writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, kind, rate, size)
+        assert writer.isOpened()
+        for image in images:
+            writer.write(cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+        writer.release()
+        return path
+
+    return saved
 
 
 @pytest.fixture
@@ -113,18 +116,17 @@ def frames(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def camera(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    """A camera at /dev/null that shows two pictures in turn, in this process."""
-    folder = tmp_path / "camera"
-    folder.mkdir()
-    for k in range(2):
-        save(folder / f"{k}.png", 0.02 - 0.005 * k)
-    path = folder / "fake_camera.py"
-    path.write_text(CAMERA)
-    spec = importlib.util.spec_from_file_location("fake_camera", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    monkeypatch.setattr(cv2, "VideoCapture", module.VideoCapture)
-    return module
+def camera(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    """What a camera at /dev/null does, which shows two pictures in turn; COUNT None: for ever."""
+    pictures = [cv2.cvtColor(drawn(gap), cv2.COLOR_RGB2BGR) for gap in (0.02, 0.015)]
+    does = SimpleNamespace(PERIOD=0.02, COUNT=None, STAMPS=True, PICTURES=pictures)  # s, frames
+    open_file = cv2.VideoCapture
+
+    def opened(path: str, backend: int = cv2.CAP_ANY) -> object:
+        if backend != cv2.CAP_V4L2:
+            return open_file(path, backend)
+        assert path == "/dev/null"
+        return FakeCamera(does)
+
+    monkeypatch.setattr(cv2, "VideoCapture", opened)
+    return does

@@ -91,7 +91,7 @@ def test_any_size_has_even_sides_and_room_for_the_text(size: tuple[int, int]) ->
     image = np.full((height, width, 3), 200, np.uint8)
     hole = valid(width / 2, height / 2, 0.01)
     seen = SeenParts(image, valid(width + 1000, height + 1000, -1.0), hole)
-    sheet = draw(seen, Caption(1234567, 12345.6789, "n" * 300 + "ä.png"), note="n" * 300)
+    sheet = draw(seen, Caption(1234567, 12345.6789, "n" * 300 + "ä.png", "n" * 300))
     assert sheet.shape[0] % 2 == sheet.shape[1] % 2 == 0
     assert sheet.shape[1] >= 640
     assert max(sheet.shape[:2]) <= 2200

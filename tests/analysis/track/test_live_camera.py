@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
-from types import ModuleType
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -24,7 +24,9 @@ Rows = Callable[[Path], list[dict[str, str]]]
 
 
 @pytest.mark.parametrize("stamps", [True, False])
-def test_frames_have_the_times_at_which_they_were_taken(camera: ModuleType, stamps: bool) -> None:
+def test_frames_have_the_times_at_which_they_were_taken(
+    camera: SimpleNamespace, stamps: bool
+) -> None:
     camera.STAMPS, camera.COUNT = stamps, 6
     with LiveCamera(DEVICE, (640, 480)) as live:
         asked = {cv2.CAP_PROP_FRAME_WIDTH: 640, cv2.CAP_PROP_FRAME_HEIGHT: 480}
@@ -42,7 +44,7 @@ def test_frames_have_the_times_at_which_they_were_taken(camera: ModuleType, stam
     np.testing.assert_array_equal(first.image, cv2.cvtColor(camera.PICTURES[0], cv2.COLOR_BGR2RGB))
 
 
-def test_what_comes_too_fast_is_counted(camera: ModuleType) -> None:
+def test_what_comes_too_fast_is_counted(camera: SimpleNamespace) -> None:
     camera.PERIOD = 0.001
     with LiveCamera(DEVICE) as live:
         frames = live.frames()
@@ -51,14 +53,14 @@ def test_what_comes_too_fast_is_counted(camera: ModuleType) -> None:
         assert live.missed > 10
 
 
-def test_a_stop_is_heard_while_it_waits(camera: ModuleType) -> None:
+def test_a_stop_is_heard_while_it_waits(camera: SimpleNamespace) -> None:
     camera.COUNT = 0
     asked = iter([False, False, True])
     with LiveCamera(DEVICE) as live:
         assert list(live.frames(lambda: next(asked))) == []
 
 
-def test_a_camera_that_is_unplugged(camera: ModuleType, tmp_path: Path) -> None:
+def test_a_camera_that_is_unplugged(camera: SimpleNamespace, tmp_path: Path) -> None:
     camera.COUNT = 0
     live = LiveCamera(DEVICE)
     with live:
@@ -92,7 +94,7 @@ def test_devices_that_are_none(tmp_path: Path) -> None:
 
 
 def test_a_number_of_frames(
-    rows: Rows, camera: ModuleType, out: Path, capsys: pytest.CaptureFixture[str]
+    rows: Rows, camera: SimpleNamespace, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["track", "--device", "/dev/null", "--out", str(out)]
     assert main([*arguments, "--frames", "5", "--save-frames"]) == 0
@@ -116,7 +118,7 @@ def test_a_number_of_frames(
 
 
 def test_a_camera_is_asked_for_its_models_size(
-    camera: ModuleType, out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    camera: SimpleNamespace, out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "camera.yaml"
     text = "{{width: {}, height: 240, focal_length: [1000, 1000], principal_point: [160, 120], "
@@ -131,7 +133,7 @@ def test_a_camera_is_asked_for_its_models_size(
 
 def test_ctrl_c_ends_it_as_it_is_meant_to_end(
     rows: Rows,
-    camera: ModuleType,
+    camera: SimpleNamespace,
     out: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
@@ -151,7 +153,7 @@ def test_ctrl_c_ends_it_as_it_is_meant_to_end(
 
 def test_a_camera_that_stops_keeps_what_was_found(
     rows: Rows,
-    camera: ModuleType,
+    camera: SimpleNamespace,
     out: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
@@ -169,7 +171,7 @@ def test_a_camera_that_stops_keeps_what_was_found(
 
 
 def test_a_camera_that_sends_nothing(
-    camera: ModuleType,
+    camera: SimpleNamespace,
     out: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,

@@ -20,7 +20,6 @@ from chamfer.models.cameras.camera_file import (
     CalibratedCamera,
     CameraFile,
     FramePose,
-    MeasuredPose,
     camera_text,
 )
 from chamfer.models.peg.peg_and_hole import ColouredParts
@@ -70,9 +69,7 @@ def model() -> CameraFile:
     pose = FramePose(
         rotation_vector=tuple(turn.tolist()), translation=tuple(in_left(RIGHT.p_WC).tolist())
     )
-    return CameraFile(
-        left=calibrated(LEFT), right=calibrated(RIGHT), pose=MeasuredPose(value=pose)
-    )
+    return CameraFile(left=calibrated(LEFT), right=calibrated(RIGHT), pose=pose)
 
 
 def write_frames(folder: Path, camera: Camera, number: int) -> Path:

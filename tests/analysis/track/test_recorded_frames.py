@@ -1,7 +1,7 @@
 """Frames from folders, files and videos, and the one line where there are none."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.track.frame_source import IMAGE_ENDINGS, Recording, open_recording
+from chamfer.analysis.track.frame_source import IMAGE_ENDINGS, open_recording
 
 Array = np.ndarray
+Film = Callable[..., Path]
 FORMS = "an image folder, image files or one video file"
 
 
@@ -22,23 +23,6 @@ def plain(level: int, width: int = 32, height: int = 24) -> Array:
 def write(path: Path, bgr: Array | None = None) -> Path:
     assert cv2.imwrite(str(path), plain(100) if bgr is None else bgr)
     return path
-
-
-def write_video(
-    path: Path, images: Iterable[Array], rate: float = 25.0, code: str = "mp4v"
-) -> Path:
-    images = list(images)
-    size = (images[0].shape[1], images[0].shape[0])
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*code), rate, size)
-    assert writer.isOpened()
-    for image in images:
-        writer.write(image)
-    writer.release()
-    return path
-
-
-def names(recording: Recording) -> list[str]:
-    return [path.name for path in recording.files]
 
 
 def mistake(*paths: Path) -> str:
@@ -60,24 +44,18 @@ def test_folder_in_natural_order_without_other_files(tmp_path: Path) -> None:
         (tmp_path / name).write_text("no image")
     (tmp_path / "frame5.png").mkdir()
     recording = open_recording([tmp_path])
-    assert names(recording) == [
-        "frame1.PNG",
-        "frame02.bmp",
-        "frame2.png",
-        "Frame3.jpg",
-        "frame10.png",
-    ]
-    assert not recording.video
-    assert names(open_recording(recording.files[::-1])) == names(recording)
-    assert [frame.name for frame in recording.frames()] == names(recording)
+    names = ["frame1.PNG", "frame02.bmp", "frame2.png", "Frame3.jpg", "frame10.png"]
+    assert [frame.name for frame in recording.frames()] == names
+    assert open_recording(recording.files[::-1]) == recording
 
 
 # Colours
 
 
-def test_channels_are_red_green_blue(tmp_path: Path) -> None:
-    bgr = np.full((24, 32, 3), (10, 20, 200), np.uint8)
-    for path in (write(tmp_path / "a.png", bgr), write_video(tmp_path / "a.mp4", [bgr])):
+def test_channels_are_red_green_blue(film: Film, tmp_path: Path) -> None:
+    rgb = np.full((24, 32, 3), (200, 20, 10), np.uint8)
+    picture = write(tmp_path / "a.png", rgb[..., ::-1])
+    for path in (picture, film(tmp_path / "a.mp4", [rgb], code="mp4v")):
         (frame,) = open_recording([path]).frames()
         assert frame.image.shape == (24, 32, 3)
         assert frame.image.dtype == np.uint8
@@ -104,28 +82,15 @@ def test_other_depths_and_channels(tmp_path: Path, ending: str) -> None:
 
 
 @pytest.mark.parametrize(("ending", "code"), [("mp4", "mp4v"), ("avi", "MJPG"), ("mkv", "FFV1")])
-def test_video(tmp_path: Path, ending: str, code: str) -> None:
-    path = tmp_path / f"a: b.{ending}"
+def test_video(film: Film, tmp_path: Path, ending: str, code: str) -> None:
     levels = [40, 90, 140, 190]
-    write_video(path, map(plain, levels), 80.0, code)
-    recording = open_recording([path])
+    recording = open_recording([film(tmp_path / f"a: b.{ending}", map(plain, levels), 80.0, code)])
     assert recording.video
     assert recording.rate == pytest.approx(80)
     assert recording.announced == 4
     for _ in range(2):  # frames can be read again
         found = [frame.image[12, 16, 1] for frame in recording.frames()]
         assert found == pytest.approx(levels, abs=4)
-
-
-def test_frames_are_read_one_at_a_time(tmp_path: Path) -> None:
-    files = [write(tmp_path / f"{k}.png") for k in range(3)]
-    frames = open_recording(files).frames()
-    next(frames)
-    write(files[1], plain(7))
-    assert next(frames).image[0, 0, 0] == 7
-    files[2].unlink()
-    with pytest.raises(UserError, match=r"2\.png: No such file or directory"):
-        next(frames)
 
 
 # Mistakes
@@ -143,7 +108,7 @@ def test_a_folder_without_images(tmp_path: Path) -> None:
     assert mistake(tmp_path) == f"{tmp_path} holds no images, allowed: files that end in {endings}"
 
 
-@pytest.mark.parametrize("ending", ["txt", "mp4", "avi", ""])
+@pytest.mark.parametrize("ending", ["mp4", ""])
 def test_neither_image_nor_video(tmp_path: Path, ending: str) -> None:
     path = tmp_path / f"file.{ending}"
     for content in (b"", b"hello " * 100):
@@ -152,17 +117,17 @@ def test_neither_image_nor_video(tmp_path: Path, ending: str) -> None:
         assert said == f"{path} can't be read as an image or as a video, allowed: {FORMS}"
 
 
-def test_several_folders_or_videos(tmp_path: Path) -> None:
+def test_several_folders_or_videos(film: Film, tmp_path: Path) -> None:
     image = write(tmp_path / "a.png")
-    video = write_video(tmp_path / "a.mp4", [plain(1)])
+    video = film(tmp_path / "a.avi", [plain(1)])
     for paths in ([image, video], [video, image], [video, video]):
         said = f"{video} is one of several files and no image, allowed: {FORMS}"
         assert mistake(*paths) == said
     assert mistake(image, tmp_path).startswith(f"{tmp_path} is one of several")
 
 
-@pytest.mark.parametrize("ending", ["png", "jpg", "bmp", "tif", "webp"])
-@pytest.mark.parametrize("share", [0.0, 0.05, 0.9])
+@pytest.mark.parametrize("ending", ["png", "jpg", "tif"])
+@pytest.mark.parametrize("share", [0.0, 0.9])
 def test_images_that_are_not_whole(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], ending: str, share: float
 ) -> None:
@@ -174,10 +139,9 @@ def test_images_that_are_not_whole(
 
 
 def test_nothing_of_the_decoders_reaches_the_terminal(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    film: Film, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    path = tmp_path / "a.mp4"
-    write_video(path, [plain(1)] * 5)
+    path = film(tmp_path / "a.mp4", [plain(1)] * 5, code="mp4v")
     path.write_bytes(path.read_bytes()[:400])
     capfd.readouterr()
     assert "can't be read" in mistake(path)

@@ -7,11 +7,11 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 
-import cv2
 import pytest
 
 from chamfer.analysis.cli import main
 from chamfer.analysis.track import tracking
+from chamfer.analysis.track.frame_source import open_recording
 
 
 def test_track(frames: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -107,19 +107,13 @@ def test_a_part_that_jumps_is_refused_where_times_are_known(
 
 
 def test_one_frame_and_a_video_that_was_cut_off(
-    frames: Path, out: Path, capsys: pytest.CaptureFixture[str]
+    film: Callable[..., Path], frames: Path, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["track", str(frames / "frame0.png"), "--out", str(out)]) == 0
     assert capsys.readouterr().out.startswith("1 frame, 320 x 240 pixels")
 
-    path = frames / "cut.avi"
-    code = cv2.VideoWriter.fourcc(*"MJPG")
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, code, 30.0, (320, 240))
-    for k in range(10):
-        image = cv2.imread(str(frames / f"frame{k}.png"))
-        assert image is not None
-        writer.write(image)
-    writer.release()
+    pictures = [frame.image for frame in open_recording([frames]).frames()][:10]
+    path = film(frames / "cut.avi", pictures)
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     assert main(["track", str(path), "--out", str(out)]) == 0
     first, second, *_ = capsys.readouterr().out.splitlines()

@@ -11,7 +11,6 @@ from chamfer.models.cameras.camera_file import (
     CameraFile,
     FramePose,
     Intrinsics,
-    MeasuredPose,
     camera_text,
     read_camera,
 )
@@ -60,7 +59,7 @@ def test_what_is_written_is_read_again_with_the_public_names_at_the_top(path: Pa
     sd = Intrinsics(focal_length=(0.5, 0.5), principal_point=(0.6, 0.6), distortion=(0.1,) * 5)
     pose = FramePose(rotation_vector=(0.0, 0.1, 0.0), translation=(1.0, 0.0, 0.0))
     left = replace(read_camera(path).left, reprojection_error=0.25, sd=sd)
-    measured = MeasuredPose(value=pose, sd=pose)
+    measured = replace(pose, sd=pose)
     file = CameraFile(left=left, right=left, pose=measured, world_pose=measured)
     path.write_text(camera_text(file))
     assert read_camera(path) == file

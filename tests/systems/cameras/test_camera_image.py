@@ -1,7 +1,6 @@
 """The frame grabber: rate, hold, latency, noise and dropped frames, each alone."""
 
 import math
-from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,9 @@ from pydrake.common import RandomGenerator
 from pydrake.common.value import Value
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import TrajectorySource
 from pydrake.systems.sensors import ImageRgba8U
+from pydrake.trajectories import PiecewisePolynomial
 
 from chamfer.systems.cameras.camera_image import (
     FrameGrabber,
@@ -74,31 +75,14 @@ def run(
 
 
 @pytest.mark.parametrize("latency", [0, 1, 3])
-def test_frame_arrives_whole_periods_after_its_exposure(latency: int) -> None:
+@pytest.mark.parametrize("late", [0.0, 0.3, 0.9])
+def test_frame_arrives_whole_periods_after_its_exposure_and_is_held(
+    latency: int, late: float
+) -> None:
     params = FrameGrabberParams(noise=0.0, latency=latency)
-    seen, clock = run(params, 8)
-    assert seen == [None] * latency + [10 * k for k in range(8 - latency)]
+    seen, clock = run(params, 8, offset=late * PERIOD)
+    assert seen == [None] * latency + [10 * k for k in range(len(seen) - latency)]
     assert clock.drawn == 8  # one image for an exposure, none between
-
-
-@pytest.mark.parametrize("latency", [0, 2])
-def test_frame_is_held_until_the_next(latency: int) -> None:
-    params = FrameGrabberParams(noise=0.0, latency=latency)
-    for late in (0.3, 0.9):
-        seen, _ = run(params, 7, offset=late * PERIOD)
-        assert seen == [None] * latency + [10 * k for k in range(len(seen) - latency)]
-
-
-class Trigger(LeafSystem):
-    """1 in some periods, from a quarter of each on."""
-
-    def __init__(self, periods: Collection[int]) -> None:
-        super().__init__()
-
-        def calc(context: Context, vector: Any) -> None:
-            vector.SetAtIndex(0, float(math.floor(context.get_time() / PERIOD - 0.25) in periods))
-
-        self.DeclareVectorOutputPort("trigger", 1, calc, {self.time_ticket()})
 
 
 @pytest.mark.parametrize("latency", [0, 2])
@@ -108,7 +92,10 @@ def test_without_its_trigger_nothing_is_exposed_and_no_image_arrives(latency: in
     params = FrameGrabberParams(noise=0.0, latency=latency, offset=0.4 * PERIOD)
     grabber = add_frame_grabber(builder, params, "grabber", 4, 3)
     builder.Connect(clock.get_output_port(), grabber.GetInputPort("image"))
-    trigger = builder.AddSystem(Trigger({2, 3, 6}))
+    looks = PiecewisePolynomial.ZeroOrderHold(
+        np.array([0, 2.25, 4.25, 6.25, 7.25, 20]) * PERIOD, [[0.0, 1.0, 0.0, 1.0, 0.0, 0.0]]
+    )
+    trigger = builder.AddSystem(TrajectorySource(looks))
     builder.Connect(trigger.get_output_port(), grabber.GetInputPort("trigger"))
     builder.Connect(grabber.GetOutputPort("image"), reader.get_input_port())
     Simulator(builder.Build()).AdvanceTo((8 + latency) * PERIOD)

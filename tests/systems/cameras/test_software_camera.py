@@ -9,8 +9,6 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from chamfer.models.cameras.camera import Camera, CameraPlacement
@@ -20,7 +18,6 @@ from chamfer.systems.cameras.scene import SceneStyle
 from chamfer.systems.cameras.software_camera import (
     AT_OPENING,
     SoftwareCamera,
-    between,
     render,
     render_moving,
 )
@@ -150,30 +147,6 @@ def test_image_is_what_rays_see(view: Any, X_WT: Pose | None, X_WM: Pose | None)
     assert np.abs(image.mean(axis=(0, 1)) - expected.mean(axis=(0, 1))).max() < 0.1
 
 
-@settings(deadline=None, max_examples=50)
-@given(seed=st.integers(0, 2**32 - 1))
-def test_outline_is_around_all_points_of_the_solid_and_touches_them(seed: int) -> None:
-    generator = np.random.default_rng(seed)
-    camera = CameraPlacement(view=VIEWS[seed % 2]).camera
-    X_WT = RigidTransform(
-        RollPitchYaw(generator.uniform(-0.5, 0.5, 3)), generator.uniform(-0.01, 0.01, 3)
-    )
-    share = (200.0 - render(PARTS, camera, X_WT, None, style=FLAT)[:, :, 1]) / 160
-    points = np.concatenate(
-        [
-            [[x, r * math.cos(a), r * math.sin(a)] for a in np.linspace(0, 2 * math.pi, 720)]
-            for x, r in PARTS.peg.profile
-        ]
-    )
-    pixels = camera.project(points @ X_WT.rotation().matrix().T + X_WT.translation())
-    hull = cv2.convexHull(pixels.astype(np.float32))
-    assert share.sum() == pytest.approx(cv2.contourArea(hull), rel=5e-4)
-    u, v = np.rint(pixels).astype(int).T
-    seen = (u >= 0) & (u < 320) & (v >= 0) & (v < 240)
-    window = cv2.dilate(share, np.ones((3, 3)))
-    assert (window[v[seen], u[seen]] > 0).all()
-
-
 def test_end_faces_and_bore_are_darker() -> None:
     camera = CameraPlacement(view="xz", roll=0.0).camera
     style = SceneStyle(blur=0.0, face=0.8, bore=0.5)
@@ -291,20 +264,6 @@ def test_an_edge_that_moves_across_becomes_a_ramp_as_long_as_its_way() -> None:
     deviation = math.sqrt((slope * (place - middle) ** 2).sum())
     assert deviation == pytest.approx(20 / math.sqrt(12), rel=0.02)
     assert abs(middle - (tip - 10)) < 1.0
-
-
-def test_between_is_even_in_place_and_turn() -> None:
-    begin = RigidTransform(RollPitchYaw(0.1, 0.2, 0.3), [0.1, 0.2, 0.3])
-    turn = RigidTransform(RollPitchYaw(0.0, 0.0, 0.6), [0.0, 0.0, 0.0])
-    end = RigidTransform(begin.rotation() @ turn.rotation(), [0.3, 0.2, -0.1])
-    middle = between(begin, end, 0.5)
-    assert middle is not None
-    np.testing.assert_allclose(middle.translation(), [0.2, 0.2, 0.1], atol=1e-12)
-    half = RollPitchYaw(0.0, 0.0, 0.3).ToRotationMatrix()
-    expected = begin.rotation() @ half
-    np.testing.assert_allclose(middle.rotation().matrix(), expected.matrix(), atol=1e-12)
-    assert between(None, end, 0.5) is end
-    assert between(begin, None, 0.5) is None
 
 
 def test_what_rests_is_as_in_a_picture_without_exposure() -> None:

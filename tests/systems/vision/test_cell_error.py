@@ -133,35 +133,29 @@ def test_what_is_expected_is_no_error() -> None:
     assert read(block, simulator, "error") == pytest.approx([0.0] * 6)
 
 
-UNSEEN = [math.nan] * 3
+U = math.nan
 
 
-def six(xz: list[float], xy: list[float]) -> np.ndarray:
+@pytest.mark.parametrize(
+    ("xz", "xy", "expected"),
+    [
+        # Down in the images is down, and to the right of the way.
+        ([70.0, 4.0, 0.02], [69.0, 3.0, 0.05], [70.0, -3.0, -4.0, 0.0, 0.02, -0.05]),
+        ([U, 4.0, 0.02], [69.0, 3.0, 0.05], [U, -3.0, -4.0, 0.0, 0.02, -0.05]),
+        ([70.0, 4.0, 0.02], [U, U, U], [70.0, U, -4.0, 0.0, 0.02, U]),
+        ([U, U, U], [69.0, 3.0, 0.05], [U, -3.0, U, U, U, -0.05]),
+    ],
+)
+def test_two_views_tell_of_six_axes(
+    xz: list[float], xy: list[float], expected: list[float]
+) -> None:
     block = ImagePlaneError()
     context = block.CreateDefaultContext()
     block.GetInputPort("xz_error").FixValue(context, xz)
     block.GetInputPort("xy_error").FixValue(context, xy)
-    return np.array(block.GetOutputPort("alignment_error").Eval(context))
-
-
-def test_down_in_the_images_is_down_and_to_the_right_of_the_way() -> None:
-    error = six([70.0, 4.0, 0.02], [69.0, 3.0, 0.05])
-    np.testing.assert_array_equal(error, [70.0, -3.0, -4.0, 0.0, 0.02, -0.05])
-
-
-def test_what_is_not_measured_is_nan() -> None:
-    hidden = six([math.nan, 4.0, 0.02], [69.0, 3.0, 0.05])
-    np.testing.assert_array_equal(hidden, [math.nan, -3.0, -4.0, 0.0, 0.02, -0.05])
-    one_view = six([70.0, 4.0, 0.02], UNSEEN)
-    np.testing.assert_array_equal(one_view, [70.0, math.nan, -4.0, 0.0, 0.02, math.nan])
-    assert np.isnan(six(UNSEEN, [69.0, 3.0, 0.05])).tolist() == [1, 0, 1, 1, 1, 0]
-    assert np.isnan(six(UNSEEN, UNSEEN)).all()
-
-
-@pytest.mark.parametrize("view", ["xz", "xy"])
-def test_the_error_follows_both_images_at_once(view: str) -> None:
-    block = ImagePlaneError()
-    assert block.HasDirectFeedthrough(int(block.GetInputPort(f"{view}_error").get_index()), 0)
+    found = block.GetOutputPort("alignment_error").Eval(context)
+    np.testing.assert_array_equal(found, expected)
+    assert all(block.HasDirectFeedthrough(i, 0) for i in range(2))
 
 
 CONTINUITY = ContinuityParams(speed=100.0, turning=1.0, most_jumps=2)
@@ -172,55 +166,33 @@ def at(u: float, v: float = 50.0, angle: float = 0.0) -> Detection:
     return Detection(status=Status.VALID, tip=(u, v), angle=angle, point=(u - 40, v))
 
 
-def followed(*found: Detection, period: float = 0.1) -> list[Status]:
-    last, statuses = LastSeen(), []
+def hidden(u: float, v: float) -> Detection:
+    return Detection(status=Status.OCCLUDED, angle=0.0, point=(u, v))
+
+
+@pytest.mark.parametrize(
+    ("found", "believed"),
+    [
+        ([at(0), at(9.9), at(19.5), at(10)], "yyyy"),  # 10 pixels in 0.1 s
+        ([at(0), at(10.5)], "yn"),
+        ([at(0), at(0, angle=0.09), at(0, angle=0.2)], "yyn"),
+        ([at(0, angle=math.pi - 0.01), at(0, angle=0.01 - math.pi)], "yy"),
+        ([at(0), LOST, at(19)], "y-y"),  # the longer it was lost the farther it may be
+        ([at(0), LOST, at(23)], "y-n"),
+        ([at(0), *[at(90)] * 4], "ynnyy"),  # what stays is believed again
+        ([at(0), at(90), at(0), at(90), at(90), at(90)], "ynynny"),
+        ([at(0), hidden(80, 55)], "yy"),  # of a hidden tip the way across counts
+        ([at(0), hidden(-40, 65)], "yn"),
+    ],
+)
+def test_what_is_believed_moves_no_faster_than_it_can(
+    found: list[Detection], believed: str
+) -> None:
+    last, said = LastSeen(), ""
     for k, one in enumerate(found):
-        last, believed = follow(last, one, k * period, CONTINUITY)
-        statuses.append(believed.status)
-    return statuses
-
-
-def test_what_moves_no_faster_than_it_can_is_followed() -> None:
-    assert followed(at(0), at(9.9), at(19.5), at(10)) == [Status.VALID] * 4
-    assert followed(at(0), at(10.5)) == [Status.VALID, Status.JUMPED]
-    assert followed(at(0), at(0, angle=0.09), at(0, angle=0.2))[1:] == [
-        Status.VALID,
-        Status.JUMPED,
-    ]
-
-
-def test_angles_go_around() -> None:
-    assert followed(at(0, angle=math.pi - 0.01), at(0, angle=0.01 - math.pi)) == [Status.VALID] * 2
-
-
-def test_the_longer_it_was_lost_the_farther_it_may_be() -> None:
-    assert followed(at(0), LOST, at(19)) == [Status.VALID, Status.NO_COLOUR, Status.VALID]
-    assert followed(at(0), LOST, at(23))[-1] == Status.JUMPED
-
-
-def test_what_stays_is_believed_again_and_what_comes_back_at_once() -> None:
-    far = [at(90)] * 4
-    assert followed(at(0), *far) == [
-        Status.VALID,
-        Status.JUMPED,
-        Status.JUMPED,
-        Status.VALID,
-        Status.VALID,
-    ]
-    assert followed(at(0), at(90), at(0), at(90), at(90), at(90))[2:] == [
-        Status.VALID,
-        Status.JUMPED,
-        Status.JUMPED,
-        Status.VALID,
-    ]
-
-
-def test_of_hidden_tips_the_way_across_counts() -> None:
-    def hidden(u: float, v: float) -> Detection:
-        return Detection(status=Status.OCCLUDED, angle=0.0, point=(u, v))
-
-    assert followed(at(0), hidden(80, 55))[1] == Status.OCCLUDED
-    assert followed(at(0), hidden(-40, 65))[1] == Status.JUMPED
+        last, seen = follow(last, one, k * 0.1, CONTINUITY)
+        said += {Status.JUMPED: "n", Status.NO_COLOUR: "-"}.get(seen.status, "y")
+    assert said == believed
 
 
 class ShownLoop:
