@@ -167,7 +167,7 @@ _COMPARED: Final = 8  # columns of the map, with those of the next period
 _SAME: Final = 0.01  # of the map's largest number, by which they may differ
 
 
-_STEP: Final = 1e-6  # of the differences
+_STEP: Final = 1e-6  # of the differences, relative to a state or input where it exceeds 1
 _CLOSES: Final = 1e-4  # by which a loop that is closed again may differ from the diagram's
 
 
@@ -185,7 +185,6 @@ def to_control(
     output: Ports = None,
     at: Context | float | None = None,
     period: float | None = None,
-    step: float = _STEP,
     whole: bool = False,
 ) -> "control.StateSpace":
     """Return what a system does to small changes, as a linear system of python-control.
@@ -212,7 +211,6 @@ def to_control(
             default; None, its default. Inputs without a value are 0.
         period: s, of the whole diagram. None: known, for continuous systems and such of one rate
             in C++.
-        step: Of the differences, relative to a state or input where it exceeds 1.
         whole: Keeps the states too that the inputs can't move or the outputs don't show, such as
             a desired trajectory's.
 
@@ -232,12 +230,12 @@ def to_control(
         raise ParameterError("at", at, f"where all states are finite, {first} is not")
     model = _Model(system, context, inputs, outputs)
     if not sampled or (known and not context.num_continuous_states()):
-        found = model.linearised(step, sampled=sampled)
+        found = model.linearised(sampled=sampled)
     else:
-        at_tick, behind_tick = model.over_a_period(dt, step)
+        at_tick, behind_tick = model.over_a_period(dt)
         found = at_tick
         if source is not None:
-            closed, _ = _Model(system, context, [], []).over_a_period(dt, step)
+            closed, _ = _Model(system, context, [], []).over_a_period(dt)
             found = _returning(at_tick, behind_tick, closed.A, inputs[0])
     if source is not None:
         found = found._replace(C=-found.C, D=-found.D)
@@ -345,7 +343,7 @@ class _Model:
         s = len(after)
         return _Matrices(after[:, :s], after[:, s:], seen[:, :s], seen[:, s:])
 
-    def linearised(self, step: float, *, sampled: bool) -> _Matrices:
+    def linearised(self, *, sampled: bool) -> _Matrices:
         """Return the derivatives of rates, or of updates, and outputs in states and inputs."""
         point, s = self.point, len(_states_of(self.context))
 
@@ -362,7 +360,7 @@ class _Model:
 
         exact = self.system.ToAutoDiffXdMaybe()
         if exact is None:
-            gradient = _differences(partial(calc, self.system, self.context), point, step)
+            gradient = _differences(partial(calc, self.system, self.context), point)
             return self.split(gradient[:s], gradient[s:])
         own = exact.CreateDefaultContext()
         own.SetTimeStateAndParametersFrom(self.context)
@@ -376,7 +374,7 @@ class _Model:
                 row[:] = value.derivatives()
         return self.split(gradient[:s], gradient[s:])
 
-    def over_a_period(self, period: float, step: float) -> tuple[_Matrices, _Matrices]:
+    def over_a_period(self, period: float) -> tuple[_Matrices, _Matrices]:
         """Return the derivatives over a period with inputs held, by central differences.
 
         The period begins a little before the context's time, so that whatever happens at that time
@@ -390,7 +388,7 @@ class _Model:
                 period, or the next period is not as this one: it is none of the whole system.
         """
         point, s = self.point, len(_states_of(self.context))
-        found = _differences(self._run(period), point, step)
+        found = _differences(self._run(period), point)
         after = found[:s]
         # The next period in some columns, and how much happens in each.
         own = self.context.Clone()
@@ -407,7 +405,7 @@ class _Model:
             counts.add(acted - before)
             before = acted
         axes = slice(None, None, max(1, len(point) // _COMPARED))
-        again = _differences(following._run(period), following.point, step, axes)[:s]
+        again = _differences(following._run(period), following.point, axes=axes)[:s]
         apart = np.abs(again - after[:, axes]).max(initial=0.0)
         if len(counts) > 1 or apart > _SAME * np.abs(after).max(initial=0.0):
             allowed = "one of the whole diagram, whose next period is as this one"
@@ -455,7 +453,7 @@ class _Model:
             own.SetContinuousState(states + moved)
             return np.array(self.system.EvalTimeDerivatives(own).CopyToVector())
 
-        flow = _differences(rates, np.zeros(count), 1.0)
+        flow = _differences(rates, np.zeros(count), step=1.0)
         fastest = float(np.abs(np.linalg.eigvals(flow)).max())
         if not fastest * period <= _RADIANS * _MOST_STEPS:
             most = _RADIANS * _MOST_STEPS / period
@@ -483,7 +481,11 @@ def _returning(
 
 
 def _differences(
-    function: Callable[[Array], Array], point: Array, step: float, axes: slice = slice(None)
+    function: Callable[[Array], Array],
+    point: Array,
+    *,
+    step: float = _STEP,
+    axes: slice = slice(None),
 ) -> Array:
     """Return the derivative at a point, or some of its columns, by central differences."""
     columns = [

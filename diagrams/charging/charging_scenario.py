@@ -498,16 +498,13 @@ def resolve_charging(scenario: CrucibleChargingScenario) -> ResolvedCrucibleChar
         detection = charging.detection.resolved(*push_errors(sensor, np.eye(7)[0], R_WE))
     for station, believed in ((scenario.station.believed, True), (scenario.station.true, False)):
         places(scenario.plan, station, believed=believed)  # refuses what does not fit
-    duration = scenario.duration
-    if duration is None:
-        duration = _TIME_EACH * len(scenario.plan)
     known = {
         "controller": control,
         "sensor": sensor,
         "encoders": encoders,
         "friction_compensation": compensation,
         "charging": ResolvedChargingParams(**vars(charging) | {"detection": detection}),
-        "duration": duration,
+        "duration": scenario.duration or _TIME_EACH * len(scenario.plan),
     }
     found = ResolvedCrucibleChargingScenario(**vars(scenario) | known)
     for loop in contact_loops(found):

@@ -38,7 +38,7 @@ _SWINGING: Final = 0.1  # s, for which a nugget swings on in the gripper
 _MORE: Final = 2.0  # by which what the nugget's inertia shows at most is exceeded
 
 
-class ChargingGuards:
+class _Guards:
     """What is true at a tick.
 
     Troubles are counted, and contact is told by the mean of the last readings: noise alone decides
@@ -51,7 +51,6 @@ class ChargingGuards:
         self._speeding_up = params.seek_speed / params.acceleration + _SWINGING
 
     def count(self, tick: ChargingTick) -> ChargingMemory:
-        """Return the memory with the present readings counted."""
         memory, inputs, params = tick.memory, tick.inputs, self._params
         acquires = (memory.left or memory.at).startswith("acquire")
         limit = params.grip_limit if acquires else params.force_limit
@@ -66,7 +65,6 @@ class ChargingGuards:
         )
 
     def at_wall(self, tick: ChargingTick) -> bool:
-        """Whether the nugget pushes the wall."""
         least = self._detect
         if not tick.memory.mode and tick.time_in_state < self._speeding_up:
             # Meanwhile the sensor feels the nugget's inertia.
@@ -74,11 +72,9 @@ class ChargingGuards:
         return self._push(tick) > least
 
     def off_wall(self, tick: ChargingTick) -> bool:
-        """Whether contact with the wall is lost."""
         return self._push(tick) <= self._release
 
     def on_below(self, tick: ChargingTick) -> bool:
-        """Whether something below is pushed."""
         down = -tick.inputs.mean_force[2]
         if not tick.memory.carries:
             return down > self._params.touch_force
@@ -105,7 +101,6 @@ class ChargingGuards:
         return late and tick.inputs.progress[0] >= _ARRIVED
 
     def stands(self, tick: ChargingTick) -> bool:
-        """Whether the command has come to rest."""
         return all(abs(one) < _AT_REST for one in tick.inputs.desired_velocity)
 
     def stays(self, tick: ChargingTick) -> bool:
@@ -117,55 +112,43 @@ class ChargingGuards:
         return (unsure or self.stop_asked(tick)) and self.stands(tick)
 
     def rested(self, tick: ChargingTick) -> bool:
-        """Whether the state has lasted for its rest."""
         return tick.time_in_state >= self._params.rest - TIME_TOLERANCE
 
     def late(self, tick: ChargingTick) -> bool:
-        """Whether the state has lasted longer than any should."""
         return tick.time_in_state > self._params.patience
 
     def homed(self, tick: ChargingTick) -> bool:
-        """Whether the encoders' zeros are known."""
         return tick.inputs.homed is None or tick.inputs.homed[0] > 0.5
 
     def never_homed(self, tick: ChargingTick) -> bool:
-        """Whether they should be known by now."""
         return tick.time_in_state >= _HOMING and not self.homed(tick)
 
     def held(self, tick: ChargingTick) -> bool:
-        """Whether the gripper has a part, closed for a while."""
         return self.rested(tick) and tick.inputs.held[0] > 0.5
 
     def not_held(self, tick: ChargingTick) -> bool:
-        """Whether it has none, after a while."""
         return self.rested(tick) and not tick.inputs.held[0] > 0.5
 
     def is_kind(self, kind: str) -> Guard:
-        """Return the guard of an arrival with an item of a kind."""
         return lambda tick: self.arrived(tick) and self._motions.kind(tick.memory.item) == kind
 
     def weighed_bulk(self, tick: ChargingTick) -> bool:
-        """Whether the bulk filler is taken up; it is not scanned."""
+        """Whether the bulk filler is taken up, which is not scanned."""
         return self.rested(tick) and self._motions.kind(tick.memory.item) == "bulk"
 
     def last(self, tick: ChargingTick) -> bool:
-        """Whether the arm is back, with nothing left to lay."""
         return self.arrived(tick) and tick.memory.item + 1 >= self._motions.items
 
     def back_to(self, state: str) -> Guard:
-        """Return the guard of a contact that was found again, in that state."""
         return lambda tick: tick.memory.lost_from == state and self.at_wall(tick)
 
     def lost_for_long(self, tick: ChargingTick) -> bool:
-        """Whether contact is not found again."""
         return tick.time_in_state >= self._params.most_lost - TIME_TOLERANCE
 
     def lost_often(self, tick: ChargingTick) -> bool:
-        """Whether contact was found again often enough."""
         return tick.memory.losses > self._params.most_losses
 
     def stop_asked(self, tick: ChargingTick) -> bool:
-        """Whether the operator wants all to stand still."""
         return tick.inputs.halt is not None and tick.inputs.halt[0] > 0.5
 
     def halted(self, tick: ChargingTick) -> bool:
@@ -173,7 +156,6 @@ class ChargingGuards:
         return self.stop_asked(tick) and not tick.memory.trouble
 
     def resumed(self, state: str) -> Guard:
-        """Return the guard of the end of a halt that began in that state."""
         return lambda tick: tick.memory.left == state and not self.stop_asked(tick)
 
     def trouble(self, tick: ChargingTick) -> ChargingTrouble:
@@ -195,7 +177,6 @@ class ChargingGuards:
         return ChargingTrouble.NONE
 
     def has(self, trouble: ChargingTrouble) -> Guard:
-        """Return the guard of one kind of trouble."""
         return lambda tick: self.trouble(tick) is trouble
 
 
@@ -246,7 +227,6 @@ MODE_OF: Final = dict.fromkeys(
     "wall.set_down": CONTACT,
 }
 
-_TARES: Final = ("acquire.zero", "acquire.weigh", "wall.zero", "crown.zero")
 _OPENS: Final = ("release.open", "bulk.pour")
 
 _NOTES: Final = {
@@ -269,13 +249,13 @@ _NOTES: Final = {
 
 def tares(state: str) -> bool:
     """Return whether the force sensor's zero is taken in a state."""
-    return state in _TARES
+    return state in ("acquire.zero", "acquire.weigh", "wall.zero", "crown.zero")
 
 
 def make_charging_chart(params: ResolvedChargingParams, beliefs: ChargingBeliefs) -> ChargingChart:
     """Return the chart; a cycle that can't go on ends in ``stopped`` with a reason."""
     motions = ChargingMotions(params, beliefs)
-    guards = ChargingGuards(params, motions)
+    guards = _Guards(params, motions)
     touches = (
         _Touch("acquire.descend", "acquire.touch", "touched", guards.on_below),
         _Touch("wall.approach", "wall.press", "wall", guards.at_wall),
@@ -409,7 +389,7 @@ class _Actions:
     """What the chart does."""
 
     def __init__(
-        self, guards: ChargingGuards, motions: ChargingMotions, touches: tuple[_Touch, ...]
+        self, guards: _Guards, motions: ChargingMotions, touches: tuple[_Touch, ...]
     ) -> None:
         self._guards, self._motions, self._touches = guards, motions, touches
         self._sensitive = {touch.source for touch in touches}
@@ -499,17 +479,12 @@ class _Actions:
         return stopped
 
 
-_SIZES: Final = {
+_SIZES: Final = dict.fromkeys(ChargingInputs._fields, 1) | {
     "endpoint_motion": 2 * COORDINATES,
     "desired_position": COORDINATES,
     "desired_velocity": COORDINATES,
-    "progress": 1,
     "measured_force": 3,
     "mean_force": 3,
-    "held": 1,
-    "homed": 1,
-    "alive": 1,
-    "halt": 1,
 }
 
 
@@ -563,9 +538,10 @@ class ChargingMachine(StateMachine[ChargingInputs, ChargingMemory]):
     """
 
     def __init__(self, params: ResolvedChargingParams, beliefs: ChargingBeliefs) -> None:
-        def number(read: str) -> MachineOutput[ChargingMemory]:
-            return MachineOutput(size=1, read=lambda memory: (float(getattr(memory, read)),))
+        def number(read: Callable[[ChargingMemory], float]) -> MachineOutput[ChargingMemory]:
+            return MachineOutput(size=1, read=lambda memory: (float(read(memory)),))
 
+        ends = {DONE: 1.0, STOPPED: 2.0}
         super().__init__(
             make_charging_chart(params, beliefs),
             inputs=ChargingInputs,
@@ -573,8 +549,8 @@ class ChargingMachine(StateMachine[ChargingInputs, ChargingMemory]):
             optional=("homed", "alive", "halt"),
             outputs={
                 "segment": MachineOutput(size=SIZE, read=lambda memory: memory.segment.vector()),
-                "hold": number("hold"),
-                "mode": number("mode"),
+                "hold": number(lambda memory: memory.hold),
+                "mode": number(lambda memory: memory.mode),
                 "desired_force": MachineOutput(
                     size=COORDINATES, read=lambda memory: memory.desired_force(params.wall_force)
                 ),
@@ -582,11 +558,11 @@ class ChargingMachine(StateMachine[ChargingInputs, ChargingMemory]):
                     size=COORDINATES**2,
                     read=lambda memory: _selection(memory.mode, memory.normal),
                 ),
-                "grip": number("grip"),
-                "tare": MachineOutput(size=1, read=lambda memory: (float(tares(memory.at)),)),
-                "item": number("item"),
-                "finished": MachineOutput(size=1, read=_finished),
-                "trouble": number("trouble"),
+                "grip": number(lambda memory: memory.grip),
+                "tare": number(lambda memory: tares(memory.at)),
+                "item": number(lambda memory: memory.item),
+                "finished": number(lambda memory: ends.get(memory.at, 0.0)),
+                "trouble": number(lambda memory: memory.trouble),
             },
             period=params.period,
         )
@@ -596,17 +572,10 @@ class ChargingMachine(StateMachine[ChargingInputs, ChargingMemory]):
         return self.snapshot(context).memory.said()
 
 
-def _finished(memory: ChargingMemory) -> tuple[float]:
-    return ({DONE: 1.0, STOPPED: 2.0}.get(memory.at, 0.0),)
-
-
 @lru_cache(maxsize=64)
 def _selection(mode: int, normal: Vector3) -> tuple[float, ...]:
     """Return the position domain, row by row: all but, in contact, the way into the wall."""
-    if mode == APPROACH:
-        free: list[float] = np.eye(COORDINATES).ravel().tolist()
-        return tuple(free)
-    touching: list[float] = (
-        position_selection(np.array([*normal, *[0.0] * (COORDINATES - 3)])).ravel().tolist()
-    )
-    return tuple(touching)
+    domain = np.eye(COORDINATES)
+    if mode != APPROACH:
+        domain = position_selection(np.array([*normal, *[0.0] * (COORDINATES - 3)]))
+    return tuple(domain.ravel().tolist())

@@ -150,7 +150,6 @@ class Guarantee:
 
     small_band: bool  # from rest within the small band: condition 1
     everywhere: bool  # from rest at any error: both conditions
-    overshoot: float  # m, bound beyond the resting value; infinity if there is none
     small_share: float  # g n_s (1 + T(1)) / (2 (eps - nu)), at most 1 where condition 1 holds
     more_delay: int  # samples of further dead time that condition 1 bears, -1 if it does not hold
 
@@ -158,7 +157,6 @@ class Guarantee:
 def guarantee(axis: AxisParams, plant: SettlingPlant, measurement_error: float) -> Guarantee:
     """Return what the theorem says of an axis; ``measurement_error`` is nu."""
     g, tail = plant.gain, plant.tail()
-    over = plant.overshoot_tail()
     small, large = g * axis.small_increment, g * axis.increment
     room = _room(axis.dead_zone, measurement_error)
     small_need = small * (1.0 + tail[0])
@@ -170,14 +168,7 @@ def guarantee(axis: AxisParams, plant: SettlingPlant, measurement_error: float) 
     if small_band and above >= 0:
         j = min(math.floor(above / small) + 1, len(tail))
         everywhere = bool(small_need + (large - small) * tail[j - 1] <= room)
-    overshoot = math.inf
-    if everywhere and above - 2 * axis.dead_zone >= 0:
-        j = math.floor((above - 2 * axis.dead_zone) / small) + 1
-        settled = small_need + (large - small) * tail[min(j, len(tail)) - 1] <= room
-        if settled:
-            overshoot = small * over[0] + (large - small) * over[min(j + 1, len(over)) - 1]
-    share = float(small_need / room)
-    return Guarantee(small_band, everywhere, float(overshoot), share, more_delay)
+    return Guarantee(small_band, everywhere, float(small_need / room), more_delay)
 
 
 def allowed_increment(

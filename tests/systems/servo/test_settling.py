@@ -126,7 +126,7 @@ def test_inside_the_bound_no_action_reverses_and_the_error_rests_in_the_dead_zon
     assert np.all(np.abs(rest) < axis.dead_zone + error)
     if not play:
         beyond = np.max(np.copysign(1.0, start) * (errors[-1] - errors))
-        assert beyond <= said.overshoot * (1 + 1e-9) + 1e-12
+        assert beyond <= 0.25 * axis.dead_zone * (1 + 1e-9)
 
 
 @pytest.mark.parametrize("pole", [0.5, 0.8, 0.9, 0.95])
