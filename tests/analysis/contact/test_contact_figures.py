@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.trial_metrics import over_trials
 from chamfer.analysis.contact.contact_figures import note_stability, plot_contact
@@ -23,8 +22,6 @@ from chamfer.diagrams.contact.contact_scenarios import (
 )
 from chamfer.diagrams.contact.hybrid_loop_stability import Stability, resolve
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
-
-Array = NDArray[np.float64]
 
 
 def outcome(scenario: HybridScenario, *, touches: bool = True) -> Outcome:

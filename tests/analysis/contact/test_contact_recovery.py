@@ -8,16 +8,12 @@ from chamfer.analysis.contact import contact_recovery
 from chamfer.analysis.contact.contact_recovery import run_recovery
 from chamfer.analysis.published.hybrid_force_position import PUBLISHED
 from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, quiet
 from chamfer.diagrams.contact.contact_scenarios import CONTACT_RECOVERY, PlanarLoop
 from chamfer.diagrams.contact.hybrid_loop_stability import resolve
 
 GAINS = (1.0, 2.0, 3.0, 4.0, 5.0)
 ASKED = [value for value in PUBLISHED if value.experiment == "contact-recovery"]
-
-
-def quiet(fraction: float, doing: str = "") -> None:
-    assert 0 <= fraction <= 1
 
 
 def near(kick_time: float | None, duration: float) -> PlanarLoop:

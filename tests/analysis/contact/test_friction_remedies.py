@@ -13,14 +13,10 @@ from chamfer.analysis.contact.friction_remedies import (
     resolve_friction_remedies,
     run_remedies,
 )
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, quiet
 from chamfer.diagrams.contact.contact_scenarios import AdeptLoop
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.friction_compensation import FrictionCompensationParams
-
-
-def quiet(fraction: float, doing: str = "") -> None:
-    assert 0 <= fraction <= 1
 
 
 def short() -> RemediesScenario:

@@ -1,4 +1,3 @@
-import math
 from dataclasses import replace
 from typing import Any
 
@@ -14,7 +13,7 @@ from chamfer.analysis.contact.hybrid_stability import (
 )
 from chamfer.analysis.published.hybrid_force_position import PUBLISHED
 from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, quiet
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.hybrid_controller import free_growth_rate
 from chamfer.systems.force.sampled_loop import NEUTRAL
@@ -22,10 +21,6 @@ from chamfer.systems.force.selection import position_selection
 
 Array = NDArray[np.float64]
 POINTS = 20  # even: no point on an axis, where both elbows or the base meet
-
-
-def quiet(fraction: float, doing: str = "") -> None:
-    assert 0 <= fraction <= 1
 
 
 SCENARIO = HybridStabilityScenario(points=POINTS)
@@ -113,22 +108,6 @@ def test_a_point_of_the_map_is_that_of_the_loop_there(
         )
 
 
-def test_what_the_loops_bear(outcome: Outcome) -> None:
-    value = {name: metric.value for name, metric in outcome.metrics.items()}
-    # reference: with the torque one 5 ms sample late it grows at 60 1/s
-    assert value["negative.inverse.growth_one_sample_late"] == pytest.approx(60.0, abs=2.0)
-    assert value["negative.inverse.gain_margin"] == pytest.approx(1.09, abs=0.01)
-    assert value["negative.inverse.delay_margin"] == pytest.approx(2.7e-3, abs=1e-4)
-    assert value["positive.inverse.growth_contact"] == pytest.approx(31.2, abs=0.5)
-    assert value["late.growth_one_sample_late"] == 0.0
-    margin = value["late.delay_margin"]
-    assert margin is not None
-    assert margin > 0.0075
-    difference = value["pole_difference"]
-    assert difference is not None
-    assert difference < 1e-3
-
-
 @pytest.mark.slow
 def test_growth_by_delay_and_force_integral(outcome: Outcome) -> None:
     delays, integrals = outcome.tables["delays"], outcome.tables["force_integrals"]
@@ -146,7 +125,6 @@ def test_growth_by_delay_and_force_integral(outcome: Outcome) -> None:
     ("values", "message"),
     [
         ({"points": 1}, "points is 1, allowed: 2 to 1000"),
-        ({"reach": math.inf}, "reach is inf, allowed: a finite number > 0"),
         ({"viscous": (1.0,)}, r"viscous is \(1\.0,\), allowed: 2 numbers"),
         ({"direction": (0.0, 1.0, 0.0)}, "direction is .*, allowed: 2 numbers"),
         ({"start": (1.9, 0.0)}, r"start is \(1\.9, 0\.0\), allowed: inside of the circle"),

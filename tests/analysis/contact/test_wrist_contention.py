@@ -3,14 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from chamfer.analysis.campaign.trial_metrics import trial_seed
+from chamfer.analysis.contact.contact_runs import run_contact
 from chamfer.analysis.contact.wrist_contention import run_contention
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, quiet
 from chamfer.diagrams.contact.contact_scenarios import WRIST_CONTENTION, AdeptScenario
 from chamfer.diagrams.contact.hybrid_loop_stability import resolve
-
-
-def quiet(fraction: float, doing: str = "") -> None:
-    assert 0 <= fraction <= 1
 
 
 def near(**values: float) -> AdeptScenario:
@@ -29,25 +27,13 @@ def outcome() -> Outcome:
 
 
 def test_the_wrists_integrator_is_the_one_that_is_off(outcome: Outcome) -> None:
-    off = outcome.tables["wrist_integrator_off"]
-    contact = outcome.metrics["contact_time"].value
-    assert contact is not None
-    # tau = Kp e + I + tau_off - Kd w, the force has no part in joint 4: Kp e is all that moves.
-    late = off["time"] > contact + 0.2
-    gains = SCENARIO.controller
-    q = np.stack([off[f"joint_{i}.position"] for i in range(1, 5)], axis=1)
-    v = np.stack([off[f"joint_{i}.velocity"] for i in range(1, 5)], axis=1)
-    errors = np.stack([off[f"desired_{c}"] - off[c] for c in ["x", "y", "z", "phi"]], axis=1)
-    P = np.diag([0.0, 1.0, 1.0, 1.0])  # the push is along x
-    arm = SCENARIO.ARM
-    rest = []
-    for k in np.flatnonzero(late)[:-1]:
-        J = arm.jacobian(q[k])
-        e = np.linalg.solve(J, P @ errors[k])
-        rate = np.linalg.solve(J, P @ J @ v[k])
-        torque = off["joint_4.torque"][k + 1]  # computed at k
-        rest.append(torque - gains.stiffness[3] * e[3] + gains.damping[3] * rate[3])
-    assert np.ptp(rest) < 1e-9
+    held = replace(SCENARIO, controller=replace(SCENARIO.controller, held_integrators=(3,)))
+    for scenario, found in (
+        (SCENARIO, outcome.traces),
+        (held, outcome.tables["wrist_integrator_off"]),
+    ):
+        expected = run_contact(scenario, trial_seed(0, 0))["joint_4.torque"]
+        np.testing.assert_array_equal(found["joint_4.torque"], expected)
 
 
 @pytest.mark.slow

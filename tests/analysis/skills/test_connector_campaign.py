@@ -16,19 +16,16 @@ from chamfer.analysis.campaign.campaign import Trials
 from chamfer.analysis.scenario.experiment import Metric, Outcome, quiet
 from chamfer.analysis.skills.connector_campaign import (
     BNC_CONNECTOR,
-    D_ABLATION,
     D_CONNECTOR,
     DRAWN,
     ROUND_PEG,
     ResolvedCampaignScenario,
     ScenarioSpread,
-    ablated_skills,
     plot_searches,
     plot_success,
     randomised,
     resolve_campaign,
     resolve_peg_campaign,
-    run_ablation,
     run_searches,
     search_figures,
     success_metrics,
@@ -211,18 +208,6 @@ def test_all_searches_are_tried_in_the_same_scenarios() -> None:
     assert outcome.metrics["success_rate"] == outcome.metrics["dithers.success_rate"]
     assert outcome.metrics["tilt.duration"].value == pytest.approx(0.3)
     assert set(search_figures(CUT, outcome)) == {"success", "searches"}
-
-
-@pytest.mark.slow
-def test_every_skill_meets_the_same_scenarios() -> None:
-    scenario = replace(resolve_campaign(D_ABLATION), trials=2, duration=0.02, sight=None)
-    outcome = run_ablation(scenario, 0, quiet)
-    names = ablated_skills(scenario)
-    assert outcome.traces["skill"].tolist() == [name for name in names for _ in range(2)]
-    assert outcome.traces["trial"].tolist() == [0.0, 1.0] * len(names)
-    for name in names:
-        assert outcome.metrics[f"{name}.success_rate"].value == 0.0
-        assert outcome.metrics[f"{name}.duration"].value == pytest.approx(0.02, abs=0.1)
 
 
 MIDDLE = (0.0, 0.0, 0.6, 0.0, 0.0, 0.0)

@@ -1,9 +1,7 @@
 """Eq. (1), measured in five cases and against theory."""
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,11 +13,7 @@ from chamfer.analysis.skills.correlation_cases import (
     figures,
     resolve_cases,
     run,
-    theory,
 )
-from chamfer.diagrams.skills.dither_loops import AxisSensorParams, CorrelationScenario, resolve
-from chamfer.systems.contact.spring_constraint import SpringConstraintParams
-from chamfer.systems.force.accommodation import AccommodationParams
 from chamfer.systems.primitives.trajectory_primitives import Dither
 
 SHORT = replace(CASES_SCENARIO, dither=Dither(cycles=6.0))
@@ -60,24 +54,6 @@ def test_measured_against_theory(value: Value, case: str, tolerance: float) -> N
 def test_the_free_value_is_that_of_a_hundred_samples(value: Value) -> None:
     assert value("correlation.free") == pytest.approx(1.2345, abs=5e-5)
     assert value("amplitude_ratio.free") == 1.0
-
-
-def with_sensor(scenario: Any, **sensor: float) -> Any:
-    return replace(scenario, sensor=AxisSensorParams(**sensor))
-
-
-def test_the_theory_has_the_right_limits() -> None:
-    loose = resolve(CorrelationScenario(constraint=SpringConstraintParams(stiffness=0.0)))
-    for case in CASES:
-        assert theory(loose, case) == pytest.approx(theory(loose, "free"))
-    assert theory(with_sensor(loose, noise=1e-6), "noisy") == pytest.approx(theory(loose, "free"))
-    assert theory(with_sensor(loose, noise=1e6), "noisy") == pytest.approx(0.0, abs=1e-4)
-    assert theory(with_sensor(loose, bias=1e6), "biased") == pytest.approx(0.0, abs=1e-4)
-    slow = AccommodationParams(period=0.001)
-    spring = SpringConstraintParams(stiffness=5e3)
-    fine = resolve(CorrelationScenario(accommodation=slow, constraint=spring))
-    continuous = math.pi**2 / 8 / math.hypot(1.0, 5e3 / (800 * 2 * math.pi))
-    assert theory(fine, "constrained") == pytest.approx(continuous, abs=5e-3)
 
 
 def test_the_figure_has_every_case_in_its_place(outcome: Outcome) -> None:

@@ -63,20 +63,6 @@ def wires(diagram: Diagram) -> set[Wire]:
     }
 
 
-def reached(wiring: Iterable[Wire], start: str) -> set[str]:
-    """The blocks that a block acts on, directly or through others."""
-    following: dict[str, set[str]] = {}
-    for source, _, target, _ in wiring:
-        following.setdefault(source, set()).add(target)
-    found: set[str] = set()
-    front = [start]
-    while front:
-        more = following.get(front.pop(), set()) - found
-        found |= more
-        front += more
-    return found
-
-
 def into(wiring: Iterable[Wire], block: str) -> set[Wire]:
     return {wire for wire in wiring if wire[2] == block}
 
@@ -127,9 +113,6 @@ def test_the_arms_state_leaves_it_through_encoders_and_force_sensors_only(
     if scenario.friction_compensation is not None:
         sensed.add((PLANT, "base_torque", COMPENSATION, "base_torque"))
     assert {wire for wire in wiring if wire[0] == PLANT} == sensed
-    # With the sensors' wires cut, nothing is left that knows the arm.
-    assert reached(wiring - sensed, PLANT) == set()
-    assert reached(wiring, PLANT) >= {CONTROL, DETECTION, "selection", "desired trajectory"}
 
 
 @pytest.mark.parametrize("scenario", WIRED)
@@ -251,21 +234,6 @@ def test_the_controller_does_not_know_how_the_surface_is_tilted() -> None:
 NEAR_WALL = changed(
     replace(ADEPT, duration=0.6), "task", start=(0.4985, -0.3, 0.3, 0.0), distance=0.0015
 )
-NEAR_TABLE = changed(
-    replace(PUMA, duration=0.6), "task", start=(0.176, -0.011, 0.1075), distance=0.003
-)
-
-
-@pytest.mark.parametrize("scenario", [NEAR_WALL, NEAR_TABLE])
-def test_the_same_seed_gives_the_same_bytes(scenario: HybridScenario) -> None:
-    runs = [run_contact(resolve(scenario), seed) for seed in (3, 3, 4)]
-    same, other = (
-        [one[name].tobytes() == runs[0][name].tobytes() for name in runs[0]] for one in runs[1:]
-    )
-    assert all(same)
-    assert runs[0]["mode"].max() == CONTACT  # so that the noise comes back through the force
-    unlike = {name for name, equal in zip(runs[0], other, strict=True) if not equal}
-    assert {"measured_force", "force", "gap", "joint_2.torque", "joint_2.velocity"} <= unlike
 
 
 def test_the_measured_force_is_the_one_of_its_time() -> None:

@@ -90,7 +90,6 @@ def test_defaults_resolve_and_are_stable(scenario: HybridScenario) -> None:
 
 
 PLANAR, PUMA, ADEPT = PLANAR_HOLD, PUMA_ROLLER_HOLD, ADEPT_NUGGET_HOLD
-FINITE = "a finite number"
 SPATIAL = {"direction": (0.0, -1.0, 0.0), "along": (1.0, 0.0, 0.0)}
 ONE_JOINT = JointFrictionParams(coulomb=(1.0,), viscous=(1.0,))
 ADEPT_REACH, PUMA_REACH = "0.05 m and less than 0.8 m", "0.1368 m and less than 0.5432 m"
@@ -102,26 +101,16 @@ ADEPT_REACH, PUMA_REACH = "0.05 m and less than 0.8 m", "0.1368 m and less than 
         (PLANAR, None, {"step": 3e-5}, "step", "a whole part of the period"),
         (PLANAR, None, {"step": 0.0026}, "step", "a whole part of the period"),
         (PLANAR, None, {"step": 0.01}, "step", "a whole part of the period"),
-        (PLANAR, None, {"step": 0.0}, "step", FINITE),
-        (PLANAR, None, {"step": math.nan}, "step", FINITE),
         (PLANAR, None, {"duration": 0.049}, "duration", "10 to 1000000 periods"),
         (PLANAR, None, {"duration": 5001.0}, "duration", "10 to 1000000 periods"),
-        (PLANAR, None, {"duration": math.inf}, "duration", FINITE),
-        (PLANAR, None, {"measure_after": -1.0}, "measure_after", FINITE),
-        (PLANAR, None, {"measure_after": math.nan}, "measure_after", FINITE),
         (PLANAR, None, {"trials": 0}, "trials", "1 to 1000"),
         (PLANAR, None, {"trials": 1001}, "trials", "1 to 1000"),
         (PLANAR, "task", {"start": (1.0, 0.0, 0.0), **SPATIAL}, "task.start", "2 numbers"),
-        (PLANAR, "task", {"force": 0.0}, "force", FINITE),
-        (PLANAR, "task", {"nugget_mass": 0.0}, "nugget_mass", FINITE),
-        (PLANAR, "task", {"kick_time": -1.0}, "kick_time", FINITE),
-        (PLANAR, "task", {"kick_speed": 0.0}, "kick_speed", FINITE),
         (PLANAR, "arm", {"elbow": "up"}, "elbow", "negative, positive"),
         (PLANAR, "arm", {"joint_friction": ONE_JOINT}, "arm.joint_friction.coulomb", "2 numbers"),
         (PLANAR, "controller", {"stiffness": (1.0,)}, "controller.stiffness", "2 numbers"),
         (PLANAR, "controller", {"held_integrators": (2,)}, "controller.held_integrators", "indic"),
         (ADEPT, "surface", {"tilt": 2.0}, "tilt", "less than"),
-        (ADEPT, "task", {"distance": -1.0}, "distance", FINITE),
         (ADEPT, "task", {"along": (1.0, 0.0, 0.0, 0.0)}, "along", "at right angles to (-1.0, -0"),
         (ADEPT, "task", {"start": (0.9, 0.0, 0.3, 0.0)}, "endpoint", f"more than {ADEPT_REACH}"),
         (PUMA, "task", {"start": (2.0, 0.0, 0.0)}, "endpoint", f"more than {PUMA_REACH}"),
@@ -326,12 +315,3 @@ def test_the_wall_lies_ahead_of_the_start() -> None:
     for start in ((1.9, 0.0), (1.0, 0.01), (1.0, -1.5)):
         with pytest.raises(ParameterError, match=rf"^task\.start is \(.*\), allowed: {allowed}$"):
             resolve(starting(*start))
-
-
-def test_the_wrists_lever_turns_the_push_into_a_torque() -> None:
-    # Beside the axis by 5 cm, 5 N are 0.25 N m; on the axis they are none.
-    for scenario, torque in ((WRIST_CONTENTION, 0.25), (ADEPT_NUGGET_HOLD, 0.0)):
-        q = scenario.joint_positions(scenario.touching)
-        J = scenario.dynamics().evaluate(q, np.zeros(4)).J_v_WC
-        push = scenario.task.force * scenario.direction[:3]
-        assert abs((J.T @ push)[3]) == pytest.approx(torque, rel=1e-9, abs=1e-12)

@@ -20,7 +20,6 @@ from chamfer.diagrams.skills.connector_loop import add_connector_plant, add_weig
 from chamfer.models.arms.wrist import SIZE, WristParams, tip_pose
 from chamfer.models.connectors.connector import ContactMaterial, ConvexPiece, add_pieces
 from chamfer.models.validation import ParameterError
-from chamfer.systems.pose import pose_vector
 
 Array = NDArray[np.float64]
 WRIST: Final = WristParams(stiffness=(15.0, 25.0, 20.0, 1e4, 2e4, 3e4))
@@ -96,15 +95,6 @@ def down(z: float, *, x: float = 0.0, y: float = 0.0) -> Array:
     return np.array([0.0, 0.0, 0.0, x, y, z])
 
 
-def test_a_tip_at_rest_starts_where_it_is_told_and_stays() -> None:
-    start = np.array([0.02, -0.03, 0.04, 1e-3, 2e-3, 3e-3])
-    found = move(line((0.0, start), (0.05, start)), Blocks(touching=False))
-    expected = np.concatenate([start, np.zeros(SIZE)])
-    np.testing.assert_allclose(found["displacement"], expected[:, None].repeat(51, 1), atol=1e-9)
-    np.testing.assert_allclose(found["wrench"], 0.0, atol=1e-6)
-    np.testing.assert_allclose(found["pose"][:, -1], pose_vector(tip_pose(start)), atol=1e-9)
-
-
 @pytest.mark.parametrize("held", [0.0, 1.0])
 def test_a_plug_that_is_held_weighs_at_the_wrist_whatever_its_tilt(held: float) -> None:
     start = np.array([0.2, -0.3, 0.4, 1e-3, 2e-3, 3e-3])
@@ -115,17 +105,6 @@ def test_a_plug_that_is_held_weighs_at_the_wrist_whatever_its_tilt(held: float) 
     np.testing.assert_allclose(found["touched"][:, -1], np.zeros(SIZE), atol=1e-4)
     sagged = start - down(weight / WRIST.stiffness[5])
     np.testing.assert_allclose(found["displacement"][:SIZE, -1], sagged, atol=1e-8)
-
-
-@pytest.mark.parametrize("depth", [0.2e-3, 1e-3])
-def test_pressed_on_a_block_the_springs_give_way_along_z(depth: float) -> None:
-    path = line((0.0, down(1e-4)), (0.1, down(-depth)), (0.6, down(-depth)))
-    found = move(path, Blocks(), X_WS=RigidTransform([0.0, 0.0, 0.5e-3]), start=down(1e-3))
-    pressed = depth + 0.5e-3
-    force = pressed / (1 / WRIST.stiffness[5] + 1 / CONTACT)
-    expected = np.array([0, 0, 0, 0, 0, force])  # on the tool, upwards
-    np.testing.assert_allclose(found["wrench"][:, -1], expected, rtol=1e-3, atol=1e-3)
-    assert found["displacement"][5, -1] == pytest.approx(0.5e-3 - force / CONTACT, abs=1e-8)
 
 
 @pytest.mark.parametrize("along", [0, 1])

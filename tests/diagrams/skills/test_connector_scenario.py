@@ -99,17 +99,6 @@ def test_parts_that_are_aligned_by_touch_are_inserted_without_sight(written: Any
     assert tilt < 0.003
 
 
-def test_a_realistic_one_mixes_forces_and_moments_by_a_hundredth_each() -> None:
-    params = SENSING["realistic"]
-    # The gauges feel the opposite, what the arm does.
-    read = -params.undoing @ params.gauges.pick_up  # of moments above forces
-    mixed = 0.01 + 0.99 * np.eye(3)
-    np.testing.assert_allclose(read[:3, :3], mixed)
-    np.testing.assert_allclose(read[3:, 3:], mixed)
-    assert params.noise is not None
-    assert params.noise / np.sqrt(3) == pytest.approx(0.5, rel=0.01)
-
-
 def test_what_is_open_is_as_it_truly_is_and_as_the_sensing_says() -> None:
     found = resolve(replace(D_CONNECTOR, sensing="realistic"))
     assert (found.believed_wrist, found.believed_connector) == (found.wrist, found.connector)

@@ -10,11 +10,9 @@ from pydrake.math import RigidTransform, RotationMatrix
 from chamfer.models.arms.wrist import WristParams
 from chamfer.models.connectors.bnc_connector import BncConnector
 
-STEP = 0.001  # s
 TOLERANCES = ("nominal", "worst")
 BEST = BncConnector(stud_diameter=(1.91e-3, 1.91e-3), slot_width=(2.46e-3, 2.46e-3))
 STIFFNESS = WristParams().stiffness
-AT_REST = RigidTransform()
 
 
 class Motion(NamedTuple):

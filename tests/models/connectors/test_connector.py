@@ -10,10 +10,8 @@ from pydrake.geometry import Box, Role, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import (
     AddMultibodyPlantSceneGraph,
-    DiscreteContactApproximation,
 )
-from pydrake.multibody.tree import PrismaticJoint, SpatialInertia
-from pydrake.systems.analysis import Simulator
+from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
 from chamfer.models.connectors.bnc_connector import BncConnector
@@ -59,28 +57,6 @@ def test_pieces_have_their_shape_place_and_material(rgba: Any) -> None:
             "phong", "diffuse"
         )
         np.testing.assert_allclose([colour.r(), colour.g(), colour.b(), colour.a()], RED)
-
-
-@pytest.mark.parametrize("force", [5.0, 40.0])
-def test_two_pieces_that_touch_are_springs_in_series(force: float) -> None:
-    builder = DiagramBuilder()
-    plant, _ = AddMultibodyPlantSceneGraph(builder, 0.001)
-    plant.set_discrete_contact_approximation(DiscreteContactApproximation.kTamsi)
-    plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, -force])  # of 1 kg
-    ball = plant.AddRigidBody("ball", SpatialInertia.SolidSphereWithMass(1.0, 0.01))
-    plant.AddJoint(PrismaticJoint("z", plant.world_frame(), ball.body_frame(), [0, 0, 1]))
-    soft, hard = ContactMaterial(stiffness=2e4), ContactMaterial(stiffness=6e4)
-    at = RigidTransform([0.0, 0.0, 0.01])
-    add_pieces(plant, ball, at, [ConvexPiece("ball", Sphere(0.01), RigidTransform())], soft, None)
-    floor = ConvexPiece("floor", Box(1.0, 1.0, 1.0), RigidTransform([0.0, 0.0, -0.5]))
-    add_pieces(plant, plant.world_body(), RigidTransform(), [floor], hard, None)
-    plant.Finalize()
-    diagram = builder.Build()
-    simulator = Simulator(diagram)
-    simulator.AdvanceTo(1.0)
-    context = plant.GetMyContextFromRoot(simulator.get_context())
-    (height,) = plant.GetPositions(context)
-    assert -height == pytest.approx(force / 1.5e4, rel=1e-3)
 
 
 @pytest.mark.parametrize("kind", [DConnector, BncConnector, Rj45Connector, RoundPeg])

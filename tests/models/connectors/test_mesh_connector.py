@@ -197,8 +197,6 @@ def test_it_goes_in_as_far_and_as_hard_as_the_round_parts(insert, meshes):
         ("socket", "ell.obj", "('ell' is not convex, divide it first)"),
         ("socket", "half.obj", "(line 1: 'v 1 2')"),
         ("unit", 1.0, "at most 1 m large"),
-        ("unit", 0.0, "a finite number > 0"),
-        ("mated_depth", -1.0, "a finite number > 0"),
         ("mating_force", math.nan, "a finite number > 0"),
     ],
 )

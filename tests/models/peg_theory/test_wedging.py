@@ -212,23 +212,6 @@ def test_jamming_diagram(parts: PegHoleGeometry, ratio: float) -> None:
     assert 10 < np.sum(said) < len(loads) - 10
 
 
-def test_jamming_vertices_are_the_corners_of_the_loads_that_slide() -> None:
-    depth = 1.7 * OTHER[0].wedging_depth
-    corners = jamming_vertices(OTHER[0], depth)
-    expected = [[-1 / 0.3, 4.4], [-1 / 0.3, 1.0], [1 / 0.3, -4.4], [1 / 0.3, -1.0]]
-    np.testing.assert_allclose(corners, expected, rtol=1e-12)
-    np.testing.assert_array_equal(
-        jamming_level(OTHER[0], *(0.999 * corners).T, depth) >= 1, [False] * 4
-    )
-    np.testing.assert_array_equal(
-        jamming_level(OTHER[0], *(1.001 * corners).T, depth) >= 1, [True] * 4
-    )
-    # Counter-clockwise.
-    following = np.roll(corners, -1, axis=0)
-    area = np.sum(corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]) / 2
-    assert area == pytest.approx(2 / 0.3 * 2 * 1.7)
-
-
 @pytest.mark.parametrize("depth", [0.0, -0.01, math.nan, math.inf])
 def test_jamming_needs_a_depth(depth: float) -> None:
     message = re.escape(f"depth is {depth!r}, allowed: finite numbers > 0")

@@ -1,6 +1,5 @@
 """An arm in contact that is run for a while, and its energy."""
 
-import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -10,16 +9,12 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from chamfer.models.arms.adept_one import ADEPT_ONE
 from chamfer.models.arms.arm import Arm
-from chamfer.models.arms.puma_250 import PUMA_250
 from chamfer.models.surfaces.planes import RippledPlane
-from chamfer.models.surfaces.surface import Surface, locate
-from chamfer.systems.contact.arm_dynamics import ArmDynamics
+from chamfer.models.surfaces.surface import Surface
 from chamfer.systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
 from chamfer.systems.contact.arm_motion import CONTACT_SIGNALS, ENERGIES
 
-GRAVITY = 9.81
 NOWHERE = RippledPlane(point=(0.0, 0.0, -100.0))
 
 
@@ -106,23 +101,6 @@ def simulate_arm(
     return run_block(block, duration, period=settings.period, **inputs)  # type: ignore[arg-type]
 
 
-def potential_energy(arm: Arm, q: np.ndarray) -> float:
-    if arm is PUMA_250:
-        upper, fore = math.sin(q[1]), math.sin(q[1] + q[2])
-        return GRAVITY * (2.3 * 0.08 * upper + 1.2 * (0.2032 * upper + 0.15 * fore))
-    return -GRAVITY * 6.0 * q[2] if arm is ADEPT_ONE else 0.0
-
-
-def total_energies(arm: Arm, surface: Surface, stiffness: float, found: Run) -> np.ndarray:
-    """Return kinetic, potential and elastic energy together after each update, J."""
-    dynamics, total = ArmDynamics(arm), []
-    for q, v in zip(found.q, found.v, strict=True):
-        state = dynamics.evaluate(q, v)
-        gap = min(locate(surface, state.p_WC).gap, 0.0)
-        total.append(v @ state.mass @ v / 2 + potential_energy(arm, q) + stiffness * gap**2 / 2)
-    return np.array(total)
-
-
 @pytest.fixture(scope="package")
 def run() -> Callable[..., Run]:
     """Return a function that runs a block with constant inputs."""
@@ -133,9 +111,3 @@ def run() -> Callable[..., Run]:
 def simulate() -> Callable[..., Run]:
     """Return a function that runs an arm at a surface, by default one out of reach."""
     return simulate_arm
-
-
-@pytest.fixture(scope="package")
-def energies() -> Callable[..., np.ndarray]:
-    """Return a function that gives the mechanical energy in the course of a run."""
-    return total_energies

@@ -152,19 +152,14 @@ FALLS = [
 
 @pytest.mark.parametrize(("arm", "q", "surface", "friction"), FALLS)
 def test_fall_on_the_table_only_loses_energy(
-    simulate: Any,
-    energies: Any,
-    arm: Arm,
-    q: np.ndarray,
-    surface: Surface,
-    friction: JointFrictionParams,
+    simulate: Any, arm: Arm, q: np.ndarray, surface: Surface, friction: JointFrictionParams
 ) -> None:
     contact = ContactParams(stiffness=1e4, damping=50.0, friction=SurfaceFriction(coefficient=0.2))
     settings = params(arm.num_joints, friction, contact=contact)
     found = simulate(arm, q, settings, 0.5, surface)
     assert found.signal("peak_force").max() > 30
     assert 0.2 < found.signal("impact_speed").max() < 0.7
-    energy = energies(arm, surface, 1e4, found)
+    energy = found.energy[:, :3].sum(axis=1)
     lost = energy[0] - energy
     assert lost[-1] > 0.1
     assert np.max(np.diff(energy)) <= 1e-6 * lost[-1]
@@ -211,17 +206,6 @@ def test_driven_planar_arm_converges_with_its_step(simulate: Any) -> None:
         assert np.max(np.abs(found.drift())) < 20 * step**2
     assert errors[-1] < 1e-6 * np.linalg.norm(exact)
     np.testing.assert_allclose([errors[0] / errors[1], errors[1] / errors[2]], 4.0, atol=0.3)
-
-
-def test_disturbance_accelerates_the_tip(simulate: Any) -> None:
-    force = np.array([3.0, -2.0, 1.0])
-    settings = params(3, contact_offset=(0.02, 0.01, -0.03))
-    dynamics = ArmDynamics(PUMA_250, contact_offset=(0.02, 0.01, -0.03))
-    held = dynamics.gravity_torque(PUMA_Q)
-    found = simulate(PUMA_250, PUMA_Q, settings, 0.005, torque=held, disturbance=force)
-    state = dynamics.evaluate(PUMA_Q, np.zeros(3))
-    expected = 1e-3 * np.linalg.solve(state.mass, state.J_v_WC.T @ force)
-    np.testing.assert_allclose(found.v[1], expected, rtol=1e-4)
 
 
 PUMA_START = np.array([0.4, 0.6, -1.1])

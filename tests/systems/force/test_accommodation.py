@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pydrake.systems.analysis import Simulator
@@ -40,29 +40,7 @@ def params(kappa: float = 0.25, **changes: Any) -> AccommodationParams:
     return AccommodationParams(**{**fields, **changes})
 
 
-def velocity(given_params: AccommodationParams, command: Any, wrench: Any) -> Array:
-    block = AccommodationController(given_params)
-    simulator = Simulator(block)
-    context = simulator.get_mutable_context()
-    block.GetInputPort("command").FixValue(context, command)
-    block.GetInputPort("wrench").FixValue(context, wrench)
-    simulator.AdvanceTo(0.0)
-    simulator.AdvancePendingEvents()
-    found: Array = block.GetOutputPort("velocity").Eval(context).copy()
-    return found
-
-
 SIX = st.tuples(*[st.floats(-50, 50)] * 6)
-
-
-@settings(deadline=None)
-@given(command=SIX, wrench=SIX, damping=st.tuples(*[st.floats(1, 1e4)] * 6))
-def test_the_velocity_is_the_command_and_the_wrench_over_the_damping(
-    command: tuple[float, ...], wrench: tuple[float, ...], damping: tuple[float, ...]
-) -> None:
-    found = velocity(params(damping=damping, stiffness=(0.0,) * 6), command, wrench)
-    expected = [v + f / d for v, f, d in zip(command, wrench, damping, strict=True)]
-    np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 def test_a_damping_that_is_set_takes_the_place_of_the_controllers_own() -> None:

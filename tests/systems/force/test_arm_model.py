@@ -1,6 +1,5 @@
 """An arm with a tool: frames, masses, a wrench on it, and what its joints' friction is there."""
 
-import math
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +12,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, RotationalInertia, SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
+from scipy.spatial.transform import Rotation
 
 from chamfer.models.arms import wam
 from chamfer.systems.force.arm_model import (
@@ -43,17 +43,8 @@ poses = st.lists(st.floats(-0.5, 0.5), min_size=7, max_size=7).map(lambda m: BEN
 
 
 def matrix(placement: Placement) -> Array:
-    roll, pitch, yaw = placement.rpy
-
-    def turn(axis: int, angle: float) -> Array:
-        R = np.eye(3)
-        i, j = [(1, 2), (2, 0), (0, 1)][axis]
-        R[i, i] = R[j, j] = math.cos(angle)
-        R[i, j], R[j, i] = -math.sin(angle), math.sin(angle)
-        return R
-
     T = np.eye(4)
-    T[:3, :3] = turn(2, yaw) @ turn(1, pitch) @ turn(0, roll)
+    T[:3, :3] = Rotation.from_euler("xyz", placement.rpy).as_matrix()
     T[:3, 3] = placement.position
     return T
 

@@ -9,19 +9,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.contact_detection import (
     APPROACH,
     CONTACT,
-    LOST,
     ContactDetection,
     ContactDetectionParams,
     Inputs,
     make_contact_chart,
 )
-from chamfer.systems.force.selection import Selection, position_selection, require_projection
+from chamfer.systems.force.selection import Selection, require_projection
 
 # Binary fractions, so that the ticks' times are exact.
 PERIOD = 0.25
@@ -49,13 +47,6 @@ def run(
 
 
 # The chart
-
-
-def test_states_have_the_numbers_of_the_port() -> None:
-    chart = make_contact_chart(WIDE, DOWN)
-    assert chart.state_names == STATES
-    assert [STATES[i] for i in (APPROACH, CONTACT, LOST)] == list(STATES)
-    assert chart.initial == "approach"
 
 
 def test_force_is_taken_along_an_oblique_direction() -> None:
@@ -135,25 +126,6 @@ def test_block_runs_the_chart(driven: Any) -> None:
 
 
 EXACT = 1e-14
-
-
-@st.composite
-def directions(draw: st.DrawFn) -> np.ndarray:
-    """Draw a vector of 2 to 4 numbers that is not tiny."""
-    size = draw(st.integers(2, 4))
-    components = st.floats(-1, 1)
-    return draw(arrays(float, size, elements=components).filter(lambda v: np.abs(v).max() > 1e-3))
-
-
-@given(normal=directions())
-def test_domains_share_out_the_space(normal: np.ndarray) -> None:
-    P = position_selection(normal)
-    F = np.eye(len(normal)) - P
-    np.testing.assert_allclose(P @ P, P, rtol=0, atol=EXACT)
-    np.testing.assert_allclose(F @ F, F, rtol=0, atol=EXACT)
-    np.testing.assert_allclose(P @ F, np.zeros_like(P), rtol=0, atol=EXACT)
-    np.testing.assert_array_equal(P, P.T)
-    assert np.trace(F) == pytest.approx(1, abs=EXACT)
 
 
 @pytest.mark.parametrize(

@@ -80,20 +80,6 @@ def test_stops_where_it_is_for_good(when: float, back: bool) -> None:
         assert not velocity_at(block, context).any()
 
 
-def test_looks_once_a_period() -> None:
-    block = motion()
-    simulator = Simulator(block)
-    context = simulator.get_mutable_context()
-    block.GetInputPort("stop").FixValue(context, [0.0])
-    simulator.AdvanceTo(0.76)
-    block.GetInputPort("stop").FixValue(context, [1.0])
-    simulator.AdvanceTo(0.99)
-    np.testing.assert_allclose(pose_at(block, context), at(0.99)[0], rtol=0, atol=1e-12)
-    assert velocity_at(block, context)[3] > 0.1
-    simulator.AdvanceTo(1.5)
-    np.testing.assert_allclose(pose_at(block, context), at(1.0)[0], rtol=0, atol=1e-12)
-
-
 TURN = RollPitchYaw(0.2, -0.3, 0.4)
 FED = pose_vector(RigidTransform(RollPitchYaw(0.0, 0.1, 0.0), [1.0, 2.0, 3.0]))
 ALONG = pose_vector(RigidTransform(TURN, [5.0, 5.0, 5.0]))

@@ -373,41 +373,6 @@ def test_loss_may_be_ignored(drive: Any, contact: Any, law: Law) -> None:
 # Integrators that are held
 
 
-@pytest.mark.parametrize("law", LAWS)
-def test_held_integrators_wait_in_contact_only(drive: Any, contact: Any, law: Law) -> None:
-    driven = drive(
-        law,
-        stiffness=(0.0, 0.0),
-        damping=(0.0, 0.0),
-        force_integral=0.0,
-        held_integrators=(0,),
-        bumpless=False,
-    )
-    driven.feed(**contact(selection=ALONG, mode=APPROACH, desired_force=[0.0, 0.0]))
-    e = np.array([0.02, -0.1])
-    P = np.reshape(ALONG, (2, 2))
-    error = {
-        "transpose": P @ e,
-        "inverse": np.linalg.solve(contact.J, P @ e),
-        "projected": np.linalg.pinv(P @ contact.J) @ P @ e,
-    }[law]
-    growth = np.array([200.0, 100.0]) * 0.25 * error
-
-    def integral(torque: Array) -> Array:
-        return contact.tip_force(torque) if law == "transpose" else torque
-
-    first, second = integral(driven.tick()), integral(driven.tick())
-    np.testing.assert_allclose([first, second], [growth, 2 * growth], rtol=1e-12, atol=1e-12)
-    # The same selection, so that nothing but the mode differs.
-    touching = integral(driven.tick(mode=CONTACT))
-    np.testing.assert_allclose(touching, growth * [2, 3], rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(
-        integral(driven.tick(mode=LOST)), growth * [2, 4], rtol=1e-12, atol=1e-12
-    )
-    back = integral(driven.tick(mode=APPROACH))
-    np.testing.assert_allclose(back, growth * [3, 5], rtol=1e-12, atol=1e-12)
-
-
 PLACE = np.array([0.4, 0.9, 0.2, -0.3])
 WANTED = np.array([0.5, -0.3, 0.8, 0.2])
 

@@ -22,7 +22,6 @@ from chamfer.systems.force.hybrid_controller import (
     Law,
     Pose,
     free_growth_rate,
-    free_loop,
     linear_law,
     stiffness_eigenvalues,
 )
@@ -35,8 +34,6 @@ from chamfer.systems.force.sampled_loop import (
     gain_margin,
     growth_rate,
     held,
-    parallel,
-    series,
 )
 
 Array = np.ndarray
@@ -132,31 +129,6 @@ def test_growth_at_the_contact_point(
     params = make_params(law, period=1e-5)  # as in continuous time
     found = free_growth_rate(*planar(TOUCH, elbow), ALONG, params, np.ones(2))
     assert found == pytest.approx(rate, abs=tolerance)
-
-
-def test_free_motion_of_a_diagonal_mass() -> None:
-    # Then the joints are PID loops of their own.
-    masses, viscous = (2.0, 0.5), (1.0, 3.0)
-    stiffness, integral, damping = (400.0, 90.0), (300.0, 50.0), (60.0, 7.0)
-    params = make_params(stiffness=stiffness, integral=integral, damping=damping)
-    J = planar(TOUCH, "negative")[1]
-    found = np.linalg.eigvals(free_loop(np.diag(masses), J, np.eye(2), params, np.array(viscous)))
-    period = params.period
-    expected: list[complex] = []
-    for i in range(2):
-        plant = control.ss(
-            [[0, 1], [0, -viscous[i] / masses[i]]], [[0], [1 / masses[i]]], np.eye(2), 0
-        )
-        growth = integral[i] * period
-        feedback = control.ss(
-            1, [[-growth, 0]], 1, [[-stiffness[i] - growth, -damping[i]]], period
-        )
-        loop = control.feedback(control.c2d(plant, period, "zoh"), feedback, sign=1)
-        expected += list(loop.poles())
-    expected += [1.0] * 3  # the force integral and the push while contact is lost rest
-    np.testing.assert_allclose(
-        np.sort_complex(found), np.sort_complex(np.array(expected)), rtol=1e-7
-    )
 
 
 def ahead(P: Array) -> Array:
@@ -270,10 +242,6 @@ def responses(system: Sampled, inputs: Array) -> Array:
     return np.array(seen)
 
 
-def as_control(system: Sampled) -> control.StateSpace:
-    return control.ss(*system, PERIOD)
-
-
 @pytest.mark.parametrize("parts", [0, 1, 4, 6, 8])
 @pytest.mark.parametrize("behind", [0, 1, 3, 4, 5, 8, 9])
 def test_an_output_shows_what_was(parts: int, behind: int) -> None:
@@ -295,33 +263,6 @@ def test_a_period_is_that_of_the_matrix_exponential(scale: float) -> None:
     expected = control.c2d(control.ss(flow, np.ones((5, 1)), np.eye(5), 0), PERIOD, "zoh")
     np.testing.assert_allclose(found.A, expected.A, rtol=0, atol=1e-11)
     np.testing.assert_allclose(found.B, expected.B, rtol=0, atol=1e-11)
-
-
-def test_connections_are_those_of_python_control() -> None:
-    first = held(PLANT, period=PERIOD)
-    second = Sampled(
-        np.array([[0.5]]), np.array([[1.0]]), np.array([[2.0], [1.0]]), np.array([[0.3], [-0.1]])
-    )
-    chain = as_control(first) * 1
-    np.testing.assert_allclose(
-        series(first, second).C @ np.ones(3),
-        control.series(chain, as_control(second)).C @ np.ones(3),
-    )
-    u = np.random.default_rng(1).normal(size=(9, 2))
-    np.testing.assert_allclose(
-        responses(series(first, second), u), responses(second, responses(first, u)), atol=1e-14
-    )
-    np.testing.assert_allclose(
-        responses(parallel(first, first._replace(D=np.ones((1, 2)))), u),
-        2 * responses(first, u) + u.sum(axis=1, keepdims=True),
-        atol=1e-14,
-    )
-    loop = control.feedback(3.0 * as_control(first), as_control(second), sign=1)
-    np.testing.assert_allclose(
-        np.sort_complex(np.linalg.eigvals(closed(first, second, 3.0))),
-        np.sort_complex(loop.poles()),
-        rtol=1e-9,
-    )
 
 
 def integrator_loop(gain: float, factor: float = 1.0, delay: float = 0.0) -> float:

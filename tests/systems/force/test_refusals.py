@@ -97,32 +97,21 @@ def open_chart() -> Any:
 
 FULL = {"full_dynamics": True}
 STEEP = {"damping": (399.0, *SIX), "stiffness": (1e4, *SIX), "period": 0.01}
-PERIODS = ("speed", "acceleration", "frequency", "blend")
 
 
 @pytest.mark.parametrize(
     ("make", "values", "message"),
     [
-        *((guarded, {one: 0.0}, f"{one} is 0.0, allowed: a finite number > 0") for one in PERIODS),
-        (guarded, {"amplitude": -0.1}, "amplitude is -0.1, allowed: a finite number >= 0"),
         (guarded, {"start": (0.0, NAN)}, "start is (0.0, nan), allowed: finite numbers"),
         (guarded, {"direction": (1.0,)}, "direction is (1.0,), allowed: 2 numbers"),
         (guarded, {"along": (1.0, 0.0, 0.0)}, "along is (1.0, 0.0, 0.0), allowed: 2 numbers"),
         (guarded, {"direction": (0.0, 0.0)}, f"direction is [0.0, 0.0], {VECTOR}"),
         (guarded, {"along": (0.0, INF)}, f"along is [0.0, inf], {VECTOR}"),
-        (SurfaceMotionParams, {"force": 0.0}, "force is 0.0, allowed: a finite number > 0"),
-        (SurfaceMotionParams, {"speed": INF}, "speed is inf, allowed: a finite number"),
         (along, {"start": (0.0,)}, "start is (0.0,), allowed: 2 or 3 finite numbers"),
         (along, {"start": (0.0, NAN)}, "start is (0.0, nan), allowed: 2 or 3 finite numbers"),
         (along, {"axis": (0.0, 0.0, 0.0)}, f"axis is [0.0, 0.0, 0.0], {VECTOR}"),
         (along, {"axis": (0.1, 0.0, 1.0)}, "axis is (0.1, 0.0, 1.0), allowed: along z in two dim"),
         (hybrid, {"law": "pinv"}, "law is 'pinv', allowed: inverse, transpose, projected"),
-        (hybrid, {"creep_speed": 0.0}, "creep_speed is 0.0, allowed: a finite number > 0"),
-        (hybrid, {"creep_damping": -1.0}, "creep_damping is -1.0, allowed: a finite number > 0"),
-        (hybrid, {"creep_ramp": NAN}, "creep_ramp is nan, allowed: a finite number > 0"),
-        (hybrid, {"period": INF}, "period is inf, allowed: a finite number > 0"),
-        (hybrid, {"force_integral": -1.0}, "force_integral is -1.0, allowed: a finite number >="),
-        (hybrid, {"force_damping": -1.0}, "force_damping is -1.0, allowed: a finite number >= 0"),
         (hybrid, {"integral": (1.0,)}, "integral is (1.0,), allowed: 2 numbers, or one for all"),
         (hybrid, {"integral": -1.0}, "integral is -1.0, allowed: finite numbers >= 0"),
         (hybrid, {"stiffness": (1.0, NAN)}, "stiffness is (1.0, nan), allowed: finite numbers"),
@@ -136,19 +125,15 @@ PERIODS = ("speed", "acceleration", "frequency", "blend")
         (hybrid, {"feedforward_torque": (1.0, NAN)}, "feedforward_torque is (1.0, nan), allowed"),
         (hybrid, {"feedforward_torque": None}, "feedforward_torque is None, allowed: a value"),
         (feedforward, {"period": 0.0}, "period is 0.0, allowed: a finite number > 0"),
-        (tool, {"mass": 0.0}, "mass is 0.0, allowed: a finite number > 0"),
         (tool, {"centre_of_mass": (0.0, NAN, 0.0)}, "centre_of_mass is (0.0, nan, 0.0), allowed"),
         (tool, {"inertia": (1.0, 1.0)}, "inertia is (1.0, 1.0), allowed: 3 finite numbers"),
         (tool, {"inertia": (1.0, 1.0, 2.1)}, "inertia is (1.0, 1.0, 2.1), allowed: three numbers"),
         (tool, {"inertia": (1.0, 1.0, 0.0)}, "inertia is (1.0, 1.0, 0.0), allowed: three numbers"),
         (Placement, {"rpy": (0.0, INF, 0.0)}, "rpy is (0.0, inf, 0.0), allowed: 3 finite num"),
-        (detection, {"detect": 0.0}, "detect is 0.0, allowed: a finite number > 0"),
-        (detection, {"release": -0.1}, "release is -0.1, allowed: a finite number >= 0"),
         (detection, {"release": 3.0}, "release is 3.0, allowed: less than detect, 2"),
         (detection, {"samples": 0}, "samples is 0, allowed: a whole number >= 1"),
         (detection, {"direction": (0.0, 0.0)}, f"direction is [0.0, 0.0], {VECTOR}"),
         (open_chart, {}, "detect is None, allowed: a value"),
-        (friction, {"bandwidth": 0.0}, "bandwidth is 0.0, allowed: a finite number > 0"),
         (friction, {"joints": (2,)}, "joints is (2,), allowed: different indices below 2"),
         (friction, {"joints": (1, 1)}, "joints is (1, 1), allowed: different indices below 2"),
         (motion, {"duration": 0.0}, "duration is 0.0, allowed: a finite number > 0"),
@@ -164,17 +149,11 @@ PERIODS = ("speed", "acceleration", "frequency", "blend")
                 ({"stiffness": (1.0, 0.0, 1.0)}, "stiffness is (1.0, 0.0, 1.0), allowed: 3 finit"),
                 ({"rotational_stiffness": (1.0, 1.0)}, "rotational_stiffness is (1.0, 1.0), allo"),
                 ({"torque_limits": (1.0, 0.0)}, "torque_limits is (1.0, 0.0), allowed: 2 finite "),
-                ({"damping_ratio": 0.0}, "damping_ratio is 0.0, allowed: a finite number > 0"),
-                ({"null_damping_ratio": NAN}, "null_damping_ratio is nan, allowed: a finite numb"),
-                ({"null_stiffness": -1.0}, "null_stiffness is -1.0, allowed: a finite number >= "),
-                ({"smallest_singular_value": INF}, "smallest_singular_value is inf, allowed: a f"),
-                ({"period": 0.0}, "period is 0.0, allowed: a finite number > 0"),
             )
         ),
         *(
             (AccommodationParams, values, message)
             for values, message in (
-                ({"period": 0.0}, "period is 0.0, allowed: a finite number > 0"),
                 ({"damping": (1.0,) * 5}, "damping is (1.0, 1.0, 1.0, 1.0, 1.0), allowed: six nu"),
                 ({"stiffness": (1.0,) * 7}, "stiffness is (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0), a"),
                 ({"damping": (0.0, *SIX)}, "damping is (0.0, 1000.0, "),

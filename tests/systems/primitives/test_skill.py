@@ -12,7 +12,6 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.primitives.force_primitives import Hold
 from chamfer.systems.primitives.primitive import (
     EVENTS,
     STILL,
@@ -22,7 +21,6 @@ from chamfer.systems.primitives.primitive import (
     Stepped,
     Vector,
 )
-from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import DONE, FAILED, RETRACT, Retry, Skill, SkillState
 from chamfer.systems.primitives.skill_machine import (
     SkillChart,
@@ -248,27 +246,6 @@ def test_the_gripper_is_told_by_states_that_say_so(held: bool) -> None:
     assert told == {**expected, DONE: False}
 
 
-def test_a_chart_shows_what_its_states_run() -> None:
-    chart = make_skill_chart(
-        skill(
-            state("close", MoveDx(duration=0.5), on={"done": "push"}, grip="close"),
-            state(
-                "push",
-                Seat(direction="-z"),
-                Hold(axes=("rx",)),
-                on={"done": DONE, "jammed": Retry("push", 2, Retry("close", 1))},
-            ),
-        )
-    )
-    assert chart.state_names == ("close", "push", RETRACT, DONE, FAILED)
-    assert chart.state("close").note == "grip close, wait 0.5 s"
-    assert chart.state("push").note == "seat -z, hold rx"
-    assert chart.state(RETRACT).note == "movedx +z"
-    labels = [t.label for t in chart.transitions if t.source == "push"]
-    jammed = ["jammed, 2 times at most", "jammed again, 1 times at most"]
-    assert labels == ["done", *jammed, "otherwise"]
-
-
 @pytest.mark.parametrize("port", ["carriage", "motion", "wrench", "perturbed"])
 @pytest.mark.parametrize("value", [math.nan, -math.inf])
 def test_what_is_sensed_has_to_be_finite(port: str, value: float) -> None:
@@ -350,12 +327,3 @@ def test_the_block_shows_what_its_ports_get_and_gives_the_commands() -> None:
     assert names == ["go", "go", "go", "go", "again", "again", DONE]
     labels = [record.label for record in block.transitions(context)]
     assert labels == ["done, 1 times at most", "done"]
-
-
-def test_a_skill_may_begin_with_the_part_in_hand() -> None:
-    block = SkillMachine(
-        skill(state("go", Fake(), on={"done": DONE}), held=True), parts=1, period=PERIOD
-    )
-    context = block.CreateDefaultContext()
-    assert block.GetOutputPort("closed").Eval(context).tolist() == [1.0]
-    assert not block.HasAnyDirectFeedthrough()

@@ -108,17 +108,6 @@ def test_each_direction_leaks_into_the_others(force: np.ndarray, cross_talk: flo
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
 
 
-@given(force=forces, cross_talk=cross_talks, noise=samples)
-def test_decoupling_solves_for_the_force(
-    force: np.ndarray, cross_talk: float, noise: np.ndarray
-) -> None:
-    params = replace(IDEAL, cross_talk=cross_talk, decoupling=True)
-    np.testing.assert_allclose(params.undoing @ read(params, force), -force, rtol=0, atol=1e-9)
-    matrix = cross_talk * np.ones((3, 3))
-    np.fill_diagonal(matrix, 1.0)
-    np.testing.assert_allclose(matrix @ (params.undoing @ noise), noise, rtol=0, atol=1e-9)
-
-
 @given(force=forces, point=samples)
 def test_six_axes_read_force_and_moment(force: np.ndarray, point: np.ndarray) -> None:
     position = (0.1, -0.2, 0.3)
@@ -385,14 +374,6 @@ def test_every_sample_has_a_place_of_its_own(dimension: int) -> None:
     force, rate = measure(params, zero, zero, samples)
     np.testing.assert_allclose(force, samples[:dimension], rtol=1e-14)
     np.testing.assert_allclose(rate, 10 * samples[dimension:], rtol=1e-14)
-
-
-@pytest.mark.parametrize("noisy", ["force_noise", "force_rate_noise"])
-def test_one_noise_without_the_other(noisy: str) -> None:
-    params = ForceRateSensorParams(**{**EXACT, noisy: math.sqrt(3)})
-    found = measure(params, (0.0, 0.0), (0.0, 0.0), [1.0, 2.0, 3.0, 4.0])
-    expected = [[1.0, 2.0], [0.0, 0.0]] if noisy == "force_noise" else [[0.0, 0.0], [3.0, 4.0]]
-    np.testing.assert_allclose(found, expected, rtol=1e-14)
 
 
 def test_stops_what_is_not_finite() -> None:

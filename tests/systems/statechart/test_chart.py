@@ -65,40 +65,6 @@ def run(
     return snapshots, records
 
 
-def test_guards_and_actions_see_time_inputs_and_memory() -> None:
-    seen: list[tuple[str, float, float, str, Trace]] = []
-
-    def look(where: str) -> Callable[[Tick[str, Trace]], Trace]:
-        def action(tick: Tick[str, Trace]) -> Trace:
-            seen.append((where, tick.time, tick.time_in_state, tick.inputs, tick.memory))
-            return (*tick.memory, where)
-
-        return action
-
-    def guard(tick: Tick[str, Trace]) -> bool:
-        look("guard")(tick)
-        return tick.inputs == "go"
-
-    chart = make_chart(
-        [
-            State(name="a", entry=look("entry a"), exit=look("exit a")),
-            State(name="b", entry=look("entry b"), during=look("during b")),
-        ],
-        Transition(source="a", target="b", guard=guard, label="go", action=look("action")),
-        on("y", "b", "a"),
-    )
-    run(chart, ["wait", "go"], period=0.5, first=2)
-    assert seen == [
-        ("entry a", 1.0, 0.0, "wait", ()),
-        ("guard", 1.0, 0.0, "wait", ("entry a",)),
-        ("guard", 1.5, 0.5, "go", ("entry a",)),
-        ("exit a", 1.5, 0.5, "go", ("entry a",)),
-        ("action", 1.5, 0.5, "go", ("entry a", "exit a")),
-        ("entry b", 1.5, 0.0, "go", ("entry a", "exit a", "action")),
-        ("during b", 1.5, 0.0, "go", ("entry a", "exit a", "action", "entry b")),
-    ]
-
-
 @settings(deadline=None)
 @given(
     period=st.sampled_from([1 / 80, 1 / 30, 0.1, 1e-3, 0.7]),
@@ -201,11 +167,6 @@ def test_rejects(names: list[str], ways: str, options: dict[str, Any], message: 
     assert (start, end.strip()) == ("", message)
 
 
-def test_chart_of_one_state_may_stay_there() -> None:
-    snapshots, _ = run(make_chart([noting("a")]), ["", ""], first=3)
-    assert snapshots[-1] == Snapshot("a", 3.0, ("a.entry", "a.during", "a.during"), True)
-
-
 @st.composite
 def charts(draw: st.DrawFn) -> TraceChart:
     """Draw a ring of states, so that each can be reached and left, with more ways across it."""
@@ -290,17 +251,3 @@ def test_random_chart_follows_its_declaration(
         record._replace(time=0.0) for record in log
     ]
     assert [record.time for record in records] == pytest.approx([record.time for record in log])
-
-
-@settings(deadline=None)
-@given(chart=charts(), inputs=EVENTS)
-def test_random_chart_is_deterministic_and_resumes_from_any_snapshot(
-    chart: TraceChart, inputs: list[str]
-) -> None:
-    snapshots, _ = run(chart, inputs)
-    assert run(chart, inputs)[0] == snapshots
-    middle = len(inputs) // 2
-    snapshot = snapshots[middle]
-    for i in range(middle + 1, len(inputs)):
-        snapshot, _ = chart.step(snapshot, inputs[i], float(i))
-    assert snapshot == snapshots[-1]
