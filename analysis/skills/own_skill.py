@@ -151,11 +151,7 @@ Primitives = Mapping[str, type[Primitive]]
 
 
 def read_skill(path: Path, primitives: Primitives = PRIMITIVES) -> Skill:
-    """Return the skill that a YAML file holds, checked.
-
-    Args:
-        path: Of the file.
-        primitives: That it may name, with their names there.
+    """Return the skill that a YAML file holds, checked; it may name the ``primitives``.
 
     Raises:
         UserError: If the file can't be read, or holds no skill that can be run.

@@ -67,13 +67,8 @@ def run_skill(
 ) -> SkillResult:
     """Simulate a skill until it has ended, or the scenario's duration is over.
 
-    Args:
-        skill: What to run.
-        scenario: Robot, sensors and part.
-        seed: Of the sensors' noise.
-        progress: Told how far the run is.
-        controller: In the place of accommodation, see
-            :func:`chamfer.diagrams.skills.connector_loop.make_connector_diagram`.
+    The seed is that of the sensors' noise. A controller takes the place of accommodation, see
+    :func:`chamfer.diagrams.skills.connector_loop.make_connector_diagram`.
     """
     diagram = make_connector_diagram(scenario, skill, controller=controller)
     machine: SkillMachine = diagram.GetSubsystemByName("skill")

@@ -109,9 +109,7 @@ class ContactTask(ApproachParams):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "force", "nugget_mass", "kick_speed")
-        if self.kick_time is not None:
-            require_positive(self, "kick_time")
+        require_positive(self, "force", "nugget_mass", "kick_speed", "kick_time")
 
     @property
     def ways(self) -> tuple[float, ...]:

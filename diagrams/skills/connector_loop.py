@@ -222,15 +222,9 @@ def add_connector_plant(
 ) -> ConnectorPlant:
     """Add a plant in which a carriage in the world's axes holds a plug by the wrist.
 
-    Args:
-        builder: Where to.
-        connector: Plug and socket.
-        wrist: Its compliance.
-        X_WS: Where the socket is.
-        X_TP: How the plug sits in the tool's frame: what the grasp is wrong by.
-        start: Displacement of the tip at which it starts, rad above m, shape (6,); 0 by default.
-        step: s, of the plant.
-        obstacle: Depth in the socket at which something is in the way, m; None: nothing is.
+    X_WS is where the socket is, X_TP how the plug sits in the tool's frame: what the grasp is
+    wrong by. The tip starts at a displacement, rad above m, shape (6,), by default 0. An obstacle
+    is in the way at a depth in the socket, m. The plant's step is in s.
     """
     if not 0 < step < math.inf:
         raise ParameterError("step", step, "a finite number > 0")
@@ -280,8 +274,7 @@ def add_weight(
 ) -> OutputPort:
     """Let the tool carry the weight of a plug, its mass in kg, at the tip while ``held`` is 1.
 
-    Returns:
-        The wrench of what the plug touches, N m above N, shape (6,): the wrist's, less the weight.
+    Return the wrench of what the plug touches, N m above N, (6,): the wrist's, less the weight.
     """
     plant = added.plant
     weight = mass * plant.gravity_field().gravity_vector()[2]  # N, along z

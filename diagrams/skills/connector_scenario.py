@@ -5,7 +5,7 @@ like, and what the grasp needs to know of the plug; :func:`resolve` fills it in.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, Final, get_args
 
@@ -36,17 +36,11 @@ from chamfer.systems.force.impedance_controller import ImpedanceControllerParams
 from chamfer.systems.primitives.carriage import PartGripperParams
 from chamfer.systems.primitives.skill import Skill, SkillState
 from chamfer.systems.sensing.force_sensor import WrenchSensorParams
-from chamfer.systems.strategies.bnc_strategy import (
-    BncConnectorSkillParams,
-    make_bnc_connector_skill,
-)
-from chamfer.systems.strategies.d_strategy import DConnectorSkillParams, make_d_connector_skill
+from chamfer.systems.strategies.bnc_strategy import BncConnectorSkillParams
+from chamfer.systems.strategies.d_strategy import DConnectorSkillParams
 from chamfer.systems.strategies.grasp_and_transport import make_grasp_and_transport
-from chamfer.systems.strategies.peg_in_hole import PegInHoleSkillParams, make_peg_in_hole_skill
-from chamfer.systems.strategies.rj45_strategy import (
-    Rj45ConnectorSkillParams,
-    make_rj45_connector_skill,
-)
+from chamfer.systems.strategies.peg_in_hole import PegInHoleSkillParams
+from chamfer.systems.strategies.rj45_strategy import Rj45ConnectorSkillParams
 
 Array = NDArray[np.float64]
 StandardConnector = DConnector | BncConnector | RoundPeg | Rj45Connector
@@ -241,14 +235,6 @@ class ResolvedConnectorScenario(ConnectorScenario):
         raise ParameterError("skill", None, f"a skill, {self.connector.name} has no strategy")
 
 
-_STRATEGIES: Final[Mapping[type, Callable[..., Skill]]] = {
-    DConnectorSkillParams: make_d_connector_skill,
-    BncConnectorSkillParams: make_bnc_connector_skill,
-    PegInHoleSkillParams: make_peg_in_hole_skill,
-    Rj45ConnectorSkillParams: make_rj45_connector_skill,
-}
-
-
 @dataclass(frozen=True, kw_only=True)
 class ResolvedStrategyScenario(ResolvedConnectorScenario):
     """The insertion of a part by a strategy of its own; nothing is open."""
@@ -259,8 +245,7 @@ class ResolvedStrategyScenario(ResolvedConnectorScenario):
 
     def make_skill(self) -> Skill:
         """Return the strategy."""
-        return _STRATEGIES[type(self.skill)](
-            self.skill,
+        return self.skill.make_skill(
             self.believed_connector,
             period=self.accommodation.period,
             before=self.make_grasp(),

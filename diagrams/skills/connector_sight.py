@@ -116,17 +116,11 @@ def add_sight(
     trigger: OutputPort,
     detections: dict[View, InputPort],
 ) -> None:
-    """Add cameras and detection.
+    """Add cameras and detection; what each camera finds goes to ``detections``.
 
-    Args:
-        builder: Where to.
-        settings: The cameras.
-        connector: What they see.
-        X_TP: How the plug sits in the tool's frame.
-        motion: True displacement of the robot and its rate, shape (12,).
-        tool_pose: True pose of the plug's tool frame, shape (7,), which the cameras alone see.
-        trigger: 1 while images are needed.
-        detections: Where what each camera finds goes.
+    X_TP is how the plug sits in the tool's frame, ``motion``, shape (12,), the robot's true
+    displacement and its rate, ``tool_pose``, shape (7,), the true pose of the tool's frame, which
+    the cameras alone see; ``trigger`` is 1 while images are needed.
     """
     corners = X_TP.multiply(connector.plug_outline.T).T
     mark = block(_MARK, below=-settings.motion.mark)

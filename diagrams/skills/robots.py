@@ -71,12 +71,8 @@ def add_wam(
 ) -> Robot:
     """Add a WAM whose tool frame has the world's axes where the displacement has no turn.
 
-    Args:
-        builder: Where to.
-        settings: The arm.
-        impedance: Its control.
-        start: Displacement of the tool at first, rad above m, shape (6,).
-        step: s, of the arm's plant at most.
+    ``start`` is the tool's displacement at first, rad above m, shape (6,), ``step``, s, that of
+    the arm's plant at most.
     """
     # A plant as slow as its controller would act on a torque a whole period after it was sensed,
     # one more than the controller's gains stand.

@@ -67,10 +67,8 @@ def in_series(peg: Support, hole: Support, depth: float) -> Support:
     Two arms of 400 N/m and 5 N m/rad with their centres at tip and mouth are
     ``1 / (1/200 + depth^2 / 10)`` N/m and 2.5 N m/rad, half of the depth above the tip.
 
-    Args:
-        peg: What holds the peg; its centre is measured from the tip, away from the hole.
-        hole: What holds the hole; its centre is measured from the mouth, away from the peg.
-        depth: Of the tip below the mouth, m.
+    The peg's centre is measured from the tip, away from the hole, the hole's from the mouth, away
+    from the peg. The depth, m, is that of the tip below the mouth.
     """
     above_tip = peg.centre_distance, depth - hole.centre_distance
     turning = 1 / peg.angular_stiffness, 1 / hole.angular_stiffness

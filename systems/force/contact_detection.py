@@ -41,12 +41,10 @@ class ContactDetectionParams:
     samples: int | None = None  # readings in a row that it takes, both ways
 
     def __post_init__(self) -> None:
-        if self.detect is not None:
-            require_positive(self, "detect")
-        if self.release is not None:
-            require_not_negative(self, "release")
-            if self.detect is not None and not self.release < self.detect:
-                raise ParameterError("release", self.release, f"less than detect, {self.detect:g}")
+        require_positive(self, "detect")
+        require_not_negative(self, "release")
+        if self.detect is not None and self.release is not None and not self.release < self.detect:
+            raise ParameterError("release", self.release, f"less than detect, {self.detect:g}")
         if self.samples is not None and self.samples < 1:
             raise ParameterError("samples", self.samples, "a whole number >= 1")
 

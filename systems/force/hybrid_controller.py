@@ -32,20 +32,23 @@ _WORST_CONDITION: Final = 1e6  # of the Jacobian, in the Frobenius norm
 
 
 @dataclass(frozen=True, kw_only=True)
-class PositionGains:
-    """Gains of the position domain.
+class HybridGains:
+    """Gains of both domains.
 
-    They act on joint errors with the laws ``inverse`` and ``projected`` (N m/rad) and on endpoint
-    errors with ``transpose`` (N/m).
+    Those of the position domain act on joint errors with the laws ``inverse`` and ``projected``
+    (N m/rad) and on endpoint errors with ``transpose`` (N/m).
     """
 
     stiffness: Gain  # N m/rad or N/m, Kp, on the position error
     integral: Gain  # N m/(rad s) or N/(m s), Ki, on its integral
     damping: Gain  # N m s/rad or N s/m, Kd, on the rate, or on its error where one is desired
     period: float = 0.005  # s, of the controller; section 6.2.1
+    force_integral: float  # 1/s, Kif, on the integral of the force error
+    force_damping: float = 0.0  # N s/m, Kdf, against the speed in the force domain
 
     def __post_init__(self) -> None:
         require_positive(self, "period")
+        require_not_negative(self, "force_integral", "force_damping")
         for name in ("stiffness", "integral", "damping"):
             gains = getattr(self, name)
             if not all(0 <= gain < math.inf for gain in np.atleast_1d(gains)):
@@ -60,18 +63,6 @@ class PositionGains:
                 raise ParameterError(name, gains, f"{n} numbers, or one for all")
             found.append(np.full(n, gains, dtype=np.float64))
         return found
-
-
-@dataclass(frozen=True, kw_only=True)
-class HybridGains(PositionGains):
-    """Gains of both domains."""
-
-    force_integral: float  # 1/s, Kif, on the integral of the force error
-    force_damping: float = 0.0  # N s/m, Kdf, against the speed in the force domain
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_not_negative(self, "force_integral", "force_damping")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +96,7 @@ class HybridControllerParams(HybridGains):
             raise ParameterError("feedforward_torque", self.feedforward_torque, "finite numbers")
 
     def for_joints(self, n: int) -> list[Array]:
-        """Return what :meth:`PositionGains.for_joints` does, all parameters checked."""
+        """Return what :meth:`HybridGains.for_joints` does, all parameters checked."""
         if not all(0 <= index < n for index in self.held_integrators):
             raise ParameterError("held_integrators", self.held_integrators, f"indices below {n}")
         if self.inertia is not None and len(self.inertia) != n:

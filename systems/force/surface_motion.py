@@ -133,10 +133,8 @@ class SurfaceMotionParams:
     acceleration: float | None = None  # m/s^2, with which the speed is reached; None: at once
 
     def __post_init__(self) -> None:
-        require_positive(self, "force")
+        require_positive(self, "force", "acceleration")
         require_finite(self, "speed")
-        if self.acceleration is not None:
-            require_positive(self, "acceleration")
 
 
 class SurfaceMotion(LeafSystem):

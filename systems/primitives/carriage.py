@@ -73,10 +73,8 @@ class PartGripper(LeafSystem):
     Discrete state: whether it holds the part; ``offset``; ``resting``; whether the fingers were
     closed at the last tick.
 
-    Args:
-        params: Reach and period.
-        resting: Where the part is at first, rad above m, shape (6,).
-        offset: Of a part that is held from the begin, shape (6,); None: it is not held.
+    The part is ``resting`` at first, rad above m, shape (6,); one that is held from the begin has
+    an ``offset``, likewise.
 
     Raises:
         ParameterError: At construction if ``resting`` or ``offset`` is not six finite numbers; in
@@ -186,10 +184,8 @@ class CarriedPoses(LeafSystem):
     ``displacement``, shape (6,), rad above m, is that of
     :func:`chamfer.models.arms.wrist.tip_pose`: the integral of a velocity while the carriage turns
     about one axis, and nearly so for small turns. The poses are in the world, shape (7,):
-    quaternion w, x, y, z and position in m.
-
-    Args:
-        carried: X_EB of each thing in the carriage's frame, by its name.
+    quaternion w, x, y, z and position in m. What is ``carried`` is X_EB of each thing, in the
+    carriage's frame, by its name.
 
     Raises:
         ParameterError: If nothing is carried.
@@ -282,12 +278,8 @@ class DivergenceGuard(LeafSystem):
         input_ports:
         - (one per entry of ``limits``)
 
-    It looks once a period, before whatever was added to the diagram after it.
-
-    Args:
-        plant: What diverges, for the message.
-        limits: Size and largest element of each signal.
-        period: s, between two looks.
+    It looks once a period, s, before whatever was added to the diagram after it. The limits are
+    size and largest element of each signal.
 
     Raises:
         ParameterError: In a run, if a signal is not finite or beyond its limit, with its time.

@@ -52,35 +52,6 @@ class Correlation(NamedTuple):
     bias: float  # |sum g| / sum|g|, 0 to 1: how one-sided the motion is; 0 without motion
 
 
-class Sums(NamedTuple):
-    """What a window has summed up so far."""
-
-    samples: int = 0
-    product: float = 0.0
-    command: float = 0.0  # of |f|
-    motion: float = 0.0  # of |g|
-    drift: float = 0.0  # of g
-
-    def add(self, command: float, motion: float) -> "Sums":
-        """Return the sums with one more sample of f and g."""
-        return Sums(
-            self.samples + 1,
-            self.product + command * motion,
-            self.command + abs(command),
-            self.motion + abs(motion),
-            self.drift + motion,
-        )
-
-    def correlation(self) -> Correlation:
-        """Return what the samples so far show."""
-        both = self.command * self.motion
-        return Correlation(
-            self.samples * self.product / both if both > 0 else 0.0,
-            self.motion / self.command if self.command > 0 else 0.0,
-            abs(self.drift) / self.motion if self.motion > 0 else 0.0,
-        )
-
-
 class Phasors(NamedTuple):
     """What a cycle of a dither has summed up so far of both signals at the dither's frequency."""
 
@@ -109,13 +80,13 @@ def correlation(command: ArrayLike, motion: ArrayLike) -> Correlation:
     f, g = np.asarray(command, dtype=np.float64), np.asarray(motion, dtype=np.float64)
     if f.shape != g.shape or f.ndim != 1:
         raise ValueError(f"the signals have the shapes {f.shape} and {g.shape}, allowed: one (N,)")
-    return Sums(
-        len(f),
-        float(f @ g),
-        float(np.abs(f).sum()),
-        float(np.abs(g).sum()),
-        float(g.sum()),
-    ).correlation()
+    commanded, moved = float(np.abs(f).sum()), float(np.abs(g).sum())
+    both = commanded * moved
+    return Correlation(
+        len(f) * float(f @ g) / both if both > 0 else 0.0,
+        moved / commanded if commanded > 0 else 0.0,
+        abs(float(g.sum())) / moved if moved > 0 else 0.0,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,8 +102,7 @@ class CorrelatorParams:
     # s, between two samples; None: derived, that of the motion's controller
 
     def __post_init__(self) -> None:
-        if self.period is not None:
-            require_positive(self, "period")
+        require_positive(self, "period")
         require_not_negative(self, "threshold", "amplitude_threshold")
         if self.samples is not None and not self.samples >= 4:
             raise ParameterError("samples", self.samples, "a whole number >= 4")
@@ -170,8 +140,8 @@ class Correlator(LeafSystem):
     :class:`Correlation`, pi^2/8, 1 and 0 before there is one. ``hindered``, size 1, is 1 while the
     last ``windows`` windows all had a C or a ratio of amplitudes below its threshold.
 
-    Discrete state: the sums of the window, the last correlation, and how many windows in a row
-    were below.
+    Discrete state: the window's samples and how many there are, the last correlation, and how many
+    windows in a row were below.
 
     Raises:
         ParameterError: In a run if an input is not finite.
@@ -181,7 +151,8 @@ class Correlator(LeafSystem):
         super().__init__()
         self._params = params
         self._inputs = [self.DeclareVectorInputPort(name, 1) for name in ("command", "motion")]
-        self._sums = self.DeclareDiscreteState(np.zeros(len(Sums())))
+        self._window = self.DeclareDiscreteState(2 * params.samples)  # f, then g
+        self._taken = self.DeclareDiscreteState(1)
         self._last = self.DeclareDiscreteState(np.array([FREE, 1.0, 0.0]))
         below = self.DeclareDiscreteState(1)
         self._below = below
@@ -195,22 +166,24 @@ class Correlator(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(params.period, 0.0, self._tick)
 
     def _tick(self, context: Context, changed: DiscreteValues) -> None:
-        values = []
-        for port in self._inputs:
+        state = context.get_discrete_state
+        taken, window = int(state(self._taken)[0]), np.array(state(self._window).value())
+        window = window.reshape(2, -1)
+        for signal, port in zip(window, self._inputs, strict=True):
             value = float(port.Eval(context)[0])
             if not math.isfinite(value):
                 raise ParameterError(port.get_name(), value, "a finite number")
-            values.append(value)
-        samples, *rest = context.get_discrete_state(self._sums).value().tolist()
-        sums = Sums(int(samples), *rest).add(*values)
-        if sums.samples >= self._params.samples:
-            found = sums.correlation()
-            before = context.get_discrete_state(self._below)[0]
+            signal[taken] = value
+        taken += 1
+        if taken == self._params.samples:
+            found = correlation(*window)
+            before = state(self._below)[0]
             low = (
                 found.value < self._params.threshold
                 or found.amplitude_ratio < self._params.amplitude_threshold
             )
             changed.set_value(self._last, np.array(found))
             changed.set_value(self._below, np.array([before + 1 if low else 0.0]))
-            sums = Sums()
-        changed.set_value(self._sums, np.array(sums, dtype=np.float64))
+            taken = 0
+        changed.set_value(self._window, window.ravel())
+        changed.set_value(self._taken, [taken])

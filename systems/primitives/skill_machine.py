@@ -37,7 +37,7 @@ from chamfer.systems.statechart.chart import (
     Tick,
     Transition,
 )
-from chamfer.systems.statechart.state_machine import MachineOutput, StateMachine
+from chamfer.systems.statechart.state_machine import MachineOutput, StateMachine, number
 
 _TICKS = 4  # that a cycle of a dither takes at least
 _ROUNDING = 1e-6  # samples
@@ -375,10 +375,6 @@ def _counted(edge: tuple[str, str], tick: _Tick) -> SkillMemory:
     return memory._replace(retries=tuple(counts.items()))
 
 
-def _flag(name: str) -> MachineOutput[SkillMemory]:
-    return MachineOutput(size=1, read=lambda memory: (float(getattr(memory, name)),))
-
-
 class SkillMachine(StateMachine[Observation, SkillMemory]):
     """Runs a skill.
 
@@ -411,10 +407,7 @@ class SkillMachine(StateMachine[Observation, SkillMemory]):
     ``tares`` is 1 while the force sensor takes its zero; ``retries`` is how often something was
     tried again; ``state`` the index of the chart's state.
 
-    Args:
-        skill: What to run.
-        parts: What each camera looks for.
-        period: s, between two ticks.
+    ``parts`` is how many parts each camera looks for; the period, s, is between two ticks.
 
     Raises:
         ChartError: At construction if the skill can't be run.
@@ -430,7 +423,7 @@ class SkillMachine(StateMachine[Observation, SkillMemory]):
             sizes=sensed_sizes(parts),
             outputs={
                 "velocity": MachineOutput(size=_SIZE, read=lambda memory: memory.velocity),
-                **{name: _flag(name) for name in ("closed", "looks", "tares")},
+                **{name: number(name) for name in ("closed", "looks", "tares")},
                 "damping": MachineOutput(size=_SIZE, read=lambda memory: memory.damping),
                 "retries": MachineOutput(
                     size=1,

@@ -20,7 +20,14 @@ from chamfer.models.validation import (
     require_one_of,
     require_positive,
 )
-from chamfer.systems.primitives.primitive import STILL, Event, Observation, Primitive, Stepped
+from chamfer.systems.primitives.primitive import (
+    STILL,
+    Event,
+    Observation,
+    Primitive,
+    Stepped,
+    Vector,
+)
 from chamfer.systems.statechart.chart import TIME_TOLERANCE
 
 Axis = Literal["x", "y", "z"]
@@ -29,8 +36,36 @@ AXES: Final[tuple[Axis, ...]] = ("x", "y", "z")
 _ELEMENTS: Final = ("rx", "ry", "rz", "x", "y", "z")
 
 
+class _Timed(Primitive):
+    """A velocity over the time since it began. Event: ``done`` at its end."""
+
+    @property
+    def duration(self) -> float:
+        """How long it takes, s."""
+        raise NotImplementedError
+
+    @property
+    def events(self) -> Mapping[Event, float]:
+        """The events that it can have, each with the earliest time, s."""
+        return {"done": self.duration}
+
+    def done(self, time: float) -> bool:
+        """Say whether it has ended."""
+        return time >= self.duration - TIME_TOLERANCE
+
+    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
+        """Return the velocity, and the event at the end."""
+        if self.done(time):
+            return Stepped(None, STILL, "done")
+        return Stepped(None, self.velocity(time))
+
+    def velocity(self, time: float) -> Vector:
+        """Return the velocity while it runs."""
+        raise NotImplementedError
+
+
 @dataclass(frozen=True, kw_only=True)
-class MoveDx(Primitive):
+class MoveDx(_Timed):
     """Applies a velocity over a time to go a given way."""
 
     displacement: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # rad above m
@@ -50,20 +85,13 @@ class MoveDx(Primitive):
         ]
         return " ".join(["movedx", *signs]) if signs else f"wait {self.duration:g} s"
 
-    @property
-    def events(self) -> Mapping[Event, float]:
-        """The events that it can have, each with the earliest time, s."""
-        return {"done": self.duration}
-
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
-        """Return the velocity; the event ``done`` when the way is covered."""
-        if time >= self.duration - TIME_TOLERANCE:
-            return Stepped(None, STILL, "done")
-        return Stepped(None, tuple(way / self.duration for way in self.displacement))
+    def velocity(self, time: float) -> Vector:
+        """Return the velocity, a constant."""
+        return tuple(way / self.duration for way in self.displacement)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Dither(Primitive):
+class Dither(_Timed):
     """A sinusoidal velocity along an axis (ldither) or about it (rdither).
 
     The displacement is ``amplitude sin(w t)``: the velocity is a cosine. One that begins as
@@ -97,37 +125,23 @@ class Dither(Primitive):
         """Return the displacement at a time since the begin, while it runs, m or rad."""
         return self.amplitude * math.sin(2 * math.pi * self.frequency * time)
 
-    def done(self, time: float) -> bool:
-        """Say whether the cycles are done."""
-        return time >= self.duration - TIME_TOLERANCE
-
     @property
     def label(self) -> str:
         """What a chart shows of it."""
         return f"{'ldither' if self.kind == 'linear' else 'rdither'} {self.axis}"
 
-    @property
-    def events(self) -> Mapping[Event, float]:
-        """The events that it can have, each with the earliest time, s."""
-        return {"done": self.duration}
-
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
-        """Return the velocity; the event ``done`` after the last cycle."""
-        if self.done(time):
-            return Stepped(None, STILL, "done")
+    def velocity(self, time: float) -> Vector:
+        """Return the velocity, a cosine."""
         w = 2 * math.pi * self.frequency
         velocity = [0.0] * len(STILL)
         velocity[self.index] = self.amplitude * w * math.cos(w * time)
-        return Stepped(None, tuple(velocity))
+        return tuple(velocity)
 
 
 def lissajous(*, first: Dither, axis: Axis, repeats: int) -> tuple[Dither, Dither]:
     """Return two dithers that together cover an area, frequencies (N + 1) / N apart (section 2).
 
-    Args:
-        first: The slower one; its cycles are set to N, ``repeats``, until the pattern repeats.
-        axis: Of the faster one.
-        repeats: N.
+    The first one is the slower; its cycles are set to N, ``repeats``, until the pattern repeats.
     """
     if axis == first.axis:
         raise ParameterError("axis", axis, f"another one than {first.axis}")
@@ -140,13 +154,12 @@ def lissajous(*, first: Dither, axis: Axis, repeats: int) -> tuple[Dither, Dithe
 
 
 @dataclass(frozen=True, kw_only=True)
-class Spiral(Primitive):
+class Spiral(_Timed):
     """Moves along a spiral in x and y at a constant speed: a search beside the paper's dithers.
 
     Two dithers cover a rectangle evenly in time and come back to the middle. An Archimedean
     spiral, ``r = pitch angle / (2 pi)``, begins in the middle, where the error is least likely to
-    be large, and covers a disc: its way up to the radius R is about ``pi R^2 / pitch``. Event:
-    ``done`` when the radius is reached.
+    be large, and covers a disc: its way up to the radius R is about ``pi R^2 / pitch``.
     """
 
     speed: float = 0.01  # m/s, along the spiral; assumed
@@ -163,11 +176,6 @@ class Spiral(Primitive):
         """How long it takes, s."""
         return self._way(self._last) / self.speed
 
-    @property
-    def events(self) -> Mapping[Event, float]:
-        """The events that it can have, each with the earliest time, s."""
-        return {"done": self.duration}
-
     def angle(self, time: float) -> float:
         """Return how far it has turned at a time since the begin, rad."""
         way = self.speed * time
@@ -177,15 +185,13 @@ class Spiral(Primitive):
             angle -= (self._way(angle) - way) / (self._growth * math.hypot(1.0, angle))
         return max(angle, 0.0)
 
-    def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
-        """Return the velocity; the event ``done`` at the end."""
-        if time >= self.duration - TIME_TOLERANCE:
-            return Stepped(None, STILL, "done")
+    def velocity(self, time: float) -> Vector:
+        """Return the velocity along the spiral."""
         angle = self.angle(time)
         rate = self.speed / math.hypot(1.0, angle)  # of the radius, and of the turn around
         x = rate * (math.cos(angle) - angle * math.sin(angle))
         y = rate * (math.sin(angle) + angle * math.cos(angle))
-        return Stepped(None, (0.0, 0.0, 0.0, x, y, 0.0))
+        return 0.0, 0.0, 0.0, x, y, 0.0
 
     @property
     def _growth(self) -> float:
@@ -218,10 +224,10 @@ class TrajectoryPrimitive(LeafSystem):
 
     def __init__(self, *primitives: MoveDx | Dither) -> None:
         super().__init__()
-        nothing = Observation(STILL, STILL, STILL)  # they follow the time alone
 
         def calc(context: Context, vector: BasicVector) -> None:
-            steps = [one.step(nothing, None, context.get_time()).velocity for one in primitives]
-            vector.SetFromVector(np.sum(steps, axis=0))
+            time = context.get_time()
+            velocities = [STILL if one.done(time) else one.velocity(time) for one in primitives]
+            vector.SetFromVector(np.sum(velocities, axis=0))
 
         self.DeclareVectorOutputPort("velocity", 6, calc, {self.time_ticket()})

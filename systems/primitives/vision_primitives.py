@@ -76,6 +76,11 @@ class _Servoed(Primitive):
         """Return the memory at the begin."""
         return Watch(carriage=sensed.carriage)
 
+    def _missing(self, memory: Watch, time: float) -> Stepped:
+        """Stand still where something is not seen."""
+        watch, event = self.servoing.missing(memory, time)
+        return Stepped(watch, STILL, event)
+
 
 @dataclass(frozen=True, kw_only=True)
 class _Compared(_Servoed):
@@ -167,8 +172,7 @@ class VisTranslation(_Compared):
     def jacobian(self, pixels: Sequence[Array]) -> Array:
         """Return how the features move with the axes, as believed, pixels / m; rows that matter.
 
-        Args:
-            pixels: Of the tip, one for each of the ``views``, shape (2,).
+        The pixels are those of the tip, one for each of the ``views``, shape (2,).
         """
         return self._stacked(pixels)[np.ix_(self._rows, self._columns)]
 
@@ -193,8 +197,7 @@ class VisTranslation(_Compared):
                 tips.append(np.array(moved.tip))
                 targets.append(np.array(target.tip))
         if len(tips) < len(self.views):
-            watch, event = self.servoing.missing(memory, time)
-            return Stepped(watch, STILL, event)
+            return self._missing(memory, time)
         J = self.jacobian(tips)
         deviation = self.deviation(tips, targets)
         u = self.servoing.solve(J, deviation)
@@ -243,8 +246,7 @@ class VisRotation(_Compared):
         """Return the velocity at a tick; done within the tolerance, lost without both axes."""
         angles = [(one.angle, other.angle) for one, other in self._pairs(sensed, self.views)]
         if len(angles) < len(self.views):
-            watch, event = self.servoing.missing(memory, time)
-            return Stepped(watch, STILL, event)
+            return self._missing(memory, time)
         deviation = np.array([half_turn(moved - target) for moved, target in angles])
         small = bool(np.abs(deviation).max() <= self.tolerance)
         features = tuple(angle for pair in angles for angle in pair)
@@ -388,15 +390,11 @@ class VisGrasp(_Servoed):
         return np.array(self.camera.centre if self.goal is None else self.goal)
 
     def jacobian(self, pixel: Array, turned: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Array:
-        """Return how a cross-section is believed to move in the image with the carriage.
+        """Return how a cross-section is believed to move in the image with the carriage, (3, 3).
 
-        Args:
-            pixel: Of its centre, shape (2,).
-            turned: Of the carriage, rotation vector, rad.
-
-        Returns:
-            Rows u, v in pixels and the angle in rad; columns along X, along Y, about Z; shape
-            (3, 3). The camera is taken to be right above the reference point.
+        Rows u, v in pixels and the angle in rad; columns along X, along Y, about Z. Its centre is
+        at a pixel, shape (2,), the carriage turned by a rotation vector, rad. The camera is taken
+        to be right above the reference point.
         """
         camera = self.camera
         R_CW = (Rotation.from_rotvec(turned).as_matrix() @ camera.R_WC).T
@@ -416,8 +414,7 @@ class VisGrasp(_Servoed):
         """Return the velocity at a tick; done when centred and aligned, lost without an image."""
         section = self._seen(sensed)
         if section is None:
-            watch, event = self.servoing.missing(memory, time)
-            return Stepped(watch, STILL, event)
+            return self._missing(memory, time)
         centre = section.centroid if self.centre == "centroid" else section.middle
         J = self.jacobian(np.array(centre), sensed.carriage[:3])
         deviation = np.zeros(3)

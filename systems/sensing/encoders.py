@@ -39,12 +39,11 @@ class EncoderParams:
             raise ParameterError("counts", self.counts, "finite numbers >= 0")
         if self.velocity is not None:
             require_one_of(self, "velocity", ("exact", "differenced", "tracked"))
-        if self.bandwidth is not None:
-            require_not_negative(self, "bandwidth")
-            if self.velocity == "exact" and self.bandwidth:
-                raise ParameterError("bandwidth", self.bandwidth, "0 with an exact velocity")
-            if self.velocity == "tracked" and not self.bandwidth:
-                raise ParameterError("bandwidth", self.bandwidth, "more than 0 Hz, to track")
+        require_not_negative(self, "bandwidth")
+        if self.velocity == "exact" and self.bandwidth:
+            raise ParameterError("bandwidth", self.bandwidth, "0 with an exact velocity")
+        if self.velocity == "tracked" and self.bandwidth == 0:
+            raise ParameterError("bandwidth", self.bandwidth, "more than 0 Hz, to track")
 
     def quanta(self, n: int) -> Array:
         """Return what a count is at n joints, rad or m; 0 where positions are exact."""

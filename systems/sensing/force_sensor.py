@@ -45,7 +45,7 @@ class ChannelParams:
 
     def __post_init__(self) -> None:
         given = [name for name in ChannelParams.__dataclass_fields__ if name != "bias"]
-        require_not_negative(self, *(one for one in given if getattr(self, one) is not None))
+        require_not_negative(self, *given)
         if isinstance(self.bias, tuple):
             if not all(map(math.isfinite, self.bias)):
                 raise ParameterError("bias", self.bias, "finite numbers")

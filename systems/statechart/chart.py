@@ -89,11 +89,8 @@ class ChartError(ValueError):
 class Chart(Generic[Inputs, Memory]):
     """States and guarded transitions, checked at construction.
 
-    Args:
-        name: The chart's name, for messages and drawings.
-        states: The states; the first one is the initial state.
-        transitions: In priority order.
-        memory: What the chart remembers before its first tick (an immutable value).
+    The first state is the initial one; transitions are in priority order. The ``memory``, an
+    immutable value, is what the chart remembers before its first tick.
 
     Raises:
         ChartError: If a name is used twice or unknown, a state can't be reached or, not being

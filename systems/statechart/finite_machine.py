@@ -34,13 +34,9 @@ def explore(
     *,
     input_size: Sequence[float],
 ) -> FiniteMachine:
-    """Return the machine that ``step`` reaches from ``initial``.
+    """Return the machine that ``step``, to next state and output, reaches from ``initial``.
 
-    Args:
-        initial: A hashable state.
-        inputs: One representative of every input that the machine tells apart.
-        step: (state, input) -> (next state, output).
-        input_size: rho of every input.
+    The inputs are one representative of each that the machine tells apart; their size is rho.
 
     Raises:
         ValueError: If more than 2000 states are reached.

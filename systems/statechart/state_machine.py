@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Generic
 
 from pydrake.common.value import Value
@@ -22,10 +21,9 @@ class MachineOutput(Generic[Memory]):
     read: Callable[[Memory], tuple[float, ...]]
 
 
-def _of_memory(
-    read: Callable[[Memory], tuple[float, ...]], snapshot: Snapshot[Memory]
-) -> tuple[float, ...]:
-    return read(snapshot.memory)
+def number(name: str) -> MachineOutput[Any]:
+    """Return the output that is a number of the memory, by its name there."""
+    return MachineOutput(size=1, read=lambda memory: (float(getattr(memory, name)),))
 
 
 @dataclass(slots=True, eq=False)
@@ -62,17 +60,11 @@ class StateMachine(LeafSystem, Generic[Inputs, Memory]):
 
     Abstract state: the chart's snapshot and the log of the transitions taken.
 
-    Args:
-        chart: What to run.
-        inputs: A ``NamedTuple`` class; its fields are the names of the input ports.
-        sizes: Size of each input port.
-        outputs: The output ports beside ``state``.
-        optional: The input ports that need not be connected.
-        period: s, time between ticks.
-        offset: s, time of the first tick.
+    ``inputs`` is a ``NamedTuple`` class, whose fields are the names of the input ports; of these
+    the optional ones need not be connected. The period, s, is the time between ticks.
 
     Raises:
-        ParameterError: If the period, the offset or a size is not allowed.
+        ParameterError: If the period or a size is not allowed.
     """
 
     def __init__(
@@ -84,13 +76,10 @@ class StateMachine(LeafSystem, Generic[Inputs, Memory]):
         outputs: Mapping[str, MachineOutput[Memory]],
         optional: Collection[str] = (),
         period: float,
-        offset: float = 0.0,
     ) -> None:
         super().__init__()
         if not (math.isfinite(period) and period > 0):
             raise ParameterError("period", period, "a finite number > 0")
-        if not (math.isfinite(offset) and offset >= 0):
-            raise ParameterError("offset", offset, "a finite number >= 0")
         fields: tuple[str, ...] = getattr(inputs, "_fields", ())
         if set(fields) != set(sizes):
             raise ParameterError("sizes", dict(sizes), f"one size for each of {', '.join(fields)}")
@@ -120,9 +109,9 @@ class StateMachine(LeafSystem, Generic[Inputs, Memory]):
             self.DeclareVectorOutputPort(name, size, calc, {self.abstract_state_ticket(held)})
 
         for name, output in outputs.items():
-            declare(name, output.size, partial(_of_memory, output.read))
+            declare(name, output.size, lambda now, read=output.read: read(now.memory))  # type: ignore[misc]
         declare("state", 1, lambda now: (index[now.state],))
-        self.DeclarePeriodicUnrestrictedUpdateEvent(period, offset, self._tick)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._tick)
 
     def snapshot(self, context: Context) -> Snapshot[Memory]:
         """Return where the chart is: state, time of entry and memory."""

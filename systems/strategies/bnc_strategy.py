@@ -9,16 +9,15 @@ and neither turns nor comes off any more.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Literal, get_args
+from typing import ClassVar, Final, Literal, get_args
 
 from chamfer.models.connectors.bnc_connector import BncConnector
 from chamfer.models.validation import require_one_of
 from chamfer.systems.primitives.force_primitives import Obstructed, Stick
 from chamfer.systems.primitives.position_primitives import Way
 from chamfer.systems.primitives.seating import Press, Seat
-from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
+from chamfer.systems.primitives.skill import DONE, Retry, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
 from chamfer.systems.strategies.face_and_search import PlugInsertionParams, pull_test, windows
 
@@ -55,159 +54,148 @@ class BncConnectorSkillParams(PlugInsertionParams):
     harder: float = 1.1  # of the force with which the spring stops a push, at the end stop
     rise: float = 1.2  # of the force at the end stop over that of the spring before it
 
+    NAME: ClassVar[str] = "BNC connector"
+
     def __post_init__(self) -> None:
         super().__post_init__()
         require_one_of(self, "turn", get_args(Turn))
 
-
-def make_bnc_connector_skill(
-    params: BncConnectorSkillParams,
-    connector: BncConnector,
-    *,
-    period: float = 0.01,
-    before: Sequence[SkillState] = (),
-) -> Skill:
-    """Return the skill, for a connector as it is believed to be.
-
-    The ticks are ``period`` apart, s. The states ``before`` grasp and transport the plug, the last
-    one leads to ``tare``; without them it is held from the begin.
-    """
-    stick = Stick(speed=params.maintained, threshold=params.drop)
-    again = Retry("out", params.retries)
-    unlock = "compress again"  # always, so that what fails in the end comes off the barrel
-    wide = replace(
-        params,
-        search_amplitude=params.wider * params.search_amplitude,
-        search_frequency=params.search_frequency / params.wider,
-    )
-    sweep = Dither(
-        kind="rotary",
-        axis="z",
-        amplitude=params.sweep_amplitude,
-        frequency=params.sweep_frequency,
-        cycles=1.0,
-    )
-    compression = params.seat(
-        connector,
-        rise=params.rise,
-        harder=params.harder,
-        distance=connector.turning_depth - params.end,
-    )
-    rim = (0.0, -(connector.bore_radius + connector.lead_in))
-
-    def depth(least: float, *, most: float = math.inf) -> Way:
-        return Way(least=least, most=most, beside=rim)
-
-    def turned(direction: Turn) -> Seat:
-        return Seat(
-            direction=direction,
-            speed=params.turn_speed,
-            fastest=2 * params.turn_speed,
-            still=params.turn_speed / 50,
-            stiffness=30.0,  # N m/rad, of the end stop at least, with a wrist of 20 N m/rad
-            limit=params.turn_torque,
-            distance=params.turn_distance,
+    def states(self, connector: BncConnector, period: float) -> tuple[SkillState, ...]:
+        """Return the states from ``tare`` on."""
+        stick = Stick(speed=self.maintained, threshold=self.drop)
+        again = self.again
+        unlock = "compress again"  # always, so that what fails in the end comes off the barrel
+        wide = replace(
+            self,
+            search_amplitude=self.wider * self.search_amplitude,
+            search_frequency=self.search_frequency / self.wider,
         )
-
-    def searches(name: str, of: BncConnectorSkillParams, otherwise: str | Retry) -> SkillState:
-        return SkillState(
-            name=name,
-            from_mark=True,
-            run=[*of.searching, Obstructed(samples=windows(*of.search, period=period))],
-            on={"lost": "to the studs", "hindered": "to the studs", "done": otherwise},
-            timeout=2 * of.search[0].duration,
+        sweep = Dither(
+            kind="rotary",
+            axis="z",
+            amplitude=self.sweep_amplitude,
+            frequency=self.sweep_frequency,
+            cycles=1.0,
         )
+        compression = self.seat(
+            connector,
+            rise=self.rise,
+            harder=self.harder,
+            distance=connector.turning_depth - self.end,
+        )
+        rim = (0.0, -(connector.bore_radius + connector.lead_in))
 
-    click = connector.turning_depth - connector.mated_depth
-    states = (
-        *before,
-        *params.feel_face(
-            MoveDx(duration=params.face_time), timeout=1.0, damping=_RESTING, then="enter"
-        ),
-        searches("enter", params, "enter wide"),
-        searches("enter wide", wide, again),
-        SkillState(
-            name="to the studs",
-            run=[params.guarded(params.stud_limit)],
-            on={"contact": "at the studs", "lost": "at the studs"},
-            timeout=5.0,
-        ),
-        params.at_least(
-            "at the studs",
-            depth(connector.setback - params.drop),
-            {"done": "feel", "jammed": again},
-        ),
-        params.at_least(
-            "feel",
-            # Deeper than the studs is one whose slots they are in.
-            depth(connector.setback + params.drop / 2),
-            {"done": "compress", "jammed": "find slots"},
-        ),
-        SkillState(
-            name="find slots",
-            run=[stick, sweep],
-            on={"lost": "compress", "done": again},
-            timeout=2 * sweep.duration,
-        ),
-        SkillState(
-            name="compress",
-            from_mark=True,
-            run=[compression],
-            on={"done": "turn", "jammed": again, "timed out": again},
-            timeout=20.0,
-        ),
-        SkillState(
-            name="turn",
-            run=[Press(), turned(params.turn)],
-            on={"done": "click", "jammed": "turn back"},
-            timeout=2 * math.pi / params.turn_speed,
-        ),
-        SkillState(
-            name="click",
-            run=[
-                Way(
-                    direction="+z",
-                    least=0.6 * click,
-                    most=click + connector.slot - 2 * connector.stud_radius + 2 * params.face,
-                    wait=0.6,
-                )
-            ],
-            on={"done": "depth", "jammed": unlock},
-            timeout=1.5,
-        ),
-        SkillState(
-            name="depth",
-            from_mark=True,
-            run=[
-                depth(
-                    connector.mated_depth - params.face, most=connector.mated_depth + params.face
-                )
-            ],
-            on={"done": "pull", "jammed": unlock},
-            timeout=1.0,
-        ),
-        pull_test(
-            {"contact": DONE, "lost": unlock},
-            speed=params.pull_speed,
-            force=params.pull_force,
-            limit=params.pull_limit,
-        ),
-        # Out of the detents, or of where the turn has jammed: as it was locked, backwards.
-        SkillState(
-            name="compress again",
-            run=[replace(compression, distance=0.6 * click)],
-            on={
-                "done": "turn back",
-                "jammed": "turn back",
-                "timed out": Retry("turn back", params.retries),
-            },
-            timeout=20.0,
-        ),
-        SkillState(
-            name="turn back",
-            run=[Press(), turned("+rz" if params.turn == "-rz" else "-rz")],
-            on={"done": again, "jammed": again},
-            timeout=2 * math.pi / params.turn_speed,
-        ),
-    )
-    return Skill(name="BNC connector", states=states, retract=[params.out], held=not before)
+        def depth(least: float, *, most: float = math.inf) -> Way:
+            return Way(least=least, most=most, beside=rim)
+
+        def turned(direction: Turn) -> Seat:
+            return Seat(
+                direction=direction,
+                speed=self.turn_speed,
+                fastest=2 * self.turn_speed,
+                still=self.turn_speed / 50,
+                stiffness=30.0,  # N m/rad, of the end stop at least, with a wrist of 20 N m/rad
+                limit=self.turn_torque,
+                distance=self.turn_distance,
+            )
+
+        def searches(name: str, of: BncConnectorSkillParams, otherwise: str | Retry) -> SkillState:
+            return SkillState(
+                name=name,
+                from_mark=True,
+                run=[*of.searching, Obstructed(samples=windows(*of.search, period=period))],
+                on={"lost": "to the studs", "hindered": "to the studs", "done": otherwise},
+                timeout=2 * of.search[0].duration,
+            )
+
+        click = connector.turning_depth - connector.mated_depth
+        return (
+            *self.feel_face(
+                MoveDx(duration=self.face_time), timeout=1.0, damping=_RESTING, then="enter"
+            ),
+            searches("enter", self, "enter wide"),
+            searches("enter wide", wide, again),
+            SkillState(
+                name="to the studs",
+                run=[self.guarded(self.stud_limit)],
+                on={"contact": "at the studs", "lost": "at the studs"},
+                timeout=5.0,
+            ),
+            self.at_least(
+                "at the studs",
+                depth(connector.setback - self.drop),
+                {"done": "feel", "jammed": again},
+            ),
+            self.at_least(
+                "feel",
+                # Deeper than the studs is one whose slots they are in.
+                depth(connector.setback + self.drop / 2),
+                {"done": "compress", "jammed": "find slots"},
+            ),
+            SkillState(
+                name="find slots",
+                run=[stick, sweep],
+                on={"lost": "compress", "done": again},
+                timeout=2 * sweep.duration,
+            ),
+            SkillState(
+                name="compress",
+                from_mark=True,
+                run=[compression],
+                on={"done": "turn", "jammed": again, "timed out": again},
+                timeout=20.0,
+            ),
+            SkillState(
+                name="turn",
+                run=[Press(), turned(self.turn)],
+                on={"done": "click", "jammed": "turn back"},
+                timeout=2 * math.pi / self.turn_speed,
+            ),
+            SkillState(
+                name="click",
+                run=[
+                    Way(
+                        direction="+z",
+                        least=0.6 * click,
+                        most=click + connector.slot - 2 * connector.stud_radius + 2 * self.face,
+                        wait=0.6,
+                    )
+                ],
+                on={"done": "depth", "jammed": unlock},
+                timeout=1.5,
+            ),
+            SkillState(
+                name="depth",
+                from_mark=True,
+                run=[
+                    depth(
+                        connector.mated_depth - self.face, most=connector.mated_depth + self.face
+                    )
+                ],
+                on={"done": "pull", "jammed": unlock},
+                timeout=1.0,
+            ),
+            pull_test(
+                {"contact": DONE, "lost": unlock},
+                speed=self.pull_speed,
+                force=self.pull_force,
+                limit=self.pull_limit,
+            ),
+            # Out of the detents, or of where the turn has jammed: as it was locked, backwards.
+            SkillState(
+                name="compress again",
+                run=[replace(compression, distance=0.6 * click)],
+                on={
+                    "done": "turn back",
+                    "jammed": "turn back",
+                    "timed out": Retry("turn back", self.retries),
+                },
+                timeout=20.0,
+            ),
+            SkillState(
+                name="turn back",
+                run=[Press(), turned("+rz" if self.turn == "-rz" else "-rz")],
+                on={"done": again, "jammed": again},
+                timeout=2 * math.pi / self.turn_speed,
+            ),
+        )

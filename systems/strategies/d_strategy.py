@@ -10,7 +10,6 @@ that is known, and how high the edge was beside its middle with it.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
@@ -18,7 +17,7 @@ from chamfer.models.connectors.d_connector import DConnector
 from chamfer.models.validation import require_not_negative
 from chamfer.systems.primitives.force_primitives import Hold, Level, Obstructed
 from chamfer.systems.primitives.position_primitives import Centre, Way
-from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
+from chamfer.systems.primitives.skill import DONE, Retry, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Axis, Dither
 from chamfer.systems.strategies.face_and_search import (
     PlugInsertionParams,
@@ -63,135 +62,123 @@ class DConnectorSkillParams(PlugInsertionParams):
     verify_threshold: float = 1.1
     # of the correlation C, below it the plug is held; free is pi^2/8
 
+    NAME: ClassVar[str] = "D connector"
     MAY_BE_ZERO: ClassVar = ("twist_amplitude", "settle_amplitude", "push_dither")
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_not_negative(self, *self.MAY_BE_ZERO)
 
-
-def make_d_connector_skill(
-    params: DConnectorSkillParams,
-    connector: DConnector,
-    *,
-    period: float = 0.01,
-    before: Sequence[SkillState] = (),
-) -> Skill:
-    """Return the skill, for a connector as it is believed to be.
-
-    The ticks are ``period`` apart, s. The states ``before`` grasp and transport the plug, the last
-    one leads to ``tare``; without them it is held from the begin.
-    """
-    section = connector.plug_section
-    rim = (0.0, -(section.height / 2 + connector.lead_in))  # its narrow edge, which touches first
-    mated = connector.mated_depth - params.short
-    again = Retry("out", params.retries)
-    duration = params.search[0].duration
-    twist = Dither(
-        kind="rotary",
-        axis="z",
-        amplitude=params.twist_amplitude,
-        frequency=params.twist_frequency,
-        cycles=1000.0,
-    )
-    verify = tuple(
-        Dither(
-            axis=axis,
-            amplitude=params.verify_amplitude,
-            frequency=params.verify_frequency,
-            cycles=3.0,
+    def states(self, connector: DConnector, period: float) -> tuple[SkillState, ...]:
+        """Return the states from ``tare`` on."""
+        # Its narrow edge, which touches first.
+        rim = (0.0, -(connector.plug_section.height / 2 + connector.lead_in))
+        mated = connector.mated_depth - self.short
+        again = self.again
+        duration = self.search[0].duration
+        twist = Dither(
+            kind="rotary",
+            axis="z",
+            amplitude=self.twist_amplitude,
+            frequency=self.twist_frequency,
+            cycles=1000.0,
         )
-        for axis in _ACROSS
-    )
+        verify = tuple(
+            Dither(
+                axis=axis,
+                amplitude=self.verify_amplitude,
+                frequency=self.verify_frequency,
+                cycles=3.0,
+            )
+            for axis in _ACROSS
+        )
 
-    def depth(least: float) -> Way:
-        return Way(least=least, beside=rim)
+        def depth(least: float) -> Way:
+            return Way(least=least, beside=rim)
 
-    def watched(dithers: tuple[Dither, ...], threshold: float) -> Obstructed:
-        return Obstructed(samples=windows(*dithers, period=period), threshold=threshold)
+        def watched(dithers: tuple[Dither, ...], threshold: float) -> Obstructed:
+            return Obstructed(samples=windows(*dithers, period=period), threshold=threshold)
 
-    states = (
-        *before,
-        *params.feel_face(
-            Level(axes=("ry",)), timeout=params.level_time, damping=_LYING, then="search"
-        ),
-        SkillState(
-            name="search",
-            from_mark=True,
-            run=[
-                *params.searching,
-                Hold(axes=("rz",), gain=params.turn_gain),
-                watched(params.search, params.search_threshold),
-            ],
-            on={"lost": "settle", "hindered": "settle", "done": "rotary search"},
-            timeout=2 * duration,
-        ),
-        SkillState(
-            name="rotary search",
-            from_mark=True,
-            run=[*params.searching, twist, Centre(dither=twist, gain=params.turn_gain)],
-            on={"lost": "settle", "done": again},
-            timeout=2 * duration,
-        ),
-        settled(params.hold, params.settle_amplitude, params.settle_cycles, then="feel"),
-        params.at_least(
-            "feel", depth(connector.pin_depth - params.entry), {"done": "push", "jammed": again}
-        ),
-        SkillState(
-            name="push",
-            from_mark=True,
-            run=[
-                params.seat(
-                    connector,
-                    # The tines' lead-in, by a way that a wrist that is not sure may falsify.
-                    steep=(
-                        connector.pin_depth - params.entry,
-                        connector.pin_depth + 1.5 * params.entry,
+        return (
+            *self.feel_face(
+                Level(axes=("ry",)), timeout=self.level_time, damping=_LYING, then="search"
+            ),
+            SkillState(
+                name="search",
+                from_mark=True,
+                run=[
+                    *self.searching,
+                    Hold(axes=("rz",), gain=self.turn_gain),
+                    watched(self.search, self.search_threshold),
+                ],
+                on={"lost": "settle", "hindered": "settle", "done": "rotary search"},
+                timeout=2 * duration,
+            ),
+            SkillState(
+                name="rotary search",
+                from_mark=True,
+                run=[*self.searching, twist, Centre(dither=twist, gain=self.turn_gain)],
+                on={"lost": "settle", "done": again},
+                timeout=2 * duration,
+            ),
+            settled(self.hold, self.settle_amplitude, self.settle_cycles, then="feel"),
+            self.at_least(
+                "feel", depth(connector.pin_depth - self.entry), {"done": "push", "jammed": again}
+            ),
+            SkillState(
+                name="push",
+                from_mark=True,
+                run=[
+                    self.seat(
+                        connector,
+                        # The tines' lead-in, by a way that a wrist that is not sure may falsify.
+                        steep=(
+                            connector.pin_depth - self.entry,
+                            connector.pin_depth + 1.5 * self.entry,
+                        ),
+                        through=self.through_share * connector.mating_force,
+                        # Where the contacts have spread. What the wrist gives by as they are
+                        # overcome, which is not sure, may be missing in the way.
+                        distance=(3 * connector.pin_depth + connector.mated_depth) / 4,
                     ),
-                    through=params.through_share * connector.mating_force,
-                    # Where the contacts have spread. What the wrist gives by as they are
-                    # overcome, which is not sure, may be missing in the way.
-                    distance=(3 * connector.pin_depth + connector.mated_depth) / 4,
-                ),
-                Dither(axis="x", amplitude=params.push_dither, frequency=6.25, cycles=1000.0),
-            ],
-            on={
-                "done": "rest",
-                "jammed": Retry("back off", 1, then=again),
-            },
-            timeout=30.0,
-        ),
-        params.at_least("rest", depth(mated), {"done": "verify", "jammed": Retry("free", 1)}),
-        SkillState(
-            name="back off",
-            run=[up(params.back_off, 0.2)],
-            on={"done": "free"},
-            timeout=1.0,
-        ),
-        SkillState(
-            name="free",
-            run=[
-                params.hold,
-                *(
-                    Dither(axis=axis, amplitude=params.search_amplitude / 4, cycles=2.0)
-                    for axis in _ACROSS
-                ),
-            ],
-            on={"done": "push"},
-            timeout=4.0,
-        ),
-        SkillState(
-            name="verify",
-            run=[params.hold, *verify, watched(verify, params.verify_threshold)],
-            on={"hindered": "pull"},
-            timeout=2 * verify[0].duration,
-        ),
-        pull_test(
-            {"contact": DONE},
-            speed=params.pull_speed,
-            force=params.pull_force,
-            limit=params.pull_limit,
-            timeout=2.0,
-        ),
-    )
-    return Skill(name="D connector", states=states, retract=[params.out], held=not before)
+                    Dither(axis="x", amplitude=self.push_dither, frequency=6.25, cycles=1000.0),
+                ],
+                on={
+                    "done": "rest",
+                    "jammed": Retry("back off", 1, then=again),
+                },
+                timeout=30.0,
+            ),
+            self.at_least("rest", depth(mated), {"done": "verify", "jammed": Retry("free", 1)}),
+            SkillState(
+                name="back off",
+                run=[up(self.back_off, 0.2)],
+                on={"done": "free"},
+                timeout=1.0,
+            ),
+            SkillState(
+                name="free",
+                run=[
+                    self.hold,
+                    *(
+                        Dither(axis=axis, amplitude=self.search_amplitude / 4, cycles=2.0)
+                        for axis in _ACROSS
+                    ),
+                ],
+                on={"done": "push"},
+                timeout=4.0,
+            ),
+            SkillState(
+                name="verify",
+                run=[self.hold, *verify, watched(verify, self.verify_threshold)],
+                on={"hindered": "pull"},
+                timeout=2 * verify[0].duration,
+            ),
+            pull_test(
+                {"contact": DONE},
+                speed=self.pull_speed,
+                force=self.pull_force,
+                limit=self.pull_limit,
+                timeout=2.0,
+            ),
+        )

@@ -6,7 +6,7 @@ the search by a tilted peg are not of the paper; their primitives are. All numbe
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Final
 
@@ -14,9 +14,9 @@ from chamfer.models.connectors.connector import Connector
 from chamfer.models.validation import ParameterError, require_all_positive, require_whole
 from chamfer.systems.primitives.force_primitives import GuardedMove, Hold, Stick
 from chamfer.systems.primitives.position_primitives import Centre, Place, Way
-from chamfer.systems.primitives.primitive import Primitive
+from chamfer.systems.primitives.primitive import TICK, Primitive
 from chamfer.systems.primitives.seating import Seat
-from chamfer.systems.primitives.skill import Outcome, Retry, SkillState
+from chamfer.systems.primitives.skill import Outcome, Retry, Skill, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx, lissajous
 
 Answers = Mapping[Outcome, str | Retry]
@@ -50,6 +50,7 @@ class FaceFeelingParams:
     out_speed: float = 0.1  # m/s, of a plug that is pulled out: D times it overcomes what holds it
     retract: float = 0.03  # m, back from the socket after a failure
 
+    NAME: ClassVar[str]  # of the skill
     MAY_BE_ZERO: ClassVar[tuple[str, ...]] = ()  # all other floats are positive
 
     def __post_init__(self) -> None:
@@ -61,6 +62,26 @@ class FaceFeelingParams:
             allowed = f"at most limit_share, {self.limit_share:g}"
             raise ParameterError("free_share", self.free_share, allowed)
         require_whole(self, "retries")
+
+    def make_skill(
+        self, connector: Connector, *, period: float = TICK, before: Sequence[SkillState] = ()
+    ) -> Skill:
+        """Return the skill, for a connector as it is believed to be.
+
+        The ticks are ``period`` apart, s. The states ``before`` grasp and transport the plug, the
+        last one leads to ``tare``; without them it is held from the begin.
+        """
+        states = (*before, *self.states(connector, period))
+        return Skill(name=self.NAME, states=states, retract=[self.out], held=not before)
+
+    def states(self, connector: Any, period: float) -> tuple[SkillState, ...]:
+        """Return the states from ``tare`` on."""
+        raise NotImplementedError
+
+    @property
+    def again(self) -> Retry:
+        """What follows where it is to be tried from the face again."""
+        return Retry("out", self.retries)
 
     @property
     def hold(self) -> Stick:
@@ -83,12 +104,8 @@ class FaceFeelingParams:
 
         There nothing can drop in: how high the plug is on it, with the force that is maintained,
         is the mark. They end over where the plug goes in, with a new zero of the force sensor.
-
-        Args:
-            lie: What runs while the plug lies on the face, until it is done.
-            timeout: s, of that.
-            damping: Of accommodation on the face.
-            then: The state that follows.
+        ``lie`` runs while the plug lies on the face, until it is done, for the timeout, s, at
+        most; the damping is that of accommodation on the face.
         """
         way = (0.0, 0.0, 0.0, 0.0, self.beside, 0.0)
         return (
@@ -247,9 +264,9 @@ class TouchParams(FaceFeelingParams):
         lies = MoveDx(duration=self.lie_time)
         return self.feel_face(lies, timeout=2 * self.lie_time, damping=_LYING, then=then)
 
-    def at_depth(self, depth: float, then: str, again: Retry) -> SkillState:
+    def at_depth(self, depth: float, then: str) -> SkillState:
         """Return the state that looks how deep a plug at rest is, m."""
-        on: Answers = {"done": then, "jammed": again}
+        on: Answers = {"done": then, "jammed": self.again}
         return self.at_least("depth", Way(least=depth - self.short), on, timeout=2.0)
 
     def touched(self, *, search: str, found: str) -> tuple[SkillState, ...]:
@@ -307,13 +324,12 @@ class TiltSearchParams:
             axis="x", amplitude=self.amplitude, frequency=self.frequency, cycles=self.cycles
         )
 
-    def states(
-        self, touch: TouchParams, radius: float, *, found: str, again: Retry
-    ) -> tuple[SkillState, ...]:
+    def states(self, touch: TouchParams, radius: float, *, found: str) -> tuple[SkillState, ...]:
         """Return the states from ``lean`` on, which begins over the hole, in free space.
 
-        ``found`` follows a peg in the hole, of a radius in m, and ``again`` where it is not.
+        ``found`` follows a peg in the hole, of a radius in m.
         """
+        again = touch.again
         low = radius * math.sin(self.angle)  # of the rim, below its middle
         lean = (self.angle, 0.0, 0.0, 0.0, self.back, low)
         wall = Stick(direction="-y", speed=self.press, threshold=math.inf)

@@ -64,10 +64,8 @@ class GraspAndTransportParams:
 
     def __post_init__(self) -> None:
         require_all_positive(self, "weight")
-        if self.top is not None:
-            require_positive(self, "top")
-        if self.weight is not None:
-            require_not_negative(self, "weight")
+        require_positive(self, "top")
+        require_not_negative(self, "weight")
 
     def resolved(self, *, top: float, weight: float) -> "ResolvedGraspAndTransportParams":
         """Return the parameters with these values where they leave them open."""

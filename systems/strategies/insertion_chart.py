@@ -18,7 +18,7 @@ from chamfer.models.validation import (
 )
 from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
 from chamfer.systems.statechart.chart import ANY, TIME_TOLERANCE, Chart, State, Tick, Transition
-from chamfer.systems.statechart.state_machine import MachineOutput, StateMachine
+from chamfer.systems.statechart.state_machine import MachineOutput, StateMachine, number
 from chamfer.systems.strategies.insertion_decision import (
     DecisionParams,
     InsertionRegion,
@@ -90,17 +90,8 @@ class InsertParams:
 
     def __post_init__(self) -> None:
         require_one_of(self, "compensation", get_args(Compensation))
-        given = [name for name in ("speed", "depth", "feed") if getattr(self, name) is not None]
-        require_positive(
-            self,
-            *given,
-            "push",
-            "pull",
-            "force_limit",
-            "hold_force",
-            "bottom_force",
-            "held_force",
-        )
+        require_positive(self, "speed", "depth", "feed", "push", "pull", "force_limit")
+        require_positive(self, "hold_force", "bottom_force", "held_force")
         require_not_negative(self, "rest", "pause")
         if self.freeze_depth is not None and not (
             self.compensation == "running" and math.isfinite(self.freeze_depth)
@@ -484,10 +475,6 @@ def _fed(tick: InsertionTick) -> float:
     return tick.memory.feed + tick.memory.rate * (tick.time - tick.memory.time)
 
 
-def _number(name: str) -> MachineOutput[InsertionMemory]:
-    return MachineOutput(size=1, read=lambda memory: (float(getattr(memory, name)),))
-
-
 class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
     """Decides when the peg is inserted, how far it is fed, and whether it is in.
 
@@ -524,12 +511,8 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
     (4,), are the last :class:`chamfer.systems.strategies.insertion_decision.MeasuredErrors`, 0
     before there are any; ``sensed_force``, shape (3,), N, along the hole's axes, and
     ``sensed_depth``, m, are what the arm knows of the contact, tared where the advance began;
-    ``trouble`` is the :class:`InsertionTrouble` of the attempt.
-
-    Args:
-        params: Parameters.
-        peg_joints: How many joints the peg's arm has.
-        hole_joints: Likewise the hole's; nothing is connected where it is no arm.
+    ``trouble`` is the :class:`InsertionTrouble` of the attempt. Nothing is connected to
+    ``hole_saturated`` where the hole is no arm's.
     """
 
     def __init__(self, params: InsertionTaskParams, *, peg_joints: int, hole_joints: int) -> None:
@@ -555,11 +538,11 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
                     size=2,
                     read=lambda memory: (float(memory.compensates), float(memory.along)),
                 ),
-                "attempts": _number("attempts"),
+                "attempts": number("attempts"),
                 "errors": MachineOutput(size=4, read=lambda memory: tuple(memory.errors)),
                 "sensed_force": MachineOutput(size=3, read=lambda memory: memory.sensed_force),
-                "sensed_depth": _number("sensed_depth"),
-                "trouble": _number("trouble"),
+                "sensed_depth": number("sensed_depth"),
+                "trouble": number("trouble"),
             },
             optional=("hole_saturated",),
             period=params.period,

@@ -5,15 +5,14 @@ can't tip in, and is carried back over it as it is turned then. It searches for 
 face, by the paper's two dithers or along a spiral, or with a peg that leans.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import ClassVar, Literal, get_args
 
 from chamfer.models.connectors.round_peg import RoundPeg
 from chamfer.models.validation import require_one_of, require_whole
 from chamfer.systems.primitives.force_primitives import Stick
 from chamfer.systems.primitives.primitive import Primitive
-from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
+from chamfer.systems.primitives.skill import DONE, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Dither, Spiral, lissajous
 from chamfer.systems.strategies.face_and_search import ALONG, TiltSearchParams, TouchParams
 
@@ -37,15 +36,17 @@ class PegInHoleSkillParams(TouchParams):
     # of the believed seating force, at which a push that moves nothing ends: jammed; no cap
     push_speed: float = 0.014  # m/s, of the push at first; D times it is its force at rest
 
+    NAME: ClassVar[str] = "peg in a hole"
+
     def __post_init__(self) -> None:
         super().__post_init__()
         require_one_of(self, "search", get_args(Search))
         require_whole(self, "repeats")
 
-    def to_hole(self, radius: float, again: Retry) -> tuple[SkillState, ...]:
+    def to_hole(self, radius: float) -> tuple[SkillState, ...]:
         """Return the states from ``tare`` on, until a peg in the hole leads to ``insert``."""
         if self.search == "tilt":
-            leaning = self.tilt.states(self, radius, found="insert", again=again)
+            leaning = self.tilt.states(self, radius, found="insert")
             return (*self.laid_flat(then="lean"), *leaning)
         motions, time = self._along
         return (
@@ -53,7 +54,7 @@ class PegInHoleSkillParams(TouchParams):
             SkillState(
                 name="search",
                 run=[Stick(speed=self.maintained, threshold=self.drop), *motions],
-                on={"lost": "insert", "done": again},
+                on={"lost": "insert", "done": self.again},
                 damping=ALONG,
                 timeout=2 * time,
             ),
@@ -69,31 +70,17 @@ class PegInHoleSkillParams(TouchParams):
             first=first, axis="y", repeats=self.repeats
         ), self.repeats / self.frequency
 
-
-def make_peg_in_hole_skill(
-    params: PegInHoleSkillParams,
-    connector: RoundPeg,
-    *,
-    period: float = 0.01,
-    before: Sequence[SkillState] = (),
-) -> Skill:
-    """Return the skill, for parts as they are believed to be.
-
-    The ticks are ``period`` apart, s. The states ``before`` grasp and transport the peg, the last
-    one leads to ``tare``; without them it is held from the begin.
-    """
-    depth = connector.mated_depth
-    again = Retry("out", params.retries)
-    states = (
-        *before,
-        *params.to_hole(connector.peg_radius, again),
-        SkillState(
-            name="insert",
-            from_mark=True,
-            run=[params.seat(connector, speed=params.push_speed, distance=depth - params.end)],
-            on={"done": "depth", "jammed": again, "timed out": again},
-            timeout=5.0 + 2 * depth / params.push_speed,
-        ),
-        params.at_depth(depth, DONE, again),
-    )
-    return Skill(name="peg in a hole", states=states, retract=[params.out], held=not before)
+    def states(self, connector: RoundPeg, period: float) -> tuple[SkillState, ...]:
+        """Return the states from ``tare`` on."""
+        depth = connector.mated_depth
+        return (
+            *self.to_hole(connector.peg_radius),
+            SkillState(
+                name="insert",
+                from_mark=True,
+                run=[self.seat(connector, speed=self.push_speed, distance=depth - self.end)],
+                on={"done": "depth", "jammed": self.again, "timed out": self.again},
+                timeout=5.0 + 2 * depth / self.push_speed,
+            ),
+            self.at_depth(depth, DONE),
+        )

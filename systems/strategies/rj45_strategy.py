@@ -6,13 +6,13 @@ the alignment by touch, and that the latch has to hold when the plug is pulled.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 from chamfer.models.connectors.rj45_connector import Rj45Connector
 from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.force_primitives import Stick
-from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
+from chamfer.systems.primitives.skill import DONE, SkillState
 from chamfer.systems.primitives.trajectory_primitives import MoveDx, Spiral
 from chamfer.systems.strategies.face_and_search import ALONG, TouchParams, pull_test, settled
 
@@ -35,71 +35,55 @@ class Rj45ConnectorSkillParams(TouchParams):
     pull_limit: float = 0.001  # m, way after which the pull has found no hold
     rest_time: float = 0.3  # s, in which the plug goes back to its stop
 
+    NAME: ClassVar[str] = "RJ45 connector"
+
     def __post_init__(self) -> None:
         super().__post_init__()
         if not 1 < self.push_growth < math.inf:
             raise ParameterError("push_growth", self.push_growth, "a finite number > 1")
 
+    def states(self, connector: Rj45Connector, period: float) -> tuple[SkillState, ...]:
+        """Return the states from ``tare`` on."""
+        stick = Stick(speed=self.maintained, threshold=self.drop)
+        depth = connector.mated_depth
+        again = self.again
 
-def make_rj45_connector_skill(
-    params: Rj45ConnectorSkillParams,
-    connector: Rj45Connector,
-    *,
-    period: float = 0.01,
-    before: Sequence[SkillState] = (),
-) -> Skill:
-    """Return the skill, for a connector as it is believed to be.
-
-    The ticks are ``period`` apart, s. The states ``before`` grasp and transport the plug, the last
-    one leads to ``tare``; without them it is held from the begin.
-    """
-    stick = Stick(speed=params.maintained, threshold=params.drop)
-    depth = connector.mated_depth
-    again = Retry("out", params.retries)
-
-    states = (
-        *before,
-        *params.touched(search="search", found="settle"),
-        SkillState(
-            name="search",
-            run=[stick, params.search],
-            on={"lost": "settle", "done": again},
-            damping=(math.inf, math.inf, 0.0, *ALONG[3:]),  # turned into the cavity by it
-            timeout=2 * params.search.duration,
-        ),
-        settled(params.hold, params.settle_amplitude, params.settle_cycles, then="push"),
-        SkillState(
-            name="push",
-            from_mark=True,
-            run=[
-                params.seat(
-                    connector,
-                    speed=params.push_speed,
-                    growth=params.push_growth,
-                    still=params.push_still,
-                    distance=depth - params.end,
-                )
-            ],
-            on={"done": "depth", "jammed": again, "timed out": again},
-            timeout=10.0,
-        ),
-        params.at_depth(depth, "pull", again),
-        pull_test(
-            {"contact": "rest", "lost": again},
-            speed=params.pull_speed,
-            force=params.pull_force,
-            limit=params.pull_limit,
-        ),
-        SkillState(
-            name="rest",
-            run=[params.hold, MoveDx(duration=params.rest_time)],
-            on={"done": DONE},
-            timeout=2 * params.rest_time,
-        ),
-    )
-    return Skill(
-        name="RJ45 connector",
-        states=states,
-        retract=[params.out],
-        held=not before,
-    )
+        return (
+            *self.touched(search="search", found="settle"),
+            SkillState(
+                name="search",
+                run=[stick, self.search],
+                on={"lost": "settle", "done": again},
+                damping=(math.inf, math.inf, 0.0, *ALONG[3:]),  # turned into the cavity by it
+                timeout=2 * self.search.duration,
+            ),
+            settled(self.hold, self.settle_amplitude, self.settle_cycles, then="push"),
+            SkillState(
+                name="push",
+                from_mark=True,
+                run=[
+                    self.seat(
+                        connector,
+                        speed=self.push_speed,
+                        growth=self.push_growth,
+                        still=self.push_still,
+                        distance=depth - self.end,
+                    )
+                ],
+                on={"done": "depth", "jammed": again, "timed out": again},
+                timeout=10.0,
+            ),
+            self.at_depth(depth, "pull"),
+            pull_test(
+                {"contact": "rest", "lost": again},
+                speed=self.pull_speed,
+                force=self.pull_force,
+                limit=self.pull_limit,
+            ),
+            SkillState(
+                name="rest",
+                run=[self.hold, MoveDx(duration=self.rest_time)],
+                on={"done": DONE},
+                timeout=2 * self.rest_time,
+            ),
+        )

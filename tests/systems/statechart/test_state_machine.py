@@ -1,7 +1,7 @@
 """The state machine block: when it ticks, what it reads, and what its context holds."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import pytest
@@ -46,7 +46,7 @@ def way(
     )
 
 
-def make_block(*, period: float = 0.25, offset: float = 0.0, size: int = 1) -> Block:
+def make_block(*, period: float = 0.25, size: int = 1) -> Block:
     """Return a block: ``high`` above a signal of 1, else ``low``; commands ten times it."""
     return StateMachine(
         Chart(
@@ -64,7 +64,6 @@ def make_block(*, period: float = 0.25, offset: float = 0.0, size: int = 1) -> B
         outputs={"command": MachineOutput(size=1, read=lambda memory: (memory.command,))},
         optional=("request",),
         period=period,
-        offset=offset,
     )
 
 
@@ -80,31 +79,12 @@ def fed(block: Block, value: float) -> Simulator:
     return simulator
 
 
-@pytest.mark.parametrize(
-    ("period", "offset", "until", "expected"),
-    [
-        (0.25, 0.125, 0.9, [0.125, 0.375, 0.625, 0.875]),
-        (1 / 80, 0.0, 0.999, [k / 80 for k in range(80)]),
-    ],
-)
-def test_ticks_at_its_period_from_its_offset_on(
-    period: float, offset: float, until: float, expected: list[float]
-) -> None:
-    block = make_block(period=period, offset=offset)
+def test_ticks_at_its_period() -> None:
+    block = make_block(period=1 / 80)
     simulator = fed(block, 0.0)
-    simulator.AdvanceTo(until)
+    simulator.AdvanceTo(0.999)
     ticks = block.snapshot(simulator.get_context()).memory.ticks
-    assert ticks == pytest.approx(expected, rel=1e-14)
-
-
-def test_outputs_are_those_of_the_initial_memory_before_the_first_tick() -> None:
-    block = make_block(offset=0.5)
-    simulator = fed(block, 3.0)
-    simulator.AdvanceTo(0.4)
-    context = simulator.get_context()
-    assert block.GetOutputPort("command").Eval(context)[0] == INITIAL.command
-    assert block.GetOutputPort("state").Eval(context)[0] == 0.0
-    assert not block.snapshot(context).started
+    assert ticks == pytest.approx([k / 80 for k in range(80)], rel=1e-14)
 
 
 @pytest.mark.parametrize("steps", [1, 4], ids=["same period", "four plant steps a tick"])
@@ -179,36 +159,11 @@ def test_log_holds_time_states_guards_and_inputs_oldest_first() -> None:
     )
 
 
-def test_ports_are_named_after_the_inputs_and_outputs() -> None:
-    block = make_block(size=3)
-
-    def sizes(ports: Sequence[object]) -> dict[str, int]:
-        return {port.get_name(): port.size() for port in ports}  # type: ignore[attr-defined]
-
-    inputs = [block.get_input_port(i) for i in range(block.num_input_ports())]
-    outputs = [block.get_output_port(i) for i in range(block.num_output_ports())]
-    assert sizes(inputs) == {"signal": 3, "request": 2}
-    assert sizes(outputs) == {"command": 1, "state": 1}
-
-
-@pytest.mark.parametrize("request_value", [None, (4.0, 5.0)])
-def test_optional_port_that_is_not_connected_reads_as_none(request_value: Signal | None) -> None:
-    block = make_block(size=3)
-    simulator = Simulator(block)
-    context = simulator.get_mutable_context()
-    block.GetInputPort("signal").FixValue(context, [0.1, 0.2, 0.3])
-    if request_value is not None:
-        block.GetInputPort("request").FixValue(context, request_value)
-    advance(simulator, 0.0)
-    assert block.snapshot(context).memory.last == Inputs((0.1, 0.2, 0.3), request_value)
-
-
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
         ({"period": 0.0}, r"period is 0\.0, allowed: a finite number > 0"),
         ({"period": math.inf}, "period is inf, allowed: a finite number > 0"),
-        ({"offset": -0.1}, r"offset is -0\.1, allowed: a finite number >= 0"),
         ({"sizes": {"signal": 1}}, "sizes is .*, allowed: one size for each of signal, request"),
         ({"sizes": {"signal": -1, "request": 1}}, "size of signal is -1, allowed: a whole number"),
         (
