@@ -249,7 +249,17 @@ def item_limits(
     laying = np.char.startswith(current.astype(str), f"{item.kind}.") | during("release.open")
     set_down = during(f"{item.kind}.set_down", "bulk.pour")
     if item.kind == "wall":
-        found |= _wall(traces, during, velocity, item)
+        outwards = velocity[:, 0] * np.cos(item.azimuth) + velocity[:, 1] * np.sin(item.azimuth)
+        most("wall.approach_speed", outwards, during("wall.approach", "wall.seek"))
+        sliding = during(*SLIDING)
+        most("wall.slide_force", traces["wall_peak_force"], sliding)
+        if sliding.any():
+            found["wall.slide_force_min"] = float(traces["wall_force"][sliding].min())
+        # Between press and set-down, where it moves along the wall.
+        along = during("wall.slide", "wall.land", "wall.lost")
+        if along.any():
+            found["wall.losses"] = _begins(along & ~(traces["wall_force"] > 0))
+            found["wall.losses_seen"] = _begins(during("wall.lost"))
     if item.kind in ("wall", "crown"):
         most(f"{item.kind}.layer_shift", traces["layer_shift"], laying)
         peaks = np.maximum(traces["wall_peak_force"], traces["layer_peak_force"])
@@ -301,28 +311,6 @@ def clearance(points: Array, station: Station) -> float:
     beside = np.maximum(inner - radius, radius - inner - station.crucible_thickness)
     apart = np.hypot(np.maximum(over, 0.0), np.maximum(beside, 0.0))
     return float(np.where(apart > 0, apart, np.maximum(over, beside)).min())
-
-
-def _wall(
-    traces: Table, during: Callable[..., Mask], velocity: Array, item: Item
-) -> dict[str, float]:
-    """Measure what the wall alone asks for."""
-    found: dict[str, float] = {}
-    outwards = velocity[:, 0] * np.cos(item.azimuth) + velocity[:, 1] * np.sin(item.azimuth)
-    near = during("wall.approach", "wall.seek")
-    if near.any():
-        found["wall.approach_speed"] = float(outwards[near].max())
-    sliding = during(*SLIDING)
-    if sliding.any():
-        found["wall.slide_force"] = float(traces["wall_peak_force"][sliding].max())
-        found["wall.slide_force_min"] = float(traces["wall_force"][sliding].min())
-    # Between press and set-down, where it moves along the wall.
-    along = during("wall.slide", "wall.land", "wall.lost")
-    if along.any():
-        apart = along & ~(traces["wall_force"] > 0)
-        found["wall.losses"] = _begins(apart)
-        found["wall.losses_seen"] = _begins(during("wall.lost"))
-    return found
 
 
 def _begins(mask: Mask) -> float:

@@ -12,7 +12,6 @@ from chamfer.diagrams.charging.charging_scenario import (
     beliefs_of,
     make_scenes,
 )
-from chamfer.diagrams.charging.wrist_control import add_base_compensation
 from chamfer.diagrams.contact.sensing import (
     add_delay,
     add_encoders,
@@ -27,6 +26,11 @@ from chamfer.systems.charging.crucible_world import (
     LayerMotion,
 )
 from chamfer.systems.contact.arm_in_contact import ArmInContact
+from chamfer.systems.force.friction_compensation import (
+    BaseWrenchTorque,
+    FrictionCompensation,
+    JointsToMove,
+)
 from chamfer.systems.force.hybrid_controller import (
     AccelerationFeedforward,
     HybridController,
@@ -35,7 +39,7 @@ from chamfer.systems.force.hybrid_controller import (
 from chamfer.systems.ports import require_ports
 from chamfer.systems.sensing.encoders import EndpointMotion, Homing
 from chamfer.systems.sensing.force_rate import MovingAverage
-from chamfer.systems.sensing.force_sensor import Tare, gauges
+from chamfer.systems.sensing.force_sensor import Tare, base_gauges, gauges
 from chamfer.systems.trajectory.path_follower import PathFollower, PathFollowerParams
 
 SIGNALS: Final = (
@@ -156,18 +160,30 @@ def make_charging_diagram(
     connect(controller.GetOutputPort("torque"), total.get_input_port(0))
     connect(ahead.GetOutputPort("torque"), total.get_input_port(1))
     command = total.get_output_port()
-    if scenario.friction_compensation is not None:
-        command = add_base_compensation(
+    if (given := scenario.friction_compensation) is not None:
+        reading = add_sensor(
             builder,
-            scenario.friction_compensation,
-            scenario.dynamics(),
-            command,
+            "base ",
+            given.sensor,
+            base_gauges(given.sensor),
             world.GetOutputPort("base_wrench"),
-            encoders,
-            follower.GetOutputPort("desired_velocity"),
             step=plant.period,
             period=control.period,
         )
+        resolved = add("base wrench to torque", BaseWrenchTorque(scenario.dynamics()))
+        compensation = add(
+            "friction compensation",
+            FrictionCompensation(given, joints=arm.num_joints, period=control.period),
+        )
+        moved = add("joints to move", JointsToMove(arm, rest_speed=given.rest_speed))
+        wire(homing, moved, "encoders")
+        wire(follower, moved, "desired_velocity")
+        wire(moved, compensation, "moving")
+        connect(reading, resolved.GetInputPort("base_wrench"))
+        wire(homing, resolved, "encoders")
+        wire(resolved, compensation, "base_torque")
+        connect(command, compensation.GetInputPort("command"))
+        command = compensation.GetOutputPort("torque")
     connect(command, torque)
     for name in ("encoders", "contact_force", "contact", "tip", "energy"):
         builder.ExportOutput(world.GetOutputPort(name), name)

@@ -43,8 +43,8 @@ from chamfer.diagrams.contact.sensing import (
 from chamfer.models.arms.adept_wrist import ADEPT_WRIST
 from chamfer.models.arms.arm import Arm
 from chamfer.models.arms.gripper import GripperCompliance
-from chamfer.models.charging.packing import ItemPlace, Nugget, PlanItem, places
-from chamfer.models.charging.station import Point, Station, StationLayout
+from chamfer.models.charging.packing import Nugget, PlanItem, places
+from chamfer.models.charging.station import Station, StationLayout
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import (
@@ -399,17 +399,44 @@ def contact_loops(scenario: ResolvedCrucibleChargingScenario) -> tuple[NuggetLoo
     goals = places(scenario.plan, station, believed=False)
     loops = []
     for item, nugget, goal in zip(scenario.plan, scenario.nuggets, goals, strict=True):
-        ahead = (math.cos(goal.azimuth), math.sin(goal.azimuth), 0.0)
+        if item.kind == "bulk":
+            continue
+        outwards = (math.cos(goal.azimuth), math.sin(goal.azimuth), 0.0)
         if item.kind == "wall":
             meets = ContactPoint(nugget.wall_point, wall, scenario.wall)
-            how = meets, charging.wall_force, ahead, _DOWN
-        elif item.kind == "crown":
+            force, ahead, along = charging.wall_force, outwards, _DOWN
+        else:
             layer = station.layer(goal.position, goal.layer, tilt=scenario.layer.tilt)
             meets = ContactPoint(nugget.layer_point, layer, scenario.layer)
-            how = meets, charging.layer_force, _DOWN, ahead
-        else:
-            continue
-        loops.append(fill(_loop(scenario, nugget, goal, *how)))
+            force, ahead, along = charging.layer_force, _DOWN, outwards
+        height = goal.layer + nugget.height
+        start = np.array([*goal.position, height, goal.azimuth, 0.0, 0.0, charging.lean])
+        start[:3] -= _BEFORE * np.array(ahead)
+        loop = NuggetLoop(
+            arm=ContactArmSettings(
+                joint_friction=scenario.arm.joint_friction,
+                elbow=scenario.arm.elbow,
+                contact_offset=meets.offset,
+            ),
+            gripper=scenario.gripper,
+            touched=meets.surface,
+            surface=meets.contact,
+            task=SlidingTask(
+                start=tuple(start.tolist()),
+                direction=(*ahead, *_STILL),
+                along=(*along, *_STILL),
+                speed=charging.seek_speed,
+                force=force,
+                amplitude=_SWING,
+            ),
+            controller=scenario.controller,
+            sensing=scenario.sensing,
+            sensor=scenario.sensor,
+            encoders=scenario.encoders,
+            friction_compensation=scenario.friction_compensation,
+            step=scenario.step,
+        )
+        loops.append(fill(loop))
     return tuple(loops)
 
 
@@ -421,45 +448,6 @@ def charging_stability(scenario: ResolvedCrucibleChargingScenario) -> Stability 
     """
     linear = [one for loop in contact_loops(scenario) for one in linear_loops(loop)]
     return stability_of(tuple(linear)) if linear else None
-
-
-def _loop(
-    scenario: CrucibleChargingScenario,
-    nugget: Nugget,
-    goal: ItemPlace,
-    meets: ContactPoint,
-    force: float,
-    ahead: Point,
-    along: Point,
-) -> NuggetLoop:
-    """Return the loop of a nugget at its place, pushed ahead and moved along."""
-    height = goal.layer + nugget.height
-    start = np.array([*goal.position, height, goal.azimuth, 0.0, 0.0, scenario.charging.lean])
-    start[:3] -= _BEFORE * np.array(ahead)
-    return NuggetLoop(
-        arm=ContactArmSettings(
-            joint_friction=scenario.arm.joint_friction,
-            elbow=scenario.arm.elbow,
-            contact_offset=meets.offset,
-        ),
-        gripper=scenario.gripper,
-        touched=meets.surface,
-        surface=meets.contact,
-        task=SlidingTask(
-            start=tuple(start.tolist()),
-            direction=(*ahead, *_STILL),
-            along=(*along, *_STILL),
-            speed=scenario.charging.seek_speed,
-            force=force,
-            amplitude=_SWING,
-        ),
-        controller=scenario.controller,
-        sensing=scenario.sensing,
-        sensor=scenario.sensor,
-        encoders=scenario.encoders,
-        friction_compensation=scenario.friction_compensation,
-        step=scenario.step,
-    )
 
 
 _TIME_EACH = 60.0  # s, that an item may take

@@ -9,29 +9,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
-from pydrake.systems.framework import DiagramBuilder, OutputPort
-
 from chamfer.diagrams.contact.contact_scenarios import JR3
 from chamfer.diagrams.contact.sensing import (
     ControllerSettings,
     Sensing,
     SensingValues,
-    add_sensor,
     ideal,
     missing,
 )
 from chamfer.models.arms.arm import JointFrictionParams
 from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.validation import require_not_negative
-from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.force.friction_compensation import (
-    BaseWrenchTorque,
-    FrictionCompensation,
-    FrictionCompensationParams,
-    JointsToMove,
-)
+from chamfer.systems.force.friction_compensation import FrictionCompensationParams
 from chamfer.systems.sensing.encoders import EncoderParams
-from chamfer.systems.sensing.force_sensor import BaseSensorParams, ForceSensorParams, base_gauges
+from chamfer.systems.sensing.force_sensor import BaseSensorParams, ForceSensorParams
 
 # Of joints 1 to 4 the Adept One's; of the wrist's geared motors assumed.
 FRICTION: Final = JointFrictionParams(
@@ -109,49 +100,3 @@ class BaseCompensationParams(FrictionCompensationParams):
         """Return the parameters with the sensor that ``sensing`` says."""
         left_open = missing(self.sensor, _SENSORS[sensing])
         return replace(self, sensor=replace(self.sensor, **left_open))  # type: ignore[arg-type]
-
-
-def add_base_compensation(
-    builder: DiagramBuilder,
-    params: BaseCompensationParams,
-    dynamics: ArmDynamics,
-    command: OutputPort,
-    base_wrench: OutputPort,
-    encoders: OutputPort,
-    desired_velocity: OutputPort,
-    *,
-    step: float,
-    period: float,
-) -> OutputPort:
-    """Add a base sensor and what compensates by it; return the torque, (n,).
-
-    Args:
-        builder: Of the loop.
-        params: Resolved.
-        dynamics: What is known of the arm.
-        command: (n,), the controller's torque.
-        base_wrench: (6,), of the base on the arm.
-        encoders: (2n,).
-        desired_velocity: (n,), of the endpoint's coordinates.
-        step: s, at which the wrench changes.
-        period: s, of the computer.
-    """
-    add, connect = builder.AddNamedSystem, builder.Connect
-    given = base_gauges(params.sensor)
-    reading = add_sensor(
-        builder, "base ", params.sensor, given, base_wrench, step=step, period=period
-    )
-    torque = add("base wrench to torque", BaseWrenchTorque(dynamics))
-    compensation = add(
-        "friction compensation",
-        FrictionCompensation(params, joints=command.size(), period=period),
-    )
-    moved = add("joints to move", JointsToMove(dynamics.arm, rest_speed=params.rest_speed))
-    connect(encoders, moved.GetInputPort("encoders"))
-    connect(desired_velocity, moved.GetInputPort("desired_velocity"))
-    connect(moved.GetOutputPort("moving"), compensation.GetInputPort("moving"))
-    connect(reading, torque.GetInputPort("base_wrench"))
-    connect(encoders, torque.GetInputPort("encoders"))
-    connect(torque.GetOutputPort("base_torque"), compensation.GetInputPort("base_torque"))
-    connect(command, compensation.GetInputPort("command"))
-    return compensation.GetOutputPort("torque")
