@@ -6,7 +6,6 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -16,7 +15,13 @@ from pydrake.systems.framework import Diagram
 
 from chamfer.analysis.benchmarks.__main__ import THREADS
 from chamfer.analysis.linear.simulate import simulate
-from chamfer.analysis.surface.normal_trials import Contender, contender, cost, slide
+from chamfer.analysis.surface.normal_trials import (
+    Contender,
+    contender,
+    cost,
+    observer_of,
+    slide,
+)
 from chamfer.diagrams.cell.alignment import make_alignment_diagram
 from chamfer.diagrams.cell.alignment import resolve as resolve_alignment
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
@@ -36,19 +41,14 @@ from chamfer.diagrams.skills.connector_loop import make_connector_diagram
 from chamfer.diagrams.skills.connector_scenario import BncConnectorScenario, DConnectorScenario
 from chamfer.diagrams.skills.connector_scenario import resolve as resolve_connector
 from chamfer.diagrams.surface.surface_estimation import EstimationScenario, resolve_estimation
-from chamfer.diagrams.surface.surface_scenario import ObserverSettings
+from chamfer.diagrams.surface.surface_scenario import THESIS, ObserverSettings
 from chamfer.diagrams.surface.surface_tracking import (
     TrackingScenario,
     make_tracking_diagram,
     resolve_tracking,
 )
 from chamfer.systems.cameras.vtk_camera import missing_graphics
-from chamfer.systems.estimation.normal_filter import (
-    ConstrainedFilter,
-    ConstrainedFilterParams,
-    SensingParams,
-)
-from chamfer.systems.estimation.surface_observer import KINDS, ObserverKind
+from chamfer.systems.estimation.normal_filter import KINDS, ConstrainedFilter, ObserverKind
 
 Rounds = dict[str, list[float]]  # a value per round, by name
 
@@ -193,8 +193,7 @@ def measure_updates(seconds: dict[str, float], *, updates: int = 5000) -> None:
     contenders: dict[str, Contender] = {
         kind: contender(scenario, ObserverSettings(kind=kind), on) for kind in KINDS
     }
-    known = {one.name: getattr(scenario.observer, one.name) for one in fields(SensingParams)}
-    newton = ConstrainedFilter(ConstrainedFilterParams(**known, solver="newton"))
+    newton = ConstrainedFilter(observer_of(scenario, THESIS), solver="newton")
     contenders[NEWTON] = Contender(filter=newton, predicted=None)
     for name, one in contenders.items():
         seconds[name] = cost(one, on, up=scenario.up, updates=updates)

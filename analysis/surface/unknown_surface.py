@@ -140,14 +140,15 @@ def run_surface(
 
 def _instantaneous(scenario: ResolvedSurfaceScenario, outputs: dict[str, Array]) -> Array:
     """Return the angle that each sample alone shows, deg; NaN where it shows none."""
-    sensing = scenario.observer.sensing
+    observer = scenario.observer
+    compliance, noise = observer.compliance, observer.velocity_noise
     none = np.zeros(scenario.dimension)
     angles = []
     names = ("measured_force", "measured_force_rate", "nominal_motion")
     logs = (np.ascontiguousarray(outputs[name]) for name in names)
     for force, rate, motion in zip(*logs, strict=True):
-        v = motion[scenario.dimension :] - sensing.compliance @ rate
-        found, u = instantaneous_normal(-force, v, 1.0, sensing.velocity_noise, none)
+        v = motion[scenario.dimension :] - compliance @ rate
+        found, u = instantaneous_normal(-force, v, 1.0, noise, none)
         angles.append(np.degrees(np.arctan2(found[1], found[0])) if np.isfinite(u) else np.nan)
     return np.array(angles)
 

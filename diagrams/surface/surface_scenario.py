@@ -24,12 +24,11 @@ from chamfer.models.validation import (
     within,
 )
 from chamfer.systems.contact.sliding_contact import SlidingContact, SlidingContactParams
-from chamfer.systems.estimation.surface_observer import (
-    PredictedNormal,
+from chamfer.systems.estimation.normal_filter import (
     ResolvedSurfaceObserverParams,
-    SurfaceObserver,
     SurfaceObserverParams,
 )
+from chamfer.systems.estimation.surface_observer import PredictedNormal, SurfaceObserver
 from chamfer.systems.ports import require_ports
 from chamfer.systems.sensing.force_rate import (
     ForceRate,

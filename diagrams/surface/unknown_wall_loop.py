@@ -41,12 +41,11 @@ from chamfer.models.validation import (
     require_positive,
 )
 from chamfer.systems.contact.arm_in_contact import ContactParams
-from chamfer.systems.estimation.surface_observer import (
+from chamfer.systems.estimation.normal_filter import (
     ResolvedSurfaceObserverParams,
-    SettledForce,
-    SurfaceObserver,
     SurfaceObserverParams,
 )
+from chamfer.systems.estimation.surface_observer import SettledForce, SurfaceObserver
 from chamfer.systems.force.contact_detection import ContactDetection
 from chamfer.systems.force.friction_compensation import FrictionCompensationParams
 from chamfer.systems.force.hybrid_controller import HybridController, require_hybrid_ports

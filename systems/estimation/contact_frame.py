@@ -45,7 +45,9 @@ NUMBERS: Final = 3 + 9 + 3 + 1 + SIZE * (SIZE + CONSIDERED)  # that make up a fr
 _ANYWHERE: Final = 1.0  # m, how far the contact point may have jumped along its path
 _FORCE_DIRECTION: Final = 0.02  # rad, by which friction may be off the path's direction
 _TURN_THRESHOLD: Final = 4.0  # standard deviations, a larger turn begins a new path
+_SHARP_TURN: Final = math.pi / 3  # more than this begins a new path in any case
 _UNKNOWN_TURN: Final = 1.0  # rad, standard deviation of the path's direction, more is unknown
+_FRICTION_DRIFT: Final = 1e-3  # rad, standard deviation of the friction angle's change per sample
 _LEAST_WEIGHT: Final = 1e-9  # of a model
 
 
@@ -60,6 +62,19 @@ class ContactFrame(NamedTuple):
     S: Array  # (10, 4), the error's derivative by what is considered
 
 
+class GripperModel(NamedTuple):
+    """What is taken of the gripper and its sensor, in three dimensions."""
+
+    stiffness: Array  # (3, 3), N/m
+    compliance: Array  # (3, 3), m/N
+    force_deviation: float  # N, a component's
+    point_covariance: Array  # (3, 3), m^2
+    point_root: Array  # (3, 3), 1/m, inverse Cholesky factor of it
+    point_deviation: float  # m, the largest of any direction
+    velocity_covariance: Array  # (3, 3), m^2/s^2
+    velocity_deviation: float  # m/s, the largest of any direction
+
+
 class ContactReading(NamedTuple):
     """A sample, in three dimensions and in the contact point's terms."""
 
@@ -68,11 +83,7 @@ class ContactReading(NamedTuple):
     force: Array  # (3,), N, of the surface on the gripper
     nominal: Array  # (3,), m, x_nom
     nominal_velocity: Array  # (3,), m/s, v_nom
-    stiffness: Array  # (3, 3), N/m
-    compliance: Array  # (3, 3), m/N
-    point_root: Array  # (3, 3), inverse Cholesky factor of the point's covariance
-    velocity_covariance: Array  # (3, 3)
-    force_deviation: float  # N, a component's
+    gripper: GripperModel
 
 
 class ContactModel(NamedTuple):
@@ -84,10 +95,7 @@ class ContactModel(NamedTuple):
     by_point: bool  # True: the contact point's path is used, not the velocity alone
     differenced: bool  # True: the velocity was made of the force, and shows nothing beside it
     by_friction: bool  # True: the friction angle is taken to be nearly constant
-    friction_drift: float  # rad, its standard deviation per sample
     period: float  # s
-    sharp_turn: float  # rad, more than this begins a new path in any case
-    considers: bool  # False: nothing is, and S stays zero
 
 
 @compiled
@@ -112,13 +120,8 @@ def rotation(vector: Array) -> Array:
         a, b = 1.0, 0.5
     else:
         a, b = math.sin(angle) / angle, (1.0 - math.cos(angle)) / (angle * angle)
-    R = np.empty((3, 3))
-    R[0, 0] = 1.0 - b * (y * y + z * z)
-    R[1, 1] = 1.0 - b * (x * x + z * z)
-    R[2, 2] = 1.0 - b * (x * x + y * y)
-    R[0, 1], R[1, 0] = b * x * y - a * z, b * x * y + a * z
-    R[0, 2], R[2, 0] = b * x * z + a * y, b * x * z - a * y
-    R[1, 2], R[2, 1] = b * y * z - a * x, b * y * z + a * x
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    R: Array = np.eye(3) + a * K + b * (K @ K)
     return R
 
 
@@ -128,13 +131,12 @@ def correct(
 ) -> float:
     """Take in a scalar ``residual = row . error + by . considered + noise``.
 
-    ``d`` is the error's estimate, shape (10,), changed as the frame's P and S are; ``by`` is empty
-    where nothing is considered. Returns the log likelihood, as if nothing were.
+    ``d`` is the error's estimate, shape (10,), changed as the frame's P and S are. Returns the log
+    likelihood, as if nothing were considered.
     """
     P, S = frame.P, frame.S
     across = np.zeros(SIZE)
-    innovation = residual
-    total = variance
+    innovation, total = residual, variance
     for i in range(SIZE):
         for j in range(SIZE):
             across[i] += P[i, j] * row[j]
@@ -143,7 +145,7 @@ def correct(
     if not total > 0.0:
         return 0.0
     gain = across / total
-    for j in range(len(by)):
+    for j in range(CONSIDERED):
         seen = by[j]
         for i in range(SIZE):
             seen += row[i] * S[i, j]
@@ -151,14 +153,11 @@ def correct(
             S[i, j] -= gain[i] * seen
     # Joseph's form, (I - gain row) P (I - gain row)^T + gain variance gain^T: the short one,
     # P - gain across^T, can leave a negative variance where a large one is measured exactly.
-    once = np.empty((SIZE, SIZE))
+    once, left = np.empty((SIZE, SIZE)), np.zeros(SIZE)
     for i in range(SIZE):
         d[i] += gain[i] * innovation
         for j in range(SIZE):
             once[i, j] = P[i, j] - gain[i] * across[j]
-    left = np.zeros(SIZE)
-    for i in range(SIZE):
-        for j in range(SIZE):
             left[i] += once[i, j] * row[j]
     for i in range(SIZE):
         for j in range(i + 1):
@@ -175,7 +174,7 @@ def sandwich(A: Array, P: Array) -> Array:
 
 
 @compiled
-def begins(frame: ContactFrame, model: ContactModel, step: Array, deviation: float) -> bool:
+def begins(frame: ContactFrame, step: Array, deviation: float) -> bool:
     """Return whether a motion begins a path: the last one has no known direction, or another.
 
     ``step`` is how the contact point moves on, shape (3,), m, other than zero, and ``deviation``
@@ -185,23 +184,21 @@ def begins(frame: ContactFrame, model: ContactModel, step: Array, deviation: flo
     ahead = frame.R.T @ step
     ds = math.hypot(ahead[0], ahead[1])
     variance = deviation**2 + P[5, 5] + ds * (2.0 * P[5, 8] + ds * P[8, 8])
-    limit = min(model.sharp_turn, _TURN_THRESHOLD * math.sqrt(max(variance, 0.0)))
+    limit = min(_SHARP_TURN, _TURN_THRESHOLD * math.sqrt(max(variance, 0.0)))
     turn = math.atan2(ahead[1], ahead[0]) - ds * frame.w[2]
     return bool(abs(turn) > limit or P[5, 5] >= _UNKNOWN_TURN**2)
 
 
 @compiled
-def head(
-    frame: ContactFrame, model: ContactModel, turn_deviation: Array, step: Array, deviation: float
-) -> None:
+def head(frame: ContactFrame, turn_deviation: Array, step: Array, deviation: float) -> None:
     """Turn the frame about its normal where a path begins; the normal stays.
 
     ``turn_deviation`` is that of w, shape (3,), rad/m; ``step`` and ``deviation`` are as in
     :func:`begins`. How well the new path's direction is known is left to the measurements.
     """
-    if not begins(frame, model, step, deviation):
+    if not begins(frame, step, deviation):
         return
-    R, P = frame.R, frame.P
+    R, P, S = frame.R, frame.P, frame.S
     ahead = R.T @ step
     length = math.hypot(ahead[0], ahead[1])
     # Not by the angle: the sine of a half turn is not 0 in floating point, which would take the
@@ -216,15 +213,11 @@ def head(
     whole[0:3, 0:3] = turn.T
     whole[3:6, 3:6] = turn.T
     P[:] = sandwich(whole, P)
-    if model.considers:
-        frame.S[:] = whole @ frame.S
+    S[:] = whole @ S
     frame.w[:] = 0.0
-    for i in range(5, 9):
-        frame.S[i, :] = 0.0
-        P[i, :] = 0.0
-        P[:, i] = 0.0
-        if i > 5:
-            P[i, i] = turn_deviation[i - 6] ** 2
+    S[5:9], P[5:9], P[:, 5:9] = 0.0, 0.0, 0.0
+    for i in range(3):
+        P[6 + i, 6 + i] = turn_deviation[i] ** 2
     P[5, 5] = _UNKNOWN_TURN**2 if turn_deviation[2] > 0.0 else 0.0
 
 
@@ -252,13 +245,12 @@ def travel(frame: ContactFrame, model: ContactModel, turn_deviation: Array, ds: 
         A[6 + i, 6 + i] = kept
         w[i] *= kept
     P[:] = sandwich(A, P)
-    if model.considers:
-        frame.S[:] = A @ frame.S
+    frame.S[:] = A @ frame.S
     for i in range(3):
         new = (1.0 - kept**2) * turn_deviation[i] ** 2
         P[6 + i, 6 + i] += new
         P[3 + i, 3 + i] += new * ds**2 / 3.0
-    P[9, 9] += model.friction_drift**2
+    P[9, 9] += _FRICTION_DRIFT**2
 
 
 @compiled
@@ -269,7 +261,7 @@ def follow(
 
     The frame is changed in place. The contact point moves; it must be known that it does.
     """
-    p, R, P, S = frame.p, frame.R, frame.P, frame.S
+    p, R, P, S, gripper = frame.p, frame.R, frame.P, frame.S, reading.gripper
     v = R.T @ reading.velocity
     ds = v[0] * model.period
     if model.by_point:
@@ -277,53 +269,40 @@ def follow(
     travel(frame, model, turn_deviation, ds)
     d = np.zeros(SIZE)
     row = np.zeros(SIZE)
-    by = np.zeros(CONSIDERED if model.considers else 0)
+    by = np.zeros(CONSIDERED)
     likelihood = 0.0
     if model.by_point:
         # How far the point has come is measured, not predicted.
-        P[0, :] = 0.0
-        P[:, 0] = 0.0
+        P[0], P[:, 0], S[0] = 0.0, 0.0, 0.0
         P[0, 0] = _ANYWHERE**2
-        S[0, :] = 0.0
-        by_considered = np.zeros((3, len(by)))
-        if model.considers:
-            by_considered[:, 0] = reading.point_root @ (reading.nominal - p)
-            by_considered[:, 1:] = reading.point_root @ reading.compliance
-        whitened = reading.point_root @ (reading.point - p)
-        rows = reading.point_root @ R
+        root = gripper.point_root
+        shown, moved, pushed = root @ R, root @ (reading.nominal - p), root @ gripper.compliance
+        whitened = root @ (reading.point - p)
         for i in range(3):
-            row[0:3] = rows[i]
-            likelihood += correct(frame, d, row, by_considered[i], whitened[i], 1.0)
-        row[:] = 0.0
+            row[0:3], by[0], by[1:] = shown[i], moved[i], pushed[i]
+            likelihood += correct(frame, d, row, by, whitened[i], 1.0)
+        row[:], by[:] = 0.0, 0.0
     else:
-        P[0:3, :] = 0.0
-        P[:, 0:3] = 0.0
-        S[0:3, :] = 0.0
+        P[0:3], P[:, 0:3], S[0:3] = 0.0, 0.0, 0.0
     if not model.differenced:
         # The velocity is along t, and a rotation r takes t to t + r x t = (1, r_n, -r_b).
         v = R.T @ reading.velocity
         beside = R.T @ reading.nominal_velocity  # as the velocity is foreseen to have none
-        C = R.T @ reading.velocity_covariance @ R
-        row[5] = v[0]
-        if model.considers:
-            by[0] = beside[1]
+        C = R.T @ gripper.velocity_covariance @ R
+        row[5], by[0] = v[0], beside[1]
         likelihood += correct(frame, d, row, by, v[1], C[1, 1])
         slope = C[1, 2] / C[1, 1] if C[1, 1] > 0.0 else 0.0
-        row[4] = -v[0]
-        row[5] = -slope * v[0]
-        if model.considers:
-            by[0] = beside[2] - slope * beside[1]
+        row[4], row[5], by[0] = -v[0], -slope * v[0], beside[2] - slope * beside[1]
         variance = max(C[2, 2] - slope * C[1, 2], 0.0)
         likelihood += correct(frame, d, row, by, v[2] - slope * v[1], variance)
-        row[:] = 0.0
-        by[:] = 0.0
+        row[:], by[:] = 0.0, 0.0
     # Friction opposes the motion, so that the force has no component along b.
     F = R.T @ reading.force
     gain = np.zeros((3, 3))
-    noise = reading.force_deviation
+    noise = gripper.force_deviation
     if model.by_point:  # the path tells the force better than the sample
-        F = R.T @ (reading.stiffness @ (p + R @ d[0:3] - reading.nominal))
-        gain = R.T @ reading.stiffness @ R
+        F = R.T @ (gripper.stiffness @ (p + R @ d[0:3] - reading.nominal))
+        gain = R.T @ gripper.stiffness @ R
         noise = 0.0
     square = F @ F
     size = math.sqrt(square)
@@ -375,7 +354,7 @@ def follow_all(
     likelihood = np.empty(len(weights))
     for i in range(len(weights)):
         frame = as_frame(numbers[i])
-        head(frame, model, model.turn[i], step, deviation)
+        head(frame, model.turn[i], step, deviation)
         likelihood[i] = follow(frame, model, model.turn[i], reading)
     weights[:] = model.switch.T @ weights * np.exp(likelihood - likelihood.max())
     weights[:] = np.maximum(weights / weights.sum(), _LEAST_WEIGHT)
@@ -397,7 +376,7 @@ def mixture(numbers: Array, weights: Array, considered: Array) -> tuple[Array, A
     Args:
         numbers: Shape (models, 156), each model's frame.
         weights: Shape (models,).
-        considered: Covariance of what is considered, shape (4, 4), or (0, 0) if nothing is.
+        considered: Covariance of what is considered, shape (4, 4).
     """
     normal = np.zeros(3)
     for i in range(len(weights)):
@@ -406,17 +385,11 @@ def mixture(numbers: Array, weights: Array, considered: Array) -> tuple[Array, A
     covariance = np.zeros((3, 3))
     for i in range(len(weights)):
         frame = as_frame(numbers[i])
-        R, P = frame.R, frame.P
-        if len(considered):
-            P = P + frame.S @ considered @ frame.S.T
-        for j in range(3):
-            for k in range(3):  # a rotation r takes n to n + r_b t - r_t b
-                covariance[j, k] += weights[i] * (
-                    R[j, 0] * P[4, 4] * R[k, 0]
-                    + R[j, 1] * P[3, 3] * R[k, 1]
-                    - P[3, 4] * (R[j, 0] * R[k, 1] + R[j, 1] * R[k, 0])
-                    + (R[j, 2] - normal[j]) * (R[k, 2] - normal[k])
-                )
+        R, P = frame.R, frame.P + frame.S @ considered @ frame.S.T
+        by_rotation = np.stack((-R[:, 1], R[:, 0]), 1)  # a rotation r takes n to n + r_b t - r_t b
+        off = R[:, 2] - normal
+        tilted = sandwich(by_rotation, np.ascontiguousarray(P[3:5, 3:5]))
+        covariance += weights[i] * (tilted + np.outer(off, off))
     return normal, covariance
 
 
@@ -437,8 +410,6 @@ def ahead(
     for i in range(len(numbers)):
         frame = as_frame(numbers[i])
         travel(frame, model, model.turn[i], speed * delay)
-        for j in range(3):
-            for k in range(3):
-                turned = frame.w[j] * frame.w[k] + frame.P[6 + j, 6 + k]
-                frame.P[3 + j, 3 + k] += (speed * deviation) ** 2 * turned
+        turned = np.outer(frame.w, frame.w) + frame.P[6:9, 6:9]
+        frame.P[3:6, 3:6] += (speed * deviation) ** 2 * turned
     return numbers

@@ -1,17 +1,12 @@
 """An observer of the normal that follows the contact point's path, with several models at once."""
 
 import math
-from dataclasses import dataclass
+from functools import lru_cache, partial
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.models.validation import (
-    ParameterError,
-    require_not_negative,
-    require_positive,
-)
 from chamfer.systems.estimation.contact_frame import (
     CONSIDERED,
     NUMBERS,
@@ -19,6 +14,7 @@ from chamfer.systems.estimation.contact_frame import (
     ContactFrame,
     ContactModel,
     ContactReading,
+    GripperModel,
     ahead,
     as_frame,
     begins,
@@ -29,13 +25,11 @@ from chamfer.systems.estimation.contact_frame import (
 from chamfer.systems.estimation.model_error import (
     CALIBRATION,
     GripperCalibration,
-    ModelErrorParams,
 )
 from chamfer.systems.estimation.normal_filter import (
     Estimate,
-    GripperSensing,
     NormalStatus,
-    ResolvedSensingParams,
+    ResolvedSurfaceObserverParams,
     Sample,
     contact_velocity,
     gate,
@@ -47,104 +41,43 @@ Array = NDArray[np.float64]
 _LEAST_NOISE: Final = 1e-3  # N and N/s, taken for a sensor said to have none
 
 
-class GripperModel(NamedTuple):
-    """Stiffness and noise, in three dimensions but for ``sensing``."""
-
-    sensing: GripperSensing
-    stiffness: Array  # (3, 3), N/m
-    compliance: Array  # (3, 3), m/N
-    force_deviation: float  # N, a component's
-    point_covariance: Array  # (3, 3), m^2
-    point_root: Array  # (3, 3), 1/m, inverse Cholesky factor of it
-    point_deviation: float  # m, the largest of any direction
-    velocity_covariance: Array  # (3, 3), m^2/s^2
-    velocity_deviation: float  # m/s, the largest of any direction
-
-    def scaled(self, factor: float) -> "GripperModel":
-        """Return the gripper with a stiffness that is larger by a factor."""
-        return self._replace(
-            sensing=self.sensing._replace(
-                compliance=self.sensing.compliance / factor,
-                velocity_noise=self.sensing.velocity_noise / factor,
-            ),
-            stiffness=factor * self.stiffness,
-            compliance=self.compliance / factor,
-            point_covariance=self.point_covariance / factor**2,
-            point_root=factor * self.point_root,
-            point_deviation=self.point_deviation / factor,
-            velocity_covariance=self.velocity_covariance / factor**2,
-            velocity_deviation=self.velocity_deviation / factor,
-        )
-
-
-def gripper_model(sensing: GripperSensing) -> GripperModel:
-    """Return what is taken for a gripper that an observer is told of, in d dimensions."""
+@lru_cache(maxsize=16)
+def gripper_model(
+    stiffness: tuple[tuple[float, ...], ...], force_noise: float, rate_noise: float, factor: float
+) -> GripperModel:
+    """Return what is taken for a gripper that is stiffer than was told by a factor."""
     # A force's component has u / sqrt(3) (4-9).
-    force = max(sensing.force_noise, _LEAST_NOISE) / math.sqrt(3)
-    rate = max(sensing.force_rate_noise, _LEAST_NOISE) / math.sqrt(3)
-    stiffness = _in_space(sensing.stiffness)
-    compliance: Array = np.asarray(np.linalg.inv(stiffness), dtype=np.float64)
-    spread = compliance @ compliance.T
-    point_covariance = force**2 * spread
+    force, rate = (max(one, _LEAST_NOISE) / math.sqrt(3) for one in (force_noise, rate_noise))
+    K = stiffness[0][0] * np.eye(3)  # in the plane any stiffness out of it would do
+    K[: len(stiffness), : len(stiffness)] = stiffness
+    K *= factor
+    compliance: Array = np.asarray(np.linalg.inv(K), dtype=np.float64)
+    spread, most = compliance @ compliance.T, float(np.linalg.norm(compliance, 2))
     return GripperModel(
-        sensing=sensing,
-        stiffness=stiffness,
+        stiffness=K,
         compliance=compliance,
         force_deviation=force,
-        point_covariance=point_covariance,
-        point_root=np.linalg.inv(np.linalg.cholesky(point_covariance)),
-        point_deviation=force * float(np.linalg.norm(compliance, 2)),
+        point_covariance=force**2 * spread,
+        point_root=np.linalg.inv(np.linalg.cholesky(force**2 * spread)),
+        point_deviation=force * most,
         velocity_covariance=rate**2 * spread,
-        velocity_deviation=rate * float(np.linalg.norm(compliance, 2)),
+        velocity_deviation=rate * most,
     )
 
 
-def _in_space(stiffness: Array) -> Array:
-    if len(stiffness) == 3:
-        return stiffness
-    padded = np.zeros((3, 3))
-    padded[:2, :2] = stiffness
-    padded[2, 2] = stiffness[0, 0]  # anything but zero would do
-    return padded
-
-
-_MOST_MODELS: Final = 10
+_MODELS: Final = 3  # their radii are spread evenly, in ratio, between the next two
+_SMOOTHEST_RADIUS: Final = 6.0  # m, of the smoothest model; that of the sharpest is rho_min
+_SWITCHING: Final = 0.01  # probability that another model holds from a sample to the next
+_PATH_RADIUS: Final = 0.1  # m, how sharp the path within the surface turns (in space)
 _UNKNOWN_HEADING: Final = 10.0  # rad, standard deviation
 _TRAVEL_THRESHOLD: Final = 5.0  # standard deviations of a distance between two points
 _SURE_MOTION: Final = 3.0  # u_v, less speed does not tell where a path begins
-_SHARP_TURN: Final = math.pi / 3  # of the path, which begins a new one
 _FRICTION_ANGLE: Final = 0.5  # rad, initially, and its standard deviation
 _LATEST: Final = 4.0  # standard deviations of the delay
 _SMOOTHER: Final = 0.02  # probability of a model at first, over that of the next sharper one
 _WHOLE: Final = 1e-6  # of a period, less is rounding
-_NONE: Final = np.zeros((0, 0))  # covariance of what is considered, if nothing is
+_NOTHING: Final = np.zeros((CONSIDERED, CONSIDERED))  # covariance of what is only considered
 _ANY_DIRECTION: Final = math.pi / math.sqrt(12)  # rad, deviation of what is anywhere within 90 deg
-
-
-@dataclass(frozen=True, kw_only=True)
-class ContactFrameFilterParams(ResolvedSensingParams):
-    """Parameters of :class:`ContactFrameFilter`."""
-
-    models: int = 3  # their radii are spread evenly, in ratio, between the next two
-    smoothest_radius: float = 6.0  # m, of the smoothest model; that of the sharpest is rho_min
-    switching: float = 0.01  # probability that another model holds from a sample to the next
-    by_point: bool = True  # use where the contact point is, not only how it moves
-    rate_lag: float = 0.0  # s, of a rate that was made of the force; 0: measured beside it
-    model_error: ModelErrorParams = ModelErrorParams()  # of what is told
-    by_friction: bool = False  # take the friction angle to be nearly constant
-    friction_drift: float = 1e-3  # rad, standard deviation of its change per sample
-    path_radius: float = 0.1  # m, how sharp the path within the surface turns (in space)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not 1 <= self.models <= _MOST_MODELS:
-            raise ParameterError("models", self.models, f"1 to {_MOST_MODELS}")
-        require_not_negative(self, "friction_drift", "rate_lag")
-        require_positive(self, "path_radius", "smoothest_radius")
-        if not 0 <= self.switching < 1:
-            raise ParameterError("switching", self.switching, "a probability below 1")
-        if not self.by_point and (self.rate_lag or self.model_error != ModelErrorParams()):
-            raise ParameterError("by_point", False, "true with a differenced rate or model errors")
 
 
 class _Memory(NamedTuple):
@@ -177,12 +110,13 @@ class ContactFrameFilter:
     In space the path tells the normal's tilt along the path only. Sideways the force tells it:
     friction opposes the motion, the force has no component across the path and the normal.
 
-    What it is told of gripper and sensor may be wrong (:class:`ModelErrorParams`). A wrong
-    stiffness tilts the path, since ``v = v_nom + K^-1 Fdot`` and v_nom is known; a bias tilts the
-    force. Along one path nothing tells either from another surface: they are measured before
-    (:class:`GripperCalibration`), and what is left of them widens the band by what it does to the
-    estimate, which stays as it is. A late force is put where the gripper was, and the normal is
-    foreseen from there to where it is.
+    What it is told of gripper and sensor may be wrong
+    (:class:`chamfer.systems.estimation.model_error.ModelErrorParams`). A wrong stiffness tilts the
+    path, since ``v = v_nom + K^-1 Fdot`` and v_nom is known; a bias tilts the force. Along one
+    path nothing tells either from another surface: they are measured before
+    (:class:`chamfer.systems.estimation.model_error.GripperCalibration`), and what is left of them
+    widens the band by what it does to the estimate, which stays as it is. A late force is put
+    where the gripper was, and the normal is foreseen from there to where it is.
 
     The thesis' gate applies, but a contact point that moves slowly counts as moving once it has
     come five standard deviations, and where a path begins in another direction either this or
@@ -191,35 +125,35 @@ class ContactFrameFilter:
     with the last normal and what the surface may have turned since.
     """
 
-    def __init__(self, params: ContactFrameFilterParams) -> None:
+    def __init__(self, params: ResolvedSurfaceObserverParams) -> None:
         self._params = params
-        self._told = gripper_model(params.sensing)
-        d = self._d = len(params.sensing.stiffness)
-        planar = d == 2
-        turn = 0.0 if planar else 1 / (math.sqrt(3) * params.path_radius)
+        self._gripper = partial(
+            gripper_model, params.stiffness, params.force_noise, params.force_rate_noise
+        )
+        self._velocity_noise = params.velocity_noise
+        self._d = len(params.stiffness)
+        planar, self._adaptive = self._d == 2, params.kind == "adaptive"
         sharpest = params.smallest_radius
-        radii = np.geomspace(sharpest, max(sharpest, params.smoothest_radius), params.models)
-        if params.smoothest_radius <= sharpest:
-            radii = radii[:1]
+        radii = np.array([sharpest])
+        if self._adaptive and sharpest < _SMOOTHEST_RADIUS:
+            radii = np.geomspace(sharpest, _SMOOTHEST_RADIUS, _MODELS)
         self._count = count = len(radii)
         bends = 1 / (math.sqrt(3) * radii)  # a third of the bound's square
         self._sharpest = float(bends[0])
-        switch = np.full((count, count), params.switching / max(count - 1, 1))
-        np.fill_diagonal(switch, 1 - params.switching if count > 1 else 1.0)
-        error = params.model_error
-        self._considers = bool(error.stiffness or error.bias)
+        switch = np.full((count, count), _SWITCHING / max(count - 1, 1))
+        np.fill_diagonal(switch, 1 - _SWITCHING if count > 1 else 1.0)
+        turn = 0.0 if planar else 1 / (math.sqrt(3) * _PATH_RADIUS)
         self._model = ContactModel(
             turn=np.array([[0.0 if planar else one, one, turn] for one in bends.tolist()]),
             switch=switch,
-            length=params.smallest_radius,
-            by_point=params.by_point,
-            differenced=params.rate_lag > 0,
-            by_friction=params.by_friction,
-            friction_drift=params.friction_drift,
+            length=sharpest,
+            by_point=self._adaptive,
+            differenced=bool(params.rate_lag),
+            by_friction=params.kind == "friction",
             period=params.period,
-            sharp_turn=_SHARP_TURN,
-            considers=self._considers,
         )
+        error, told = params.model_error, self._gripper(1.0)
+        self._considers = bool(error.stiffness or error.bias)
         # As many as the latest force needs.
         latest = error.delay + _LATEST * error.delay_deviation
         self._rows = 1 + math.ceil(latest / params.period - _WHOLE) if latest else 0
@@ -227,8 +161,8 @@ class ContactFrameFilter:
         self._ends = np.cumsum(lengths).tolist()
         self._calibration = GripperCalibration(
             error,
-            force=self._told.force_deviation,
-            compliance=self._told.compliance,
+            force=told.force_deviation,
+            compliance=told.compliance,
             period=params.period,
         )
 
@@ -276,42 +210,38 @@ class ContactFrameFilter:
         kept = self._views(memory)
         frames, weights, placed = kept.frames, kept.weights, kept.placed
         if sample.predicted_normal is not None:
-            self._foresee(frames, kept.predicted, _pad(sample.predicted_normal))
-        sample = self._in_time(kept, sample)
-        nominal, force = _pad(sample.nominal_position), _pad(sample.force)
-        moving = _pad(sample.nominal_velocity)
+            predicted = _pad(sample.predicted_normal)
+            if kept.predicted.any():  # w is what the prediction leaves over
+                turn_all(frames, rotation_between(kept.predicted, predicted))
+            kept.predicted[:] = predicted
+        sample = self._in_time(kept, Sample(*map(_pad, sample[:4])))
+        moving = sample.nominal_velocity
         lagging = self._lagging(kept, moving)
         kept.started[0] = 1.0
-        gripper = self._told
+        known, factor = self._calibration, 1.0
         if self._considers:
-            known = self._calibration
-            if known.take(kept.calibration, force, nominal, moving):
+            if known.take(kept.calibration, sample.force, sample.nominal_position, moving):
                 touched = known.touched(kept.calibration)
                 return self._estimate(
                     memory, kept, NormalStatus.STUCK if touched else NormalStatus.NO_CONTACT
                 )
-            force = force - known.bias(kept.calibration)
-            gripper = gripper.scaled(known.factor(kept.calibration))
-            sample = sample._replace(force=force[: self._d])
-        shown = sample
-        if lagging is not moving:
-            shown = sample._replace(nominal_velocity=lagging[: self._d].copy())
-        v = contact_velocity(shown, gripper.sensing.compliance)
-        status = gate(self._params.halt_speed, gripper.sensing, sample, v)
-        velocity = _pad(v)
-        point = nominal + gripper.compliance @ force
+            sample = sample._replace(force=sample.force - known.bias(kept.calibration))
+            factor = known.factor(kept.calibration)
+        gripper = self._gripper(factor)
+        velocity = contact_velocity(sample._replace(nominal_velocity=lagging), gripper.compliance)
+        status = gate(self._params, sample, velocity, self._velocity_noise / factor)
+        point = sample.nominal_position + gripper.compliance @ sample.force
         if status is NormalStatus.NO_CONTACT:
             # A free gripper is where it is meant to be: its velocity is known.
-            speed = float(np.linalg.norm(sample.nominal_velocity))
-            self._lose(frames, speed * self._params.period)
+            self._lose(frames, math.sqrt(moving @ moving) * self._params.period)
             placed[0] = 0.0
         elif status is not NormalStatus.HALTED and not placed[0]:
-            self._place(frames, point, nominal, gripper)
+            self._place(frames, point, sample.nominal_position, gripper)
             placed[0] = 1.0
         step = self._params.period * velocity
         error = self._params.period * gripper.velocity_deviation
         doubtful = self._is_doubtful(frames, weights, step, error, status)
-        if self._params.by_point and doubtful:
+        if self._adaptive and doubtful:
             step = point - weights @ frames[:, :3]
             error = math.sqrt(2) * gripper.point_deviation
             far = float(step @ step) > (_TRAVEL_THRESHOLD * error) ** 2
@@ -321,14 +251,10 @@ class ContactFrameFilter:
         reading = ContactReading(
             point=point,
             velocity=velocity,
-            force=force,
-            nominal=nominal,
+            force=sample.force,
+            nominal=sample.nominal_position,
             nominal_velocity=moving,
-            stiffness=gripper.stiffness,
-            compliance=gripper.compliance,
-            point_root=gripper.point_root,
-            velocity_covariance=gripper.velocity_covariance,
-            force_deviation=gripper.force_deviation,
+            gripper=gripper,
         )
         deviation = error / math.sqrt(step @ step)
         follow_all(frames, weights, self._model, reading, step, deviation)
@@ -341,7 +267,7 @@ class ContactFrameFilter:
         if speed and self._rows:
             late, deviation = self._calibration.delay(kept.calibration)
             frames = ahead(frames, self._model, speed, late, deviation)
-        considered = _NONE
+        considered = _NOTHING
         if self._considers:
             considered = self._calibration.covariance(kept.calibration)
         normal, covariance = mixture(frames, kept.weights, considered)
@@ -350,10 +276,10 @@ class ContactFrameFilter:
 
     def _in_time(self, kept: _Memory, sample: Sample) -> Sample:
         """Return a sample with the nominal motion of the force's time."""
-        d, history = self._d, kept.history
+        history = kept.history
         if not self._rows:
             return sample
-        now = np.concatenate([_pad(sample.nominal_position), _pad(sample.nominal_velocity)])
+        now = np.concatenate([sample.nominal_position, sample.nominal_velocity])
         history[1:] = history[:-1].copy() if kept.started[0] else now
         history[0] = now
         late = self._calibration.delay(kept.calibration)[0] / self._params.period
@@ -362,10 +288,8 @@ class ContactFrameFilter:
         motion = history[whole]
         if part:
             motion = (1 - part) * motion + part * history[whole + 1]
-        return sample._replace(
-            nominal_position=motion[:d].copy(),
-            nominal_velocity=motion[3 : 3 + d].copy(),
-        )
+        x, v = motion[:3].copy(), motion[3:].copy()
+        return sample._replace(nominal_position=x, nominal_velocity=v)
 
     def _lagging(self, kept: _Memory, moving: Array) -> Array:
         """Return the nominal velocity, m/s, that lags as much as the force's rate."""
@@ -374,7 +298,7 @@ class ContactFrameFilter:
             return moving
         share = 1 - math.exp(-self._params.period / lag) if kept.started[0] else 1.0
         kept.lagging[:] += share * (moving - kept.lagging)
-        return kept.lagging
+        return kept.lagging.copy()
 
     def _is_doubtful(
         self, frames: Array, weights: Array, step: Array, error: float, status: NormalStatus
@@ -387,13 +311,7 @@ class ContactFrameFilter:
         if length > _SURE_MOTION * math.sqrt(3) * error:
             return False
         likeliest = as_frame(frames[np.argmax(weights)])
-        return begins(likeliest, self._model, step, error / length)
-
-    def _foresee(self, frames: Array, before: Array, now: Array) -> None:
-        """Turn the frames as a predicted normal turns; w is what the prediction leaves over."""
-        if before.any():
-            turn_all(frames, rotation_between(before, now))
-        before[:] = now
+        return begins(likeliest, step, error / length)
 
     def _place(self, frames: Array, point: Array, nominal: Array, gripper: GripperModel) -> None:
         """Put the frames where contact is made, on a path that is not known yet."""
@@ -402,10 +320,9 @@ class ContactFrameFilter:
             frame.p[:] = point
             frame.w[:] = 0.0
             P, S = frame.P, frame.S
-            if self._considers:
-                S[0:3, 0] = frame.R.T @ (point - nominal)
-                S[0:3, 1:4] = -frame.R.T @ gripper.compliance
-                S[6:9] = 0.0
+            S[0:3, 0] = frame.R.T @ (point - nominal)
+            S[0:3, 1:4] = -frame.R.T @ gripper.compliance
+            S[6:9] = 0.0
             P[0:3], P[:, 0:3], P[6:9], P[:, 6:9] = 0.0, 0.0, 0.0, 0.0
             P[0:3, 0:3] = frame.R.T @ gripper.point_covariance @ frame.R
             np.fill_diagonal(P[6:9, 6:9], turn**2)

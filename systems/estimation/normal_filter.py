@@ -28,7 +28,7 @@ The constrained estimate is the ordinary one, normalised; nothing has to be iter
 import math
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Final, Literal, NamedTuple, Protocol
+from typing import Final, Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,7 @@ from chamfer.models.validation import (
     require_positive,
 )
 from chamfer.systems.compiled import compiled, inverse
+from chamfer.systems.estimation.model_error import ModelErrorParams
 
 Array = NDArray[np.float64]
 
@@ -80,42 +81,13 @@ class NormalMeasurement(NamedTuple):
 
 
 @compiled
-def project_out(force: Array, velocity: Array) -> Array:
-    """Return the normal force ``N = (I - v v^T / v^T v) F`` (4-6), shape (d,).
-
-    Friction is along the velocity, whatever its coefficient; what is left is along the normal.
-    Zero if there is no velocity, no force, or both are parallel.
-    """
-    square = velocity @ velocity
-    if not 0.0 < square < math.inf:
-        return np.zeros(len(force))
-    N = force - velocity * ((velocity @ force) / square)
-    return N if _PARALLEL**2 * (force @ force) < N @ N else np.zeros(len(force))
-
-
-@compiled
-def uncertainty(
-    normal_force: float, friction_force: float, speed: float, force: float, velocity: float
-) -> float:
-    """Return u_meas, rad (4-18).
-
-    Args:
-        normal_force: |N|, N.
-        friction_force: |F - N|, N.
-        speed: |v|, m/s.
-        force: u_F, N, the length of the error of F.
-        velocity: u_v, m/s, that of v: u_Fdot over the smallest eigenvalue of K (4-11).
-    """
-    by_force = force / (_ROOT_3 * normal_force)
-    by_velocity = velocity / (_ROOT_3 * speed) * (1 + friction_force / normal_force)
-    return math.hypot(by_force, by_velocity)
-
-
-@compiled
 def instantaneous_normal(
     force: Array, velocity: Array, force_noise: float, velocity_noise: float, prior: Array
 ) -> NormalMeasurement:
     """Return the normal that a sample shows (4-7), with an infinite uncertainty if it shows none.
+
+    Friction is along the velocity, whatever its coefficient; what is left of the force is along
+    the normal. Nothing is without velocity or force, or where both are parallel.
 
     Args:
         force: F, shape (d,), N, of the surface on the gripper.
@@ -127,18 +99,19 @@ def instantaneous_normal(
             makes the uncertainty depend on the sample's error, which biases what is estimated
             with it.
     """
-    N = project_out(force, velocity)
-    length = math.sqrt(float(N @ N))
-    normal_force = length
-    if prior.any():
-        normal_force = abs(float(prior @ force))
-    if length == 0.0 or normal_force == 0.0:
-        return NormalMeasurement(np.zeros(len(force)), math.inf)
+    none = NormalMeasurement(np.zeros(len(force)), math.inf)
+    square = velocity @ velocity
+    if not 0.0 < square < math.inf:
+        return none
+    N = force - velocity * ((velocity @ force) / square)  # (4-6)
+    length = math.sqrt(N @ N)
+    normal_force = abs(prior @ force) if prior.any() else length
+    if not _PARALLEL**2 * (force @ force) < N @ N or normal_force == 0.0:
+        return none
     friction = math.sqrt(max(float(force @ force) - normal_force**2, 0.0))
-    u = uncertainty(
-        normal_force, friction, math.sqrt(velocity @ velocity), force_noise, velocity_noise
-    )
-    return NormalMeasurement(N / length, u)
+    by_force = force_noise / (_ROOT_3 * normal_force)  # (4-18)
+    by_velocity = velocity_noise / (_ROOT_3 * math.sqrt(square)) * (1 + friction / normal_force)
+    return NormalMeasurement(N / length, math.hypot(by_force, by_velocity))
 
 
 class Updated(NamedTuple):
@@ -243,19 +216,24 @@ class NormalFilter(Protocol):
         """Return the estimate after a sample."""
 
 
-class GripperSensing(NamedTuple):
-    """What is known of gripper and sensor, in d dimensions."""
-
-    stiffness: Array  # K, (d, d), N/m
-    compliance: Array  # its inverse, m/N
-    force_noise: float  # u_F, N
-    force_rate_noise: float  # u_Fdot, N/s
-    velocity_noise: float  # u_v, m/s (4-11)
+ObserverKind = Literal["adaptive", "thesis", "gated", "prior_weights", "curvature", "friction"]
+KINDS: Final[tuple[ObserverKind, ...]] = get_args(ObserverKind)
 
 
 @dataclass(frozen=True, kw_only=True)
-class SensingParams:
-    """What every observer of the normal is told about gripper, sensor and surface.
+class SurfaceObserverParams:
+    """Which observer of the normal runs, and what it is told about gripper, sensor and surface.
+
+    * ``adaptive``: a multiple-model extended Kalman filter that follows the Darboux frame of the
+      contact point's path
+      (:class:`chamfer.systems.estimation.contact_frame_filter.ContactFrameFilter`). It assumes
+      nothing about the friction coefficient, and can be told what it may be told wrong.
+    * ``thesis``: the constrained Kalman filter of section 4.3 as printed.
+    * ``gated``: the same, without update and process noise while the gripper is at a halt, and
+      without update while the contact point sticks.
+    * ``prior_weights``: gated, and the force is divided by the prior estimate in (4-18).
+    * ``curvature``: follows direction of motion and curvature, gated.
+    * ``friction``: the same with the friction angle as a state, for friction known to be constant.
 
     A noise is the rms length of a vector with three axes (4-9), (4-15).
     """
@@ -267,6 +245,11 @@ class SensingParams:
     initial_deviation: float = 0.1  # rad, of the initial normal, on each axis; calibrated
     halt_speed: float = 1e-3  # m/s, of the nominal motion; less is a halt
     period: float = 0.05  # s, T, between two estimates; calibrated
+    kind: ObserverKind = "adaptive"  # which observer estimates the normal; thesis: the paper's own
+    # Of kind adaptive only:
+    model_error: ModelErrorParams = ModelErrorParams()  # of what it is told
+    rate_lag: float | None = None  # s, by which a rate that was made of the force lags
+    # 0: measured beside it; None: derived, the sensor's
 
     def __post_init__(self) -> None:
         rows = self.stiffness
@@ -277,15 +260,21 @@ class SensingParams:
             K = np.array(rows)
             if np.abs(K - K.T).max() > 1e-9 * np.abs(K).max() or np.linalg.eigvalsh(K)[0] <= 0:
                 raise ParameterError("stiffness", rows, "symmetric and positive definite")
-        for name in ("force_noise", "force_rate_noise"):
-            if getattr(self, name) is not None:
-                require_not_negative(self, name)
-        require_not_negative(self, "initial_deviation", "halt_speed")
+        require_not_negative(
+            self, "force_noise", "force_rate_noise", "initial_deviation", "halt_speed"
+        )
         require_positive(self, "smallest_radius", "period")
+        require_one_of(self, "kind", KINDS)
+        if self.kind == "adaptive":
+            require_not_negative(self, "rate_lag")
+        elif self.model_error != ModelErrorParams():
+            raise ParameterError("model_error", self.model_error, "none, but for kind=adaptive")
+        elif self.rate_lag is not None:
+            raise ParameterError("rate_lag", self.rate_lag, "null, but for kind=adaptive")
 
 
 @dataclass(frozen=True, kw_only=True)
-class ResolvedSensingParams(SensingParams):
+class ResolvedSurfaceObserverParams(SurfaceObserverParams):
     """The same, with nothing left open."""
 
     stiffness: tuple[tuple[float, ...], ...]
@@ -293,34 +282,14 @@ class ResolvedSensingParams(SensingParams):
     force_rate_noise: float
 
     @property
-    def sensing(self) -> GripperSensing:
-        """What is known of gripper and sensor."""
-        K = np.array(self.stiffness)
-        return GripperSensing(
-            stiffness=K,
-            compliance=np.linalg.inv(K),
-            force_noise=self.force_noise,
-            force_rate_noise=self.force_rate_noise,
-            velocity_noise=self.force_rate_noise / float(np.linalg.eigvalsh(K)[0]),
-        )
+    def compliance(self) -> Array:
+        """The inverse of K, shape (d, d), m/N."""
+        return np.asarray(np.linalg.inv(np.array(self.stiffness)), dtype=np.float64)
 
-
-Weights = Literal["sample", "prior"]
-Solver = Literal["closed_form", "newton"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class ConstrainedFilterParams(ResolvedSensingParams):
-    """Parameters of :class:`ConstrainedFilter`; the defaults are the thesis' filter."""
-
-    gated: bool = False  # no update and no process noise at a halt, no update while stuck
-    weights: Weights = "sample"  # what divides F in (4-18): the sample or the prior estimate
-    solver: Solver = "closed_form"  # newton: the thesis' iteration, the same result
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_one_of(self, "weights", ("sample", "prior"))
-        require_one_of(self, "solver", ("closed_form", "newton"))
+    @property
+    def velocity_noise(self) -> float:
+        """u_v, m/s, that of v: u_Fdot over the smallest eigenvalue of K (4-11)."""
+        return self.force_rate_noise / float(np.linalg.eigvalsh(np.array(self.stiffness))[0])
 
 
 class ConstrainedFilter:
@@ -341,13 +310,14 @@ class ConstrainedFilter:
     The memory is the normal, P row by row and the last prediction (zeros before the first).
     """
 
-    def __init__(self, params: ConstrainedFilterParams) -> None:
-        self._params = params
-        self._sensing = params.sensing
-        d = len(self._sensing.stiffness)
-        self._eye = np.eye(d)
-        self._none = np.zeros(d)
-        self._split = (d, d + d * d)
+    def __init__(
+        self,
+        params: ResolvedSurfaceObserverParams,
+        solver: Literal["closed_form", "newton"] = "closed_form",
+    ) -> None:
+        self._params, self._solver = params, solver
+        self._compliance, self._velocity_noise = params.compliance, params.velocity_noise
+        self._eye = np.eye(len(params.stiffness))
 
     def start(self, normal: Array) -> Array:
         """Return the memory before the first sample, from an initial unit normal."""
@@ -357,19 +327,18 @@ class ConstrainedFilter:
     def update(self, memory: Array, sample: Sample) -> Estimate:
         """Return the estimate after a sample."""
         params = self._params
-        first, second = self._split
+        d = len(self._eye)
         memory = memory.copy()  # compiled once, for arrays that may be written
-        normal, P = memory[:first], memory[first:second].reshape(first, first)
-        predicted = memory[second:]
+        normal, P, predicted = memory[:d], memory[d:-d].reshape(d, d), memory[-d:]
         if sample.predicted_normal is not None:
             if predicted.any():
                 turn = rotation_between(predicted, sample.predicted_normal)
                 normal, P = turn @ normal, turn @ P @ turn.T
             predicted = sample.predicted_normal
-        v = contact_velocity(sample, self._sensing.compliance)
+        v = contact_velocity(sample, self._compliance)
         status = NormalStatus.MEASURED
-        if params.gated:
-            status = gate(params.halt_speed, self._sensing, sample, v)
+        if params.kind != "thesis":
+            status = gate(params, sample, v, self._velocity_noise)
         if status is not NormalStatus.HALTED:
             # Where there is no contact the measured velocity is still right: K^-1 Fdot is noise.
             P = P + (float(v @ v) * (params.period / params.smallest_radius) ** 2 / 3) * self._eye
@@ -377,19 +346,21 @@ class ConstrainedFilter:
             measured, u = instantaneous_normal(
                 sample.force,
                 v,
-                self._sensing.force_noise,
-                self._sensing.velocity_noise,
-                normal if params.weights == "prior" else self._none,
+                params.force_noise,
+                self._velocity_noise,
+                normal if params.kind == "prior_weights" else np.zeros(d),
             )
             if u == math.inf:
-                status = why_undefined(sample.force, v)
+                status = NormalStatus.UNDEFINED if v.any() else NormalStatus.STUCK
+                if not sample.force.any():
+                    status = NormalStatus.NO_CONTACT
             else:
                 R = (u**2 / 3) * self._eye
                 normal, P = self._solve(normal, P, measured, R)
         return Estimate(np.concatenate([normal, P.ravel(), predicted]), normal, P, status)
 
     def _solve(self, normal: Array, P: Array, measured: Array, R: Array) -> Updated:
-        if self._params.solver == "closed_form":
+        if self._solver == "closed_form":
             return constrained_update(normal, P, measured, R)
         try:
             multiplier = newton_multiplier(normal, P, measured, R)
@@ -411,31 +382,20 @@ def contact_velocity(sample: Sample, compliance: Array) -> Array:
 
 
 def gate(
-    halt_speed: float, sensing: GripperSensing, sample: Sample, velocity: Array
+    params: ResolvedSurfaceObserverParams, sample: Sample, velocity: Array, velocity_noise: float
 ) -> NormalStatus:
     """Return what a sample is good for, from what is known before it is used.
 
-    Args:
-        halt_speed: m/s, less nominal speed is a halt.
-        sensing: What is known of the sensor.
-        sample: The sample.
-        velocity: Of the contact point, shape (d,), m/s.
+    ``velocity``, m/s, shape (d,), is the contact point's, and ``velocity_noise``, m/s, u_v.
     """
     nominal = sample.nominal_velocity
-    if float(nominal @ nominal) <= halt_speed**2:
+    if float(nominal @ nominal) <= params.halt_speed**2:
         return NormalStatus.HALTED
-    if float(sample.force @ sample.force) <= (CONTACT_THRESHOLD * sensing.force_noise) ** 2:
+    if float(sample.force @ sample.force) <= (CONTACT_THRESHOLD * params.force_noise) ** 2:
         return NormalStatus.NO_CONTACT
-    if float(velocity @ velocity) <= (MOTION_THRESHOLD * sensing.velocity_noise) ** 2:
+    if float(velocity @ velocity) <= (MOTION_THRESHOLD * velocity_noise) ** 2:
         return NormalStatus.STUCK
     return NormalStatus.MEASURED
-
-
-def why_undefined(force: Array, velocity: Array) -> NormalStatus:
-    """Return why there is no instantaneous normal."""
-    if not force.any():
-        return NormalStatus.NO_CONTACT
-    return NormalStatus.UNDEFINED if velocity.any() else NormalStatus.STUCK
 
 
 def rotation_between(before: Array, after: Array) -> Array:
@@ -444,11 +404,9 @@ def rotation_between(before: Array, after: Array) -> Array:
     Raises:
         ParameterError: If they are opposite, so that there is more than one.
     """
-    cosine = float(before @ after)
-    if cosine <= -1 + 1e-9:
-        raise ParameterError(
-            "predicted_normal", after.tolist(), f"less than a half turn from {before.tolist()}"
-        )
+    if float(before @ after) <= -1 + 1e-9:
+        allowed = f"less than a half turn from {before.tolist()}"
+        raise ParameterError("predicted_normal", after.tolist(), allowed)
     return _reflections(before, after)
 
 
@@ -466,23 +424,5 @@ def tangential_deviation(normal: Array, covariance: Array) -> float:
 
     It is that of the covariance's part in the tangent plane: the normal's length is certain.
     """
-    if len(normal) == 2:
-        t = np.array([-normal[1], normal[0]])
-        return math.sqrt(max(float(t @ covariance @ t), 0.0))
-    least = 0
-    for i in range(1, 3):
-        if abs(normal[i]) < abs(normal[least]):
-            least = i
-    t = -normal[least] * normal
-    t[least] += 1.0
-    t /= math.sqrt(t @ t)
-    b = np.array(
-        [
-            normal[1] * t[2] - normal[2] * t[1],
-            normal[2] * t[0] - normal[0] * t[2],
-            normal[0] * t[1] - normal[1] * t[0],
-        ]
-    )
-    along, across, both = t @ covariance @ t, b @ covariance @ b, t @ covariance @ b
-    largest = 0.5 * (along + across) + math.hypot(0.5 * (along - across), both)
-    return math.sqrt(max(float(largest), 0.0))
+    flat = np.eye(len(normal)) - np.outer(normal, normal)
+    return math.sqrt(max(np.linalg.eigvalsh(flat @ covariance @ flat)[-1], 0.0))

@@ -1,105 +1,33 @@
 """The observer of an unknown surface's normal as a block, and what it is given (Fig. 5-1)."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any, Final, Literal, get_args
-
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem
 from pydrake.systems.framework import State as DrakeState
 
 from chamfer.models.surfaces.surface import Surface, normal
-from chamfer.models.validation import ParameterError, require_not_negative, require_one_of
-from chamfer.systems.estimation.contact_frame_filter import (
-    ContactFrameFilter,
-    ContactFrameFilterParams,
-)
-from chamfer.systems.estimation.model_error import ModelErrorParams
+from chamfer.models.validation import ParameterError
+from chamfer.systems.estimation.contact_frame_filter import ContactFrameFilter
 from chamfer.systems.estimation.normal_filter import (
     ConstrainedFilter,
-    ConstrainedFilterParams,
     Estimate,
     NormalFilter,
     NormalStatus,
-    ResolvedSensingParams,
+    ResolvedSurfaceObserverParams,
     Sample,
-    SensingParams,
     tangential_deviation,
 )
 from chamfer.systems.force.contact_detection import CONTACT
+from chamfer.systems.ports import finite_input
 
 Array = NDArray[np.float64]
-ObserverKind = Literal["adaptive", "thesis", "gated", "prior_weights", "curvature", "friction"]
-KINDS: Final[tuple[ObserverKind, ...]] = get_args(ObserverKind)
-
-
-@dataclass(frozen=True, kw_only=True)
-class SurfaceObserverParams(SensingParams):
-    """Parameters of :class:`SurfaceObserver`.
-
-    * ``adaptive``: a multiple-model extended Kalman filter that follows the Darboux frame of the
-      contact point's path
-      (:class:`chamfer.systems.estimation.contact_frame_filter.ContactFrameFilter`). It assumes
-      nothing about the friction coefficient, and can be told what it may be told wrong.
-    * ``thesis``: the constrained Kalman filter of section 4.3 as printed.
-    * ``gated``: the same, without update and process noise while the gripper is at a halt, and
-      without update while the contact point sticks.
-    * ``prior_weights``: gated, and the force is divided by the prior estimate in (4-18).
-    * ``curvature``: follows direction of motion and curvature, gated.
-    * ``friction``: the same with the friction angle as a state, for friction known to be constant.
-    """
-
-    kind: ObserverKind = "adaptive"  # which observer estimates the normal; thesis: the paper's own
-    # Of kind adaptive only:
-    model_error: ModelErrorParams = ModelErrorParams()  # of what it is told
-    rate_lag: float | None = None  # s, by which a rate that was made of the force lags
-    # 0: measured beside it; None: derived, the sensor's
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_one_of(self, "kind", KINDS)
-        if self.kind == "adaptive":
-            if self.rate_lag is not None:
-                require_not_negative(self, "rate_lag")
-            return
-        if self.model_error != ModelErrorParams():
-            raise ParameterError("model_error", self.model_error, "none, but for kind=adaptive")
-        if self.rate_lag is not None:
-            raise ParameterError("rate_lag", self.rate_lag, "null, but for kind=adaptive")
-
-
-@dataclass(frozen=True, kw_only=True)
-class ResolvedSurfaceObserverParams(ResolvedSensingParams, SurfaceObserverParams):
-    """The same, with nothing left open."""
-
-
-# Of each kind what the filter is told beside gripper, sensor and surface.
-_CONSTRAINED: Final[Mapping[str, Mapping[str, Any]]] = {
-    "thesis": {},
-    "gated": {"gated": True},
-    "prior_weights": {"gated": True, "weights": "prior"},
-}
-_FOLLOWING: Final[Mapping[str, Mapping[str, Any]]] = {
-    "curvature": {"models": 1, "by_point": False},
-    "friction": {"models": 1, "by_point": False, "by_friction": True},
-    "adaptive": {},
-}
 
 
 def make_filter(params: ResolvedSurfaceObserverParams) -> NormalFilter:
     """Return the filter that runs in the block."""
-    sensing = {field.name: getattr(params, field.name) for field in fields(SensingParams)}
-    if params.kind in _CONSTRAINED:
-        return ConstrainedFilter(ConstrainedFilterParams(**sensing, **_CONSTRAINED[params.kind]))
-    return ContactFrameFilter(
-        ContactFrameFilterParams(
-            **sensing,
-            **_FOLLOWING[params.kind],
-            model_error=params.model_error,
-            rate_lag=params.rate_lag or 0.0,
-        )
-    )
+    if params.kind in ("thesis", "gated", "prior_weights"):
+        return ConstrainedFilter(params)
+    return ContactFrameFilter(params)
 
 
 class SurfaceObserver(LeafSystem):
@@ -141,32 +69,21 @@ class SurfaceObserver(LeafSystem):
 
     def __init__(self, params: ResolvedSurfaceObserverParams, initial_normal: Array) -> None:
         super().__init__()
-        d = len(params.sensing.stiffness)
+        d = len(params.stiffness)
         normal = np.asarray(initial_normal, dtype=np.float64)
         length = float(np.linalg.norm(normal))
         if normal.shape != (d,) or not 0 < length < np.inf:
-            raise ParameterError(
-                "initial_normal", normal.tolist(), f"{d} finite numbers, not all zero"
-            )
+            allowed = f"{d} finite numbers, not all zero"
+            raise ParameterError("initial_normal", normal.tolist(), allowed)
         normal = normal / length
         self._filter = make_filter(params)
-        self._ports = [
-            self.DeclareVectorInputPort(name, size)
-            for name, size in (
-                ("measured_force", d),
-                ("measured_force_rate", d),
-                ("nominal_motion", 2 * d),
-            )
-        ]
+        sizes = {"measured_force": d, "measured_force_rate": d, "nominal_motion": 2 * d}
+        self._ports = [self.DeclareVectorInputPort(*one) for one in sizes.items()]
         self._predicted = self.DeclareVectorInputPort("predicted_normal", d)
         self._d = d
         self._memory = self.DeclareDiscreteState(self._filter.start(normal))
-        start = Estimate(
-            memory=np.zeros(0),
-            normal=normal,
-            covariance=params.initial_deviation**2 * np.eye(d),
-            status=NormalStatus.NO_CONTACT,
-        )
+        P = params.initial_deviation**2 * np.eye(d)
+        start = Estimate(np.zeros(0), normal, P, NormalStatus.NO_CONTACT)
         self._outputs = []
         for name, value in _outputs(start).items():
             group = self.DeclareDiscreteState(value)
@@ -177,15 +94,14 @@ class SurfaceObserver(LeafSystem):
         self.DeclarePeriodicUnrestrictedUpdateEvent(params.period, 0.0, self._tick)
 
     def _tick(self, context: Context, state: DrakeState) -> None:
-        force, rate, motion = (_finite(port, port.Eval(context)) for port in self._ports)
+        force, rate, motion = (finite_input(port, context) for port in self._ports)
         predicted = None
         if self._predicted.HasValue(context):
-            predicted = _finite(self._predicted, self._predicted.Eval(context))
+            predicted = finite_input(self._predicted, context)
             length = float(np.linalg.norm(predicted))
             if not abs(length - 1) < 1e-6:
-                raise ParameterError(
-                    "predicted_normal", predicted.tolist(), "a vector of length 1"
-                )
+                allowed = "a vector of length 1"
+                raise ParameterError("predicted_normal", predicted.tolist(), allowed)
             predicted = predicted / length  # or what is turned along would grow with every sample
         memory = context.get_discrete_state(self._memory).value()
         # The sensor gives the gripper's force on the surface, the observer uses the opposite.
@@ -204,13 +120,6 @@ def _outputs(estimate: Estimate) -> dict[str, Array]:
         "deviation": np.array([tangential_deviation(estimate.normal, estimate.covariance)]),
         "status": np.array([float(estimate.status)]),
     }
-
-
-def _finite(port: object, value: Array) -> Array:
-    if not np.all(np.isfinite(value)):
-        name = port.get_name()  # type: ignore[attr-defined]
-        raise ParameterError(name, value.tolist(), "finite numbers")
-    return value
 
 
 class SettledForce(LeafSystem):

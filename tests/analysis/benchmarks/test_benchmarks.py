@@ -35,8 +35,7 @@ from chamfer.analysis.benchmarks.engine import (
 from chamfer.analysis.benchmarks.peers import COMPILED, EXTRA, PEERS, missing
 from chamfer.analysis.benchmarks.peg_benchmark import CHAMFER, STATICS, TABLE, Result, cell, sure
 from chamfer.analysis.benchmarks.speed import COMMAND, IMPORTS, NEWTON
-from chamfer.systems.estimation.normal_filter import ConstrainedFilter
-from chamfer.systems.estimation.surface_observer import KINDS
+from chamfer.systems.estimation.normal_filter import KINDS, ConstrainedFilter
 
 # Long enough for the whole transient of the PID, and for both increments of the FSM.
 CASES: dict[LoopName, LoopCase] = {"pid": LoopCase("pid", 0.1), "fsm": LoopCase("fsm")}
@@ -193,8 +192,8 @@ def test_every_kind_of_observer_is_timed(monkeypatch: pytest.MonkeyPatch) -> Non
     assert all(1e-7 < one < 60.0 for one in seconds.values())
     newton, thesis = contenders[-1], contenders[KINDS.index("thesis")]
     assert isinstance(newton, ConstrainedFilter)
-    assert (newton._params.solver, thesis._params.solver) == ("newton", "closed_form")
-    assert newton._params.gated == thesis._params.gated
+    assert (newton._solver, thesis._solver) == ("newton", "closed_form")
+    assert newton._params == thesis._params
 
 
 def test_a_process_that_fails_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

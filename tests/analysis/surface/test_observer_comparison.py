@@ -20,7 +20,7 @@ from chamfer.analysis.surface.observer_comparison import (
 )
 from chamfer.diagrams.surface.surface_scenario import SurfaceSettings
 from chamfer.models.validation import ParameterError
-from chamfer.systems.estimation.surface_observer import KINDS
+from chamfer.systems.estimation.normal_filter import KINDS
 
 FEW = ("constant", "sharper", "space_bowl")
 TRIALS = 5

@@ -1,7 +1,7 @@
 """Slides of a compliant gripper along a surface, and filters that follow them."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -11,7 +11,14 @@ import pytest
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.surface import Surface
 from chamfer.systems.contact.sliding_contact import SLIP, Touch, advance
-from chamfer.systems.estimation.normal_filter import NormalFilter, Sample, tangential_deviation
+from chamfer.systems.estimation.model_error import ModelErrorParams
+from chamfer.systems.estimation.normal_filter import (
+    NormalFilter,
+    ResolvedSurfaceObserverParams,
+    Sample,
+    tangential_deviation,
+)
+from chamfer.systems.estimation.surface_observer import make_filter
 
 Array = np.ndarray
 Motion = Callable[[float], tuple[Array, Array]]
@@ -67,9 +74,20 @@ class Slides:
         return tuple(map(tuple, (value * np.eye(dimension)).tolist()))
 
     @classmethod
-    def told(cls, dimension: int) -> dict[str, Any]:
+    def told(cls, dimension: int, **changes: Any) -> ResolvedSurfaceObserverParams:
         """Return what an observer is told of that gripper and the sensor of section 5.2.2."""
-        return {"stiffness": cls.stiffness(dimension), "force_noise": 1.0, "force_rate_noise": 5.0}
+        known = {"force_noise": 1.0, "force_rate_noise": 5.0}
+        known["stiffness"] = cls.stiffness(dimension)  # type: ignore[assignment]
+        return ResolvedSurfaceObserverParams(**{**known, **changes})
+
+    @classmethod
+    def observer(
+        cls, dimension: int, error: Mapping[str, float] | None = None, **changes: Any
+    ) -> NormalFilter:
+        """Return the filter of an observer that is told this; ``error`` is what may be wrong."""
+        return make_filter(
+            cls.told(dimension, model_error=ModelErrorParams(**error or {}), **changes)
+        )
 
     @staticmethod
     def lead(
@@ -107,21 +125,17 @@ class Slides:
         duration: float,
         *,
         friction: SurfaceFriction | None = None,
-        stiffness: tuple[tuple[float, ...], ...] | None = None,
         period: float = 0.05,
-        steps: int = 2,
     ) -> Slide:
         """Return a slide: one sample a period, the contact in smaller steps."""
         d = surface.dimension
         friction = SurfaceFriction() if friction is None else friction
-        K = 100 * np.eye(d) if stiffness is None else np.array(stiffness)
         touch: Touch | None = None
         touches, samples = [], []
         for k in range(round(duration / period) + 1):
-            for step in range(steps if k else 1):
-                t = (k - (steps - 1 - step) / steps) * period if k else 0.0
+            for t in ((k - 0.5) * period, k * period) if k else (0.0,):
                 position, velocity = motion(t)
-                touch = advance(surface, friction, K, touch, position, velocity)
+                touch = advance(surface, friction, 100 * np.eye(d), touch, position, velocity)
             assert touch is not None
             touches.append(touch)
             samples.append(Sample(touch.force, touch.force_rate, position, velocity))
@@ -133,37 +147,21 @@ class Slides:
         )
 
     @staticmethod
-    def disturb(
-        samples: list[Sample], seed: int, force: float = 1.0, rate: float = 5.0
-    ) -> list[Sample]:
-        """Return samples with noise: u_F, N, and u_Fdot, N/s (section 5.2.2)."""
-        random = np.random.default_rng(seed)
-        d = len(samples[0].force)
-
-        def noise(length: float) -> Array:
-            found: Array = length / math.sqrt(3) * random.standard_normal(d)
-            return found
-
+    def disturb(samples: list[Sample], seed: int) -> list[Sample]:
+        """Return samples with noise: u_F = 1 N, and u_Fdot = 5 N/s (section 5.2.2)."""
+        draw, d = np.random.default_rng(seed).standard_normal, len(samples[0].force)
         return [
             sample._replace(
-                force=sample.force + noise(force), force_rate=sample.force_rate + noise(rate)
+                force=sample.force + 1 / math.sqrt(3) * draw(d),
+                force_rate=sample.force_rate + 5 / math.sqrt(3) * draw(d),
             )
             for sample in samples
         ]
 
     @staticmethod
-    def turn(samples: list[Sample], R: Array) -> list[Sample]:
-        """Return what the same slide shows in turned axes."""
-        return [
-            Sample(*(None if vector is None else R @ vector for vector in sample))
-            for sample in samples
-        ]
-
-    @staticmethod
-    def follow(observer: NormalFilter, samples: list[Sample], normal: Any = None) -> Followed:
+    def follow(observer: NormalFilter, samples: list[Sample]) -> Followed:
         """Run a filter over samples; it begins with the last axis as the normal."""
-        first = np.eye(len(samples[0].force))[-1] if normal is None else np.array(normal)
-        memory = observer.start(first)
+        memory = observer.start(np.eye(len(samples[0].force))[-1])
         found = []
         for sample in samples:
             found.append(observer.update(memory, sample))
@@ -207,18 +205,6 @@ def random_unit() -> Callable[..., Array]:
     def draw(random: np.random.Generator, dimension: int) -> Array:
         vector = random.standard_normal(dimension)
         return np.asarray(vector / np.linalg.norm(vector))
-
-    return draw
-
-
-@pytest.fixture(scope="package")
-def random_rotation() -> Callable[..., Array]:
-    """Return a function that draws a proper rotation, shape (d, d)."""
-
-    def draw(random: np.random.Generator, dimension: int) -> Array:
-        R: Array = np.linalg.qr(random.standard_normal((dimension, dimension)))[0]
-        R[0] *= np.linalg.det(R)
-        return R
 
     return draw
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, norm
@@ -18,6 +18,7 @@ from chamfer.systems.estimation.contact_frame import (
     ContactFrame,
     ContactModel,
     ContactReading,
+    GripperModel,
     as_frame,
     begins,
     correct,
@@ -43,10 +44,7 @@ def make_model(**changes: Any) -> ContactModel:
         "by_point": True,
         "differenced": False,
         "by_friction": False,
-        "friction_drift": 0.0,
         "period": 0.05,
-        "sharp_turn": math.pi / 3,
-        "considers": True,
     }
     return ContactModel(**{**fields, **changes})
 
@@ -84,7 +82,6 @@ def error_of(frame: ContactFrame, true: ContactFrame) -> Array:
     )
 
 
-@settings(deadline=None)  # the first call compiles
 @given(seed=seeds, exponent=st.floats(-12, 1.5))
 def test_rotation(seed: int, exponent: float) -> None:
     vector = 10.0**exponent * np.random.default_rng(seed).standard_normal(3)
@@ -92,7 +89,6 @@ def test_rotation(seed: int, exponent: float) -> None:
     np.testing.assert_allclose(rotation(vector), expected, rtol=0, atol=1e-12)
 
 
-@settings(deadline=None)
 @given(seed=seeds, variance=st.floats(-8, 4).map(lambda exponent: 10.0**exponent))
 def test_one_scalar_as_in_a_kalman_filter(
     random_covariance: Callable[..., Array], seed: int, variance: float
@@ -191,7 +187,7 @@ def test_frame_walks_around_a_ball_or_in_a_bowl(sign: float, count: int) -> None
 
 @pytest.mark.parametrize("ds", [0.03, -0.03])
 def test_turning_is_a_stationary_process_over_the_path(ds: float) -> None:
-    model = make_model(friction_drift=0.01)
+    model = make_model()
     deviation = np.array([0.5, 0.8, 1.1])
     P = np.zeros((SIZE, SIZE))
     np.fill_diagonal(P[6:9, 6:9], deviation**2)
@@ -204,7 +200,7 @@ def test_turning_is_a_stationary_process_over_the_path(ds: float) -> None:
     # It turns the frame by ds times its deviation, and a little for what is new on the way.
     new = (1 - kept**2) * ds**2 / 3
     np.testing.assert_allclose(np.diag(frame.P)[3:6], deviation**2 * (ds**2 + new), rtol=1e-9)
-    assert frame.P[9, 9] == pytest.approx(1e-4, rel=1e-12)
+    assert frame.P[9, 9] == pytest.approx(1e-6, rel=1e-12)
     np.testing.assert_allclose(frame.P[4, 7], ds * kept * deviation[1] ** 2, rtol=1e-12)
     # And displaces it in the second order: sideways by w_n, along the normal by w_b.
     displaced = (0.5 * ds**2 * deviation[[2, 1]]) ** 2
@@ -221,9 +217,9 @@ def test_path_that_turns_off_sharply(
     # What the direction has along the normal is noise.
     direction = 0.03 * (math.cos(angle) * t + math.sin(angle) * b) + 0.02 * n
     sharp = abs(angle) > math.pi / 3
-    assert begins(frame, make_model(), direction, 0.3) == sharp
+    assert begins(frame, direction, 0.3) == sharp
     turn = np.array([0.5, 0.8, 1.1])
-    head(frame, make_model(), turn, direction, 0.3)
+    head(frame, turn, direction, 0.3)
     np.testing.assert_allclose(frame.R[:, 2], n, rtol=0, atol=1e-15)
     np.testing.assert_array_equal(frame.p, kept.p)
     if not sharp:
@@ -266,7 +262,7 @@ def test_turn_that_is_no_error_begins_a_path(sign: float, of: str) -> None:
         angle = 0.02 * 3.0 + sign * factor * least  # from where the path is expected to go
         t, b, _ = frame.R.T
         step = 0.02 * (math.cos(angle) * t + math.sin(angle) * b)
-        assert begins(frame, make_model(), step, deviation) == expected
+        assert begins(frame, step, deviation) == expected
 
 
 def test_mixture_of_one_is_its_normal(random_covariance: Callable[..., Array]) -> None:
@@ -308,39 +304,33 @@ class Sensor:
     """Shows a contact in a true frame, with the noise that the filter takes it to have."""
 
     def __init__(self, noise: float, rate_noise: float, K: Array = OBLIQUE) -> None:
-        self.K, self.noise = K, noise
         compliance = np.linalg.inv(K)
-        self.compliance = compliance
-        self.point_covariance = noise**2 * compliance @ compliance.T
-        self.velocity_covariance = rate_noise**2 * compliance @ compliance.T
+        spread = compliance @ compliance.T
+        self.rate_root = rate_noise * np.linalg.cholesky(spread)
+        self.gripper = GripperModel(
+            stiffness=K,
+            compliance=compliance,
+            force_deviation=noise,
+            point_covariance=noise**2 * spread,
+            point_root=np.linalg.inv(noise * np.linalg.cholesky(spread)),
+            point_deviation=math.nan,
+            velocity_covariance=rate_noise**2 * spread,
+            velocity_deviation=math.nan,
+        )
 
-    def read(
-        self, true: ContactFrame, random: np.random.Generator | None, direction: float = 0.02
-    ) -> ContactReading:
-        """``direction``, rad: how far friction is off the path's direction, as it is assumed."""
-        draw = np.zeros(3) if random is None else random.standard_normal(3)
-        velocity, point = 0.5 * true.R[:, 0], true.p.copy()
-        angle = float(true.friction[0])
-        force = 20 * true.R @ np.array([-math.sin(angle), 0.0, math.cos(angle)])
-        if random is not None:
-            draw = random.standard_normal((4, 3))
-            force += 20 * true.R @ np.array([0.0, direction * draw[3, 0], 0.0])
-        else:
-            draw = np.zeros((4, 3))
-        nominal = true.p - self.compliance @ force
-        error = self.noise * draw[0]
-        rate = np.linalg.cholesky(self.velocity_covariance)
+    def read(self, true: ContactFrame, random: np.random.Generator | None) -> ContactReading:
+        """Friction is off the path's direction by 0.02 rad, as it is assumed."""
+        draw = np.zeros((3, 3)) if random is None else random.standard_normal((3, 3))
+        velocity, angle = 0.5 * true.R[:, 0], float(true.friction[0])
+        force = 20 * true.R @ np.array([-math.sin(angle), 0.02 * draw[2, 0], math.cos(angle)])
+        compliance, error = self.gripper.compliance, self.gripper.force_deviation * draw[0]
         return ContactReading(
-            point=point + self.compliance @ error,
-            velocity=velocity + rate @ draw[1],
+            point=true.p + compliance @ error,
+            velocity=velocity + self.rate_root @ draw[1],
             force=force + error,
-            nominal=nominal,
-            nominal_velocity=velocity - self.compliance @ np.array([3.0, -2.0, 1.0]),
-            stiffness=self.K,
-            compliance=self.compliance,
-            point_root=np.linalg.inv(np.linalg.cholesky(self.point_covariance)),
-            velocity_covariance=self.velocity_covariance,
-            force_deviation=self.noise,
+            nominal=true.p - compliance @ force,
+            nominal_velocity=velocity - compliance @ np.array([3.0, -2.0, 1.0]),
+            gripper=self.gripper,
         )
 
 
@@ -369,17 +359,10 @@ def test_exact_sample_leaves_no_error(by_point: bool, by_friction: bool, seed: i
         assert np.abs(left[:3]).max() < 2e-2 * size
 
 
-@pytest.mark.parametrize(
-    ("by_point", "by_friction", "noise"),
-    [(True, False, 0.5), (True, True, 0.5), (False, False, 0.5), (False, True, 0.5)],
-)
-@pytest.mark.parametrize("uneven", [True])
+@pytest.mark.parametrize("by_point", [True, False])
+@pytest.mark.parametrize("by_friction", [True, False])
 def test_error_is_as_large_as_the_covariance_says(
-    random_covariance: Callable[..., Array],
-    by_point: bool,
-    by_friction: bool,
-    noise: float,
-    uneven: bool,
+    random_covariance: Callable[..., Array], by_point: bool, by_friction: bool
 ) -> None:
     """Normalised error squared after a sample, over draws of the error before and the noise."""
     random = np.random.default_rng(1)
@@ -389,9 +372,8 @@ def test_error_is_as_large_as_the_covariance_says(
         random_covariance(random, SIZE, 0.05) + 0.5 * np.eye(SIZE)
     )
     P = root @ root.T
-    sensor = Sensor(noise, 2.5, OBLIQUE if uneven else 100 * np.eye(3))
+    sensor = Sensor(0.5, 2.5)
     model = make_model(turn=np.zeros((1, 3)), by_point=by_point, by_friction=by_friction)
-    direction = 0.02
     counted = list(range(SIZE)) if by_point else list(range(3, SIZE))
     if not by_friction:
         counted.remove(9)
@@ -400,10 +382,10 @@ def test_error_is_as_large_as_the_covariance_says(
         frame = make_frame(run, P, turning=0.3)
         true = moved(frame, root @ random.standard_normal(SIZE))
         travel(true, model, NOTHING, 0.5 * model.period)
-        reading = sensor.read(true, random, direction)
+        reading = sensor.read(true, random)
         if by_friction and by_point:
             # The friction angle is taken to vary by as much as the force's direction.
-            true.friction[:] += direction * random.standard_normal()
+            true.friction[:] += 0.02 * random.standard_normal()
         if not by_point:
             frame.p[:] = true.p
         follow(frame, model, NOTHING, reading)
@@ -430,7 +412,7 @@ def test_velocity_whose_components_have_errors_in_common(
     travel(before, model, NOTHING, v[0] * model.period)
     before.P[:3], before.P[:, :3] = 0.0, 0.0  # the point is not followed
     v = before.R.T @ reading.velocity
-    noise = (before.R.T @ reading.velocity_covariance @ before.R)[1:, 1:]
+    noise = (before.R.T @ reading.gripper.velocity_covariance @ before.R)[1:, 1:]
     rows = np.zeros((2, SIZE))
     rows[0, 5], rows[1, 4] = v[0], -v[0]
     gain = before.P @ rows.T @ np.linalg.inv(rows @ before.P @ rows.T + noise)

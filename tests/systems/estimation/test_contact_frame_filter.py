@@ -14,11 +14,8 @@ from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
 from chamfer.models.surfaces.rounds import Circle, Sphere
 from chamfer.models.surfaces.surface import Surface
 from chamfer.systems.contact.sliding_contact import FREE, SLIP
+from chamfer.systems.estimation import contact_frame_filter
 from chamfer.systems.estimation.contact_frame import NUMBERS, as_frame
-from chamfer.systems.estimation.contact_frame_filter import (
-    ContactFrameFilter,
-    ContactFrameFilterParams,
-)
 from chamfer.systems.estimation.model_error import (
     CALIBRATION,
     GripperCalibration,
@@ -27,18 +24,8 @@ from chamfer.systems.estimation.model_error import (
 from chamfer.systems.estimation.normal_filter import NormalStatus, Sample, rotation_between
 
 Array = np.ndarray
-Make = Callable[..., ContactFrameFilter]
 VARYING = SurfaceFriction(coefficient=0.5, ripple=0.3)
 HOLLOW = Sphere(centre=(0.0, 0.0, 2.0), radius=2.0, inside=True)
-
-
-@pytest.fixture(scope="package")
-def make_filter(slides: Any) -> Make:
-    def make(d: int, **changes: Any) -> ContactFrameFilter:
-        fields = {**slides.told(d), **changes}
-        return ContactFrameFilter(ContactFrameFilterParams(**fields))
-
-    return make
 
 
 @pytest.mark.parametrize(
@@ -52,7 +39,7 @@ def make_filter(slides: Any) -> Make:
     ],
 )
 def test_samples_without_noise(
-    slides: Any, make_filter: Make, surface: Surface, assumed: float, known: float
+    slides: Any, surface: Surface, assumed: float, known: float
 ) -> None:
     d = surface.dimension
     slide = slides.make(surface, slides.lead(d, heading=0.7), 6.0, friction=VARYING)
@@ -60,7 +47,7 @@ def test_samples_without_noise(
     counted[:20] = False
     assert np.count_nonzero(counted) > 80
     for most, noise in ((assumed, {}), (known, {"force_noise": 0.0, "force_rate_noise": 0.0})):
-        found = slides.follow(make_filter(d, **noise), slide.samples)
+        found = slides.follow(slides.observer(d, **noise), slide.samples)
         errors = slides.angles(found.normals, slide.normals)[counted]
         assert np.degrees(errors.max()) < most
         assert np.all(errors <= 3 * found.deviations[counted] + 1e-6)
@@ -83,7 +70,7 @@ kinds_of_sample = st.sampled_from(["slide", "noise", "no force", "halt", "parall
 @example(d=2, seed=175, kinds=10 * ["slide", "parallel"], silent=False)
 @pytest.mark.filterwarnings("error")
 def test_norm_and_covariance_over_random_runs(
-    make_filter: Make,
+    slides: Any,
     random_unit: Callable[..., Array],
     d: int,
     seed: int,
@@ -91,7 +78,7 @@ def test_norm_and_covariance_over_random_runs(
     silent: bool,
 ) -> None:
     noise = {"force_noise": 0.0, "force_rate_noise": 0.0} if silent else {}
-    observer = make_filter(d, **noise)
+    observer = slides.observer(d, **noise)
     random = np.random.default_rng(seed)
     draw = random.standard_normal
     memory = observer.start(np.eye(d)[-1])
@@ -127,46 +114,35 @@ def test_norm_and_covariance_over_random_runs(
             assert found.status is not NormalStatus.MEASURED
 
 
-def test_memory(make_filter: Make) -> None:
+@pytest.mark.parametrize(("radius", "count"), [(0.75, 3), (5.9, 3), (6.0, 1), (50.0, 1)])
+def test_it_begins_with_the_initial_normal_and_smoother_models_than_the_sharpest(
+    slides: Any, radius: float, count: int
+) -> None:
     n = np.array([0.6, 0.0, 0.8])
-    for count in (1, 3, 5):
-        observer = make_filter(3, models=count, initial_deviation=0.2)
-        memory = observer.start(n)
-        assert memory.shape == (count * (NUMBERS + 1) + 31,)
-        weights = memory[count * NUMBERS : -31]
-        assert weights.sum() == pytest.approx(1, rel=1e-15)
-        assert np.all(np.diff(weights) < 0)  # sharp until it has shown to be smooth
-        for numbers in memory[: count * NUMBERS].reshape(count, NUMBERS):
-            np.testing.assert_allclose(as_frame(numbers).R[:, 2], n, rtol=0, atol=1e-15)
-        first = observer.update(memory, Sample(*(np.zeros(3) for _ in range(4))))
-        assert first.status is NormalStatus.HALTED
-        np.testing.assert_allclose(first.normal, n, rtol=0, atol=1e-15)
-        flat = 0.04 * (np.eye(3) - np.outer(n, n))
-        np.testing.assert_allclose(first.covariance, flat, rtol=0, atol=1e-15)
-    # The nominal motion back to the latest force: 0.1 s and four deviations, at 20 Hz.
-    late = ModelErrorParams(delay=0.1, delay_deviation=0.01)
-    assert len(make_filter(3, model_error=late).start(n)) - len(make_filter(3).start(n)) == 6 * 4
-
-
-@pytest.mark.parametrize(("radius", "count"), [(0.75, 3), (11.9, 3), (12.0, 1), (50.0, 1)])
-def test_smoother_models_than_the_sharpest(make_filter: Make, radius: float, count: int) -> None:
-    observer = make_filter(2, smallest_radius=radius, smoothest_radius=12.0)
-    memory = observer.start(np.array([0.0, 1.0]))
-    deviations = [
-        math.sqrt(as_frame(numbers).P[7, 7])
-        for numbers in memory[: count * NUMBERS].reshape(count, NUMBERS)
-    ]
-    assert len(memory) == count * (NUMBERS + 1) + 31
+    observer = slides.observer(3, smallest_radius=radius, initial_deviation=0.2)
+    memory = observer.start(n)
+    assert memory.shape == (count * (NUMBERS + 1) + 31,)
+    weights = memory[count * NUMBERS : -31]
+    assert weights.sum() == pytest.approx(1, rel=1e-15)
+    assert np.all(np.diff(weights) < 0)  # sharp until it has shown to be smooth
+    frames = [as_frame(one) for one in memory[: count * NUMBERS].reshape(count, NUMBERS)]
     # Their mean square is a third of the bound's (4-20); the ratios between them are the same.
-    radii = 1 / (math.sqrt(3) * np.array(deviations))
-    assert radii[0] == pytest.approx(radius, rel=1e-12)
-    if count == 3:
-        expected = [radius, math.sqrt(12 * radius), 12]
-        np.testing.assert_allclose(radii, expected, rtol=1e-12)
+    radii = [1 / math.sqrt(3 * frame.P[7, 7]) for frame in frames]
+    expected = [radius, math.sqrt(6 * radius), 6.0] if count == 3 else [radius]
+    np.testing.assert_allclose(radii, expected, rtol=1e-12)
+    first = observer.update(memory, Sample(*(np.zeros(3) for _ in range(4))))
+    assert first.status is NormalStatus.HALTED
+    for normal in (first.normal, *(frame.R[:, 2] for frame in frames)):
+        np.testing.assert_allclose(normal, n, rtol=0, atol=1e-15)
+    flat = 0.04 * (np.eye(3) - np.outer(n, n))
+    np.testing.assert_allclose(first.covariance, flat, rtol=0, atol=1e-15)
+    # The nominal motion back to the latest force: 0.1 s and four deviations, at 20 Hz.
+    late = slides.observer(3, {"delay": 0.1, "delay_deviation": 0.01}, smallest_radius=radius)
+    assert len(late.start(n)) - len(memory) == 6 * 4
 
 
 @pytest.mark.parametrize("d", [2, 3])
-def test_lost_contact(slides: Any, make_filter: Make, d: int) -> None:
+def test_lost_contact(slides: Any, d: int) -> None:
     away = np.zeros(d)
     away[-1] = 0.3
     ahead = 0.2 * np.eye(d)[0]
@@ -179,24 +155,23 @@ def test_lost_contact(slides: Any, make_filter: Make, d: int) -> None:
     free = np.flatnonzero(slide.modes == FREE)
     assert len(free) > 40
     first, last = free[5], free[-1]  # as long as there is a force the point shows a path
-    for seed in range(1):
-        found = slides.follow(make_filter(d), slides.disturb(slide.samples, seed))
-        assert np.count_nonzero(found.statuses[first : last + 1] == NormalStatus.NO_CONTACT) > 30
-        gone = found.statuses[first : last + 1] == NormalStatus.NO_CONTACT
-        steps = np.diff(found.deviations[first : last + 1])[gone[1:]]
-        assert np.all(steps > 0)
-        # By as much as the sharpest surface turns, on the way and by what the velocity's noise is.
-        travelled = 0.05 * len(gone) * math.hypot(0.2, 0.3)
-        grown = found.deviations[last] - found.deviations[first]
-        assert travelled / (math.sqrt(3) * 0.75) == pytest.approx(grown, rel=0.25)
-        errors = slides.angles(found.normals, slide.normals)
-        assert np.all(errors[-40:] < 3 * found.deviations[-40:])
-        assert np.degrees(errors[-20:].max()) < 8
+    found = slides.follow(slides.observer(d), slides.disturb(slide.samples, 0))
+    gone = found.statuses[first : last + 1] == NormalStatus.NO_CONTACT
+    assert np.count_nonzero(gone) > 30
+    steps = np.diff(found.deviations[first : last + 1])[gone[1:]]
+    assert np.all(steps > 0)
+    # By as much as the sharpest surface turns, on the way and by what the velocity's noise is.
+    travelled = 0.05 * len(gone) * math.hypot(0.2, 0.3)
+    grown = found.deviations[last] - found.deviations[first]
+    assert travelled / (math.sqrt(3) * 0.75) == pytest.approx(grown, rel=0.25)
+    errors = slides.angles(found.normals, slide.normals)
+    assert np.all(errors[-40:] < 3 * found.deviations[-40:])
+    assert np.degrees(errors[-20:].max()) < 8
 
 
-def test_contact_point_is_found_again_after_a_loss(make_filter: Make) -> None:
+def test_contact_point_is_found_again_after_a_loss(slides: Any) -> None:
     # Where the gripper was before says nothing of the surface's direction from there to here.
-    observer = make_filter(2)
+    observer = slides.observer(2)
     v, zeros = np.array([0.2, 0.0]), np.zeros(2)
 
     def sample(x: float, y: float, force: float) -> Sample:
@@ -217,10 +192,10 @@ def test_contact_point_is_found_again_after_a_loss(make_filter: Make) -> None:
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_prediction_turns_estimate_and_covariance_along(
-    make_filter: Make, random_unit: Callable[..., Array], d: int
+    slides: Any, random_unit: Callable[..., Array], d: int
 ) -> None:
     random = np.random.default_rng(2)
-    observer, zeros = make_filter(d), np.zeros(d)
+    observer, zeros = slides.observer(d), np.zeros(d)
     before, after = random_unit(random, d), random_unit(random, d)
     memory = observer.start(random_unit(random, d))
     halt = Sample(zeros, zeros, zeros, zeros, before)
@@ -239,31 +214,31 @@ def test_prediction_turns_estimate_and_covariance_along(
     ],
 )
 def test_error_and_band_along_a_surface(
-    slides: Any, make_filter: Make, surface: Surface, rms: float, coverage: float
+    slides: Any, surface: Surface, rms: float, coverage: float
 ) -> None:
     d = surface.dimension
     slide = slides.make(surface, slides.lead(d, heading=0.7), 6.0, friction=VARYING)
-    found = slides.noisy(make_filter(d), slide, seeds=6)
+    found = slides.noisy(slides.observer(d), slide, seeds=6)
     assert found.rms < rms
     assert found.coverage >= coverage
     # Nor is it too careful.
     assert found.band < 4 * 1.3 * found.rms
 
 
-def test_slow_slide_below_the_gate_is_measured(slides: Any, make_filter: Make) -> None:
+def test_slow_slide_below_the_gate_is_measured(slides: Any) -> None:
     surface, speed, d = Paraboloid(coefficients=(0.15, 0.15)), 0.09, 3
     slide = slides.make(surface, slides.lead(d, speed=speed, heading=0.4), 1.2 / speed)
-    found = slides.follow(make_filter(d), slides.disturb(slide.samples, 0))
+    found = slides.follow(slides.observer(d), slides.disturb(slide.samples, 0))
     measured = np.count_nonzero(found.statuses == NormalStatus.MEASURED)
     # Once in five standard deviations of a distance, 41 mm, or a little later.
     assert measured > 12
     assert measured < 0.2 * len(slide.samples)
     assert set(found.statuses) == {NormalStatus.MEASURED, NormalStatus.STUCK}
-    noisy = slides.noisy(make_filter(d), slide, seeds=4, after=40)
+    noisy = slides.noisy(slides.observer(d), slide, seeds=4, after=40)
     assert noisy.rms < 3.6
     assert noisy.coverage > 0.99
     # What passes the gate of the velocity alone is noise.
-    gated = slides.noisy(make_filter(d, by_point=False), slide, seeds=4, after=40)
+    gated = slides.noisy(slides.observer(d, kind="curvature"), slide, seeds=4, after=40)
     assert noisy.rms < 0.6 * gated.rms
 
 
@@ -271,25 +246,14 @@ SHARP = Parabola(coefficient=0.15)
 SADDLE = Paraboloid(coefficients=(0.1, -0.1))
 
 
-@pytest.fixture(scope="module")
-def make(slides: Any) -> Make:
-    def make_filter(d: int, *, told: float = 1.0, **changes: Any) -> ContactFrameFilter:
-        error = ModelErrorParams(
-            **{n: changes.pop(n) for n in list(changes) if n in ModelErrorParams.__annotations__}
-        )
-        fields = {**slides.told(d), "stiffness": slides.stiffness(d, 100.0 * told), **changes}
-        return ContactFrameFilter(ContactFrameFilterParams(**fields, model_error=error))
-
-    return make_filter
-
-
 @pytest.mark.parametrize("told", [0.7, 1.3])
-def test_stiffness_that_may_be_wrong_widens_the_band_alone(
-    slides: Any, make: Make, told: float
-) -> None:
+def test_stiffness_that_may_be_wrong_widens_the_band_alone(slides: Any, told: float) -> None:
     slide = slides.make(SHARP, slides.lead(2), 8.0)
-    trusting = slides.noisy(make(2, told=told), slide, seeds=3)
-    careful = slides.noisy(make(2, told=told, stiffness=0.3), slide, seeds=3)
+    K = slides.stiffness(2, 100 * told)
+    trusting, careful = (
+        slides.noisy(slides.observer(2, error, stiffness=K), slide, seeds=3)
+        for error in ({}, {"stiffness": 0.3})
+    )
     np.testing.assert_array_equal(careful.errors, trusting.errors)
     assert trusting.coverage < 0.8
     assert careful.coverage > 0.99
@@ -300,7 +264,7 @@ def test_stiffness_that_may_be_wrong_widens_the_band_alone(
 @pytest.mark.parametrize("considered", range(4))
 @pytest.mark.parametrize("lag", [0.0, 0.1])
 def test_sensitivity_is_the_estimates_derivative(
-    slides: Any, make: Make, considered: int, lag: float
+    slides: Any, monkeypatch: pytest.MonkeyPatch, considered: int, lag: float
 ) -> None:
     """Of the compliance, 0, and of the bias along each axis, by differences of two runs."""
     slide = slides.make(SADDLE, slides.lead(3, heading=0.5), 3.0)
@@ -309,12 +273,11 @@ def test_sensitivity_is_the_estimates_derivative(
     if considered:
         shift = size * np.eye(3)[considered - 1]
         samples = [s._replace(force=s.force + shift) for s in samples]
-    told = 1 + size if not considered else 1.0
-    one = {"models": 1, "rate_lag": lag}
-    reference = slides.follow(make(3, **one), slide.samples)
-    # Where nothing may be wrong, nothing is considered.
-    assert not as_frame(reference.memory[:NUMBERS]).S.any()
-    found = slides.follow(make(3, **one, told=told, stiffness=0.3, bias=1.5), samples)
+    monkeypatch.setattr(contact_frame_filter, "_SMOOTHEST_RADIUS", 0.5)  # a single model
+    one: dict[str, Any] = {"rate_lag": lag}
+    reference = slides.follow(slides.observer(3, **one), slide.samples)
+    one["stiffness"] = slides.stiffness(3, 100.0 if considered else 100.0 * (1 + size))
+    found = slides.follow(slides.observer(3, {"stiffness": 0.3, "bias": 1.5}, **one), samples)
     frame = as_frame(found.memory[:NUMBERS])
     by_t, by_b = frame.S[3:5, considered]
     # The true frame is the estimate's, turned by S times the error.
@@ -324,26 +287,24 @@ def test_sensitivity_is_the_estimates_derivative(
     np.testing.assert_allclose(moved, expected, rtol=0, atol=0.06 * np.linalg.norm(expected))
 
 
-def test_tare_finds_the_bias(slides: Any, make: Make) -> None:
+def test_tare_finds_the_bias(slides: Any) -> None:
     slide = slides.make(SADDLE, slides.lead(3), 6.0)
     bias = np.array([0.5, 2.0, -1.0])
     above, still = np.array([0.0, 0.0, 0.1]), np.zeros(3)
     tare = [Sample(still, still, above, still)] * 20
     samples = [s._replace(force=s.force + bias) for s in [*tare, *slide.samples]]
     slid = np.flatnonzero(slide.modes == SLIP)[20:]
-    careful = make(3, bias=1.5, tare=1.0)
-    for seed in range(1):
-        noisy = slides.disturb(samples, seed)
-        found = slides.follow(careful, noisy)
-        assert set(found.statuses[:20]) == {NormalStatus.NO_CONTACT}
-        np.testing.assert_array_equal(found.normals[:20], np.tile([0.0, 0.0, 1.0], (20, 1)))
-        errors = slides.angles(found.normals[20:], slide.normals)[slid]
-        assert np.all(errors < 3 * found.deviations[20:][slid])
-        assert math.degrees(errors.max()) < 6
-        # Without, the band must hold all of the bias.
-        bare = slides.follow(make(3, bias=1.5), noisy[20:])
-        assert bare.deviations[slid].mean() > 1.5 * found.deviations[20:][slid].mean()
-        assert np.all(slides.angles(bare.normals, slide.normals)[slid] < 3 * bare.deviations[slid])
+    noisy = slides.disturb(samples, 0)
+    found = slides.follow(slides.observer(3, {"bias": 1.5, "tare": 1.0}), noisy)
+    assert set(found.statuses[:20]) == {NormalStatus.NO_CONTACT}
+    np.testing.assert_array_equal(found.normals[:20], np.tile([0.0, 0.0, 1.0], (20, 1)))
+    errors = slides.angles(found.normals[20:], slide.normals)[slid]
+    assert np.all(errors < 3 * found.deviations[20:][slid])
+    assert math.degrees(errors.max()) < 6
+    # Without, the band must hold all of the bias.
+    bare = slides.follow(slides.observer(3, {"bias": 1.5}), noisy[20:])
+    assert bare.deviations[slid].mean() > 1.5 * found.deviations[20:][slid].mean()
+    assert np.all(slides.angles(bare.normals, slide.normals)[slid] < 3 * bare.deviations[slid])
 
 
 MAY_BE_WRONG = {"stiffness": 0.3, "bias": 1.5, "delay": 0.05, "delay_deviation": 0.05}
@@ -413,7 +374,7 @@ def test_what_cannot_be_wrong_is_not_sought() -> None:
 
 
 @pytest.mark.slow
-def test_late_force_is_put_where_the_gripper_was(slides: Any, make: Make) -> None:
+def test_late_force_is_put_where_the_gripper_was(slides: Any) -> None:
     ball = Circle(centre=(0.0, -1.0), radius=1.0, inside=False)
     slide = slides.make(ball, slides.lead(2, speed=0.1, depth=0.3), 6.0)
     late = [
@@ -423,25 +384,24 @@ def test_late_force_is_put_where_the_gripper_was(slides: Any, make: Make) -> Non
         )
         for k, sample in enumerate(slide.samples)
     ]
-    quiet = {"force_noise": 0.01, "force_rate_noise": 0.05}
     slid = np.flatnonzero(slide.modes == SLIP)[20:]
-    error = [
-        float(np.mean(slides.angles(slides.follow(filter_, late).normals, slide.normals)[slid]))
-        for filter_ in (make(2, **quiet), make(2, **quiet, delay=0.2))
-    ]
-    assert error[1] < 0.2 * error[0]
-    # The normal turns with the speed over the radius, or what the filter takes it for.
-    sure, unsure = (
-        slides.follow(make(2, **quiet, delay=0.2, delay_deviation=one), late).deviations[slid]
-        for one in (0.0, 0.05)
+
+    def told(**error: float) -> Any:
+        quiet = slides.observer(2, error, force_noise=0.01, force_rate_noise=0.05)
+        return slides.follow(quiet, late)
+
+    trusting, told_late = (
+        float(np.mean(slides.angles(found.normals, slide.normals)[slid]))
+        for found in (told(), told(delay=0.2))
     )
+    assert told_late < 0.2 * trusting
+    # The normal turns with the speed over the radius, or what the filter takes it for.
+    sure, unsure = (told(delay=0.2, delay_deviation=one).deviations[slid] for one in (0.0, 0.05))
     added = np.sqrt(unsure**2 - sure**2)
     assert 0.05 * 0.1 < added.mean() < 2.5 * 0.05 * 0.1
 
 
-def test_rate_that_lags_shows_no_motion_where_the_gripper_turns_round(
-    slides: Any, make: Make
-) -> None:
+def test_rate_that_lags_shows_no_motion_where_the_gripper_turns_round(slides: Any) -> None:
     # Pressed down and up again the contact point rests, but the lagging rate has not turned yet.
     down, up, ahead = (np.array(v) for v in ([0.0, -0.2], [0.0, 0.2], [0.1, 0.0]))
     motion = slides.legs([0.0, -0.1], [(1.0, down), (0.5, up), (0.4, ahead)])
@@ -452,6 +412,6 @@ def test_rate_that_lags_shows_no_motion_where_the_gripper_turns_round(
         step = share * (sample.force - filtered)
         filtered = filtered + step
         samples.append(sample._replace(force_rate=step / 0.05))
-    found = slides.follow(make(2, rate_lag=0.2), samples)
+    found = slides.follow(slides.observer(2, rate_lag=0.2), samples)
     assert NormalStatus.MEASURED not in found.statuses[10:]
-    assert NormalStatus.MEASURED in slides.follow(make(2), samples).statuses[10:]
+    assert NormalStatus.MEASURED in slides.follow(slides.observer(2), samples).statuses[10:]

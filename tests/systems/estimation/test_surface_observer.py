@@ -13,28 +13,20 @@ from chamfer.models.surfaces.graphs import Parabola, Paraboloid
 from chamfer.models.surfaces.rounds import Sphere
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import ParameterError
-from chamfer.systems.estimation.contact_frame_filter import (
-    ContactFrameFilter,
-    ContactFrameFilterParams,
-)
 from chamfer.systems.estimation.model_error import ModelErrorParams
 from chamfer.systems.estimation.normal_filter import (
-    ConstrainedFilter,
-    ConstrainedFilterParams,
+    KINDS,
     NormalStatus,
-    ResolvedSensingParams,
+    ObserverKind,
+    ResolvedSurfaceObserverParams,
     Sample,
-    SensingParams,
+    SurfaceObserverParams,
     tangential_deviation,
 )
 from chamfer.systems.estimation.surface_observer import (
-    KINDS,
-    ObserverKind,
     PredictedNormal,
-    ResolvedSurfaceObserverParams,
     SettledForce,
     SurfaceObserver,
-    SurfaceObserverParams,
     make_filter,
 )
 from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
@@ -45,14 +37,9 @@ Array = np.ndarray
 class Watching:
     """An observer that is given one sample a tick."""
 
-    def __init__(
-        self,
-        params: ResolvedSurfaceObserverParams,
-        normal: Any = None,
-        block: SurfaceObserver | None = None,
-    ) -> None:
-        up = np.eye(len(params.sensing.stiffness))[-1] if normal is None else normal
-        self.block = SurfaceObserver(params, up) if block is None else block
+    def __init__(self, params: ResolvedSurfaceObserverParams, normal: Any = None) -> None:
+        up = np.eye(len(params.stiffness))[-1] if normal is None else normal
+        self.block = SurfaceObserver(params, up)
         self.simulator = Simulator(self.block)
         self.context: Any = self.simulator.get_mutable_context()
         self.period, self.ticks = params.period, 0
@@ -85,15 +72,7 @@ class Watching:
 
 @pytest.fixture(scope="package")
 def make_params(slides: Any) -> Callable[..., ResolvedSurfaceObserverParams]:
-    def make(
-        d: int, kind: ObserverKind = "adaptive", **changes: Any
-    ) -> ResolvedSurfaceObserverParams:
-        fields = {**slides.told(d), "period": 0.0625, **changes}  # exact times
-        if kind == "adaptive":
-            fields = {"rate_lag": 0.0, **fields}
-        return ResolvedSurfaceObserverParams(kind=kind, **fields)
-
-    return make
+    return partial(slides.told, period=0.0625)  # exact times
 
 
 @pytest.fixture(scope="package")
@@ -115,7 +94,7 @@ def samples(slides: Any) -> Callable[[int], list[Sample]]:
 def test_block_does_what_its_filter_does(
     make_params: Any, samples: Any, d: int, kind: ObserverKind
 ) -> None:
-    params = make_params(d, kind)
+    params = make_params(d, kind=kind)
     watching, pure = Watching(params), make_filter(params)
     memory = pure.start(np.eye(d)[-1])
     statuses = set()
@@ -135,23 +114,6 @@ def test_block_does_what_its_filter_does(
         statuses.add(expected.status)
     if kind != "thesis":
         assert {NormalStatus.MEASURED, NormalStatus.HALTED} <= statuses
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_kinds(make_params: Any, kind: ObserverKind) -> None:
-    found = make_filter(make_params(3, kind, smallest_radius=0.6, force_noise=0.7))
-    params: Any = found._params
-    assert (params.smallest_radius, params.force_noise, params.period) == (0.6, 0.7, 0.0625)
-    assert len(params.sensing.stiffness) == 3
-    if kind in ("thesis", "gated", "prior_weights"):
-        assert isinstance(found, ConstrainedFilter)
-        assert params.gated == (kind != "thesis")
-        assert params.weights == ("prior" if kind == "prior_weights" else "sample")
-    else:
-        assert isinstance(found, ContactFrameFilter)
-        assert (params.models == 1) == (kind != "adaptive")
-        assert params.by_point == (kind == "adaptive")
-        assert params.by_friction == (kind == "friction")
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -190,7 +152,7 @@ def test_outputs_are_held_over_the_period(make_params: Any, samples: Any) -> Non
 
 def test_sign_of_the_measured_force(make_params: Any) -> None:
     # The gripper pushes down and drags along; the surface's normal is up.
-    params = make_params(2, "thesis", force_noise=0.0, force_rate_noise=0.0)
+    params = make_params(2, kind="thesis", force_noise=0.0, force_rate_noise=0.0)
     watching = Watching(params, [0.3, 1.0])
     for inputs in ({"measured_force": [4.0, -10.0]}, {"measured_force_rate": [0.0, 3.0]}):
         watching.tick(
@@ -234,7 +196,7 @@ def test_prediction_that_is_not_a_direction(make_params: Any, samples: Any, norm
 @pytest.mark.parametrize("kind", ["adaptive", "gated"])
 def test_prediction_that_is_not_quite_of_unit_length(make_params: Any, kind: ObserverKind) -> None:
     # What is turned along with it must not grow from sample to sample.
-    watching = Watching(make_params(2, kind), [0.1, 1.0])
+    watching = Watching(make_params(2, kind=kind), [0.1, 1.0])
     halt = Sample(*(np.zeros(2) for _ in range(4)))
     for _ in range(1000):
         watching.tick(halt, predicted_normal=np.array([0.6, 0.8]) * (1 + 9e-7))
@@ -290,19 +252,10 @@ def test_hidden_at_the_begin_of_each_contact() -> None:
     assert shown == [True, False, False, True, True, False, False, True, True]
 
 
-TOLD: dict[str, Any] = {
-    "stiffness": ((150.0, 40.0), (40.0, 80.0)),
-    "force_noise": 0.5,
-    "force_rate_noise": 3.0,
-}
-
-
-def test_softest_direction_decides_the_velocity_noise() -> None:
-    sensing = ResolvedSensingParams(**TOLD).sensing
-    softest = 115 - math.hypot(35, 40)
-    assert sensing.velocity_noise == pytest.approx(3 / softest, rel=1e-12)
-    assert (sensing.force_noise, sensing.force_rate_noise) == (0.5, 3.0)
-    np.testing.assert_allclose(sensing.compliance @ sensing.stiffness, np.eye(2), atol=1e-15)
+def test_softest_direction_decides_the_velocity_noise(slides: Any) -> None:
+    told = slides.told(2, stiffness=((150.0, 40.0), (40.0, 80.0)), force_rate_noise=3.0)
+    assert told.velocity_noise == pytest.approx(3 / (115 - math.hypot(35, 40)), rel=1e-12)
+    np.testing.assert_allclose(told.compliance @ told.stiffness, np.eye(2), atol=1e-15)
 
 
 NOT_SQUARE = "2 x 2 or 3 x 3 finite numbers"
@@ -313,7 +266,7 @@ NOT_DEFINITE = "symmetric and positive definite"
     ("kind", "changes", "allowed"),
     [
         *(
-            (SensingParams, {"stiffness": rows}, NOT_SQUARE)
+            (SurfaceObserverParams, {"stiffness": rows}, NOT_SQUARE)
             for rows in (
                 (),
                 ((100.0, 0.0),),
@@ -323,7 +276,7 @@ NOT_DEFINITE = "symmetric and positive definite"
             )
         ),
         *(
-            (SensingParams, {"stiffness": rows}, NOT_DEFINITE)
+            (SurfaceObserverParams, {"stiffness": rows}, NOT_DEFINITE)
             for rows in (
                 ((100.0, 1.0), (0.0, 100.0)),
                 ((100.0, 0.0), (0.0, 0.0)),
@@ -348,19 +301,6 @@ NOT_DEFINITE = "symmetric and positive definite"
             SurfaceObserverParams,
             {"model_error": ModelErrorParams(bias=1.0), "kind": "gated"},
             "none, but for kind=adaptive",
-        ),
-        (ConstrainedFilterParams, {"weights": "posterior", **TOLD}, "sample, prior"),
-        (ConstrainedFilterParams, {"solver": "bisection", **TOLD}, "closed_form, newton"),
-        (ContactFrameFilterParams, {"models": 0, **TOLD}, "1 to 10"),
-        (ContactFrameFilterParams, {"models": 11, **TOLD}, "1 to 10"),
-        (ContactFrameFilterParams, {"friction_drift": -1e-3, **TOLD}, "a finite number >= 0"),
-        (ContactFrameFilterParams, {"path_radius": 0.0, **TOLD}, "a finite number > 0"),
-        (ContactFrameFilterParams, {"smoothest_radius": math.nan, **TOLD}, "a finite number > 0"),
-        (ContactFrameFilterParams, {"switching": 1.0, **TOLD}, "a probability below 1"),
-        (
-            ContactFrameFilterParams,
-            {"by_point": False, "rate_lag": 0.1, **TOLD},
-            "true with a differenced rate or model errors",
         ),
         (ModelErrorParams, {"bias": -1.0}, "a finite number >= 0"),
         (ModelErrorParams, {"stiffness": 1.0}, "a part below 1"),
