@@ -103,6 +103,7 @@ def test_lengths_of_the_parts() -> None:
     assert OTHER.wedging_depth == pytest.approx(2 * 0.3 * 0.0117)
     assert OTHER.chamfer_limit == pytest.approx(0.0033)
     assert OTHER.lateral_limit == pytest.approx(0.0237)
+    assert OTHER.peg_chamfer == OTHER.hole_chamfer == pytest.approx((0.0015, 0.9))
     # A peg that leans by that much just spans the mouth.
     assert 2 * 0.0117 / math.cos(OTHER.mouth_tilt_limit) == pytest.approx(2 * 0.012)
     # Two points touch at theta_w where lambda is one.
@@ -145,7 +146,7 @@ def test_a_chamfer_fits_on_its_part(part: str, name: str) -> None:
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_presets_are_parts_that_fit(name: str) -> None:
-    parts = ColouredParts(**PRESETS[name])  # type: ignore[arg-type]
+    parts = ColouredParts(**PRESETS[name], peg_colour=(0, 0, 255))  # type: ignore[arg-type]
     assert 0 < parts.clearance_ratio < 0.05
     assert parts.bore_length < parts.peg_length
 
