@@ -15,13 +15,7 @@ from chamfer.analysis.charging.charging_runs import (
     run_charging,
 )
 from chamfer.analysis.contact.contact_metrics import stability_metrics
-from chamfer.analysis.scenario.experiment import (
-    Metric,
-    Outcome,
-    Progress,
-    Table,
-    column,
-)
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.diagrams.charging.charging_scenario import (
     ResolvedCrucibleChargingScenario,
     charging_stability,
@@ -79,29 +73,22 @@ def run_crucible_charging(
         ),
         "cycle.time": Metric(value=float(run.traces["time"][-1]), unit="s"),
     }
+    # One row an item; NaN where nothing was measured.
+    nuggets: dict[str, Any] = {
+        "item": column(range(len(items))),
+        "kind": np.array([one.kind for one in scenario.plan]),
+        "mass": column([one.mass for one in scenario.plan]),
+        "azimuth": column([one.azimuth for one in scenario.plan]),
+        **{name: column([item.get(name, np.nan) for item in items]) for name in LIMITS},
+    }
     stability = charging_stability(scenario)
     margins = {} if stability is None else stability_metrics(stability)
     return Outcome(
         metrics=worst(items) | cycle | margins,
         traces=run.traces,
-        tables={"nuggets": _table(scenario, items), "transitions": run.transitions},
+        tables={"nuggets": nuggets, "transitions": run.transitions},
         simulated_seconds=float(run.traces["time"][-1]),
     )
-
-
-def _table(
-    scenario: ResolvedCrucibleChargingScenario, items: tuple[Mapping[str, float], ...]
-) -> Table:
-    """Return one row an item: its kind, mass, azimuth and what was measured; NaN where nothing."""
-    table: dict[str, Any] = {
-        "item": column(range(len(items))),
-        "kind": np.array([one.kind for one in scenario.plan]),
-        "mass": column([one.mass for one in scenario.plan]),
-        "azimuth": column([one.azimuth for one in scenario.plan]),
-    }
-    for name in LIMITS:
-        table[name] = column([item.get(name, np.nan) for item in items])
-    return table
 
 
 def make_charts(scenario: ResolvedCrucibleChargingScenario) -> tuple[Chart[Any, Any], ...]:

@@ -29,7 +29,13 @@ def from_control(
     if system.dt is True:
         raise ParameterError("dt", True, "a period, s, or 0 for continuous time")
     if isinstance(system, control.TransferFunction):
-        system = _state_space(system)
+        if not system.issiso():
+            allowed = "one input and one output, more of them as a StateSpace"
+            raise ParameterError("transfer function", name, allowed)
+        zeros, poles = len(system.zeros()), len(system.poles())
+        if zeros > poles:
+            raise ParameterError("zeros", zeros, f"at most as many as poles, {poles}")
+        system = control.ss(system)
     matrices = [np.asarray(one) for one in (system.A, system.B, system.C, system.D)]
     if not all(np.isrealobj(one) and np.isfinite(one).all() for one in matrices):
         raise ParameterError("system", name, "finite real numbers in all matrices")
@@ -39,13 +45,3 @@ def from_control(
         block = MatrixGain(D=matrices[3])
     block.set_name(name)
     return block
-
-
-def _state_space(system: "control.TransferFunction") -> "control.StateSpace":
-    if not system.issiso():
-        allowed = "one input and one output, more of them as a StateSpace"
-        raise ParameterError("transfer function", system.name, allowed)
-    zeros, poles = len(system.zeros()), len(system.poles())
-    if zeros > poles:
-        raise ParameterError("zeros", zeros, f"at most as many as poles, {poles}")
-    return control.ss(system)

@@ -347,7 +347,9 @@ def gore_findings(
     )
     for chart, inputs, step in runs:
         local += not_local(chart, inputs, period=step)
-        unused += [f"{name} not used" for name in not_used(chart, replay(chart, inputs, period=step))]
+        unused += [
+            f"{name} not used" for name in not_used(chart, replay(chart, inputs, period=step))
+        ]
         apart += [f"no way from {start} to {end}" for start, end in not_connected(chart)]
     findings = []
     if local:

@@ -204,9 +204,7 @@ def _compare(scenario: ResolvedServoComparisonScenario, seed: int, trial: int) -
             )
             height, command = world.desired.amplitude, run.outputs["command"]
             error = height - run.outputs["position"]
-            measured = measure(
-                run.time, error, command, height=height, tolerance=world.tolerance
-            )
+            measured = measure(run.time, error, command, height=height, tolerance=world.tolerance)
             row |= {f"{condition}.{controller}.{name}": one for name, one in measured.items()}
             time = run.time[::_SAMPLES]
             which = {"condition": np.full_like(time, i), "controller": np.full_like(time, j)}
@@ -264,16 +262,11 @@ def run(scenario: ResolvedServoComparisonScenario, seed: int, progress: Progress
         for controller in CONTROLLERS:
             name = f"{condition}.{controller}"
             metrics |= prefixed(name, _statistics(trials, name))
+    first = trials.rows[0]
+    single = [name for name in first if not isinstance(first[name], np.ndarray)]
     return Outcome(
         metrics=metrics,
-        traces={
-            "trial": column(trials.tasks),
-            **{
-                name: trials.column(name)
-                for name in trials.rows[0]
-                if not isinstance(trials.rows[0][name], np.ndarray)
-            },
-        },
+        traces={"trial": column(trials.tasks)} | {name: trials.column(name) for name in single},
         tables={"courses": _courses(trials)},
         simulated_seconds=len(trials) * len(CONDITIONS) * len(CONTROLLERS) * scenario.duration,
     )
@@ -281,17 +274,14 @@ def run(scenario: ResolvedServoComparisonScenario, seed: int, progress: Progress
 
 def design_metrics(scenario: ResolvedServoComparisonScenario) -> dict[str, Metric]:
     """Return what both controllers are, and what theory says of them."""
-    axis, gains = scenario.fsm, scenario.pid
-    period = scenario.camera.period
+    axis, gains, tolerance = scenario.fsm, scenario.pid, scenario.tolerance
     bound = scenario.camera.measurement.bound
-    tolerance = scenario.tolerance
-    share = f"{100 * tolerance / scenario.desired.amplitude:.3g} % of the step"
+    note = (
+        f"{100 * tolerance / scenario.desired.amplitude:.3g} % of the step; "
+        f"the camera errs by up to {1e3 * bound:.3g} mm"
+    )
     metrics = {
-        "tolerance": Metric(
-            value=tolerance,
-            unit="m",
-            note=f"{share}; the camera errs by up to {1e3 * bound:.3g} mm",
-        ),
+        "tolerance": Metric(value=tolerance, unit="m", note=note),
         "fsm.dead_zone": Metric(value=axis.dead_zone, unit="m"),
         "fsm.increment": Metric(value=axis.increment, unit="m"),
         "fsm.divider": Metric(value=axis.divider, unit=""),
@@ -305,20 +295,15 @@ def design_metrics(scenario: ResolvedServoComparisonScenario) -> dict[str, Metri
         make_compared_diagram(exact, "pid"),
         input="controller PID::error",
         at=scenario.duration,
-        period=period,
+        period=scenario.camera.period,
     )
     metrics |= loop_margins(loop).as_metrics("pid")
     if (found := scenario.plant.identified) is not None:
-        for name, unit, deviation in zip(
-            ("gain", "lag", "ratio", "dead_time"),
-            ("", "s", "", "s"),
-            found.deviations,
-            strict=True,
-        ):
+        units = {"gain": "", "lag": "s", "ratio": "", "dead_time": "s"}
+        for (name, unit), deviation in zip(units.items(), found.deviations, strict=True):
+            note = f"standard deviation {deviation:.2g}, by least squares"
             metrics[f"identified.{name}"] = Metric(
-                value=getattr(found, name),
-                unit=unit,
-                note=f"standard deviation {deviation:.2g}, by least squares",
+                value=getattr(found, name), unit=unit, note=note
             )
     return metrics
 

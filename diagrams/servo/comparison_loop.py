@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 from pydrake.common import RandomDistribution
-from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, OutputPort
+from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import (
     Adder,
     ConstantVectorSource,
@@ -189,10 +189,15 @@ def make_compared_diagram(
         "desired position", ConstantVectorSource([scenario.desired.amplitude])
     )
     vision = add_measured_error(builder, scenario.camera.measurement)
-    if scenario.camera.lost:
-        builder.Connect(
-            _add_frames(builder, scenario.camera.lost, period), vision.GetInputPort("visible")
-        )
+    if lost := scenario.camera.lost:
+        # A frame shows the part where the sum is 0.5 and more.
+        source = RandomSource(RandomDistribution.kUniform, 1, period)
+        drawn = builder.AddNamedSystem("lost frames", source)
+        least = builder.AddNamedSystem("share", ConstantVectorSource([0.5 - lost]))
+        seen = builder.AddNamedSystem("frames", Adder(2, 1))
+        builder.Connect(drawn.get_output_port(), seen.get_input_port(0))
+        builder.Connect(least.get_output_port(), seen.get_input_port(1))
+        builder.Connect(seen.get_output_port(), vision.GetInputPort("visible"))
     law: LeafSystem
     if controller is not None:
         require_ports("controller", controller, inputs={"error": 1}, outputs={"compensation": 1})
@@ -223,15 +228,3 @@ def make_compared_diagram(
     loop = builder.Build()
     loop.set_name(f"{kind.upper()} loop")
     return loop
-
-
-def _add_frames(builder: DiagramBuilder, lost: float, period: float) -> OutputPort:
-    """Add what says whether a frame shows the part: 0.5 and more if it does."""
-    drawn = builder.AddNamedSystem(
-        "lost frames", RandomSource(RandomDistribution.kUniform, 1, period)
-    )
-    least = builder.AddNamedSystem("share", ConstantVectorSource([0.5 - lost]))
-    seen = builder.AddNamedSystem("frames", Adder(2, 1))
-    builder.Connect(drawn.get_output_port(), seen.get_input_port(0))
-    builder.Connect(least.get_output_port(), seen.get_input_port(1))
-    return seen.get_output_port()

@@ -119,7 +119,11 @@ def run_fsm_trials(
     camera = scenario.measurement
     ticks = -(-(rows - 1) // substeps)
     samples = _camera_noise(scenario, len(axes), ticks, seed) if camera.noise else np.empty((0, 0))
-    matrix, column, output, start = _trajectory_and_plant(scenario, form, step)
+    # Trajectory, of 1 m, and plant beside each other, with exact steps.
+    unit = make_desired_trajectory(replace(scenario.desired, amplitude=1.0))
+    start = unit.CreateDefaultContext().get_continuous_state_vector().CopyToVector()
+    trajectory = DiscreteTimeApproximation(unit, step)
+    plant = DiscreteTimeApproximation(make_spring_mass_damper(scenario.plant, form), step)
     trials = FsmTrials(
         step * np.arange(rows, dtype=np.float64),
         *_run(
@@ -127,10 +131,10 @@ def run_fsm_trials(
                 [(a.dead_zone, a.large_error, a.increment, a.divider, a.limit) for a in axes],
                 dtype=np.float64,
             ),
-            np.outer(heights, start),
-            matrix,
-            column,
-            output,
+            np.outer(heights, np.concatenate([start, np.zeros(len(plant.A()))])),
+            block_diag(trajectory.A(), plant.A()),
+            np.concatenate([np.zeros_like(start), plant.B()[:, 0]]),
+            block_diag(trajectory.C(), plant.C()),
             samples,
             float(camera.noise),
             float(camera.resolution),
@@ -146,26 +150,6 @@ def run_fsm_trials(
         allowed = "finite numbers, these parameters make it overflow"
         raise ParameterError("actual_trajectory", unbounded, allowed)
     return trials
-
-
-def _trajectory_and_plant(
-    scenario: ServoScenario, form: Form, step: float
-) -> tuple[Array, Array, Array, Array]:
-    """Return trajectory and plant beside each other, with exact steps.
-
-    Transition matrix; column of the command; rows of the outputs, desired and actual; state at
-    the start for an amplitude of 1 m.
-    """
-    unit = make_desired_trajectory(replace(scenario.desired, amplitude=1.0))
-    start = unit.CreateDefaultContext().get_continuous_state_vector().CopyToVector()
-    trajectory = DiscreteTimeApproximation(unit, step)
-    plant = DiscreteTimeApproximation(make_spring_mass_damper(scenario.plant, form), step)
-    return (
-        block_diag(trajectory.A(), plant.A()),
-        np.concatenate([np.zeros_like(start), plant.B()[:, 0]]),
-        block_diag(trajectory.C(), plant.C()),
-        np.concatenate([start, np.zeros(len(plant.A()))]),
-    )
 
 
 def _camera_noise(scenario: ServoScenario, trials: int, ticks: int, seed: int) -> Array:

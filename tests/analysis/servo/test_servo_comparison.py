@@ -150,6 +150,7 @@ def test_a_measured_step_is_identified_and_its_plants_are_drawn(tmp_path: Path) 
     identified = found.plant.identified
     assert identified is not None
     assert identified.lag == pytest.approx(0.12, abs=4 * identified.deviations[1])
+    assert design_metrics(found)["identified.lag"].value == identified.lag
     plants = {drawn(found, 0, trial)["nominal"].plant.identified for trial in range(3)}
     assert len(plants) == 3
     path.unlink()  # what was found in it is in the scenario
