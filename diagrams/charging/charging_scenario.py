@@ -332,7 +332,8 @@ def make_scenes(scenario: ResolvedCrucibleChargingScenario) -> tuple[Scene, ...]
         top = 0.0 if hit and fault.kind == "part_missing" else nugget.height
         grip = ContactPoint((0.0, 0.0, 0.0), station.tray(top), scenario.feeder)
         scenes.append(Scene((grip,)))
-        wall = replace(station, crucible_radius=_FAR).wall() if hit and fault.kind == "wall_missing" else standing
+        far = hit and fault.kind == "wall_missing"
+        wall = replace(station, crucible_radius=_FAR).wall() if far else standing
         depth = _ABYSS if hit and fault.kind == "layer_missing" else 0.0
         layer = station.layer(goal.position, goal.layer - depth, tilt=scenario.layer.tilt)
         points = (

@@ -119,9 +119,7 @@ class LayerMotion(LeafSystem):
         period: s.
     """
 
-    def __init__(
-        self, *, stiffness: float, mass: float, friction: float, period: float
-    ) -> None:
+    def __init__(self, *, stiffness: float, mass: float, friction: float, period: float) -> None:
         super().__init__()
         self._stiffness, self._mass, self._friction = stiffness, mass, friction
         self._period = period
