@@ -15,18 +15,10 @@ from chamfer.systems.servo.pid import PidParams
 PLANT_IDENTIFICATION = load(select(CATALOGUE.entries, ["plant-identification"])[0])
 
 
-@pytest.mark.parametrize(
-    ("stiffness", "mass", "damping"),
-    [
-        (400.0, 2.11870, 48.655),
-        (700.0, PlantParams().mass, PlantParams().damping),
-        (1000.0, 2.17546, 59.137),
-    ],
-)
-def test_the_plants_behind_fig_8(stiffness: float, mass: float, damping: float) -> None:
-    plant = identify(rise_time=0.00888, overshoot=10.5, stiffness=stiffness, pid=PidParams())
-    assert plant.mass == pytest.approx(mass, abs=1e-5)
-    assert plant.damping == pytest.approx(damping, abs=1e-3)
+def test_the_plant_behind_fig_8() -> None:
+    plant = identify(rise_time=0.00888, overshoot=10.5, stiffness=700.0, pid=PidParams())
+    assert plant.mass == pytest.approx(PlantParams().mass, abs=1e-5)
+    assert plant.damping == pytest.approx(PlantParams().damping, abs=1e-3)
 
 
 def test_a_known_plant_is_found_again() -> None:

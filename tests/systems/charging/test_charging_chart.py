@@ -240,30 +240,6 @@ def test_items_go_through_their_modes_one_after_the_other() -> None:
     assert cell.memory.said() == ""
 
 
-def test_from_everywhere_the_cycle_can_be_stopped_and_ended() -> None:
-    chart = cell_with(PlanItem()).chart
-    stopping = {"back_off.brake", "back_off.away"}
-    for state in chart.states:
-        if state.outcome is None:
-            ways = chart.reachable(state.name)
-            assert "stopped" in ways
-            assert state.name in stopping or {"done", "halted"} <= ways
-
-
-def test_items_follow_one_another() -> None:
-    cell = cell_with(PlanItem(), PlanItem(kind="crown", azimuth=0.5), PlanItem(kind="bulk"))
-    seen = []
-    while cell.state != "done":
-        cell.tick()
-        if cell.state in ("wall.set_down", "crown.set_down", "bulk.pour"):
-            seen.append((cell.state, cell.memory.item))
-    assert list(dict.fromkeys(seen)) == [
-        ("wall.set_down", 0),
-        ("crown.set_down", 1),
-        ("bulk.pour", 2),
-    ]
-
-
 def test_a_turned_place_is_approached_along_its_normal() -> None:
     cell = cell_with(PlanItem(azimuth=0.7)).to("wall.seek")
     begin = np.array(cell.commands[-1])

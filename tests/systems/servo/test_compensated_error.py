@@ -1,3 +1,5 @@
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -19,25 +21,26 @@ PLANT = SettlingPlant(1.0, np.array([1.0, 1.0, 0.6, 0.2, -0.05]))
 
 def run(
     law: Law,
-    start: list[float],
+    start: Sequence[float] | NDArray[np.float64],
     *,
+    plants: Sequence[SettlingPlant] = (PLANT,),
     play: float = 0.0,
     place: float = 0.0,
     bias: float = 0.0,
     spread: float = 0.0,
     ticks: int = 400,
 ) -> CompensatedErrors:
-    """Run one axis from some starts."""
-    of = np.array([start])
+    """Run one axis, or one a plant, from some starts."""
+    of = np.atleast_2d(start)
     errors = CompensatedErrors(
         law,
-        [PLANT],
+        plants,
         of,
-        play=np.array([play]),
+        play=np.full(len(of), play),
         place=np.full_like(of, place),
         period=0.0125,
         bias=np.full_like(of, bias),
-        spread=np.array([spread]),
+        spread=np.full(len(of), spread),
         generator=np.random.default_rng(0),
     )
     errors.advance(ticks // 2)
@@ -96,16 +99,5 @@ def test_noise_is_in_what_is_measured_alone() -> None:
 def test_axes_have_their_own_plants_and_laws() -> None:
     plants = [SettlingPlant(gain, np.array([1.0])) for gain in (1.0, 2.0)]
     other = AxisParams(dead_zone=2e-4, large_error=2e-3, increment=2e-4, limit=0.03)
-    errors = CompensatedErrors(
-        fsm_law([AXIS, other]),
-        plants,
-        np.full((2, 1), 0.01),
-        play=np.zeros(2),
-        place=np.zeros((2, 1)),
-        period=0.0125,
-        bias=np.zeros((2, 1)),
-        spread=np.zeros(2),
-        generator=np.random.default_rng(0),
-    )
-    errors.advance(3)
+    errors = run(fsm_law([AXIS, other]), np.full((2, 1), 0.01), plants=plants, ticks=3)
     assert np.allclose(errors.true[2, :, 0], [0.01 - 1e-4, 0.01 - 2 * 2e-4])

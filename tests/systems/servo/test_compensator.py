@@ -91,20 +91,6 @@ def test_holds_every_axis_without_a_valid_measurement(
         assert driven.read("command") == [goal + 0.5, -goal - 0.125]
 
 
-def test_log_tells_why() -> None:
-    driven = Driven(AXIS)
-    for error in (2.0, 0.5, math.nan, 0.0, 2.0):
-        driven.tick(error)
-    log = driven.block.transitions(driven.context)
-    assert [(record.time, record.source, record.target, record.label) for record in log] == [
-        (0.0, "next_desired_position", "modify_compensation", "error outside the dead zone"),
-        (0.5, "modify_compensation", "hold", "no valid measurement"),
-        (0.75, "hold", "aligned", "error inside the dead zone"),
-        (1.0, "aligned", "modify_compensation", "error outside the dead zone"),
-    ]
-    assert all(record.also_true == () for record in log)
-
-
 def test_nothing_changes_after_the_end_of_the_trajectory() -> None:
     driven = Driven(AXIS, end_time=0.5)
     for goal in (1.0, 2.0, 3.0, 4.0):

@@ -87,33 +87,3 @@ def test_none_is_predicted_below_the_threshold() -> None:
     cycle = predict_limit_cycle(plant, relay(dead_zone, 1.001 * threshold), PERIOD)
     assert cycle is not None
     assert cycle.amplitude == pytest.approx(math.sqrt(2) * dead_zone, rel=0.05)
-
-
-@pytest.mark.parametrize(
-    "axis",
-    [relay(0.01, 0.02), AxisParams(dead_zone=0.01, large_error=0.05, increment=0.05, divider=2.0)],
-    ids=["three levels", "five levels"],
-)
-def test_predicted_limit_cycle_is_the_simulated_one(axis: AxisParams) -> None:
-    plant = make_spring_mass_damper(LIGHTLY_DAMPED, "position")
-    cycle = predict_limit_cycle(plant, axis, PERIOD)
-    assert cycle is not None
-
-    discrete = control.sample_system(
-        control.ss(plant.A(), plant.B(), plant.C(), plant.D()), PERIOD, "zoh"
-    )
-    state, total, errors = np.zeros((2, 1)), 0.0, []
-    for _ in range(6000):
-        error = 0.5 - float((discrete.C @ state)[0, 0])
-        if abs(error) >= axis.large_error:
-            total += math.copysign(axis.increment, error)
-        elif abs(error) >= axis.dead_zone:
-            total += math.copysign(axis.increment / axis.divider, error)
-        state = discrete.A @ state + discrete.B * total
-        errors.append(error)
-    settled = np.array(errors[-4000:])
-    centred = settled - settled.mean()
-    rises = np.flatnonzero((centred[:-1] < 0) & (centred[1:] >= 0))
-    frequency = 2 * math.pi * (len(rises) - 1) / ((rises[-1] - rises[0]) * PERIOD)
-    assert cycle.frequency == pytest.approx(frequency, rel=0.03)
-    assert cycle.amplitude == pytest.approx(np.ptp(settled) / 2, rel=0.15)

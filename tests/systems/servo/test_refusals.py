@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,13 @@ from chamfer.systems.servo.timed_design import SettlingTask
 AXIS = {"dead_zone": 0.125, "large_error": 1.0, "increment": 0.5}
 GAINS = {"proportional": 1.0, "integral": 1.0}
 WATCH = {"watched": (Watched((0, 1), 2.0),), "size": 3}
-TASK = {"error": 0.02, "tolerance": 1e-3, "measurement_error": 2e-4, "period": 1 / 60}
+TASK = {
+    "error": 0.02,
+    "tolerance": 1e-3,
+    "measurement_error": 2e-4,
+    "period": 1 / 60,
+    "settling_time": 1.5,
+}
 TUNED = {"plant": SettlingPlant(1.0, np.ones(3)), "closed_loop": 0.1, "period": 0.0125}
 CAMERA = {"axes": (AxisParams(**AXIS),)}
 NOT_POSITIVE = (0.0, -1.0, math.nan, math.inf)
@@ -29,47 +36,26 @@ NOT_FINITE = (math.nan, math.inf, -math.inf)
 
 
 @pytest.mark.parametrize(
-    ("make", "given", "name", "values", "allowed"),
+    ("make", "given", "names", "values", "allowed"),
     [
-        (AxisParams, AXIS, "dead_zone", NOT_POSITIVE, "a finite number > 0"),
-        (AxisParams, AXIS, "increment", NOT_POSITIVE, "a finite number > 0"),
-        (
-            AxisParams,
-            AXIS,
-            "large_error",
-            (0.1, -1.0, math.nan, math.inf),
-            "a finite number >= dead_zone, 0.125",
-        ),
+        (AxisParams, AXIS, "dead_zone increment", NOT_POSITIVE, "a finite number > 0"),
+        (AxisParams, AXIS, "large_error", (0.1, *NOT_FINITE), "a finite number >= dead_zone, 0.1"),
         (AxisParams, AXIS, "divider", (0.99, -5.0, math.nan, math.inf), "a finite number >= 1"),
-        (
-            AxisParams,
-            AXIS,
-            "limit",
-            (0.0, -1.0, math.nan),
-            "a number > 0, infinity for no bound",
-        ),
+        (AxisParams, AXIS, "limit", (0.0, math.nan), "a number > 0, infinity for no bound"),
         (CompensatorParams, CAMERA, "axes", ((),), "at least one axis"),
         (CompensatorParams, CAMERA, "period", NOT_POSITIVE, "a finite number > 0"),
         (CompensatorParams, CAMERA, "end_time", (0.0, math.nan), "a number > 0, infinity for"),
-        (PidParams, {}, "proportional", NOT_FINITE, "a finite number"),
-        (PidParams, {}, "integral", NOT_FINITE, "a finite number"),
-        (PidParams, {}, "derivative", NOT_FINITE, "a finite number"),
+        (PidParams, {}, "proportional integral derivative", NOT_FINITE, "a finite number"),
         (PidParams, {}, "filter", NOT_POSITIVE, "a finite number > 0"),
-        (PidGains, GAINS, "proportional", (-1.0, *NOT_FINITE), "a finite number >= 0"),
-        (PidGains, GAINS, "integral", (-1.0, *NOT_FINITE), "a finite number >= 0"),
-        (PidGains, GAINS, "derivative", (-1.0, *NOT_FINITE), "a finite number >= 0"),
+        (
+            *(PidGains, GAINS, "proportional integral derivative"),
+            *((-1.0, *NOT_FINITE), "a finite number >= 0"),
+        ),
         (PidGains, GAINS, "limit", (0.0, -1.0, math.nan), "a number > 0"),
         (SampledPidParams, {}, "axes", ((),), "at least one axis"),
         (SampledPidParams, {"axes": (1,)}, "period", NOT_POSITIVE, "a finite number > 0"),
-        (tuned_gains, TUNED, "closed_loop", NOT_POSITIVE, "a finite number > 0"),
-        (tuned_gains, TUNED, "period", NOT_POSITIVE, "a finite number > 0"),
-        (
-            SettlingTask,
-            {**TASK, "settling_time": 1.5},
-            "tolerance",
-            (0.0, 3e-4, 0.03),
-            "",
-        ),
+        (tuned_gains, TUNED, "closed_loop period", NOT_POSITIVE, "a finite number > 0"),
+        (SettlingTask, TASK, "tolerance", (0.0, 3e-4, 0.03), ""),
         (DivergenceParams, WATCH, "factor", (1.0,), "a number > 1"),
         (DivergenceParams, WATCH, "frames", (0,), "a whole number >= 1"),
         (DivergenceParams, WATCH, "period", (0.0,), "a finite number > 0"),
@@ -82,11 +68,11 @@ NOT_FINITE = (math.nan, math.inf, -math.inf)
 def test_a_value_that_cannot_be_is_named(
     make: Callable[..., Any],
     given: dict[str, Any],
-    name: str,
+    names: str,
     values: tuple[object, ...],
     allowed: str,
 ) -> None:
-    for value in values:
+    for name, value in product(names.split(), values):
         with pytest.raises(ParameterError) as refused:
             make(**given | {name: value})
         assert str(refused.value).startswith(f"{name} is {value!r}, allowed: {allowed}")
