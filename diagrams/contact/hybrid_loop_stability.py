@@ -13,12 +13,17 @@ import math
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, Final, NamedTuple, Protocol, TypeVar
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.diagrams.contact.hybrid_scenario import HybridScenario, SlidingTask, fill
+from chamfer.diagrams.contact.hybrid_scenario import (
+    HybridScenario,
+    HybridScenarioT,
+    SlidingTask,
+    fill,
+)
 from chamfer.models.surfaces.surface import locate
 from chamfer.models.validation import ParameterError, known
 from chamfer.systems.contact.arm_dynamics import ArmState
@@ -286,14 +291,6 @@ _BLAMED: Final[Mapping[str, dict[str, Any]]] = {
 }
 
 
-class MayBeUnstable(Protocol):
-    """A controller's settings."""
-
-    @property
-    def allow_unstable(self) -> bool:
-        """Return whether a loop may run that is unstable."""
-
-
 class Stability(NamedTuple):
     """How a loop's small motions grow, and what it bears; the worst of its modes."""
 
@@ -358,15 +355,12 @@ def require_stable(scenario: HybridScenario) -> None:
     refuse_or_warn(found, "law", control, "projected, transpose or other gains")
 
 
-def refuse_or_warn(found: str, name: str, control: MayBeUnstable, remedy: str) -> None:
+def refuse_or_warn(found: str, name: str, control: Any, remedy: str) -> None:
     """Refuse a controller's setting for what was found, or warn with ``allow_unstable``."""
     if not control.allow_unstable:
         allowed = f"{remedy}: {found} (or controller.allow_unstable=true)"
         raise ParameterError(f"controller.{name}", getattr(control, name), allowed)
     warnings.warn(found, stacklevel=1)
-
-
-HybridScenarioT = TypeVar("HybridScenarioT", bound=HybridScenario)
 
 
 def resolve(scenario: HybridScenarioT) -> HybridScenarioT:

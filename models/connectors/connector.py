@@ -15,21 +15,20 @@ from typing import ClassVar, Final, Literal, NamedTuple, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.geometry import (
-    AddContactMaterial,
     Box,
     Capsule,
     CollisionFilterDeclaration,
     GeometryId,
     GeometrySet,
-    ProximityProperties,
     Role,
     Shape,
 )
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
+from chamfer.models.peg.bore_contact import point_contact
 from chamfer.models.validation import (
     ParameterError,
     require_all_positive,
@@ -138,13 +137,7 @@ def add_pieces(
 
     X_BP is the place of the part's frame on the body; the plant is not yet finalized.
     """
-    properties = ProximityProperties()
-    AddContactMaterial(
-        dissipation=material.dissipation,
-        point_stiffness=material.stiffness,
-        friction=CoulombFriction(material.friction, material.friction),
-        properties=properties,
-    )
+    properties = point_contact(material.stiffness, material.dissipation, material.friction)
     for piece in pieces:
         X = X_BP @ piece.X_BP
         plant.RegisterCollisionGeometry(body, X, piece.shape, piece.name, properties)

@@ -162,6 +162,18 @@ def _wedge_points(hole: HolePart, beside: tuple[float, float]) -> Array:
     return np.concatenate(sides, axis=1)
 
 
+def point_contact(stiffness: float, dissipation: float, friction: float) -> ProximityProperties:
+    """Return how points touch: N/m, s/m as Hunt and Crossley have it, and Coulomb's mu."""
+    properties = ProximityProperties()
+    AddContactMaterial(
+        dissipation=dissipation,
+        point_stiffness=stiffness,
+        friction=CoulombFriction(friction, friction),
+        properties=properties,
+    )
+    return properties
+
+
 def _add(
     plant: MultibodyPlant,
     body: RigidBody,
@@ -170,13 +182,7 @@ def _add(
     parts: PegAndHole,
     material: ContactMaterial,
 ) -> list[GeometryId]:
-    properties = ProximityProperties()
-    AddContactMaterial(
-        dissipation=material.dissipation,
-        point_stiffness=material.stiffness,
-        friction=CoulombFriction(parts.friction, parts.friction),
-        properties=properties,
-    )
+    properties = point_contact(material.stiffness, material.dissipation, parts.friction)
     return [
         plant.RegisterCollisionGeometry(body, X_BP @ X_PS, shape, name, properties)
         for name, shape, X_PS in pieces

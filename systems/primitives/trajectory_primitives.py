@@ -20,6 +20,7 @@ from chamfer.models.validation import (
     require_one_of,
     require_positive,
 )
+from chamfer.systems.primitives.force_primitives import AXIS_NAMES
 from chamfer.systems.primitives.primitive import (
     STILL,
     Event,
@@ -33,7 +34,6 @@ from chamfer.systems.statechart.chart import TIME_TOLERANCE
 Axis = Literal["x", "y", "z"]
 
 AXES: Final[tuple[Axis, ...]] = ("x", "y", "z")
-_ELEMENTS: Final = ("rx", "ry", "rz", "x", "y", "z")
 
 
 class _Timed(Primitive):
@@ -80,7 +80,7 @@ class MoveDx(_Timed):
         """What a chart shows of it."""
         signs = [
             ("-" if way < 0 else "+") + name
-            for name, way in zip(_ELEMENTS, self.displacement, strict=True)
+            for name, way in zip(AXIS_NAMES, self.displacement, strict=True)
             if way
         ]
         return " ".join(["movedx", *signs]) if signs else f"wait {self.duration:g} s"

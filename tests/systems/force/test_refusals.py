@@ -13,7 +13,7 @@ from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
 from chamfer.systems.force.accommodation import AccommodationController, AccommodationParams
-from chamfer.systems.force.arm_model import ArmModel, Placement, ToolParams
+from chamfer.systems.force.arm_model import ArmModel, ToolParams
 from chamfer.systems.force.contact_detection import (
     ContactDetection,
     ContactDetectionParams,
@@ -102,7 +102,6 @@ STEEP = {"damping": (399.0, *SIX), "stiffness": (1e4, *SIX), "period": 0.01}
 @pytest.mark.parametrize(
     ("make", "values", "message"),
     [
-        (guarded, {"start": (0.0, NAN)}, "start is (0.0, nan), allowed: finite numbers"),
         (guarded, {"direction": (1.0,)}, "direction is (1.0,), allowed: 2 numbers"),
         (guarded, {"along": (1.0, 0.0, 0.0)}, "along is (1.0, 0.0, 0.0), allowed: 2 numbers"),
         (guarded, {"direction": (0.0, 0.0)}, f"direction is [0.0, 0.0], {VECTOR}"),
@@ -114,7 +113,6 @@ STEEP = {"damping": (399.0, *SIX), "stiffness": (1e4, *SIX), "period": 0.01}
         (hybrid, {"law": "pinv"}, "law is 'pinv', allowed: inverse, transpose, projected"),
         (hybrid, {"integral": (1.0,)}, "integral is (1.0,), allowed: 2 numbers, or one for all"),
         (hybrid, {"integral": -1.0}, "integral is -1.0, allowed: finite numbers >= 0"),
-        (hybrid, {"stiffness": (1.0, NAN)}, "stiffness is (1.0, nan), allowed: finite numbers"),
         (hybrid, {"held_integrators": (0, 2)}, "held_integrators is (0, 2), allowed: indices bel"),
         (hybrid, {**FULL, "inertia": (1.0,)}, "inertia is (1.0,), allowed: 2 numbers"),
         (hybrid, {**FULL, "inertia": (1.0, 0.0)}, "inertia is (1.0, 0.0), allowed: finite numbe"),
@@ -125,11 +123,9 @@ STEEP = {"damping": (399.0, *SIX), "stiffness": (1e4, *SIX), "period": 0.01}
         (hybrid, {"feedforward_torque": (1.0, NAN)}, "feedforward_torque is (1.0, nan), allowed"),
         (hybrid, {"feedforward_torque": None}, "feedforward_torque is None, allowed: a value"),
         (feedforward, {"period": 0.0}, "period is 0.0, allowed: a finite number > 0"),
-        (tool, {"centre_of_mass": (0.0, NAN, 0.0)}, "centre_of_mass is (0.0, nan, 0.0), allowed"),
         (tool, {"inertia": (1.0, 1.0)}, "inertia is (1.0, 1.0), allowed: 3 finite numbers"),
         (tool, {"inertia": (1.0, 1.0, 2.1)}, "inertia is (1.0, 1.0, 2.1), allowed: three numbers"),
         (tool, {"inertia": (1.0, 1.0, 0.0)}, "inertia is (1.0, 1.0, 0.0), allowed: three numbers"),
-        (Placement, {"rpy": (0.0, INF, 0.0)}, "rpy is (0.0, inf, 0.0), allowed: 3 finite num"),
         (detection, {"release": 3.0}, "release is 3.0, allowed: less than detect, 2"),
         (detection, {"samples": 0}, "samples is 0, allowed: a whole number >= 1"),
         (detection, {"direction": (0.0, 0.0)}, f"direction is [0.0, 0.0], {VECTOR}"),
@@ -146,7 +142,6 @@ STEEP = {"damping": (399.0, *SIX), "stiffness": (1e4, *SIX), "period": 0.01}
         *(
             (ImpedanceControllerParams, values, message)
             for values, message in (
-                ({"stiffness": (1.0, 0.0, 1.0)}, "stiffness is (1.0, 0.0, 1.0), allowed: 3 finit"),
                 ({"rotational_stiffness": (1.0, 1.0)}, "rotational_stiffness is (1.0, 1.0), allo"),
                 ({"torque_limits": (1.0, 0.0)}, "torque_limits is (1.0, 0.0), allowed: 2 finite "),
             )
@@ -157,11 +152,9 @@ STEEP = {"damping": (399.0, *SIX), "stiffness": (1e4, *SIX), "period": 0.01}
                 ({"damping": (1.0,) * 5}, "damping is (1.0, 1.0, 1.0, 1.0, 1.0), allowed: six nu"),
                 ({"stiffness": (1.0,) * 7}, "stiffness is (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0), a"),
                 ({"damping": (0.0, *SIX)}, "damping is (0.0, 1000.0, "),
-                ({"damping": (NAN, *SIX)}, "damping is (nan, 1000.0, "),
                 ({"stiffness": (-1.0, *SIX)}, "stiffness is (-1.0, 1000.0, "),
                 ({"stiffness": (INF, *SIX)}, "stiffness is (inf, 1000.0, "),
                 ({"centre": (0.0, 0.0)}, "centre is (0.0, 0.0), allowed: 3 finite numbers"),
-                ({"centre": (0.0, 0.0, NAN)}, "centre is (0.0, 0.0, nan), allowed: 3 finite "),
                 (
                     STEEP,
                     "damping of rx is 399.0, allowed: at least k T / 0.25 = 400 against a sti",
