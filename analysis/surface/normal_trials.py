@@ -96,27 +96,27 @@ def contender(scenario: EstimationScenario, given: ObserverSettings, on: Slide) 
     return Contender(filter=make_filter(observer), predicted=predicted, first=first)
 
 
-@dataclass(frozen=True, kw_only=True)
-class SensorFault:
-    """What happens to a sensor's force and rate before an observer gets them."""
-
-    late: int = 0  # samples that force and rate come late
-    rate: ForceRateParams | None = None  # None: the sensor gives the rate; else it is differenced
-
-
 def sensed(
-    on: Slide, sensor: ForceRateSensorParams, random: np.random.Generator, fault: SensorFault
+    on: Slide,
+    sensor: ForceRateSensorParams,
+    random: np.random.Generator,
+    *,
+    late: int = 0,
+    differenced: ForceRateParams | None = None,
 ) -> tuple[Array, Array]:
-    """Return force, N, and its rate, N/s, shape (n, d), as a sensor shows them."""
+    """Return force, N, and its rate, N/s, shape (n, d), as a sensor shows them.
+
+    Both are ``late``, samples; the rate is ``differenced``, or measured if that is None.
+    """
     u, u_dot = sensor.force_noise / math.sqrt(3), sensor.force_rate_noise / math.sqrt(3)
-    rows = np.maximum(np.arange(len(on.time)) - fault.late, 0)
+    rows = np.maximum(np.arange(len(on.time)) - late, 0)
     force = on.force[rows] + u * random.standard_normal(on.force.shape)
     rate = on.force_rate[rows] + u_dot * random.standard_normal(on.force.shape)
     if sensor.bias is not None:
         force = force + np.array(sensor.bias)
-    if fault.rate is not None:
+    if differenced is not None:
         period = float(on.time[1] - on.time[0])
-        share, filtered = fault.rate.share(period), np.zeros(force.shape[1])
+        share, filtered = differenced.share(period), np.zeros(force.shape[1])
         for measured, row in zip(force, rate, strict=True):
             step = share * (measured - filtered)
             filtered, row[:] = filtered + step, step / period
@@ -127,28 +127,23 @@ def run_trial(
     on: Slide,
     contenders: Sequence[Contender],
     measured: Mapping[str, str],
+    shown: tuple[Array, Array],
     *,
     up: Array,
-    sensor: ForceRateSensorParams,
-    random: np.random.Generator,
     window: tuple[float, float],
-    fault: SensorFault = SensorFault(),
 ) -> Row:
-    """Give each contender the same noisy slide and return its errors in a window of time.
+    """Give each contender the same slide and return its errors in a window of time.
 
     Args:
         on: The slide.
         contenders: The observers.
         measured: By column of the row, shape (observers,), which error of
             :func:`chamfer.analysis.surface.normal_metrics.errors` it has.
+        shown: Force and rate as :func:`sensed` returns them.
         up: First estimate of the normal, shape (d,).
-        sensor: What adds noise and bias.
-        random: Where the noise comes from.
         window: s, from and up to.
-        fault: What else is wrong with the sensor.
     """
-    force, rate = sensed(on, sensor, random, fault)
-    found = [_errors(on, one, force, rate, up, window) for one in contenders]
+    found = [_errors(on, one, shown, up, window) for one in contenders]
     return {
         name: np.array([one[of] for one in found], dtype=np.float64)
         for name, of in measured.items()
@@ -167,22 +162,27 @@ def table_of_observers(finished: Trials[Any], count: int, **of_trial: Sequence[i
     }
 
 
+def _samples(
+    on: Slide, observer: Contender, shown: tuple[Array, Array], first: int
+) -> list[Sample]:
+    d = on.force.shape[1]
+    known = [None] * len(on.time) if observer.predicted is None else list(observer.predicted)
+    rows = zip(*shown, on.nominal[:, :d], on.nominal[:, d:], known, strict=True)
+    return [Sample(*row) for row in rows][first:]
+
+
 def _errors(
     on: Slide,
     observer: Contender,
-    force: Array,
-    rate: Array,
+    shown: tuple[Array, Array],
     up: Array,
     window: tuple[float, float],
 ) -> Mapping[str, float | None]:
-    d = len(up)
+    count, d = on.force.shape
     memory = observer.filter.start(up)
-    normals = np.tile(up, (len(force), 1))
-    covariances = np.tile(np.eye(d), (len(force), 1, 1))
-    bands = np.full(len(force), math.inf)
-    for k in range(observer.first, len(force)):
-        predicted = observer.predicted[k] if observer.predicted is not None else None
-        sample = Sample(force[k], rate[k], on.nominal[k, :d], on.nominal[k, d:], predicted)
+    normals, covariances = np.tile(up, (count, 1)), np.tile(np.eye(d), (count, 1, 1))
+    bands = np.full(count, math.inf)
+    for k, sample in enumerate(_samples(on, observer, shown, observer.first), observer.first):
         found = observer.filter.update(memory, sample)
         memory, normals[k], covariances[k] = found.memory, found.normal, found.covariance
         bands[k] = tangential_deviation(found.normal, found.covariance)
@@ -197,18 +197,7 @@ def _errors(
 
 def cost(observer: Contender, on: Slide, *, up: Array, updates: int) -> float:
     """Return the time that an update takes, s, the least of a few rounds."""
-    d = len(up)
-    rows = range(len(on.time) // 2, len(on.time))
-    samples = [
-        Sample(
-            on.force[k],
-            on.force_rate[k],
-            on.nominal[k, :d],
-            on.nominal[k, d:],
-            observer.predicted[k] if observer.predicted is not None else None,
-        )
-        for k in rows
-    ]
+    samples = _samples(on, observer, (on.force, on.force_rate), len(on.time) // 2)
     best = math.inf
     for _ in range(max(1, updates // len(samples))):
         memory = observer.filter.start(up)

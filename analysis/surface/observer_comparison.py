@@ -21,6 +21,7 @@ from chamfer.analysis.surface.normal_trials import (
     cost,
     observer_of,
     run_trial,
+    sensed,
     slide,
     table_of_observers,
 )
@@ -30,7 +31,11 @@ from chamfer.diagrams.surface.surface_estimation import (
     ResolvedEstimationScenario,
     resolve_estimation,
 )
-from chamfer.diagrams.surface.surface_scenario import ObserverSettings, SurfaceSettings
+from chamfer.diagrams.surface.surface_scenario import (
+    ObserverSettings,
+    SurfaceSettings,
+    SurfaceShape,
+)
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.validation import ParameterError, require_positive
 from chamfer.systems.estimation.normal_filter import KINDS, ObserverKind
@@ -76,62 +81,56 @@ class SlideCase(NamedTuple):
         )
 
 
-_PARABOLA: Final = SurfaceSettings(shape="parabola", coefficients=(0.05,))
+_STRAIGHT: Final = LeadSettings()
+
+
+def _case(
+    shape: SurfaceSettings,
+    coefficient: float,
+    tuned: bool,
+    lead: LeadSettings = _STRAIGHT,
+    **varying: float,
+) -> SlideCase:
+    friction = SurfaceFriction(coefficient=coefficient, **varying)
+    return SlideCase(shape, friction, tuned, lead)
+
+
+def _parabola(*coefficients: float) -> SurfaceSettings:
+    shape: SurfaceShape = "parabola" if len(coefficients) == 1 else "paraboloid"
+    return SurfaceSettings(shape=shape, coefficients=coefficients)
+
+
+def _sheet(*waves: tuple[float, float]) -> SurfaceSettings:
+    amplitudes, wavelengths = zip(*waves, strict=True)
+    return SurfaceSettings(shape="wavy_sheet", amplitudes=amplitudes, wavelengths=wavelengths)
+
+
+_WAVE: Final = SurfaceSettings(shape="wave", amplitudes=(0.03,), wavelengths=(2.0,))
+_BOWL: Final = SurfaceSettings(shape="circle", radius=4.0, inside=True)
+_ASIDE, _OTHER_SIDE = LeadSettings(sideways=0.3), LeadSettings(sideways=-0.4)
+_SHEET: Final = _sheet((0.02, 1.6), (0.03, 2.5))
 CASES: Final[Mapping[str, SlideCase]] = {
-    "constant": SlideCase(_PARABOLA, SurfaceFriction(coefficient=1.0), True),
-    "ripple": SlideCase(_PARABOLA, SurfaceFriction(coefficient=1.0, ripple=0.2), True),
-    "low_ripple": SlideCase(_PARABOLA, SurfaceFriction(coefficient=0.5, ripple=0.15), True),
-    "step_down": SlideCase(
-        _PARABOLA, SurfaceFriction(coefficient=1.0, jump=-0.4, jump_at=1.2), True
-    ),
-    "sharper": SlideCase(
-        SurfaceSettings(shape="parabola", coefficients=(0.15,)),
-        SurfaceFriction(coefficient=0.3),
-        True,
-    ),
-    "bowl": SlideCase(
-        SurfaceSettings(shape="circle", radius=4.0, inside=True),
-        SurfaceFriction(coefficient=0.5),
+    "constant": _case(_parabola(0.05), 1.0, True),
+    "ripple": _case(_parabola(0.05), 1.0, True, ripple=0.2),
+    "low_ripple": _case(_parabola(0.05), 0.5, True, ripple=0.15),
+    "step_down": _case(_parabola(0.05), 1.0, True, jump=-0.4, jump_at=1.2),
+    "sharper": _case(_parabola(0.15), 0.3, True),
+    "bowl": _case(_BOWL, 0.5, False),
+    "falling": _case(_parabola(-0.005), 0.4, False),
+    "step_up": _case(_parabola(0.1), 0.4, False, jump=0.5, jump_at=1.0),
+    "wave_ripple": _case(_WAVE, 0.7, False, ripple=0.3, wavelength=0.6),
+    "space_paraboloid": _case(_parabola(0.05, 0.15), 0.6, False, _ASIDE),
+    "space_wavy": _case(_sheet((0.03, 2.0), (0.02, 1.5)), 0.4, True, _ASIDE, ripple=0.1),
+    "space_sheet": _case(
+        _sheet((0.02, 1.6), (0.03, 2.5)),
+        0.6,
         False,
+        replace(_ASIDE, sideways=-0.4),
+        ripple=0.15,
+        wavelength=0.7,
     ),
-    "falling": SlideCase(
-        SurfaceSettings(shape="parabola", coefficients=(-0.005,)),
-        SurfaceFriction(coefficient=0.4),
-        False,
-    ),
-    "step_up": SlideCase(
-        SurfaceSettings(shape="parabola", coefficients=(0.1,)),
-        SurfaceFriction(coefficient=0.4, jump=0.5, jump_at=1.0),
-        False,
-    ),
-    "wave_ripple": SlideCase(
-        SurfaceSettings(shape="wave", amplitudes=(0.03,), wavelengths=(2.0,)),
-        SurfaceFriction(coefficient=0.7, ripple=0.3, wavelength=0.6),
-        False,
-    ),
-    "space_paraboloid": SlideCase(
-        SurfaceSettings(shape="paraboloid", coefficients=(0.05, 0.15)),
-        SurfaceFriction(coefficient=0.6),
-        False,
-        LeadSettings(sideways=0.3),
-    ),
-    "space_wavy": SlideCase(
-        SurfaceSettings(shape="wavy_sheet", amplitudes=(0.03, 0.02), wavelengths=(2.0, 1.5)),
-        SurfaceFriction(coefficient=0.4, ripple=0.1),
-        True,
-        LeadSettings(sideways=0.3),
-    ),
-    "space_sheet": SlideCase(
-        SurfaceSettings(shape="wavy_sheet", amplitudes=(0.02, 0.03), wavelengths=(1.6, 2.5)),
-        SurfaceFriction(coefficient=0.6, ripple=0.15, wavelength=0.7),
-        False,
-        LeadSettings(sideways=-0.4),
-    ),
-    "space_bowl": SlideCase(
-        SurfaceSettings(shape="sphere", radius=4.0, inside=True),
-        SurfaceFriction(coefficient=0.3),
-        False,
-        LeadSettings(sideways=0.5, depth=0.15),
+    "space_bowl": _case(
+        replace(_BOWL, shape="sphere"), 0.3, False, LeadSettings(sideways=0.5, depth=0.15)
     ),
 }
 
@@ -198,14 +197,13 @@ def flattened(surface: SurfaceSettings, part: float) -> SurfaceSettings:
 @cache
 def _prepared(
     scenario: ObserverComparisonScenario, name: str
-) -> tuple[Slide, tuple[Contender, ...]]:
-    """Return a case's slide and the observers; a process makes them once."""
+) -> tuple[Slide, tuple[Contender, ...], np.ndarray]:
+    """Return a case's slide, observers and first normal; a process makes them once."""
     case = CASES[name]
     estimation = case.estimation(scenario.sensor, _WINDOW[1])
     on = slide(estimation)
-    return on, tuple(
-        contender(estimation, _settings(scenario, case, observer), on) for observer in OBSERVERS
-    )
+    settings = (_settings(scenario, case, observer) for observer in OBSERVERS)
+    return on, tuple(contender(estimation, one, on) for one in settings), estimation.up
 
 
 class SlideTrial(NamedTuple):
@@ -225,16 +223,10 @@ _MEASURED: Final = {
 
 def _observe(scenario: ObserverComparisonScenario, seed: int, task: SlideTrial) -> Row:
     """Return what each observer made of a noisy slide, an array of shape (observers,) each."""
-    on, contenders = _prepared(scenario, task.case)
-    return run_trial(
-        on,
-        contenders,
-        _MEASURED,
-        up=CASES[task.case].estimation(scenario.sensor, _WINDOW[1]).up,
-        sensor=scenario.sensor,
-        random=np.random.default_rng([seed, tuple(CASES).index(task.case), task.trial]),
-        window=_WINDOW,
-    )
+    on, contenders, up = _prepared(scenario, task.case)
+    random = np.random.default_rng([seed, tuple(CASES).index(task.case), task.trial])
+    shown = sensed(on, scenario.sensor, random)
+    return run_trial(on, contenders, _MEASURED, shown, up=up, window=_WINDOW)
 
 
 def run_comparison(scenario: ObserverComparisonScenario, seed: int, progress: Progress) -> Outcome:
@@ -249,20 +241,13 @@ def run_comparison(scenario: ObserverComparisonScenario, seed: int, progress: Pr
         trial=[task.trial for task in finished.tasks],
     )
     metrics = _metrics(traces)
-    first = next(iter(CASES))
-    on, contenders = _prepared(scenario, first)
-    up = CASES[first].estimation(scenario.sensor, _WINDOW[1]).up
+    on, contenders, up = _prepared(scenario, next(iter(CASES)))
     for observer, one in zip(OBSERVERS, contenders, strict=True):
-        metrics[f"{observer}.cost"] = Metric(
-            value=1e6 * cost(one, on, up=up, updates=_TIMED),
-            unit="us",
-            note="of an update on the machine at hand",
-        )
-    return Outcome(
-        metrics=metrics,
-        traces=traces,
-        simulated_seconds=len(finished) * _WINDOW[1],
-    )
+        took = 1e6 * cost(one, on, up=up, updates=_TIMED)
+        note = "of an update on the machine at hand"
+        metrics[f"{observer}.cost"] = Metric(value=took, unit="us", note=note)
+    simulated = len(finished) * _WINDOW[1]
+    return Outcome(metrics=metrics, traces=traces, simulated_seconds=simulated)
 
 
 def _metrics(traces: Mapping[str, np.ndarray]) -> dict[str, Metric]:
@@ -272,11 +257,9 @@ def _metrics(traces: Mapping[str, np.ndarray]) -> dict[str, Metric]:
             of = (traces["case"] == i) & (traces["observer"] == j)
             rms, bias, covered = (traces[name][of] for name in ("rms", "bias", "coverage"))
             name = f"{case}.{observer}"
-            metrics[f"{name}.rms"] = Metric(
-                value=math.sqrt(float(np.mean(rms**2))),
-                unit="deg",
-                note=f"of {len(rms)} seeds, {rms.min():.3g} to {rms.max():.3g}",
-            )
+            note = f"of {len(rms)} seeds, {rms.min():.3g} to {rms.max():.3g}"
+            value = math.sqrt(float(np.mean(rms**2)))
+            metrics[f"{name}.rms"] = Metric(value=value, unit="deg", note=note)
             planar = CASES[case].surface.dimension == 2
             metrics[f"{name}.bias"] = Metric(
                 value=float(np.mean(bias)) if planar else None,

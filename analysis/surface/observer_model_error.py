@@ -22,10 +22,10 @@ from chamfer.analysis.drawing.figure_style import PUBLISHED, dress, legend, new_
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
 from chamfer.analysis.surface.normal_trials import (
     Contender,
-    SensorFault,
     Slide,
     contender,
     run_trial,
+    sensed,
     slide,
     table_of_observers,
 )
@@ -199,19 +199,16 @@ def _observe(scenario: ModelErrorScenario, seed: int, task: ModelErrorTrial) -> 
         wrong = drawn(scenario, d, random)
     elif task.kind > 1:
         wrong = corners(scenario, d)[task.kind - 2]
+    sensor = replace(scenario.sensor, bias=wrong.bias)
+    rate = scenario.rate if wrong.differenced else None
     begins = estimation.lead.begins
     return run_trial(
         on,
         _contenders(scenario, estimation, on, wrong),
         _MEASURED,
+        sensed(on, sensor, random, late=wrong.late, differenced=rate),
         up=estimation.up,
-        sensor=replace(scenario.sensor, bias=wrong.bias),
-        random=random,
         window=(begins + _WINDOW[0], begins + _WINDOW[1]),
-        fault=SensorFault(
-            late=wrong.late,
-            rate=scenario.rate if wrong.differenced else None,
-        ),
     )
 
 

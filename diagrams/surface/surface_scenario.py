@@ -12,7 +12,7 @@ from pydrake.systems.primitives import DiscreteTimeDelay, RandomSource
 
 from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.surfaces.friction import SurfaceFriction
-from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
+from chamfer.models.surfaces.graphs import Parabola, Wave
 from chamfer.models.surfaces.rounds import Circle, Sphere
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import (
@@ -95,23 +95,17 @@ class SurfaceSettings:
 
     def make(self) -> Surface:
         """Return the surface."""
-        own = _FIELDS[self.shape]
-        given = {name: getattr(self.resolved(), name) for name in own}
-        above = given.get("radius", 0.0) * (1 if given.get("inside") else -1)
+        resolved = self.resolved()
+        given: dict[str, Any] = {name: getattr(resolved, name) for name in _FIELDS[self.shape]}
         match self.shape:
-            case "parabola":
-                return Parabola(coefficient=given["coefficients"][0])
-            case "wave":
-                (amplitude,), (wavelength,) = given["amplitudes"], given["wavelengths"]
-                return Wave(amplitude=amplitude, wavelength=wavelength)
-            case "circle":
-                return Circle(centre=(0.0, above), **given)
-            case "paraboloid":
-                return Paraboloid(**given)
-            case "wavy_sheet":
-                return WavySheet(**given)
-            case "sphere":
-                return Sphere(centre=(0.0, 0.0, above), **given)
+            case "parabola" | "paraboloid":
+                return Parabola(**given)
+            case "wave" | "wavy_sheet":
+                return Wave(**given)
+        above = given["radius"] if given["inside"] else -given["radius"]
+        if self.shape == "circle":
+            return Circle(centre=(0.0, above), **given)
+        return Sphere(centre=(0.0, 0.0, above), **given)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,5 +1,6 @@
 """Surfaces made of surfaces: turned and moved, drawn out of a curve, several in one."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
@@ -14,17 +15,12 @@ Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Extruded:
+class Upright:
     """A curve of the x-y plane drawn out along z: a wall of that outline."""
 
     dimension: ClassVar[int] = 3
 
     curve: Surface
-
-    def __post_init__(self) -> None:
-        if self.curve.dimension != 2:
-            raise ParameterError("curve", self.curve, "a surface in the plane")
 
     def level(self, p: Vector) -> float:
         """Return the curve's level, m."""
@@ -40,6 +36,17 @@ class Extruded:
         hessian = np.zeros((3, 3))
         hessian[:2, :2] = self.curve.hessian(p[:2])
         return hessian
+
+
+@dataclass(frozen=True, kw_only=True)
+class Extruded(Upright):
+    """Any curve drawn out."""
+
+    curve: Surface
+
+    def __post_init__(self) -> None:
+        if self.curve.dimension != 2:
+            raise ParameterError("curve", self.curve, "a surface in the plane")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,6 +102,8 @@ class _Several:
     Where two of them meet the normal changes at once, and there is no curvature.
     """
 
+    _pick: ClassVar[Callable[..., Surface]]
+
     parts: tuple[Surface, ...]
 
     def __post_init__(self) -> None:
@@ -119,15 +128,14 @@ class _Several:
         return self._foremost(p).hessian(p)
 
     def _foremost(self, p: Vector) -> Surface:
-        raise NotImplementedError
+        return self._pick(self.parts, key=lambda one: one.level(p))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Union(_Several):
     """The material of any of several surfaces: that with the least level counts."""
 
-    def _foremost(self, p: Vector) -> Surface:
-        return min(self.parts, key=lambda one: one.level(p))
+    _pick = staticmethod(min)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,5 +145,4 @@ class Intersection(_Several):
     Outside, near an edge, the gap is that to the one part, less than the way to the material.
     """
 
-    def _foremost(self, p: Vector) -> Surface:
-        return max(self.parts, key=lambda one: one.level(p))
+    _pick = staticmethod(max)

@@ -1,19 +1,13 @@
-"""Graphs over the first coordinate or two: parabolas, waves, and their sums in space."""
+"""Graphs over the first coordinate or two: parabolas and waves, summed up in space."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.models.validation import (
-    ParameterError,
-    require_finite,
-    require_numbers,
-    require_positive,
-)
+from chamfer.models.validation import ParameterError, require_numbers
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -33,93 +27,61 @@ class _Graph:
     def level(self, p: Vector) -> float:
         """Return the height above the graph, m."""
         *across, up = p.tolist()
-        for rise in self._rises(across):
-            up -= rise.height
+        for i, s in enumerate(across):
+            up -= self._rise(i, s).height
         return float(up)
 
     def gradient(self, p: Vector) -> Vector:
         """Return the height's gradient."""
-        return np.array([*(-rise.slope for rise in self._rises(p.tolist()[:-1])), 1.0])
+        return np.array([*(-self._rise(i, s).slope for i, s in enumerate(p.tolist()[:-1])), 1.0])
 
     def hessian(self, p: Vector) -> Matrix:
         """Return the height's second derivatives."""
-        return np.diag([*(-rise.bend for rise in self._rises(p.tolist()[:-1])), 0.0])
+        return np.diag([*(-self._rise(i, s).bend for i, s in enumerate(p.tolist()[:-1])), 0.0])
 
-    def _rises(self, across: Sequence[float]) -> list[_Rise]:
+    def _rise(self, i: int, s: float) -> _Rise:
         raise NotImplementedError
 
 
 @dataclass(frozen=True, kw_only=True)
 class Parabola(_Graph):
-    """The material below ``y = a x^2`` (eq. (5-1), Fig. 5-2); a = 0 makes it flat."""
+    """The material below ``y = a x^2`` (eq. (5-1), Fig. 5-2), in space ``z = a x^2 + b y^2``."""
 
-    dimension: ClassVar[int] = 2
-
-    coefficient: float = 0.05  # 1/m, a
+    coefficients: tuple[float, ...] = (0.05,)  # 1/m, a, or a and b; 0 makes it flat
 
     def __post_init__(self) -> None:
-        require_finite(self, "coefficient")
+        require_numbers(self, self.dimension - 1, "coefficients")
 
-    def _rises(self, across: Sequence[float]) -> list[_Rise]:
-        return [_bowl(self.coefficient, across[0])]
+    @property
+    def dimension(self) -> int:
+        """2 with one coefficient, else 3."""
+        return 2 if len(self.coefficients) == 1 else 3
+
+    def _rise(self, i: int, s: float) -> _Rise:
+        a = self.coefficients[i]
+        return _Rise(a * s * s, 2 * a * s, 2 * a)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Wave(_Graph):
-    """The material below ``y = A sin(2 pi x / L)``."""
+    """The material below ``y = A sin(2 pi x / L)``, in space ``z``, plus the same along y."""
 
-    dimension: ClassVar[int] = 2
-
-    amplitude: float = 0.05  # m, A
-    wavelength: float = 1.0  # m, L
+    amplitudes: tuple[float, ...] = (0.05,)  # m, A, in space for x and y
+    wavelengths: tuple[float, ...] = (1.0,)  # m, L, in space for x and y
 
     def __post_init__(self) -> None:
-        require_finite(self, "amplitude")
-        require_positive(self, "wavelength")
-
-    def _rises(self, across: Sequence[float]) -> list[_Rise]:
-        return [_sine(self.amplitude, self.wavelength, across[0])]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Paraboloid(_Graph):
-    """The material below ``z = a x^2 + b y^2``."""
-
-    dimension: ClassVar[int] = 3
-
-    coefficients: tuple[float, float] = (0.05, 0.05)  # 1/m, a and b
-
-    def __post_init__(self) -> None:
-        require_numbers(self, 2, "coefficients")
-
-    def _rises(self, across: Sequence[float]) -> list[_Rise]:
-        return [_bowl(a, s) for a, s in zip(self.coefficients, across, strict=True)]
-
-
-@dataclass(frozen=True, kw_only=True)
-class WavySheet(_Graph):
-    """The material below ``z = A sin(2 pi x / L) + B sin(2 pi y / M)``."""
-
-    dimension: ClassVar[int] = 3
-
-    amplitudes: tuple[float, float] = (0.05, 0.05)  # m, A and B
-    wavelengths: tuple[float, float] = (1.0, 1.0)  # m, L and M
-
-    def __post_init__(self) -> None:
-        require_numbers(self, 2, "amplitudes")
+        count = self.dimension - 1
+        require_numbers(self, count, "amplitudes")
         lengths = self.wavelengths
-        if len(lengths) != 2 or not all(0 < length < math.inf for length in lengths):
-            raise ParameterError("wavelengths", lengths, "2 finite numbers > 0")
+        if len(lengths) != count or not all(0 < length < math.inf for length in lengths):
+            raise ParameterError("wavelengths", lengths, f"{count} finite numbers > 0")
 
-    def _rises(self, across: Sequence[float]) -> list[_Rise]:
-        return list(map(_sine, self.amplitudes, self.wavelengths, across))
+    @property
+    def dimension(self) -> int:
+        """2 with one amplitude, else 3."""
+        return 2 if len(self.amplitudes) == 1 else 3
 
-
-def _bowl(coefficient: float, s: float) -> _Rise:
-    return _Rise(coefficient * s * s, 2 * coefficient * s, 2 * coefficient)
-
-
-def _sine(amplitude: float, wavelength: float, s: float) -> _Rise:
-    wave = 2 * math.pi / wavelength
-    sine = amplitude * math.sin(wave * s)
-    return _Rise(sine, amplitude * wave * math.cos(wave * s), -wave * wave * sine)
+    def _rise(self, i: int, s: float) -> _Rise:
+        wave = 2 * math.pi / self.wavelengths[i]
+        sine = self.amplitudes[i] * math.sin(wave * s)
+        return _Rise(sine, self.amplitudes[i] * wave * math.cos(wave * s), -wave * wave * sine)

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.models.surfaces.composed import Extruded
+from chamfer.models.surfaces.composed import Upright
 from chamfer.models.validation import ParameterError, require_numbers, require_positive
 
 Vector = NDArray[np.float64]
@@ -40,24 +40,25 @@ class _Round:
 
     def gradient(self, p: Vector) -> Vector:
         """Return the distance's gradient."""
-        offset = [x - c for x, c in zip(p.tolist(), self.centre, strict=True)]
-        distance = math.hypot(*offset)
-        if distance == 0:
-            return np.zeros(len(offset))
-        scale = -distance if self.inside else distance
-        return np.array([x / scale for x in offset])
+        distance, unit = self._direction(p)
+        return np.array([-x if self.inside and distance else x for x in unit])
 
     def hessian(self, p: Vector) -> Matrix:
         """Return the distance's second derivatives."""
-        offset = [x - c for x, c in zip(p.tolist(), self.centre, strict=True)]
-        distance = math.hypot(*offset)
-        if distance == 0:
-            return np.zeros((len(offset), len(offset)))
-        unit = [x / distance for x in offset]
+        distance, unit = self._direction(p)
         scale = -distance if self.inside else distance
         return np.array(
-            [[((i == j) - x * y) / scale for j, y in enumerate(unit)] for i, x in enumerate(unit)]
+            [
+                [((i == j) - x * y) / scale if scale else 0.0 for j, y in enumerate(unit)]
+                for i, x in enumerate(unit)
+            ]
         )
+
+    def _direction(self, p: Vector) -> tuple[float, list[float]]:
+        """Return how far a point is from the centre, m, and in which direction; in it, nowhere."""
+        offset = [x - c for x, c in zip(p.tolist(), self.centre, strict=True)]
+        distance = math.hypot(*offset)
+        return distance, [x / distance if distance else 0.0 for x in offset]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,32 +80,19 @@ class Sphere(_Round):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Crucible:
+class Crucible(Upright):
     """The inside of an upright cylinder; a stiff circle in the x-y plane (section 2.2)."""
-
-    dimension: ClassVar[int] = 3
 
     centre: tuple[float, float] = (1.0, -0.75)  # m
     radius: float = 0.75  # m
 
     def __post_init__(self) -> None:
-        self._wall  # noqa: B018 - checks
+        self.curve  # noqa: B018 - checks
 
     @cached_property
-    def _wall(self) -> Extruded:
-        return Extruded(curve=Circle(centre=self.centre, radius=self.radius, inside=True))
-
-    def level(self, p: Vector) -> float:
-        """Return the distance from the wall, m, negative in the material."""
-        return self._wall.level(p)
-
-    def gradient(self, p: Vector) -> Vector:
-        """Return the distance's gradient, a unit vector to the axis; 0 on it."""
-        return self._wall.gradient(p)
-
-    def hessian(self, p: Vector) -> Matrix:
-        """Return the distance's second derivatives; 0 on the axis."""
-        return self._wall.hessian(p)
+    def curve(self) -> Circle:  # type: ignore[override]
+        """The outline."""
+        return Circle(centre=self.centre, radius=self.radius, inside=True)
 
     def ahead(self, p: Vector, direction: Vector) -> float:
         """Return how far the wall is from a point inside, m, along a unit vector; shape (2,) each.

@@ -14,6 +14,7 @@ from chamfer.analysis.surface.normal_trials import (
     contender,
     cost,
     run_trial,
+    sensed,
     slide,
 )
 from chamfer.analysis.surface.unknown_surface import run_surface
@@ -24,14 +25,12 @@ from chamfer.diagrams.surface.surface_estimation import (
 )
 from chamfer.diagrams.surface.surface_scenario import THESIS, ObserverSettings, SurfaceSettings
 from chamfer.systems.estimation.normal_filter import Estimate, NormalStatus, Sample
-from chamfer.systems.sensing.force_rate import ForceRateSensorParams
+from chamfer.systems.sensing.force_rate import ForceRateParams, ForceRateSensorParams
 
 Array = NDArray[np.float64]
 
 SCENARIO = resolve_estimation(EstimationScenario(duration=6.0))
-SILENT = ForceRateSensorParams(force_noise=0.0, force_rate_noise=0.0)
 UP = np.array([0.0, 1.0])
-NOISY = ForceRateSensorParams()
 MEASURED = {name: name for name in ("error.rms", "error.bias", "error.max", "coverage")}
 
 
@@ -54,13 +53,6 @@ def test_a_slide_is_the_loops_without_noise(on: Slide) -> None:
     rate = np.gradient(on.force, 0.05, axis=0)
     np.testing.assert_allclose(on.force_rate[middle], rate[middle], rtol=1e-3, atol=1e-3)
     np.testing.assert_allclose(on.nominal[:100, 2:], [[0.2, 0.0]] * 100, atol=1e-12)
-
-
-def noisy(on: Slide, random: np.random.Generator) -> tuple[Array, Array]:
-    """The slide with the noise of section 5.2.2."""
-    force = on.force + 1.0 / math.sqrt(3) * random.standard_normal(on.force.shape)
-    rate = on.force_rate + 5.0 / math.sqrt(3) * random.standard_normal(on.force.shape)
-    return force, rate
 
 
 def thesis_by_hand(on: Slide, force: Array, rate: Array) -> tuple[Array, Array]:
@@ -91,72 +83,46 @@ def thesis_by_hand(on: Slide, force: Array, rate: Array) -> tuple[Array, Array]:
 
 def test_the_thesis_observer_gives_what_its_equations_give(on: Slide) -> None:
     thesis = contender(SCENARIO, THESIS, on)
+    random = np.random.default_rng(4)
+    shown = sensed(on, ForceRateSensorParams(force_noise=1.0, force_rate_noise=5.0), random)
+    error, band = thesis_by_hand(on, *shown)
     for window in ((2.0, 6.0), (1.0, 4.0)):
-        found = run_trial(
-            on,
-            [thesis],
-            MEASURED,
-            up=UP,
-            sensor=NOISY,
-            random=np.random.default_rng(4),
-            window=window,
-        )
-        force, rate = noisy(on, np.random.default_rng(4))
-        error, band = thesis_by_hand(on, force, rate)
+        found = run_trial(on, [thesis], MEASURED, shown, up=UP, window=window)
         rows = (on.time > window[0] - 1e-9) & (on.time < window[1] - 1e-9)
+        covered = 100 * np.mean(np.abs(error) <= band, where=rows)
         assert found["error.rms"][0] == pytest.approx(math.sqrt(np.mean(error[rows] ** 2)))
         assert found["error.bias"][0] == pytest.approx(error[rows].mean())
         assert found["error.max"][0] == pytest.approx(np.abs(error[rows]).max())
-        assert found["coverage"][0] == pytest.approx(
-            100 * np.mean(np.abs(error) <= band, where=rows)
-        )
-
-
-def test_all_contenders_are_given_the_same_noise(on: Slide) -> None:
-    one = contender(SCENARIO, THESIS, on)
-    found = run_trial(
-        on,
-        [one, contender(SCENARIO, ObserverSettings(kind="adaptive"), on), one],
-        MEASURED,
-        up=UP,
-        sensor=NOISY,
-        random=np.random.default_rng(0),
-        window=(2.0, 6.0),
-    )
-    for values in found.values():
-        assert values[0] == values[2]
-    assert found["error.rms"][0] != found["error.rms"][1]
+        assert found["coverage"][0] == pytest.approx(covered)
 
 
 def test_noise_is_what_is_asked_for(on: Slide) -> None:
-    seen: list[Sample] = []
-
-    class Listener:
-        def start(self, normal: Array) -> Array:
-            return normal
-
-        def update(self, memory: Array, sample: Sample) -> Estimate:
-            seen.append(sample)
-            return Estimate(memory, memory, np.eye(2), NormalStatus.MEASURED)
-
-    listener = Contender(filter=Listener(), predicted=None)
-    loud = ForceRateSensorParams(force_noise=2.0, force_rate_noise=0.0)
-    for sensor in (SILENT, loud, ForceRateSensorParams(force_noise=0.0)):
-        seen.clear()
-        random = np.random.default_rng(0)
-        run_trial(on, [listener], MEASURED, up=UP, sensor=sensor, random=random, window=(2.0, 6.0))
-        assert len(seen) == len(on.time)
-        force = np.array([sample.force for sample in seen]) - on.force
-        rate = np.array([sample.force_rate for sample in seen]) - on.force_rate
-        rms = [math.sqrt(np.mean(np.sum(one**2, axis=1))) for one in (force, rate)]
+    for force_noise, rate_noise in ((0.0, 0.0), (2.0, 0.0), (0.0, 5.0)):
+        sensor = ForceRateSensorParams(force_noise=force_noise, force_rate_noise=rate_noise)
+        force, rate = sensed(on, sensor, np.random.default_rng(0))
+        off = (force - on.force, rate - on.force_rate)
+        rms = [math.sqrt(np.mean(np.sum(one**2, axis=1))) for one in off]
         # Two of three axes.
-        expected = [
-            math.sqrt(2 / 3) * one for one in (sensor.force_noise, sensor.force_rate_noise)
-        ]
+        expected = math.sqrt(2 / 3) * np.array([force_noise, rate_noise])
         np.testing.assert_allclose(rms, expected, rtol=0.1)
-        np.testing.assert_array_equal([s.nominal_position for s in seen], on.nominal[:, :2])
-        np.testing.assert_array_equal([s.nominal_velocity for s in seen], on.nominal[:, 2:])
-        assert seen[0].predicted_normal is None
+
+
+def test_what_a_sensor_does_to_the_force() -> None:
+    time = 0.05 * np.arange(200)
+    force = np.stack([np.sin(time), np.cos(time)], axis=1)
+    rate = np.stack([np.cos(time), -np.sin(time)], axis=1)
+    on = Slide(time=time, force=force, force_rate=rate, nominal=np.zeros((200, 4)), normal=force)
+    silent = ForceRateSensorParams(force_noise=0.0, force_rate_noise=0.0)
+    random = np.random.default_rng(0)
+    biased = replace(silent, bias=(1.0, -2.0))
+    late = sensed(on, biased, random, late=3)
+    np.testing.assert_allclose(late[0][3:], force[:-3] + np.array([1.0, -2.0]), rtol=0, atol=1e-15)
+    np.testing.assert_array_equal(late[1][3:], rate[:-3])
+    differenced = sensed(on, silent, random, differenced=ForceRateParams(time_constant=0.1))
+    np.testing.assert_array_equal(differenced[0], force)
+    # It lags by the filter's time constant, less half a period.
+    lagging = np.cos(time[40:] - 0.1 + 0.025)
+    np.testing.assert_allclose(differenced[1][40:, 0], lagging, rtol=0, atol=0.03)
 
 
 def test_a_contender_is_told_the_normal_of_the_predicted_surface(on: Slide) -> None:

@@ -1,13 +1,11 @@
 """The experiment with observers that are told wrong, on two surfaces."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from chamfer.analysis.scenario.experiment import Outcome
-from chamfer.analysis.surface.normal_trials import SensorFault, Slide, sensed
 from chamfer.analysis.surface.observer_model_error import (
     OBSERVERS,
     ModelErrorScenario,
@@ -18,7 +16,6 @@ from chamfer.analysis.surface.observer_model_error import (
 )
 from chamfer.models.validation import ParameterError
 from chamfer.systems.estimation.model_error import ModelErrorParams
-from chamfer.systems.sensing.force_rate import ForceRateParams, ForceRateSensorParams
 
 SCENARIO = ModelErrorScenario(surfaces=("sharper", "space_saddle"), trials=1, latest=1)
 
@@ -75,28 +72,6 @@ def test_corners_are_as_wrong_as_it_may_be_and_draws_less() -> None:
         assert max(sizes) <= 2
         assert np.mean(sizes) == pytest.approx(1, abs=0.15)
     assert Wrong() == Wrong(1.0, None, 0, False)
-
-
-def test_what_a_sensor_does_to_the_force() -> None:
-    time = 0.05 * np.arange(200)
-    force = np.stack([np.sin(time), np.cos(time)], axis=1)
-    rate = np.stack([np.cos(time), -np.sin(time)], axis=1)
-    on = Slide(time=time, force=force, force_rate=rate, nominal=np.zeros((200, 4)), normal=force)
-    silent = ForceRateSensorParams(force_noise=0.0, force_rate_noise=0.0)
-    plain = sensed(on, silent, np.random.default_rng(0), SensorFault())
-    np.testing.assert_array_equal(plain[0], force)
-    np.testing.assert_array_equal(plain[1], rate)
-    biased = replace(silent, bias=(1.0, -2.0))
-    late = sensed(on, biased, np.random.default_rng(0), SensorFault(late=3))
-    np.testing.assert_allclose(late[0][3:], force[:-3] + np.array([1.0, -2.0]), rtol=0, atol=1e-15)
-    np.testing.assert_array_equal(late[1][3:], rate[:-3])
-    filtered = ForceRateParams(time_constant=0.1)
-    differenced = sensed(on, silent, np.random.default_rng(0), SensorFault(rate=filtered))
-    np.testing.assert_array_equal(differenced[0], force)
-    # It lags by the filter's time constant, less half a period.
-    np.testing.assert_allclose(
-        differenced[1][40:, 0], np.cos(time[40:] - 0.1 + 0.025), rtol=0, atol=0.03
-    )
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ from chamfer.diagrams.surface.surface_tracking import (
     resolve_tracking,
 )
 from chamfer.models.arms.gripper import GripperCompliance
-from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
+from chamfer.models.surfaces.graphs import Parabola, Wave
 from chamfer.models.surfaces.rounds import Circle, Sphere
 from chamfer.models.surfaces.surface import normal
 from chamfer.models.validation import ParameterError
@@ -51,18 +51,18 @@ def test_every_shape_goes_through_the_origin(shape: SurfaceShape) -> None:
 
 
 def test_settings_arrive_in_the_surface() -> None:
-    assert SurfaceSettings().make() == Parabola(coefficient=0.05)
-    assert SurfaceSettings(coefficients=(0.2,)).make() == Parabola(coefficient=0.2)
+    assert SurfaceSettings().make() == Parabola(coefficients=(0.05,))
+    assert SurfaceSettings(coefficients=(0.2,)).make() == Parabola(coefficients=(0.2,))
     wave = SurfaceSettings(shape="wave", amplitudes=(0.1,), wavelengths=(3.0,))
-    assert wave.make() == Wave(amplitude=0.1, wavelength=3.0)
+    assert wave.make() == Wave(amplitudes=(0.1,), wavelengths=(3.0,))
     bowl = SurfaceSettings(shape="circle", radius=4.0)
     assert bowl.make() == Circle(centre=(0.0, 4.0), radius=4.0, inside=True)
     ball = SurfaceSettings(shape="sphere", radius=4.0, inside=False)
     assert ball.make() == Sphere(centre=(0.0, 0.0, -4.0), radius=4.0, inside=False)
     sheet = SurfaceSettings(shape="wavy_sheet", amplitudes=(0.1, 0.2), wavelengths=(3.0, 4.0))
-    assert sheet.make() == WavySheet(amplitudes=(0.1, 0.2), wavelengths=(3.0, 4.0))
+    assert sheet.make() == Wave(amplitudes=(0.1, 0.2), wavelengths=(3.0, 4.0))
     paraboloid = SurfaceSettings(shape="paraboloid", coefficients=(0.1, 0.2))
-    assert paraboloid.make() == Paraboloid(coefficients=(0.1, 0.2))
+    assert paraboloid.make() == Parabola(coefficients=(0.1, 0.2))
 
 
 def test_the_observer_is_told_what_gripper_and_sensor_have_unless_it_is_told_otherwise() -> None:

@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 from chamfer.models.surfaces.composed import Extruded, Intersection, Placed, Union
 from chamfer.models.surfaces.damage import SAFE_SPEED, SCRATCH_FORCE, impact_speed_limit
 from chamfer.models.surfaces.friction import SurfaceFriction
-from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
+from chamfer.models.surfaces.graphs import Parabola, Wave
 from chamfer.models.surfaces.nearest import nearest
 from chamfer.models.surfaces.planes import RippledPlane
 from chamfer.models.surfaces.rounds import Circle, Crucible, Sphere
@@ -23,23 +23,23 @@ from chamfer.models.validation import ParameterError
 
 SURFACES: list[Surface] = [
     Parabola(),
-    Parabola(coefficient=-0.4),
-    Wave(amplitude=0.03, wavelength=0.9),
+    Parabola(coefficients=(-0.4,)),
+    Wave(amplitudes=(0.03,), wavelengths=(0.9,)),
     Circle(centre=(0.2, -1.3), radius=1.5),
     Circle(centre=(0.2, 1.3), radius=1.5, inside=True),
-    Paraboloid(coefficients=(0.3, -0.2)),
-    WavySheet(amplitudes=(0.03, 0.02), wavelengths=(0.9, 0.7)),
+    Parabola(coefficients=(0.3, -0.2)),
+    Wave(amplitudes=(0.03, 0.02), wavelengths=(0.9, 0.7)),
     Sphere(centre=(0.2, 0.1, -1.3), radius=1.5),
     Sphere(centre=(0.2, 0.1, 1.3), radius=1.5, inside=True),
 ]
 # Turned by 90 degrees about z and then about x: the old x, y, z are y, z, x in the world.
 _CYCLE = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-PLACED = Placed(surface=Paraboloid(coefficients=(0.3, -0.2)), point=(1.0, 2.0, 3.0), axes=_CYCLE)
+PLACED = Placed(surface=Parabola(coefficients=(0.3, -0.2)), point=(1.0, 2.0, 3.0), axes=_CYCLE)
 WAVY = RippledPlane(point=(0.1, -0.2, 0.3), tilt=0.2, ripple=1e-3, wavelength=0.05)
 COMPOSED: list[Surface] = [
     Crucible(),
     WAVY,
-    Extruded(curve=Wave(amplitude=0.03, wavelength=0.9)),
+    Extruded(curve=Wave(amplitudes=(0.03,), wavelengths=(0.9,))),
     PLACED,
     Placed(surface=Extruded(curve=Circle()), point=(0.3, 0.2, 0.1), axes=_CYCLE),
     Union(parts=(Sphere(), Crucible(), PLACED)),
@@ -53,14 +53,11 @@ seeds = st.integers(0, 2**32 - 1)
 def height(surface: Surface, x: float, y: float) -> float:
     """Return the last coordinate of the surface's point, from the docstrings' formulas."""
     match surface:
-        case Parabola(coefficient=a):
-            return a * x**2
-        case Wave(amplitude=a, wavelength=length):
-            return a * math.sin(2 * math.pi * x / length)
-        case Paraboloid(coefficients=(a, b)):
-            return a * x**2 + b * y**2
-        case WavySheet(amplitudes=(a, b), wavelengths=(k, m)):
-            return a * math.sin(2 * math.pi * x / k) + b * math.sin(2 * math.pi * y / m)
+        case Parabola(coefficients=bends):
+            return sum(a * s**2 for a, s in zip(bends, (x, y), strict=False))
+        case Wave(amplitudes=rises, wavelengths=lengths):
+            places = zip(rises, lengths, (x, y), strict=False)
+            return sum(a * math.sin(2 * math.pi * s / length) for a, length, s in places)
         case Circle(centre=(cx, cy), radius=radius, inside=inside):
             return cy + math.sqrt(radius**2 - (x - cx) ** 2) * (-1 if inside else 1)
         case Sphere(centre=(cx, cy, cz), radius=radius, inside=inside):
@@ -206,7 +203,7 @@ def test_places_are_where_they_are_put() -> None:
     np.testing.assert_allclose(normal(PLACED, np.array([1.0, 2.0, 3.0])), [1, 0, 0], atol=1e-15)
     assert PLACED.level(np.array([1.25, 2.0, 3.0])) == pytest.approx(0.25)
     assert PLACED.level(np.array([1.0 + 0.3 * 0.5**2, 2.5, 3.0])) == pytest.approx(0, abs=1e-15)
-    wall = Extruded(curve=Parabola(coefficient=0.5))
+    wall = Extruded(curve=Parabola(coefficients=(0.5,)))
     assert locate(wall, np.array([1.0, 0.5, 7.0])).gap == pytest.approx(0, abs=1e-15)
     np.testing.assert_allclose(
         locate(wall, np.array([1.0, 0.5, 7.0])).normal, [-math.sqrt(0.5), math.sqrt(0.5), 0]
@@ -214,7 +211,7 @@ def test_places_are_where_they_are_put() -> None:
 
 
 def test_union_is_in_the_material_of_any_part() -> None:
-    floor = Extruded(curve=Parabola(coefficient=0.0))
+    floor = Extruded(curve=Parabola(coefficients=(0.0,)))
     both = Union(parts=(floor, Sphere(centre=(0.0, 0.0, 0.0), radius=0.5)))
     for point, gap in (((0.0, 0.3, 0.0), -0.2), ((2.0, -0.1, 0.0), -0.1), ((0.0, 0.8, 0.0), 0.3)):
         assert locate(both, np.array(point)).gap == pytest.approx(gap)
@@ -225,8 +222,8 @@ def test_union_is_in_the_material_of_any_part() -> None:
     [
         (Sphere(radius=0.5), (0.0, 0.0, -0.5), 2.0),
         (Crucible(), (1.0, -1.5, 0.2), 1 / 0.75),
-        (Parabola(coefficient=0.05), (0.0, 0.0), 0.1),
-        (Paraboloid(coefficients=(0.3, -0.4)), (0.0, 0.0, 0.0), 0.8),
+        (Parabola(coefficients=(0.05,)), (0.0, 0.0), 0.1),
+        (Parabola(coefficients=(0.3, -0.4)), (0.0, 0.0, 0.0), 0.8),
         (RippledPlane(point=(0.0, 0.0, 0.0), tilt=0.3), (0.0, 0.0, 0.0), 0.0),
     ],
 )
@@ -302,14 +299,11 @@ NOWHERE = ", so that friction is nowhere negative"
 @pytest.mark.parametrize(
     ("make", "changes", "allowed"),
     [
-        (Parabola, {"coefficient": math.nan}, "a finite number"),
-        (Wave, {"amplitude": math.inf}, "a finite number"),
-        (Wave, {"wavelength": 0.0}, "a finite number > 0"),
         (Circle, {"centre": (0.0, 0.0, 0.0)}, "2 finite numbers"),
         (Circle, {"radius": -1.0}, "a finite number > 0"),
-        (Paraboloid, {"coefficients": (math.inf, 0.0)}, "2 finite numbers"),
-        (WavySheet, {"amplitudes": (0.0, math.nan)}, "2 finite numbers"),
-        (WavySheet, {"wavelengths": (0.0, 1.0)}, "2 finite numbers > 0"),
+        (Parabola, {"coefficients": (math.inf, 0.0)}, "2 finite numbers"),
+        (Wave, {"amplitudes": (0.0, math.nan)}, "2 finite numbers"),
+        (Wave, {"wavelengths": (0.0,)}, "1 finite numbers > 0"),
         (Sphere, {"centre": (0.0, 0.0)}, "3 finite numbers"),
         (Crucible, {"centre": (math.nan, 0.0)}, "2 finite numbers"),
         (Crucible, {"radius": 0.0}, "a finite number > 0"),
@@ -349,7 +343,7 @@ NOWHERE = ", so that friction is nowhere negative"
             "inside of the circle of 0.75 m about (1.0, -0.75)",
         ),
         (  # as near as can be along one direction only
-            lambda p: nearest(Paraboloid(coefficients=(0.1, 1.0)), np.array(p)),
+            lambda p: nearest(Parabola(coefficients=(0.1, 1.0)), np.array(p)),
             {"p": [0.05, 0.0, 1.0]},
             "a point nearer to the surface than its radius of curvature",
         ),

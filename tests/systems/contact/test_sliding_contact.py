@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from chamfer.models.surfaces.friction import SurfaceFriction
-from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
+from chamfer.models.surfaces.graphs import Parabola, Wave
 from chamfer.models.surfaces.rounds import Circle, Sphere
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import ParameterError
@@ -33,7 +33,7 @@ Motion = Callable[[float], tuple[Sequence[float], Sequence[float]]]
 THESIS = Parabola()
 ROUGH = SurfaceFriction()
 SOFT = 100 * np.eye(2)
-FLAT = Parabola(coefficient=0.0)
+FLAT = Parabola(coefficients=(0.0,))
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def held_x(case: Case, nominal: np.ndarray, direction: int, low: float, high: fl
 @pytest.mark.parametrize("direction", [1, -1])
 def test_slide_over_waves_with_a_skew_stiffness(direction: int) -> None:
     case = Case(
-        Wave(amplitude=0.01, wavelength=0.9),
+        Wave(amplitudes=(0.01,), wavelengths=(0.9,)),
         SurfaceFriction(coefficient=0.5, ripple=0.05, wavelength=0.7),
         np.array([[110.0, 25.0], [25.0, 80.0]]),
     )
@@ -218,7 +218,7 @@ def test_drop_of_the_friction_makes_the_point_jump() -> None:
 
 SKEW = np.array([[120.0, 20.0, 10.0], [20.0, 90.0, -15.0], [10.0, -15.0, 100.0]])
 VARIED = SurfaceFriction(coefficient=0.6, ripple=0.15, wavelength=0.8)
-FLAT_SHEET = Paraboloid(coefficients=(0.0, 0.0))
+FLAT_SHEET = Parabola(coefficients=(0.0, 0.0))
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -227,12 +227,12 @@ seeds = st.integers(0, 2**32 - 1)
 
 SURFACES: list[Surface] = [
     THESIS,
-    Wave(amplitude=0.02, wavelength=0.6),
+    Wave(amplitudes=(0.02,), wavelengths=(0.6,)),
     Circle(centre=(0.0, -0.6), radius=0.6),
     Circle(centre=(0.0, 0.6), radius=0.6, inside=True),
     FLAT_SHEET,
-    Paraboloid(coefficients=(0.3, -0.2)),
-    WavySheet(amplitudes=(0.01, 0.015), wavelengths=(0.6, 0.5)),
+    Parabola(coefficients=(0.3, -0.2)),
+    Wave(amplitudes=(0.01, 0.015), wavelengths=(0.6, 0.5)),
     Sphere(centre=(0.0, 0.0, -0.6), radius=0.6),
     Sphere(centre=(0.0, 0.0, 0.6), radius=0.6, inside=True),
 ]
@@ -319,7 +319,7 @@ def round_motion(t: float) -> tuple[Sequence[float], Sequence[float]]:
     return position, (0.3 * math.cos(t), 0.325 * math.cos(1.3 * t), 0.0)
 
 
-SHEET = WavySheet(amplitudes=(0.03, 0.04), wavelengths=(1.1, 1.3))
+SHEET = Wave(amplitudes=(0.03, 0.04), wavelengths=(1.1, 1.3))
 
 
 def slip_at(time: float, case: Case) -> Touch:
@@ -390,7 +390,7 @@ def row(touch: Touch) -> np.ndarray:
     ("surface", "stiffness", "motion"),
     [
         (Parabola(), ((100.0, 20.0), (20.0, 80.0)), flat_motion),
-        (WavySheet(), EVEN, spatial_motion),
+        (Wave(amplitudes=(0.05, 0.05), wavelengths=(1.0, 1.0)), EVEN, spatial_motion),
     ],
     ids=["plane", "space"],
 )

@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from chamfer.models.surfaces.friction import SurfaceFriction
-from chamfer.models.surfaces.graphs import Parabola, Paraboloid, Wave, WavySheet
+from chamfer.models.surfaces.graphs import Parabola, Wave
 from chamfer.models.surfaces.rounds import Circle, Sphere
 from chamfer.models.surfaces.surface import Surface
 from chamfer.systems.contact.sliding_contact import FREE, SLIP
@@ -31,11 +31,11 @@ HOLLOW = Sphere(centre=(0.0, 0.0, 2.0), radius=2.0, inside=True)
 @pytest.mark.parametrize(
     ("surface", "assumed", "known"),
     [  # largest errors, deg: with the noise of section 5.2.2 assumed, and with none
-        (Wave(wavelength=2.0), 2.5, 0.002),
+        (Wave(wavelengths=(2.0,)), 2.5, 0.002),
         (HOLLOW, 2.8, 0.002),
         # Across a twisted path the force's direction tells the normal, taken as good to 0.02 rad.
-        (Paraboloid(coefficients=(0.2, -0.2)), 2.8, 1.6),
-        (WavySheet(wavelengths=(2.0, 2.0)), 3.5, 0.9),
+        (Parabola(coefficients=(0.2, -0.2)), 2.8, 1.6),
+        (Wave(amplitudes=(0.05, 0.05), wavelengths=(2.0, 2.0)), 3.5, 0.9),
     ],
 )
 def test_samples_without_noise(
@@ -146,7 +146,7 @@ def test_lost_contact(slides: Any, d: int) -> None:
     away = np.zeros(d)
     away[-1] = 0.3
     ahead = 0.2 * np.eye(d)[0]
-    surface = Parabola() if d == 2 else Paraboloid()
+    surface = Parabola() if d == 2 else Parabola(coefficients=(0.05, 0.05))
     motion = slides.legs(
         [*np.zeros(d - 1), -0.1],
         [(4.0, ahead), (2.0, ahead + away), (2.0, ahead - away), (4.0, ahead)],
@@ -209,8 +209,8 @@ def test_prediction_turns_estimate_and_covariance_along(
 @pytest.mark.parametrize(
     ("surface", "rms", "coverage"),
     [  # deg; about a sixth more than measured
-        (Wave(wavelength=2.0), 1.95, 0.99),
-        (Paraboloid(coefficients=(0.2, -0.2)), 2.6, 0.96),
+        (Wave(wavelengths=(2.0,)), 1.95, 0.99),
+        (Parabola(coefficients=(0.2, -0.2)), 2.6, 0.96),
     ],
 )
 def test_error_and_band_along_a_surface(
@@ -226,7 +226,7 @@ def test_error_and_band_along_a_surface(
 
 
 def test_slow_slide_below_the_gate_is_measured(slides: Any) -> None:
-    surface, speed, d = Paraboloid(coefficients=(0.15, 0.15)), 0.09, 3
+    surface, speed, d = Parabola(coefficients=(0.15, 0.15)), 0.09, 3
     slide = slides.make(surface, slides.lead(d, speed=speed, heading=0.4), 1.2 / speed)
     found = slides.follow(slides.observer(d), slides.disturb(slide.samples, 0))
     measured = np.count_nonzero(found.statuses == NormalStatus.MEASURED)
@@ -242,8 +242,8 @@ def test_slow_slide_below_the_gate_is_measured(slides: Any) -> None:
     assert noisy.rms < 0.6 * gated.rms
 
 
-SHARP = Parabola(coefficient=0.15)
-SADDLE = Paraboloid(coefficients=(0.1, -0.1))
+SHARP = Parabola(coefficients=(0.15,))
+SADDLE = Parabola(coefficients=(0.1, -0.1))
 
 
 @pytest.mark.parametrize("told", [0.7, 1.3])

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq, minimize
 
 from chamfer.models.surfaces.friction import SurfaceFriction
-from chamfer.models.surfaces.graphs import Paraboloid, Wave
+from chamfer.models.surfaces.graphs import Parabola, Wave
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.sliding_contact import SLIP
@@ -448,7 +448,9 @@ def test_tangential_deviation() -> None:
         assert tangential_deviation(np.eye(d)[0], -1e-20 * np.eye(d)) == 0.0
 
 
-@pytest.mark.parametrize("surface", [Wave(wavelength=2.0), Paraboloid(coefficients=(0.05, -0.2))])
+@pytest.mark.parametrize(
+    "surface", [Wave(wavelengths=(2.0,)), Parabola(coefficients=(0.05, -0.2))]
+)
 @pytest.mark.parametrize("kind", ["thesis", "gated"])
 def test_exact_without_noise(slides: Any, surface: Surface, kind: ObserverKind) -> None:
     # Section 5.2.2, Fig. 5-5: the estimate is exact and P zero, whatever the friction.

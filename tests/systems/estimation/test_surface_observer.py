@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from chamfer.models.surfaces.graphs import Parabola, Paraboloid
+from chamfer.models.surfaces.graphs import Parabola
 from chamfer.models.surfaces.rounds import Sphere
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import ParameterError
@@ -82,7 +82,8 @@ def samples(slides: Any) -> Callable[[int], list[Sample]]:
     def make(d: int) -> list[Sample]:
         ahead = np.eye(d)[0]
         motion = slides.legs([*np.zeros(d - 1), -0.1], [(2.5, 0.2 * ahead), (0.5, 0 * ahead)])
-        slide = slides.make(Parabola() if d == 2 else Paraboloid(), motion, 3.0, period=0.0625)
+        surface = Parabola(coefficients=(0.05,) * (d - 1))
+        slide = slides.make(surface, motion, 3.0, period=0.0625)
         found: list[Sample] = slides.disturb(slide.samples, 5)
         return found
 
@@ -217,9 +218,9 @@ def test_it_is_the_normal_of_the_surface_at_the_position() -> None:
     # y = 0.1 x^2 has the slope 0.4 at x = 2.
     expected = np.array([-0.4, 1.0]) / np.hypot(0.4, 1.0)
     at = [2.0, 0.4, 0.0, 0.0]
-    np.testing.assert_allclose(predicted(Parabola(coefficient=0.1), at), expected)
+    np.testing.assert_allclose(predicted(Parabola(coefficients=(0.1,)), at), expected)
     expected = np.array([-0.4, 0.6, 1.0]) / np.sqrt(0.16 + 0.36 + 1)
-    paraboloid = Paraboloid(coefficients=(0.1, -0.1))
+    paraboloid = Parabola(coefficients=(0.1, -0.1))
     np.testing.assert_allclose(predicted(paraboloid, [2.0, 3.0, 9.0, 0, 0, 0]), expected)
 
 
