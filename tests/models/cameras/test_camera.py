@@ -55,6 +55,24 @@ def test_projection_is_opencvs(seed: int, distorted: bool) -> None:
     np.testing.assert_allclose(found[seen], expected[:, 0][seen], rtol=0, atol=1e-7)
 
 
+def test_cameras_are_equal_where_all_of_them_is() -> None:
+    camera = CameraPlacement().camera
+    same = camera.placed(camera.R_WC.copy(), camera.p_WC.copy())
+    assert (same, hash(same)) == (camera, hash(camera))
+    elsewhere, turned = (0.0, 0.0, 0.0), camera.R_WC.T
+    assert camera != camera.placed(camera.R_WC, np.array(elsewhere))
+    assert camera != camera.placed(turned, camera.p_WC)
+    assert camera != dataclasses.replace(camera, width=camera.width + 1)
+
+
+@pytest.mark.parametrize("focal", [(800.0, 1000.0), (1000.0, 800.0)])
+def test_square_pixels_show_the_same_from_corner_to_corner(focal: tuple[float, float]) -> None:
+    camera = dataclasses.replace(CameraPlacement().camera, focal=focal)
+    straight = camera.straight()
+    corners = [np.array([[0, 0], [one.width, one.height]]) - 0.5 for one in (camera, straight)]
+    np.testing.assert_allclose(camera.shown_by(straight, corners[0]), corners[1], atol=1e-9)
+
+
 def test_what_the_lens_would_fold_back_is_refused() -> None:
     camera = dataclasses.replace(CameraPlacement().camera, distortion=(-3.0, 0, 0, 0, 0))
     # r (1 - 3 r^2) turns back at r = 1 / 3, where it is 2 / 9.

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from pydrake.math import RotationMatrix
+from pydrake.math import RigidTransform, RotationMatrix
 
 from chamfer.models.connectors.rj45_connector import Rj45Connector
 
@@ -19,6 +19,13 @@ def test_play_is_that_of_the_dimensions(geometry_of, tolerance):
         free = geometry.free(RotationMatrix(), 3e-3, direction)
         assert free == pytest.approx(connector.clearance[axis], abs=1e-7)
     assert (connector.clearance > 3e-5).all()
+
+
+@pytest.mark.parametrize("place", [(0.015, 0.0), (-0.015, 0.0), (0.0, 0.015), (0.0, -0.015)])
+def test_face_is_all_around_the_jack(geometry_of, place):
+    geometry = geometry_of(Rj45Connector(), SOFT)
+    heights = (1e-5, -1e-5)
+    assert [geometry.meet(RigidTransform([*place, z])) for z in heights] == [False, True]
 
 
 @pytest.mark.parametrize("tolerance", TOLERANCES)

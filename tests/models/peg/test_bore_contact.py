@@ -16,7 +16,7 @@ from chamfer.models.peg.bore_contact import (
     facets_needed,
     sagitta,
 )
-from chamfer.models.peg.peg_and_hole import PegAndHole
+from chamfer.models.peg.peg_and_hole import PegAndHole, Section
 from chamfer.models.peg_theory.wedging import two_points
 from chamfer.models.validation import ParameterError
 
@@ -70,10 +70,12 @@ def test_two_points_touch_where_the_statics_say() -> None:
     assert deepest(deeper) == pytest.approx(2e-4 * math.sin(tilt), rel=0.1)
 
 
-def test_a_blind_bore_has_a_bottom() -> None:
-    blind = PegAndHole(bore_depth=0.03)
-    assert deepest(at(0.0299), blind) == 0.0
-    assert deepest(at(0.0301), blind) == pytest.approx(1e-4, rel=1e-3)
+@pytest.mark.parametrize("section", ["round", "square"])
+def test_a_blind_bore_has_a_bottom(section: Section) -> None:
+    blind = PegAndHole(section=section, bore_depth=0.03)
+    facets = facets_needed(blind)
+    assert deepest(at(0.0299), blind, facets) == 0.0
+    assert deepest(at(0.0301), blind, facets) == pytest.approx(1e-4, rel=1e-3)
     assert deepest(at(0.0301)) == 0.0
 
 

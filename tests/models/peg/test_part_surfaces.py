@@ -14,6 +14,7 @@ from chamfer.models.peg.part_surfaces import (
     overlap,
     radius_of,
     require_apart,
+    require_tilted_apart,
     rings,
 )
 from chamfer.models.peg.peg_and_hole import PegAndHole
@@ -83,6 +84,15 @@ def test_parts_in_each_other_are_refused() -> None:
     assert str(caught.value) == (
         "gap is -0.001, allowed: one with which peg and hole part are apart; they overlap by 1 mm"
     )
+    ahead = PARTS.leading(0.1)
+    for tilt in (-0.1, 0.1):
+        require_tilted_apart(PARTS, tilt, ahead + 1e-9)
+        with pytest.raises(ParameterError, match=r"^gap is .*, allowed: > .* m, so that peg and"):
+            require_tilted_apart(PARTS, tilt, ahead)
+    with pytest.raises(
+        ParameterError, match=r"^tilt is 0\.7853.*, allowed: between -pi/4 and pi/4"
+    ):
+        require_tilted_apart(PARTS, np.pi / 4, 1.0)
 
 
 @pytest.mark.parametrize(
