@@ -17,8 +17,28 @@ PRIMITIVES: Final = "sensorimotor-primitives"
 _SHORT: Final = ("trials=1", "duration=3", "measure_after=2")
 _PLANAR: Final = ("task.speed=1", "duration=2.5", "measure_after=2")
 
+# The same of insertions by sight.
+_INSERTED: Final = (
+    "begin=0.2",
+    "gap=0.01",
+    "initial_error=[0, 0.001, -0.001, 0, 0.01, -0.01]",
+    "insert.depth=0.015",
+    "insert.speed=0.06",
+    "insert.rest=0.05",
+    "duration=2",
+)
+
 # Experiments that share most of what they are.
 _study = partial(Entry, study=True, seconds=300)
+_servo = partial(
+    Entry,
+    paper=SERVOING,
+    seconds=2,
+    module="chamfer.analysis.servo.servo_response",
+    resolve="chamfer.diagrams.servo.servo_scenario:resolve",
+    diagram="make_diagram",
+    charts="make_charts",
+)
 _connector = partial(
     Entry,
     paper=PRIMITIVES,
@@ -29,10 +49,23 @@ _connector = partial(
     replay="replay_insertion",
     reduced=("step=0.002",),
 )
-_connector_study = partial(
+_success = partial(
+    _study,
+    paper=PRIMITIVES,
+    figure="section 4",
+    module="chamfer.analysis.skills.connector_campaign",
+    resolve="resolve_campaign",
+    run="run_success",
+    plot="success_figures",
+)
+_ablation = partial(
     _study,
     paper=PRIMITIVES,
     module="chamfer.analysis.skills.connector_campaign",
+    resolve="resolve_campaign",
+    run="run_ablation",
+    plot="ablation_figures",
+    reduced=("trials=1", "duration=0.1"),
 )
 _wall = partial(
     Entry,
@@ -43,6 +76,7 @@ _wall = partial(
     run="run_wall_trials",
     diagram="chamfer.diagrams.surface.unknown_wall_loop:make_unknown_wall_diagram",
     charts="make_charts",
+    reduced=("trials=1", "duration=2.5", "measure_after=2", "task.kick_time=1.8"),
 )
 _estimation = partial(
     Entry,
@@ -51,6 +85,7 @@ _estimation = partial(
     resolve="chamfer.diagrams.surface.surface_estimation:resolve_estimation",
     run="run_estimation_trials",
     diagram="chamfer.diagrams.surface.surface_estimation:make_estimation_diagram",
+    reduced=("trials=2", "lead.halt=1.5", "duration=2"),
 )
 _tracking = partial(
     Entry,
@@ -115,12 +150,7 @@ CATALOGUE: Final = Catalogue(
             resolve="chamfer.diagrams.insertion.peg_insertion:resolve_peg_insertion",
             diagram="chamfer.diagrams.insertion.peg_insertion:make_peg_insertion_diagram",
             replay="chamfer.analysis.insertion.peg_insertion:replay_peg_insertion",
-            reduced=(
-                "depth=0.008",
-                "gap=0.001",
-                "step=0.002",
-                "speed=0.05",
-            ),
+            reduced=("depth=0.008", "gap=0.001", "step=0.002", "speed=0.05"),
         ),
         Entry(
             name="wedging-diagram",
@@ -170,35 +200,23 @@ CATALOGUE: Final = Catalogue(
             scenario="IDENTIFICATION",
             reduced=("plant.stiffness=[700]",),
         ),
-        Entry(
+        _servo(
             name="step-response",
-            paper=SERVOING,
             figure="Fig. 8",
             summary="PID and FSM loop answer a step of 1 m",
-            seconds=2,
-            module="chamfer.analysis.servo.servo_response",
             scenario="chamfer.diagrams.servo.servo_scenario:STEP",
-            resolve="chamfer.diagrams.servo.servo_scenario:resolve",
             run="run_step",
             run_swept="run_step_compiled",
             plot="step_figures",
-            diagram="make_diagram",
-            charts="make_charts",
         ),
-        Entry(
+        _servo(
             name="sinusoid-response",
-            paper=SERVOING,
             figure="Fig. 9",
             summary="PID and FSM loop follow a sinusoid between -1 and 1 m",
-            seconds=2,
-            module="chamfer.analysis.servo.servo_response",
             scenario="chamfer.diagrams.servo.servo_scenario:SINUSOID",
-            resolve="chamfer.diagrams.servo.servo_scenario:resolve",
             run="run_sinusoid",
             run_swept="run_sinusoid_compiled",
             plot="sinusoid_figures",
-            diagram="make_diagram",
-            charts="make_charts",
         ),
         Entry(
             name="vertical-tracking",
@@ -213,11 +231,7 @@ CATALOGUE: Final = Catalogue(
             resolve="resolve_tracking",
             diagram="chamfer.diagrams.cell.alignment:make_alignment_diagram",
             charts="chamfer.analysis.cell.alignment_runs:alignment_charts",
-            reduced=(
-                "motion_time=0.5",
-                "begin=0.3",
-                "compensation_time=0.3",
-            ),
+            reduced=("motion_time=0.5", "begin=0.3", "compensation_time=0.3"),
         ),
         Entry(
             name="alignment",
@@ -230,10 +244,7 @@ CATALOGUE: Final = Catalogue(
             diagram="chamfer.diagrams.cell.alignment:make_alignment_diagram",
             charts="chamfer.analysis.cell.alignment_runs:alignment_charts",
             replay="chamfer.analysis.cell.alignment:replay_alignment",
-            reduced=(
-                "begin=0.2",
-                "compensation_time=0.6",
-            ),
+            reduced=("begin=0.2", "compensation_time=0.6"),
         ),
         _study(
             name="fsm-stability",
@@ -243,11 +254,7 @@ CATALOGUE: Final = Catalogue(
             module="chamfer.analysis.servo.fsm_stability",
             scenario="STABILITY",
             diagram="make_diagram",
-            reduced=(
-                "map.points=7",
-                "map.trials=1",
-                "map.settings=20",
-            ),
+            reduced=("map.points=7", "map.trials=1", "map.settings=20"),
         ),
         _study(
             name="camera-accuracy",
@@ -283,11 +290,7 @@ CATALOGUE: Final = Catalogue(
             resolve="chamfer.analysis.cell.alignment_runs:resolve_repeatability",
             run="run_repeatability",
             plot="repeatability_figures",
-            reduced=(
-                "trials=2",
-                "begin=0.2",
-                "compensation_time=0.6",
-            ),
+            reduced=("trials=2", "begin=0.2", "compensation_time=0.6"),
         ),
         _study(
             name="camera-errors",
@@ -316,12 +319,7 @@ CATALOGUE: Final = Catalogue(
             "assessed and simulated",
             module="chamfer.analysis.design.design_accuracy",
             scenario="DRAWN_DESIGNS",
-            reduced=(
-                "designs=2",
-                "trials=1",
-                "draws=72",
-                "duration=0.4",
-            ),
+            reduced=("designs=2", "trials=1", "draws=72", "duration=0.4"),
         ),
         Entry(
             name="insertion",
@@ -336,15 +334,7 @@ CATALOGUE: Final = Catalogue(
             diagram="chamfer.diagrams.insertion.insertion:make_insertion_diagram",
             charts="chamfer.analysis.insertion.cell_runs:insertion_charts",
             replay="chamfer.analysis.cell.alignment:replay_alignment",
-            reduced=(
-                "begin=0.2",
-                "gap=0.01",
-                "initial_error=[0, 0.001, -0.001, 0, 0.01, -0.01]",
-                "insert.depth=0.015",
-                "insert.speed=0.06",
-                "insert.rest=0.05",
-                "duration=2",
-            ),
+            reduced=_INSERTED,
         ),
         _study(
             name="insertion-repeatability",
@@ -356,13 +346,7 @@ CATALOGUE: Final = Catalogue(
             scenario="chamfer.analysis.insertion.insertion_repeatability:INSERTION_REPEATABILITY",
             resolve="chamfer.analysis.insertion.insertion_repeatability:resolve_insertion_trials",
             reduced=(
-                "begin=0.2",
-                "gap=0.01",
-                "initial_error=[0, 0.001, -0.001, 0, 0.01, -0.01]",
-                "insert.depth=0.015",
-                "insert.speed=0.06",
-                "insert.rest=0.05",
-                "duration=2",
+                *_INSERTED,
                 "trials=1",
                 "beside=[frozen]",
                 "spread.lateral=0.001",
@@ -375,10 +359,7 @@ CATALOGUE: Final = Catalogue(
             summary="how exactly cameras are calibrated from rendered boards, and if it says so",
             module="chamfer.analysis.calibration.calibration_accuracy",
             scenario="CALIBRATION",
-            reduced=(
-                "sets=2",
-                "pictures=5",
-            ),
+            reduced=("sets=2", "pictures=5"),
         ),
         _study(
             name="alignment-fsm-vs-pid",
@@ -388,11 +369,7 @@ CATALOGUE: Final = Catalogue(
             scenario="COMPARISON",
             resolve="resolve",
             diagram="chamfer.diagrams.cell.alignment:make_alignment_diagram",
-            reduced=(
-                "trials=2",
-                "begin=0.2",
-                "compensation_time=0.6",
-            ),
+            reduced=("trials=2", "begin=0.2", "compensation_time=0.6"),
         ),
         _study(
             name="contact-convergence",
@@ -424,10 +401,7 @@ CATALOGUE: Final = Catalogue(
             scenario="COMPARISON",
             resolve="resolve_comparison",
             diagram="make_diagram",
-            reduced=(
-                "trials=1",
-                "duration=1.6",
-            ),
+            reduced=("trials=1", "duration=1.6"),
         ),
         _contact(
             "planar-hold",
@@ -448,17 +422,9 @@ CATALOGUE: Final = Catalogue(
             *_PLANAR,
         ),
         _contact(
-            "puma-roller-hold",
-            "Fig. 3-5",
-            "the Puma 250 presses a roller on a table",
-            *_SHORT,
+            "puma-roller-hold", "Fig. 3-5", "the Puma 250 presses a roller on a table", *_SHORT
         ),
-        _contact(
-            "puma-roller-motion",
-            "Fig. 3-6",
-            "the Puma 250 rolls along a table",
-            *_SHORT,
-        ),
+        _contact("puma-roller-motion", "Fig. 3-6", "the Puma 250 rolls along a table", *_SHORT),
         _contact(
             "puma-nugget-hold",
             "Fig. 3-7",
@@ -514,11 +480,6 @@ CATALOGUE: Final = Catalogue(
             seconds=10,
             scenario="chamfer.diagrams.surface.surface_estimation:SURFACE_ESTIMATION",
             plot="estimation_figures",
-            reduced=(
-                "trials=2",
-                "lead.halt=1.5",
-                "duration=2",
-            ),
         ),
         _estimation(
             name="surface-estimation-smooth",
@@ -527,11 +488,6 @@ CATALOGUE: Final = Catalogue(
             seconds=9,
             scenario="chamfer.diagrams.surface.surface_estimation:SMOOTH",
             plot="smooth_figures",
-            reduced=(
-                "trials=2",
-                "lead.halt=1.5",
-                "duration=2",
-            ),
         ),
         _estimation(
             name="surface-estimation-noise-free",
@@ -540,10 +496,7 @@ CATALOGUE: Final = Catalogue(
             seconds=3,
             scenario="chamfer.diagrams.surface.surface_estimation:NOISE_FREE",
             plot="noise_free_figures",
-            reduced=(
-                "lead.halt=1.5",
-                "duration=2",
-            ),
+            reduced=("lead.halt=1.5", "duration=2"),
         ),
         _estimation(
             name="surface-estimation-large-noise",
@@ -551,11 +504,6 @@ CATALOGUE: Final = Catalogue(
             summary="the same with a sensor that is taken to be useless: the first estimate stays",
             scenario="chamfer.diagrams.surface.surface_estimation:LARGE_NOISE",
             plot="large_noise_figures",
-            reduced=(
-                "trials=2",
-                "lead.halt=1.5",
-                "duration=2",
-            ),
         ),
         _tracking(
             name="unknown-surface-control",
@@ -564,10 +512,7 @@ CATALOGUE: Final = Catalogue(
             seconds=24,
             scenario="chamfer.diagrams.surface.surface_tracking:SURFACE_CONTROL",
             plot="control_figures",
-            reduced=(
-                "trials=2",
-                "duration=2",
-            ),
+            reduced=("trials=2", "duration=2"),
         ),
         _tracking(
             name="unknown-surface-control-noise-free",
@@ -591,10 +536,7 @@ CATALOGUE: Final = Catalogue(
             diagram="chamfer.diagrams.charging.charging_loop:make_charging_diagram",
             charts="make_charts",
             replay="chamfer.analysis.charging.charging_replay:replay_charging",
-            reduced=(
-                "plan=[{kind: wall}]",
-                "duration=2.5",
-            ),
+            reduced=("plan=[{kind: wall}]", "duration=2.5"),
         ),
         _study(
             name="hybrid-stability",
@@ -606,10 +548,7 @@ CATALOGUE: Final = Catalogue(
             scenario="HYBRID_STABILITY",
             resolve="resolve_hybrid_stability",
             run="run_stability",
-            reduced=(
-                "points=5",
-                "start=[1.0, -1.4]",
-            ),
+            reduced=("points=5", "start=[1.0, -1.4]"),
         ),
         _study(
             name="contact-recovery",
@@ -622,12 +561,7 @@ CATALOGUE: Final = Catalogue(
             run="run_recovery",
             diagram="chamfer.diagrams.contact.hybrid_loop:make_hybrid_diagram",
             charts="chamfer.analysis.contact.contact_runs:contact_charts",
-            reduced=(
-                "task.speed=1",
-                "task.kick_time=2.2",
-                "measure_after=2",
-                "duration=3",
-            ),
+            reduced=("task.speed=1", "task.kick_time=2.2", "measure_after=2", "duration=3"),
         ),
         _study(
             name="friction-remedies",
@@ -658,11 +592,7 @@ CATALOGUE: Final = Catalogue(
             scenario="MODEL_ERROR",
             resolve="resolve_model_error",
             run="run_model_error",
-            reduced=(
-                "surfaces=[constant, space_ball]",
-                "trials=1",
-                "latest=1",
-            ),
+            reduced=("surfaces=[constant, space_ball]", "trials=1", "latest=1"),
         ),
         _study(
             name="observer-comparison",
@@ -683,10 +613,7 @@ CATALOGUE: Final = Catalogue(
             seconds=20,
             scenario="chamfer.diagrams.surface.surface_tracking:SURFACE_CONTROL_ADAPTIVE",
             plot="control_adaptive_figures",
-            reduced=(
-                "trials=2",
-                "duration=2",
-            ),
+            reduced=("trials=2", "duration=2"),
         ),
         _study(
             name="sensing-sensitivity",
@@ -719,11 +646,7 @@ CATALOGUE: Final = Catalogue(
             scenario="CHARGING_CAMPAIGN",
             resolve="resolve_campaign",
             run="run_campaign",
-            reduced=(
-                "remedies=[none]",
-                "cycle.plan=[{kind: wall}]",
-                "cycle.duration=1",
-            ),
+            reduced=("remedies=[none]", "cycle.plan=[{kind: wall}]", "cycle.duration=1"),
         ),
         _wall(
             name="adept-unknown-wall",
@@ -731,12 +654,6 @@ CATALOGUE: Final = Catalogue(
             seconds=22,
             scenario="chamfer.diagrams.surface.unknown_wall_loop:ADEPT_WALL",
             plot="adept_figures",
-            reduced=(
-                "trials=1",
-                "duration=2.5",
-                "measure_after=2",
-                "task.kick_time=1.8",
-            ),
         ),
         _wall(
             name="puma-unknown-wall",
@@ -744,12 +661,6 @@ CATALOGUE: Final = Catalogue(
             seconds=17,
             scenario="chamfer.diagrams.surface.unknown_wall_loop:PUMA_WALL",
             plot="puma_figures",
-            reduced=(
-                "trials=1",
-                "duration=2.5",
-                "measure_after=2",
-                "task.kick_time=1.8",
-            ),
         ),
         _wall(
             name="planar-unknown-wall",
@@ -757,12 +668,7 @@ CATALOGUE: Final = Catalogue(
             seconds=22,
             scenario="chamfer.diagrams.surface.unknown_wall_loop:PLANAR_WALL",
             plot="planar_figures",
-            reduced=(
-                "trials=1",
-                "duration=3.5",
-                "measure_after=3",
-                "task.kick_time=2.8",
-            ),
+            reduced=("trials=1", "duration=3.5", "measure_after=3", "task.kick_time=2.8"),
         ),
         Entry(
             name="lissajous",
@@ -820,7 +726,7 @@ CATALOGUE: Final = Catalogue(
             "searches its hole",
             scenario="chamfer.diagrams.skills.connector_scenario:ROUND_PEG",
         ),
-        _connector_study(
+        _success(
             name="peg-skill-success",
             figure="section 2",
             summary="a round peg is inserted in many randomised scenarios, by dithers, along a "
@@ -829,11 +735,7 @@ CATALOGUE: Final = Catalogue(
             resolve="resolve_peg_campaign",
             run="run_searches",
             plot="search_figures",
-            reduced=(
-                "trials=1",
-                "compared=[]",
-                "step=0.002",
-            ),
+            reduced=("trials=1", "compared=[]", "step=0.002"),
         ),
         Entry(
             name="vision-primitives",
@@ -845,11 +747,7 @@ CATALOGUE: Final = Catalogue(
             module="chamfer.analysis.skills.vision_trials",
             scenario="VISION_PRIMITIVES",
             diagram="make_diagram",
-            reduced=(
-                "trials=1",
-                "map_focal=[1.0]",
-                "map_angle=[0.0]",
-            ),
+            reduced=("trials=1", "map_focal=[1.0]", "map_angle=[0.0]"),
         ),
         _connector(
             name="rj45-connector",
@@ -858,68 +756,33 @@ CATALOGUE: Final = Catalogue(
             seconds=8,
             scenario="chamfer.diagrams.skills.connector_scenario:RJ45_CONNECTOR",
         ),
-        _connector_study(
+        _success(
             name="d-connector-success",
-            figure="section 4",
             summary="a 25-pin D connector is grasped and inserted in many randomised scenarios",
             scenario="D_CONNECTOR",
-            resolve="resolve_campaign",
-            run="run_success",
-            plot="success_figures",
-            reduced=(
-                "trials=1",
-                "duration=3.0",
-            ),
+            reduced=("trials=1", "duration=3.0"),
         ),
-        _connector_study(
+        _success(
             name="bnc-connector-success",
-            figure="section 4",
             summary="a BNC connector is grasped and inserted in many randomised scenarios",
             scenario="BNC_CONNECTOR",
-            resolve="resolve_campaign",
-            run="run_success",
-            plot="success_figures",
-            reduced=(
-                "trials=1",
-                "duration=3.0",
-            ),
+            reduced=("trials=1", "duration=3.0"),
         ),
-        _connector_study(
+        _success(
             name="rj45-connector-success",
-            figure="section 4",
             summary="an RJ45 plug is grasped and inserted in many randomised scenarios",
             scenario="RJ45_CONNECTOR",
-            resolve="resolve_campaign",
-            run="run_success",
-            plot="success_figures",
-            reduced=(
-                "trials=1",
-                "step=0.002",
-            ),
+            reduced=("trials=1", "step=0.002"),
         ),
-        _connector_study(
+        _ablation(
             name="d-connector-ablation",
             summary="a 25-pin D connector is inserted by skills that lack one of their primitives",
             scenario="D_ABLATION",
-            resolve="resolve_campaign",
-            run="run_ablation",
-            plot="ablation_figures",
-            reduced=(
-                "trials=1",
-                "duration=0.1",
-            ),
         ),
-        _connector_study(
+        _ablation(
             name="bnc-connector-ablation",
             summary="a BNC connector is inserted by skills that lack one of their primitives",
             scenario="BNC_ABLATION",
-            resolve="resolve_campaign",
-            run="run_ablation",
-            plot="ablation_figures",
-            reduced=(
-                "trials=1",
-                "duration=0.1",
-            ),
         ),
     ),
 )

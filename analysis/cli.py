@@ -27,8 +27,8 @@ from chamfer.analysis.scenario.experiment import (
     Catalogue,
     Entry,
     select,
-    select_paper,
     valid_integer,
+    valid_name,
 )
 from chamfer.analysis.sweep.sweep_command import add_sweep
 from chamfer.analysis.track.track_command import add_track
@@ -274,10 +274,14 @@ def _run(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
 
 
 def _reproduce(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
-    entries: Sequence[Entry] = catalogue.entries
+    papers = dict.fromkeys(entry.paper for entry in catalogue.entries)
     if arguments.paper is not None:
-        entries = select_paper(entries, arguments.paper)
-    chosen = [entry for entry in entries if entry.study == arguments.studies]
+        papers = {valid_name("paper", arguments.paper, papers): None}
+    chosen = [
+        entry
+        for entry in catalogue.entries
+        if entry.study == arguments.studies and entry.paper in papers
+    ]
     with _session(arguments, chosen, catalogue) as session:
         return session.reproduce_all(chosen)
 

@@ -2,7 +2,6 @@
 
 import hashlib
 import sqlite3
-import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -92,7 +91,6 @@ class TrialStore:
             ":memory:" if self._path is None else self._path, timeout=_PATIENCE
         )
         try:
-            _use_write_ahead_log(connection)
             connection.execute("PRAGMA synchronous = FULL")
             (found,) = connection.execute("PRAGMA user_version").fetchone()
             if found not in (0, _FORMAT):
@@ -125,19 +123,6 @@ class TrialStore:
         except (OSError, sqlite3.Error) as error:
             reason = getattr(error, "strerror", None) or error
             raise UserError(f"{self._path} can't be read and written ({reason})") from error
-
-
-def _use_write_ahead_log(connection: sqlite3.Connection) -> None:
-    """Switch, and wait for whoever does the same: SQLite's own patience doesn't cover this."""
-    until = time.monotonic() + _PATIENCE
-    while True:
-        try:
-            connection.execute("PRAGMA journal_mode = WAL")
-            return
-        except sqlite3.OperationalError as error:
-            if "locked" not in str(error) or time.monotonic() > until:
-                raise
-        time.sleep(0.01)
 
 
 def _damaged(error: sqlite3.DatabaseError) -> bool:

@@ -58,7 +58,7 @@ def comparison(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str,
         if pair.get("first") is not None and pair.get("second") is not None:
             difference = pair["second"] - pair["first"]
             pair["difference"] = difference if math.isfinite(difference) else None
-    fields = _differing(*(dict(_fields(each)) for each in both))
+    fields = _differing(*map(_fields, both))
     return {"fields": fields, "metrics": metrics, "same_metrics": len(units) - len(metrics)}
 
 
@@ -66,9 +66,11 @@ def _value(metric: Mapping[str, Any]) -> float | None:
     return None if metric["value"] is None else float(metric["value"])
 
 
-def _fields(result: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+def _fields(result: Mapping[str, Any]) -> dict[str, Any]:
+    from chamfer.analysis.report.results import nested_values
+
     above = {"experiment": result["experiment"], "seed": result["seed"]}
-    return _leaves({**above, **result["scenario"]}, "")
+    return dict(nested_values({**above, **result["scenario"]}))
 
 
 def _differing(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
@@ -82,14 +84,6 @@ def _differing(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str,
         for name, pair in pairs.items()
         if len(pair) < len(sides) or pair["first"] != pair["second"]
     }
-
-
-def _leaves(value: Any, path: str) -> Iterator[tuple[str, Any]]:
-    if isinstance(value, Mapping):
-        for name, inner in value.items():
-            yield from _leaves(inner, f"{path}.{name}" if path else str(name))
-    else:
-        yield path, value
 
 
 def _read(folder: Path) -> dict[str, Any]:

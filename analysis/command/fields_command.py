@@ -44,14 +44,14 @@ def print_fields(scenario: T, resolve: Callable[[T], T], *, prefix: str, as_json
     """
     from chamfer.analysis.command.scenario_fields import allowed, default_texts, leaves, matching
     from chamfer.analysis.report.console import wrapped_table
-    from chamfer.analysis.scenario.scenario_io import plain_value
+    from chamfer.analysis.scenario.scenario_io import unstructure
 
     chosen = matching(list(leaves(scenario)), prefix)
     if as_json:
         described = [
             {
                 "path": leaf.path,
-                "default": plain_value(leaf.value),
+                "default": unstructure(leaf.value),
                 "unit": leaf.unit,
                 "meaning": leaf.meaning,
                 "allowed": allowed(scenario, leaf),

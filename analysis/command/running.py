@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from chamfer.analysis.campaign.campaign import Campaign, running
-from chamfer.analysis.campaign.trial_store import TRIALS
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.command.output_folder import require_writable
 from chamfer.analysis.report.atomic_write import write_text, written
@@ -149,11 +148,6 @@ def read_scenario(path: Path, experiment: str) -> Mapping[Any, Any]:
     if of != experiment:
         raise UserError(f"{path} is a result of {of}, not of {experiment}")
     return scenario
-
-
-def trials_path(out: Path, name: str) -> Path:
-    """Return the file for the finished trials of an experiment."""
-    return out / name / TRIALS
 
 
 def run(

@@ -27,7 +27,7 @@ from chamfer.analysis.campaign.cluster import engines
 from chamfer.analysis.campaign.progress import TerminalProgress, duration
 from chamfer.analysis.campaign.trial_store import TRIALS
 from chamfer.analysis.campaign.workers import Engine, LostError, StartError, cores
-from chamfer.analysis.command.running import Job, finished, prepare, run, trials_path
+from chamfer.analysis.command.running import Job, finished, prepare, run
 from chamfer.analysis.report.atomic_write import write_text, written
 from chamfer.analysis.report.check_text import TABLE, counts, counts_text, results_table
 from chamfer.analysis.report.checks import load_paper
@@ -112,7 +112,7 @@ class Session:
         return self._end()
 
     def _campaign(self, name: str, *, fresh: bool) -> Campaign:
-        path, processors = trials_path(self.order.out, name), self.trials.processors
+        path, processors = self.order.out / name / TRIALS, self.trials.processors
         return Campaign(path=path, processors=processors, engine=self.trials, fresh=fresh)
 
     def _side_by_side(self, headway: "_Headway") -> Generator[Ended]:
@@ -136,7 +136,7 @@ class Session:
                 headway.tell(entry.name)
                 there = partial(
                     Campaign,
-                    path=trials_path(self.order.out, entry.name),
+                    path=self.order.out / entry.name / TRIALS,
                     processors=self.trials.processors,
                     fresh=fresh,
                     failures=campaign.failures,
@@ -174,8 +174,7 @@ class Session:
             print(result_text(result), end="\n\n", flush=True)
 
     def _write_report(self, running: str = "") -> None:
-        catalogue = self.order.catalogue
-        write_report(self.order.out, catalogue.entries, catalogue, running=running)
+        write_report(self.order.out, self.order.catalogue, running=running)
 
     def _write_table(self) -> None:
         """Write a table of this run's results, and of earlier ones of the seed and defaults."""

@@ -100,7 +100,7 @@ def _design(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
         )
         with written(folder):
             write_design(folder, found, document)
-    report = write_report(arguments.out, catalogue.entries, catalogue)
+    report = write_report(arguments.out, catalogue)
     if arguments.json:
         print(json_text({**document, "folder": str(folder), "report": str(report)}), end="")
     else:

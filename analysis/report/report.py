@@ -4,7 +4,7 @@ import base64
 import os
 import re
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from functools import cache
 from itertools import groupby
 from pathlib import Path
@@ -25,8 +25,8 @@ from chamfer.analysis.report.check_text import (
 )
 from chamfer.analysis.report.checks import Verdict, load_paper
 from chamfer.analysis.report.console import failed_text
-from chamfer.analysis.report.results import RESULT, SWEEP, read_result
-from chamfer.analysis.scenario.experiment import Catalogue, Entry
+from chamfer.analysis.report.results import RESULT, SWEEP, nested_values, read_result
+from chamfer.analysis.scenario.experiment import Catalogue
 
 REPORT: Final = "index.html"
 _DOCUMENTS: Final = (RESULT, SWEEP)
@@ -46,13 +46,7 @@ class _Section(NamedTuple):
     html: str
 
 
-def write_report(
-    out: Path,
-    entries: Sequence[Entry],
-    catalogue: Catalogue = CATALOGUE,
-    *,
-    running: str = "",
-) -> Path:
+def write_report(out: Path, catalogue: Catalogue = CATALOGUE, *, running: str = "") -> Path:
     """Write ``out/index.html`` from the results and sweeps in ``out`` and return its path.
 
     A result that appears while the page is made, because another run writes to the same folder,
@@ -68,20 +62,14 @@ def write_report(
         seen: list[Any] | None = None
         while (there := _signature(out)) != seen:
             seen = there
-            write_text(path, report_text(out, entries, catalogue, running=running))
+            write_text(path, report_text(out, catalogue, running=running))
     return path
 
 
-def report_text(
-    out: Path,
-    entries: Sequence[Entry],
-    catalogue: Catalogue = CATALOGUE,
-    *,
-    running: str = "",
-) -> str:
-    """Return the page as HTML: results by paper, in the order of the registry."""
-    order = {entry.name: i for i, entry in enumerate(entries)}
-    summaries = {entry.name: entry.summary for entry in entries}
+def report_text(out: Path, catalogue: Catalogue = CATALOGUE, *, running: str = "") -> str:
+    """Return the page as HTML: results by paper, in the order of the catalogue."""
+    order = {entry.name: i for i, entry in enumerate(catalogue.entries)}
+    summaries = {entry.name: entry.summary for entry in catalogue.entries}
     sections: list[_Section] = []
     unreadable: list[str] = []
     for path in sorted(path for name in _DOCUMENTS for path in out.glob(f"*/{name}")):
@@ -174,7 +162,7 @@ def _macros() -> Any:
         "digits": lambda value, count: f"{float(value):.{count}g}",
         "encoded": _encoded,
         "failed": failed_text,
-        "leaves": _leaves,
+        "leaves": nested_values,
         "link": _link,
         "measured": lambda value: "undefined" if value is None else _minus(number(value)),
         "minus": _minus,
@@ -212,11 +200,3 @@ def _link(folder: Path, name: str) -> str:
     if Path(name).name != name:
         raise ValueError(f"{name!r} is not a file name")
     return f"{quote(folder.name)}/{quote(name)}"
-
-
-def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, str]]:
-    if isinstance(value, Mapping):
-        for name, inner in value.items():
-            yield from _leaves(inner, f"{path}.{name}" if path else str(name))
-    else:
-        yield path, "null" if value is None else str(value)

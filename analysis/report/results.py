@@ -7,7 +7,7 @@ import math
 import os
 import platform
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -129,6 +129,15 @@ def read_result(path: Path) -> dict[str, Any]:
     if not isinstance(document, dict):
         raise ValueError("not a mapping")
     return document
+
+
+def nested_values(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the values in a document's mapping, however deep, by their dotted paths."""
+    if isinstance(value, Mapping):
+        for name, inner in value.items():
+            yield from nested_values(inner, f"{path}.{name}" if path else str(name))
+    else:
+        yield path, value
 
 
 def figure_files(figures: "Mapping[str, Figure]") -> dict[str, bytes]:

@@ -176,16 +176,6 @@ def select(entries: Sequence[Entry], names: Sequence[str]) -> list[Entry]:
     return [by_name[valid_name("experiment", name, by_name)] for name in dict.fromkeys(names)]
 
 
-def select_paper(entries: Sequence[Entry], paper: str) -> list[Entry]:
-    """Return the experiments of a paper.
-
-    Raises:
-        UserError: If no experiment belongs to that paper.
-    """
-    valid_name("paper", paper, dict.fromkeys(entry.paper for entry in entries))
-    return [entry for entry in entries if entry.paper == paper]
-
-
 def column(values: "Sequence[float] | NDArray[Any]") -> "NDArray[np.float64]":
     """Return a table's column as an array of float64."""
     import numpy as np  # listing experiments needs none

@@ -58,14 +58,8 @@ def likes(cls: type[Any]) -> Mapping[str, str]:
     return found
 
 
-def unstructure(scenario: object) -> dict[str, Any]:
-    """Return the scenario as JSON can hold it: infinite numbers are the texts inf and -inf."""
-    plain: dict[str, Any] = plain_value(scenario)
-    return plain
-
-
-def plain_value(value: object) -> Any:
-    """Return a field's value as JSON can hold it, as :func:`unstructure` does."""
+def unstructure(value: object) -> Any:
+    """Return a scenario, or a field's value, as JSON can hold it: inf and -inf are texts."""
     return _json_ready(plain_data(value))
 
 

@@ -33,6 +33,7 @@ from chamfer.analysis.scenario.experiment import (
     Outcome,
     Progress,
     load,
+    quiet,
     select,
     valid_name,
 )
@@ -121,7 +122,7 @@ def sweep(name: str, vary: Mapping[str, Spec], *, workers: int = 1, **options: A
     """
     plan = make_plan(name, vary, **options)
     with parallel(workers):
-        return run_sweep(plan, _silent).table
+        return run_sweep(plan, quiet).table
 
 
 def make_plan(
@@ -219,7 +220,7 @@ def run_point(run: Callable[[Any, int, Progress], Outcome], task: PointTrial) ->
         return trials
 
     with running(counting):
-        outcome = run(experiment.resolve(scenario), task.seed, _silent)
+        outcome = run(experiment.resolve(scenario), task.seed, quiet)
     if failed:
         raise ExperimentError(f"{len(failed)} of its trials failed: {failed[0].reason}")
     metrics = defined_metrics(outcome.metrics)
@@ -230,10 +231,6 @@ def run_point(run: Callable[[Any, int, Progress], Outcome], task: PointTrial) ->
         **{f"{_METRIC}{name}": metric.value for name, metric in metrics.items()},
         **{f"{_UNIT}{name}": metric.unit for name, metric in metrics.items()},
     }
-
-
-def _silent(fraction: float, doing: str = "") -> None:
-    """Tell nobody how far a point is."""
 
 
 def _settings(plan: SweepPlan, point: Sequence[Any]) -> tuple[str, ...]:
@@ -263,7 +260,7 @@ def _require_measured(plan: SweepPlan, run: Callable[[PointTrial], Row]) -> None
             continue
         probes += 1
         probe = PointTrial(entry=plan.job.entry, settings=_settings(plan, point), seed=plan.seed)
-        for row in try_each(run, [probe], _silent).rows:
+        for row in try_each(run, [probe], quiet).rows:
             seen.add(choice)
             known |= dict.fromkeys(_names(row))
         wrong = [name for name in plan.metrics or () if name not in known]

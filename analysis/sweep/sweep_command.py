@@ -88,7 +88,7 @@ def _sweep(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
         result = run_sweep(plan, progress)
         with written(folder):
             document = write_sweep(arguments.out, result, time.perf_counter() - started)
-    report = write_report(arguments.out, catalogue.entries, catalogue)
+    report = write_report(arguments.out, catalogue)
     if arguments.json:
         print(json_text({**document, "folder": str(folder), "report": str(report)}), end="")
     else:

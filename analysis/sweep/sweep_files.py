@@ -18,7 +18,6 @@ from chamfer.analysis.sweep.sweep_figures import plot_sweep
 
 _SHOWN_POINTS: Final = 40  # in a terminal
 _SHOWN_METRICS: Final = 6
-_FORMULA: Final = ("=", "+", "-", "@")  # a text that begins so is one to a spreadsheet
 
 
 def folder_name(experiment: str) -> str:
@@ -130,6 +129,4 @@ def _document(result: SweepResult, wall_seconds: float, figures: list[str]) -> d
 
 def _csv(value: Any) -> Any:
     """Return a value as CSV has it: numbers in full, nothing for NaN."""
-    if isinstance(value, str):
-        return f"'{value}" if value.startswith(_FORMULA) else value
     return "" if isinstance(value, float) and math.isnan(value) else value

@@ -1,10 +1,7 @@
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
-
-from chamfer.analysis.scenario.experiment import Catalogue, select
 
 Chamfer = Callable[..., tuple[int, str, str]]
 
@@ -121,40 +118,10 @@ def test_what_ends_a_run_is_one_line(
     assert files(out) == []
 
 
-CONNECTED = """
-
-def connected(scenario):
-    from pydrake.systems.framework import DiagramBuilder
-    from pydrake.systems.primitives import ConstantVectorSource, Gain
-
-    builder = DiagramBuilder()
-    source = builder.AddNamedSystem("source", ConstantVectorSource(np.zeros(2)))
-    gain = builder.AddNamedSystem("gain", Gain(1.0, scenario.trials))
-    builder.Connect(source.get_output_port(), gain.get_input_port())
-    return builder.Build()
-
-
-def run_connected(scenario, seed, progress):
-    connected(scenario)
-    return run_trials(scenario, seed, progress)
-"""
-
-
-@pytest.mark.parametrize("command", ["run", "diagram"])
-def test_ports_of_different_sizes_are_named_in_one_line(
-    chamfer: Chamfer, toys: Catalogue, falling: Path, out: Path, command: str
-) -> None:
-    entry = select(toys.entries, ["trials"])[0]
-    entry = replace(entry, name="wired", run="run_connected", diagram="connected")
-    toys = replace(toys, entries=(entry,))
-    falling.write_text(falling.read_text() + CONNECTED)
-    settings = ("--set", "trials=3", "--set", "noise=1")
-    status, _, err = chamfer(command, "wired", *settings, "--out", out, catalogue=toys)
-    assert status == 1
-    assert err.startswith("chamfer: wired: stopped by Drake with noise=1.0: ")
-    assert "(size 2)" in err
-    assert "System gain (size 3)" in err
-    assert err.count("\n") == 1
+def test_what_drake_refuses_is_one_line(chamfer: Chamfer, falling: Path, out: Path) -> None:
+    falling.write_text(falling.read_text().replace("ZeroDivisionError(", "RuntimeError("))
+    message = "chamfer: broken: stopped by Drake with noise=0.2: by zero\n"
+    assert chamfer("run", "broken", "--set", "noise=0.2", "--out", out) == (1, "", message)
 
 
 def test_a_bug_shows_its_traceback(chamfer: Chamfer, out: Path) -> None:

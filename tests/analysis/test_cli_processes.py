@@ -252,33 +252,6 @@ def test_a_terminal_that_lacks_a_character_is_no_error(
     assert "a body falls \\xb1 1 m" in out
 
 
-@pytest.mark.slow
-def test_two_runs_into_one_folder_at_once(start: Start, toys: Catalogue, out: Path) -> None:
-    commands = (("fall", "trials"), ("trials", "fall"))
-    processes = [start(toys, "run", *names, "--out", str(out)) for names in commands]
-    for process in processes:
-        _, err = process.communicate(timeout=30)
-        assert process.returncode == 0
-        assert set(err.splitlines()) <= {
-            f"chamfer: what is in {name} is replaced"
-            for fall, trials in [(f"{out}/fall", f"{out}/trials")]
-            for name in (fall, trials, f"{fall}, {trials}", f"{trials}, {fall}")
-        }
-    assert files(out) == [
-        "fall/fall.png",
-        "fall/fall.svg",
-        "fall/result.json",
-        "fall/scenario.yaml",
-        "fall/traces.parquet",
-        "index.html",
-        *TRIALS,
-    ]
-    page = (out / "index.html").read_text()
-    assert 'id="fall"' in page
-    assert 'id="trials"' in page
-    assert page.endswith("</html>\n")
-
-
 FULL = "chamfer: standard output can't be written: No space left on device\n"
 
 

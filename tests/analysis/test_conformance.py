@@ -25,37 +25,14 @@ pytestmark = pytest.mark.filterwarnings("ignore:the loop is unstable in contact,
 ENTRIES: Final = CATALOGUE.entries
 # What figures show that has no unit.
 PURE_NUMBERS: Final = {
-    "C",
-    "CENIC's accuracy",
-    "N, cycles until the pattern repeats",
-    "approximation",
-    "damping ratio",
-    "element",
-    "facets",
-    "imaginary part",
-    "impact",
-    "level",
-    "real part",
-    "retries",
-    "runs",
+    *("C", "CENIC's accuracy", "N, cycles until the pattern repeats", "approximation"),
+    *("damping ratio", "element", "facets", "imaginary part", "impact", "level", "real part"),
+    *("retries", "runs"),
 }
 UNITS: Final = {
-    *(
-        "",
-        "%",
-        "1/(kg m^2)",
-        "1/m",
-        "1/s",
-        "J",
-        "N",
-        "N m",
-        "N s/m",
-        "deg",
-        "kg",
-        "m",
-        "m/(pixel s)",
-    ),
-    *("m/pixel", "m/rad", "m/s", "rad/pixel", "pixels", "px", "rad", "rad/m", "rad/s", "s", "us"),
+    *("", "%", "1/(kg m^2)", "1/m", "1/s", "J", "N", "N m", "N s/m", "deg", "kg", "m"),
+    *("m/(pixel s)", "m/pixel", "m/rad", "m/s", "pixels", "px"),
+    *("rad", "rad/m", "rad/pixel", "rad/s", "s", "us"),
 }
 # Of the others two runs take seconds, or they run with other values what one of these does.
 QUICK: Final = {

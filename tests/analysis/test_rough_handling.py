@@ -11,7 +11,6 @@ import tempfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from types import FrameType, SimpleNamespace
@@ -37,7 +36,6 @@ from chamfer.analysis.scenario.experiment import (
     load,
     select,
 )
-from chamfer.models.validation import ParameterError
 
 ENTRIES: Final = CATALOGUE.entries
 DRAWN: Final = int(os.environ.get("CHAMFER_FUZZ", "40"))
@@ -117,31 +115,17 @@ JSON = st.recursive(
 )
 
 
-@st.composite
-def results(draw: st.DrawFn) -> bytes:
-    """Draw a result, of which some parts may be something else, or missing."""
-    document: dict[str, Any] = json.loads(json.dumps(RESULT))
-    for _ in range(draw(st.integers(0, 2))):
-        inside: Any = document
-        while True:
-            keys = list(inside) if isinstance(inside, dict) else list(range(len(inside)))
-            key = draw(st.sampled_from(keys)) if keys else None
-            if key is None or not isinstance(inside[key], dict | list) or draw(st.booleans()):
-                break
-            inside = inside[key]
-        if key is not None and draw(st.booleans()):
-            inside[key] = draw(JSON)
-        elif key is not None:
-            del inside[key]
-    return json.dumps(document).encode()
-
-
+# Results, of which a part may be something else.
+RESULTS = st.builds(
+    lambda part: json.dumps({**RESULT, **part}).encode(),
+    st.dictionaries(st.sampled_from(list(RESULT)), JSON, max_size=1),
+)
 FIELDS = st.builds(
     "{}: {}\n".format, st.deferred(lambda: st.sampled_from(paths_of("alignment"))), VALUES
 )
 FILES = st.one_of(
     st.none(),
-    results(),
+    RESULTS,
     st.binary(max_size=60),
     (TEXTS | FIELDS).map(lambda text: text.encode("utf-8", "surrogatepass")),
     st.sampled_from([b"{}", b"[]", b'{"scenario": 3}', b'{"scenario": {}}', b"a: &a {<<: *a}"]),
@@ -152,9 +136,6 @@ FILES = st.one_of(
 FILE_NAMES = st.sampled_from(
     ["a.png", "=1+1.png", "b\udcff.png", "c.mp4", "d.yaml", "e.json", "f"]
 )
-ENDS = st.sampled_from(
-    [None, None, signal.SIGINT, signal.SIGTERM, ParameterError("a", 1, "2"), MemoryError("no")]
-)
 COUNTS = st.sampled_from(["1", "2", "3", "0", "-1", "x", "1e3", "99999999"]) | TEXTS
 SPECS = st.one_of(
     st.lists(VALUES, min_size=1, max_size=3).map(lambda values: f"={','.join(values)}"),
@@ -163,11 +144,7 @@ SPECS = st.one_of(
     TEXTS,
 )
 BOXES = st.sampled_from(["0,0,12,12", "4,4,20,20", "20,4,20,20"]) | TEXTS
-BOARDS = st.one_of(
-    st.builds("chessboard:{}x{}:{}mm".format, NUMBERS, NUMBERS, NUMBERS),
-    st.builds("charuco:8x6:{}m:{}mm:{}".format, NUMBERS, NUMBERS, TEXTS),
-    st.just("chessboard:9x6:25mm") | TEXTS,
-)
+BOARDS = st.builds("chessboard:{}x{}:{}mm".format, NUMBERS, NUMBERS, NUMBERS) | TEXTS
 FOLDERS = st.sampled_from(["FIRST", "FIRST", "SECOND", "SECOND", "FILE", "OUT", "a" * 300])
 # What options take; None: nothing.
 OPTIONS: Final[dict[str, st.SearchStrategy[str] | None]] = {
@@ -248,31 +225,16 @@ def command_lines(draw: st.DrawFn) -> list[str]:
 # What is done with it
 
 
-ending: list[int | Exception | None] = [None]  # how runs end
-
-
 def end_run(*_: object) -> Outcome:
-    """Take the place of experiments' runs, which would take too long."""
-    (end,) = ending
-    if isinstance(end, int):
-        signal.raise_signal(end)
-    elif end is not None:
-        raise end
     metrics = {"metric": Metric(value=1.0, unit="")}
     return Outcome(metrics=metrics, traces={"x": np.zeros(1)}, simulated_seconds=0.0)
 
 
 def load_stub(entry: Entry) -> Experiment[Any]:
-    """Load an experiment whose run is a stub."""
-    return replace(
-        load(entry),
-        run=end_run,
-        run_swept=None,
-        plot=lambda *_: {},
-        diagram=None,
-        charts=None,
-        replay=None,
-    )
+    """Load an experiment whose run is a stub, as its own would take too long."""
+    real = load(entry)
+    resolve = real.resolve
+    return Experiment(default=real.default, resolve=resolve, run=end_run, plot=lambda *_: {})
 
 
 def call_here(function: Callable[..., Any], *arguments: Any, **_: float | None) -> Future[Any]:
@@ -313,17 +275,22 @@ def soon() -> Iterator[None]:
     suppress_health_check=list(HealthCheck),
     phases=(Phase.generate,),  # to shrink a failure takes longer than to understand it
 )
-@given(command_lines(), FILE_NAMES, FILES, results(), ENDS)
+@given(command_lines(), FILE_NAMES, FILES, RESULTS)
 def test_a_drawn_command_ends_soon_in_a_result_or_in_one_line(
     arguments: list[str],
     name: str,
     content: bytes | None,
     result: bytes,
-    end: int | Exception | None,
 ) -> None:
-    ending[:] = [end]
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, name)
+        places = {
+            "OUT": f"{folder}/out",
+            "FILE": str(file),
+            "FILE/a": str(file / "a"),
+            "FIRST": f"{folder}/first",
+            "SECOND": f"{folder}/second",
+        }
         if content is not None:
             file.write_bytes(content)
         for place in ("first", "second"):
@@ -346,23 +313,12 @@ def test_a_drawn_command_ends_soon_in_a_result_or_in_one_line(
             stack.enter_context(redirect_stderr(err))
             stack.enter_context(soon())
             try:
-                status = main([places(folder, file).get(one, one) for one in arguments])
+                status = main([places.get(one, one) for one in arguments])
             except SystemExit as ended:  # of --help
                 status = int(ended.code or 0)
     said = err.getvalue().splitlines()
-    assert status in (0, 1, 2, 130)
+    assert status in (0, 1, 2)
     assert all(line.startswith("chamfer: ") for line in said), said
     if status == 1 and arguments[0] == "sweep":  # the points say why
         return
     assert len([line for line in said if ": warning: " not in line]) == (status != 0), said
-
-
-def places(folder: str, file: Path) -> dict[str, str]:
-    """Return what the words in a command line stand for."""
-    return {
-        "OUT": f"{folder}/out",
-        "FILE": str(file),
-        "FILE/a": str(file / "a"),
-        "FIRST": f"{folder}/first",
-        "SECOND": f"{folder}/second",
-    }

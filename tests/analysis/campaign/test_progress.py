@@ -1,7 +1,6 @@
 import io
 import os
 import time
-from contextlib import suppress
 
 import pytest
 
@@ -43,14 +42,6 @@ def test_line_says_what_runs_how_far_it_is_and_what_it_does() -> None:
         assert "falling" not in screen(stream.getvalue())  # what was longer is overwritten
     assert screen(stream.getvalue()) == ""
     assert "\n" not in stream.getvalue()
-
-
-def test_line_is_wiped_when_the_run_fails() -> None:
-    stream = Terminal()
-    with suppress(KeyboardInterrupt), TerminalProgress("a", stream, 0.0, 0.01):
-        wait_for(stream, "a  0 s")
-        raise KeyboardInterrupt
-    assert screen(stream.getvalue()) == ""
 
 
 def test_long_lines_don_t_wrap(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,6 @@ from chamfer.analysis.campaign.trial_metrics import (
     bootstrap_interval,
     mean_interval,
     over_trials,
-    prefixed,
     rate,
     trial_seed,
 )
@@ -54,11 +53,6 @@ def test_seeds_of_trials_do_not_meet() -> None:
     seeds = {trial_seed(seed, trial) for seed in range(4) for trial in range(1000)}
     assert len(seeds) == 4000
     assert trial_seed(0, 0) == 0
-
-
-def test_prefixed_names() -> None:
-    metric = Metric(value=1.0, unit="N")
-    assert prefixed("without", {"force.peak": metric}) == {"without.force.peak": metric}
 
 
 def test_a_rate_has_the_exact_interval_of_the_binomial() -> None:

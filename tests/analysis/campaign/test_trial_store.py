@@ -38,25 +38,12 @@ def test_what_was_added_is_found_again(path: Path) -> None:
         assert store.rows(KEYS) == dict(ROWS[:5])
 
 
-def test_what_was_added_is_there_for_others_at_once(path: Path) -> None:
-    with stored(path) as one, stored(path) as other:
-        one.add(ROWS[:1])
-        assert other.rows(KEYS) == dict(ROWS[:1])
-
-
 def test_only_what_is_kept_stays(path: Path) -> None:
     with stored(path) as store:
         store.add(ROWS)
         store.keep(KEYS[3:5])
         store.keep([*KEYS[3:5], b"unknown"])
         assert store.rows(KEYS) == dict(ROWS[3:5])
-
-
-def test_a_fresh_one_is_empty(path: Path) -> None:
-    with stored(path) as store:
-        store.add(ROWS)
-    with stored(path, fresh=True) as store:
-        assert store.rows(KEYS) == {}
 
 
 def test_without_a_file_nothing_stays() -> None:

@@ -23,15 +23,6 @@ def test_makes_the_folder_leaves_nothing_in_it_and_keeps_what_is_there(tmp_path:
     assert [path.name for path in fall.iterdir()] == ["result.json"]
 
 
-@pytest.mark.parametrize("below", ["", "/a", "/a/b"])
-def test_a_file_is_no_folder(tmp_path: Path, below: str) -> None:
-    (tmp_path / "file").touch()
-    out = f"{tmp_path}/file{below}"
-    assert refused(Path(out)) == (
-        f"--out is {out!r}, which can't be written (Not a directory), allowed: a folder"
-    )
-
-
 def test_a_file_in_place_of_an_experiments_folder_is_named(tmp_path: Path) -> None:
     (tmp_path / "fall").touch()
     assert refused(tmp_path, "fall") == (

@@ -28,7 +28,6 @@ def show_trials(scenario, outcome, meshcat):
 
 ENTRIES = """
         trials("seen", replay="show_trials"),
-        trials("seen-slowly", run="run_slow", replay="show_trials"),
 """
 
 
@@ -67,15 +66,6 @@ def test_view_serves_on_localhost_until_it_is_ended(
         out, err = process.communicate(timeout=10)
     assert (process.returncode, out, err) == (0, "", "")
     assert not is_open("127.0.0.1", port)
-
-
-def test_view_can_be_interrupted_while_it_runs(start: Start, seen: Catalogue) -> None:
-    with start(seen, "view", "seen-slowly") as process:
-        assert process.stderr is not None
-        assert process.stderr.readline() == "started\n"
-        process.send_signal(signal.SIGINT)
-        out, _ = process.communicate(timeout=10)
-    assert (process.returncode, out) == (130, "")
 
 
 def test_view_names_a_port_that_is_taken(chamfer: Chamfer, seen: Catalogue) -> None:

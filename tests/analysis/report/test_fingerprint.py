@@ -170,7 +170,3 @@ def test_what_differs_is_named() -> None:
     assert {"python", "drake", "numpy", "scipy", "numba"} <= set(names)
     other = replace(own, versions=tuple((name, "0") for name in names))
     assert own.differs(other) == f"python, {own.versions[0][1]} and 0"
-
-
-def test_the_processor_has_a_name() -> None:
-    assert len(processor().split()) > 1

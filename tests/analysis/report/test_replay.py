@@ -6,7 +6,6 @@ import logging
 import math
 import re
 import socket
-from html.parser import HTMLParser
 from typing import Any
 
 import msgpack
@@ -42,18 +41,6 @@ def animation(page: str) -> dict[str, dict[str, tuple[list[int], Any]]]:
             for track in part["clip"]["tracks"]
         }
     return found
-
-
-class External(HTMLParser):
-    """Collects what a page would load from elsewhere."""
-
-    def __init__(self, page: str) -> None:
-        super().__init__()
-        self.loaded: list[str] = []
-        self.feed(page)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.loaded += [f"{tag} {key}={value}" for key, value in attrs if key in ("src", "href")]
 
 
 def make_slider(meshcat: Meshcat) -> tuple[Diagram, MultibodyPlant]:
@@ -131,7 +118,7 @@ def test_pages_need_nothing_else_and_are_the_same_for_the_same_run() -> None:
     pages = [replay_html(show) for _ in range(2)]
     assert pages[0] == pages[1]
     assert len(pages[0]) < 3e6
-    assert External(pages[0]).loaded == []
+    assert not re.search(r"<[^>]*\s(src|href)=", pages[0])
     assert not [port for port in ports if is_open("127.0.0.1", port)]
 
 
@@ -148,16 +135,8 @@ def test_the_port_is_free_again_after_a_failure() -> None:
     assert not is_open("127.0.0.1", ports[0])
 
 
-def test_frames_follow_the_positions_at_their_times() -> None:
-    time = 3.0 + np.arange(81) / 80  # s, begins late
-    y = np.sin(time)
-    frames, shown = slides(replay_html(show_slider(time, y)))
-    assert frames == list(range(41))
-    np.testing.assert_allclose(shown, y[::2], rtol=0, atol=1e-12)
-
-
-def test_between_the_times_it_moves_evenly() -> None:
-    frames, shown = slides(replay_html(show_slider([0.0, 0.1, 0.2], [0.0, 1.0, 0.0])))
+def test_frames_follow_the_positions_and_move_evenly_between_their_times() -> None:
+    frames, shown = slides(replay_html(show_slider([3.0, 3.1, 3.2], [0.0, 1.0, 0.0])))
     assert frames == list(range(9))
     np.testing.assert_allclose(shown, [0, 0.25, 0.5, 0.75, 1, 0.75, 0.5, 0.25, 0], atol=1e-12)
 

@@ -10,10 +10,7 @@ from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.report.check_text import (
     counts,
     counts_text,
-    number,
-    relation,
     results_table,
-    typeset,
     verdict_text,
 )
 from chamfer.analysis.report.console import result_text
@@ -76,14 +73,6 @@ def test_a_bound_that_is_kept_by_more_than_a_factor_of_two_is_said_so(
 )
 def test_verdicts_are_counted_apart(verdicts: list[str], text: str) -> None:
     assert counts_text(counts({"verdict": verdict} for verdict in verdicts)) == text
-
-
-def test_numbers_and_relations() -> None:
-    said = [number(value) for value in (None, 0.00888123, 1e-5, -2.0)]
-    assert said == ["-", "0.008881", "1e-5", "-2"]
-    assert typeset(relation(check(tolerance=1e-5))) == "1 ± 1e-5"
-    assert typeset(relation(check("at_most", 2.0))) == "≤ 2"
-    assert typeset(relation(check("at_least", 2.0))) == "≥ 2"
 
 
 def test_what_an_experiment_comes_to_is_said_last_and_once() -> None:

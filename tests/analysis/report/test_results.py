@@ -4,30 +4,25 @@ import fcntl
 import json
 import math
 import os
-import subprocess
-import sys
 import threading
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from chamfer.analysis.report.atomic_write import replacing, write_text
 from chamfer.analysis.report.checks import Check, Published
 from chamfer.analysis.report.results import (
-    check_document,
     defined_metrics,
-    figure_files,
     json_text,
     metric_document,
     read_result,
     versions,
     write_folder,
 )
-from chamfer.analysis.report.traces import read_table, table_bytes, write_table
+from chamfer.analysis.report.traces import read_table, write_table
 from chamfer.analysis.scenario.experiment import Metric
 
 
@@ -92,10 +87,6 @@ def test_columns_come_back_in_order_with_their_types(tmp_path: Path) -> None:
     assert pandas.read_parquet(tmp_path / "a.parquet").state.tolist() == ["aligned", "moving"] * 25
 
 
-def test_same_columns_same_bytes() -> None:
-    assert table_bytes(table()) == table_bytes(table())
-
-
 @pytest.mark.parametrize(
     ("columns", "message"),
     [
@@ -121,21 +112,6 @@ def test_a_table_without_rows_or_columns_can_be_read(tmp_path: Path) -> None:
     assert read_table(tmp_path / "a.parquet")["x"].shape == (0,)
     write_table(tmp_path / "a.parquet", {})
     assert read_table(tmp_path / "a.parquet") == {}
-
-
-def test_a_folder_whose_name_is_not_utf_8(tmp_path: Path) -> None:
-    folder = tmp_path / "a\udcff"
-    folder.mkdir()
-    write_table(folder / "a.parquet", table())
-    assert list(read_table(folder / "a.parquet")) == list(table())
-
-
-def figure() -> Figure:
-    made = Figure(figsize=(2, 1))
-    axes = made.add_subplot()
-    axes.plot([0, 1], [1, 0])
-    axes.fill_between([0, 1], [0, 1])
-    return made
 
 
 FILES = {"a.parquet": b"\x00", "scenario.yaml": "height: 5.0 # π", "result.json": "{}"}
@@ -173,13 +149,6 @@ def test_all_files_are_written_and_the_document_appears_last(
         for name, content in FILES.items()
     }
     assert read_result(tmp_path / "fall" / "result.json") == {}
-
-
-def test_figures_are_the_same_bytes_in_every_run() -> None:
-    first, second = (figure_files({"response": figure()}) for _ in range(2))
-    assert first == second
-    assert list(first) == ["response.svg", "response.png"]
-    assert b"<dc:date>" not in first["response.svg"]
 
 
 @pytest.mark.parametrize("failure", [OSError(28, "full"), KeyboardInterrupt()])
@@ -238,42 +207,24 @@ def test_metrics_that_are_not_finite_are_null_with_a_note() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "measured", "numbers", "verdict"),
+    ("changes", "measured", "verdict"),
     [
-        ({}, 1.5, {"published": 1.0, "tolerance": 0.5}, "holds"),
-        ({}, 1.6, {"published": 1.0, "tolerance": 0.5}, "not_reached"),
-        ({"otherwise": "does_not_hold"}, 1.5, {"published": 1.0, "tolerance": 0.5}, "holds"),
-        (
-            {"relation": "at_most", "tolerance": None, "otherwise": "does_not_hold"},
-            1.1,
-            {"published": 1.0},
-            "does_not_hold",
-        ),
-        ({"relation": "at_least", "tolerance": None}, None, {"published": 1.0}, "not_reached"),
-        (
-            {"relation": "between", "value": None, "tolerance": None, "low": 0, "high": 2},
-            2.0,
-            {"low": 0.0, "high": 2.0},
-            "holds",
-        ),
+        ({}, 1.5, "holds"),
+        ({}, 1.6, "not_reached"),
+        ({"otherwise": "does_not_hold"}, 1.5, "holds"),
+        ({"relation": "at_most", "otherwise": "does_not_hold"}, 1.1, "does_not_hold"),
+        ({"relation": "at_most"}, 1.0, "holds"),
+        ({"relation": "at_least"}, 1.0, "holds"),
+        ({"relation": "at_least"}, None, "not_reached"),
+        ({"relation": "between", "low": 0, "high": 2}, 2.0, "holds"),
+        ({"relation": "between", "low": 0, "high": 2}, -0.1, "not_reached"),
     ],
 )
-def test_checks_hold_the_numbers_of_their_relation_only(
-    changes: dict[str, Any], measured: float | None, numbers: dict[str, float], verdict: str
+def test_a_check_holds_within_the_bounds_of_its_relation(
+    changes: dict[str, Any], measured: float | None, verdict: str
 ) -> None:
     check = Check(published=published(**changes, note="why"), measured=measured)
-    assert check_document(check) == {
-        "metric": "end",
-        "relation": changes.get("relation", "near"),
-        **numbers,
-        "measured": measured,
-        "unit": "m",
-        "kind": "predicted",
-        "source": "Fig. 1",
-        "verdict": verdict,
-        "ok": verdict == "holds",
-        "note": "why",
-    }
+    assert (check.verdict, check.ok) == (verdict, verdict == "holds")
 
 
 def test_a_claim_that_does_not_hold_says_why() -> None:
@@ -281,19 +232,7 @@ def test_a_claim_that_does_not_hold_says_why() -> None:
         published(otherwise="does_not_hold")
 
 
-def test_versions_are_found_without_importing_the_packages() -> None:
-    program = (
-        "import sys; from chamfer.analysis.report.results import versions; found = versions(); "
-        "print(sorted({'pydrake', 'scipy', 'control', 'cv2', 'matplotlib'} & set(sys.modules)))"
-    )
-    ended = subprocess.run(
-        [sys.executable, "-c", program],
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=Path(__file__).parents[3],
-    )
-    assert ended.stdout == "[]\n"
+def test_versions_are_of_what_computes() -> None:
     found = versions()
     assert list(found) == [
         *("python", "drake", "numpy", "numba", "scipy", "control", "opencv", "matplotlib"),

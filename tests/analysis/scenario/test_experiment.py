@@ -3,7 +3,7 @@
 import pytest
 
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.experiment import Catalogue, Entry, load, select, select_paper
+from chamfer.analysis.scenario.experiment import Catalogue, Entry, load, select
 
 
 def entry(name: str, **fields: str) -> Entry:
@@ -25,13 +25,10 @@ def test_names_become_folders(name: str) -> None:
 
 
 def test_some_are_chosen_in_the_order_that_they_are_asked_for() -> None:
-    entries = [entry("a"), entry("b", paper="q"), entry("c")]
+    entries = [entry("a"), entry("b"), entry("c")]
     assert [one.name for one in select(entries, ["c", "a", "c"])] == ["c", "a"]
-    assert [one.name for one in select_paper(entries, "p")] == ["a", "c"]
     with pytest.raises(UserError, match="unknown experiment 'aa', did you mean 'a'"):
         select(entries, ["aa"])
-    with pytest.raises(UserError, match="unknown paper 'r', valid names: p, q"):
-        select_paper(entries, "r")
 
 
 def test_names_are_of_the_module_or_say_their_own() -> None:

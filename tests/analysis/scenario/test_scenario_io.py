@@ -339,43 +339,6 @@ def test_a_resolved_scenario_needs_no_more_overrides_than_the_one_it_came_from(
     assert sorted(overrides(resolved, DEFAULT, resolve)) == sorted(given_settings)
 
 
-def test_overrides_keep_a_value_without_which_the_rest_is_refused() -> None:
-    @dataclass(frozen=True, kw_only=True)
-    class Pair:
-        whole: float = 1.0
-        part: float | None = None
-
-        def __post_init__(self) -> None:
-            if self.part is None and self.whole > 5:
-                raise ParameterError("whole", self.whole, "at most 5, without a part")
-
-    def halved(pair: Pair) -> Pair:
-        return replace(pair, part=pair.whole / 2) if pair.part is None else pair
-
-    assert overrides(Pair(whole=8.0, part=4.0), Pair(), halved) == ["whole=8.0", "part=4.0"]
-
-
-def test_fields_that_follow_are_left_out_without_asking_for_each() -> None:
-    @dataclass(frozen=True, kw_only=True)
-    class Many:
-        size: float = 1.0
-        one: float | None = None
-        two: float | None = None
-        three: float | None = None
-
-    asked = []
-
-    def sized(many: Many) -> Many:
-        asked.append(many)
-        open_ = {name: many.size for name, value in vars(many).items() if value is None}
-        return replace(many, **open_)
-
-    assert overrides(sized(Many(size=2.0, two=5.0)), Many(), sized) == ["size=2.0", "two=5.0"]
-    # The scenario, the resolved one, the default, without what is open, with what is likely, and
-    # without the one that is.
-    assert len(asked) == 6
-
-
 def test_values_that_only_go_together_are_all_kept() -> None:
     """As two controllers that are given, where designing either is refused at this tolerance."""
 

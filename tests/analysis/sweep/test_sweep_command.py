@@ -129,12 +129,6 @@ def test_mistake_is_one_line(
     assert not (out / "sweep-fall").exists()
 
 
-def test_text_is_no_formula_to_a_spreadsheet(toys: Catalogue, out: Path) -> None:
-    assert run(out, toys, "fall", "--vary", "body.form='=1+1',ball", "--metric", "end") == 0
-    with (out / "sweep-fall" / "points.csv").open(newline="") as file:
-        assert [row["body.form"] for row in csv.DictReader(file)] == ["'=1+1", "ball"]
-
-
 @pytest.mark.slow
 def test_a_point_whose_process_dies_is_a_row_and_the_others_are_kept(
     toys: Catalogue, falling: Path, out: Path, capsys: pytest.CaptureFixture[str]
