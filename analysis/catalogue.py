@@ -29,10 +29,14 @@ _INSERTED: Final = (
 )
 
 # Experiments that share most of what they are.
-_study = partial(Entry, study=True, seconds=300)
+_servoing = partial(Entry, paper=SERVOING)
+_hybrid = partial(Entry, paper=HYBRID)
+_primitives = partial(Entry, paper=PRIMITIVES)
+_servoing_study = partial(_servoing, study=True, seconds=300)
+_hybrid_study = partial(_hybrid, study=True, seconds=300)
+_primitives_study = partial(_primitives, study=True, seconds=300)
 _servo = partial(
-    Entry,
-    paper=SERVOING,
+    _servoing,
     seconds=2,
     module="chamfer.analysis.servo.servo_response",
     resolve="chamfer.diagrams.servo.servo_scenario:resolve",
@@ -40,8 +44,7 @@ _servo = partial(
     charts="make_charts",
 )
 _connector = partial(
-    Entry,
-    paper=PRIMITIVES,
+    _primitives,
     module="chamfer.analysis.skills.connector_insertion",
     resolve="chamfer.diagrams.skills.connector_scenario:resolve",
     diagram="chamfer.diagrams.skills.connector_loop:make_connector_diagram",
@@ -50,17 +53,16 @@ _connector = partial(
     reduced=("step=0.002",),
 )
 _success = partial(
-    _study,
-    paper=PRIMITIVES,
+    _primitives_study,
     figure="section 4",
     module="chamfer.analysis.skills.connector_campaign",
     resolve="resolve_campaign",
     run="run_success",
     plot="success_figures",
+    reduced=("trials=1", "duration=3.0"),
 )
 _ablation = partial(
-    _study,
-    paper=PRIMITIVES,
+    _primitives_study,
     module="chamfer.analysis.skills.connector_campaign",
     resolve="resolve_campaign",
     run="run_ablation",
@@ -68,8 +70,7 @@ _ablation = partial(
     reduced=("trials=1", "duration=0.1"),
 )
 _wall = partial(
-    Entry,
-    paper=HYBRID,
+    _hybrid,
     figure="section 6.3",
     module="chamfer.analysis.surface.unknown_wall",
     resolve="chamfer.diagrams.surface.unknown_wall_loop:resolve_wall",
@@ -79,8 +80,7 @@ _wall = partial(
     reduced=("trials=1", "duration=2.5", "measure_after=2", "task.kick_time=1.8"),
 )
 _estimation = partial(
-    Entry,
-    paper=HYBRID,
+    _hybrid,
     module="chamfer.analysis.surface.unknown_surface",
     resolve="chamfer.diagrams.surface.surface_estimation:resolve_estimation",
     run="run_estimation_trials",
@@ -88,8 +88,7 @@ _estimation = partial(
     reduced=("trials=2", "lead.halt=1.5", "duration=2"),
 )
 _tracking = partial(
-    Entry,
-    paper=HYBRID,
+    _hybrid,
     module="chamfer.analysis.surface.unknown_surface",
     resolve="chamfer.diagrams.surface.surface_tracking:resolve_tracking",
     run="run_tracking_trials",
@@ -102,9 +101,8 @@ def _contact(
 ) -> Entry:
     """Return a scenario of the hybrid loop that runs, is drawn and is resolved as all of them."""
     constant = name.replace("-", "_")
-    return Entry(
+    return _hybrid(
         name=name,
-        paper=HYBRID,
         figure=figure,
         summary=summary,
         module=module or "chamfer.analysis.contact.contact_runs",
@@ -121,9 +119,8 @@ def _contact(
 CATALOGUE: Final = Catalogue(
     published="chamfer.analysis.published",
     entries=(
-        _study(
+        _servoing_study(
             name="jamming-diagram",
-            paper=SERVOING,
             figure="Fig. 1",
             summary="which loads slide the peg over its depth, with those of simulated insertions",
             module="chamfer.analysis.insertion.jamming_diagram",
@@ -138,9 +135,8 @@ CATALOGUE: Final = Catalogue(
                 "laterals=[0.0]",
             ),
         ),
-        Entry(
+        _servoing(
             name="peg-insertion",
-            paper=SERVOING,
             figure="Fig. 1",
             summary="a peg on a spring support is fed into its hole: forces, "
             "contact states, wedging",
@@ -152,9 +148,8 @@ CATALOGUE: Final = Catalogue(
             replay="chamfer.analysis.insertion.peg_insertion:replay_peg_insertion",
             reduced=("depth=0.008", "gap=0.001", "step=0.002", "speed=0.05"),
         ),
-        Entry(
+        _servoing(
             name="wedging-diagram",
-            paper=SERVOING,
             figure="Fig. 2",
             summary="from which initial errors the peg goes in without wedging, "
             "and with what force",
@@ -169,9 +164,8 @@ CATALOGUE: Final = Catalogue(
                 "points=41",
             ),
         ),
-        _study(
+        _servoing_study(
             name="insertion-map",
-            paper=SERVOING,
             figure="Fig. 2",
             summary="which errors go in, wedge, jam or miss in the cell, beside "
             "what theory says of them",
@@ -190,9 +184,8 @@ CATALOGUE: Final = Catalogue(
                 "cell.contact.facets=32",
             ),
         ),
-        Entry(
+        _servoing(
             name="plant-identification",
-            paper=SERVOING,
             figure="Fig. 8",
             summary="the plants whose PID loop has the published rise time and overshoot",
             seconds=3,
@@ -218,9 +211,8 @@ CATALOGUE: Final = Catalogue(
             run_swept="run_sinusoid_compiled",
             plot="sinusoid_figures",
         ),
-        Entry(
+        _servoing(
             name="vertical-tracking",
-            paper=SERVOING,
             figure="Fig. 11",
             summary="the peg goes up to the hole's height, with and without compensation by sight",
             seconds=12,
@@ -233,9 +225,8 @@ CATALOGUE: Final = Catalogue(
             charts="chamfer.analysis.cell.alignment_runs:alignment_charts",
             reduced=("motion_time=0.5", "begin=0.3", "compensation_time=0.3"),
         ),
-        Entry(
+        _servoing(
             name="alignment",
-            paper=SERVOING,
             figure="Figs. 12-14",
             summary="cameras and compensator align peg and hole from pixels to torques",
             module="chamfer.analysis.cell.alignment",
@@ -246,9 +237,8 @@ CATALOGUE: Final = Catalogue(
             replay="chamfer.analysis.cell.alignment:replay_alignment",
             reduced=("begin=0.2", "compensation_time=0.6"),
         ),
-        _study(
+        _servoing_study(
             name="fsm-stability",
-            paper=SERVOING,
             figure="section 3",
             summary="where the FSM settles, reverses and cycles, against the settling theorem",
             module="chamfer.analysis.servo.fsm_stability",
@@ -256,9 +246,8 @@ CATALOGUE: Final = Catalogue(
             diagram="make_diagram",
             reduced=("map.points=7", "map.trials=1", "map.settings=20"),
         ),
-        _study(
+        _servoing_study(
             name="camera-accuracy",
-            paper=SERVOING,
             figure="section 4",
             summary="how exactly both cameras see the parts: tips, axes, error "
             "signal, and in space",
@@ -267,9 +256,8 @@ CATALOGUE: Final = Catalogue(
             resolve="resolve_camera_accuracy",
             reduced=("poses=3",),
         ),
-        _study(
+        _servoing_study(
             name="detection-conditions",
-            paper=SERVOING,
             figure="section 4",
             summary="in which light and with what beside them the parts are "
             "found, refused, or mistaken",
@@ -278,9 +266,8 @@ CATALOGUE: Final = Catalogue(
             resolve="resolve_detection_conditions",
             reduced=("pictures=1",),
         ),
-        Entry(
+        _servoing(
             name="repeatability",
-            paper=SERVOING,
             figure="section 5",
             summary="many alignments with random starts and model errors, and "
             "the margins they leave",
@@ -292,9 +279,8 @@ CATALOGUE: Final = Catalogue(
             plot="repeatability_figures",
             reduced=("trials=2", "begin=0.2", "compensation_time=0.6"),
         ),
-        _study(
+        _servoing_study(
             name="camera-errors",
-            paper=SERVOING,
             figure="section 5",
             summary="what errors of the cameras leave of the alignment, each "
             "alone and all at once",
@@ -311,9 +297,8 @@ CATALOGUE: Final = Catalogue(
                 "compensation_time=0.1",
             ),
         ),
-        _study(
+        _servoing_study(
             name="design-accuracy",
-            paper=SERVOING,
             figure="section 5",
             summary="whether designs are what they are called: randomised cells, each "
             "assessed and simulated",
@@ -321,9 +306,8 @@ CATALOGUE: Final = Catalogue(
             scenario="DRAWN_DESIGNS",
             reduced=("designs=2", "trials=1", "draws=72", "duration=0.4"),
         ),
-        Entry(
+        _servoing(
             name="insertion",
-            paper=SERVOING,
             figure="section 5",
             summary="cameras align peg and hole, a chart decides and inserts: "
             "from pixels to a seated peg",
@@ -336,9 +320,8 @@ CATALOGUE: Final = Catalogue(
             replay="chamfer.analysis.cell.alignment:replay_alignment",
             reduced=_INSERTED,
         ),
-        _study(
+        _servoing_study(
             name="insertion-repeatability",
-            paper=SERVOING,
             figure="section 5",
             summary="many insertions by sight from random starts: success, "
             "force, time, and other ways",
@@ -353,17 +336,15 @@ CATALOGUE: Final = Catalogue(
                 "spread.rotational=0.01",
             ),
         ),
-        _study(
+        _servoing_study(
             name="calibration-accuracy",
-            paper=SERVOING,
             summary="how exactly cameras are calibrated from rendered boards, and if it says so",
             module="chamfer.analysis.calibration.calibration_accuracy",
             scenario="CALIBRATION",
             reduced=("sets=2", "pictures=5"),
         ),
-        _study(
+        _servoing_study(
             name="alignment-fsm-vs-pid",
-            paper=SERVOING,
             summary="the state machine against a PID law in the work cell, from the same starts",
             module="chamfer.analysis.cell.alignment_comparison",
             scenario="COMPARISON",
@@ -371,9 +352,8 @@ CATALOGUE: Final = Catalogue(
             diagram="chamfer.diagrams.cell.alignment:make_alignment_diagram",
             reduced=("trials=2", "begin=0.2", "compensation_time=0.6"),
         ),
-        _study(
+        _servoing_study(
             name="contact-convergence",
-            paper=SERVOING,
             summary="depth and forces of an insertion over steps, stiffness, "
             "facets and approximations",
             module="chamfer.analysis.insertion.contact_convergence",
@@ -392,9 +372,8 @@ CATALOGUE: Final = Catalogue(
                 "accuracies=[1e-2]",
             ),
         ),
-        _study(
+        _servoing_study(
             name="servo-comparison",
-            paper=SERVOING,
             summary="FSM or PID for a plant and a camera of one's own, both "
             "designed from one number",
             module="chamfer.analysis.servo.servo_comparison",
@@ -523,9 +502,8 @@ CATALOGUE: Final = Catalogue(
             plot="control_noise_free_figures",
             reduced=("duration=2",),
         ),
-        Entry(
+        _hybrid(
             name="crucible-charging",
-            paper=HYBRID,
             figure="section 1.1.2",
             summary="the Adept One with its wrist charges a crucible, nugget by nugget",
             seconds=35,
@@ -538,9 +516,8 @@ CATALOGUE: Final = Catalogue(
             replay="chamfer.analysis.charging.charging_replay:replay_charging",
             reduced=("plan=[{kind: wall}]", "duration=2.5"),
         ),
-        _study(
+        _hybrid_study(
             name="hybrid-stability",
-            paper=HYBRID,
             figure="section 2.1.3",
             summary="where the Jacobian-inverse law is unstable out of contact, "
             "and what the loop bears",
@@ -550,9 +527,8 @@ CATALOGUE: Final = Catalogue(
             run="run_stability",
             reduced=("points=5", "start=[1.0, -1.4]"),
         ),
-        _study(
+        _hybrid_study(
             name="contact-recovery",
-            paper=HYBRID,
             figure="section 2.1.4",
             summary="a blow breaks the contact: bounces that grow, and a mode that ends them",
             module="chamfer.analysis.contact.contact_recovery",
@@ -563,9 +539,8 @@ CATALOGUE: Final = Catalogue(
             charts="chamfer.analysis.contact.contact_runs:contact_charts",
             reduced=("task.speed=1", "task.kick_time=2.2", "measure_after=2", "duration=3"),
         ),
-        _study(
+        _hybrid_study(
             name="friction-remedies",
-            paper=HYBRID,
             figure="section 3.3",
             summary="what friction compensation, decoupling and full-dynamics control buy",
             module="chamfer.analysis.contact.friction_remedies",
@@ -582,9 +557,8 @@ CATALOGUE: Final = Catalogue(
                 "nugget.measure_after=0.5",
             ),
         ),
-        _study(
+        _hybrid_study(
             name="observer-model-error",
-            paper=HYBRID,
             figure="section 4.2",
             summary="observers that are told a wrong stiffness, with a bias, a "
             "delay, a differenced rate",
@@ -594,9 +568,8 @@ CATALOGUE: Final = Catalogue(
             run="run_model_error",
             reduced=("surfaces=[constant, space_ball]", "trials=1", "latest=1"),
         ),
-        _study(
+        _hybrid_study(
             name="observer-comparison",
-            paper=HYBRID,
             figure="section 4.5",
             summary="eight observers of the normal on the same slides: error, "
             "honesty of the band, cost",
@@ -615,9 +588,8 @@ CATALOGUE: Final = Catalogue(
             plot="control_adaptive_figures",
             reduced=("trials=2", "duration=2"),
         ),
-        _study(
+        _hybrid_study(
             name="sensing-sensitivity",
-            paper=HYBRID,
             figure="section 6.2",
             summary="what each imperfection of sensors and computer costs the hybrid loops",
             module="chamfer.analysis.contact.sensing_sensitivity",
@@ -636,9 +608,8 @@ CATALOGUE: Final = Catalogue(
                 "adept.measure_after=0.1",
             ),
         ),
-        _study(
+        _hybrid_study(
             name="charging-campaign",
-            paper=HYBRID,
             figure="section 6.3",
             summary="how many drawn charging cycles keep each limit, as they are "
             "and with remedies",
@@ -670,18 +641,16 @@ CATALOGUE: Final = Catalogue(
             plot="planar_figures",
             reduced=("trials=1", "duration=3.5", "measure_after=3", "task.kick_time=2.8"),
         ),
-        Entry(
+        _primitives(
             name="lissajous",
-            paper=PRIMITIVES,
             figure="Fig. 2",
             summary="what two dithers with the frequency ratio (N + 1) / N cover",
             module="chamfer.analysis.skills.lissajous",
             scenario="LISSAJOUS",
             reduced=("repeats=[2, 4]",),
         ),
-        Entry(
+        _primitives(
             name="skill",
-            paper=PRIMITIVES,
             figure="Fig. 4",
             summary="a skill of one's own, from a YAML file, runs with a "
             "connector or a part of one's own",
@@ -708,9 +677,8 @@ CATALOGUE: Final = Catalogue(
             seconds=9,
             scenario="chamfer.diagrams.skills.connector_scenario:BNC_CONNECTOR",
         ),
-        Entry(
+        _primitives(
             name="correlation",
-            paper=PRIMITIVES,
             figure="eq. (1)",
             summary="what the correlation of command and motion shows, and what it cannot",
             module="chamfer.analysis.skills.correlation_cases",
@@ -737,9 +705,8 @@ CATALOGUE: Final = Catalogue(
             plot="search_figures",
             reduced=("trials=1", "compared=[]", "step=0.002"),
         ),
-        Entry(
+        _primitives(
             name="vision-primitives",
-            paper=PRIMITIVES,
             figure="section 3.1",
             summary="vision primitives settle with wrongly calibrated cameras, "
             "and how wrong they may be",
@@ -760,13 +727,11 @@ CATALOGUE: Final = Catalogue(
             name="d-connector-success",
             summary="a 25-pin D connector is grasped and inserted in many randomised scenarios",
             scenario="D_CONNECTOR",
-            reduced=("trials=1", "duration=3.0"),
         ),
         _success(
             name="bnc-connector-success",
             summary="a BNC connector is grasped and inserted in many randomised scenarios",
             scenario="BNC_CONNECTOR",
-            reduced=("trials=1", "duration=3.0"),
         ),
         _success(
             name="rj45-connector-success",

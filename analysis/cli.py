@@ -88,7 +88,7 @@ def _interrupted(error: BaseException | None) -> bool:
 
 class _Parser(argparse.ArgumentParser):
     def __init__(self, *arguments: Any, **named: Any) -> None:
-        super().__init__(*arguments, **named)
+        super().__init__(*arguments, **{"allow_abbrev": False, **named})
         self.register("action", None, _Once)
 
     def error(self, message: str) -> NoReturn:
@@ -126,18 +126,17 @@ class _Version(argparse.Action):
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="chamfer",
-        allow_abbrev=False,
         description="Simulates published experiments on compliant assembly and puts the "
         "measured numbers beside the published ones.",
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
-    listing = commands.add_parser("list", help="list the experiments", allow_abbrev=False)
+    listing = commands.add_parser("list", help="list the experiments")
     listing.set_defaults(command=_list)
     fields = add_fields(commands)
 
-    run = commands.add_parser("run", help="run experiments by name", allow_abbrev=False)
+    run = commands.add_parser("run", help="run experiments by name")
     run.add_argument("names", nargs="+", metavar="NAME", help="an experiment of `chamfer list`")
     run.set_defaults(command=_run)
     sweep, design, compare = add_sweep(commands), add_design(commands), add_compare(commands)
@@ -149,7 +148,6 @@ def _parser() -> argparse.ArgumentParser:
         "with --studies what goes beyond them, which takes hours. What had ended before with the "
         "same sources and seed is kept. An experiment that ends with an error doesn't keep the "
         "next ones from running. All checks go into OUT/results.md too, as a table.",
-        allow_abbrev=False,
     )
     reproduce.add_argument("--paper", metavar="PAPER", help="only the experiments of this paper")
     reproduce.add_argument(
@@ -164,7 +162,6 @@ def _parser() -> argparse.ArgumentParser:
         help="draw an experiment's block diagram",
         description="Draws an experiment's block diagram as OUT/NAME/diagram.svg and, in "
         "Mermaid, diagram.mmd. Nothing has to be installed for it.",
-        allow_abbrev=False,
     )
     diagram.add_argument("name", metavar="NAME", help="an experiment of `chamfer list`")
     diagram.add_argument("--chart", action="store_true", help="draw its state charts too")

@@ -108,9 +108,7 @@ class Cluster:
 def engines(workers: int, cluster: str | None) -> Iterator[tuple[Engine, Engine]]:
     """Give where experiments run and where their trials do, until the block ends.
 
-    Args:
-        workers: Processes on this machine.
-        cluster: A scheduler's address, or ``local``; None: trials run in the same processes.
+    Experiments run in processes on this machine, and so do trials without a cluster's address.
 
     Raises:
         UserError: If there is no such cluster.

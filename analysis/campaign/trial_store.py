@@ -23,9 +23,7 @@ class TrialStore:
     A key says all that a row depends on, so that runs that share a file, one after the other or at
     once, can only find what they would have computed. A file that is damaged is begun anew.
 
-    Args:
-        path: The file, made where it is missing; None: nothing outlives the store.
-        fresh: Whether to begin anew.
+    Without a path nothing outlives the store; ``fresh`` begins anew.
 
     Raises:
         UserError: If the file can't be read and written.

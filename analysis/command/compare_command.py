@@ -19,7 +19,6 @@ def add_compare(commands: "argparse._SubParsersAction[Any]") -> argparse.Argumen
         help="put two results side by side",
         description="Shows in which fields of the scenario and in which metrics two results "
         "differ.",
-        allow_abbrev=False,
     )
     for which in ("first", "second"):
         compare.add_argument(

@@ -22,7 +22,6 @@ def add_fields(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
         description="Lists the fields that --set and --scenario take: default, unit, meaning and "
         "what is allowed. A default of null is derived from other fields; what it comes to is in "
         "brackets. Those of a design: `chamfer design NAME --fields`.",
-        allow_abbrev=False,
     )
     fields.add_argument("name", metavar="NAME", help="an experiment of `chamfer list`")
     fields.add_argument(

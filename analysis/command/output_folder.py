@@ -9,12 +9,10 @@ from chamfer.analysis.scenario.errors import UserError
 
 
 def require_writable(out: Path, names: Sequence[str], result: str = "") -> None:
-    """Make ``out`` if it isn't there, and write and remove a file in it and in named folders.
+    """Make ``out`` if it isn't there, and try to write a file in it and in named folders.
 
-    Where one of them has a result, a file of that name, it is said that this is replaced.
-
-    Permission bits say little (root ignores them, a read-only file system has its own mind), so
-    it is tried.
+    Permission bits say little: root ignores them, and a file system may be read-only. Where one
+    of the folders has a ``result``, it is said that this is replaced.
 
     Raises:
         UserError: If a folder can't be made or written.

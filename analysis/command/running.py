@@ -303,9 +303,7 @@ def _command(job: Job, seed: int) -> str:
 def named_failures(name: str, asked: Sequence[str]) -> Iterator[None]:
     """Make one line of what ends the block, unless it is a bug.
 
-    Args:
-        name: Of what runs.
-        asked: What differs from the default scenario.
+    ``asked`` is what differs from the default scenario.
 
     Raises:
         UserError: If a parameter turns out to be impossible only when it is used.
@@ -328,9 +326,7 @@ def named_failures(name: str, asked: Sequence[str]) -> Iterator[None]:
 def _reason(error: BaseException, asked: Sequence[str]) -> str | None:
     """Return in a line what made an experiment end, None if that is a bug.
 
-    Args:
-        error: What was raised; of a refusal the message is as good as it gets.
-        asked: What differs from the default scenario; what that one can't compute is a bug.
+    What the default scenario can't compute is one, nothing being asked.
     """
     given = f" with {', '.join(asked)}" if asked else ""
     if isinstance(error, UserError | ParameterError):

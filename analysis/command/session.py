@@ -226,10 +226,7 @@ def command_campaign(
 ) -> Iterator[Progress]:
     """Let the block's trials be kept in a folder until the block has written its results.
 
-    Args:
-        folder: Of the results of a command that writes one of its own.
-        label: What the progress is of.
-        arguments: The command's, with ``workers``, ``cluster`` and ``fresh``.
+    The command's arguments have ``workers``, ``cluster`` and ``fresh``.
     """
     with engines(arguments.workers or cores(), arguments.cluster) as (_, trials):
         path, fresh = folder / TRIALS, arguments.fresh

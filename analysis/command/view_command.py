@@ -19,7 +19,6 @@ def add_view(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentPa
         help="run an experiment and show the run in 3-D",
         description="Runs an experiment, then serves the run as an animation in 3-D, on "
         "localhost only, until Ctrl-C. Nothing is written.",
-        allow_abbrev=False,
     )
     view.add_argument("name", metavar="NAME", help="an experiment of `chamfer list`")
     view.add_argument(

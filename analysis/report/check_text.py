@@ -87,8 +87,8 @@ def results_table(
         results: The results' documents, those of a paper one after the other.
         titles: The papers' titles by key.
         errors: What ended without a result, each with the reason.
-        studies: The experiments that go beyond the papers' own; their rows are marked.
-        seed: Of all randomness in them.
+        studies: Experiments whose rows are marked as such.
+        seed: Of all randomness.
     """
     counted = counts(check for result in results for check in result["checks"])
     command = f"chamfer reproduce --seed {seed}" if seed else "chamfer reproduce"

@@ -83,9 +83,8 @@ def canonical(value: object) -> str:
     """Return a text that only an equal value has.
 
     Raises:
-        TypeError: If the value is not made of numbers, texts, booleans, None, tuples, lists,
-            mappings, sets, ranges, arrays, enumerations, paths, dataclasses, and functions or
-            classes of a module's top level.
+        TypeError: If the value is not made of plain data, arrays, enumerations, paths,
+            dataclasses, and functions or classes of a module's top level.
     """
     if isinstance(value, np.generic):
         value = value.item()

@@ -27,13 +27,9 @@ _DESCRIPTIONS: Final[dict[Any, str]] = {
 
 
 def structured(plain: Any, kind: Any, *, path: str = "", named: Named = _NONE) -> Any:
-    """Return the dataclass, or another value of a type, that plain data stands for.
+    """Return the dataclass, or another value of the type ``kind``, that plain data stands for.
 
-    Args:
-        plain: The data.
-        kind: The type.
-        path: The dotted path to it, for messages.
-        named: Types that stand for several dataclasses, and these by name.
+    ``path`` leads to it, for messages; ``named`` has types that stand for several dataclasses.
 
     Raises:
         UserError: If a field doesn't exist or its value is not allowed; it says the path.
@@ -77,13 +73,9 @@ def structured(plain: Any, kind: Any, *, path: str = "", named: Named = _NONE) -
 def plain_data(
     value: Any, kind: Any = Any, *, named: Named = _NONE, omit_defaults: bool = False
 ) -> Any:
-    """Return a value as plain data that :func:`structured` makes an equal one of.
+    """Return a value, whose declared type is ``kind``, as :func:`structured` takes it.
 
-    Args:
-        value: A dataclass, or what a field of one holds.
-        kind: Its declared type.
-        named: As there.
-        omit_defaults: Whether fields that are as by default are left out.
+    Fields that are as by default may be left out.
 
     Raises:
         UserError: If a dataclass has no name although its type stands for several.

@@ -169,11 +169,7 @@ def _quoted(text: str) -> str:
 
 
 def read_mapping(path: Path, what: str = "scenario fields") -> dict[Any, Any]:
-    """Return the mapping that a YAML file holds.
-
-    Args:
-        path: Of the file.
-        what: Its keys should be, for messages.
+    """Return the mapping that a YAML file holds, of ``what`` for messages.
 
     Raises:
         UserError: If the file can't be read, is not YAML or holds something else.

@@ -1,12 +1,4 @@
-"""Runs an experiment at many points of its scenario.
-
-From Python::
-
-    from chamfer.analysis.sweep.sweep import sweep
-
-    table = sweep("step-response", {"plant.mass": [1, 2, 3]}, metrics=["fsm.rise_time"])
-    pandas.DataFrame(table)
-"""
+"""Runs an experiment at many points of its scenario."""
 
 import math
 from collections import Counter
@@ -146,10 +138,9 @@ def make_plan(
         metrics: What to keep, all metrics unless given.
         trials: Seeds of each point: ``seed``, ``seed + 1``, ...
         seed: Of all randomness, draws of points as well.
-        design: ``grid``, ``sobol`` or ``random``, see
-            :func:`~chamfer.analysis.sweep.sweep_design.design_points`.
-        points: How many points to draw.
-        settings: Fields, ``path=value``, that are another value than the default at all points.
+        design: See :func:`~chamfer.analysis.sweep.sweep_design.design_points`.
+        points: How many to draw.
+        settings: Fields, ``path=value``, that are not as by default at all points.
         scenario: A file with such fields.
         catalogue: Where the experiments are.
 

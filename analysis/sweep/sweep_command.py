@@ -19,7 +19,6 @@ def add_sweep(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
         "metrics, status: ok or why there is no result, seed), trials.parquet with a row for "
         "each point and seed, and a figure. A point that is refused or fails doesn't keep the "
         "others from running.",
-        allow_abbrev=False,
     )
     sweep.add_argument("name", metavar="NAME", help="an experiment of `chamfer list`")
     sweep.add_argument(

@@ -124,11 +124,8 @@ def design_points(
     for, each field at one of its values or anywhere in its interval: evenly spread (the scrambled
     sequence of Sobol) or independent of each other.
 
-    Args:
-        varied: The fields.
-        design: Unless given a grid, or where a field is drawn from an interval that of Sobol.
-        points: How many, 64 unless given; a grid has its own number.
-        seed: Of the draws.
+    Unless given the design is a grid, or Sobol's where a field is drawn from an interval, with 64
+    points.
 
     Raises:
         UserError: If the design doesn't fit the fields, or has too many points.
