@@ -220,19 +220,6 @@ def test_json_is_one_document_and_nothing_else(chamfer: Chamfer, out: Path) -> N
     assert document["report"] == f"{out}/index.html"
 
 
-def test_scenario_file_and_settings_are_combined(
-    chamfer: Chamfer, tmp_path: Path, out: Path
-) -> None:
-    path = tmp_path / "fall.yaml"
-    path.write_text("height: 3\nbody: {mass: 4}\n")
-    chamfer("run", "fall", "--scenario", path, "--out", out, "--set", "height=6")
-    assert result(out, "fall")["scenario"] == {
-        "body": {"mass": 4.0, "form": "ball"},
-        "height": 6.0,
-        "step": 0.1,
-    }
-
-
 def with_study(toys: Catalogue) -> Catalogue:
     """The toys of one paper, of which the trials go beyond it."""
     fall, trials = select(toys.entries, ["fall", "trials"])

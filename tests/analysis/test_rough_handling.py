@@ -3,6 +3,7 @@
 ``make fuzz`` draws 10,000 command lines; the gate a few of them.
 """
 
+import argparse
 import io
 import json
 import os
@@ -24,7 +25,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from chamfer.analysis.catalogue import CATALOGUE
-from chamfer.analysis.cli import main
+from chamfer.analysis.cli import _parser, main
 from chamfer.analysis.command.running import prepare
 from chamfer.analysis.command.scenario_fields import leaves
 from chamfer.analysis.scenario.errors import UserError
@@ -136,59 +137,32 @@ FILES = st.one_of(
 FILE_NAMES = st.sampled_from(
     ["a.png", "=1+1.png", "b\udcff.png", "c.mp4", "d.yaml", "e.json", "f"]
 )
-COUNTS = st.sampled_from(["1", "2", "3", "0", "-1", "x", "1e3", "99999999"]) | TEXTS
 SPECS = st.one_of(
     st.lists(VALUES, min_size=1, max_size=3).map(lambda values: f"={','.join(values)}"),
     st.builds("={}:{}:{}".format, NUMBERS, NUMBERS, st.integers(-1, 4) | st.just(10**7)),
     st.builds("~{}:{}".format, NUMBERS, NUMBERS),
     TEXTS,
 )
-BOXES = st.sampled_from(["0,0,12,12", "4,4,20,20", "20,4,20,20"]) | TEXTS
-BOARDS = st.builds("chessboard:{}x{}:{}mm".format, NUMBERS, NUMBERS, NUMBERS) | TEXTS
+NAMES = st.sampled_from([entry.name for entry in ENTRIES]) | TEXTS
 FOLDERS = st.sampled_from(["FIRST", "FIRST", "SECOND", "SECOND", "FILE", "OUT", "a" * 300])
-# What options take; None: nothing.
-OPTIONS: Final[dict[str, st.SearchStrategy[str] | None]] = {
+# What arguments take by their names or what stands for them; the others any value.
+TAKEN: Final[dict[Any, st.SearchStrategy[str]]] = {
     "--out": st.sampled_from(["OUT", "OUT", "OUT", "FILE", "FILE/a", "a" * 300]),
-    "--seed": NUMBERS | TEXTS,
-    "--json": None,
-    "--scenario": st.just("FILE"),
-    "--workers": NUMBERS | TEXTS,
-    "--trials": COUNTS,
-    "--points": COUNTS,
+    "--port": st.sampled_from(["0", "x"]),  # what it accepts it serves until it is interrupted
     "--metric": st.just("metric") | TEXTS,
     "--design": st.sampled_from(["grid", "sobol", "random", "x"]),
-    "--port": st.sampled_from(["0", "x"]),  # what it accepts it serves until it is interrupted
-    "--paper": TEXTS,
-    "--rate": VALUES.filter(bool),
-    "--device": COUNTS | st.just("FILE"),
-    "--frames": COUNTS,
-    "--camera-model": st.just("FILE"),
-    "--right": st.just("FILE"),
-    "--learn": st.just("FILE"),
-    "--peg-box": BOXES,
-    "--hole-box": BOXES,
-    "--save-frames": None,
-    "--no-video": None,
-    "--board-pose": VALUES,
-    "--board-picture": st.just("FILE"),
-    "--distortion": VALUES,
-}
-# Each command's options; those in front are always given.
-COMMANDS: Final = {
-    "run": "--out --set --scenario --seed --workers --json",
-    "sweep": "--out --vary --set --scenario --seed --trials --points --metric --design --json",
-    "track": "--out --set --rate --device --frames --camera-model --right --learn --peg-box "
-    "--hole-box --save-frames --no-video --json",
-    "calibrate": "--out --board --right --board-pose --board-picture --distortion --json",
-    "compare": "--json",
-    "fields": "--json",
-    "diagram": "--out --set --scenario",
-    "view": "--port --set --scenario",
-    "reproduce": "--out --paper --seed --json",
-    "list": "--json",
+    "--board": st.builds("chessboard:{}x{}:{}mm".format, NUMBERS, NUMBERS, NUMBERS) | TEXTS,
+    "X,Y,W,H": st.sampled_from(["0,0,12,12", "4,4,20,20", "20,4,20,20"]) | TEXTS,
+    "DIR": FOLDERS,
+    **dict.fromkeys(("FILE", "FILES", "PICTURE"), st.just("FILE")),
 }
 GIVEN: Final = {"--out", "--board", "--port", "--paper", "--vary"}
-NAMES = st.sampled_from([entry.name for entry in ENTRIES]) | TEXTS
+(SUBPARSERS,) = _parser()._subparsers._group_actions  # type: ignore[union-attr]
+COMMANDS: Final[dict[str, list[argparse.Action]]] = {
+    name: [one for one in parser._actions if one.dest not in ("help", "cluster")]
+    for name, parser in SUBPARSERS.choices.items()  # type: ignore[union-attr]
+    if name != "design"  # computes for long
+}
 
 
 @st.composite
@@ -198,27 +172,20 @@ def command_lines(draw: st.DrawFn) -> list[str]:
     command = draw(st.sampled_from([*often, *COMMANDS]) | TEXTS)
     name = draw(NAMES)
     paths = st.sampled_from(paths_of(name)) | TEXTS
-    options = OPTIONS | {
+    taken = TAKEN | {
+        "NAME": st.just(name),
         "--set": st.builds("{}={}".format, paths if command != "track" else TEXTS, VALUES),
         "--vary": st.builds("{}{}".format, paths, SPECS),
-        "--board": BOARDS,
     }
-    positional = {
-        "compare": [draw(FOLDERS), draw(FOLDERS)],
-        "fields": [name, draw(TEXTS)],
-        "track": ["FILE"],
-        "calibrate": ["FILE"],
-        "reproduce": [],
-        "list": [],
-    }.get(command, [name])
-    known = COMMANDS.get(command, "--json").split()
-    chosen = draw(st.lists(st.sampled_from(known), max_size=5))
-    arguments = [command, *positional]
-    for option in dict.fromkeys([*(one for one in known if one in GIVEN), *chosen]):
-        times = draw(st.integers(1, 3)) if option in ("--set", "--vary") else 1
-        for _ in range(times):
-            taken = options[option]
-            arguments += [option] if taken is None else [option, draw(taken)]
+    arguments = [command]
+    for action in COMMANDS.get(command, []):
+        option = "".join(action.option_strings)
+        values = taken.get(option, taken.get(action.metavar, VALUES))
+        if not option:
+            arguments.append(draw(values))
+        elif option in GIVEN or draw(st.integers(0, 3)) == 0:
+            for _ in range(draw(st.integers(1, 3)) if option in ("--set", "--vary") else 1):
+                arguments += [option] if action.nargs == 0 else [option, draw(values)]
     return arguments
 
 

@@ -79,10 +79,6 @@ def once(folder, task):
     return {"square": task**2}
 
 
-def returned(value):
-    return value
-
-
 def environment(names):
     import cv2
 

@@ -234,19 +234,6 @@ def test_a_campaign_of_failures_is_an_error(begin: Begin, toy: ModuleType, first
             run_each(toy.misbehave, tasks, quiet)
 
 
-def test_failed_trials_are_tried_again_by_the_next_run(
-    begin: Begin, toy: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(trial_loop, "_TRIES", 1)
-    trial = partial(toy.once, str(tmp_path))
-    campaign = begin()
-    assert campaign(trial, range(4), quiet).tasks == (0, 1, 3)
-    assert len(campaign.failed) == 1
-    campaign = begin()
-    assert campaign(trial, range(4), quiet).tasks == (0, 1, 2, 3)
-    assert campaign.failed == []
-
-
 def test_finished_trials_are_on_disk_when_they_are_counted(
     begin: Begin, toy: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -312,32 +299,18 @@ def test_an_interrupt_keeps_what_has_finished(
     assert len(done(left)) - 10 <= 3
 
 
-def test_trials_are_wanted_where_there_is_no_engine(
-    begin: Begin, toy: ModuleType, engine: Processes, tmp_path: Path
-) -> None:
-    def perform(campaign: Campaign) -> list[float]:
-        first = campaign(toy.square, range(3), quiet)
-        tasks = [("", "raise")[i % 2] for i in range(len(first))]
-        campaign(toy.misbehave, tasks, quiet)
-        return [campaign(toy.square, range(2, 6), quiet).column("square").sum()]
-
+def test_trials_are_wanted_where_there_is_no_engine(begin: Begin, toy: ModuleType) -> None:
+    tasks = ["", "raise"]
+    with pytest.raises(TrialsWantedError) as wanted:
+        begin(engine=None)(toy.misbehave, tasks, quiet)
     conductor = begin()
-    wanted = []
-    while True:
-        there = Campaign(
-            path=tmp_path / "trials.sqlite", processors=("toy",), failures=conductor.failures
-        )
-        with closing(there):
-            try:
-                assert perform(there) == [54.0]
-                break
-            except TrialsWantedError as error:
-                wanted.append(error)
-                conductor.supply(error, quiet)
-    assert [error.function for error in wanted] == [toy.square, toy.misbehave, toy.square]
-    assert [trial for trial, _ in there.failed] == [4]
+    conductor.supply(wanted.value, quiet)
+    there = begin(engine=None, failures=conductor.failures)
+    assert there(toy.misbehave, tasks, quiet).tasks == ("",)
+    assert [trial for trial, _ in there.failed] == [1]
+    conductor = begin(failures=conductor.failures)
     with pytest.raises(ExperimentError, match="the sources have changed"):
-        conductor.supply(wanted[0], quiet)
+        conductor.supply(wanted.value, quiet)
 
 
 def test_a_worker_with_other_sources_is_an_error(

@@ -53,17 +53,9 @@ def test_long_lines_don_t_wrap(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "a" * 80 not in stream.getvalue()
 
 
-def test_silent_during_the_first_second() -> None:
-    stream = Terminal()
-    with TerminalProgress("a", stream) as progress:
-        progress(0.5, "falling")
-        time.sleep(0.05)
-    assert stream.getvalue() == ""
-
-
-def test_silent_where_nobody_watches() -> None:
-    stream = io.StringIO()
-    with TerminalProgress("a", stream, delay=0.0, interval=0.01) as progress:
+@pytest.mark.parametrize(("stream", "delay"), [(Terminal(), 1.0), (io.StringIO(), 0.0)])
+def test_silent_at_first_and_where_nobody_watches(stream: io.StringIO, delay: float) -> None:
+    with TerminalProgress("a", stream, delay=delay, interval=0.01) as progress:
         progress(0.5, "falling")
         time.sleep(0.05)
     assert stream.getvalue() == ""

@@ -137,17 +137,9 @@ def test_values_of_every_type(setting: str, path: str, value: object) -> None:
     ("setting", "message"),
     [
         ("plant.mas=1", "plant.mas: no such field, valid fields: form, mass, stiffness"),
-        ("plant.mas.x=1", "plant.mas: no such field, valid fields: form, mass, stiffness"),
-        (
-            "plnt=1",
-            "plnt: no such field, valid fields: duration, gains, level, limits, name, noise, "
-            "plant, plants, ticks, verbose",
-        ),
         ("noise.lvl=1", "noise.lvl: no such field, valid fields: level"),
         ("plant.mass=-1", "plant.mass is -1.0, allowed: a finite number > 0"),
-        ("plant.mass=.nan", "plant.mass is nan, allowed: a finite number > 0"),
         ("plant.mass=nan", "plant.mass is nan, allowed: a finite number > 0"),
-        ("plant.mass=inf", "plant.mass is inf, allowed: a finite number > 0"),
         ("noise.level=nan", "noise.level is nan, allowed: a finite number"),
         ("duration=inf", "duration is inf, allowed: a finite number"),
         ("limits.high=nan", "limits.high is nan, allowed: a finite number or inf"),
@@ -264,33 +256,12 @@ def test_a_scenario_is_remade_from_any_default(scenario: Scenario, default: Scen
 
 
 def test_the_text_of_a_scenario_is_yaml_with_a_line_for_each_field() -> None:
-    scenario = Scenario(plants=(Plant(), Plant(mass=4.0)), noise=Noise(), name="a: b")
-    assert (
-        scenario_text(scenario)
-        == """\
-plant:
-  mass: 3.0
-  stiffness: 700.0
-  form: position
-limits:
-  low: -.inf
-  high: .inf
-noise:
-  level: 0.5
-plants:
-- mass: 2.0
-  stiffness: 700.0
-  form: position
-- mass: 4.0
-  stiffness: 700.0
-  form: position
-gains: [1.0, 2.0]
-ticks: 5
-duration: null
-name: "a: b"
-level: 1
-verbose: false
-"""
+    scenario = Scenario(plants=(Plant(), Plant(mass=4.0)), name="a: b")
+    plant = "stiffness: 700.0\n  form: position\n"
+    assert scenario_text(scenario) == (
+        f"plant:\n  mass: 3.0\n  {plant}limits:\n  low: -.inf\n  high: .inf\nnoise: null\n"
+        f"plants:\n- mass: 2.0\n  {plant}- mass: 4.0\n  {plant}gains: [1.0, 2.0]\nticks: 5\n"
+        'duration: null\nname: "a: b"\nlevel: 1\nverbose: false\n'
     )
 
 
@@ -305,19 +276,6 @@ def test_unstructured_scenario_is_json_and_its_digest_ignores_how_a_number_was_w
 
 
 # The settings that make one scenario of another
-
-
-def test_overrides_are_what_one_would_type() -> None:
-    scenario = make_scenario(
-        DEFAULT,
-        settings=["plant.mass=1e-05", "plant.form=velocity", "gains=[1,3]", "noise={level: 1}"],
-    )
-    assert overrides(scenario, DEFAULT, unresolved) == [
-        "plant.mass=1e-05",
-        "plant.form=velocity",
-        "noise={level: 1.0}",
-        "gains=[1.0, 3.0]",
-    ]
 
 
 def resolve(scenario: Scenario) -> Scenario:
