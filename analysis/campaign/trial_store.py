@@ -93,12 +93,12 @@ class TrialStore:
             (found,) = connection.execute("PRAGMA user_version").fetchone()
             if found not in (0, _FORMAT):
                 raise sqlite3.DatabaseError(f"it has format {found}, this is {_FORMAT}")
-            with connection:
-                connection.execute(
+            if not found:
+                connection.executescript(
                     "CREATE TABLE IF NOT EXISTS trials "
-                    "(key BLOB PRIMARY KEY, digest BLOB NOT NULL, row BLOB NOT NULL)"
+                    "(key BLOB PRIMARY KEY, digest BLOB NOT NULL, row BLOB NOT NULL);"
+                    f"PRAGMA user_version = {_FORMAT}"
                 )
-                connection.execute(f"PRAGMA user_version = {_FORMAT}")
         except BaseException:
             connection.close()
             raise

@@ -71,10 +71,6 @@ def print_fields(scenario: T, resolve: Callable[[T], T], *, prefix: str, as_json
 def _fields(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     (entry,) = select(catalogue.entries, [arguments.name])
     experiment = load(entry)
-    print_fields(
-        experiment.default,
-        experiment.resolve,
-        prefix=arguments.prefix,
-        as_json=arguments.json,
-    )
+    default, resolve = experiment.default, experiment.resolve
+    print_fields(default, resolve, prefix=arguments.prefix, as_json=arguments.json)
     return 0
