@@ -39,8 +39,6 @@ class TrialStore:
                 if fresh:
                     self.keep(())
             except sqlite3.DatabaseError as error:
-                if not _damaged(error):
-                    raise
                 self._begin_anew(error)
 
     def rows(self, keys: Iterable[bytes]) -> dict[bytes, bytes]:
@@ -55,8 +53,6 @@ class TrialStore:
                             raise sqlite3.DatabaseError("a row is not what was written")
                         found[key] = row
             except sqlite3.DatabaseError as error:
-                if not _damaged(error):
-                    raise
                 self._connection.close()
                 self._begin_anew(error)
                 return {}
@@ -104,15 +100,15 @@ class TrialStore:
             raise
         return connection
 
-    def _begin_anew(self, error: Exception) -> None:
+    def _begin_anew(self, error: sqlite3.DatabaseError) -> None:
+        """Replace a file whose content is damaged; subclasses say all else: access, space."""
+        if type(error) is not sqlite3.DatabaseError:
+            raise error
         say(f"{self._path} can't be read ({error}), its trials are run again")
-        self._remove()
-        self._connection = self._open()
-
-    def _remove(self) -> None:
         if self._path is not None:
             for side in _SIDES:
                 self._path.with_name(self._path.name + side).unlink(missing_ok=True)
+        self._connection = self._open()
 
     @contextmanager
     def _named_errors(self) -> Iterator[None]:
@@ -121,11 +117,6 @@ class TrialStore:
         except (OSError, sqlite3.Error) as error:
             reason = getattr(error, "strerror", None) or error
             raise UserError(f"{self._path} can't be read and written ({reason})") from error
-
-
-def _damaged(error: sqlite3.DatabaseError) -> bool:
-    """Say whether an error is the file's content; its subclasses say all else: access, space."""
-    return type(error) is sqlite3.DatabaseError
 
 
 def _digest(row: bytes) -> bytes:

@@ -12,7 +12,7 @@ from typing import Any, Final, TypeVar, get_args, get_type_hints
 from chamfer.analysis.report.check_text import number
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.field_comments import field_comment
-from chamfer.analysis.scenario.plain_data import joined
+from chamfer.analysis.scenario.plain_data import default_of, joined
 from chamfer.analysis.scenario.scenario_io import make_scenario, value_text
 
 T = TypeVar("T")
@@ -145,14 +145,8 @@ def _values(owner: Any) -> dict[str, Any]:
 
 def _defaults(owner: type[Any]) -> dict[str, Any]:
     """Return a dataclass's defaults, None for fields that have to be given."""
-    return {
-        field.name: field.default_factory()
-        if field.default_factory is not MISSING
-        else None
-        if field.default is MISSING
-        else field.default
-        for field in fields(owner)
-    }
+    defaults = {field.name: default_of(field) for field in fields(owner)}
+    return {name: None if value is MISSING else value for name, value in defaults.items()}
 
 
 def _nested_type(value: object, kind: Any) -> type[Any] | None:

@@ -35,11 +35,9 @@ def defined_metrics(metrics: Mapping[str, Metric]) -> dict[str, Metric]:
     """Return the metrics with None, and a note that says why, for what is not a finite number."""
     defined = dict(metrics)
     for name, metric in metrics.items():
-        if metric.value is None:
-            defined[name] = replace(metric, note=metric.note or "undefined")
-        elif not math.isfinite(metric.value):
-            note = metric.note or f"measured {float(metric.value)}"
-            defined[name] = replace(metric, value=None, note=note)
+        if metric.value is None or not math.isfinite(metric.value):
+            said = "undefined" if metric.value is None else f"measured {float(metric.value)}"
+            defined[name] = replace(metric, value=None, note=metric.note or said)
     return defined
 
 

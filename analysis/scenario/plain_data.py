@@ -131,7 +131,7 @@ def _made(plain: Mapping[Any, Any], cls: Any, path: str, named: Named) -> Any:
         if field.name in plain:
             kind = _hints(cls)[field.name]
             values[field.name] = structured(plain[field.name], kind, path=here, named=named)
-        elif _default(field) is MISSING:
+        elif default_of(field) is MISSING:
             raise UserError(f"{here} has to be given, it has no default")
     for name in sorted(map(str, plain.keys() - values.keys())):
         valid = ", ".join(sorted(field.name for field in fields(cls)))
@@ -214,12 +214,13 @@ def _element_kinds(kind: Any, count: int) -> Sequence[Any]:
     return arguments if fixed else (arguments[0],) * count
 
 
-def _default(field: Any) -> Any:
+def default_of(field: Any) -> Any:
+    """Return a dataclass field's default, MISSING if it has none."""
     return field.default if field.default_factory is MISSING else field.default_factory()
 
 
 def _is_default(field: Any, value: object) -> bool:
-    default = _default(field)
+    default = default_of(field)
     return default is not MISSING and bool(value == default)
 
 
