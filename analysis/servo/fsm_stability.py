@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram
 
-from chamfer.analysis.campaign.trial_metrics import prefixed
+from chamfer.analysis.campaign.trial_metrics import metrics_of, prefixed
 from chamfer.analysis.drawing.figure_kit import Curve, ReferenceLine, draw_lines
 from chamfer.analysis.drawing.figure_style import FSM, PUBLISHED, Style, dress, legend, new_figure
 from chamfer.analysis.linear.to_control import to_control
@@ -395,13 +395,14 @@ def _velocity_search(
         return {f"{prefix}.least_error": Metric(value=None, unit="m", note=note)}
     best = int(np.argmin(np.where(fits, error, np.inf)))
     note = f"best of {count} settings without overshoot"
-    peak = "of that setting, peak to peak"
-    found = {
-        "least_error": Metric(value=float(error[best]), unit="m", note=note),
-        "ripple": Metric(value=float(ripple[best]), unit="%", note=peak),
-        "increment": Metric(value=axes[best].increment, unit="N"),
-        "large_error": Metric(value=axes[best].large_error, unit="m"),
-    }
+    found = metrics_of(
+        {
+            "least_error": (float(error[best]), "m", note),
+            "ripple": (float(ripple[best]), "%", "of that setting, peak to peak"),
+            "increment": (axes[best].increment, "N"),
+            "large_error": (axes[best].large_error, "m"),
+        }
+    )
     return prefixed(prefix, found)
 
 

@@ -16,6 +16,7 @@ from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_metrics import (
     bootstrap_interval,
     mean_interval,
+    metrics_of,
     prefixed,
     rate,
     trial_seed,
@@ -280,15 +281,17 @@ def design_metrics(scenario: ResolvedServoComparisonScenario) -> dict[str, Metri
         f"{100 * tolerance / scenario.desired.amplitude:.3g} % of the step; "
         f"the camera errs by up to {1e3 * bound:.3g} mm"
     )
-    metrics = {
-        "tolerance": Metric(value=tolerance, unit="m", note=note),
-        "fsm.dead_zone": Metric(value=axis.dead_zone, unit="m"),
-        "fsm.increment": Metric(value=axis.increment, unit="m"),
-        "fsm.divider": Metric(value=axis.divider, unit=""),
-        "fsm.large_error": Metric(value=axis.large_error, unit="m"),
-        "pid.proportional": Metric(value=gains.proportional, unit=""),
-        "pid.integral": Metric(value=gains.integral, unit="1/s"),
-    }
+    metrics = metrics_of(
+        {
+            "tolerance": (tolerance, "m", note),
+            "fsm.dead_zone": (axis.dead_zone, "m"),
+            "fsm.increment": (axis.increment, "m"),
+            "fsm.divider": (axis.divider, ""),
+            "fsm.large_error": (axis.large_error, "m"),
+            "pid.proportional": (gains.proportional, ""),
+            "pid.integral": (gains.integral, "1/s"),
+        }
+    )
     metrics |= _guaranteed(scenario, bound)
     exact = replace(scenario, camera=replace(scenario.camera, resolution=0.0, noise=0.0))
     loop = to_control(
@@ -312,10 +315,8 @@ def _guaranteed(scenario: ResolvedServoComparisonScenario, bound: float) -> dict
     """Return what the settling theorem says of the state machine."""
     if not scenario.fsm.dead_zone > bound:
         missing = f"the dead zone is within the camera's error, {1e3 * bound:.3g} mm"
-        return {
-            f"fsm.{name}": Metric(value=None, unit=unit, note=missing)
-            for name, unit in (("share_of_theorem", ""), ("delay_margin", "s"))
-        }
+        units = {"fsm.share_of_theorem": "", "fsm.delay_margin": "s"}
+        return metrics_of({name: (None, unit, missing) for name, unit in units.items()})
     response = sampled_response(transfer_function(scenario.plant), scenario.camera)
     said = guarantee(scenario.fsm, response, bound)
     if said.everywhere:
@@ -324,17 +325,16 @@ def _guaranteed(scenario: ResolvedServoComparisonScenario, bound: float) -> dict
         certain = "never reverses on a small error; from a large one it is not guaranteed"
     else:
         certain = "not guaranteed to settle: more than 1"
-    margin = Metric(value=None, unit="s", note="its condition on small errors does not hold")
+    margin, note = None, "its condition on small errors does not hold"
     if said.small_band:
-        margin = Metric(
-            value=said.more_delay * scenario.camera.period,
-            unit="s",
-            note="of more latency, with which small errors still can't reverse: sufficient",
-        )
-    return {
-        "fsm.share_of_theorem": Metric(value=said.small_share, unit="", note=certain),
-        "fsm.delay_margin": margin,
-    }
+        margin = said.more_delay * scenario.camera.period
+        note = "of more latency, with which small errors still can't reverse: sufficient"
+    return metrics_of(
+        {
+            "fsm.share_of_theorem": (said.small_share, "", certain),
+            "fsm.delay_margin": (margin, "s", note),
+        }
+    )
 
 
 def _statistics(trials: Trials[int], name: str) -> dict[str, Metric]:

@@ -9,9 +9,11 @@ from chamfer.models.charging.packing import ItemPlace, Nugget, PlanItem
 from chamfer.models.charging.station import StationLayout
 from chamfer.models.validation import (
     ParameterError,
+    require_all_positive,
     require_between,
     require_not_negative,
     require_positive,
+    require_whole,
 )
 from chamfer.systems.trajectory.segment import Segment, Vector3, Vector7
 
@@ -29,8 +31,7 @@ class TouchDetectionParams:
 
     def __post_init__(self) -> None:
         require_not_negative(self, "release")
-        if self.readings < 1:
-            raise ParameterError("readings", self.readings, "a whole number >= 1")
+        require_whole(self, "readings")
         if self.detect is not None:
             require_positive(self, "detect")
             if not self.release < self.detect:
@@ -105,12 +106,8 @@ class ChargingParams:
     period: float = 0.005  # s, between ticks of the chart; section 6.2.1
 
     def __post_init__(self) -> None:
-        names = [
-            name
-            for name in ChargingParams.__dataclass_fields__
-            if name not in ("detection", "lean", "approach_speed")
-        ]
-        require_positive(self, *names)
+        require_all_positive(self, "lean", "approach_speed")
+        require_positive(self, "most_losses", "trouble_readings")
         require_positive(self, "approach_speed", most=_MOST_SPEED)
         require_between(self, -math.pi / 3, math.pi / 3, "lean")
         if not self.near < self.standoff:

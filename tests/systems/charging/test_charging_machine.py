@@ -5,9 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantVectorSource, Multiplexer
 
 from chamfer.models.charging.packing import PlanItem, places
 from chamfer.models.charging.station import Station
@@ -22,7 +19,6 @@ from chamfer.systems.charging.charging_params import (
     TouchDetectionParams,
 )
 from chamfer.systems.force.selection import position_selection
-from chamfer.systems.trajectory.path_follower import PathFollower, PathFollowerParams
 
 START = (0.40, -0.20, 0.55, 0.0, 0.0, 0.0, 0.2)
 DETECTION = ResolvedTouchDetectionParams(detect=0.3, readings=2)
@@ -67,37 +63,18 @@ def test_in_contact_the_way_into_the_wall_is_under_force_control() -> None:
     assert block.GetOutputPort("desired_force").Eval(context) == pytest.approx(1.0 * into)
 
 
-def test_with_a_follower_it_goes_to_the_feeder_and_finds_nothing() -> None:
-    builder = DiagramBuilder()
-    block = builder.AddSystem(machine())
-    path = builder.AddSystem(PathFollower(PathFollowerParams(), np.array(START)))
-    builder.Connect(block.GetOutputPort("segment"), path.GetInputPort("segment"))
-    builder.Connect(block.GetOutputPort("hold"), path.GetInputPort("halt"))
-    for name in ("desired_position", "desired_velocity", "progress"):
-        builder.Connect(path.GetOutputPort(name), block.GetInputPort(name))
-    zeros = builder.AddSystem(ConstantVectorSource(np.zeros(3)))
-    open_hand = builder.AddSystem(ConstantVectorSource(np.zeros(1)))
-    for name in ("measured_force", "mean_force"):
-        builder.Connect(zeros.get_output_port(), block.GetInputPort(name))
-    builder.Connect(open_hand.get_output_port(), block.GetInputPort("held"))
-    # An arm that is where it is meant to be.
-    arm = builder.AddSystem(Multiplexer([7, 7]))
-    builder.Connect(path.GetOutputPort("desired_position"), arm.get_input_port(0))
-    builder.Connect(path.GetOutputPort("desired_velocity"), arm.get_input_port(1))
-    builder.Connect(arm.get_output_port(0), block.GetInputPort("endpoint_motion"))
-    diagram = builder.Build()
-    simulator = Simulator(diagram)
-    context = block.GetMyContextFromRoot(simulator.get_context())
-    simulator.AdvanceTo(6.0)
-    assert block.GetOutputPort("finished").Eval(context).tolist() == [2.0]
-    assert block.GetOutputPort("trouble").Eval(context).tolist() == [
-        float(ChargingTrouble.NO_PART)
-    ]
-    assert block.reason(context) == "no part in the gripper, in acquire.descend, item 0"
-    assert [record.source for record in block.transitions(context)] == [
-        *("home.out", "home.settle", "acquire.above", "acquire.zero", "acquire.descend"),
-        *("back_off.brake", "back_off.away"),
-    ]
+@pytest.mark.parametrize(("at", "finished"), [("done", 1.0), ("stopped", 2.0)])
+def test_it_says_how_it_ended_and_why(at: str, finished: float) -> None:
+    block = machine()
+    context = block.CreateDefaultContext()
+    content = context.get_abstract_state(0).get_value()
+    memory = content.snapshot.memory._replace(
+        at=at, item=1, trouble=ChargingTrouble.NO_PART, trouble_at="acquire.descend"
+    )
+    content.snapshot = content.snapshot._replace(memory=memory)
+    for name, value in (("finished", finished), ("trouble", 2.0), ("item", 1.0)):
+        assert block.GetOutputPort(name).Eval(context).tolist() == [value]
+    assert block.reason(context) == "no part in the gripper, in acquire.descend, item 1"
 
 
 SLIDE, PERIOD = 1.2, 0.005  # N, s
