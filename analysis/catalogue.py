@@ -83,7 +83,7 @@ _estimation = partial(
     _hybrid,
     module="chamfer.analysis.surface.unknown_surface",
     resolve="chamfer.diagrams.surface.surface_estimation:resolve_estimation",
-    run="run_estimation_trials",
+    run="run_trials",
     diagram="chamfer.diagrams.surface.surface_estimation:make_estimation_diagram",
     reduced=("trials=2", "lead.halt=1.5", "duration=2"),
 )
@@ -91,7 +91,7 @@ _tracking = partial(
     _hybrid,
     module="chamfer.analysis.surface.unknown_surface",
     resolve="chamfer.diagrams.surface.surface_tracking:resolve_tracking",
-    run="run_tracking_trials",
+    run="run_trials",
     diagram="chamfer.diagrams.surface.surface_tracking:make_tracking_diagram",
 )
 

@@ -144,15 +144,19 @@ def tracking_metrics(traces: Table, *, force: float, every: int) -> dict[str, fl
     values["band.mean"] = _mean(sampled["band"], _within(sampled["time"], window))
     inside = _within(time, window)
     if np.any(inside):
-        low, high = float(push[inside].min()), float(push[inside].max())
-        values["force.min"], values["force.max"] = low, high
-        held = max(high - force, force - low) <= TOLERANCE * force
-        values["force.within_10"] = 100.0 if held else 0.0
+        values |= held(push[inside], force)
     values["force.final"] = float(push[-1])
     values["force.settling_time"] = settling_time(time, push, force, _SETTLED * force)
     values["force.settling_time_10"] = settling_time(time, push, force, TOLERANCE * force)
     values["position.travel"] = float(traces["travel"][-1])
     return values
+
+
+def held(push: Array, force: float) -> dict[str, float | None]:
+    """Return a force's least and largest, N, and whether all is within 10 % of the desired, %."""
+    low, high = float(push.min()), float(push.max())
+    within = max(high - force, force - low) <= TOLERANCE * force
+    return {"force.min": low, "force.max": high, "force.within_10": 100.0 if within else 0.0}
 
 
 def errors(

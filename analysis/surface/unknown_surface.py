@@ -1,10 +1,9 @@
 """A gripper on an unknown surface: led along it (section 5.2), or controlled (section 5.3)."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.campaign import run_each
-from chamfer.analysis.campaign.trial_metrics import Quantity, over_trials, trial_seed
+from chamfer.analysis.campaign.trial_metrics import over_trials, trial_seed
 from chamfer.analysis.campaign.trial_rows import Row, table_of, with_table
 from chamfer.analysis.contact.contact_figures import note_stability
 from chamfer.analysis.contact.contact_metrics import stability_metrics
@@ -72,6 +71,7 @@ from chamfer.systems.estimation.normal_filter import instantaneous_normal
 
 Array = NDArray[np.float64]
 Traces = dict[str, Array]
+Resolved = ResolvedEstimationScenario | ResolvedTrackingScenario
 
 TRUTH: Final[Style] = {"color": "#111111", "linestyle": (0, (5, 2)), "linewidth": 1.3}
 ESTIMATE: Final[Style] = {"color": "#1b4f9c", "linestyle": "-", "linewidth": 1.3}
@@ -82,9 +82,7 @@ _MARGIN: Final = 6.0  # deg, around estimate and band; single samples may be any
 _OFFSET: Final = {"textcoords": "offset points"}
 
 
-def run_surface(
-    scenario: ResolvedEstimationScenario | ResolvedTrackingScenario, seed: int
-) -> Traces:
+def run_surface(scenario: Resolved, seed: int) -> Traces:
     """Lead the gripper along the surface, or let the controller follow it; return the traces.
 
     A row is a sample of the observer, with the estimate that is made with it, or a period of the
@@ -153,40 +151,23 @@ def _instantaneous(scenario: ResolvedSurfaceScenario, outputs: dict[str, Array])
     return np.array(angles)
 
 
-def run_estimation_trials(
-    scenario: ResolvedEstimationScenario, seed: int, progress: Progress
-) -> Outcome:
-    """Lead the gripper with as many seeds as asked for; the traces are of the first."""
-    return _run_trials(scenario, seed, progress, ESTIMATION)
-
-
-def run_tracking_trials(
-    scenario: ResolvedTrackingScenario, seed: int, progress: Progress
-) -> Outcome:
-    """Control the gripper with as many seeds as asked for; the traces are of the first."""
-    outcome = _run_trials(scenario, seed, progress, TRACKING)
-    margins = stability_metrics(tracking_stability(scenario))
-    return replace(outcome, metrics={**outcome.metrics, **margins})
-
-
-def _run_trials(
-    scenario: ResolvedEstimationScenario | ResolvedTrackingScenario,
-    seed: int,
-    progress: Progress,
-    quantities: Mapping[str, Quantity],
-) -> Outcome:
+def run_trials(scenario: Resolved, seed: int, progress: Progress) -> Outcome:
+    """Lead or control the gripper with as many seeds as asked for; traces are of the first."""
     finished = run_each(partial(_run_trial, scenario, seed), range(scenario.trials), progress)
+    if isinstance(scenario, ResolvedTrackingScenario):
+        metrics = over_trials(finished.rows, TRACKING)
+        metrics |= stability_metrics(tracking_stability(scenario))
+    else:
+        metrics = over_trials(finished.rows, ESTIMATION)
     first = trial_seed(seed, finished.tasks[0])
     return Outcome(
-        metrics=over_trials(finished.rows, quantities),
+        metrics=metrics,
         traces=table_of(finished.rows[0]) or run_surface(scenario, first),
         simulated_seconds=len(finished) * scenario.duration,
     )
 
 
-def _run_trial(
-    scenario: ResolvedEstimationScenario | ResolvedTrackingScenario, seed: int, trial: int
-) -> Row:
+def _run_trial(scenario: Resolved, seed: int, trial: int) -> Row:
     traces = run_surface(scenario, trial_seed(seed, trial))
     if isinstance(scenario, ResolvedTrackingScenario):
         every = round(scenario.observer.period / scenario.controller.period)
@@ -198,19 +179,35 @@ def _run_trial(
     return measured if trial else with_table(measured, traces)
 
 
-def _estimation_figure(
+def _figures(
     experiment: str,
-    default: EstimationScenario,
-    scenario: ResolvedEstimationScenario,
+    default: EstimationScenario | TrackingScenario,
+    scenario: Resolved,
     outcome: Outcome,
 ) -> Mapping[str, Figure]:
-    """Draw a run that is only observed: position of the contact point, and the normal."""
-    published = _published(experiment, scenario == resolve_estimation(default))
-    figure = new_figure(11.0, 6.5)
-    position, normal = figure.subplots(2, 1, sharex=True, height_ratios=(2, 4))
-    _position(position, scenario, outcome.traces)
-    _normal(normal, scenario, outcome.traces, published)
-    halt = scenario.lead.halt
+    """Draw the force where it is controlled, position of the contact point, and the normal."""
+    published: dict[str, Published] = {}  # by metric; they are those of the default scenario only
+    resolve = resolve_tracking if isinstance(default, TrackingScenario) else resolve_estimation
+    if scenario == resolve(default):  # type: ignore[arg-type]
+        published = {one.metric: one for one in OBSERVER if one.experiment == experiment}
+    traces, halt = outcome.traces, math.inf
+    if isinstance(scenario, ResolvedTrackingScenario):
+        figure = new_figure(11.0, 8.5)
+        force, position, normal = figure.subplots(3, 1, sharex=True, height_ratios=(4, 2, 4))
+        levels = [
+            (f"published {name}", value)
+            for metric, name in (("force.min", "least"), ("force.max", "largest"))
+            if metric in published and (value := published[metric].value) is not None
+        ]
+        title = "Contact force (first seed)"
+        draw_force(force, traces, scenario.task.force, levels, title, key="beside")
+        note_stability(figure, outcome)
+    else:
+        figure = new_figure(11.0, 6.5)
+        position, normal = figure.subplots(2, 1, sharex=True, height_ratios=(2, 4))
+        halt = scenario.lead.halt
+    _position(position, scenario, traces)
+    _normal(normal, scenario, traces, published)
     if halt < scenario.duration:
         for axes in (position, normal):
             axes.axvline(halt, color="#555555", linewidth=0.8, linestyle=":")
@@ -219,65 +216,43 @@ def _estimation_figure(
     return {experiment: figure}
 
 
-def _tracking_figure(
-    experiment: str,
-    default: TrackingScenario,
-    scenario: ResolvedTrackingScenario,
-    outcome: Outcome,
-) -> Mapping[str, Figure]:
-    """Draw a controlled run: force, position of the contact point, and the normal."""
-    published = _published(experiment, scenario == resolve_tracking(default))
-    figure = new_figure(11.0, 8.5)
-    force, position, normal = figure.subplots(3, 1, sharex=True, height_ratios=(4, 2, 4))
-    _force(force, scenario, outcome.traces, published)
-    _position(position, scenario, outcome.traces)
-    _normal(normal, scenario, outcome.traces, published)
-    normal.set_xlim(0, scenario.duration)
-    note_stability(figure, outcome)
-    return {experiment: figure}
-
-
 # The figures of each experiment, by file name.
-estimation_figures = partial(_estimation_figure, "surface-estimation", SURFACE_ESTIMATION)
-smooth_figures = partial(_estimation_figure, "surface-estimation-smooth", SMOOTH)
-noise_free_figures = partial(_estimation_figure, "surface-estimation-noise-free", NOISE_FREE)
-large_noise_figures = partial(_estimation_figure, "surface-estimation-large-noise", LARGE_NOISE)
-control_figures = partial(_tracking_figure, "unknown-surface-control", SURFACE_CONTROL)
+estimation_figures = partial(_figures, "surface-estimation", SURFACE_ESTIMATION)
+smooth_figures = partial(_figures, "surface-estimation-smooth", SMOOTH)
+noise_free_figures = partial(_figures, "surface-estimation-noise-free", NOISE_FREE)
+large_noise_figures = partial(_figures, "surface-estimation-large-noise", LARGE_NOISE)
+control_figures = partial(_figures, "unknown-surface-control", SURFACE_CONTROL)
 control_noise_free_figures = partial(
-    _tracking_figure, "unknown-surface-control-noise-free", SURFACE_CONTROL_NOISE_FREE
+    _figures, "unknown-surface-control-noise-free", SURFACE_CONTROL_NOISE_FREE
 )
 control_adaptive_figures = partial(
-    _tracking_figure, "unknown-surface-control-adaptive", SURFACE_CONTROL_ADAPTIVE
+    _figures, "unknown-surface-control-adaptive", SURFACE_CONTROL_ADAPTIVE
 )
 
 
-def _published(experiment: str, default: bool) -> dict[str, Published]:
-    """Return the published numbers by metric; they are those of the default scenario only."""
-    if not default:
-        return {}
-    return {one.metric: one for one in OBSERVER if one.experiment == experiment}
-
-
-def _force(
-    axes: Axes, scenario: ResolvedTrackingScenario, traces: Table, published: dict[str, Published]
+def draw_force(
+    axes: Axes,
+    traces: Table,
+    desired: float,
+    published: Sequence[tuple[str, float]],
+    title: str,
+    **options: Any,
 ) -> None:
-    desired = scenario.task.force
+    """Draw the true normal force beside the desired one and what is published, N."""
     off = TOLERANCE * desired
     levels = [ReferenceLine(desired, f"desired, {desired:g} N", DESIRED)]
-    for metric, name in (("force.min", "least"), ("force.max", "largest")):
-        value = published[metric].value if metric in published else None
-        if value is not None:
-            levels.append(ReferenceLine(value, f"published {name}, {value:g} N", PUBLISHED))
+    for name, value in published:
+        levels.append(ReferenceLine(value, f"{name}, {value:g} N", PUBLISHED))
     draw_lines(
         axes,
         traces["time"],
         [Curve(traces["force"], "true normal force", FORCE)],
-        title="Contact force (first seed)",
+        title=title,
         y="force / N",
         over="",
         bands=[FilledBand(desired - off, desired + off, f"within {100 * TOLERANCE:g} %")],
         levels=levels,
-        key="beside",
+        **options,
     )
 
 

@@ -25,7 +25,6 @@ from chamfer.analysis.drawing.figure_kit import (
 from chamfer.analysis.drawing.figure_style import (
     BAND,
     DESIRED,
-    FORCE,
     NOTE,
     POSITION,
     PUBLISHED,
@@ -36,8 +35,14 @@ from chamfer.analysis.drawing.figure_style import (
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.published.hybrid_force_position_observer import FIG_5_8_BAND, FIG_5_8_FORCE
 from chamfer.analysis.scenario.experiment import Outcome, Progress, Table
-from chamfer.analysis.surface.normal_metrics import DEVIATIONS, TELLS, TOLERANCE, angle_between
-from chamfer.analysis.surface.unknown_surface import ESTIMATE, TRUTH, UNCERTAIN
+from chamfer.analysis.surface.normal_metrics import (
+    DEVIATIONS,
+    TELLS,
+    TOLERANCE,
+    angle_between,
+    held,
+)
+from chamfer.analysis.surface.unknown_surface import ESTIMATE, TRUTH, UNCERTAIN, draw_force
 from chamfer.diagrams.contact.hybrid_loop_stability import stability
 from chamfer.diagrams.surface.unknown_wall_loop import (
     ResolvedUnknownWallScenario,
@@ -129,10 +134,7 @@ def wall_metrics(
         values["recontact.speed"] = float(speeds.max()) if len(speeds) else None
         values["recontact.settling_time_10"] = _settled(time, push, time >= back, force)
     if np.any(counted):
-        low, high = float(push[counted].min()), float(push[counted].max())
-        values["force.min"], values["force.max"] = low, high
-        held = max(high - force, force - low) <= TOLERANCE * force
-        values["force.within_10"] = 100.0 if held else 0.0
+        values |= held(push[counted], force)
         values["force.final"] = float(push[time > time[-1] - 1.0].mean())
     known = counted & (push > 0)
     if np.any(known):
@@ -314,24 +316,10 @@ def _outline(scenario: ResolvedUnknownWallScenario, traces: Table, s: Array) -> 
 
 
 def _force(axes: Axes, scenario: ResolvedUnknownWallScenario, traces: Table) -> None:
-    desired = scenario.task.force
-    off = TOLERANCE * desired
-    levels = [ReferenceLine(desired, f"desired, {desired:g} N", DESIRED)]
+    desired, published = scenario.task.force, []
     if desired == FIG_5_8_FORCE.desired:
-        levels += [
-            ReferenceLine(value, f"Fig. 5-8, {value:g} N", PUBLISHED)
-            for value in (FIG_5_8_FORCE.low, FIG_5_8_FORCE.high)
-        ]
-    draw_lines(
-        axes,
-        traces["time"],
-        [Curve(traces["force"], "true normal force", FORCE)],
-        title="(b) Contact force (first seed)",
-        y="force / N",
-        over="",
-        bands=[FilledBand(desired - off, desired + off, f"within {100 * TOLERANCE:g} %")],
-        levels=levels,
-    )
+        published = [("Fig. 5-8", one) for one in (FIG_5_8_FORCE.low, FIG_5_8_FORCE.high)]
+    draw_force(axes, traces, desired, published, "(b) Contact force (first seed)")
     axes.set_ylim(-0.1 * desired, 2.2 * desired)
     peak = float(traces["peak_force"].max())
     if peak > 2.2 * desired:

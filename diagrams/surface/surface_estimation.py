@@ -87,9 +87,8 @@ class EstimationScenario(SurfaceScenario):
             raise ParameterError("observer.average", self.observer.average, allowed)
 
 
-SURFACE_ESTIMATION: Final = (
-    EstimationScenario()
-)  # typical noise, a sharp bound on the curvature: Fig. 5-3
+# Typical noise, a sharp bound on the curvature (Fig. 5-3).
+SURFACE_ESTIMATION: Final = EstimationScenario()
 SMOOTH: Final = replace(SURFACE_ESTIMATION, observer=replace(THESIS, smallest_radius=10.0))
 # The bound is that of the surface (Fig. 5-4).
 NOISE_FREE: Final = EstimationScenario(
@@ -139,14 +138,12 @@ def make_estimation_diagram(
         ParameterError: If the observer's ports are others.
     """
     builder = DiagramBuilder()
-    trajectory = builder.AddNamedSystem(
-        "nominal trajectory",
-        TrajectorySource(
-            scenario.lead.path(scenario.dimension),
-            output_derivative_order=1,
-            zero_derivatives_beyond_limits=True,
-        ),
+    source = TrajectorySource(
+        scenario.lead.path(scenario.dimension),
+        output_derivative_order=1,
+        zero_derivatives_beyond_limits=True,
     )
+    trajectory = builder.AddNamedSystem("nominal trajectory", source)
     add_observed_contact(builder, scenario, trajectory.get_output_port(), observer)
     diagram = builder.Build()
     diagram.set_name("Surface estimation")

@@ -86,11 +86,8 @@ class SurfaceSettings:
 
     def resolved(self) -> Self:
         """Return the settings with the shape's defaults filled in."""
-        missing = {
-            name: value
-            for name, value in _FIELDS[self.shape].items()
-            if getattr(self, name) is None
-        }
+        own = _FIELDS[self.shape].items()
+        missing = {name: value for name, value in own if getattr(self, name) is None}
         return replace(self, **missing)  # type: ignore[arg-type]
 
     def make(self) -> Surface:
@@ -174,9 +171,8 @@ class SurfaceScenario:
             allowed = f"a shape with {self.dimension} dimensions, as the surface has"
             raise ParameterError("observer.prediction.shape", seen.shape, allowed)
         if not self.duration >= 10 * self.observer.period:
-            raise ParameterError(
-                "duration", self.duration, f"at least ten periods of {self.observer.period:g} s"
-            )
+            allowed = f"at least ten periods of {self.observer.period:g} s"
+            raise ParameterError("duration", self.duration, allowed)
 
     @property
     def dimension(self) -> int:
@@ -206,11 +202,8 @@ def require_calibration(observer: SurfaceObserverParams, *, free: float, pressed
     for name, value, most in (("tare", given.tare, free), ("press", given.press, pressed)):
         if value > most * (1 + 1e-9):
             doing = "touches nothing" if name == "tare" else "is pressed onto the surface"
-            raise ParameterError(
-                f"observer.model_error.{name}",
-                value,
-                f"at most the {most:g} s in which the gripper {doing}",
-            )
+            allowed = f"at most the {most:g} s in which the gripper {doing}"
+            raise ParameterError(f"observer.model_error.{name}", value, allowed)
 
 
 def require_whole(period: float, step: float, name: str) -> None:
@@ -286,62 +279,48 @@ def add_observed_contact(
             only where the scenario's observer has a prediction.
     """
     d, period = scenario.dimension, scenario.sensor_period
-    contact = builder.AddNamedSystem(
-        "contact model",
-        SlidingContact(
-            scenario.surface.make(),
-            SlidingContactParams(
-                stiffness=scenario.gripper.matrix(d),
-                friction=scenario.friction,
-                step=scenario.step,
-            ),
-        ),
+    params = SlidingContactParams(
+        stiffness=scenario.gripper.matrix(d), friction=scenario.friction, step=scenario.step
     )
-    sensor = builder.AddNamedSystem("force sensor", ForceRateSensor(scenario.sensor, dimension=d))
-    predicts = scenario.observer.prediction is not None
+    add, connect = builder.AddNamedSystem, builder.Connect
+    contact = add("contact model", SlidingContact(scenario.surface.make(), params))
+    sensor = add("force sensor", ForceRateSensor(scenario.sensor, dimension=d))
+    seen = scenario.observer.prediction
     if observer is None:
         observer = SurfaceObserver(scenario.observer, scenario.up)
     require_ports(
         "observer",
         observer,
         inputs={"measured_force": d, "measured_force_rate": d, "nominal_motion": 2 * d}
-        | ({"predicted_normal": d} if predicts else {}),
+        | ({"predicted_normal": d} if seen else {}),
         outputs={"normal": d, "covariance": d * d, "deviation": 1, "status": 1},
     )
-    builder.AddNamedSystem("surface estimator", observer)
-    connect = builder.Connect
+    add("surface estimator", observer)
     connect(motion, contact.GetInputPort("nominal_motion"))
     for name in ("contact_force", "contact_force_rate"):
         connect(contact.GetOutputPort(name), sensor.GetInputPort(name))
     shown = _shown(builder, scenario, sensor)
-    given = {**shown, "nominal_motion": motion}
-    for name, port in given.items():
-        samples = scenario.observer.average
+    samples = scenario.observer.average
+    for name, port in {**shown, "nominal_motion": motion}.items():
         if samples > 1:
-            mean = builder.AddNamedSystem(
-                f"mean {name.replace('_', ' ')}",
-                MovingAverage(samples=samples, period=period, size=port.size()),
-            )
+            average = MovingAverage(samples=samples, period=period, size=port.size())
+            mean = add(f"mean {name.replace('_', ' ')}", average)
             connect(port, mean.get_input_port())
             port = mean.get_output_port()
         connect(port, observer.GetInputPort(name))
     if scenario.sensor.force_noise or scenario.sensor.force_rate_noise:
-        noise = builder.AddNamedSystem(
-            "sensor noise", RandomSource(RandomDistribution.kGaussian, 2 * d, period)
-        )
+        noise = add("sensor noise", RandomSource(RandomDistribution.kGaussian, 2 * d, period))
         connect(noise.get_output_port(), sensor.GetInputPort("noise"))
-    if scenario.observer.prediction is not None:
-        predicted = builder.AddNamedSystem(
-            "predicted surface", PredictedNormal(scenario.observer.prediction.make())
-        )
+    if seen is not None:
+        predicted = add("predicted surface", PredictedNormal(seen.make()))
         connect(motion, predicted.get_input_port())
         connect(predicted.get_output_port(), observer.GetInputPort("predicted_normal"))
     for name in ("normal", "covariance", "deviation", "status"):
         builder.ExportOutput(observer.GetOutputPort(name), name)
     for name in ("measured_force", "measured_force_rate"):
         builder.ExportOutput(shown[name], name)
-    builder.ExportOutput(contact.GetOutputPort("contact"), "contact")
-    builder.ExportOutput(contact.GetOutputPort("contact_force"), "contact_force")
+    for name in ("contact", "contact_force"):
+        builder.ExportOutput(contact.GetOutputPort(name), name)
     builder.ExportOutput(motion, "nominal_motion")
     return contact, shown["measured_force"], observer
 
@@ -366,9 +345,8 @@ def _shown(
             builder.Connect(shown[name], delay.get_input_port())
             shown[name] = delay.get_output_port()
     if scenario.force_rate is not None:
-        rate = builder.AddNamedSystem(
-            "force rate", ForceRate(scenario.force_rate, dimension=d, period=period)
-        )
+        differencing = ForceRate(scenario.force_rate, dimension=d, period=period)
+        rate = builder.AddNamedSystem("force rate", differencing)
         builder.Connect(shown["measured_force"], rate.get_input_port())
         shown["measured_force_rate"] = rate.get_output_port()
     return shown

@@ -169,12 +169,8 @@ def tracking_loop(scenario: TrackingScenario) -> LinearLoop:
     flow = np.vstack([np.hstack([zero, free]), (force + slowing) / manipulator.mass])
     drive = np.vstack([zero, free / manipulator.mass])
     control = always_in_contact(scenario.controller)
-    law = linear_law(
-        Pose(manipulator.mass * free, free, zero, zero),
-        position_selection(normal),
-        control,
-        CONTACT,
-    )
+    pose = Pose(manipulator.mass * free, free, zero, zero)
+    law = linear_law(pose, position_selection(normal), control, CONTACT)
     plant = Plant(flow, drive, np.eye(2 * d), -force, scenario.force_delay)
     return LinearLoop("contact", CONTACT, plant, law, control.period)
 
@@ -214,15 +210,9 @@ def make_tracking_diagram(
     )
     encoders = manipulator.get_output_port()
     contact, force, observer = add_observed_contact(builder, scenario, encoders)
-    task = builder.AddNamedSystem(
-        "task",
-        SurfaceMotion(
-            scenario.task,
-            start=scenario.start,
-            axis=(0.0, 0.0, 1.0) if d == 2 else (0.0, -1.0, 0.0),
-            period=period,
-        ),
-    )
+    axis = (0.0, 0.0, 1.0) if d == 2 else (0.0, -1.0, 0.0)
+    motion = SurfaceMotion(scenario.task, start=scenario.start, axis=axis, period=period)
+    task = builder.AddNamedSystem("task", motion)
     mode = builder.AddNamedSystem("in contact", ConstantVectorSource([float(CONTACT)]))
     builder.AddNamedSystem("hybrid controller", controller)
     forces = builder.AddNamedSystem("sum of forces", Adder(2, d))

@@ -63,23 +63,6 @@ _PUMA_SENSING: Final[Mapping[Sensing, SensingValues]] = {
     sensing: replace(values, sensor=PlanarLoop.SENSING[sensing].sensor)
     for sensing, values in PumaScenario.SENSING.items()
 }
-SIGNALS: Final = (
-    "encoders",
-    "contact_force",
-    "contact",
-    "tip",
-    "torque",
-    "position_error",
-    "force_error",
-    "mode",
-    "normal",
-    "covariance",
-    "deviation",
-    "status",
-    "measured_force",
-    "measured_force_rate",
-    "nominal_motion",
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -352,9 +335,7 @@ def resolve_wall(scenario: UnknownWallScenario) -> ResolvedUnknownWallScenario:
     scenario = resolve(scenario)
     given, task = scenario.observer, scenario.task
     require_calibration(given, free=task.distance / task.speed, pressed=0.0)
-    noise = given.force_noise
-    if noise is None:
-        noise = _noise(scenario.sensor)
+    noise = _noise(scenario.sensor) if given.force_noise is None else given.force_noise
     derived = derived_observer(
         given,
         stiffness=scenario.stiffness,
@@ -378,7 +359,12 @@ def _noise(sensor: ForceSensorParams) -> float:
 def make_unknown_wall_diagram(
     scenario: ResolvedUnknownWallScenario, *, controller: LeafSystem | None = None
 ) -> Diagram:
-    """Build the loop; it exports :data:`SIGNALS`.
+    """Build the loop.
+
+    Outputs: the arm's ``encoders``, ``contact_force``, ``contact`` and ``tip``; the controller's
+    ``torque``, ``position_error`` and ``force_error``; the ``mode`` of contact; the observer's
+    ``normal``, ``covariance``, ``deviation`` and ``status``, and what it is given,
+    ``measured_force``, ``measured_force_rate`` (before the wait) and ``nominal_motion``.
 
     Controller and observer know the arm by its encoders and its force sensor alone. Before contact
     the arm follows the guarded approach; in contact the observer's normal makes selection, desired
@@ -402,24 +388,15 @@ def make_unknown_wall_diagram(
     spatial = add("force in space", MatrixGain(np.eye(d, m)))
     rate = add("force rate", ForceRate(scenario.force_rate, dimension=d, period=control.period))
     settled = add("settled force", SettledForce(task.wait, dimension=d, period=control.period))
-    observer = add(
-        "surface estimator", SurfaceObserver(scenario.observer, scenario.spatial_up[:d])
-    )
-    detection = add(
-        "contact detection",
-        ContactDetection(scenario.detection, scenario.direction, period=control.period),
-    )
+    up = scenario.spatial_up[:d]
+    observer = add("surface estimator", SurfaceObserver(scenario.observer, up))
+    detecting = ContactDetection(scenario.detection, scenario.direction, period=control.period)
+    detection = add("contact detection", detecting)
     approach = add("approach", GuardedMotion(task))
-    motion = add(
-        "task",
-        SurfaceMotion(
-            task.motion,
-            start=task.start,
-            axis=scenario.axis,
-            dimension=d,
-            period=control.period,
-        ),
+    sliding = SurfaceMotion(
+        task.motion, start=task.start, axis=scenario.axis, dimension=d, period=control.period
     )
+    motion = add("task", sliding)
     if controller is None:
         dynamics = scenario.dynamics() if control.full_dynamics else None
         controller = HybridController(arm, control, dynamics=dynamics)
@@ -432,10 +409,9 @@ def make_unknown_wall_diagram(
     connect(measured, spatial.get_input_port())
     connect(spatial.get_output_port(), rate.get_input_port())
     for name, source in (("force", spatial), ("force_rate", rate)):
+        given = settled.GetOutputPort(f"settled_{name}")
         connect(source.get_output_port(), settled.GetInputPort(f"measured_{name}"))
-        connect(
-            settled.GetOutputPort(f"settled_{name}"), observer.GetInputPort(f"measured_{name}")
-        )
+        connect(given, observer.GetInputPort(f"measured_{name}"))
     connect(mode, settled.GetInputPort("mode"))
     connect(endpoint.GetOutputPort("nominal_motion"), observer.GetInputPort("nominal_motion"))
     connect(measured, detection.GetInputPort("measured_force"))
@@ -452,16 +428,17 @@ def make_unknown_wall_diagram(
     torque = add_friction_compensation(builder, scenario, manipulator, controller)
     connect(torque, manipulator.torque)
     add_kick(builder, scenario, manipulator.arm)
-    for name in ("encoders", "contact_force", "contact", "tip"):
-        builder.ExportOutput(manipulator.arm.GetOutputPort(name), name)
-    for name in ("torque", "position_error", "force_error"):
-        builder.ExportOutput(controller.GetOutputPort(name), name)
-    for name in ("normal", "covariance", "deviation", "status"):
-        builder.ExportOutput(observer.GetOutputPort(name), name)
+    for block, names in (
+        (manipulator.arm, ("encoders", "contact_force", "contact", "tip")),
+        (controller, ("torque", "position_error", "force_error")),
+        (observer, ("normal", "covariance", "deviation", "status")),
+        (endpoint, ("nominal_motion",)),
+    ):
+        for name in names:
+            builder.ExportOutput(block.GetOutputPort(name), name)
     builder.ExportOutput(mode, "mode")
     builder.ExportOutput(spatial.get_output_port(), "measured_force")
     builder.ExportOutput(rate.get_output_port(), "measured_force_rate")
-    builder.ExportOutput(endpoint.GetOutputPort("nominal_motion"), "nominal_motion")
     diagram = builder.Build()
     diagram.set_name(f"Control along an unknown wall, {arm.name}")
     return diagram
