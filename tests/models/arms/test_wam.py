@@ -197,6 +197,14 @@ def test_out_of_reach() -> None:
         WAM.joint_positions(np.eye(3), np.array([1.2, 0.0, 0.0]), BENT)
 
 
+@pytest.mark.parametrize("part", range(3))
+def test_what_is_no_pose_is_refused(part: int) -> None:
+    wanted = [*wam.pose(BENT), BENT]
+    wanted[part] = np.full_like(wanted[part], np.nan)
+    with pytest.raises(ParameterError, match=r"^flange pose is .*, allowed: finite numbers"):
+        WAM.joint_positions(*wanted)
+
+
 def test_out_of_the_joints_ranges() -> None:
     outside = BENT + np.array([0, 0, 0, 0, 0, -1.0, 0])
     with pytest.raises(ParameterError, match=r"joint positions of the pose is \(.*-1\.9.*between"):

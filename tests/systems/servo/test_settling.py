@@ -183,7 +183,7 @@ def test_approach_time_is_close_to_the_simulated_one() -> None:
     axis = allowed_axis(plant, dead_zone=0.01, measurement_error=0.0)
     actions, _ = actions_and_errors(plant, axis, 2.0, iter(lambda: 0.0, None), 1000)
     last = float(np.flatnonzero(actions)[-1]) * PERIOD
-    assert last <= approach_time(axis, plant, 2.0, PERIOD) <= 1.3 * last
+    assert last <= approach_time(axis, plant, 2.0, PERIOD) <= 1.15 * last
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,14 @@
+import math
+
 import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
+from scipy.linalg import expm
 
 from chamfer.systems.servo.backlash import Backlash
+from chamfer.systems.servo.desired_trajectory import Sinusoid, Step, make_desired_trajectory
 from chamfer.systems.servo.measurement_selector import MeasurementSelector
 
 
@@ -38,3 +42,13 @@ def test_a_selector_lets_through_what_is_open(
     block.GetInputPort("open").FixValue(context, [float(one) for one in opened])
     assert block.GetOutputPort("error").Eval(context).tolist() == [first, -2.0, 1.0]
     assert block.GetOutputPort("valid").Eval(context)[0] == counts
+
+
+@pytest.mark.parametrize(
+    ("trajectory", "later"),
+    [(Step(amplitude=0.3), 0.3), (Sinusoid(amplitude=0.3, frequency=2.0), 0.3 * math.sin(1.4))],
+)
+def test_a_trajectory_goes_on_by_itself(trajectory: Step | Sinusoid, later: float) -> None:
+    source = make_desired_trajectory(trajectory)
+    start = source.CreateDefaultContext().get_continuous_state_vector().CopyToVector()
+    assert source.C() @ expm(0.7 * source.A()) @ start == pytest.approx([later])
