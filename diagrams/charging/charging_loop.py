@@ -8,6 +8,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, Outpu
 from pydrake.systems.primitives import Adder, MatrixGain
 
 from chamfer.diagrams.charging.charging_scenario import (
+    TIMED,
     ResolvedCrucibleChargingScenario,
     beliefs_of,
     make_scenes,
@@ -42,31 +43,11 @@ from chamfer.systems.sensing.force_rate import MovingAverage
 from chamfer.systems.sensing.force_sensor import Tare, base_gauges, gauges
 from chamfer.systems.trajectory.path_follower import PathFollower, PathFollowerParams
 
-SIGNALS: Final = (
-    "encoders",
-    "contact_force",
-    "contact",
-    "tip",
-    "energy",
-    "torque",
-    "desired_position",
-    "desired_force",
-    "measured_force",
-    "mode",
-    "state",
-    "item",
-    "finished",
-    "grip",
-    "held",
-    "scene",
-    "layer_shift",
-)
-
 
 def make_charging_diagram(
     scenario: ResolvedCrucibleChargingScenario, *, controller: LeafSystem | None = None
 ) -> Diagram:
-    """Build the loop; it exports :data:`SIGNALS`.
+    """Build the loop; it exports what happens in the world, and what chart and controller do.
 
     The cycle knows the world by what it believes of the station and the nuggets, by the encoders,
     the wrist's force sensor and the gripper's part sensor.
@@ -198,7 +179,6 @@ def make_charging_diagram(
 
 
 _LAYER: Final = 1  # index of the contact point that meets the layer below
-_TIMED: Final = ("part_dropped", "sensor_dead", "contact_lost", "halt")  # begin in a state
 
 
 def _add_world(
@@ -236,7 +216,7 @@ def _add_world(
     connect(force.get_output_port(), layer.GetInputPort("force"))
     connect(item, layer.GetInputPort("item"))
     builder.ExportOutput(layer.GetOutputPort("shift"), "layer_shift")
-    if fault.kind not in _TIMED:
+    if fault.kind not in TIMED:
         return None
     trigger = add(
         "fault",

@@ -101,6 +101,7 @@ _STILL: Final = (0.0, 0.0, 0.0, 0.0)  # the other coordinates
 _MOST_ITEMS: Final = 200
 _RUNNING: Final = tuple(name for name in MODE_OF if name not in (DONE, STOPPED))
 _LAYING: Final = ("wall", "crown", "bulk")  # modes that items of their kind alone come to
+TIMED: Final = ("part_dropped", "sensor_dead", "contact_lost", "halt")  # begin in a state
 # Of what may be missing, the items that would meet it.
 _MEET: Final = {"wall_missing": ("wall",), "layer_missing": ("wall", "crown")}
 
@@ -176,10 +177,7 @@ class FaultParams:
             raise ParameterError("item", self.item, "a whole number >= 0")
 
     def require_met(self, kind: str) -> None:
-        """Refuse a fault that its item does not come to.
-
-        Args:
-            kind: Of the item: wall, crown or bulk.
+        """Refuse a fault that its item, wall, crown or bulk, does not come to.
 
         Raises:
             ParameterError: If the item meets nothing that is missing, or is never in the state.
@@ -188,8 +186,7 @@ class FaultParams:
         if kind not in met:
             raise ParameterError("item", self.item, f"an item that meets it: {' or '.join(met)}")
         mode = self.state.partition(".")[0]
-        timed = self.kind in ("part_dropped", "contact_lost", "halt", "sensor_dead")
-        if timed and mode in _LAYING and mode != kind:
+        if self.kind in TIMED and mode in _LAYING and mode != kind:
             raise ParameterError("state", self.state, f"one that a {kind} item comes to")
 
     @property

@@ -14,6 +14,9 @@ from chamfer.analysis.servo.servo_response import run_loops
 from chamfer.diagrams.servo.servo_loops import LOOPS
 from chamfer.diagrams.servo.servo_scenario import (
     CameraParams,
+    FsmParams,
+    PlantParams,
+    ServoScenario,
     SinusoidScenario,
     StepScenario,
     resolve,
@@ -184,12 +187,22 @@ def test_loops_do_not_depend_on_their_company() -> None:
     )
 
 
-def test_a_compiled_run_is_the_run() -> None:
-    camera = CameraParams(noise=0.002, latency=0.02)
-    scenario = resolve(SinusoidScenario(camera=camera, duration=0.7))
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        SinusoidScenario(camera=CameraParams(noise=0.002, latency=0.02), duration=0.7),
+        StepScenario(
+            plant=PlantParams(form="compliance"),
+            fsm=FsmParams(period=0.01, limit=300.0, divider=3.0),  # N, which is reached
+            camera=CameraParams(noise=0.001, resolution=0.0),
+            duration=1.2,
+        ),
+    ],
+)
+def test_a_compiled_run_is_the_run(scenario: ServoScenario) -> None:
+    resolved = resolve(scenario)
     run, compiled = (
-        run_loops(scenario, list(LOOPS), seed=5),
-        run_loops(scenario, list(LOOPS), seed=5, compiled=True),
+        run_loops(resolved, list(LOOPS), seed=5, compiled=compiled) for compiled in (False, True)
     )
     assert compiled.growth == run.growth
     assert list(compiled.traces) == list(run.traces)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import Diagram
 
-from chamfer.diagrams.charging.charging_loop import SIGNALS, make_charging_diagram
+from chamfer.diagrams.charging.charging_loop import make_charging_diagram
 from chamfer.diagrams.charging.charging_scenario import (
     CrucibleChargingScenario,
     FaultParams,
@@ -48,8 +48,6 @@ def test_cycle_knows_the_world_by_its_sensors_alone() -> None:
     sources = {wire[0] for wire in wires(diagram) if wire[2] == "charging chart"}
     assert sources == {"path", "endpoint motion", "tare", "mean force", "homing", "grasp"}
     assert {wire[1] for wire in wires(diagram) if wire[0] == "grasp"} == {"scene", "held"}
-    ports = {diagram.get_output_port(i).get_name() for i in range(diagram.num_output_ports())}
-    assert ports == set(SIGNALS)
 
 
 @pytest.mark.parametrize(
