@@ -370,7 +370,7 @@ def test_loss_may_be_ignored(drive: Any, contact: Any, law: Law) -> None:
         np.testing.assert_array_equal(found, expected)
 
 
-# Integrators that are held
+# Acceleration that is fed forward
 
 
 PLACE = np.array([0.4, 0.9, 0.2, -0.3])
