@@ -259,7 +259,7 @@ def _metrics(
             known = [row[one.metric] for row in rows if row[one.metric] is not None]
             note = f"{good} of {count}"
             if known:
-                note += f"; {min(known):.3g} to {max(known):.3g} {LIMITS[one.metric][0].unit}"
+                note += f"; {min(known):.3g} to {max(known):.3g} {LIMITS[one.metric][0]}"
             metrics |= rate(f"{remedy}.{one.metric}", good, count, note)
     return metrics
 

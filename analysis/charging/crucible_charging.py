@@ -41,13 +41,13 @@ def measure(
 def worst(items: tuple[Mapping[str, float], ...]) -> dict[str, Metric]:
     """Return the worst of all items, with each item's value in the note."""
     metrics = {}
-    for name, (quantity, of) in LIMITS.items():
+    for name, (unit, of) in LIMITS.items():
         values = [item.get(name) for item in items]
         known = [value for value in values if value is not None]
         shown = ", ".join("-" if value is None else f"{value:.3g}" for value in values)
         metrics[name] = Metric(
             value=of(known) if known else None,
-            unit=quantity.unit,
+            unit=unit,
             note=f"by item: {shown}" if known else "no item came to it",
         )
     return metrics

@@ -186,7 +186,14 @@ def places(
         layer = max(below, default=station.bed_height)
         here = _Laid(index, position, nugget.reach, layer, layer + nugget.height)
         for one in laid:
-            _require_apart(here, one, item.azimuth)
+            apart, beside = math.dist(position, one.middle), here.reach + one.reach
+            above = layer >= one.top - _TOUCHING or here.top <= one.bottom + _TOUCHING
+            if apart < beside - _TOUCHING and not above:
+                allowed = (
+                    f"one that brings it beside plan[{one.number}], at least {beside:.4f} m from "
+                    f"its middle (now {apart:.4f} m), or on it, less than {one.reach:.4f} m"
+                )
+                raise ParameterError(f"plan[{index}].azimuth", item.azimuth, allowed)
         middle = layer + nugget.height / 2
         if item.kind == "wall" and not middle < station.rim_height:
             allowed = (
@@ -198,19 +205,3 @@ def places(
         if item.kind != "bulk":
             laid.append(here)
     return tuple(found)
-
-
-def _require_apart(item: _Laid, other: _Laid, azimuth: float) -> None:
-    """Refuse an item that would overlap one that was laid before.
-
-    Raises:
-        ParameterError: With the item's azimuth, if they overlap.
-    """
-    apart, beside = math.dist(item.middle, other.middle), item.reach + other.reach
-    above = item.bottom >= other.top - _TOUCHING or item.top <= other.bottom + _TOUCHING
-    if apart < beside - _TOUCHING and not above:
-        allowed = (
-            f"one that brings it beside plan[{other.number}], at least {beside:.4f} m from its "
-            f"middle (now {apart:.4f} m), or on it, less than {other.reach:.4f} m"
-        )
-        raise ParameterError(f"plan[{item.number}].azimuth", azimuth, allowed)

@@ -9,7 +9,7 @@ pressed on.
 import math
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from pydrake.systems.framework import Context
@@ -194,15 +194,8 @@ DONE: Final = "done"
 STOPPED: Final = "stopped"
 
 
-class _Touch(NamedTuple):
-    """What is done where something is met that is looked for, halted or not."""
-
-    source: str
-    target: str
-    label: str
-    guard: Guard
-    motion: Motion = "stay"
-
+# What is done where something is met that is looked for: source, target, label and guard.
+_Touch = tuple[str, str, str, Guard]
 
 # Of each state the hybrid controller's mode; halted has that of the state before.
 MODE_OF: Final = dict.fromkeys(
@@ -256,14 +249,14 @@ def make_charging_chart(params: ResolvedChargingParams, beliefs: ChargingBeliefs
     """Return the chart; a cycle that can't go on ends in ``stopped`` with a reason."""
     motions = ChargingMotions(params, beliefs)
     guards = _Guards(params, motions)
-    touches = (
-        _Touch("acquire.descend", "acquire.touch", "touched", guards.on_below),
-        _Touch("wall.approach", "wall.press", "wall", guards.at_wall),
-        _Touch("wall.seek", "wall.press", "wall", guards.at_wall),
-        _Touch("wall.slide", "wall.touch", "layer", guards.on_below),
-        _Touch("wall.land", "wall.touch", "layer", guards.on_below),
-        _Touch("crown.descend", "crown.set_down", "layer", guards.on_below),
-        _Touch("crown.land", "crown.set_down", "layer", guards.on_below),
+    touches: tuple[_Touch, ...] = (
+        ("acquire.descend", "acquire.touch", "touched", guards.on_below),
+        ("wall.approach", "wall.press", "wall", guards.at_wall),
+        ("wall.seek", "wall.press", "wall", guards.at_wall),
+        ("wall.slide", "wall.touch", "layer", guards.on_below),
+        ("wall.land", "wall.touch", "layer", guards.on_below),
+        ("crown.descend", "crown.set_down", "layer", guards.on_below),
+        ("crown.land", "crown.set_down", "layer", guards.on_below),
     )
     actions = _Actions(guards, motions, touches)
     running = [name for name in MODE_OF if name not in (BRAKE, AWAY, DONE, STOPPED)]
@@ -327,7 +320,7 @@ def make_charging_chart(params: ResolvedChargingParams, beliefs: ChargingBeliefs
                 action=actions.halt,
             ),
             *resumed,
-            *(go(*touch) for touch in touches),
+            *(go(*touch, "stay") for touch in touches),
             go("home.out", "home.settle", arrived, guards.arrived, "stay"),
             go("home.settle", "acquire.above", "homed", guards.homed, "above"),
             fail("home.settle", "not homed", guards.never_homed, ChargingTrouble.NOT_HOMED),
@@ -392,7 +385,7 @@ class _Actions:
         self, guards: _Guards, motions: ChargingMotions, touches: tuple[_Touch, ...]
     ) -> None:
         self._guards, self._motions, self._touches = guards, motions, touches
-        self._sensitive = {touch.source for touch in touches}
+        self._sensitive = {source for source, *_ in touches}
 
     def _moving(
         self, motion: Motion, memory: ChargingMemory, tick: ChargingTick
@@ -409,9 +402,9 @@ class _Actions:
     def wait(self, tick: ChargingTick) -> ChargingMemory:
         """Stand still; what is touched on the last way, or lost meanwhile, is not overlooked."""
         memory = tick.memory
-        for touch in self._touches:
-            if touch.source == memory.left and touch.guard(tick):
-                tick.memory = self.enter(touch.target, touch.motion)(tick)
+        for source, target, _, guard in self._touches:
+            if source == memory.left and guard(tick):
+                tick.memory = self.enter(target, "stay")(tick)
                 return self.halt(tick)
         memory = self._guards.count(tick)
         if memory.mode == CONTACT and self._guards.off_wall(tick):

@@ -37,20 +37,12 @@ class Sinusoid:
 def make_desired_trajectory(trajectory: Step | Sinusoid) -> LinearSystem:
     """Return the trajectory, m, as a continuous linear system without input."""
     if isinstance(trajectory, Step):
-        dynamics = np.zeros((1, 1))
-        output = np.ones((1, 1))
-        initial = np.array([trajectory.amplitude])
+        dynamics, initial = np.zeros((1, 1)), np.array([trajectory.amplitude])
     else:
         w = trajectory.frequency
-        dynamics = np.array([[0.0, w], [-w, 0.0]])
-        output = np.array([[1.0, 0.0]])
-        initial = np.array([0.0, trajectory.amplitude])
-    source = LinearSystem(
-        A=dynamics,
-        B=np.zeros((len(initial), 0)),
-        C=output,
-        D=np.zeros((1, 0)),
-    )
+        dynamics, initial = np.array([[0.0, w], [-w, 0.0]]), np.array([0.0, trajectory.amplitude])
+    n = len(initial)
+    source = LinearSystem(A=dynamics, B=np.zeros((n, 0)), C=np.eye(1, n), D=np.zeros((1, 0)))
     source.configure_default_state(initial)
     source.set_name("desired trajectory")
     return source
