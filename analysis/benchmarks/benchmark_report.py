@@ -6,6 +6,7 @@ taken; what is timed is the way from a built model to the arrays of results.
 
 import argparse
 import math
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,8 +22,6 @@ from chamfer.analysis.benchmarks.engine import (
     exact,
     interleave,
     median,
-    ratio,
-    scaled,
 )
 from chamfer.analysis.benchmarks.peers import (
     CHAMFER,
@@ -68,34 +67,40 @@ class Table(NamedTuple):
 
     def text(self) -> str:
         """Return it for a terminal."""
+        rows = [list(row.values()) for row in self.documents()]
         lists, texts = (
-            {i for row in self.rows for i, cell in enumerate(row) if isinstance(cell, kind)}
+            {i for row in rows for i, cell in enumerate(row) if isinstance(cell, kind)}
             for kind in (list, str)
         )
         shown = [i for i in range(len(self.columns)) if i not in lists]
-        rows = [[row[i] for i in shown] for row in (self.columns, *self.rows)]
-        cells = [[one if isinstance(one, str) else number(one) for one in row] for row in rows]
+        cells = [
+            [row[i] if isinstance(row[i], str) else number(row[i]) for i in shown]
+            for row in (self.columns, *rows)
+        ]
         right = [place for place, i in enumerate(shown) if i not in texts]
         return "\n".join([self.title, "", *table(cells, right)])
 
     def documents(self) -> list[dict[str, Any]]:
-        """Return the rows as JSON has them."""
-        return [dict(zip(self.columns, row, strict=True)) for row in self.rows]
+        """Return the rows as JSON has them, null for what is not finite."""
+
+        def known(cell: Any) -> Any:
+            return None if isinstance(cell, float) and not math.isfinite(cell) else cell
+
+        return [dict(zip(self.columns, map(known, row), strict=True)) for row in self.rows]
 
 
-@dataclass(frozen=True)
-class Target:
+class Target(NamedTuple):
     """A ratio of two times, or a distance from statics, and the bound on it."""
 
     text: str
     relation: str  # >= or <=
     bound: float
-    measured: float | None  # None: not measured
+    measured: float  # NaN: not measured
 
     @property
     def ok(self) -> bool | None:
         """Whether the bound is kept; None if it was not measured."""
-        if self.measured is None:
+        if math.isnan(self.measured):
             return None
         return (
             self.measured >= self.bound if self.relation == ">=" else self.measured <= self.bound
@@ -104,27 +109,27 @@ class Target:
 
 def targets(found: Findings) -> Iterator[Target]:
     """Yield the targets with what was measured: to be ahead of every peer, and by how much."""
-    runs = {
+    runs: defaultdict[tuple[str, str], float] = defaultdict(lambda: math.nan)
+    runs |= {
         (loop, one.name): median(one.running) for loop, of in found.loops.items() for one in of
     }
-    for (loop, name), run in runs.items():
+    for (loop, name), run in list(runs.items()):
         # Drake as it comes is no peer of the FSM loop: it runs the same compensator.
         if name not in (CHAMFER, COMPILED) and (loop, name) != ("fsm", DRAKE):
-            times_faster = ratio(run, runs.get((loop, CHAMFER)))
-            yield Target(f"{loop.upper()} loop: {name} / {CHAMFER}", ">=", 1.0, times_faster)
-    trial = runs.get(("fsm", COMPILED))
-    times_faster = ratio(runs.get(("fsm", PER_TICK)), trial)
-    yield Target(f"FSM loop: {PER_TICK} / {COMPILED}", ">=", 100.0, times_faster)
-    yield Target(
-        f"FSM loop: {COMPILED}, s for 10,000 trials on one core", "<=", 20.0, scaled(trial, 1e4)
-    )
-    start = ratio(median(found.cold.get(COMMAND)), median(found.cold.get(IMPORTS)))
-    yield Target(f"{COMMAND} / {IMPORTS}", "<=", 2.0, start)
+            slower = run / runs[loop, CHAMFER]
+            yield Target(f"{loop.upper()} loop: {name} / {CHAMFER}", ">=", 1.0, slower)
+    trial = runs["fsm", COMPILED]
+    slower = runs["fsm", PER_TICK] / trial
+    yield Target(f"FSM loop: {PER_TICK} / {COMPILED}", ">=", 100.0, slower)
+    text = f"FSM loop: {COMPILED}, s for 10,000 trials on one core"
+    yield Target(text, "<=", 20.0, 1e4 * trial)
+    command, imports = (median(found.cold.get(name, ())) for name in (COMMAND, IMPORTS))
+    yield Target(f"{COMMAND} / {IMPORTS}", "<=", 2.0, command / imports)
     for name, bound in speed.REAL_TIME.items():
-        factor = median(found.real_time.get(name))
+        factor = median(found.real_time.get(name, ()))
         yield Target(f"{name}: simulated / elapsed", ">=", bound, factor)
     for name, bound in speed.UPDATES.items():
-        update = scaled(found.updates.get(name), 1e6)
+        update = 1e6 * found.updates.get(name, math.nan)
         yield Target(f"an update of the observer {name}, us", "<=", bound, update)
     for text, relation, bound, judge in (
         ("outcome as exact statics say where they are sure, %", ">=", 100.0, insertion.agreement),
@@ -151,9 +156,9 @@ def times(loop: LoopName, compared: Sequence[LoopEngine]) -> Table:
     rows = []
     for one in compared:
         if not one.failure:
-            run, least = median(one.running), min(one.running, default=None)
-            spent = [scaled(time, 1e3) for time in (median(one.building), run, least)]
-            slower = ratio(run, median(compared[0].running))
+            run, least = median(one.running), min(one.running, default=math.nan)
+            spent = [1e3 * time for time in (median(one.building), run, least)]
+            slower = run / median(compared[0].running)
             raw = one.building, one.running
             rows.append((one.name, *spent, len(one.running), slower, one.note, *raw))
     title = f"Times from a built model to arrays, medians: {_TITLES[loop]}"
@@ -170,9 +175,8 @@ def insertions(found: insertion.Insertions) -> Table:
         row: list[Any] = [*one, "yes" if insertion.sure(one) else "no"]
         for results in found.values():
             result = results[one]
-            force = result.force if math.isfinite(result.force) else None
-            row += ["seated" if result.seated else "stopped", scaled(result.onset, 1e3)]
-            row += [force, 1e3 * result.seconds]
+            row += ["seated" if result.seated else "stopped", 1e3 * result.onset]
+            row += [result.force, 1e3 * result.seconds]
         rows.append(row)
     return Table("A sprung peg fed into its hole, cap 40 N: seated or stopped", columns, rows)
 

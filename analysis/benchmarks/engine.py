@@ -99,7 +99,7 @@ class LoopEngine:
     note: str  # the settings
     trials: int = 1  # that a run makes at once; its time is shared among them
 
-    difference: float | None = None  # m, from the exact solution, the largest
+    difference: float = math.nan  # m, from the exact solution, the largest
     steady_state_error: float | None = None  # m
     rise_time: float | None = None  # s
     failure: str = ""  # why there is no result
@@ -109,7 +109,7 @@ class LoopEngine:
     @property
     def ok(self) -> bool:
         """Whether the engine keeps what it promises."""
-        return self.difference is not None and self.difference <= self.accuracy
+        return self.difference <= self.accuracy
 
 
 def agree(engine: LoopEngine, case: LoopCase, solution: Samples) -> None:
@@ -163,16 +163,6 @@ def interleave(
             engine.running.append((end - built) / engine.trials)
 
 
-def median(values: Sequence[float] | None) -> float | None:
-    """Return the median, or None of nothing."""
-    return statistics.median(values) if values else None
-
-
-def ratio(time: float | None, reference: float | None) -> float | None:
-    """Return how many times longer than the reference, or None if one is missing."""
-    return None if time is None or not reference else time / reference
-
-
-def scaled(value: float | None, by: float) -> float | None:
-    """Return a value times a factor, or None if it is missing."""
-    return None if value is None else by * value
+def median(values: Sequence[float]) -> float:
+    """Return the median, NaN of nothing."""
+    return statistics.median(values) if values else math.nan

@@ -14,6 +14,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from chamfer.analysis.benchmarks.peers import missing
+from chamfer.analysis.drawing.figure_kit import metric_value
 from chamfer.analysis.insertion.insertion_runs import insert, measure, median
 from chamfer.analysis.insertion.insertion_runs import predict as statics
 from chamfer.diagrams.insertion.peg_insertion import (
@@ -44,7 +45,7 @@ class Result(NamedTuple):
     """What an engine makes of a cell."""
 
     seated: bool
-    onset: float | None  # l, m; None: two points never touch
+    onset: float  # l, m; NaN: two points never touch
     force: float  # N, the largest 10 ms median along the axis
     seconds: float  # of the process
 
@@ -96,11 +97,9 @@ def insert_in_drake(scenario: PegInsertionScenario) -> Result:
     started = time.process_time()
     run = insert(scenario, withdraw=False)
     seconds = time.process_time() - started
-    metrics = {name: metric.value for name, metric in measure(scenario, run).items()}
-    onset, force = metrics["two_point.onset"], metrics["force.axial"]
-    assert onset is not None
-    assert force is not None
-    return Result(metrics["seated"] == 1.0, None if math.isnan(onset) else onset, force, seconds)
+    names = "seated", "two_point.onset", "force.axial"
+    seated, onset, force = (metric_value(measure(scenario, run), name) for name in names)
+    return Result(seated == 1.0, onset, force, seconds)
 
 
 def insert_in_mujoco(scenario: PegInsertionScenario) -> Result:
@@ -137,14 +136,14 @@ def insert_in_mujoco(scenario: PegInsertionScenario) -> Result:
     for _ in range(round(_SETTLE / step)):
         mujoco.mj_step(model, data)
     way = scenario.gap + scenario.depth + scenario.force_cap / support.lateral_stiffness
-    force, onset, depth = [], None, 0.0
+    force, onset, depth = [], math.nan, 0.0
     for k in range(math.ceil(way / scenario.speed / step)):
         data.ctrl[feed] = start[2] - scenario.speed * step * (k + 1)
         mujoco.mj_step(model, data)
         depth = -float(tip[2])
         up, two = _mujoco_contacts(scene)
         force.append(up)
-        if two and onset is None:
+        if two and math.isnan(onset):
             onset = depth - parts.chamfer_height
         if depth >= scenario.depth:
             break
@@ -178,18 +177,14 @@ def _mujoco_contacts(scene: dict[str, Any]) -> tuple[float, bool]:
 def predict(scenario: PegInsertionScenario) -> Result:
     """Return what exact statics say; the force is infinite where no push slides the peg."""
     started = time.process_time()
-    said = {name: metric.value for name, metric in statics(scenario).items()}
+    said = statics(scenario)
     seconds = time.process_time() - started
-    onset, force = said["predicted.two_point.onset"], said["predicted.force.axial"]
+    names = "seated", "two_point.onset", "force.axial"
+    seated, onset, force = (metric_value(said, f"predicted.{name}") for name in names)
     enters = abs(scenario.lateral) < scenario.parts.chamfer_limit
-    deep = scenario.depth - scenario.parts.chamfer_height
-    within = enters and onset is not None and onset < deep
-    return Result(
-        said["predicted.seated"] == 1.0,
-        onset if within else None,
-        math.inf if force is None else force,
-        seconds,
-    )
+    if not (enters and onset < scenario.depth - scenario.parts.chamfer_height):
+        onset = math.nan
+    return Result(seated == 1.0, onset, math.inf if math.isnan(force) else force, seconds)
 
 
 def sure(one: Cell) -> bool:
@@ -198,32 +193,35 @@ def sure(one: Cell) -> bool:
     return len({predict(replace(scenario, tilt=by * scenario.tilt)).seated for by in _DOUBT}) == 1
 
 
-def agreement(found: Insertions) -> float | None:
+# What follows is NaN where nothing was measured.
+
+
+def agreement(found: Insertions) -> float:
     """Return in which share of the sure cells Chamfer does what the statics say, %."""
     right = [
         result.seated == found[STATICS][one].seated
         for one, result in found.get(CHAMFER, {}).items()
         if sure(one)
     ]
-    return 100 * sum(right) / len(right) if right else None
+    return 100 * sum(right) / len(right) if right else math.nan
 
 
-def worst_onset(found: Insertions) -> float | None:
+def worst_onset(found: Insertions) -> float:
     """Return by how much Chamfer's onsets differ at most from Whitney's closed form, mm."""
     differences = []
     for one, result in found.get(CHAMFER, {}).items():
-        if result.onset is not None:
+        if not math.isnan(result.onset):
             of = cell(*one)
             said = two_point_onset(of.parts, of.support, of.lateral, of.tilt)
             differences.append(1e3 * abs(result.onset - float(said)))
-    return max(differences, default=None)
+    return max(differences, default=math.nan)
 
 
-def worst_force(found: Insertions) -> float | None:
+def worst_force(found: Insertions) -> float:
     """Return by how much Chamfer's peaks at 3 to 5 degrees differ from exact statics, %."""
     differences = [
         100 * abs(result.force / found[STATICS][one].force - 1)
         for one, result in found.get(CHAMFER, {}).items()
         if 3.0 <= one[1] <= 5.0 and found[STATICS][one].seated
     ]
-    return max(differences, default=None)
+    return max(differences, default=math.nan)

@@ -33,6 +33,7 @@ from chamfer.analysis.cell.alignment_runs import (
     detected_share,
     drawn,
     margins,
+    mean_over,
     row_before,
     run_alignment,
     settled_trials,
@@ -200,7 +201,8 @@ def _over_trials(finished: Trials[int]) -> dict[str, Metric]:
     )
     for name, unit in (("lateral", "m"), ("rotational", "rad")):
         for when in ("uncompensated", "vision"):
-            found[f"{when}.{name}_error"] = _mean(finished, f"{when}.{name}_error", unit)
+            of, never = f"{when}.{name}_error", "nothing was measured at the end of any trial"
+            found[of] = mean_over(finished, of, unit, never)
         late = f"compensation.late_{name}"
         found |= metrics_of({late: (float(finished.column(late).mean()), unit, still)})
     return {
@@ -210,15 +212,6 @@ def _over_trials(finished: Trials[int]) -> dict[str, Metric]:
         **stopped_metrics({name: finished.column(name) for name in STOPPED}),
         **metrics_of({"real_time_factor": (round(float(speed), 2), "", _SPEED)}),
     }
-
-
-def _mean(finished: Trials[int], name: str, unit: str) -> Metric:
-    known = finished.column(name)
-    known = known[np.isfinite(known)]
-    if not len(known):
-        return Metric(value=None, unit=unit, note="nothing was measured at the end of any trial")
-    note = f"mean of {len(known)} trials, {known.min():.4g} to {known.max():.4g}"
-    return Metric(value=float(known.mean()), unit=unit, note=note)
 
 
 def _rows(

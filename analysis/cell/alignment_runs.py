@@ -540,6 +540,16 @@ def statistics(finished: Trials[Any], name: str, unit: str) -> dict[str, Metric]
     )
 
 
+def mean_over(finished: Trials[Any], name: str, unit: str, never: str) -> Metric:
+    """Return the mean of a metric over the trials that have it, and ``never`` if none has."""
+    known = finished.column(name)
+    known = known[np.isfinite(known)]
+    if not len(known):
+        return Metric(value=None, unit=unit, note=never)
+    note = f"mean of {len(known)} trials, {known.min():.4g} to {known.max():.4g}"
+    return Metric(value=float(known.mean()), unit=unit, note=note)
+
+
 def settled_trials(finished: Trials[Any], note: str) -> dict[str, Metric]:
     """Return the mean time of the trials that settle, and their share."""
     of = finished.column("settling_time")

@@ -375,9 +375,9 @@ def _measured(study: ResolvedCameraErrorsScenario, traces: Traces) -> dict[str, 
     soon = min(row_before(traces["time"], study.begin + study.soon) + 1, last)
     values: dict[str, float | None] = {}
     for moment, row in (("soon", soon), ("late", last)):
-        at = vision_errors(traces, row, study.cameras.pixel_size)
-        at |= {name: float(of[row]) for name, of in found.items()}
-        values |= {f"{moment}.{name}": value for name, value in at.items()}
+        values |= {f"{moment}.{name}": float(of[row]) for name, of in found.items()}
+        seen = vision_errors(traces, row, study.cameras.pixel_size)
+        values |= {f"{moment}.{name}": value for name, value in seen.items()}
     return values
 
 

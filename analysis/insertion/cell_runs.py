@@ -11,7 +11,7 @@ from pydrake.systems.framework import Context
 
 from chamfer.analysis.campaign.trial_metrics import Quantity, metrics_of
 from chamfer.analysis.cell.alignment_runs import Traces, alignment_traces, row_before
-from chamfer.analysis.insertion.insertion_runs import jamming_loads, median
+from chamfer.analysis.insertion.insertion_runs import jamming_loads, median, onset_of
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.scenario.experiment import Metric, Progress, Table, column
 from chamfer.diagrams.insertion.insertion import (
@@ -21,7 +21,7 @@ from chamfer.diagrams.insertion.insertion import (
     task_params,
 )
 from chamfer.models.peg.peg_and_hole import PegAndHole
-from chamfer.models.peg_theory.fed_insertion import FeedPrediction, FeedVerdict, predict_feed
+from chamfer.models.peg_theory.fed_insertion import FeedVerdict, predict_feed
 from chamfer.models.peg_theory.wedging import jamming_level
 from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, SEATED, ContactState
 from chamfer.systems.statechart.chart import Chart, TransitionRecord
@@ -221,12 +221,9 @@ def insertion_metrics(
     if (touch := touch_row(done)) is not None:
         values["touch.lateral_error"] = float(traces["lateral_error"][touch])
         values["touch.rotational_error"] = float(traces["rotational_error"][touch])
-        rows = np.flatnonzero(two_point(traces)[touch:])
-        if len(rows):
-            onset = float(depth[touch + rows[0]]) - scenario.parts.chamfer_height
-            values["two_point.onset"] = onset
-    values |= _stopped(done, axial, scenario)
-    return values
+        found = onset_of(scenario.parts, depth[touch:], two_point(traces)[touch:])
+        values["two_point.onset"] = found if math.isfinite(found) else None
+    return values | _stopped(done, axial, scenario)
 
 
 def _stopped(
@@ -328,9 +325,16 @@ def predict(scenario: ResolvedInsertionScenario, done: CellInsertion) -> dict[st
         return metrics_of({name: (None, unit, why) for name, unit in _UNITS.items()})
     lateral, tilt = errors_in_one_plane(done.traces, row)
     params = task_params(scenario)
-    found = predict_at(scenario, lateral, tilt)
+    found = predict_feed(
+        scenario.parts,
+        scenario.support_at,
+        lambda depth: np.full(np.shape(depth), scenario.insert.push),
+        lateral,
+        tilt,
+        depth=params.target,
+    )
     verdict = FeedVerdict(int(found.verdict))
-    axial, onset = float(found.axial), float(found.onset)
+    axial, touches = float(found.axial), float(found.onset)
     slides = math.isfinite(axial)
     margin = 100 * params.region.margin(lateral, abs(tilt))
     may = verdict is FeedVerdict.MAY
@@ -347,9 +351,9 @@ def predict(scenario: ResolvedInsertionScenario, done: CellInsertion) -> dict[st
                 f"largest; {_HELD}" if slides else "no push slides it",
             ),
             "predicted.two_point.onset": (
-                onset if math.isfinite(onset) else None,
+                touches if math.isfinite(touches) else None,
                 "m",
-                f"l; {_HELD}" if math.isfinite(onset) else "two points never touch",
+                f"l; {_HELD}" if math.isfinite(touches) else "two points never touch",
             ),
             "predicted.may_wedge": (float(found.may_wedge), "", "1: two points may hold it"),
             "touch.margin": (
@@ -366,22 +370,6 @@ def _along_faces(done: CellInsertion, row: int) -> bool:
     planes = errors_in_planes(done.traces).values()
     one, other = (np.abs([float(e[row]), float(t[row])]) for e, t in planes)
     return bool((one <= _ASIDE * other).all() or (other <= _ASIDE * one).all())
-
-
-def predict_at(scenario: ResolvedInsertionScenario, lateral: float, tilt: float) -> FeedPrediction:
-    """Return what theory says of errors in one plane, m and rad."""
-
-    def push_at(depth: Array) -> Array:
-        return np.full(np.shape(depth), scenario.insert.push)
-
-    return predict_feed(
-        scenario.parts,
-        scenario.support_at,
-        push_at,
-        lateral,
-        tilt,
-        depth=task_params(scenario).target,
-    )
 
 
 _PUSHED: Final = 0.05  # N, the least push whose direction says something

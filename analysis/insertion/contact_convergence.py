@@ -18,6 +18,7 @@ from chamfer.analysis.insertion.insertion_runs import (
     insert_by_cenic,
     is_seated,
     median,
+    onset_of,
     predict,
 )
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
@@ -114,8 +115,6 @@ def measure_variation(variation: Variation) -> Row:
     else:
         run = insert_by_cenic(scenario, variation.accuracy)
         axial = run.axial
-    first = np.flatnonzero(run.two_point)
-    onset = float(run.depth[first[0]]) - scenario.parts.chamfer_height if first.size else math.nan
     steps = np.diff(run.time)
     work, lost = (float(one[1:] @ steps) for one in (run.power, run.loss))
     # CENIC holds the feed's input over a step, so that what the drives report is not their work.
@@ -124,7 +123,7 @@ def measure_variation(variation: Variation) -> Row:
         "depth": float(run.depth.max()),
         "force": float(axial.max()),
         "raw_peak": float(run.axial.max()),
-        "onset": onset,
+        "onset": onset_of(scenario.parts, run.depth, run.two_point),
         "balance": balance,
         "seated": float(is_seated(scenario, run)),
     }

@@ -23,7 +23,7 @@ from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.cell.alignment_runs import ArmT, require_shares, wrong_arm
 from chamfer.analysis.drawing.figure_kit import draw_counts
 from chamfer.analysis.drawing.figure_style import Style, dress, legend, new_figure
-from chamfer.analysis.insertion.insertion_runs import median
+from chamfer.analysis.insertion.insertion_runs import median, onset_of
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.scenario.experiment import (
     Metric,
@@ -166,10 +166,7 @@ def measured(scenario: BlindFeedScenario, run: BlindFeed) -> dict[str, float | N
     fed &= np.logical_and.accumulate(run.normal[:, _BOTTOM] <= _TOUCHING)
     axial = median(-run.wrench[:, 3], scenario.step)[fed]
     across = np.hypot(*(median(one, scenario.step) for one in run.wrench[:, 4:].T))[fed]
-    two = np.flatnonzero(run.state[fed] == ContactState.TWO_POINT)
-    onset = None
-    if two.size:
-        onset = float(run.depth[two[0]]) - scenario.parts.chamfer_height
+    two = run.state[fed] == ContactState.TWO_POINT
     touch = None if run.touch is None else run.touch[scenario.plane]
     return {
         "outcome": float(outcome(scenario, run)),
@@ -177,7 +174,7 @@ def measured(scenario: BlindFeedScenario, run: BlindFeed) -> dict[str, float | N
         "force.axial": float(axial.max()),
         "force.lateral": float(across.max()),
         "force.raw_peak": float(-run.wrench[fed, 3].min()),
-        "two_point.onset": onset,
+        "two_point.onset": onset_of(scenario.parts, run.depth[fed], two),
         "touch.lateral_error": None if touch is None else touch.lateral,
         "touch.rotational_error": None if touch is None else touch.tilt,
         "simulated_seconds": float(run.time[-1]),

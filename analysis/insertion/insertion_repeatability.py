@@ -23,6 +23,7 @@ from chamfer.analysis.cell.alignment_runs import (
     AlignmentTrialsScenario,
     courses,
     drawn,
+    mean_over,
     require_starts,
     row_before,
 )
@@ -237,13 +238,8 @@ def _statistics(trials: Trials[TrialInAWay]) -> dict[str, Metric]:
         "touch.rotational_error",
         "attempts",
     ):
-        values = trials.column(name)
-        values = values[np.isfinite(values)]
-        mean, span = None, "in no trial"
-        if len(values):
-            mean = float(values.mean())
-            span = f"mean of {len(values)} trials, {values.min():.4g} to {values.max():.4g}"
-        metrics[f"{name}.mean"] = Metric(value=mean, unit=INSERTION[name].unit, note=span)
+        unit = INSERTION[name].unit
+        metrics[f"{name}.mean"] = mean_over(trials, name, unit, "in no trial")
     return metrics
 
 

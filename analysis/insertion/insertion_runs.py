@@ -154,23 +154,26 @@ def median(values: Array, step: float) -> Array:
     return filtered
 
 
+def onset_of(parts: PegAndHole, depth: Array, two_point: NDArray[np.bool_]) -> float:
+    """Return l, m, where two points touch first; NaN if they never do."""
+    first = np.flatnonzero(two_point)
+    return float(depth[first[0]]) - parts.chamfer_height if first.size else math.nan
+
+
 def measure(scenario: PegInsertionScenario, run: Insertion) -> dict[str, Metric]:
     """Return what the run did, and what the statics say that it does."""
     fed = run.time <= scenario.released + scenario.step / 2
     pushed = fed & np.logical_and.accumulate(run.normal[:, _BOTTOM] <= _TOUCHING)
     axial = median(run.axial, scenario.step)
     across = np.hypot(*(median(one, scenario.step) for one in run.lateral.T))
-    first = np.flatnonzero(run.two_point & fed)
-    onset = math.nan
-    if first.size:
-        onset = float(run.depth[first[0]]) - scenario.parts.chamfer_height
+    onset = onset_of(scenario.parts, run.depth, run.two_point & fed)
     until_bottom = "" if pushed[fed].all() else ", before the bottom"
     cap = f"at a cap of {scenario.force_cap:g} N"
     seated = is_seated(scenario, run)
     held, pull, kept = (False, math.nan, math.nan) if seated else _taken_away(scenario, run)
     stopped = not seated and run.state[fed][-1] not in (ContactState.NONE, ContactState.FACE)
     work, lost = (float(np.sum(one[fed]) * scenario.step) for one in (run.power, run.loss))
-    median_of = "largest median of 10 ms"
+    median_of, never = "largest median of 10 ms", "two points never touch"
     measured = metrics_of(
         {
             "seated": (
@@ -182,7 +185,11 @@ def measure(scenario: PegInsertionScenario, run: Insertion) -> dict[str, Metric]
             "force.axial": (float(axial[pushed].max()), "N", median_of + until_bottom),
             "force.lateral": (float(across[pushed].max()), "N", median_of),
             "force.raw_peak": (float(run.axial[pushed].max()), "N", "along the axis, of one step"),
-            "two_point.onset": (onset, "m", "l" if first.size else "two points never touch"),
+            "two_point.onset": (
+                onset,
+                "m",
+                "l" if math.isfinite(onset) else "two points never touch",
+            ),
             "wedged": (
                 float(stopped and held),
                 "",
