@@ -45,12 +45,8 @@ _UNKNOWN: Final[dict[Any, tuple[Any, ...]]] = {  # where a value is None
 
 # As in a command: what is said in one line. The last is what Drake makes of failed assertions.
 _REFUSALS: Final = (
-    UserError,
-    ExperimentError,
-    ParameterError,
-    OverflowError,
-    MemoryError,
-    SystemExit,
+    *(UserError, ExperimentError, ParameterError),
+    *(OverflowError, MemoryError, SystemExit),
 )
 CRASH: Final = "traceback:"
 
@@ -130,13 +126,9 @@ def audit(
     contexts: Sequence[Context] = (),
     settings: Sequence[str] = (),
 ) -> list[FieldVerdict]:
-    """Return what comes of each leaf of each experiment.
+    """Return what comes of each leaf of each experiment, in the contexts where fields act.
 
-    Args:
-        entries: The experiments.
-        progress: Told how far the audit is.
-        contexts: Where fields act.
-        settings: ``path=value``, over those that reduce an experiment's size.
+    The settings are over those that reduce an experiment's size.
 
     Raises:
         UserError: If an experiment doesn't run unperturbed.
@@ -170,10 +162,9 @@ def audit(
 
 
 def audit_field(task: FieldTask) -> Row:
-    """Perturb a field in every way, around every base, until something changes.
+    """Return what was ``tried`` of a field, as JSON, and the ``seconds`` of a verdict.
 
-    Returns:
-        What was ``tried``, as JSON, and the ``seconds`` of a :class:`FieldVerdict`.
+    It is perturbed in every way, around every base, until something changes.
 
     Raises:
         UserError: If the experiment doesn't run unperturbed.
@@ -183,12 +174,12 @@ def audit_field(task: FieldTask) -> Row:
     references = {base: one for base in task.bases if (one := _reference(base))}
     if not references:
         tried.append(("undecided", "no context allows it"))
-    for base, reference in references.items():
-        for setting in _perturbed(base, task.path):
-            kind, what = _try(base, setting, reference)
-            tried.append((kind, f"{setting}: {what}"))
-            if kind == "effective":
-                return {"tried": json.dumps(tried), "seconds": time.process_time() - started}
+    ways = ((base, setting) for base in references for setting in _perturbed(base, task.path))
+    for base, setting in ways:
+        kind, what = _try(base, setting, references[base])
+        tried.append((kind, f"{setting}: {what}"))
+        if kind == "effective":
+            break
     return {"tried": json.dumps(tried), "seconds": time.process_time() - started}
 
 
@@ -290,12 +281,10 @@ def _at_most(seconds: float) -> Iterator[None]:
 
 
 def perturbations(value: Any, kind: Any, resolved: Any) -> Iterator[Any]:
-    """Yield values other than ``value``, as YAML would give them; not all need be allowed.
+    """Yield values other than a field's, as YAML would give them; not all need be allowed.
 
-    Args:
-        value: What the field is.
-        kind: Its type, which says what it could be where the value doesn't.
-        resolved: What a run takes it to be; it differs where None is derived.
+    Its ``kind`` says what it could be where the value doesn't; ``resolved`` is what a run takes it
+    to be, which differs where None is derived.
     """
     seen = [list(value) if isinstance(value, tuple) else value]
     for candidate in _candidates(value, kind, resolved):

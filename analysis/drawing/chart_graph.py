@@ -17,15 +17,7 @@ def chart_graph(chart: Chart[Any, Any], *, every: bool = False) -> Graph:
     ways out, the transitions carry their priority, 1 first; in a chart with transitions from any
     state, which compete with all others, that is their place in the chart. A timeout counts only
     if no guard is true and carries no number. The ways back to the state before are drawn as one,
-    to a node that stands for it.
-
-    Args:
-        chart: The chart.
-        every: Whether each of the ways back is drawn, so that there is an edge for each
-            transition.
-
-    Returns:
-        The graph; the ids of the states are :func:`state_id` of their names.
+    to a node that stands for it, unless ``every`` transition is to have its edge.
     """
     nodes = [Node(id=START, label="", kind="initial")]
     for state in chart.states:
@@ -64,11 +56,5 @@ def state_id(name: str) -> str:
 
 def _transition(number: int, source: str, target: str, label: str) -> Edge:
     # Every transition is a line of its own, hence the ports.
-    port = str(number)
-    return Edge(
-        source=source,
-        target=state_id(target),
-        label=label,
-        source_port=port,
-        target_port=port,
-    )
+    ports = {"source_port": str(number), "target_port": str(number)}
+    return Edge(source=source, target=state_id(target), label=label, **ports)

@@ -61,9 +61,10 @@ def plot_chart_path(
         path: Steps of the run in order, columns ``time``, s, ``source``, ``target``,
             ``outcome`` and ``label``, that of the transition.
         result: How it ended, in a few words.
-        rows: See :func:`path_rows`.
-        seldom: Likewise.
-        most: Likewise.
+        rows: The states in each, ANY among them where the chart has transitions from it; none:
+            two rows where a single transition leads on to a half, else one.
+        seldom: States whose transitions are drawn only where they were taken.
+        most: Numbers at a line, of more the last one after the first ones; None: all.
     """
     drawn = path_rows(chart, path, rows=rows, seldom=seldom, most=most)
     width = max(_LEAST, *(row.layout.width for row in drawn))
@@ -100,16 +101,7 @@ def path_rows(
     seldom: Collection[str] = (),
     most: int | None = None,
 ) -> list[Row]:
-    """Return the chart laid out in rows; numbers of steps stand below the names of transitions.
-
-    Args:
-        chart: Which ran.
-        path: As for :func:`plot_chart_path`.
-        rows: The states in each, ANY among them where the chart has transitions from it; none:
-            two rows where a single transition leads on to a half, else one.
-        seldom: States whose transitions are drawn only where they were taken.
-        most: Numbers at a line, of more the last one after the first ones; None: all.
-    """
+    """Return the chart laid out in rows; numbers of steps stand below the names of transitions."""
     steps = list(zip(path["source"], path["target"], path["label"], strict=True))
     full = chart_graph(chart, every=True)
     first, *edges = full.edges
@@ -134,15 +126,10 @@ def path_rows(
         kept.append(edge)
     names = {end for edge in kept for end in (edge.source, edge.target)}
     states = {state_id(state.name): state.name for state in chart.states}
-    graph = Graph(
-        title="",
-        nodes=tuple(
-            replace(node, label=states.get(node.id, node.label))
-            for node in full.nodes
-            if node.id in names
-        ),
-        edges=tuple(kept),
-    )
+    nodes = [
+        replace(one, label=states.get(one.id, one.label)) for one in full.nodes if one.id in names
+    ]
+    graph = Graph(title="", nodes=tuple(nodes), edges=tuple(kept))
     ids = [{ANY_STATE if name == ANY else state_id(name) for name in row} for row in rows]
     drawn = []
     for part in _groups(graph, ids) if ids else _halves(graph):
@@ -172,12 +159,7 @@ def _failing(chart: AnyChart) -> set[str]:
 
 
 def _groups(graph: Graph, rows: Sequence[Collection[str]]) -> list[Graph]:
-    """Cut a graph into given rows, those without a node left out.
-
-    Args:
-        graph: A chart's.
-        rows: Ids of the nodes in each; every node but the start is in one of them.
-    """
+    """Cut a graph into rows of ids, in one of which is every node but the start."""
     labels = {node.id: node.label for node in graph.nodes}
     inward = [{edge.target for edge in graph.edges if edge.source not in row} for row in rows]
     found = []

@@ -52,16 +52,8 @@ class _Parts:
         """Add a wire from a node's port to a leaf system's."""
         system, name = end
         target, sign = self.nodes[system].id, "+" if isinstance(system, Adder) else ""
-        self.edges.append(
-            Edge(
-                source=source,
-                target=target,
-                label=label,
-                source_port=port,
-                target_port=name,
-                sign=sign,
-            )
-        )
+        ports = {"source_port": port, "target_port": name}
+        self.edges.append(Edge(source=source, target=target, label=label, sign=sign, **ports))
 
 
 def diagram_graph(diagram: Diagram) -> Graph:
@@ -74,13 +66,7 @@ def diagram_graph(diagram: Diagram) -> Graph:
 
     An Adder is a summing circle. A gain without a positive element that feeds nothing but an
     Adder gives it its minus sign, a gain of -1 completely. Log sinks are left out, with what only
-    leads to them.
-
-    Args:
-        diagram: What to draw; its name becomes the title.
-
-    Returns:
-        The graph; the ids are the names of the systems from the outside in, joined by "/".
+    leads to them. Ids are the names of the systems from the outside in, joined by "/".
     """
     parts = _Parts()
     _collect(diagram, None, "", parts)
@@ -183,15 +169,13 @@ def _label(outer: tuple[str, str], inner: tuple[str, str]) -> str:
 
 
 def _node(system: System, id_: str, label: str, parent: str | None) -> Node:
-    kind: Kind = "block"
-    detail = ""
     matrix = gain_matrix(system)
-    if matrix is not None:
-        kind, detail = "gain", gain_text(matrix)
-    elif isinstance(system, Adder):
+    detail = "" if matrix is None else gain_text(matrix)
+    kind: Kind = "block" if system.num_input_ports() else "source"
+    if isinstance(system, Adder):
         kind = "sum"
-    elif not system.num_input_ports():
-        kind = "source"
+    elif matrix is not None:
+        kind = "gain"
     return Node(id=id_, label=label, kind=kind, parent=parent, detail=detail)
 
 
@@ -235,12 +219,8 @@ def _with_signs(
         matrix = gain_matrix(system)
         leaving = [wire for wire in wires if wire.source == node.id]
         entering = [wire for wire in wires if wire.target == node.id]
-        if (
-            matrix is None
-            or not ((matrix <= 0).all() and (matrix < 0).any())
-            or len(leaving) != 1
-            or not entering
-        ):
+        negative = matrix is not None and (matrix <= 0).all() and (matrix < 0).any()
+        if matrix is None or not negative or len(leaving) != 1 or not entering:
             continue
         wire = leaving[0]
         if wire.target not in drawn or drawn[wire.target].kind != "sum":
@@ -248,13 +228,9 @@ def _with_signs(
         minus = replace(wire, sign="-")
         if np.array_equal(matrix, -np.eye(len(matrix))):
             before = entering[0]
-            minus = replace(
-                minus,
-                source=before.source,
-                source_port=before.source_port,
-                label=before.label or wire.label,
-            )
             wires = [other for other in wires if other is not before]
+            minus = replace(before, target=wire.target, target_port=wire.target_port, sign="-")
+            minus = replace(minus, label=before.label or wire.label)
             del drawn[node.id]
         else:
             drawn[node.id] = replace(node, detail=gain_text(-matrix))

@@ -89,29 +89,17 @@ def draw_lines(
     key: str | None = None,
     columns: int = 1,
 ) -> None:
-    """Draw bands, lines and levels over an abscissa.
+    """Draw bands, lines and levels, one in front of the other, over an abscissa.
 
-    Args:
-        axes: Where.
-        x: The abscissa of lines and bands.
-        lines: Between bands and levels.
-        title: Of the panel.
-        y: The ordinate's label, with its unit.
-        over: The abscissa's.
-        bands: Behind the lines.
-        levels: In front of them.
-        log: Whether both axes are logarithmic.
-        key: Where the legend stands, ``beside`` the axes or a place of Matplotlib's; None: none.
-        columns: Of the legend.
+    ``y`` and ``over`` are the axes' labels; with ``log`` both are logarithmic. The legend has its
+    place ``beside`` the axes or by a ``key`` of Matplotlib's, None: there is none.
     """
     for band in bands:
+        look = {"label": band.label, **(band.style or BAND)}
         if np.ndim(band.low) or np.ndim(band.high):
-            axes.fill_between(
-                np.asarray(x), band.low, band.high, label=band.label, **(band.style or BAND)
-            )
+            axes.fill_between(np.asarray(x), band.low, band.high, **look)
         else:
-            low, high = np.asarray(band.low).item(), np.asarray(band.high).item()
-            axes.axhspan(low, high, label=band.label, **(band.style or BAND))
+            axes.axhspan(np.asarray(band.low).item(), np.asarray(band.high).item(), **look)
     for line in lines:
         places = x if line.over is None else line.over
         axes.plot(places, line.values, label=line.label, **line.style)
@@ -193,11 +181,8 @@ def spaced(places: Array) -> Array:
     moved = places.copy()
     for i in range(1, len(moved)):
         moved[i] = max(moved[i], moved[i - 1] + _APART)
-    if len(moved) and moved[-1] > 1.0:
-        moved[-1] = 1.0
-        for i in range(len(moved) - 2, -1, -1):
-            moved[i] = min(moved[i], moved[i + 1] - _APART)
-    return moved
+    last = 1.0 - _APART * np.arange(len(moved))[::-1]
+    return np.asarray(np.minimum(moved, last))
 
 
 def shade(axes: Axes, time: Array, where: ArrayLike, label: str, style: Style) -> None:

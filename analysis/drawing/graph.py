@@ -5,16 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 Kind = Literal[
-    "block",
-    "sum",
-    "source",
-    "gain",
-    "port",
-    "state",
-    "initial",
-    "final",
-    "failed",
-    "any",
+    "block", "sum", "source", "gain", "port", "state", "initial", "final", "failed", "any"
 ]
 
 

@@ -6,6 +6,7 @@ lines between two layers. Keys are hashable, wires pairs of them; nothing here i
 
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from graphlib import TopologicalSorter
 from itertools import pairwise
 from typing import Any, Final, TypeVar
 
@@ -85,18 +86,12 @@ def longest_paths(
 ) -> tuple[dict[Key, int], dict[Key, int]]:
     """Return the number of wires on the longest path to and from every key of an acyclic graph."""
     following, preceding = _neighbours(pairs)
-    missing = {key: len(preceding[key]) for key in keys}
-    order = [key for key in keys if not missing[key]]
+    order = [*TopologicalSorter({key: preceding[key] for key in keys}).static_order()]
     before, after = dict.fromkeys(keys, 0), dict.fromkeys(keys, 0)
     for key in order:
-        for target in following[key]:
-            before[target] = max(before[target], before[key] + 1)
-            missing[target] -= 1
-            if not missing[target]:
-                order.append(target)
+        before[key] = max((before[source] + 1 for source in preceding[key]), default=0)
     for key in reversed(order):
-        for source in preceding[key]:
-            after[source] = max(after[source], after[key] + 1)
+        after[key] = max((after[target] + 1 for target in following[key]), default=0)
     return before, after
 
 
@@ -144,12 +139,9 @@ def order_layers(
     links: Sequence[Link[Key]],
     group: Callable[[Key], Any],
 ) -> list[list[Key]]:
-    """Return the layers reordered by barycentres for few crossings.
+    """Return the layers, from top to bottom, reordered by barycentres for few crossings.
 
-    Args:
-        layers: The keys of every layer from top to bottom; ties keep this order.
-        links: Wires between neighbouring layers.
-        group: Keys of lower groups stand first.
+    Links are between neighbouring layers, keys of lower groups stand first, ties keep their order.
     """
     following: _Ends[Key] = defaultdict(list)
     preceding: _Ends[Key] = defaultdict(list)
@@ -217,16 +209,11 @@ def align(
 
 
 def assign_tracks(pieces: Mapping[Key, Sides]) -> tuple[dict[Key, int], list[Pair[Key]]]:
-    """Choose a track for every vertical line of a channel, from the left.
+    """Choose a track for every vertical line of a channel, from the left, so that few cross.
 
-    Few lines cross and none coincide.
-
-    Args:
-        pieces: Of each, the heights, px, of the horizontal lines at its left and at its right.
-
-    Returns:
-        The track of every piece, and the pairs (left, right) whose horizontal lines coincide
-        because each of the two would have to be left of the other.
+    Of each line are given the heights, px, of the horizontal ones at its left and at its right.
+    Returned are also the pairs (left, right) whose horizontal lines coincide because each of the
+    two would have to be left of the other.
     """
     order = list(pieces)
     cost = {(a, b): _cost(pieces[a], pieces[b]) for a in order for b in order}

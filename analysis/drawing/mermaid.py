@@ -29,14 +29,7 @@ _NOT_IN_ID: Final = re.compile(r"[^A-Za-z0-9]+")
 
 
 def flowchart(graph: Graph) -> str:
-    """Write a graph as a Mermaid flowchart from left to right.
-
-    Args:
-        graph: What to write.
-
-    Returns:
-        The text; clusters are subgraphs, and ids are made of ASCII letters and digits.
-    """
+    """Write a graph as a Mermaid flowchart from left to right; clusters are subgraphs."""
     ids = _ids([*(node.id for node in graph.nodes), *(part.id for part in graph.clusters)])
     lines = [*_front_matter(graph.title), "flowchart LR"]
     lines += _members(graph, None, ids, "    ")
@@ -52,12 +45,8 @@ def flowchart(graph: Graph) -> str:
 def state_diagram(chart: Chart[Any, Any]) -> str:
     """Write a state chart as a Mermaid state diagram.
 
-    Args:
-        chart: What to write.
-
-    Returns:
-        The text; a final state has an arrow to the end, transitions from any state come from a
-        state of that name.
+    A final state has an arrow to the end, transitions from any state come from a state of that
+    name.
     """
     graph = chart_graph(chart)
     states = [node for node in graph.nodes if node.kind != "initial"]

@@ -185,11 +185,7 @@ def measure(scenario: PegInsertionScenario, run: Insertion) -> dict[str, Metric]
             "force.axial": (float(axial[pushed].max()), "N", median_of + until_bottom),
             "force.lateral": (float(across[pushed].max()), "N", median_of),
             "force.raw_peak": (float(run.axial[pushed].max()), "N", "along the axis, of one step"),
-            "two_point.onset": (
-                onset,
-                "m",
-                "l" if math.isfinite(onset) else "two points never touch",
-            ),
+            "two_point.onset": (onset, "m", "l" if math.isfinite(onset) else never),
             "wedged": (
                 float(stopped and held),
                 "",

@@ -51,14 +51,15 @@ SHARES: Final[dict[Compensated, dict[ArmName, float]]] = {
 # Dead zones, of the smallest error that may not grow by half: in ordinary runs others have become
 # as large as 11 while the arms were on their way.
 _GROWS_FROM: Final = 10.0
+_WATCHED: Final = tuple(tuple(map(AXES.index, of)) for of in (("y", "z"), ("pitch", "yaw")))
 
 
 class DesiredMotion(NamedTuple):
     """A desired motion before the compensation."""
 
     pose: OutputPort
-    velocity: OutputPort | None  # None: at rest
-    stop: InputPort | None  # None: has nothing to stop
+    velocity: OutputPort | None = None  # None: at rest
+    stop: InputPort | None = None  # None: has nothing to stop
 
 
 def resolve(scenario: AlignmentScenario) -> ResolvedAlignmentScenario:
@@ -189,16 +190,12 @@ def _add_motion(
     if arm == "hole" or not scenario.moves:
         rest = ConstantVectorSource(pose_vector(goal))
         pose = builder.AddNamedSystem(f"{arm} desired pose", rest)
-        return DesiredMotion(pose.get_output_port(), None, None)
+        return DesiredMotion(pose.get_output_port())
     start, period = start_poses(scenario)["peg"].translation(), scenario.cameras.frames.period
-    motion = builder.AddNamedSystem(
-        "peg desired motion", StoppableMotion(start, goal, scenario.motion_time, period)
-    )
-    return DesiredMotion(
-        motion.GetOutputPort("desired_pose"),
-        motion.GetOutputPort("desired_velocity"),
-        motion.GetInputPort("stop"),
-    )
+    motion = StoppableMotion(start, goal, scenario.motion_time, period)
+    builder.AddNamedSystem("peg desired motion", motion)
+    pose, velocity = map(motion.GetOutputPort, ("desired_pose", "desired_velocity"))
+    return DesiredMotion(pose, velocity, motion.GetInputPort("stop"))
 
 
 def add_divergence_watch(builder: DiagramBuilder, scenario: AlignmentScenario) -> DivergenceWatch:
@@ -207,17 +204,14 @@ def add_divergence_watch(builder: DiagramBuilder, scenario: AlignmentScenario) -
     Along the hole's axis the error is no error of alignment, and a feed changes it.
     """
     zones = [axis.dead_zone for axis in scenario.compensator.axes]
-    watched = [
-        Watched(tuple(map(AXES.index, axes)), _GROWS_FROM * zones[AXES.index(axes[0])])
-        for axes in (("y", "z"), ("pitch", "yaw"))
-    ]
     params = DivergenceParams(
-        watched=tuple(watched),
+        watched=tuple(Watched(axes, _GROWS_FROM * zones[axes[0]]) for axes in _WATCHED),
         size=len(AXES),
         factor=math.inf if scenario.compensated == "none" else DivergenceParams.factor,
         period=scenario.cameras.frames.period,
     )
-    watch: DivergenceWatch = builder.AddNamedSystem("divergence watch", DivergenceWatch(params))
+    watch = DivergenceWatch(params)
+    builder.AddNamedSystem("divergence watch", watch)
     return watch
 
 

@@ -190,11 +190,8 @@ def require_start_apart(scenario: AlignmentScenario) -> None:
     starts = [offset_pose(scenario, share) for share in way.tolist()]
     commands = [wrong_pose(scenario, X_WT) for X_WT in starts]
     X_WM = scenario.nominal_pose("hole")
-    for name, poses in (
-        ("gap", [scenario.nominal_pose("peg")]),
-        ("start_offset", starts[:1]),
-        ("initial_error", commands),
-    ):
+    gap = [scenario.nominal_pose("peg")]
+    for name, poses in (("gap", gap), ("start_offset", starts[:1]), ("initial_error", commands)):
         blamed = name if scenario.gap > 0 else "gap"
         for X_WT in poses:
             X_MT = X_WM.InvertAndCompose(X_WT)
@@ -246,12 +243,8 @@ def require_in_view(scenario: AlignmentScenario) -> None:
             if where := _outside(scenario, X_WT, face):
                 if name == "gap":
                     name, value = _camera_field(scenario, X_WT, face) or (name, value)
-                raise ParameterError(
-                    name,
-                    value,
-                    f"one with which both cameras have {seen} in their images when the "
-                    f"compensation begins; {where}",
-                )
+                images = f"both cameras have {seen} in their images when the compensation begins"
+                raise ParameterError(name, value, f"one with which {images}; {where}")
 
 
 def require_fine_enough(scenario: AlignmentScenario) -> None:

@@ -144,22 +144,13 @@ class CameraSettings(CellCameras):
         frames = self.frames_of(view)
         return frames.latency * frames.period + self.view(view).sensor.exposure / 2
 
-    def believed(self, view: View, camera: Camera) -> Camera:
-        """Return a camera that stands like another one as it is believed to be."""
-        return self.view(view).believed.of(camera)
-
-    def true(self, view: View, camera: Camera) -> Camera:
-        """Return it as it is."""
-        of = self.view(view)
-        return of.true.over(of.believed).of(camera)
-
     def pixel_scale(self, view: View) -> float:
         """Return the believed size of a straightened image's pixel, over ``pixel_size``.
 
         At the stand's distance.
         """
         stand = self.placement(view, (0.0, 0.0, 0.0)).camera
-        believed = self.believed(view, stand).straight()
+        believed = self.view(view).believed.of(stand).straight()
         ahead = (believed.p_WC - stand.p_WC) @ stand.R_WC[:, 2]
         nearer = float(1 - ahead / self.distance)
         return nearer * (stand.focal[0] / believed.focal[0])
@@ -175,8 +166,8 @@ def camera_placement(
 
 def true_camera(settings: CameraSettings, scenario: WorkCellScenario, view: View) -> Camera:
     """Return a camera as it is in the world: right in its image is about into the hole."""
-    stand = camera_placement(settings, scenario, view).camera
-    return _in_world(scenario, settings.true(view, stand))
+    stand, of = camera_placement(settings, scenario, view).camera, settings.view(view)
+    return _in_world(scenario, of.true.over(of.believed).of(stand))
 
 
 def _in_world(scenario: WorkCellScenario, camera: Camera) -> Camera:
@@ -186,7 +177,7 @@ def _in_world(scenario: WorkCellScenario, camera: Camera) -> Camera:
 
 def believed_camera(settings: CameraSettings, scenario: WorkCellScenario, view: View) -> Camera:
     """Return a camera as it is believed to be, in the hole's axes, in which errors are wanted."""
-    return settings.believed(view, camera_placement(settings, scenario, view).camera)
+    return settings.view(view).believed.of(camera_placement(settings, scenario, view).camera)
 
 
 def resolved_cameras(settings: CameraSettings, scenario: WorkCellScenario) -> CameraSettings:
@@ -247,27 +238,22 @@ def add_cell_vision(
             in line with the hole, at the scenario's gap, is what is desired.
         parts_there: What the cameras look at, where it is not what the scenario says it is.
     """
-    connect = builder.Connect
+    connect, frames = builder.Connect, settings.frames
     gap = scenario.gap / settings.pixel_size
     clocks = [
-        ImageClock(frames.period, frames.offset, settings.delay(view))
-        for view in VIEWS
-        for frames in (settings.frames_of(view),)
+        ImageClock(one.period, one.offset, settings.delay(view))
+        for view, one in zip(VIEWS, map(settings.frames_of, VIEWS), strict=True)
     ]
-    error: CellError = builder.AddNamedSystem(
-        "image error",
-        CellError(
-            CellErrorParams(
-                gap=gap,
-                most_misses=settings.most_ticks,
-                begin=begin,
-                period=settings.frames.period,
-                latency=(settings.frames.latency + 1) * settings.frames.period,
-                images=tuple(clocks),
-                continuity=settings.continuity,
-            )
-        ),
+    params = CellErrorParams(
+        gap=gap,
+        most_misses=settings.most_ticks,
+        begin=begin,
+        period=frames.period,
+        latency=(frames.latency + 1) * frames.period,
+        images=tuple(clocks),
+        continuity=settings.continuity,
     )
+    error: CellError = builder.AddNamedSystem("image error", CellError(params))
     if settings.renderer == "vtk" and (reason := missing_graphics()):
         raise ParameterError("cameras.renderer", "vtk", f"software here: {reason}")
     trigger = _add_trigger(builder, settings, begin)
@@ -326,12 +312,12 @@ def _add_delays(
     if (xz.period, xz.offset, xz.latency, open_xz) == (xy.period, xy.offset, xy.latency, open_xy):
         return _add_delay(builder, xz, open_xz, expected, "expected")
     both = builder.AddNamedSystem("expected of both", Adder(2, len(AXES)))
-    for i, (view, frames) in enumerate(zip(VIEWS, (xz, xy), strict=True)):
-        name = f"expected of {view}"
+    for i, view in enumerate(VIEWS):
+        name, exposure = f"expected of {view}", settings.view(view).sensor.exposure
         seen = builder.AddNamedSystem(name, MatrixGain(np.diag(_SEEN[view])))
         builder.Connect(expected, seen.get_input_port())
-        exposure = settings.view(view).sensor.exposure
-        as_old = _add_delay(builder, frames, exposure, seen.get_output_port(), name)
+        frames, of_view = settings.frames_of(view), seen.get_output_port()
+        as_old = _add_delay(builder, frames, exposure, of_view, name)
         builder.Connect(as_old, both.get_input_port(i))
     return both.get_output_port()
 
@@ -385,9 +371,8 @@ def _add_measurement(
     xz, xy = xz.straight(), xy.straight()  # as detections are reported
     stereo = builder.AddNamedSystem("two-plane stereo", TwoPlaneStereo(xz, xy))
     for view, detector in zip(VIEWS, detectors, strict=True):
-        builder.Connect(
-            detector.GetOutputPort("detections"), stereo.GetInputPort(f"detections_{view}")
-        )
+        seen = detector.GetOutputPort("detections")
+        builder.Connect(seen, stereo.GetInputPort(f"detections_{view}"))
     pixels = 1 / settings.pixel_size
     # Element by element: a matrix would spread one NaN to all axes.
     scale = builder.AddNamedSystem("metres to pixels", Gain([pixels] * 3 + [1.0] * 3))
@@ -419,12 +404,9 @@ def _add_camera(
     builder.Connect(source.GetOutputPort("image"), frames.GetInputPort("image"))
     if trigger is not None:
         builder.Connect(trigger, frames.GetInputPort("trigger"))
-    detector: PartDetector = builder.AddNamedSystem(
-        f"{view} detection",
-        PartDetector(
-            *looks_in(settings, scenario, view), undistortion_of(settings, scenario, view)
-        ),
-    )
+    straighten = undistortion_of(settings, scenario, view)
+    detector = PartDetector(*looks_in(settings, scenario, view), straighten)
+    builder.AddNamedSystem(f"{view} detection", detector)
     builder.Connect(frames.get_output_port(), detector.get_input_port())
     return detector
 

@@ -82,15 +82,15 @@ def step_responses(scenario: WorkCellScenario, arm: ArmName) -> StepResponses:
     """Return an arm's linear responses, without friction and torque limits, until it rests."""
     settings = getattr(scenario, arm)
     n = settings.arm.num_joints
-    free = replace(settings, joint_friction=(0.0,) * n)
+    same = {name: getattr(scenario, name) for name in ("axis", "gap", "step")}
     alone = WorkCellScenario(
+        **same,
         impedance=replace(scenario.impedance, torque_limits=(_MOST_TORQUE,) * n),
-        axis=scenario.axis,
         meeting_point=scenario.mouth,
-        gap=scenario.gap,
-        step=scenario.step,
     )
-    return _step_responses(replace(alone, **{arm: free}), arm)
+    return _step_responses(
+        replace(alone, **{arm: replace(settings, joint_friction=(0.0,) * n)}), arm
+    )
 
 
 @lru_cache(maxsize=32)
@@ -194,11 +194,7 @@ _SHORTEST: Final = 20.0  # pixels, of edges; parts with shorter ones are hardly 
 SPEED: Final[dict[Kind, float]] = {"lateral": 8e-3, "rotational": 0.32}
 # m/s and rad/s, of the large increments
 CLOSED_LOOP: Final = 0.05  # s, time constant beyond the dead time
-_ALONE: Final[dict[str, tuple[ArmName, ...]]] = {
-    "peg": ("peg",),
-    "hole": ("hole",),
-    "none": ("peg",),
-}
+_ALONE: Final[dict[str, ArmName]] = {"peg": "peg", "hole": "hole", "none": "peg"}
 _LIMITS: Final[dict[Kind, float]] = {"lateral": 0.03, "rotational": 0.3}  # m and rad
 
 Responses = Mapping[str, SettlingPlant]  # by axis
@@ -237,21 +233,19 @@ def arm_responses(scenario: ResolvedAlignmentScenario) -> tuple[Responses, ...]:
     Gains are in pixels per m, or 1. Where none compensates it is that of the peg's arm.
     """
     chosen = scenario.compensated
-    arms = scenario.arms if chosen == "both" else _ALONE[chosen]
+    arms = scenario.arms if chosen == "both" else (_ALONE[chosen],)
     period = scenario.cameras.frames.period
     dead = np.ones(dead_samples(scenario))
     pixels: dict[Kind, float] = {"lateral": 1 / scenario.cameras.pixel_size, "rotational": 1.0}
-    found = []
-    for arm in arms:
-        responses = step_responses(scenario, arm)
-        plants = {}
-        for kind, axes in SEEN.items():
-            for axis in axes:
-                left = np.concatenate([dead, responses.sampled(axis, period)])
-                gain = pixels[kind] * float(responses.gain[AXES.index(axis)])
-                plants[axis] = SettlingPlant(gain, left)
-        found.append(plants)
-    return tuple(found)
+
+    def plant(responses: StepResponses, kind: Kind, axis: str) -> SettlingPlant:
+        left = np.concatenate([dead, responses.sampled(axis, period)])
+        return SettlingPlant(pixels[kind] * float(responses.gain[AXES.index(axis)]), left)
+
+    return tuple(
+        {axis: plant(responses, kind, axis) for kind, axes in SEEN.items() for axis in axes}
+        for responses in (step_responses(scenario, arm) for arm in arms)
+    )
 
 
 def of_kind(responses: Sequence[Responses], kind: Kind) -> list[SettlingPlant]:

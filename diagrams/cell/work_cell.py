@@ -47,7 +47,7 @@ from chamfer.models.arms.serial_arm import SerialArm
 from chamfer.models.arms.urdf_arm import chosen_arm
 from chamfer.models.cameras.camera import View
 from chamfer.models.peg.part_surfaces import part_shape
-from chamfer.models.peg.peg_and_hole import Colour, ColouredParts
+from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.peg.support import Support, in_series
 from chamfer.models.validation import (
     ParameterError,
@@ -308,17 +308,14 @@ def add_work_cell(
     for arm, instance in instances.items():
         model = getattr(scenario, arm).known_arm()
         q = scenario.rest_posture(arm)
-        controller = (controllers or {}).get(arm)
-        if controller is None:
-            controller = ImpedanceController(model, q, scenario.impedance)
-        else:
-            n = len(q)
-            require_ports(
-                f"{arm} controller",
-                controller,
-                inputs={"encoders": 2 * n, "desired_pose": POSE_SIZE, "desired_velocity": 6},
-                outputs={"torque": n, "tool_pose": POSE_SIZE, "saturated": n},
-            )
+        own, n = (controllers or {}).get(arm), len(q)
+        controller = own or ImpedanceController(model, q, scenario.impedance)
+        require_ports(
+            f"{arm} controller",
+            controller,
+            inputs={"encoders": 2 * n, "desired_pose": POSE_SIZE, "desired_velocity": 6},
+            outputs={"torque": n, "tool_pose": POSE_SIZE, "saturated": n},
+        )
         if start is not None and arm in start:
             q = model.joint_positions(start[arm], q)
         plant.SetDefaultPositions(instance, q)
@@ -388,9 +385,8 @@ def connect_arm(
     # Behind the motors' torques come those of the friction, which is at rest by itself.
     actuators, motors = plant.num_actuators(instance), controller.GetOutputPort("torque").size()
     drive = builder.AddNamedSystem(f"{arm} drives", MatrixGain(np.eye(actuators, motors)))
-    rest = builder.AddNamedSystem(
-        f"{arm} friction at rest", ConstantVectorSource(np.zeros(2 * actuators))
-    )
+    still = ConstantVectorSource(np.zeros(2 * actuators))
+    rest = builder.AddNamedSystem(f"{arm} friction at rest", still)
     tool = plant.GetBodyByName("tool", instance)
     true_pose = builder.AddNamedSystem(f"{arm} true pose", TruePose(tool.index()))
     encoders = plant.get_state_output_port(instance)
@@ -416,19 +412,19 @@ _MOST_HELD: Final = 0.9
 
 def resolve_arms(scenario: ScenarioT) -> ScenarioT:
     """Fill in posture, friction and rotors of the arms, which have to reach and hold there."""
+    filled: dict[str, Any] = {}
     for arm in scenario.arms:
         settings: CellArmSettings = getattr(scenario, arm)
         with within("impedance"):
             scenario.impedance.limits(settings.arm)
         posture = scenario.rest_posture(arm) if settings.near is None else settings.near
-        filled: dict[str, Any] = {}
         filled[arm] = replace(
             settings,
             posture=tuple(posture.tolist()),
             joint_friction=settings.arm.dry_friction,
             rotor_inertia=settings.arm.rotor_inertia,
         )
-        scenario = replace(scenario, **filled)
+    scenario = replace(scenario, **filled)
     require_strong(scenario, 0.0)
     return scenario
 
@@ -516,13 +512,11 @@ def add_part_meshes(
     parts: ColouredParts, plant: MultibodyPlant, bodies: dict[ArmName, RigidBody]
 ) -> None:
     """Add the peg and a see-through hole part, to be seen, in the frames of two bodies."""
-    looks: dict[ArmName, tuple[Array, Colour, float]] = {
-        "peg": (parts.peg.closed_profile, parts.peg_colour, 1.0),
-        "hole": (parts.hole.closed_profile, parts.hole_colour, _SEE_THROUGH),
-    }
-    for part, (profile, colour, opacity) in looks.items():
+    opacity: dict[ArmName, float] = {"peg": 1.0, "hole": _SEE_THROUGH}
+    for part, share in opacity.items():
+        profile = getattr(parts, part).closed_profile
         mesh = part_shape(profile, _SIDES, part, parts.section)
-        rgba = np.array([*(channel / 255 for channel in colour), opacity])
+        rgba = np.array([*(np.array(getattr(parts, f"{part}_colour")) / 255), share])
         plant.RegisterVisualGeometry(bodies[part], RigidTransform(), mesh, part, rgba)
 
 

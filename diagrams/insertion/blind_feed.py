@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, TypeVar, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
@@ -40,7 +39,6 @@ from chamfer.models.validation import (
 from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
 from chamfer.systems.pose import pose_vector
 
-Array = NDArray[np.float64]
 Plane = Literal["xy", "xz"]
 
 
@@ -163,16 +161,11 @@ def make_blind_feed_diagram(scenario: BlindFeedScenario) -> Diagram:
     return diagram
 
 
-def _axis(scenario: BlindFeedScenario) -> Array:
-    axis: Array = scenario.nominal_pose("hole").rotation().matrix()[:, 0]
-    return axis
-
-
 def _pose(scenario: BlindFeedScenario, X_WT: RigidTransform) -> PiecewisePolynomial:
     """Return the desired pose over time."""
     start = pose_vector(X_WT)
     fed = start.copy()
-    fed[4:] += scenario.feed * _axis(scenario)
+    fed[4:] += scenario.feed * scenario.hole_axes.matrix()[:, 0]
     times = [0.0, scenario.fed, scenario.released, scenario.duration]
     poses = [start, fed, fed, start]
     if not scenario.rest:
@@ -182,7 +175,7 @@ def _pose(scenario: BlindFeedScenario, X_WT: RigidTransform) -> PiecewisePolynom
 
 def _velocity(scenario: BlindFeedScenario) -> PiecewisePolynomial:
     """Return the desired velocity likewise; as the push is taken away it is that of rest."""
-    forward = np.concatenate([np.zeros(3), scenario.speed * _axis(scenario)])
+    forward = np.concatenate([np.zeros(3), scenario.speed * scenario.hole_axes.matrix()[:, 0]])
     rest = np.zeros(6)
     times = [0.0, scenario.fed, scenario.duration]
     return PiecewisePolynomial.ZeroOrderHold(times, np.array([forward, rest, rest]).T)

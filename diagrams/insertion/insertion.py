@@ -93,12 +93,8 @@ class InsertionScenario(AlignmentScenario):
             raise ParameterError("insert.depth", depth, allowed)
         if self.insert.speed is not None:
             require_resolved_clearance(self.parts, self.insert.speed, self.step)
-        if not (
-            math.isfinite(self.peg_excess)
-            and self.parts.peg_chamfer.width
-            < self.parts.peg_radius + self.peg_excess
-            < self.parts.hole.mouth_radius
-        ):
+        radius = self.parts.peg_radius + self.peg_excess
+        if not self.parts.peg_chamfer.width < radius < self.parts.hole.mouth_radius:
             allowed = "such that the peg's tip still finds the mouth"
             raise ParameterError("peg_excess", self.peg_excess, allowed)
 
@@ -241,9 +237,8 @@ def make_insertion_diagram(
     if "hole" in cell.arms:
         connect(commands["hole"], cell.arms["hole"].desired_pose)
     _add_advance(builder, scenario, cell, commands, motions["peg"], task)
-    for arm in ARMS:
-        if arm in cell.arms:
-            connect(cell.arms[arm].saturated, task.GetInputPort(f"{arm}_saturated"))
+    for arm, ports in cell.arms.items():
+        connect(ports.saturated, task.GetInputPort(f"{arm}_saturated"))
     export_alignment(builder, cell, motions, error, watch, compensation)
     builder.ExportOutput(task.GetOutputPort("errors"), "measured")
     for name in ("feed", "attempts", "sensed_force", "sensed_depth", "trouble", "state"):

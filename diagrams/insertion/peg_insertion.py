@@ -207,11 +207,8 @@ def _add_sprung_peg(
     shape = UnitInertia.SolidCylinder(parts.peg_radius, parts.peg_length, np.array([1.0, 0, 0]))
     if parts.section == "square":
         shape = UnitInertia.SolidBox(parts.peg_length, 2 * parts.peg_radius, 2 * parts.peg_radius)
-    inertia = SpatialInertia(
-        mass,
-        np.array([-back, 0.0, 0.0]),
-        shape.ShiftFromCenterOfMass(np.array([back, 0.0, 0.0])),
-    )
+    middle = np.array([-back, 0.0, 0.0])
+    inertia = SpatialInertia(mass, middle, shape.ShiftFromCenterOfMass(-middle))
     plant.set_gravity_enabled(instance, False)
     about_middle = shape.get_moments()[1]
     turning = mass * ((L_g - back) ** 2 + about_middle)
@@ -277,7 +274,6 @@ def make_peg_insertion_view(
     coloured = ColouredParts(**vars(scenario.parts))
     add_part_meshes(coloured, plant, {"peg": body, "hole": plant.world_body()})
     plant.Finalize()
-    MeshcatVisualizer.AddToBuilder(
-        builder, scene_graph, meshcat, MeshcatVisualizerParams(prefix="insertion")
-    )
+    params = MeshcatVisualizerParams(prefix="insertion")
+    MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, params)
     return builder.Build(), plant
