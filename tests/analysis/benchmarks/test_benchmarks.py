@@ -29,7 +29,6 @@ from chamfer.analysis.benchmarks.engine import (
     agree,
     exact,
     interleave,
-    median,
 )
 from chamfer.analysis.benchmarks.peers import COMPILED, EXTRA, PEERS, missing
 from chamfer.analysis.benchmarks.peg_benchmark import CHAMFER, STATICS, TABLE, Result, cell, sure
@@ -157,11 +156,6 @@ def test_engines_take_turns_for_as_long_as_their_share(monkeypatch: pytest.Monke
     machine.time(machine.engine("a", 1.0), cut, rounds=9)
     assert machine.order.endswith("!")
     assert (len(cut.running), len(cut.building)) == (1, 1)
-
-
-def test_medians() -> None:
-    assert median([4.0, 100.0, 2.0, 6.0]) == 5.0
-    assert math.isnan(median([]))
 
 
 def test_a_factor_is_simulated_over_elapsed(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,7 +1,6 @@
 """The state machine against a PID law in the same cell."""
 
 import math
-import re
 from dataclasses import replace
 from typing import Any
 
@@ -191,29 +190,3 @@ def test_rows_and_errors_over_time(cell: Cell) -> None:
             assert set(table["lateral_error"][of]) == {
                 outcome.traces[f"{name}.lateral_error"][run]
             }
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"trials": 0}, "trials is 0, allowed: 1 to 10000"),
-        ({"tuning_trials": -1}, "tuning_trials is -1, allowed: 0 to 1000"),
-        ({"tuning_trials": 1001}, "tuning_trials is 1001, allowed: 0 to 1000"),
-        ({"small_lateral": ()}, "small_lateral is (), allowed: one or more finite numbers > 0"),
-        (
-            {"small_rotational": (1e-3, 0.0)},
-            "small_rotational is (0.001, 0.0), allowed: one or more finite numbers > 0",
-        ),
-        (
-            {"closed_loop": (math.inf,)},
-            "closed_loop is (inf,), allowed: one or more finite numbers > 0",
-        ),
-        (
-            {"closed_loop": (math.nan,)},
-            "closed_loop is (nan,), allowed: one or more finite numbers > 0",
-        ),
-    ],
-)
-def test_scenarios_that_are_none(values: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
-        AlignmentComparisonScenario(**values)

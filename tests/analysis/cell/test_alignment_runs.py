@@ -14,12 +14,12 @@ from scipy.spatial.transform import Rotation
 
 from chamfer.analysis.campaign.campaign import Trials
 from chamfer.analysis.campaign.trial_metrics import bootstrap_interval
+from chamfer.analysis.cell.alignment_comparison import AlignmentComparisonScenario
 from chamfer.analysis.cell.alignment_runs import (
     ALIGNMENT,
     LATE,
     SETTLED,
     STOPPED,
-    AlignmentTrialsScenario,
     RepeatabilityScenario,
     Spread,
     alignment_charts,
@@ -348,11 +348,16 @@ def test_within_the_ranges(seed: int, **ranges: float) -> None:
         ({"link_mass": 1.5}, "link_mass is 1.5, allowed: from 0 to less than 1"),
         ({"trials": 0}, "trials is 0, allowed: 1 to 10000"),
         ({"trials": 10_001}, "trials is 10001, allowed: 1 to 10000"),
+        ({"tuning_trials": -1}, "tuning_trials is -1, allowed: 0 to 1000"),
+        ({"small_lateral": ()}, "small_lateral is (), allowed: one or more finite numbers > 0"),
+        ({"small_rotational": (1e-3, 0.0)}, "small_rotational is (0.001, 0.0), allowed: one or"),
+        ({"closed_loop": (math.nan,)}, "closed_loop is (nan,), allowed: one or more finite num"),
     ],
 )
 def test_spreads_and_trials_that_are_none(values: dict[str, Any], message: str) -> None:
-    kind = AlignmentTrialsScenario if "trials" in values else Spread
-    with pytest.raises(ParameterError, match=f"^{re.escape(message)}$"):
+    (name,) = values
+    kind = Spread if name in vars(Spread()) else AlignmentComparisonScenario
+    with pytest.raises(ParameterError, match=f"^{re.escape(message)}"):
         kind(**values)
 
 

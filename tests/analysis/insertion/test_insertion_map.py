@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
+from chamfer.analysis.insertion.contact_convergence import ConvergenceScenario
 from chamfer.analysis.insertion.insertion_map import (
     BlindFeed,
     DrawnCells,
@@ -129,11 +130,13 @@ def test_failures_and_agreement_are_counted_where_theory_is_sure() -> None:
         ("largest_lateral=0", "largest_lateral is 0.0, allowed: a finite number > 0"),
         ("drawn.draws=0", "drawn.draws is 0, allowed: 1 to 10000"),
         ("drawn.errors.link_mass=1", "drawn.errors.link_mass is 1.0, allowed: from 0 to less"),
+        ("steps=[0.001,-1]", "steps is (0.001, -1.0), allowed: finite numbers > 0"),
     ],
 )
 def test_mistakes_are_said_in_one_line(setting: str, message: str) -> None:
+    scenario = ConvergenceScenario() if setting.startswith("steps") else SCENARIO
     with pytest.raises(UserError) as caught:
-        make_scenario(SCENARIO, settings=[setting])
+        make_scenario(scenario, settings=[setting])
     assert str(caught.value).startswith(message)
 
 

@@ -210,23 +210,6 @@ def test_a_wrong_wire_is_found(start: str, end: str) -> None:
     assert leaks(wiring | {(start, end)}, "trajectory compensator", grabbers)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"initial_error": (0.0, 1.0)}, "initial_error is (0.0, 1.0), allowed: 6 finite numbers"),
-        ({"start_offset": (0.0, 0.0)}, "start_offset is (0.0, 0.0), allowed: 3 finite numbers"),
-        ({"compensated": "left"}, "compensated is 'left', allowed: peg, hole, both, none"),
-        ({"begin": 0.0}, "begin is 0.0, allowed: a finite number > 0"),
-        ({"motion_time": -1.0}, "motion_time is -1.0, allowed: a finite number > 0"),
-        ({"compensation_time": math.inf}, "compensation_time is inf, allowed: a finite"),
-    ],
-)
-def test_scenarios_that_cannot_be(change: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError) as caught:
-        AlignmentScenario(**change)
-    assert str(caught.value).startswith(message)
-
-
 SHORT = resolve(AlignmentScenario(begin=0.2, compensation_time=1.0))
 
 

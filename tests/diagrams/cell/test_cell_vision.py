@@ -384,33 +384,6 @@ def test_a_file_is_what_is_believed(tmp_path: Path) -> None:
         resolve(AlignmentScenario(cameras=cameras))
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"renderer": "gl"}, "renderer is 'gl', allowed: software, vtk"),
-        ({"measured": "depth"}, "measured is 'depth', allowed: image, metric"),
-        ({"distance": 0.0}, "distance is 0.0, allowed: a finite number > 0"),
-        ({"roll": math.nan}, "roll is nan, allowed: a finite number"),
-        (
-            {"xz": ViewSettings(sensor=SensorParams(exposure=0.02))},
-            "xz.sensor.exposure is 0.02, allowed: at most the camera's period, 0.0125 s",
-        ),
-        (
-            {"xy": ViewSettings(frames=ViewFrames(period=-1.0))},
-            "xy.frames.period is -1.0, allowed: a number from 0.0001 to 1000",
-        ),
-        (
-            {"renderer": "vtk", "xz": ViewSettings(sensor=SensorParams(exposure=0.01))},
-            "xz.sensor.exposure is 0.01, allowed: 0.0: vtk can't draw it",
-        ),
-    ],
-)
-def test_settings_that_cannot_be(change: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError) as caught:
-        CameraSettings(**change)
-    assert str(caught.value) == message
-
-
 def test_a_believed_camera_beyond_the_parts_is_refused() -> None:
     cameras = settings(xz=ViewSettings(believed=CameraModel(position=(0.0, 0.0, 0.6))))
     with pytest.raises(ParameterError, match=r"^cameras\.xz\.believed\.position is .* ahead$"):

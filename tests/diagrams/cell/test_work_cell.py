@@ -31,7 +31,6 @@ from chamfer.diagrams.cell.work_cell import (
 from chamfer.models.arms import wam
 from chamfer.models.cameras.camera import View
 from chamfer.models.peg.support import Support
-from chamfer.models.validation import ParameterError
 from chamfer.systems.force.arm_model import Placement
 from chamfer.systems.force.impedance_controller import (
     ImpedanceController,
@@ -162,35 +161,6 @@ def test_controllers_know_the_arms_by_their_encoders_alone() -> None:
     read_by = {end for (end, _), start in wires.items() if start == ("arms", "body_poses")}
     assert read_by == {f"{arm} true pose" for arm in ARMS}
     assert not [start for start, _ in wires.values() if "true pose" in start]  # exported only
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"payload_error": -0.1}, "payload_error is -0.1, allowed: a finite number >= 0"),
-        ({"mass_scale": 0.0}, "mass_scale is 0.0, allowed: a finite number > 0"),
-        ({"payload_position": (0.0, 0.0)}, "payload_position is (0.0, 0.0), allowed: 3 finite"),
-    ],
-)
-def test_arms_that_cannot_be(change: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError) as caught:
-        replace(PEG_ARM, **change)
-    assert str(caught.value).startswith(message)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"step": 0.0}, "step is 0.0, allowed: a finite number > 0"),
-        ({"step": 0.0015}, "step is 0.0015, allowed: a whole part of the controllers' period"),
-        ({"gap": math.inf}, "gap is inf, allowed: a finite number"),
-        ({"meeting_point": (0.0, 0.0)}, "meeting_point is (0.0, 0.0), allowed: 3 finite"),
-    ],
-)
-def test_scenarios_that_cannot_be(change: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError) as caught:
-        WorkCellScenario(**change)
-    assert str(caught.value).startswith(message)
 
 
 STIFFNESS = np.array([5.0] * 3 + [400.0] * 3)  # the default, N m/rad and N/m
