@@ -16,7 +16,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from scipy.spatial.transform import Rotation
 
 from chamfer.analysis.campaign.campaign import Trials, run_each
-from chamfer.analysis.campaign.trial_metrics import metrics_of, over_trials
+from chamfer.analysis.campaign.trial_metrics import metrics_of, over_trials, prefixed
 from chamfer.analysis.campaign.trial_rows import Row, table_of, with_table
 from chamfer.analysis.cell.alignment_runs import (
     ALIGNMENT,
@@ -85,17 +85,10 @@ from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.camera_image import Image, add_noise, shaded
 from chamfer.systems.cameras.software_camera import between, render, render_moving
 from chamfer.systems.pose import POSE_NAMES, pose_from_vector
+from chamfer.systems.vision.cell_error import AXES
 from chamfer.systems.vision.part_detection import Detection, detect_parts
 
 _CHANNELS: Final = ("red", "green", "blue")
-
-
-def take_pictures(
-    scenario: AlignmentScenario, traces: Table, seed: int
-) -> dict[str, NDArray[np.uint8]]:
-    """Return the pictures before and after the compensation."""
-    begin = row_before(traces["time"], scenario.begin)
-    return pictures_at(scenario, traces, {"before": begin, "after": -1}, seed)
 
 
 def pictures_at(
@@ -160,14 +153,13 @@ def run(scenario: ResolvedAlignmentScenario, seed: int, progress: Progress) -> O
     metrics["detected"] = detected_metric(np.array([measured["detected"]], np.float64))
     warn_of_stops({name: column([measured[name] or 0.0]) for name in STOPPED})
     metrics |= settling_metrics(scenario)
-    metrics["real_time_factor"] = Metric(
-        value=round(scenario.duration / wall, 2), unit="", note=_SPEED
-    )
+    metrics |= metrics_of({"real_time_factor": (round(scenario.duration / wall, 2), "", _SPEED)})
+    moments = {"before": row_before(traces["time"], scenario.begin), "after": -1}
     return Outcome(
         metrics=metrics,
         traces=traces,
         simulated_seconds=scenario.duration,
-        tables={"pictures": take_pictures(scenario, traces, seed)},
+        tables={"pictures": pictures_at(scenario, traces, moments, seed)},
     )
 
 
@@ -217,16 +209,18 @@ def _over_trials(finished: Trials[int]) -> dict[str, Metric]:
 def _rows(
     scenario: RepeatabilityScenario, seed: int, finished: Trials[int]
 ) -> dict[str, np.ndarray]:
-    rows = {"trial": column(finished.tasks)}
-    scenarios = [drawn(scenario, scenario.spread, seed, trial) for trial in finished.tasks]
-    for i, axis in ((1, "y"), (2, "z"), (4, "pitch"), (5, "yaw")):
-        rows[f"initial_{axis}"] = column([one.initial_error[i] for one in scenarios])
-    for arm in scenario.arms:
-        settings = [getattr(one, arm) for one in scenarios]
-        rows[f"{arm}_payload_error"] = column([one.payload_error for one in settings])
-        rows[f"{arm}_mass_scale"] = column([one.mass_scale for one in settings])
-        rows[f"{arm}_joint_friction"] = column([max(one.arm.dry_friction) for one in settings])
-    return rows | {name: finished.column(name) for name in ALIGNMENT}
+    rows: dict[str, list[float]] = {"trial": [*finished.tasks]}
+    for one in (drawn(scenario, scenario.spread, seed, trial) for trial in finished.tasks):
+        row = {f"initial_{AXES[i]}": one.initial_error[i] for i in (1, 2, 4, 5)}
+        for arm in scenario.arms:
+            settings: CellArmSettings = getattr(one, arm)
+            row[f"{arm}_payload_error"] = settings.payload_error
+            row[f"{arm}_mass_scale"] = settings.mass_scale
+            row[f"{arm}_joint_friction"] = max(settings.arm.dry_friction)
+        for name, value in row.items():
+            rows.setdefault(name, []).append(value)
+    drawn_rows = {name: column(values) for name, values in rows.items()}
+    return drawn_rows | {name: finished.column(name) for name in ALIGNMENT}
 
 
 def figures(scenario: AlignmentScenario, outcome: Outcome) -> Mapping[str, Figure]:
@@ -258,7 +252,6 @@ _QUATERNION: Final[tuple[tuple[str, str, Style], ...]] = (
     ("qy", "y", {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.8}),
     ("qz", "z", {"color": "#e07b00", "linestyle": "-", "linewidth": 1.8}),
 )
-_ARMS: Final = {"peg": "peg's arm", "hole": "hole's arm"}
 _LATERAL: Final[Style] = {"color": "#e07b00", "linestyle": "-", "linewidth": 1.6}
 _ROTATIONAL: Final[Style] = {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.6}
 _SIDES: Final[Style] = {"color": "#1b4f9c", "linestyle": "-", "linewidth": 1.6}
@@ -308,40 +301,34 @@ def plot_alignment(scenario: AlignmentScenario, outcome: Outcome) -> Figure:
     time = traces["time"]
     rows = 1 + len(scenario.arms)
     figure = new_figure(11.0, 0.4 + 3.2 * rows)
-    grid = figure.add_gridspec(rows, 2)
-    lateral, angle = (figure.add_subplot(grid[0, k]) for k in range(2))
-    for axes, name, scale, mean, settled, unit in (
-        (lateral, "lateral", 1e3, MEAN_ERROR[0], SETTLED[0], "mm"),
-        (angle, "rotational", 1e3, MEAN_ERROR[1], SETTLED[1], "mrad"),
+    panels = figure.subplots(rows, 2)
+    for k, (name, unit, style) in enumerate(
+        (("lateral", "mm", _LATERAL), ("rotational", "mrad", _ROTATIONAL))
     ):
-        style = _LATERAL if name == "lateral" else _ROTATIONAL
-        error = scale * np.maximum(traces[f"{name}_error"], 1e-6)
+        axes, mean, settled = panels[0, k], 1e3 * MEAN_ERROR[k], 1e3 * SETTLED[k]
+        error = 1e3 * np.maximum(traces[f"{name}_error"], 1e-6)
         axes.semilogy(time, error, **style)
-        axes.axhline(scale * mean, label="published mean of ten runs", **PUBLISHED)
-        axes.axhspan(1e-9, scale * settled, label="counted as settled", **BAND)
+        axes.axhline(mean, label="published mean of ten runs", **PUBLISHED)
+        axes.axhspan(1e-9, settled, label="counted as settled", **BAND)
         # Above the curves there is room for the legend.
-        axes.set_ylim(scale * settled / 100, 8 * max(float(error.max()), scale * mean))
-        title = f"({'ab'[name == 'rotational']}) True {name} error"
-        dress(axes, title=title, x="", y=f"error / {unit}")
+        axes.set_ylim(settled / 100, 8 * max(float(error.max()), mean))
+        dress(axes, title=f"({'ab'[k]}) True {name} error", x="", y=f"error / {unit}")
         legend(axes, loc="upper right")
-    for row, arm in enumerate(scenario.arms, start=1):
-        shift, turn = (figure.add_subplot(grid[row, k]) for k in range(2))
-        lines = [
-            Curve(
-                1e3 * (traces[f"{arm}_{name}"] - traces[f"{arm}_{name}"][0]), name.upper(), style
+    for (shift, turn), arm, (a, b) in zip(
+        panels[1:], scenario.arms, (("c", "d"), ("e", "f")), strict=False
+    ):
+        shifts = [
+            Curve(1e3 * (of - of[0]), name.upper(), style)
+            for of, name, style in (
+                (traces[f"{arm}_{name}"], name, style) for name, style in _AXES
             )
-            for name, style in _AXES
         ]
-        a, b = {"peg": ("c", "d"), "hole": ("e", "f")}[arm]
-        title = f"({a}) Lateral compensation, {_ARMS[arm]}"
-        draw_lines(shift, time, lines, title=title, y="added / mm", over="")
+        title = f"({a}) Lateral compensation, {arm}'s arm"
+        draw_lines(shift, time, shifts, title=title, y="added / mm", over="")
         turned = _relative(traces, arm)
-        lines = [
-            Curve(turned[name] - (name == "qw"), label, style)
-            for name, label, style in _QUATERNION
-        ]
-        title = f"({b}) Rotational compensation, {_ARMS[arm]}, as quaternion"
-        draw_lines(turn, time, lines, title=title, y="element", over="")
+        turns = [Curve(turned[name], label, style) for name, label, style in _QUATERNION]
+        title = f"({b}) Rotational compensation, {arm}'s arm, as quaternion"
+        draw_lines(turn, time, turns, title=title, y="element", over="")
         for axes in (shift, turn):
             legend(axes, loc="upper left", ncols=4)
             axes.margins(y=0.3)
@@ -354,10 +341,11 @@ def plot_alignment(scenario: AlignmentScenario, outcome: Outcome) -> Figure:
 
 
 def _relative(traces: Any, arm: str) -> dict[str, NDArray[np.float64]]:
-    """Return the commanded quaternion relative to the first one, in the world's axes."""
+    """Return the commanded quaternion relative to the first one, less 1, in the world's axes."""
     q = np.column_stack([traces[f"{arm}_{name}"] for name, _, _ in _QUATERNION])
     turned = Rotation.from_quat(q, scalar_first=True)
     relative = (turned * turned[0].inv()).as_quat(scalar_first=True, canonical=True)
+    relative[:, 0] -= 1
     return {name: relative[:, i] for i, (name, _, _) in enumerate(_QUATERNION)}
 
 
@@ -368,13 +356,15 @@ def repeatability_figures(
     figure = new_figure(11.5, 8.0)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.15))
     table = outcome.tables["errors"]
-    for row, (name, unit, published) in enumerate(
-        (("lateral", "mm", MEAN_ERROR[0]), ("rotational", "mrad", MEAN_ERROR[1]))
+    for row, (name, unit, published, style) in enumerate(
+        (
+            ("lateral", "mm", MEAN_ERROR[0], _LATERAL),
+            ("rotational", "mrad", MEAN_ERROR[1], _ROTATIONAL),
+        )
     ):
         axes = figure.add_subplot(grid[row, 0])
-        color = "#e07b00" if name == "lateral" else "#1b4f9c"
         errors = 1e3 * np.maximum(table[f"{name}_error"], 1e-6)
-        thin: Style = {"color": color, "linewidth": 0.7, "alpha": 0.6}
+        thin: Style = {"color": style["color"], "linewidth": 0.7, "alpha": 0.6}
         draw_lines(
             axes,
             (),
@@ -417,8 +407,9 @@ def _ends(axes: Axes, scenario: RepeatabilityScenario, outcome: Outcome) -> None
     )
     if np.isfinite([low, high]).all():
         look: Style = {"facecolor": "none", "edgecolor": "#1b7f5c", "linewidth": 1.6}
-        label = "95 % intervals of the means"
-        axes.add_patch(Rectangle((low[0], low[1]), *(high - low), label=label, **look))
+        axes.add_patch(
+            Rectangle((low[0], low[1]), *(high - low), label="95 % intervals of the means", **look)
+        )
     published: Style = {"color": "#b00020", "linestyle": "none", "markersize": 7}
     for (eps, theta), label, marker in (
         (MEAN_ERROR, "published mean of ten runs", "o"),
@@ -451,29 +442,22 @@ def run_tracking(scenario: ResolvedAlignmentScenario, seed: int, progress: Progr
     runs = {name: table_of(one.rows[0]) for name, one in split.items()}
     goal = scenario.mouth[2]
     metrics: dict[str, Metric] = {}
-    traces = {
-        "time": runs["compensated"]["time"],
-        "desired_height": runs["compensated"]["peg_desired_z"],
-    }
-    time = traces["time"]
+    with_it = runs["compensated"]
+    time, desired = with_it["time"], with_it["peg_desired_z"]
+    traces = {"time": time, "desired_height": desired}
     moving = time <= scenario.motion_time
     late = time >= time[-1] - LATE - 1e-9
+    of_late = f"mean of the last {LATE:g} s"
     for name, found in runs.items():
         height = found["peg_true_z"]
-        off = height - traces["desired_height"]
-        metrics |= {
-            f"{name}.height_error": Metric(
-                value=float(np.mean(height[late]) - goal),
-                unit="m",
-                note=f"mean of the last {LATE:g} s",
-            ),
-            f"{name}.height_error_max": Metric(
-                value=float(np.abs(height[late] - goal).max()), unit="m"
-            ),
-            f"{name}.tracking_rms": Metric(
-                value=float(np.sqrt(np.mean(off[moving] ** 2))), unit="m", note="on the way"
-            ),
+        rms = float(np.sqrt(np.mean((height - desired)[moving] ** 2)))
+        off = height[late] - goal
+        measured = {
+            "height_error": (float(np.mean(height[late]) - goal), "m", of_late),
+            "height_error_max": (float(np.abs(off).max()), "m", ""),
+            "tracking_rms": (rms, "m", "on the way"),
         }
+        metrics |= prefixed(name, metrics_of(measured))
         traces |= {
             f"{name}_height": height,
             f"{name}_encoder_height": found["peg_tool_z"],
@@ -481,10 +465,9 @@ def run_tracking(scenario: ResolvedAlignmentScenario, seed: int, progress: Progr
             f"{name}_valid": found["valid"],
         }
     # Without compensation the compensator asks for one too, which nobody adds.
-    traces["compensation"] = runs["compensated"]["compensation_z"]
-    seen = detected_share(runs["compensated"], scenario)
-    metrics["detected"] = detected_metric(np.array([seen]))
-    stopped = stopped_values(runs["compensated"], scenario)
+    traces["compensation"] = with_it["compensation_z"]
+    metrics["detected"] = detected_metric(np.array([detected_share(with_it, scenario)]))
+    stopped = stopped_values(with_it, scenario)
     warn_of_stops({name: column([stopped[name] or 0.0]) for name in STOPPED})
     metrics |= {name: Metric(value=value, unit="") for name, value in stopped.items()}
     metrics |= settling_metrics(scenario)
@@ -539,8 +522,6 @@ def tracking_figures(
     error.set_xlim(0.0, float(time[-1]))
     return {"vertical-tracking": figure}
 
-
-Array = NDArray[np.float64]
 
 _EYE: Final = np.array([-0.04, -0.16, 0.10])  # m, from the middle of the gap; assumed
 _BODY: Final = (0.04, 0.03, 0.05)  # m, of a camera, along its axes; assumed

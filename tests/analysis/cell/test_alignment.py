@@ -16,10 +16,10 @@ from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.cell import alignment as alignment_module
 from chamfer.analysis.cell.alignment import (
     picture,
+    pictures_at,
     plot_alignment,
     plot_moments,
     replay_alignment,
-    take_pictures,
 )
 from chamfer.analysis.cell.alignment_runs import ALIGNMENT, RepeatabilityScenario, drawn
 from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
@@ -166,7 +166,7 @@ def outcome() -> Outcome:
         metrics={},
         traces=found,
         simulated_seconds=4.0,
-        tables={"pictures": take_pictures(SCENARIO, found, 0)},
+        tables={"pictures": pictures_at(SCENARIO, found, {"before": 119, "after": -1}, 0)},
     )
 
 
