@@ -317,11 +317,9 @@ def plot_alignment(scenario: AlignmentScenario, outcome: Outcome) -> Figure:
     for (shift, turn), arm, (a, b) in zip(
         panels[1:], scenario.arms, (("c", "d"), ("e", "f")), strict=False
     ):
+        place = {name: 1e3 * traces[f"{arm}_{name}"] for name, _ in _AXES}
         shifts = [
-            Curve(1e3 * (of - of[0]), name.upper(), style)
-            for of, name, style in (
-                (traces[f"{arm}_{name}"], name, style) for name, style in _AXES
-            )
+            Curve(place[name] - place[name][0], name.upper(), style) for name, style in _AXES
         ]
         title = f"({a}) Lateral compensation, {arm}'s arm"
         draw_lines(shift, time, shifts, title=title, y="added / mm", over="")

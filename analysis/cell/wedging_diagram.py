@@ -1,7 +1,7 @@
 """Fig. 2 for the paper's parts: from which initial errors a peg goes in without wedging."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Final
 
@@ -181,14 +181,11 @@ def run(scenario: ResolvedWedgingScenario, seed: int, progress: Progress) -> Out
             ),
         }
     )
-    rows: dict[str, list[Array]] = {}
+    paths = []
     for i, (name, start) in enumerate(scenario.starts().items()):
         path = _insertion(scenario, start)
-        for key, values in {"start": np.full(len(path["depth"]), float(i)), **path}.items():
-            rows.setdefault(key, []).append(values)
-        metrics |= {
-            f"{name}.{key}": value for key, value in _measure(scenario, start, path).items()
-        }
+        paths.append({"start": np.full(len(path["depth"]), float(i)), **path})
+        metrics |= prefixed(name, _measure(scenario, start, path))
     tables = {"boundaries": _boundaries(scenario)}
     simulated = 0.0
     if scenario.alignment is not None:
@@ -205,7 +202,7 @@ def run(scenario: ResolvedWedgingScenario, seed: int, progress: Progress) -> Out
         metrics["aligned.detected"] = detected_metric(finished.column("detected"))
     return Outcome(
         metrics=metrics,
-        traces={name: column(np.concatenate(parts_of)) for name, parts_of in rows.items()},
+        traces=_stacked(paths),
         simulated_seconds=simulated,
         tables=tables,
     )
@@ -287,17 +284,22 @@ def _boundaries(scenario: WedgingScenario) -> dict[str, Array]:
     """Return both forms of the sides for every compliance centre, that of the parts first."""
     parts, support = scenario.parts, scenario.support
     lateral = _drawn(parts, scenario.points)
-    rows: dict[str, list[Array]] = {}
+    forms: tuple[Form, ...] = ("simple", "exact")
+    tables = []
     for distance in (support.centre_distance, *scenario.centre_distances):
         there = replace(support, centre_distance=distance)
-        forms: tuple[Form, ...] = ("simple", "exact")
-        bounds = {form: rotation_bounds(parts, there, lateral, form) for form in forms}
-        values = {"centre_distance": np.full_like(lateral, distance), "lateral": lateral}
-        for form, (lower, upper) in bounds.items():
-            values |= {f"{form}_lower": lower, f"{form}_upper": upper}
-        for key, of in values.items():
-            rows.setdefault(key, []).append(of)
-    return {name: column(np.concatenate(of)) for name, of in rows.items()}
+        table = {"centre_distance": np.full_like(lateral, distance), "lateral": lateral}
+        for form in forms:
+            table[f"{form}_lower"], table[f"{form}_upper"] = rotation_bounds(
+                parts, there, lateral, form
+            )
+        tables.append(table)
+    return _stacked(tables)
+
+
+def _stacked(tables: Sequence[Mapping[str, Array]]) -> dict[str, Array]:
+    """Return tables of the same columns one below the other."""
+    return {name: column(np.concatenate([of[name] for of in tables])) for name in tables[0]}
 
 
 def _drawn(parts: PegHoleGeometry, points: int) -> Array:
@@ -333,10 +335,8 @@ def figures(scenario: WedgingScenario, outcome: Outcome) -> Mapping[str, Figure]
     if ends is not None:
         points += zip(ends["lateral_error"], ends["rotational_error"], strict=True)
     figure = new_figure(12.0, 6.6)
-    grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1.0))
-    whole = figure.add_subplot(grid[:, 0])
-    near = figure.add_subplot(grid[0, 1])
-    force = figure.add_subplot(grid[1, 1])
+    mosaic = figure.subplot_mosaic([["whole", "near"], ["whole", "force"]], width_ratios=(1.25, 1))
+    whole, near, force = (mosaic[name] for name in ("whole", "near", "force"))
     table = outcome.tables["boundaries"]
     for axes in (whole, near):
         _region(axes, parts, table)
@@ -351,15 +351,9 @@ def figures(scenario: WedgingScenario, outcome: Outcome) -> Mapping[str, Figure]
             axes.plot(*shown, label="simulated alignments", zorder=3, **_ENDS)
     _margins(near, starts, outcome)
     limits = parts.lateral_limit, parts.rotation_limit
-    box = Rectangle(
-        (-limits[0] * _MM, -limits[1] * _MRAD),
-        2 * limits[0] * _MM,
-        2 * limits[1] * _MRAD,
-        fill=False,
-        label="published limits: the no-wedge box",
-        **PUBLISHED,
-    )
-    whole.add_patch(box)
+    right, top = limits[0] * _MM, limits[1] * _MRAD
+    look: Style = {"fill": False, "label": "published limits: the no-wedge box", **PUBLISHED}
+    whole.add_patch(Rectangle((-right, -top), 2 * right, 2 * top, **look))
     near.axhline(parts.rotation_limit * _MRAD, **PUBLISHED)
     x, y = "initial lateral error / mm", "initial rotation / mrad"
     dress(whole, title="(a) Free of wedging: shaded", x=x, y=y)
@@ -369,15 +363,9 @@ def figures(scenario: WedgingScenario, outcome: Outcome) -> Mapping[str, Figure]
     tallest = np.max(np.abs(table["exact_upper"]), where=_own(table), initial=0.0)
     whole.set_ylim(*(np.array([-1.0, 1.0]) * 1.05 * tallest * _MRAD))
     # The quadrant of the starts, and every simulated end.
-    lateral, rotation = np.transpose(points)
-    near.set_xlim(
-        min(0.0, 1.1 * lateral.min()) * _MM,
-        max(1.5 * lateral.max(), 0.0) * _MM,
-    )
-    near.set_ylim(
-        min(0.0, 1.1 * rotation.min()) * _MRAD,
-        1.2 * max(rotation.max(), parts.rotation_limit) * _MRAD,
-    )
+    lateral, rotation = _MM * np.transpose(points)
+    near.set_xlim(min(0.0, 1.1 * lateral.min()), max(1.5 * lateral.max(), 0.0))
+    near.set_ylim(min(0.0, 1.1 * rotation.min()), 1.2 * max(rotation.max(), top))
     legend(whole, ncols=2, **_BELOW | {"bbox_to_anchor": (0.5, -0.09)})
     _force(force, parts, outcome)
     return {"wedging-diagram": figure}

@@ -85,14 +85,12 @@ def run(scenario: ResolvedInsertionScenario, seed: int, progress: Progress) -> O
         progress(fraction, doing or f"{fraction * scenario.duration:.0f} s of the task")
 
     done = run_cell_insertion(scenario, seed, told)
+    pictures = pictures_at(scenario.there, done.traces, _moments(scenario, done), seed)
     return Outcome(
         metrics=_metrics(scenario, done),
         traces=done.traces,
         simulated_seconds=float(done.traces["time"][-1]),
-        tables={
-            "path": path_table(done.path),
-            "pictures": pictures_at(scenario.there, done.traces, _moments(scenario, done), seed),
-        },
+        tables={"path": path_table(done.path), "pictures": pictures},
     )
 
 
@@ -159,7 +157,7 @@ _PLANES: Final[dict[str, tuple[str, Style]]] = {
     "xy": ("plane XY", {"color": "#e07b00", "linestyle": "-", "linewidth": 1.5}),
     "xz": ("plane XZ", {"color": "#1b7f5c", "linestyle": "--", "linewidth": 1.5}),
 }
-_MARKS: Final[dict[str, tuple[str, str]]] = {"xy": ("o", "#e07b00"), "xz": ("^", "#1b7f5c")}
+_MARKERS: Final = {"xy": "o", "xz": "^"}
 _RATIOS: Final = ((0.5, "#b00020"), (1.0, "#8f5bb5"), (2.0, "#1b4f9c"), (4.0, "#777777"))
 _ROOM: Final = 0.3  # of an axis, for the legend above the curves
 _MM: Final = 1e3
@@ -250,24 +248,14 @@ def _wedging(axes: Axes, scenario: ResolvedInsertionScenario, outcome: Outcome) 
     )
     for plane, (lateral, tilt) in errors_in_planes(traces).items():
         name, style = _PLANES[plane]
-        marker, colour = _MARKS[plane]
         axes.plot(_MM * lateral, _MRAD * tilt, label=f"path, {name}", **style)
-        if len(touched):
-            look: Style = {"marker": marker, "markersize": 7, "linestyle": "none"}
-            axes.plot(
-                _MM * lateral[touched[0]],
-                _MRAD * tilt[touched[0]],
-                label=f"first touch, {name}",
-                markerfacecolor=colour,
-                markeredgecolor="black",
-                **look,
-            )
-    dress(
-        axes,
-        title="(a) Path in the wedging diagram",
-        x="lateral error of the tip / mm",
-        y="tilt / mrad, equal signs add",
-    )
+        for row in touched[:1]:
+            look: Style = {"marker": _MARKERS[plane], "markersize": 7, "linestyle": "none"}
+            look |= {"markerfacecolor": style["color"], "markeredgecolor": "black"}
+            there = _MM * lateral[row], _MRAD * tilt[row]
+            axes.plot(*there, label=f"first touch, {name}", **look)
+    title, y = "(a) Path in the wedging diagram", "tilt / mrad, equal signs add"
+    dress(axes, title=title, x="lateral error of the tip / mm", y=y)
     legend(axes, loc="lower left", ncols=2)
     tallest = 1.6 * max(float(upper.max()), float(traces["rotational_error"].max()))
     axes.set_ylim(-_MRAD * tallest, _MRAD * tallest)
@@ -281,28 +269,22 @@ def _jamming(axes: Axes, scenario: ResolvedInsertionScenario, outcome: Outcome) 
         count = len(loads.depth)
         if not count:
             continue
-        rows = np.arange(count)[:: max(1, count // _FEW)]
-        marker, _ = _MARKS[plane]
+        few = slice(None, None, max(1, count // _FEW))
+        colours: Style = {"cmap": "viridis", "vmin": 0.0, "vmax": max(_RATIOS)[0]}
         points = axes.scatter(
-            loads.force_ratio[rows],
-            loads.moment_ratio[rows],
-            c=loads.depth[rows] / parts.wedging_depth,
-            cmap="viridis",
-            vmin=0.0,
-            vmax=max(_RATIOS)[0],
-            marker=marker,
+            loads.force_ratio[few],
+            loads.moment_ratio[few],
+            c=loads.depth[few] / parts.wedging_depth,
+            marker=_MARKERS[plane],
             s=14,
             label=f"loads of the run, {_PLANES[plane][0]}",
+            **colours,
         )
         if plane == "xy":
             axes.figure.colorbar(points, ax=axes, label=r"$\lambda = l / (2 r \mu)$ of the load")
     reach = 2 * max(_RATIOS)[0] + 2
     axes.set_xlim(-1.6 / parts.friction, 1.6 / parts.friction)
     axes.set_ylim(-reach, reach)
-    dress(
-        axes,
-        title="(b) Loads of the peg in the bore, in the jamming diagram",
-        x="$F_x / F_z$",
-        y="$M / (r F_z)$",
-    )
+    title = "(b) Loads of the peg in the bore, in the jamming diagram"
+    dress(axes, title=title, x="$F_x / F_z$", y="$M / (r F_z)$")
     legend(axes, loc="upper right")

@@ -308,8 +308,7 @@ def run(scenario: InsertionMapScenario, seed: int, progress: Progress) -> Outcom
     mapped = run_each(feed, cells, part_of(progress, 0.0, share))
     varied = run_each(feed, drawn, part_of(progress, share, 1.0)) if drawn else None
     traces = _cells(scenario, mapped)
-    metrics = confusion(traces)
-    metrics |= _differences(traces)
+    metrics = confusion(traces) | _differences(traces)
     tables = {"region": _region(scenario)}
     simulated = float(mapped.column("simulated_seconds").sum())
     if scenario.drawn is not None and varied is not None:
@@ -501,12 +500,7 @@ _OUTCOMES: Final[dict[FeedOutcome, Style]] = {
     FeedOutcome.ON_EDGE: {"marker": "^", "color": "#7a0060", "label": "stuck on the edge"},
     FeedOutcome.MISSED: {"marker": "x", "color": "#333333", "label": "missed"},
 }
-_WRONG: Final[Style] = {
-    "marker": "o",
-    "facecolors": "none",
-    "edgecolors": "#000000",
-    "linewidths": 1.8,
-}
+_WRONG: Final[Style] = {"marker": "o", "facecolors": "none", "edgecolors": "#000000"}
 _MM, _MRAD = 1e3, 1e3
 
 
@@ -552,16 +546,13 @@ def _draw_map(axes: Axes, plane: Plane, outcome: Outcome) -> None:
         of = cells["outcome"] == became
         axes.scatter(lateral[of], tilt[of], s=size, zorder=3, **style)
     off = wrong(cells)
-    axes.scatter(lateral[off], tilt[off], s=5 * size, zorder=4, **_WRONG)
+    axes.scatter(lateral[off], tilt[off], s=5 * size, zorder=4, linewidths=1.8, **_WRONG)
     safe = cells["predicted_verdict"] == FeedVerdict.SAFE
     failed = int(np.sum(safe & (cells["outcome"] != FeedOutcome.SEATED)))
-    dress(
-        axes,
-        title=f"Errors in the hole's plane {plane.upper()}: of {int(safe.sum())} cells "
-        f"that theory calls safe {failed} failed",
-        x="lateral error at touch / mm",
-        y="tilt at touch (equal signs add) / mrad",
-    )
+    title = f"Errors in the hole's plane {plane.upper()}: of {int(safe.sum())} cells "
+    title += f"that theory calls safe {failed} failed"
+    x, y = "lateral error at touch / mm", "tilt at touch (equal signs add) / mrad"
+    dress(axes, title=title, x=x, y=y)
 
 
 def _shade(axes: Axes, region: Table) -> None:
@@ -603,12 +594,8 @@ def _draw_force(axes: Axes, traces: Table) -> None:
         colour = "#14733a" if said == FeedVerdict.SAFE else "#c79a00"
         axes.plot(*force, "o", markersize=3.5, color=colour, alpha=0.8, label=f"theory: {label}")
     axes.plot([0, largest], [0, largest], color="#555555", linewidth=1.0, label="equal")
-    dress(
-        axes,
-        title="Largest push of the seated cells",
-        x="by exact statics, without friction in the joints / N",
-        y="simulated, 10 ms median / N",
-    )
+    x, y = "by exact statics, without friction in the joints / N", "simulated, 10 ms median / N"
+    dress(axes, title="Largest push of the seated cells", x=x, y=y)
     legend(axes, loc="best")
 
 
@@ -628,10 +615,6 @@ def _draw_probability(axes: Axes, table: Table) -> None:
         axes.text(_MM * x, _MRAD * y, text, ha="center", va="center", fontsize=7)
     draws = int(table["draws"].max())
     interval = "" if small else ", with 95 % interval"
-    dress(
-        axes,
-        title=f"Seated of {draws} draws of model errors, %{interval}",
-        x="lateral error at the start / mm",
-        y="tilt at the start / mrad",
-    )
+    title = f"Seated of {draws} draws of model errors, %{interval}"
+    dress(axes, title=title, x="lateral error at the start / mm", y="tilt at the start / mrad")
     axes.grid(False)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.cell.alignment_runs import courses
 from chamfer.analysis.drawing.figure_style import LIMIT, Style, dress, legend, new_figure
 from chamfer.analysis.insertion.insertion_runs import (
     WINDOW,
@@ -101,16 +102,15 @@ def loads(scenario: PegInsertionScenario) -> Row:
     stopped = ~moving & (run.push > _PUSHED * scenario.force_cap)
     two = _settled(run.two_point, scenario.step) & (depth > 0)
     of = two & (moving | stopped)
-    chosen = {
-        "depth": depth[of],
-        "force_ratio": force_ratio[of],
-        "moment_ratio": moment_ratio[of],
+    l_of, across, turning = (one[of] for one in (depth, force_ratio, moment_ratio))
+    return {
+        "depth": l_of,
+        "force_ratio": across,
+        "moment_ratio": turning,
         "moving": moving[of],
+        "level": jamming_level(scenario.parts, across, turning, l_of),
+        "seated": is_seated(scenario, run),
     }
-    level = jamming_level(
-        scenario.parts, chosen["force_ratio"], chosen["moment_ratio"], chosen["depth"]
-    )
-    return {**chosen, "level": level, "seated": is_seated(scenario, run)}
 
 
 def load_ratios(scenario: PegInsertionScenario, run: Insertion) -> tuple[Array, Array, Array]:
@@ -138,18 +138,8 @@ def run(scenario: JammingScenario, seed: int, progress: Progress) -> Outcome:
     starts = scenario.starts()
     found = run_each(loads, starts, progress)
     parts = scenario.insertion.parts
-    traces = {
-        "start": np.concatenate(
-            [
-                np.full(len(row["depth"]), float(starts.index(start)))
-                for start, row in zip(found.tasks, found.rows, strict=True)
-            ]
-        ),
-        **{
-            name: np.concatenate([np.asarray(row[name], np.float64) for row in found.rows])
-            for name in ("depth", "force_ratio", "moment_ratio", "level", "moving")
-        },
-    }
+    names = ("depth", "force_ratio", "moment_ratio", "level", "moving")
+    traces = courses(found.rows, names, start=[float(starts.index(one)) for one in found.tasks])
     traces["depth_ratio"] = traces["depth"] / parts.wedging_depth
     moving, jammed = traces["moving"] > 0, traces["level"] >= 1
     on_sides = np.abs(traces["level"] - 1) <= _ON_SIDES
@@ -214,12 +204,8 @@ def figures(scenario: JammingScenario, outcome: Outcome) -> Mapping[str, Figure]
             diagram.plot(
                 traces["force_ratio"][rows], traces["moment_ratio"][rows], color=colour, **style
             )
-    dress(
-        diagram,
-        title="(a) Loads of simulated pegs: dots move, crosses are stopped",
-        x="$F_x / F_z$",
-        y="$M / (r F_z)$",
-    )
+    title = "(a) Loads of simulated pegs: dots move, crosses are stopped"
+    dress(diagram, title=title, x="$F_x / F_z$", y="$M / (r F_z)$")
     legend(diagram, loc="upper right")
     for of, style, label, colour in (
         (moving, _MOVES, "moves", "#1b4f9c"),
@@ -228,12 +214,8 @@ def figures(scenario: JammingScenario, outcome: Outcome) -> Mapping[str, Figure]
         of_kind = traces["depth_ratio"][of], traces["level"][of]
         levels.plot(*of_kind, color=colour, label=label, **style)
     levels.axhline(1.0, label="sides of the parallelogram", **LIMIT)
-    dress(
-        levels,
-        title="(b) Level of every load: below 1 it slides, above it jams",
-        x=r"$\lambda = l / (2 r \mu)$",
-        y="level",
-    )
+    title = "(b) Level of every load: below 1 it slides, above it jams"
+    dress(levels, title=title, x=r"$\lambda = l / (2 r \mu)$", y="level")
     levels.set_ylim(0.0, None)
     legend(levels)
     return {"jamming-diagram": figure}
