@@ -4,15 +4,14 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import product
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.campaign import Trials, run_each
-from chamfer.analysis.campaign.trial_metrics import metrics_of
+from chamfer.analysis.campaign.trial_metrics import metrics_of, prefixed
 from chamfer.analysis.cell.alignment_runs import resolve_trials
 from chamfer.analysis.cell.camera_error_runs import (
     DRAWN,
@@ -64,6 +63,7 @@ PUBLISHED_ERRORS: Final = {
 }
 
 
+_NOT_DRAWN: Final = ", ".join(error.says for error in NOT_DRAWN)
 CAMERA_ERRORS: Final = CameraErrorsScenario()
 
 
@@ -167,18 +167,20 @@ def _metrics(scenario: CameraErrorsScenario, still: Table, runs: Table) -> dict[
     metrics: dict[str, Metric] = {}
     for measured in scenario.measurements:
         for error in scenario.alone:
-            of = (still["error"] == error.name) & (still["measured"] == measured)
-            if of.any():
-                rows = {name: values[of] for name, values in still.items()}
-                found = _at_rest_metrics(error, rows)
-                metrics |= {f"{error.name}.{measured}.{k}": v for k, v in found.items()}
+            rows = _where(still, error=error.name, measured=measured)
+            if len(rows["size"]):
+                metrics |= prefixed(f"{error.name}.{measured}", _at_rest_metrics(error, rows))
         for controller in scenario.controllers:
-            of = (runs["controller"] == controller) & (runs["measured"] == measured)
-            found = _loop_metrics(scenario, {name: values[of] for name, values in runs.items()})
-            metrics |= {
-                name.replace("*", f"{controller}.{measured}"): one for name, one in found.items()
-            }
+            of = _where(runs, controller=controller, measured=measured)
+            found, by = _loop_metrics(scenario, of), f"{controller}.{measured}"
+            metrics |= {name.replace("*", by): one for name, one in found.items()}
     return metrics
+
+
+def _where(table: Table, **labels: str) -> dict[str, NDArray[Any]]:
+    """Return the rows with these labels."""
+    of = np.all([np.asarray(table[name]) == label for name, label in labels.items()], axis=0)
+    return {name: np.asarray(values)[of] for name, values in table.items()}
 
 
 def _at_rest_metrics(error: AssumedCameraError, rows: Table) -> dict[str, Metric]:
@@ -186,23 +188,19 @@ def _at_rest_metrics(error: AssumedCameraError, rows: Table) -> dict[str, Metric
     size, unit = np.abs(rows["size"]), error.unit
     seen = np.isfinite(rows["rotational_error"])
     found, lost = size[seen], size[~seen]
-    largest = f"{found[-1]:.3g} {unit}".rstrip() if len(found) else ""
+    at, beyond = "never seen", "never seen"
+    if len(found):
+        at = f"at {found[-1]:.3g} {unit}".rstrip()
+        beyond = f"not up to {at.removeprefix('at ')}"
+    first = f"at {size[0]:.3g} {unit}".rstrip()
     metrics: dict[str, tuple[float | None, str, str]] = {}
     for name, of in LEFT.items():
         left = rows[name][seen]
         reach = reached(found, left, PUBLISHED_ERRORS[name])
-        beyond = f"not up to {largest}" if largest else "never seen"
+        bias, slope = (float(left[-1]), float(left[0] / found[0])) if len(left) else (None, None)
         metrics |= {
-            f"rest.{name}": (
-                float(left[-1]) if len(left) else None,
-                of,
-                f"at {largest}" if largest else "never seen",
-            ),
-            f"rest.{name}.per_unit": (
-                float(left[0] / found[0]) if len(left) else None,
-                _per(of, unit),
-                f"at {size[0]:.3g} {unit}".rstrip(),
-            ),
+            f"rest.{name}": (bias, of, at),
+            f"rest.{name}.per_unit": (slope, _per(of, unit), first),
             f"rest.{name}.published_at": (reach, unit, beyond if reach is None else ""),
         }
     said = "a part is not found" if len(lost) else "parts are found at all sizes"
@@ -239,34 +237,28 @@ def _loop_metrics(scenario: CameraErrorsScenario, runs: Table) -> dict[str, Metr
             metrics[f"{name}.*.{moment}.{kind}"] = (known, units[kind], note)
         metrics[f"{name}.*.blind"] = (float(not seen), "", "")
     found = metrics_of(metrics)
+    drawn = {key: of[~alone] for key, of in runs.items()}
     for name in (NONE, DRAWN):
-        drawn = ~alone & (runs["error"] == name)
-        if drawn.any():
-            found |= _drawn_metrics(name, {key: of[drawn] for key, of in runs.items()})
+        if len((of := _where(drawn, error=name))["seen"]):
+            found |= _drawn_metrics(name, of)
     return found
 
 
 def _drawn_metrics(name: str, runs: Table) -> dict[str, Metric]:
     """Return means and maxima over drawn starts, and errors if there are any."""
-    metrics = {}
+    metrics: dict[str, tuple[float | None, str, str]] = {}
     seen = runs["seen"] > 0
-    label = f"drawn.{'errors' if name == DRAWN else NONE}.*"
     n = int(seen.sum())
-    without = f", without {', '.join(one.says for one in NOT_DRAWN)}" if name == DRAWN else ""
-    for moment in MOMENTS:
-        for kind, unit in LEFT.items():
-            left = runs[f"{moment}.{kind}"][seen]
-            for of, value in (("mean", np.mean), ("max", np.max)):
-                metrics[f"{label}.{moment}.{kind}.{of}"] = Metric(
-                    value=float(value(left)) if n else None,
-                    unit=unit,
-                    note=f"of {n} runs of {len(seen)} in which the parts are seen{without}",
-                )
-    of_runs = f"of {len(seen)} runs"
-    for name, values in (("blind", ~seen), ("diverged", runs["diverged"] > 0)):
-        share = 100 * float(np.mean(values))
-        metrics[f"{label}.{name}"] = Metric(value=share, unit="%", note=of_runs)
-    return metrics
+    note = f"of {n} runs of {len(seen)} in which the parts are seen"
+    note += f", without {_NOT_DRAWN}" if name == DRAWN else ""
+    for moment, (kind, unit) in product(MOMENTS, LEFT.items()):
+        left = runs[f"{moment}.{kind}"][seen]
+        for of, value in (("mean", np.mean), ("max", np.max)):
+            found = float(value(left)) if n else None
+            metrics[f"{moment}.{kind}.{of}"] = (found, unit, note)
+    for stop, values in (("blind", ~seen), ("diverged", runs["diverged"] > 0)):
+        metrics[stop] = (100 * float(np.mean(values)), "%", f"of {len(seen)} runs")
+    return prefixed(f"drawn.{'errors' if name == DRAWN else NONE}.*", metrics_of(metrics))
 
 
 def figures(scenario: CameraErrorsScenario, outcome: Outcome) -> Mapping[str, Figure]:
@@ -282,7 +274,6 @@ _PANELS: Final = (
     ("lateral_error", "at the tip", "mm", MEAN_ERROR[0]),
     ("behind_error", "behind the tip", "mm", MEAN_ERROR[0]),
 )
-_NOT_DRAWN: Final = ", ".join(error.says for error in NOT_DRAWN)
 _BAR: Final = "#9db8dd"
 _POINT: Final[Style] = {"linestyle": "none", "marker": "o", "markersize": 5}
 _LEAST: Final = 1e-3  # mm and mrad, of a bar that is drawn
@@ -298,8 +289,19 @@ def plot_errors(scenario: CameraErrorsScenario, outcome: Outcome) -> Figure:
     errors = sorted(scenario.alone, key=lambda one: _weight(one, runs, still))
     figure = new_figure(11.5, 1.6 + 0.3 * len(errors))
     panels = figure.subplots(1, len(_PANELS), sharey=True)
+    rows = [_row(one.name, runs) for one in errors]
+    moments = (("soon", "none", scenario.soon), ("late", FSM["color"], scenario.compensation_time))
     for axes, (kind, where, unit, published) in zip(panels, _PANELS, strict=True):
-        _tornado(axes, scenario, errors, kind, runs, still)
+        bars = np.array([1e3 * _rest(one, kind, still) for one in errors])
+        places = np.arange(len(errors))
+        axes.barh(places, np.maximum(bars, _LEAST), color=_BAR, label="parts at rest: bias")
+        for moment, fill, seconds in moments:
+            points = [np.nan if r is None else 1e3 * runs[f"{moment}.{kind}"][r] for r in rows]
+            look: Style = {"markerfacecolor": fill, "markeredgecolor": FSM["color"], **_POINT}
+            axes.plot(points, places, label=f"the loop after {seconds:g} s", **look)
+        if (none := _row(NONE, runs)) is not None:
+            left = 1e3 * runs[f"late.{kind}"][none]
+            axes.axvline(left, label="the loop without an error, at the end", **DESIRED)
         axes.axvline(1e3 * published, label="published mean", **PUBLISHED)
         place = f"{1e3 * scenario.behind:g} mm {where}" if kind == "behind_error" else where
         dress(axes, title=f"Error {place}", x=f"error / {unit}", y="")
@@ -309,24 +311,23 @@ def plot_errors(scenario: CameraErrorsScenario, outcome: Outcome) -> Figure:
     panels[0].set_yticks(range(len(errors)), labels)
     panels[0].set_ylim(-0.7, len(errors) - 0.3)
     handles, names = panels[0].get_legend_handles_labels()
-    figure.legend(
-        handles, names, loc="outside lower center", ncols=len(names), fontsize=8, frameon=False
-    )
+    look = {"loc": "outside lower center", "fontsize": 8, "frameon": False}
+    figure.legend(handles, names, ncols=len(names), **look)
     return figure
 
 
 def _sized(error: AssumedCameraError, share: float) -> str:
-    both = error.off_axis
-    sign = "\N{PLUS-MINUS SIGN}" if both else "" if error.most > 0 else "\N{MINUS SIGN}"
+    sign = "" if error.most > 0 else "\N{MINUS SIGN}"
+    if error.off_axis:
+        sign = "\N{PLUS-MINUS SIGN}"
     return f"{sign}{share * abs(error.most):.3g} {error.unit}".rstrip()
 
 
 def _first(runs: Table, still: Table) -> tuple[Table, Table]:
     """Return the rows of the first controller and measurement that were run."""
     controller, measured = runs["controller"][0], runs["measured"][0]
-    mine = (runs["controller"] == controller) & (runs["measured"] == measured)
-    rest = still["measured"] == measured
-    return {name: of[mine] for name, of in runs.items()}, {n: of[rest] for n, of in still.items()}
+    mine = _where(runs, controller=controller, measured=measured)
+    return mine, _where(still, measured=measured)
 
 
 def _weight(error: AssumedCameraError, runs: Table, still: Table) -> float:
@@ -335,14 +336,13 @@ def _weight(error: AssumedCameraError, runs: Table, still: Table) -> float:
     if np.isfinite(value):
         return value
     row = _row(error.name, runs)
-    return float("-inf") if row is None else float(runs["late.rotational_error"][row]) * 1e-6
+    return -math.inf if row is None else float(runs["late.rotational_error"][row]) * 1e-6
 
 
 def _rest(error: AssumedCameraError, kind: str, still: Table) -> float:
-    of = still["error"] == error.name
-    values = still[kind][of]
+    values = _where(still, error=error.name)[kind]
     known = values[np.isfinite(values)]
-    return float(known[-1]) if len(known) else float("nan")
+    return float(known[-1]) if len(known) else math.nan
 
 
 def _row(name: str, runs: Table) -> int | None:
@@ -350,30 +350,6 @@ def _row(name: str, runs: Table) -> int | None:
     if not len(rows):
         return None
     return int(rows[np.argmax(runs["late.rotational_error"][rows])])  # of both signs
-
-
-def _tornado(
-    axes: Axes,
-    scenario: CameraErrorsScenario,
-    errors: list[AssumedCameraError],
-    kind: str,
-    runs: Table,
-    still: Table,
-) -> None:
-    bars = np.array([1e3 * _rest(one, kind, still) for one in errors])
-    where = np.arange(len(errors))
-    axes.barh(where, np.maximum(bars, _LEAST), color=_BAR, label="parts at rest: bias")
-    for moment, fill, seconds in (
-        ("soon", "none", scenario.soon),
-        ("late", FSM["color"], scenario.compensation_time),
-    ):
-        rows = [_row(one.name, runs) for one in errors]
-        points = [np.nan if r is None else 1e3 * runs[f"{moment}.{kind}"][r] for r in rows]
-        look: Style = {"markerfacecolor": fill, "markeredgecolor": FSM["color"], **_POINT}
-        axes.plot(points, where, label=f"the loop after {seconds:g} s", **look)
-    if (none := _row(NONE, runs)) is not None:
-        left = 1e3 * runs[f"late.{kind}"][none]
-        axes.axvline(left, label="the loop without an error, at the end", **DESIRED)
 
 
 def plot_drawn(scenario: CameraErrorsScenario, outcome: Outcome) -> Figure:
@@ -392,10 +368,10 @@ def plot_drawn(scenario: CameraErrorsScenario, outcome: Outcome) -> Figure:
             left = 1e3 * runs[f"soon.{kind}"][of], 1e3 * runs["soon.rotational_error"][of]
             axes.plot(*left, color=style["color"], label=label, **_POINT)
         mean, worst = 1e3 * np.array(MEAN_ERROR), 1e3 * np.array(WORST_ERROR)
-        up = [[[0.0], [beyond]] for beyond in worst - mean]
+        right, up = ([[0.0], [beyond]] for beyond in worst - mean)
         bars: Style = {"color": PUBLISHED["color"], "marker": "s", "capsize": 3}
         label = "published: mean, up to the largest"
-        axes.errorbar(*mean, xerr=up[0], yerr=up[1], label=label, **bars)
+        axes.errorbar(*mean, xerr=right, yerr=up, label=label, **bars)
         title = f"After {scenario.soon:g} s, {where}"
         dress(axes, title=title, x="lateral error / mm", y="rotational error / mrad")
         axes.set_xlim(0.0, None)
@@ -416,16 +392,13 @@ def answer(errors: Sequence[AssumedCameraError], still: Table, runs: Table) -> M
     reach, turns, harmless, lost = 0, [], [], set(runs["error"][runs["seen"] < 1].tolist())
     takes, tips = [], []
     for one in errors:
-        of = still["error"] == one.name
-        seen = np.isfinite(still["rotational_error"][of])
+        of = _where(still, error=one.name)
+        seen = np.isfinite(of["rotational_error"])
         if not seen.all():
             lost.add(one.name)
         if not seen.any():
             continue
-        size, tip, angle, behind = (
-            np.abs(still[name][of][seen])
-            for name in ("size", "lateral_error", "rotational_error", "behind_error")
-        )
+        size, tip, angle, behind = (np.abs(of[name][seen]) for name in ("size", *LEFT))
         tips.append((float(tip[-1]), one.says))
         if (at := reached(size, angle, MEAN_ERROR[1])) is not None:
             reach += 1

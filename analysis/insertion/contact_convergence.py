@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.campaign import run_each
-from chamfer.analysis.campaign.trial_metrics import prefixed
+from chamfer.analysis.campaign.trial_metrics import metrics_of, prefixed
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.drawing.figure_style import PUBLISHED, Style, dress, legend, new_figure
 from chamfer.analysis.insertion.insertion_runs import (
@@ -141,20 +141,12 @@ def run(scenario: ConvergenceScenario, seed: int, progress: Progress) -> Outcome
     }
     tasks = [one for one in variations(scenario) if (one.scenario, one.accuracy) in by_run]
     rows = [by_run[one.scenario, one.accuracy] for one in tasks]
-    columns = {name: np.array([row[name] for row in rows]) for name in MEASURED}
-    traces: dict[str, list[float] | Array] = {
-        "parameter": [float(PARAMETERS.index(one.parameter)) for one in tasks],
-        "value": [one.value for one in tasks],
-        "start": [float(STARTS.index(one.start)) for one in tasks],
-        **columns,
-    }
+    columns = {name: column([row[name] for row in rows]) for name in MEASURED}
     metrics: dict[str, Metric] = {}
     for start in STARTS:
         said = predict(next(one.scenario for one in tasks if one.start == start))
-        metrics |= {
-            f"{start}.predicted.{name}": said[f"predicted.{name}"]
-            for name in ("seated", "force.axial", "two_point.onset")
-        }
+        names = [f"predicted.{one}" for one in ("seated", "force.axial", "two_point.onset")]
+        metrics |= prefixed(start, {name: said[name] for name in names})
         for parameter in PARAMETERS:
             of = [
                 k
@@ -172,17 +164,18 @@ def run(scenario: ConvergenceScenario, seed: int, progress: Progress) -> Outcome
         and one.parameter in ("steps", "facets", "stictions")
         and one.scenario.approximation == "lagged"
     ]
-    off = np.abs(columns["balance"][chosen] - 100)
-    metrics["energy.worst"] = Metric(
-        value=float(np.max(off)) if chosen else math.nan,
-        unit="%",
-        note="of the work, not found in the contacts: over steps, facets and stictions"
-        if chosen
-        else "none of steps, facets and stictions is varied",
-    )
+    worst = float(np.abs(columns["balance"][chosen] - 100).max()) if chosen else math.nan
+    note = "of the work, not found in the contacts: over steps, facets and stictions"
+    note = note if chosen else "none of steps, facets and stictions is varied"
+    metrics |= metrics_of({"energy.worst": (worst, "%", note)})
     return Outcome(
         metrics=metrics,
-        traces={name: column(values) for name, values in traces.items()},
+        traces={
+            "parameter": column([float(PARAMETERS.index(one.parameter)) for one in tasks]),
+            "value": column([one.value for one in tasks]),
+            "start": column([float(STARTS.index(one.start)) for one in tasks]),
+            **columns,
+        },
         simulated_seconds=sum(one.scenario.released for one in results.tasks),
     )
 
@@ -191,21 +184,16 @@ def _spread(
     parameter: str, named: Sequence[str], columns: Mapping[str, Array]
 ) -> dict[str, Metric]:
     """Return what every value's run measured, and how far the largest and least are apart."""
-    metrics = {}
+    metrics: dict[str, tuple[float | None, str, str]] = {}
     for name, unit in zip(MEASURED, _UNITS, strict=True):
         for value, found in zip(named, columns[name].tolist(), strict=True):
             known = math.isfinite(found)
             note = _note(name, parameter, known)
-            metrics[f"{value}.{name}"] = Metric(
-                value=found if known else None, unit=unit, note=note
-            )
+            metrics[f"{value}.{name}"] = (found if known else None, unit, note)
     force = columns["force"]
-    metrics["force.spread"] = Metric(
-        value=100 * float(np.ptp(force) / force[-1]) if force[-1] > 0 else None,
-        unit="%",
-        note="between the largest and the least, of the last",
-    )
-    return metrics
+    spread = 100 * float(np.ptp(force) / force[-1]) if force[-1] > 0 else None
+    metrics["force.spread"] = (spread, "%", "between the largest and the least, of the last")
+    return metrics_of(metrics)
 
 
 def _note(name: str, parameter: str, defined: bool) -> str:
