@@ -21,6 +21,7 @@ from chamfer.analysis.campaign.trial_metrics import (
     Quantity,
     bootstrap_interval,
     metrics_of,
+    prefixed,
     trial_seed,
 )
 from chamfer.analysis.campaign.trial_rows import Row
@@ -264,11 +265,9 @@ def stopped_values(traces: Table, scenario: AlignmentScenario) -> dict[str, floa
 
 
 # Of each what is warned of, and what a share of trials is of.
+_LOST: Final = "the cameras lost the parts"
 _STOPS: Final = {
-    "blind": (
-        "the cameras lost the parts",
-        "the cameras lost the parts, what approached stopped",
-    ),
+    "blind": (_LOST, f"{_LOST}, what approached stopped"),
     "diverged": (
         "it diverged: the measured error grew by half, the compensation stopped",
         "stopped, as the measured error had grown by half",
@@ -290,13 +289,9 @@ def warn_of_stops(rows: Mapping[str, Array]) -> None:
 def stopped_metrics(rows: Mapping[str, Array]) -> dict[str, Metric]:
     """Return likewise in which share of trials the loop went wrong, and warn of it."""
     warn_of_stops(rows)
+    shares = {name: 100 * float(rows[name].mean()) for name in _STOPS}
     of = f"of {len(rows['diverged'])} trials"
-    return metrics_of(
-        {
-            name: (100 * float(rows[name].mean()), "%", f"{of}, {what}")
-            for name, (_, what) in _STOPS.items()
-        }
-    )
+    return metrics_of({name: (shares[name], "%", f"{of}, {_STOPS[name][1]}") for name in _STOPS})
 
 
 def settling_metrics(scenario: ResolvedAlignmentScenario) -> dict[str, Metric]:
@@ -530,14 +525,13 @@ def statistics(finished: Trials[Any], name: str, unit: str) -> dict[str, Metric]
     note = "one trial has no interval"
     if n > 1:
         note = f"95 % interval of the mean of {n} trials, by bootstrap (BCa)"
-    return metrics_of(
-        {
-            f"{name}.mean": (float(np.mean(of)), unit, f"{n} trials"),
-            f"{name}.mean_low": (low, unit, note),
-            f"{name}.mean_high": (high, unit, note),
-            f"{name}.max": (float(np.max(of)), unit, f"{n} trials"),
-        }
-    )
+    found = {
+        "mean": (float(np.mean(of)), unit, f"{n} trials"),
+        "mean_low": (low, unit, note),
+        "mean_high": (high, unit, note),
+        "max": (float(np.max(of)), unit, f"{n} trials"),
+    }
+    return prefixed(name, metrics_of(found))
 
 
 def mean_over(finished: Trials[Any], name: str, unit: str, never: str) -> Metric:
@@ -575,23 +569,15 @@ def margins(finished: Trials[Any], parts: PegHoleGeometry, support: Support) -> 
     here = rotation_margin(parts, support, lateral, signs * rotational)
     wedged = wedges(parts, support, lateral, signs * rotational).any(axis=0)
     at = f"L_g = {1e3 * support.centre_distance:.3g} mm, K_x = {support.lateral_stiffness:.4g} N/m"
-    worst = {name: 100 * min(float(getattr(one, name)) for one in box) for name in box[0]._fields}
+    worst = {name: min(float(getattr(one, name)) for one in box) for name in box[0]._fields}
     guided = 1 - float(np.max(lateral)) / parts.chamfer_limit
-    return metrics_of(
-        {
-            "box_margin.lateral": (worst["lateral"], "%", "of all trials"),
-            "box_margin.rotation": (worst["rotation"], "%", "of all trials"),
-            "chamfer_margin": (
-                100 * guided,
-                "%",
-                "of the lateral error that the chamfers still guide, of all trials",
-            ),
-            "parallelogram_margin": (
-                100 * min(sloped),
-                "%",
-                "exact sides, the least over L_g and trials",
-            ),
-            "margin": (100 * float(here.min()), "%", f"exact sides, at {at}, of all trials"),
-            "wedging": (100 * float(np.mean(wedged)), "%", "trials that may wedge"),
-        }
-    )
+    reach = "of the lateral error that the chamfers still guide, of all trials"
+    shares = {
+        "box_margin.lateral": (worst["lateral"], "of all trials"),
+        "box_margin.rotation": (worst["rotation"], "of all trials"),
+        "chamfer_margin": (guided, reach),
+        "parallelogram_margin": (min(sloped), "exact sides, the least over L_g and trials"),
+        "margin": (float(here.min()), f"exact sides, at {at}, of all trials"),
+        "wedging": (float(np.mean(wedged)), "trials that may wedge"),
+    }
+    return metrics_of({name: (100 * share, "%", note) for name, (share, note) in shares.items()})

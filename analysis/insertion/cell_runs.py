@@ -335,34 +335,21 @@ def predict(scenario: ResolvedInsertionScenario, done: CellInsertion) -> dict[st
     )
     verdict = FeedVerdict(int(found.verdict))
     axial, touches = float(found.axial), float(found.onset)
-    slides = math.isfinite(axial)
     margin = 100 * params.region.margin(lateral, abs(tilt))
-    may = verdict is FeedVerdict.MAY
-    return metrics_of(
-        {
-            "predicted.seated": (
-                None if may else float(verdict is FeedVerdict.SAFE),
-                "",
-                f"{_HELD}; it may wedge or sit on the edge" if may else _HELD,
-            ),
-            "predicted.force.axial": (
-                axial if slides else None,
-                "N",
-                f"largest; {_HELD}" if slides else "no push slides it",
-            ),
-            "predicted.two_point.onset": (
-                touches if math.isfinite(touches) else None,
-                "m",
-                f"l; {_HELD}" if math.isfinite(touches) else "two points never touch",
-            ),
-            "predicted.may_wedge": (float(found.may_wedge), "", "1: two points may hold it"),
-            "touch.margin": (
-                margin,
-                "%",
-                "of the region free of wedging, the worst signs; < 0: outside",
-            ),
-        }
-    )
+    said: dict[str, tuple[float | None, str]] = {
+        "predicted.seated": (float(verdict is FeedVerdict.SAFE), _HELD),
+        "predicted.force.axial": (axial, f"largest; {_HELD}"),
+        "predicted.two_point.onset": (touches, f"l; {_HELD}"),
+        "predicted.may_wedge": (float(found.may_wedge), "1: two points may hold it"),
+        "touch.margin": (margin, "of the region free of wedging, the worst signs; < 0: outside"),
+    }
+    if verdict is FeedVerdict.MAY:
+        said["predicted.seated"] = None, f"{_HELD}; it may wedge or sit on the edge"
+    if not math.isfinite(axial):
+        said["predicted.force.axial"] = None, "no push slides it"
+    if not math.isfinite(touches):
+        said["predicted.two_point.onset"] = None, "two points never touch"
+    return metrics_of({name: (one, _UNITS[name], note) for name, (one, note) in said.items()})
 
 
 def _along_faces(done: CellInsertion, row: int) -> bool:

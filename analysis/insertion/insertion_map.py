@@ -325,15 +325,12 @@ def run(scenario: InsertionMapScenario, seed: int, progress: Progress) -> Outcom
 
 def _cells(scenario: InsertionMapScenario, found: Trials[BlindFeedScenario]) -> Table:
     """Return a row a cell: its errors, what became of it, and what theory says of its touch."""
+    names = [name for name in found.rows[0] if name != "simulated_seconds"]
     traces = {
         "plane": np.array([float(get_args(Plane).index(one.plane)) for one in found.tasks]),
         "lateral": np.array([one.lateral for one in found.tasks]),
         "tilt": np.array([one.tilt for one in found.tasks]),
-        **{
-            name.replace(".", "_"): found.column(name)
-            for name in found.rows[0]
-            if name != "simulated_seconds"
-        },
+        **{name.replace(".", "_"): found.column(name) for name in names},
     }
     for name, start in (("touch_lateral_error", "lateral"), ("touch_rotational_error", "tilt")):
         never = np.isnan(traces[name])
@@ -393,34 +390,30 @@ def confusion(traces: Table) -> dict[str, Metric]:
     """Return how often each outcome was each verdict's, and what follows."""
     verdict, outcome = traces["predicted_verdict"], traces["outcome"]
     seated = outcome == FeedOutcome.SEATED
-    metrics = {}
-    for said in FeedVerdict:
-        for became in FeedOutcome:
-            metrics[f"confusion.{said.name.lower()}.{became.name.lower()}"] = Metric(
-                value=float(np.sum((verdict == said) & (outcome == became))), unit="", note="cells"
-            )
+    counts = {
+        f"confusion.{said.name.lower()}.{became.name.lower()}": (
+            (verdict == said) & (outcome == became),
+            "cells",
+        )
+        for said, became in product(FeedVerdict, FeedOutcome)
+    }
     safe, sure = verdict == FeedVerdict.SAFE, verdict != FeedVerdict.MAY
     right = np.where(safe, seated, ~seated)[sure]
     edge = (traces["predicted_may_sit_on_edge"] > 0) & (traces["predicted_inside"] > 0)
-    metrics |= metrics_of(
-        {
-            "cells": (float(len(verdict)), ""),
-            "seated": (float(seated.sum()), "", "cells"),
-            "predicted_safe.cells": (float(safe.sum()), "", "by the errors at touch"),
-            "predicted_safe.failed": (float(np.sum(safe & ~seated)), "", "of them not seated"),
-            "predicted_may.share": (
-                100 * float(np.mean(~sure)),
-                "%",
-                "cells of which theory is not sure",
-            ),
-            "predicted_edge.cells": (
-                float(edge.sum()),
-                "",
-                "inside, but the rim may sit on the bore's edge",
-            ),
-            "predicted_edge.failed": (float(np.sum(edge & ~seated)), "", "of them not seated"),
-        }
+    counts |= {
+        "cells": (np.ones_like(verdict), ""),
+        "seated": (seated, "cells"),
+        "predicted_safe.cells": (safe, "by the errors at touch"),
+        "predicted_safe.failed": (safe & ~seated, "of them not seated"),
+        "predicted_may.share": (~sure, ""),
+        "predicted_edge.cells": (edge, "inside, but the rim may sit on the bore's edge"),
+        "predicted_edge.failed": (edge & ~seated, "of them not seated"),
+    }
+    metrics = metrics_of(
+        {name: (float(of.sum()), "", note) for name, (of, note) in counts.items()}
     )
+    unsure = 100 * float(np.mean(~sure)), "%", "cells of which theory is not sure"
+    metrics |= metrics_of({"predicted_may.share": unsure})
     if not len(right):
         return metrics | {"agreement": Metric(value=None, unit="%", note="theory is never sure")}
     note = f"of {len(right)} cells where theory is sure: safe and seated, or stopped and not"
@@ -434,16 +427,14 @@ def _differences(traces: Table) -> dict[str, Metric]:
     )
     force = traces["force_axial"] - traces["predicted_force_axial"]
     onset = traces["two_point_onset"] - traces["predicted_two_point_onset"]
+    depths = _median(onset[chosen], "m", "simulated less predicted depth")
+    largest: tuple[float | None, str, str] = (None, "N", "there are none")
+    if chosen.any():
+        largest = float(traces["force_axial"][chosen].max()), "N", "of the seated safe cells"
     return {
         "force.excess": _median(force[chosen], "N", "simulated less predicted push"),
-        "force.largest": Metric(
-            value=float(traces["force_axial"][chosen].max()) if chosen.any() else None,
-            unit="N",
-            note="of the seated safe cells" if chosen.any() else "there are none",
-        ),
-        "two_point.onset_difference": _median(
-            onset[chosen], "m", "simulated less predicted depth"
-        ),
+        **metrics_of({"force.largest": largest}),
+        "two_point.onset_difference": depths,
     }
 
 

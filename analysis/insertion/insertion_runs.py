@@ -10,7 +10,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Context, EventStatus
 from scipy.ndimage import median_filter
 
-from chamfer.analysis.campaign.trial_metrics import metrics_of
+from chamfer.analysis.campaign.trial_metrics import metrics_of, prefixed
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.scenario.experiment import Metric, Progress, Table
 from chamfer.diagrams.insertion.peg_insertion import (
@@ -170,17 +170,17 @@ def measure(scenario: PegInsertionScenario, run: Insertion) -> dict[str, Metric]
     until_bottom = "" if pushed[fed].all() else ", before the bottom"
     cap = f"at a cap of {scenario.force_cap:g} N"
     seated = is_seated(scenario, run)
+    enough = f"1: at least {100 * SEATED:g} % of the commanded depth, or on the bottom"
+    pulled, left = "that pulls it out", "of mouth's and tip's forces, without the push"
+    if seated:
+        pulled = left = "it is in"
     held, pull, kept = (False, math.nan, math.nan) if seated else _taken_away(scenario, run)
     stopped = not seated and run.state[fed][-1] not in (ContactState.NONE, ContactState.FACE)
     work, lost = (float(np.sum(one[fed]) * scenario.step) for one in (run.power, run.loss))
     median_of, never = "largest median of 10 ms", "two points never touch"
     measured = metrics_of(
         {
-            "seated": (
-                float(seated),
-                "",
-                f"1: at least {100 * SEATED:g} % of the commanded depth, or on the bottom",
-            ),
+            "seated": (float(seated), "", enough),
             "depth": (float(run.depth[fed].max()), "m", "of the tip"),
             "force.axial": (float(axial[pushed].max()), "N", median_of + until_bottom),
             "force.lateral": (float(across[pushed].max()), "N", median_of),
@@ -193,12 +193,8 @@ def measure(scenario: PegInsertionScenario, run: Insertion) -> dict[str, Metric]
             ),
             "jammed": (float(stopped and not held), "", f"1: stopped {cap}, free without it"),
             "missed": (float(not seated and not stopped), "", "1: beside the mouth"),
-            "pull_out.force": (pull, "N", "it is in" if seated else "that pulls it out"),
-            "squeeze.kept": (
-                kept,
-                "%",
-                "it is in" if seated else "of mouth's and tip's forces, without the push",
-            ),
+            "pull_out.force": (pull, "N", pulled),
+            "squeeze.kept": (kept, "%", left),
             "energy.work": (work, "J", "of feed and springs on the peg"),
             "energy.dissipated": (lost, "J", "in the contacts"),
         }
@@ -267,47 +263,22 @@ def predict(scenario: PegInsertionScenario) -> dict[str, Metric]:
     reason = "" if slides else "no push slides it past the onset"
     if not on_chamfer or (slides and not enters):
         reason = "it does not enter"
-    return metrics_of(
-        {
-            "predicted.seated": (
-                float(peak <= scenario.force_cap),
-                "",
-                reason or "peak below the cap",
-            ),
-            "predicted.force.axial": (
-                None if reason else peak,
-                "N",
-                reason or "exact statics",
-            ),
-            "predicted.force.lateral": (
-                None if reason else float(np.nanmax(np.abs(of["lateral"]))),
-                "N",
-                reason or "exact statics",
-            ),
-            "predicted.two_point.onset": (onset, "m", "l" if math.isfinite(onset) else never),
-            "predicted.may_wedge": (
-                float(wedges(parts, support, *errors)),
-                "",
-                "1: two points that touch can hold the peg against any force",
-            ),
-            "predicted.may_sit_on_edge": (
-                float(sits_on_edge(parts, *errors)),
-                "",
-                "1: a tilted rim may sit on the bore's edge, off the plane of the errors",
-            ),
-            "predicted.slides": (float(slides), "", "1: a push slides it at any depth"),
-            "predicted.simple.force.axial": (
-                float(np.nanmax(of["simple"])),
-                "N",
-                "Whitney's form, in the bore",
-            ),
-            "predicted.simple.two_point.onset": (
-                simple_onset,
-                "m",
-                "l" if math.isfinite(simple_onset) else never,
-            ),
-        }
-    )
+    across = None if reason else float(np.nanmax(np.abs(of["lateral"])))
+    holds = "1: two points that touch can hold the peg against any force"
+    tilted = "1: a tilted rim may sit on the bore's edge, off the plane of the errors"
+    l_of, simple_l = ("l" if math.isfinite(one) else never for one in (onset, simple_onset))
+    said = {
+        "seated": (float(peak <= scenario.force_cap), "", reason or "peak below the cap"),
+        "force.axial": (None if reason else peak, "N", reason or "exact statics"),
+        "force.lateral": (across, "N", reason or "exact statics"),
+        "two_point.onset": (onset, "m", l_of),
+        "may_wedge": (float(wedges(parts, support, *errors)), "", holds),
+        "may_sit_on_edge": (float(sits_on_edge(parts, *errors)), "", tilted),
+        "slides": (float(slides), "", "1: a push slides it at any depth"),
+        "simple.force.axial": (float(np.nanmax(of["simple"])), "N", "Whitney's form, in the bore"),
+        "simple.two_point.onset": (simple_onset, "m", simple_l),
+    }
+    return prefixed("predicted", metrics_of(said))
 
 
 def _errors(scenario: PegInsertionScenario) -> tuple[float, float]:

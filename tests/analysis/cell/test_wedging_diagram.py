@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.cell.alignment_runs import RepeatabilityScenario, resolve_repeatability
 from chamfer.analysis.cell.wedging_diagram import InitialErrors, WedgingScenario
+from chamfer.analysis.drawing.figure_kit import metric_value
 from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
 from chamfer.analysis.report.checks import check
 from chamfer.analysis.scenario.experiment import Outcome, load, select
@@ -37,12 +38,6 @@ def quiet(fraction: float, doing: str = "") -> None:
 @pytest.fixture(scope="module")
 def outcome() -> Outcome:
     return WEDGING_DIAGRAM.run(WEDGING_DIAGRAM.resolve(SCENARIO), 0, quiet)
-
-
-def value(outcome: Outcome, name: str) -> float:
-    measured = outcome.metrics[name].value
-    assert measured is not None
-    return measured
 
 
 def test_published_values(outcome: Outcome) -> None:
@@ -81,7 +76,7 @@ def test_published_values(outcome: Outcome) -> None:
     ],
 )
 def test_metrics(outcome: Outcome, name: str, expected: float) -> None:
-    assert value(outcome, name) == pytest.approx(expected, rel=2e-3)
+    assert metric_value(outcome.metrics, name) == pytest.approx(expected, rel=2e-3)
 
 
 def test_traces_follow_the_peg_down_the_chamfer_into_the_bore(outcome: Outcome) -> None:

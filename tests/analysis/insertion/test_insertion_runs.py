@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.drawing.figure_kit import metric_value as value
 from chamfer.analysis.insertion.contact_convergence import (
     MEASURED,
     PARAMETERS,
@@ -30,7 +31,7 @@ from chamfer.analysis.insertion.jamming_diagram import (
     loads,
     resolve,
 )
-from chamfer.analysis.scenario.experiment import Metric, load, select
+from chamfer.analysis.scenario.experiment import load, select
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.diagrams.insertion.peg_insertion import (
     FeedSupport,
@@ -61,12 +62,6 @@ SPRUNG = resolve_peg_insertion(
 
 def at(degrees: float, lateral: float = 0.0) -> PegInsertionScenario:
     return replace(SPRUNG, lateral=lateral, tilt=math.radians(degrees))
-
-
-def value(metrics: dict[str, Metric], name: str) -> float:
-    found = metrics[name].value
-    assert found is not None, name
-    return found
 
 
 @pytest.mark.parametrize(("degrees", "lateral", "force"), [(5.0, 0.0, 8.3), (5.0, 0.001, 10.6)])
