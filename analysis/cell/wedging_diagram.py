@@ -155,7 +155,11 @@ def run(scenario: ResolvedWedgingScenario, seed: int, progress: Progress) -> Out
     """Measure the region, the margins of the starts, and their way into the hole."""
     parts, support = scenario.parts, scenario.support
     worst = replace(support, centre_distance=support.worst_centre_distance)
-    largest = scenario.published_worst.lateral
+    at = f"at L_g = {worst.centre_distance:.4g} m"
+    needed, for_limit = (
+        float(chamfer_needed(parts, lateral))
+        for lateral in (scenario.published_worst.lateral, parts.lateral_limit)
+    )
     metrics = metrics_of(
         {
             "clearance_ratio": (parts.clearance_ratio, ""),
@@ -164,21 +168,9 @@ def run(scenario: ResolvedWedgingScenario, seed: int, progress: Progress) -> Out
             "chamfer_limit": (parts.chamfer_limit, "m", "W assumed"),
             "wedging_depth": (parts.wedging_depth, "m", "2 mu r"),
             "tilt_per_error": (support.tilt_per_error, "rad/m", "slope of the region's sides"),
-            "largest_tilt_per_error": (
-                worst.tilt_per_error,
-                "rad/m",
-                f"at L_g = {worst.centre_distance:.4g} m",
-            ),
-            "chamfer_needed": (
-                float(chamfer_needed(parts, largest)),
-                "m",
-                "for the largest lateral error of the ten runs",
-            ),
-            "chamfer_needed_for_limit": (
-                float(chamfer_needed(parts, parts.lateral_limit)),
-                "m",
-                "for the published lateral limit",
-            ),
+            "largest_tilt_per_error": (worst.tilt_per_error, "rad/m", at),
+            "chamfer_needed": (needed, "m", "for the largest lateral error of the ten runs"),
+            "chamfer_needed_for_limit": (for_limit, "m", "for the published lateral limit"),
         }
     )
     paths = []
@@ -226,31 +218,22 @@ def _measure(scenario: WedgingScenario, start: InitialErrors, path: Table) -> di
     by_whitney = "Whitney's simple form"
     in_bore = path["depth"][path["depth"] >= 0]
     simple_peak = simple.bore_contact(parts, support, *errors, in_bore).insertion_force.max()
+    enters = float(simple.enters(parts, support, *errors))
+    upright = "1: on the assumed chamfer, and upright enough for the mouth"
+    least = "the least over L_g, at"
     return metrics_of(
         {
             "box_margin.lateral": (100 * float(box.lateral), "%"),
             "box_margin.rotation": (100 * float(box.rotation), "%"),
-            "parallelogram_margin": (
-                100 * simple_least,
-                "%",
-                f"the least over L_g, at {simple_at:.3g} m",
-            ),
-            "exact_margin": (100 * exact_least, "%", f"the least over L_g, at {exact_at:.3g} m"),
+            "parallelogram_margin": (100 * simple_least, "%", f"{least} {simple_at:.3g} m"),
+            "exact_margin": (100 * exact_least, "%", f"{least} {exact_at:.3g} m"),
             "margin": (100 * here, "%", f"exact, at L_g = {support.centre_distance:g} m"),
             "wedges": (float(wedges(parts, support, *errors)), "", "1: it may"),
-            "enters": (
-                float(simple.enters(parts, support, *errors)),
-                "",
-                "1: on the assumed chamfer, and upright enough for the mouth",
-            ),
+            "enters": (enters, "", upright),
             "onset": (onset, "m", never),
             "onset_ratio": (onset / parts.wedging_depth, "", never or "lambda, above 1 no wedge"),
             "onset_simple": (simple_onset, "m", never or by_whitney),
-            "peak_force": (
-                None if stuck else float(force[peak]),
-                "N",
-                stuck or "in the bore",
-            ),
+            "peak_force": (None if stuck else float(force[peak]), "N", stuck or "in the bore"),
             "peak_force_depth": (depth, "m"),
             "peak_force_simple": (float(simple_peak), "N", by_whitney),
             "chamfer_force": (float(np.max(force, where=on_chamfer, initial=0.0)), "N"),
@@ -265,12 +248,8 @@ def _insertion(scenario: WedgingScenario, start: InitialErrors) -> dict[str, Arr
     """
     parts, errors = scenario.parts, (start.lateral, start.rotation)
     above = float(simple.chamfer_depth(parts, start.lateral)) + _REACH * parts.clearance
-    depth = np.concatenate(
-        [
-            np.linspace(-above, 0.0, scenario.points, endpoint=False),
-            np.linspace(0.0, scenario.depth, scenario.points),
-        ]
-    )
+    on_chamfer = np.linspace(-above, 0.0, scenario.points, endpoint=False)
+    depth = np.concatenate([on_chamfer, np.linspace(0.0, scenario.depth, scenario.points)])
     found = equilibrium(parts, scenario.support, *errors, depth)
     return {
         "depth": depth,
@@ -429,34 +408,24 @@ def _margins(axes: Axes, starts: Mapping[str, tuple[float, float]], outcome: Out
     for name, (lateral, rotation) in starts.items():
         margin = outcome.metrics[f"{name}.margin"].value
         if margin is not None:
-            axes.annotate(
-                f"{margin:.0f} %",
-                (lateral * _MM, rotation * _MRAD),
-                (5, -11 if margin * rotation >= 0 else 5),
-                textcoords="offset points",
-                fontsize=8,
-                color=STARTS[name][1]["color"],
-            )
+            look: Style = {"textcoords": "offset points", "fontsize": 8}
+            away = 5, -11 if margin * rotation >= 0 else 5
+            there, colour = (lateral * _MM, rotation * _MRAD), STARTS[name][1]["color"]
+            axes.annotate(f"{margin:.0f} %", there, away, color=colour, **look)
 
 
 def _force(axes: Axes, parts: PegHoleGeometry, outcome: Outcome) -> None:
     traces = outcome.traces
-    axes.axvspan(
-        0.0, parts.wedging_depth * _MM, label=r"two points may wedge, $\lambda \leq 1$", **_WEDGE
-    )
+    may = r"two points may wedge, $\lambda \leq 1$"
+    axes.axvspan(0.0, parts.wedging_depth * _MM, label=may, **_WEDGE)
     for i, (label, style) in enumerate(STARTS.values()):
         of = traces["start"] == i
         depth, force = traces["depth"][of] * _MM, traces["force"][of]
         axes.plot(depth, force, color=style["color"], linewidth=1.6, label=label)
-        two = np.flatnonzero(traces["contact"][of] == Contact.TWO_POINT)
-        if two.size:
-            at = two[0]
+        for at in np.flatnonzero(traces["contact"][of] == Contact.TWO_POINT)[:1]:
             axes.plot(depth[at], force[at], linestyle="none", ms=6, **style)
-    dress(
-        axes,
-        title="(c) Force down, if it slides on; marks: two points touch",
-        x="depth of the tip in the bore / mm (negative: on the chamfer)",
-        y="insertion force / N",
-    )
+    title = "(c) Force down, if it slides on; marks: two points touch"
+    x = "depth of the tip in the bore / mm (negative: on the chamfer)"
+    dress(axes, title=title, x=x, y="insertion force / N")
     axes.set_ylim(0.0, 1.08 * float(np.nanmax(traces["force"])))
     legend(axes, ncols=2, **_BELOW)

@@ -222,21 +222,13 @@ def _statistics(trials: Trials[TrialInAWay]) -> dict[str, Metric]:
     }
     for name in ("force.axial", "force.lateral", "force.contact", "force.raw_peak"):
         values = trials.column(name)
-        found = {
-            "median": float(np.median(values)),
-            f"p{_QUANTILE}": float(np.percentile(values, _QUANTILE)),
-            "max": float(values.max()),
-        }
-        metrics |= metrics_of(
-            {f"{name}.{of}": (v, "N", "of the trials") for of, v in found.items()}
-        )
+        high = np.percentile(values, _QUANTILE)
+        found = {"median": np.median(values), f"p{_QUANTILE}": high, "max": values.max()}
+        rows = {of: (float(one), "N", "of the trials") for of, one in found.items()}
+        metrics |= prefixed(name, metrics_of(rows))
     for name in (
-        "depth",
-        "time_to_seated",
-        "decision.time",
-        "touch.lateral_error",
-        "touch.rotational_error",
-        "attempts",
+        *("depth", "time_to_seated", "decision.time"),
+        *("touch.lateral_error", "touch.rotational_error", "attempts"),
     ):
         unit = INSERTION[name].unit
         metrics[f"{name}.mean"] = mean_over(trials, name, unit, "in no trial")
@@ -260,18 +252,13 @@ def _saved(early: Trials[TrialInAWay], late: Trials[TrialInAWay]) -> dict[str, M
     note = f"{len(pairs)} pairs of one start, {values.min():.3g} to {values.max():.3g} s"
     interval = "95 % interval of the mean by Student's t"
     low, high = (mean - half, mean + half) if np.isfinite(half) else (None, None)
-    return metrics_of(
-        {
-            "saved.time.mean": (mean, "s", note),
-            "saved.time.mean_low": (low, "s", interval),
-            "saved.time.mean_high": (high, "s", interval),
-        }
-    )
+    saved = {"mean": (mean, "s", note), "mean_low": (low, "s", interval)}
+    return prefixed("saved.time", metrics_of(saved | {"mean_high": (high, "s", interval)}))
 
 
 def _settled_statistics(trials: Trials[TrialInAWay]) -> dict[str, Metric]:
     """Return the errors as the compensation froze after its time, and when they rest."""
-    metrics = {}
+    metrics: dict[str, tuple[float | None, str, str]] = {}
     for name, unit in (("lateral_error", "m"), ("rotational_error", "rad")):
         for when, note in (
             ("frozen", "as the compensation froze, after its time"),
@@ -280,10 +267,9 @@ def _settled_statistics(trials: Trials[TrialInAWay]) -> dict[str, Metric]:
             values = trials.column(f"{when}.{name}")
             values = values[np.isfinite(values)]
             for kind, value in (("mean", np.mean), ("max", np.max)):
-                metrics[f"settling.{when}.{name}.{kind}"] = Metric(
-                    value=float(value(values)) if len(values) else None, unit=unit, note=note
-                )
-    return metrics
+                found = float(value(values)) if len(values) else None
+                metrics[f"settling.{when}.{name}.{kind}"] = (found, unit, note)
+    return metrics_of(metrics)
 
 
 Array = NDArray[np.float64]
@@ -292,7 +278,6 @@ _COLOURS: Final = {AS_IT_IS: "#e07b00", "wait": "#1b4f9c", "frozen": "#b00020"}
 _OTHER: Final = "#777777"
 _MARKERS: Final = {AS_IT_IS: "o", "wait": "s", "frozen": "D"}
 _REGION: Final[Style] = {"color": "#dfe7f2", "linewidth": 0}
-_SAFE: Final = 5.0  # N
 _MM: Final = 1e3
 
 
@@ -329,7 +314,7 @@ def figures(scenario: ResolvedInsertionTrialsScenario, outcome: Outcome) -> Mapp
     since, title = "time since the first frame / s", "(a) Depth of the tip"
     counts = [ReferenceLine(_MM * SEATED * params.target, "counts as seated", LIMIT)]
     draw_lines(courses, (), depths, title=title, y="depth / mm", over=since, levels=counts)
-    forces.axvline(_SAFE, label=f"{_SAFE:g} N", **LIMIT)
+    forces.axvline(_HARD, label=f"{_HARD:g} N", **LIMIT)
     for axes, title, x in (
         (times, "(b) How soon: share seated", since),
         (forces, "(c) How hard: share of trials below", "largest contact force, 10 ms / N"),
@@ -340,12 +325,8 @@ def figures(scenario: ResolvedInsertionTrialsScenario, outcome: Outcome) -> Mapp
     lateral = np.linspace(0.0, region.lateral_limit, 100)
     tilt = np.array([region.tilt_at(one) for one in lateral])
     touches.fill_between(_MM * lateral, 0.0, _MM * tilt, label="free of wedging", **_REGION)
-    dress(
-        touches,
-        title="(d) Errors where the last attempt touches",
-        x="lateral error / mm",
-        y="rotational error / mrad",
-    )
+    title, y = "(d) Errors where the last attempt touches", "rotational error / mrad"
+    dress(touches, title=title, x="lateral error / mm", y=y)
     touches.set_xlim(0.0, None)
     touches.set_ylim(0.0, None)
     for axes in (courses, times, forces, touches):

@@ -36,13 +36,12 @@ def run(scenario: PegInsertionScenario, seed: int, progress: Progress) -> Outcom
 
 
 def _traces(scenario: PegInsertionScenario, run: Insertion) -> Table:
-    lateral = {f"force_{axis}": run.lateral[:, k] for k, axis in enumerate("yz")}
     columns = {
         "time": run.time,
         "depth": run.depth,
         "push": run.push,
         "force_x": run.axial,
-        **lateral,
+        **{f"force_{axis}": run.lateral[:, k] for k, axis in enumerate("yz")},
         "force_x_median": median(run.axial, scenario.step),
         "force_y_median": median(run.lateral[:, 0], scenario.step),
         "state": run.state,
@@ -88,7 +87,9 @@ def figures(scenario: PegInsertionScenario, outcome: Outcome) -> Mapping[str, Fi
         (above, force, predicted["axial"], "(a) Force against the insertion"),
         (below, traces["force_y_median"][fed], predicted["lateral"], "(b) Force across"),
     ):
-        shade_states(axes, l_of, traces["state"][fed])
+        for one, (label, colour) in STATES.items():
+            look: Style = {"color": colour, "alpha": 0.6, "linewidth": 0, "zorder": 0.5}
+            shade(axes, l_of, traces["state"][fed] == one, label, look)
         axes.plot(l_of, measured, label="simulated, median of 10 ms", **FORCE)
         axes.plot(predicted["depth"] * _MM, of, label="exact statics", **_EXACT)
         dress(axes, title=title, x="depth l in the bore / mm", y="force / N")
@@ -100,13 +101,6 @@ def figures(scenario: PegInsertionScenario, outcome: Outcome) -> Mapping[str, Fi
     legend(above, ncols=3, loc="upper right")
     _diagram(figure.add_subplot(grid[:, 1]), scenario, outcome, fed)
     return {"peg-insertion": figure}
-
-
-def shade_states(axes: Axes, depth: Array, state: Array) -> None:
-    """Shade the depths by contact state."""
-    for one, (label, colour) in STATES.items():
-        look: Style = {"color": colour, "alpha": 0.6, "linewidth": 0, "zorder": 0.5}
-        shade(axes, depth, state == one, label, look)
 
 
 def _diagram(
@@ -130,12 +124,8 @@ def _diagram(
     axes.plot(scenario.lateral * _MM, scenario.tilt * _MRAD, label="start", **_START)
     tallest = 1.1 * max(float(upper.max()), abs(scenario.tilt), parts.rotation_limit) * _MRAD
     axes.set_ylim(-tallest, tallest)
-    dress(
-        axes,
-        title="(c) Path in the wedging diagram",
-        x="lateral error of the tip / mm",
-        y="tilt / mrad",
-    )
+    title, off = "(c) Path in the wedging diagram", "lateral error of the tip / mm"
+    dress(axes, title=title, x=off, y="tilt / mrad")
     legend(axes, loc="lower center", ncols=3)
 
 
