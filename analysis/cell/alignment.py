@@ -469,11 +469,7 @@ def run_tracking(scenario: ResolvedAlignmentScenario, seed: int, progress: Progr
     warn_of_stops({name: column([stopped[name] or 0.0]) for name in STOPPED})
     metrics |= {name: Metric(value=value, unit="") for name, value in stopped.items()}
     metrics |= settling_metrics(scenario)
-    return Outcome(
-        metrics=metrics,
-        traces=traces,
-        simulated_seconds=len(RUNS) * scenario.duration,
-    )
+    return Outcome(metrics=metrics, traces=traces, simulated_seconds=len(RUNS) * scenario.duration)
 
 
 def _run_one(scenario: ResolvedAlignmentScenario, seed: int, name: str) -> Row:

@@ -182,9 +182,7 @@ def true_errors(peg: Array, hole: Array) -> TrueErrors:
     angle = np.arctan2(sine, np.sum(peg_axis * hole_axis, axis=1))
     scale = np.divide(angle, sine, out=np.ones_like(sine), where=sine > 0)
     return TrueErrors(
-        gap=gap,
-        way=between - gap[:, np.newaxis] * hole_axis,
-        turn=scale[:, np.newaxis] * normal,
+        gap=gap, way=between - gap[:, np.newaxis] * hole_axis, turn=scale[:, np.newaxis] * normal
     )
 
 

@@ -39,17 +39,8 @@ from chamfer.analysis.drawing.figure_style import (
     new_figure,
 )
 from chamfer.analysis.published.fsm_work_cell import MEAN_ERROR, WORST_ERROR
-from chamfer.analysis.scenario.experiment import (
-    Metric,
-    Outcome,
-    Progress,
-    Table,
-    column,
-    part_of,
-)
-from chamfer.diagrams.cell.alignment_scenario import (
-    ControllerChoice,
-)
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column, part_of
+from chamfer.diagrams.cell.alignment_scenario import ControllerChoice
 from chamfer.diagrams.cell.cell_vision import CameraSettings
 from chamfer.models.validation import ParameterError
 

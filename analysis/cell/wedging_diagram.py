@@ -29,13 +29,7 @@ from chamfer.analysis.drawing.figure_style import (
     new_figure,
 )
 from chamfer.analysis.published.fsm_work_cell import MEAN_ERROR, WORST_ERROR
-from chamfer.analysis.scenario.experiment import (
-    Metric,
-    Outcome,
-    Progress,
-    Table,
-    column,
-)
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column
 from chamfer.models.peg.peg_and_hole import ColouredParts, PegHoleGeometry
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory import insertion_statics as simple
@@ -193,10 +187,7 @@ def run(scenario: ResolvedWedgingScenario, seed: int, progress: Progress) -> Out
         tables["arms"] = {"lateral": lateral, "exact_lower": lower, "exact_upper": upper}
         metrics["aligned.detected"] = detected_metric(finished.column("detected"))
     return Outcome(
-        metrics=metrics,
-        traces=_stacked(paths),
-        simulated_seconds=simulated,
-        tables=tables,
+        metrics=metrics, traces=_stacked(paths), simulated_seconds=simulated, tables=tables
     )
 
 

@@ -35,11 +35,7 @@ LOOPS: Final[dict[str, tuple[str, Style]]] = {
         {"color": "#0a2650", "linestyle": ":", "linewidth": 1.6},
     ),
 }
-PUBLISHED: Final[Style] = {
-    "color": "#b00020",
-    "linestyle": (0, (1, 1.5)),
-    "linewidth": 1.3,
-}
+PUBLISHED: Final[Style] = {"color": "#b00020", "linestyle": (0, (1, 1.5)), "linewidth": 1.3}
 FORCE: Final[Style] = {"color": "#1b4f9c", "linestyle": "-", "linewidth": 1.2}
 POSITION: Final[Style] = {"color": "#e07b00", "linestyle": "-", "linewidth": 1.6}
 LIMIT: Final[Style] = {"color": "#7a0060", "linestyle": (0, (6, 2)), "linewidth": 1.0}

@@ -135,9 +135,7 @@ def connected(keys: Sequence[Key], pairs: Sequence[Pair[Key]]) -> dict[Key, int]
 
 
 def order_layers(
-    layers: Sequence[Sequence[Key]],
-    links: Sequence[Link[Key]],
-    group: Callable[[Key], Any],
+    layers: Sequence[Sequence[Key]], links: Sequence[Link[Key]], group: Callable[[Key], Any]
 ) -> list[list[Key]]:
     """Return the layers, from top to bottom, reordered by barycentres for few crossings.
 

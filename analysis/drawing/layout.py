@@ -314,11 +314,7 @@ class _Level:
     """Lays out the items of a level and fills its panel."""
 
     def __init__(
-        self,
-        items: list[_Item],
-        wires: list[_Wire],
-        labels: dict[Net, TextBlock],
-        panel: _Panel,
+        self, items: list[_Item], wires: list[_Wire], labels: dict[Net, TextBlock], panel: _Panel
     ) -> None:
         self._items, self._wires, self._labels, self._panel = items, wires, labels, panel
         self._assign_layers()

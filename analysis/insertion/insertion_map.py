@@ -25,14 +25,7 @@ from chamfer.analysis.drawing.figure_kit import draw_counts
 from chamfer.analysis.drawing.figure_style import Style, dress, legend, new_figure
 from chamfer.analysis.insertion.insertion_runs import median, onset_of
 from chamfer.analysis.linear.simulate import simulate
-from chamfer.analysis.scenario.experiment import (
-    Metric,
-    Outcome,
-    Progress,
-    Table,
-    column,
-    part_of,
-)
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column, part_of
 from chamfer.diagrams.cell.work_cell import axial_stiffness
 from chamfer.diagrams.insertion.blind_feed import (
     BlindFeedScenario,
@@ -315,12 +308,7 @@ def run(scenario: InsertionMapScenario, seed: int, progress: Progress) -> Outcom
         tables["probability"] = _probability(scenario, scenario.drawn, varied)
         metrics |= _overall(tables["probability"])
         simulated += float(varied.column("simulated_seconds").sum())
-    return Outcome(
-        metrics=metrics,
-        traces=traces,
-        simulated_seconds=simulated,
-        tables=tables,
-    )
+    return Outcome(metrics=metrics, traces=traces, simulated_seconds=simulated, tables=tables)
 
 
 def _cells(scenario: InsertionMapScenario, found: Trials[BlindFeedScenario]) -> Table:

@@ -52,10 +52,7 @@ class JammingScenario:
 
     insertion: FeedScenario = field(
         default_factory=lambda: FeedScenario(
-            support=FeedSupport(centre_distance=0.3),
-            depth=0.03,
-            gap=0.002,
-            speed=0.04,
+            support=FeedSupport(centre_distance=0.3), depth=0.03, gap=0.002, speed=0.04
         )
     )  # the starts are below
     tilts: tuple[float, ...] = (0.02, 0.03, 0.04, 0.05, 0.06)  # rad, of the starts

@@ -6,13 +6,7 @@ from typing import Final, Literal, get_args
 
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
-from pydrake.systems.primitives import (
-    Adder,
-    Gain,
-    MatrixGain,
-    TrajectorySource,
-    ZeroOrderHold,
-)
+from pydrake.systems.primitives import Adder, Gain, MatrixGain, TrajectorySource, ZeroOrderHold
 from pydrake.trajectories import PiecewisePolynomial
 
 from chamfer.diagrams.cell.work_cell import ARMS, ArmName, WorkCellScenario

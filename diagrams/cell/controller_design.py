@@ -269,9 +269,7 @@ def resolve_controllers(scenario: ResolvedT) -> ResolvedT:
 
 
 def design_compensator(
-    scenario: AlignmentScenario,
-    responses: Sequence[Responses],
-    increments: Mapping[Kind, float],
+    scenario: AlignmentScenario, responses: Sequence[Responses], increments: Mapping[Kind, float]
 ) -> SixAxisSettings:
     """Return the state machine's elements, what is given kept."""
     elements: dict[Kind, OpenAxis] = {}

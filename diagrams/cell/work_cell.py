@@ -495,9 +495,7 @@ _HOLDER: Final = np.array([0.25, 0.27, 0.30, 1.0])  # red, green, blue, opacity
 
 
 def add_part_shapes(
-    scenario: WorkCellScenario,
-    plant: MultibodyPlant,
-    tools: dict[ArmName, RigidBody],
+    scenario: WorkCellScenario, plant: MultibodyPlant, tools: dict[ArmName, RigidBody]
 ) -> None:
     """Add peg and hole part to their tools before Finalize; rods hold what arms have."""
     peg, hole = scenario.parts.peg, scenario.parts.hole

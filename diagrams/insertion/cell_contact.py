@@ -15,11 +15,7 @@ from chamfer.diagrams.cell.work_cell import (
     WorkCellScenario,
     add_work_cell,
 )
-from chamfer.models.peg.bore_contact import (
-    ContactMaterial,
-    add_hole_contact,
-    add_peg_contact,
-)
+from chamfer.models.peg.bore_contact import ContactMaterial, add_hole_contact, add_peg_contact
 from chamfer.models.peg.peg_and_hole import PegAndHole
 from chamfer.systems.contact.peg_hole_contact_monitor import PegHoleContactMonitor
 

@@ -27,10 +27,7 @@ from chamfer.analysis.published.fsm_work_cell import MEAN_ERROR, WORST_ERROR
 from chamfer.analysis.report.checks import check
 from chamfer.analysis.report.replay import open_meshcat
 from chamfer.analysis.scenario.experiment import Outcome, load, select
-from chamfer.diagrams.cell.alignment_scenario import (
-    VERTICAL_TRACKING,
-    AlignmentScenario,
-)
+from chamfer.diagrams.cell.alignment_scenario import VERTICAL_TRACKING, AlignmentScenario
 from chamfer.diagrams.cell.work_cell import ARMS, HOLE_ARM
 from chamfer.models.arms import wam
 from chamfer.models.peg.peg_and_hole import ColouredParts

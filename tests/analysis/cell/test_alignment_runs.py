@@ -235,12 +235,7 @@ def test_what_went_wrong(given: dict[str, Any], expected: tuple[str, ...]) -> No
 
 
 def test_what_went_wrong_is_said() -> None:
-    rows = {
-        "blind": [0, 1, 0],
-        "diverged": [1, 0, 1],
-        "limited": [0, 0, 1],
-        "growing": [0, 1, 1],
-    }
+    rows = {"blind": [0, 1, 0], "diverged": [1, 0, 1], "limited": [0, 0, 1], "growing": [0, 1, 1]}
     with pytest.warns(UserWarning, match=" trials ") as said:
         metrics = stopped_metrics({name: np.array(row, float) for name, row in rows.items()})
     texts = [str(one.message) for one in said]

@@ -169,9 +169,7 @@ def test_theory_is_silent_of_square_parts_off_the_planes_of_their_faces(
 def test_before_the_advance_a_run_may_end(quick: InsertionScenario) -> None:
     paused = resolve(
         replace(
-            quick,
-            decide=DecisionParams(kind="at_once"),
-            insert=replace(quick.insert, pause=0.2),
+            quick, decide=DecisionParams(kind="at_once"), insert=replace(quick.insert, pause=0.2)
         )
     )
     run = run_cell_insertion(paused, seed=0, until_advance=True)

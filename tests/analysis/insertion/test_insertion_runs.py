@@ -25,12 +25,7 @@ from chamfer.analysis.insertion.insertion_runs import (
     measure,
     predict,
 )
-from chamfer.analysis.insertion.jamming_diagram import (
-    JammingScenario,
-    load_ratios,
-    loads,
-    resolve,
-)
+from chamfer.analysis.insertion.jamming_diagram import JammingScenario, load_ratios, loads, resolve
 from chamfer.analysis.scenario.experiment import load, select
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.diagrams.insertion.peg_insertion import (
@@ -110,11 +105,7 @@ def test_a_peg_beside_the_mouth_misses(lateral: float) -> None:
 
 def test_on_the_bottom_it_is_seated() -> None:
     blind = replace(
-        SPRUNG,
-        parts=replace(SPRUNG.parts, bore_depth=0.006),
-        tilt=0.0,
-        speed=0.1,
-        force_cap=10.0,
+        SPRUNG, parts=replace(SPRUNG.parts, bore_depth=0.006), tilt=0.0, speed=0.1, force_cap=10.0
     )
     run = insert(blind)
     assert run.depth.max() == pytest.approx(0.006, abs=1e-4)
@@ -158,8 +149,7 @@ def synthetic(scenario: PegInsertionScenario, push: list[float], depth: list[flo
 
 
 @pytest.mark.parametrize(
-    ("pulled", "out", "wedged"),
-    [(-3.0, 0.0, 1.0), (-0.1, 0.0, 0.0), (-3.0, 0.0002, 0.0)],
+    ("pulled", "out", "wedged"), [(-3.0, 0.0, 1.0), (-0.1, 0.0, 0.0), (-3.0, 0.0002, 0.0)]
 )
 def test_what_is_held_without_the_push_is_wedged_and_else_jammed(
     pulled: float, out: float, wedged: float

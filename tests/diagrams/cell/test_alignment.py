@@ -18,10 +18,7 @@ from scipy.spatial.transform import Rotation
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.diagrams.cell import cell_vision
 from chamfer.diagrams.cell.alignment import make_alignment_diagram, resolve
-from chamfer.diagrams.cell.alignment_scenario import (
-    AlignmentScenario,
-    ControllerChoice,
-)
+from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice
 from chamfer.diagrams.cell.cell_vision import CameraSettings, ViewSettings
 from chamfer.diagrams.cell.work_cell import HOLE_ARM, PEG_ARM
 from chamfer.diagrams.insertion.insertion import InsertionScenario, make_insertion_diagram

@@ -313,11 +313,7 @@ WAYS: dict[View, Array] = {"xz": np.array([0.0, 0.0, -0.03]), "xy": np.array([0.
 
 @pytest.mark.parametrize("view", VIEWS)
 @pytest.mark.parametrize(
-    "frames",
-    [
-        ViewFrames(latency=4),
-        ViewFrames(period=0.02, offset=0.007, latency=2),
-    ],
+    "frames", [ViewFrames(latency=4), ViewFrames(period=0.02, offset=0.007, latency=2)]
 )
 def test_what_is_desired_is_as_old_as_the_image_of_each_camera(
     frames: ViewFrames, view: View

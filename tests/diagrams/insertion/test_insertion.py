@@ -26,10 +26,7 @@ from chamfer.diagrams.insertion.blind_feed import (
     make_blind_feed_diagram,
     resolve_fed_cell,
 )
-from chamfer.diagrams.insertion.cell_contact import (
-    add_cell_in_contact,
-    export_contact,
-)
+from chamfer.diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
 from chamfer.diagrams.insertion.insertion import (
     TASK,
     InsertionScenario,
