@@ -18,7 +18,7 @@ from pydrake.systems.primitives import (
     VectorLogSink,
 )
 
-from chamfer.analysis.drawing.graph import Cluster, Edge, Graph, Kind, Node
+from chamfer.analysis.drawing.graph import Cluster, Edge, Graph, Kind, Node, unique
 
 _AUTOMATIC_NAME: Final = re.compile(r"@[0-9a-f]{8,}$")  # Drake puts an address in it
 _SAYS_NOTHING: Final = re.compile(
@@ -39,14 +39,6 @@ class _Parts:
     clusters: list[Cluster] = field(default_factory=list)
     edges: list[Edge] = field(default_factory=list)
     taken: set[str] = field(default_factory=set)
-
-    def unique(self, id_: str) -> str:
-        """Return an id, numbered if it is taken already, and take it."""
-        candidate, number = id_, 2
-        while candidate in self.taken:
-            candidate, number = f"{id_} {number}", number + 1
-        self.taken.add(candidate)
-        return candidate
 
     def connect(self, source: str, port: str, end: _Port, label: str = "") -> None:
         """Add a wire from a node's port to a leaf system's."""
@@ -74,14 +66,15 @@ def diagram_graph(diagram: Diagram) -> Graph:
     inputs = []
     for i in range(diagram.num_input_ports()):
         name = diagram.get_input_port(i).get_name()
-        inputs.append(Node(id=parts.unique(f"input {name}"), label=name, kind="port"))
+        id_ = unique(f"input {name}", parts.taken, " ")
+        inputs.append(Node(id=id_, label=name, kind="port"))
         for end in _reached(diagram, i):
-            parts.connect(inputs[-1].id, "", end)
+            parts.connect(id_, "", end)
     outputs = []
     for name, (system, port) in _outputs(diagram):
-        outputs.append(Node(id=parts.unique(f"output {name}"), label=name, kind="port"))
-        source = parts.nodes[system].id
-        parts.edges.append(Edge(source=source, target=outputs[-1].id, source_port=port))
+        id_, source = unique(f"output {name}", parts.taken, " "), parts.nodes[system].id
+        outputs.append(Node(id=id_, label=name, kind="port"))
+        parts.edges.append(Edge(source=source, target=id_, source_port=port))
     hidden = _loggers(parts)
     place = {
         (node.id, system.get_input_port(i).get_name()): (number, i)
@@ -93,21 +86,22 @@ def diagram_graph(diagram: Diagram) -> Graph:
     drawn, wires = _with_signs(parts.nodes, hidden, wires)
     wires.sort(key=lambda wire: place.get((wire.target, wire.target_port), last))
     nodes = {node.id: node for node in (*inputs, *drawn, *outputs)}
+    edges = tuple(_without_repetition(wire, nodes) for wire in wires)
     graph = Graph(
-        title=_name(diagram, ""), nodes=tuple(nodes.values()), clusters=tuple(parts.clusters)
+        title=_name(diagram, ""),
+        nodes=tuple(nodes.values()),
+        edges=edges,
+        clusters=tuple(parts.clusters),
     )
     occupied = {above for node in drawn for above in graph.ancestors(node.id)}
-    return replace(
-        graph,
-        edges=tuple(_without_repetition(wire, nodes) for wire in wires),
-        clusters=tuple(one for one in parts.clusters if one.id in occupied),
-    )
+    kept = tuple(one for one in parts.clusters if one.id in occupied)
+    return replace(graph, clusters=kept)
 
 
 def _collect(diagram: Diagram, cluster: str | None, path: str, parts: _Parts) -> None:
     for system in diagram.GetSystems():
         label = _name(system, type(system).__name__)
-        id_ = parts.unique(f"{path}{label}")
+        id_ = unique(f"{path}{label}", parts.taken, " ")
         if isinstance(system, Diagram):
             parts.clusters.append(Cluster(id=id_, label=label, parent=cluster))
             _collect(system, id_, f"{id_}/", parts)
@@ -121,10 +115,8 @@ def _collect(diagram: Diagram, cluster: str | None, path: str, parts: _Parts) ->
                 continue
             source, output = connections[system, port]
             start, name = _resolved(source, output)
-            outer = (
-                source.get_output_port(output).get_name(),
-                system.get_input_port(port).get_name(),
-            )
+            from_, into = source.get_output_port(output), system.get_input_port(port)
+            outer = from_.get_name(), into.get_name()
             for end in _reached(system, port):
                 parts.connect(parts.nodes[start].id, name, end, _label(outer, (name, end[1])))
 

@@ -9,6 +9,15 @@ Kind = Literal[
 ]
 
 
+def unique(id_: str, taken: set[str], gap: str) -> str:
+    """Return an id, numbered if it is taken already, and take it."""
+    candidate, number = id_, 2
+    while candidate in taken:
+        candidate, number = f"{id_}{gap}{number}", number + 1
+    taken.add(candidate)
+    return candidate
+
+
 @dataclass(frozen=True, kw_only=True)
 class Node:
     """A block, a summing node, a state or an open end."""

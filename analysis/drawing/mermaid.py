@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any, Final
 
 from chamfer.analysis.drawing.chart_graph import chart_graph
-from chamfer.analysis.drawing.graph import Graph, Node
+from chamfer.analysis.drawing.graph import Graph, Node, unique
 from chamfer.systems.statechart.chart import Chart
 
 _SHAPES: Final = {  # what stands around the quoted label
@@ -103,16 +103,9 @@ def _front_matter(title: str) -> list[str]:
 
 def _ids(names: Iterable[str]) -> dict[str, str]:
     """Return unique ids that Mermaid can't take for one of its words (``end``)."""
-    ids: dict[str, str] = {}
     taken: set[str] = set()
-    for name in names:
-        stem = "n_" + _NOT_IN_ID.sub("_", name).strip("_")
-        id_, number = stem, 2
-        while id_ in taken:
-            id_, number = f"{stem}_{number}", number + 1
-        taken.add(id_)
-        ids[name] = id_
-    return ids
+    stems = {name: "n_" + _NOT_IN_ID.sub("_", name).strip("_") for name in names}
+    return {name: unique(stem, taken, "_") for name, stem in stems.items()}
 
 
 def _escaped(text: str) -> str:
