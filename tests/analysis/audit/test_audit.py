@@ -114,16 +114,14 @@ def catalogue(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Catalogue:
     package = f"audited_{abs(hash(tmp_path))}"
     (tmp_path / f"{package}.py").write_text(TOY)
     monkeypatch.syspath_prepend(str(tmp_path))
-    toy = Entry(
-        name="toy",
-        paper="p",
-        summary="toy",
-        module=package,
-        scenario="TOY",
-        resolve="resolve",
-        plot="run",
-        reduced=("trials=2",),
-    )
+    names = {
+        "paper": "p",
+        "summary": "toy",
+        "module": package,
+        "resolve": "resolve",
+        "plot": "run",
+    }
+    toy = Entry(name="toy", scenario="TOY", reduced=("trials=2",), **names)
     slow = replace(toy, name="slow", scenario="SLOW", run="run_slow", reduced=())
     return Catalogue(entries=(slow, toy), published="none")
 
@@ -160,10 +158,8 @@ def test_a_field_is_effective_silent_refused_or_undecided(
     }
     assert verdicts["bound"].tried[-1] == ("effective", "bound=0.8: a change")
     assert len(verdicts["bound"].tried) > 1
-    assert verdicts["broken"].tried[0] == (
-        "undecided",
-        "broken=1: traceback: ZeroDivisionError: by zero",
-    )
+    crash = "broken=1: traceback: ZeroDivisionError: by zero"
+    assert verdicts["broken"].tried[0] == ("undecided", crash)
 
 
 def test_without_its_context_a_field_is_silent(catalogue: Catalogue) -> None:

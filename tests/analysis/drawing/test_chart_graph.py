@@ -32,24 +32,15 @@ def chart_of(states: list[State[Any, Any]], *ways: tuple[str, str, str, bool]) -
 
 def test_states_and_priorities_of_a_chart(axis: AnyChart) -> None:
     graph = chart_graph(axis)
-    assert {node.id: node.kind for node in graph.nodes} == {
-        START: "initial",
-        state_id("idle"): "state",
-        state_id("moving"): "state",
-        state_id("settling"): "state",
-        state_id("arrived"): "final",
-        state_id("fault"): "failed",
-    }
+    kinds = {"idle": "state", "moving": "state", "settling": "state"}
+    kinds |= {"arrived": "final", "fault": "failed"}
+    states = {state_id(name): kind for name, kind in kinds.items()}
+    assert {node.id: node.kind for node in graph.nodes} == {START: "initial"} | states
     assert [edge.target for edge in graph.edges if edge.source == START] == [state_id("idle")]
     # Numbers only where there is a choice, and none for a timeout.
     assert [edge.label for edge in graph.edges] == [
-        "",
-        "command",
-        "(1) near the goal",
-        "(2) new goal",
-        "(1) overshoot",
-        "(2) settled",
-        "after 5 s",
+        *("", "command", "(1) near the goal", "(2) new goal"),
+        *("(1) overshoot", "(2) settled", "after 5 s"),
     ]
 
 
