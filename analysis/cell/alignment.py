@@ -74,9 +74,7 @@ from chamfer.diagrams.cell.alignment_scenario import (
 )
 from chamfer.diagrams.cell.cell_vision import VIEWS, looks_in, undistortion_of
 from chamfer.diagrams.cell.work_cell import (
-    ArmName,
     CellArmSettings,
-    WorkCellScenario,
     make_work_cell_view,
 )
 from chamfer.models.cameras.camera import Camera
@@ -531,24 +529,20 @@ def replay_alignment(scenario: AlignmentScenario, outcome: Outcome, meshcat: Mes
     """
     diagram, plant = make_work_cell_view(scenario, meshcat)
     target = scenario.nominal_pose("peg") @ np.array([scenario.gap / 2, 0.0, 0.0])
-    floor = np.array([*target[:2], min(_foot(scenario, arm) for arm in scenario.arms)])
+    arms: list[CellArmSettings] = [getattr(scenario, arm) for arm in scenario.arms]
+    bases = [(one.base.transform @ one.base_error.transform).translation() for one in arms]
+    feet = [base[2] - one.arm.base_height for base, one in zip(bases, arms, strict=True)]
+    floor = np.array([*target[:2], min(feet)])
     set_stage(meshcat, floor=floor, eye=target + scenario.hole_axes @ _EYE, target=target)
     for i, view in enumerate(VIEWS):
         _draw_camera(meshcat, f"camera_{i + 1}", scenario.camera(view))
     traces = outcome.traces
     joints = [
         traces[f"{arm}_q{i + 1}"]
-        for arm in scenario.arms
-        for i in range(getattr(scenario, arm).arm.num_joints)
+        for arm, one in zip(scenario.arms, arms, strict=True)
+        for i in range(one.arm.num_joints)
     ]
     record(meshcat, diagram, plant, traces["time"], np.column_stack(joints))
-
-
-def _foot(scenario: WorkCellScenario, arm: ArmName) -> float:
-    """Return how high an arm's foot is, m."""
-    settings: CellArmSettings = getattr(scenario, arm)
-    X_WB = settings.base.transform @ settings.base_error.transform
-    return float(X_WB.translation()[2]) - settings.arm.base_height
 
 
 def _draw_camera(meshcat: Meshcat, path: str, camera: Camera) -> None:

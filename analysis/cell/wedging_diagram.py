@@ -310,7 +310,10 @@ def figures(scenario: WedgingScenario, outcome: Outcome) -> Mapping[str, Figure]
     table = outcome.tables["boundaries"]
     for axes in (whole, near):
         _region(axes, parts, table)
-        _starts(axes, starts)
+        for name, (lateral, rotation) in starts.items():
+            label, style = STARTS[name]
+            look: Style = {"linestyle": "none", "ms": 6, "label": label, "zorder": 4, **style}
+            axes.plot(lateral * _MM, rotation * _MRAD, **look)
         if ends is not None:
             arms = outcome.tables["arms"]
             of = np.abs(arms["lateral"]) <= max(parts.lateral_limit, parts.chamfer_limit)
@@ -322,7 +325,7 @@ def figures(scenario: WedgingScenario, outcome: Outcome) -> Mapping[str, Figure]
     _margins(near, starts, outcome)
     limits = parts.lateral_limit, parts.rotation_limit
     right, top = limits[0] * _MM, limits[1] * _MRAD
-    look: Style = {"fill": False, "label": "published limits: the no-wedge box", **PUBLISHED}
+    look = {"fill": False, "label": "published limits: the no-wedge box", **PUBLISHED}
     whole.add_patch(Rectangle((-right, -top), 2 * right, 2 * top, **look))
     near.axhline(parts.rotation_limit * _MRAD, **PUBLISHED)
     x, y = "initial lateral error / mm", "initial rotation / mrad"
@@ -333,9 +336,9 @@ def figures(scenario: WedgingScenario, outcome: Outcome) -> Mapping[str, Figure]
     tallest = np.max(np.abs(table["exact_upper"]), where=_own(table), initial=0.0)
     whole.set_ylim(*(np.array([-1.0, 1.0]) * 1.05 * tallest * _MRAD))
     # The quadrant of the starts, and every simulated end.
-    lateral, rotation = _MM * np.transpose(points)
-    near.set_xlim(min(0.0, 1.1 * lateral.min()), max(1.5 * lateral.max(), 0.0))
-    near.set_ylim(min(0.0, 1.1 * rotation.min()), 1.2 * max(rotation.max(), top))
+    x_of, y_of = _MM * np.transpose(points)
+    near.set_xlim(min(0.0, 1.1 * x_of.min()), max(1.5 * x_of.max(), 0.0))
+    near.set_ylim(min(0.0, 1.1 * y_of.min()), 1.2 * max(y_of.max(), top))
     legend(whole, ncols=2, **_BELOW | {"bbox_to_anchor": (0.5, -0.09)})
     _force(force, parts, outcome)
     return {"wedging-diagram": figure}
@@ -384,14 +387,6 @@ def _sides(axes: Axes, table: Table, rows: NDArray[np.bool_], form: str, style: 
     sides = table[f"{form}_lower"][rows], table[f"{form}_upper"][rows]
     label = f"{form} sides, $L_g$ {distance:.4g} mm"
     draw_sides(axes, table["lateral"][rows], sides, label, style)
-
-
-def _starts(axes: Axes, starts: Mapping[str, tuple[float, float]]) -> None:
-    for name, (lateral, rotation) in starts.items():
-        label, style = STARTS[name]
-        axes.plot(
-            lateral * _MM, rotation * _MRAD, linestyle="none", ms=6, label=label, zorder=4, **style
-        )
 
 
 def _margins(axes: Axes, starts: Mapping[str, tuple[float, float]], outcome: Outcome) -> None:

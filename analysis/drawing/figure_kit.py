@@ -12,6 +12,7 @@ from typing import Any, Final, Protocol
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike, NDArray
@@ -288,18 +289,14 @@ def draw_shares(
             share = shares[name]
             axes.barh(row, share, left=left, color=colour, height=0.86)
             if share >= _LEAST_SHARE or (share and name in own):
-                ink = "white" if _dark(colour) else "black"
+                dark = 255 * np.dot(to_rgb(colour), (0.3, 0.6, 0.1)) < 128
+                ink = "white" if dark else "black"
                 middle: Style = {"ha": "center", "va": "center", "fontsize": 7, "color": ink}
                 axes.text(left + share / 2, row, own.get(name, f"{share:.0f}"), **middle)
             left += share
     axes.set_xlim(0, 100)
     axes.tick_params(labelsize=8, left=False)
     axes.spines[["top", "right", "left"]].set_visible(False)
-
-
-def _dark(colour: str) -> bool:
-    red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
-    return 0.3 * red + 0.6 * green + 0.1 * blue < 128
 
 
 def draw_counts(

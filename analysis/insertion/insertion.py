@@ -85,11 +85,14 @@ def run(scenario: ResolvedInsertionScenario, seed: int, progress: Progress) -> O
         progress(fraction, doing or f"{fraction * scenario.duration:.0f} s of the task")
 
     done = run_cell_insertion(scenario, seed, told)
-    pictures = pictures_at(scenario.there, done.traces, _moments(scenario, done), seed)
+    time, touch = done.traces["time"], touch_row(done)
+    last, before = len(time) - 1, row_before(time, scenario.begin)
+    moments = {"before": before, "touch": last if touch is None else touch, "end": last}
+    pictures = pictures_at(scenario.there, done.traces, moments, seed)
     return Outcome(
         metrics=_metrics(scenario, done),
         traces=done.traces,
-        simulated_seconds=float(done.traces["time"][-1]),
+        simulated_seconds=float(time[-1]),
         tables={"path": path_table(done.path), "pictures": pictures},
     )
 
@@ -114,23 +117,19 @@ def _metrics(scenario: ResolvedInsertionScenario, done: CellInsertion) -> dict[s
     return metrics | settling_metrics(scenario) | predict(scenario, done)
 
 
-def _moments(scenario: ResolvedInsertionScenario, done: CellInsertion) -> dict[str, int]:
-    """Return the rows of the traces of which there are pictures."""
-    time, touch = done.traces["time"], touch_row(done)
-    last = len(time) - 1
-    before = row_before(time, scenario.begin)
-    return {"before": before, "touch": last if touch is None else touch, "end": last}
-
-
 def figures(scenario: ResolvedInsertionScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
     (chart,) = insertion_charts(scenario)
     result = outcome.metrics["seated.said"].note
     time = outcome.traces["time"]
+    loads = new_figure(12.5, 6.0)
+    wedging, jamming = loads.subplots(1, 2)
+    _wedging(wedging, scenario, outcome)
+    _jamming(jamming, scenario, outcome)
     return {
         "insertion": plot_course(scenario, outcome, chart.state_names),
         "path": plot_chart_path(chart, outcome.tables["path"], result=result),
-        "loads": plot_loads(scenario, outcome),
+        "loads": loads,
         "pictures": plot_moments(
             scenario,
             outcome.tables["pictures"],
@@ -221,15 +220,6 @@ def plot_course(
     across.set_xlim(0.0, float(time[-1]))
     if seen:
         colour_legend(figure, {f"contact: {name}": colour for name, colour in seen.values()})
-    return figure
-
-
-def plot_loads(scenario: ResolvedInsertionScenario, outcome: Outcome) -> Figure:
-    """Draw tip and tilt into the wedging diagram, the loads into the jamming diagram."""
-    figure = new_figure(12.5, 6.0)
-    wedging, jamming = figure.subplots(1, 2)
-    _wedging(wedging, scenario, outcome)
-    _jamming(jamming, scenario, outcome)
     return figure
 
 

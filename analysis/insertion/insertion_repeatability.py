@@ -109,16 +109,6 @@ def in_a_way(
     return replace(scenario, decide=decide, insert=insert)
 
 
-def insert_all(
-    scenario: ResolvedInsertionTrialsScenario, seed: int, progress: Progress
-) -> dict[str, Trials[TrialInAWay]]:
-    """Run every trial in every way, and return the trials by way."""
-    ways = (AS_IT_IS, *scenario.beside)
-    tasks = [(trial, way) for trial in range(scenario.trials) for way in ways]
-    finished = run_each(partial(insert_one, scenario, seed), tasks, progress)
-    return finished.split(ways, lambda task: task[1])
-
-
 def insert_one(scenario: ResolvedInsertionTrialsScenario, seed: int, task: TrialInAWay) -> Row:
     """Run one of a seed's trials in one way; it depends on its arguments alone.
 
@@ -167,7 +157,10 @@ _SETTLING: Final = "settling"
 
 def run(scenario: ResolvedInsertionTrialsScenario, seed: int, progress: Progress) -> Outcome:
     """Insert the peg many times, in every way."""
-    found = insert_all(scenario, seed, progress)
+    ways = (AS_IT_IS, *scenario.beside)
+    tasks = [(trial, way) for trial in range(scenario.trials) for way in ways]
+    finished = run_each(partial(insert_one, scenario, seed), tasks, progress)
+    found: dict[str, Trials[TrialInAWay]] = finished.split(ways, lambda task: task[1])
     metrics: dict[str, Metric] = {}
     for way, trials in found.items():
         if way == _SETTLING:
