@@ -14,7 +14,7 @@ from scipy.optimize import linprog
 
 from chamfer.models.peg.peg_and_hole import PegAndHole, PegHoleGeometry
 from chamfer.models.peg.support import Support, in_series
-from chamfer.models.peg_theory.fed_insertion import FeedVerdict, limits, predict_feed
+from chamfer.models.peg_theory.fed_insertion import FeedVerdict, largest_push, limits, predict_feed
 from chamfer.models.peg_theory.planar_statics import Contact, equilibrium
 from chamfer.models.peg_theory.wedging import (
     assembles,
@@ -358,6 +358,16 @@ def test_what_theory_says() -> None:
     found = predict_feed(PAPER[0], support_at, plenty, lateral, tilt, depth=DEPTH)
     assert found.verdict.tolist() == list(expected)
     assert limits(PAPER[0], support_at, lateral, tilt).verdict.tolist() == list(expected)
+
+
+def test_the_largest_push_is_that_of_the_statics_at_a_few_depths() -> None:
+    parts, errors = PAPER[0], (np.array([0.001, 0.003]), np.array([0.05, -0.04]))
+    forces = [
+        equilibrium(parts, support_at(tip), *errors, tip - parts.chamfer_height).insertion_force
+        for tip in (DEPTH / 2, DEPTH)
+    ]
+    found = largest_push(parts, support_at, *errors, depth=DEPTH, looks=3)
+    assert found == pytest.approx(np.maximum(*forces))
 
 
 @pytest.mark.slow

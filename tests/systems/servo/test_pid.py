@@ -9,7 +9,14 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.primitives import LinearSystem
 from scipy.signal import lfilter
 
-from chamfer.systems.servo.sampled_pid import PidGains, SampledPid, SampledPidParams, tuned_gains
+from chamfer.systems.servo.sampled_pid import (
+    OpenPidGains,
+    PidGains,
+    SampledPid,
+    SampledPidParams,
+    designed_gains,
+    tuned_gains,
+)
 from chamfer.systems.servo.settling import SettlingPlant, sample_plant
 
 PERIOD = 1 / 80
@@ -180,3 +187,20 @@ def test_tuning_is_simc_for_a_lag_behind_a_dead_time(
     assert found.proportional == pytest.approx(proportional, rel=0.02 if tau < 0.1 else 0.002)
     assert found.integral == pytest.approx(proportional / integral_time, rel=0.01)
     assert found.derivative == 0.0
+
+
+def test_what_is_left_open_is_that_of_the_most_careful_plant() -> None:
+    plants = [lag_behind_dead_time(gain, tau, 2) for gain, tau in ((1.0, 0.1), (3.0, 0.5))]
+    tuned = [tuned_gains(plant, closed_loop=0.3, period=PERIOD) for plant in plants]
+    least = min(one.proportional for one in tuned), min(one.integral for one in tuned)
+    slow = 2.0 * min(one.integral / one.proportional for one in tuned)
+    for open_gains, expected in (
+        ({"derivative": 0.5}, (*least, 0.5, 9.0)),
+        ({"integral": 7.0, "limit": 1.0}, (least[0], 7.0, 0.0, 1.0)),
+        ({"proportional": 2.0}, (2.0, slow, 0.0, 9.0)),
+    ):
+        found = designed_gains(
+            OpenPidGains(**open_gains), plants, closed_loop=0.3, period=PERIOD, limit=9.0
+        )
+        values = (found.proportional, found.integral, found.derivative, found.limit)
+        assert values == pytest.approx(expected, rel=5e-3)
