@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -36,7 +37,6 @@ from chamfer.diagrams.surface.surface_estimation import (
 from chamfer.diagrams.surface.surface_scenario import (
     ObserverSettings,
     SurfaceSettings,
-    SurfaceShape,
 )
 from chamfer.diagrams.surface.surface_tracking import (
     SURFACE_CONTROL,
@@ -89,86 +89,53 @@ def test_the_truth_fits_the_parabola(led: Traces) -> None:
     np.testing.assert_allclose(led["point_y"], 0.05 * x**2, atol=1e-12)
     np.testing.assert_allclose(np.tan(np.radians(led["true_angle"])) * 0.1 * x, -1.0 * (x > 0))
     np.testing.assert_array_equal(led["travel"], x)
-    np.testing.assert_allclose(led["nominal_x"], 0.2 * np.minimum(led["time"], 2.0), atol=1e-12)
-    np.testing.assert_allclose(led["nominal_y"], -0.1, atol=1e-12)
     speed = np.hypot(np.gradient(x, 0.05), np.gradient(led["point_y"], 0.05))
     middle = (led["time"] > 0.6) & (led["time"] < 1.9)
     np.testing.assert_allclose(led["speed"][middle], speed[middle], rtol=1e-3)
 
 
-def test_the_force_is_the_true_one_along_the_true_normal() -> None:
+def test_the_row_has_the_force_and_the_estimate_that_its_sample_made() -> None:
     traces = run_surface(resolve_estimation(replace(NOISE_FREE, duration=2.0)), 0)
-    n = np.stack([traces["true_normal_x"], traces["true_normal_y"]], axis=1)
-    spring = 100.0 * np.stack(
-        [
-            traces["point_x"] - traces["nominal_x"],
-            traces["point_y"] - traces["nominal_y"],
-        ],
-        axis=1,
+    n, point, nominal, measured = (
+        np.stack([traces[f"{name}_x"], traces[f"{name}_y"]], axis=1)
+        for name in ("true_normal", "point", "nominal", "measured_force")
     )
+    spring = 100.0 * (point - nominal)
     np.testing.assert_allclose(traces["force"], np.sum(spring * n, axis=1), atol=1e-9)
     # What is measured is of the gripper on the surface.
-    np.testing.assert_allclose(traces["measured_force_x"], -spring[:, 0], atol=1e-9)
-    np.testing.assert_allclose(traces["measured_force_y"], -spring[:, 1], atol=1e-9)
-
-
-def test_the_row_has_the_estimate_that_its_sample_made() -> None:
-    traces = run_surface(resolve_estimation(replace(NOISE_FREE, duration=2.0)), 0)
-    sliding = traces["time"] > 0.549
+    np.testing.assert_allclose(measured, -spring, atol=1e-9)
+    sliding, stuck = traces["time"] > 0.549, traces["time"] < 0.499
     # Exact with this sample; the one before would be off by the turning of a period.
     assert np.abs(traces["error"][sliding]).max() < 1e-9
     assert np.diff(traces["true_angle"][sliding]).min() > 0.01
     np.testing.assert_allclose(traces["instantaneous"][sliding], traces["true_angle"][sliding])
-    assert np.all(traces["status"][sliding] == 0)
-    stuck = traces["time"] < 0.499
     assert np.all(np.isnan(traces["instantaneous"][stuck]))
-    assert np.all(traces["status"][stuck] == 2)
-    assert np.all(traces["speed"][stuck] == 0)
-
-
-@pytest.mark.parametrize("shape", ["parabola", "sphere"])
-def test_a_seed_fixes_every_byte(shape: SurfaceShape) -> None:
-    surface = SurfaceSettings(shape=shape)
-    led = resolve_estimation(EstimationScenario(surface=surface, duration=1.0))
-    controlled = resolve_tracking(TrackingScenario(surface=surface, duration=0.5))
-    for scenario in (led, controlled):
-        one, same, other = (run_surface(scenario, seed) for seed in (7, 7, 8))
-        assert {name for name in one if one[name].tobytes() != same[name].tobytes()} == set()
-        unlike = {name for name in one if one[name].tobytes() != other[name].tobytes()}
-        assert {"measured_force_x", "error", "band", "normal_x"} <= unlike
-        if scenario is controlled:
-            assert {"force", "point_x", "nominal_x", "effort_x"} <= unlike
+    assert set(traces["status"][sliding]) == {0}
+    assert set(traces["status"][stuck]) == {2}
+    assert not traces["speed"][stuck].any()
 
 
 def test_metrics_are_those_of_the_seeds_and_traces_of_the_first() -> None:
-    outcome = run_trials(SHORT, 2, quiet)
-    assert set(outcome.metrics) == set(ESTIMATION)
-    assert outcome.simulated_seconds == pytest.approx(5 * 3.0)
-    runs = [run_surface(SHORT, trial_seed(2, trial)) for trial in range(5)]
-    measured = [estimation_metrics(traces, halt=2.0) for traces in runs]
-    for name, values in runs[0].items():
-        np.testing.assert_array_equal(outcome.traces[name], values)
-    final = np.array([one["band.final"] for one in measured], dtype=float)
-    assert outcome.metrics["band.final"].value == pytest.approx(final.mean())
-    drift = np.array([one["drift_after_halt"] for one in measured], dtype=float)
-    assert outcome.metrics["drift_after_halt"].value == pytest.approx(np.sqrt(np.mean(drift**2)))
-    assert len(set(drift)) == 5
-    assert "5 seeds" in outcome.metrics["drift_after_halt"].note
-
-
-def test_metrics_of_controlled_runs() -> None:
-    scenario = replace(SHORT_CONTROL, task=TrackingTask(force=4.0))
-    outcome = run_trials(scenario, 0, quiet)
     loop = {"loop.growth_contact", "loop.gain_margin", "loop.delay_margin"}
-    assert set(outcome.metrics) == set(TRACKING) | loop
-    runs = [run_surface(scenario, trial_seed(0, trial)) for trial in range(4)]
-    measured = [tracking_metrics(traces, force=4.0, every=10) for traces in runs]
-    for name in ("force.min", "force.max", "force.final", "band.mean", "force.within_10"):
-        values = np.array([one[name] for one in measured], dtype=float)
-        assert outcome.metrics[name].value == pytest.approx(values.mean()), name
-    assert outcome.metrics["force.final"].value == pytest.approx(4.0, rel=0.1)
-    errors = np.array([one["error.rms"] for one in measured], dtype=float)
-    assert outcome.metrics["error.rms"].value == pytest.approx(np.sqrt(np.mean(errors**2)))
+    scenario = replace(SHORT_CONTROL, task=TrackingTask(force=4.0))
+    for short, seed, names, measure in (
+        (SHORT, 2, set(ESTIMATION), partial(estimation_metrics, halt=2.0)),
+        (scenario, 0, set(TRACKING) | loop, partial(tracking_metrics, force=4.0, every=10)),
+    ):
+        outcome = run_trials(short, seed, quiet)
+        assert set(outcome.metrics) == names
+        assert outcome.simulated_seconds == pytest.approx(short.trials * short.duration)
+        runs = [run_surface(short, trial_seed(seed, trial)) for trial in range(short.trials)]
+        for name, values in runs[0].items():
+            np.testing.assert_array_equal(outcome.traces[name], values)
+        measured = [measure(traces) for traces in runs]
+        for name in {"band.mean", "force.min", "force.within_10"} & names:
+            expected = np.mean([one[name] for one in measured])
+            assert outcome.metrics[name].value == pytest.approx(expected), name
+        pooled = "drift_after_halt" if short is SHORT else "error.rms"
+        squares = [float(one[pooled] or 0.0) ** 2 for one in measured]
+        assert outcome.metrics[pooled].value == pytest.approx(math.sqrt(np.mean(squares)))
+        assert len(set(squares)) == short.trials
 
 
 SEEDS = 4

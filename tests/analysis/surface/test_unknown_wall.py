@@ -78,8 +78,12 @@ def made(**changes: Array) -> dict[str, Array]:
     return traces | changes
 
 
+def measured(kick: float | None = 6.0, **changes: Array) -> dict[str, float | None]:
+    return wall_metrics(made(**changes), force=5.0, after=3.0, kick=kick, impact_limit=0.44)
+
+
 def test_a_run_with_a_blow() -> None:
-    found = wall_metrics(made(), force=5.0, after=3.0, kick=6.0, impact_limit=0.44)
+    found = measured()
     assert found["contact_time"] == pytest.approx(1.0)
     assert found["force.settling_time_10"] == pytest.approx(0.45)
     assert found["force.min"] == found["force.max"] == 5.0
@@ -97,9 +101,8 @@ def test_a_run_with_a_blow() -> None:
 
 
 def test_a_contact_that_is_lost_without_a_blow_counts() -> None:
-    found = wall_metrics(made(), force=5.0, after=3.0, kick=None, impact_limit=0.44)
-    assert found["force.min"] == 0
-    assert found["force.within_10"] == 0
+    found = measured(kick=None)
+    assert (found["force.min"], found["force.within_10"]) == (0, 0)
     assert found["loss.duration"] is None
     assert found["force.settling_time_10"] == pytest.approx(5.95)
 
@@ -107,24 +110,20 @@ def test_a_contact_that_is_lost_without_a_blow_counts() -> None:
 def test_a_return_that_never_comes() -> None:
     mode, force = made()["mode"].copy(), made()["force"].copy()
     mode[601:], force[601:] = 2, 0.0
-    table = made(mode=mode, force=force)
-    found = wall_metrics(table, force=5.0, after=3.0, kick=6.0, impact_limit=0.44)
+    found = measured(mode=mode, force=force)
     assert found["loss.duration"] is None
     assert found["recontact.settling_time_10"] is None
     assert (found["force.min"], found["force.within_10"]) == (0.0, 0.0)
 
 
 def test_a_band_of_a_right_angle_covers_nothing() -> None:
-    found = wall_metrics(
-        made(band=np.full(1001, 90.0)), force=5.0, after=3.0, kick=6.0, impact_limit=0.44
-    )
-    assert found["coverage"] == 0
+    assert measured(band=np.full(1001, 90.0))["coverage"] == 0
 
 
 def test_errors_count_while_something_is_touched() -> None:
     error = np.full(1001, 2.0)
     error[:150], error[601:650], error[400:410] = 90.0, 90.0, 4.0
-    found = wall_metrics(made(error=error), force=5.0, after=3.0, kick=6.0, impact_limit=0.44)
+    found = measured(error=error)
     assert found["error.max"] == 4.0
     rows = (600 - 300) + (1001 - 750)
     assert found["coverage"] == pytest.approx(100 * (1 - 10 / rows), abs=0.05)
@@ -133,13 +132,7 @@ def test_errors_count_while_something_is_touched() -> None:
 
 def test_no_contact_at_all() -> None:
     zero = np.zeros(1001)
-    found = wall_metrics(
-        made(mode=zero, force=zero, peak_force=zero, impact_speed=zero),
-        force=5.0,
-        after=3.0,
-        kick=6.0,
-        impact_limit=0.44,
-    )
+    found = measured(mode=zero, force=zero, peak_force=zero, impact_speed=zero)
     assert found["contact_time"] is None
     assert found["force.min"] is None
     assert found["contact.losses"] == 0
