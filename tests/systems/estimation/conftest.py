@@ -175,6 +175,18 @@ class Slides:
         )
 
     @staticmethod
+    def unit(random: np.random.Generator, dimension: int) -> Array:
+        """Return a unit vector, shape (d,), of any direction."""
+        vector = random.standard_normal(dimension)
+        return np.asarray(vector / np.linalg.norm(vector))
+
+    @staticmethod
+    def covariance(random: np.random.Generator, dimension: int, scale: float = 1.0) -> Array:
+        """Return a symmetric positive definite matrix, shape (d, d)."""
+        root = random.standard_normal((dimension, dimension))
+        return np.asarray(scale * (root @ root.T + 0.01 * np.eye(dimension)))
+
+    @staticmethod
     def angles(normals: Array, others: Array) -> Array:
         """Return the angles, rad, between unit vectors, shape (samples, d)."""
         return 2 * np.arcsin(np.clip(np.linalg.norm(normals - others, axis=1) / 2, 0, 1))
@@ -196,25 +208,3 @@ class Slides:
 @pytest.fixture(scope="package")
 def slides() -> Slides:
     return Slides()
-
-
-@pytest.fixture(scope="package")
-def random_unit() -> Callable[..., Array]:
-    """Return a function that draws a unit vector, shape (d,)."""
-
-    def draw(random: np.random.Generator, dimension: int) -> Array:
-        vector = random.standard_normal(dimension)
-        return np.asarray(vector / np.linalg.norm(vector))
-
-    return draw
-
-
-@pytest.fixture(scope="package")
-def random_covariance() -> Callable[..., Array]:
-    """Return a function that draws a symmetric positive definite matrix, shape (d, d)."""
-
-    def draw(random: np.random.Generator, dimension: int, scale: float = 1.0) -> Array:
-        root = random.standard_normal((dimension, dimension))
-        return np.asarray(scale * (root @ root.T + 0.01 * np.eye(dimension)))
-
-    return draw

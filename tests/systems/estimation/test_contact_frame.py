@@ -1,7 +1,6 @@
 """The contact frame: how it moves on, takes samples in, and is mixed of several models."""
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -90,11 +89,9 @@ def test_rotation(seed: int, exponent: float) -> None:
 
 
 @given(seed=seeds, variance=st.floats(-8, 4).map(lambda exponent: 10.0**exponent))
-def test_one_scalar_as_in_a_kalman_filter(
-    random_covariance: Callable[..., Array], seed: int, variance: float
-) -> None:
+def test_one_scalar_as_in_a_kalman_filter(slides: Any, seed: int, variance: float) -> None:
     random = np.random.default_rng(seed)
-    P, d = random_covariance(random, SIZE), random.standard_normal(SIZE)
+    P, d = slides.covariance(random, SIZE), random.standard_normal(SIZE)
     row, residual = random.standard_normal(SIZE), float(random.standard_normal())
     total = row @ P @ row + variance
     innovation = residual - row @ d
@@ -138,14 +135,12 @@ def test_certain_scalar_says_nothing() -> None:
 
 @pytest.mark.parametrize("ds", [0.02, -0.02])
 @pytest.mark.parametrize("seed", range(5))
-def test_error_moves_on_as_the_frame_does(
-    random_covariance: Callable[..., Array], ds: float, seed: int
-) -> None:
+def test_error_moves_on_as_the_frame_does(slides: Any, ds: float, seed: int) -> None:
     """The covariance against differences of the motion itself, which is not linear.
 
     It is a first-order expansion in the step: halved, what is off is a quarter.
     """
-    P = random_covariance(np.random.default_rng(seed), SIZE)
+    P = slides.covariance(np.random.default_rng(seed), SIZE)
     model, none = make_model(), np.zeros(3)
 
     def off(step: float) -> float:
@@ -208,10 +203,8 @@ def test_turning_is_a_stationary_process_over_the_path(ds: float) -> None:
 
 
 @pytest.mark.parametrize("angle", [-3.0, -1.5, -0.8, 0.8, 1.5, math.pi])
-def test_path_that_turns_off_sharply(
-    random_covariance: Callable[..., Array], angle: float
-) -> None:
-    P = random_covariance(np.random.default_rng(2), SIZE, 0.01)
+def test_path_that_turns_off_sharply(slides: Any, angle: float) -> None:
+    P = slides.covariance(np.random.default_rng(2), SIZE, 0.01)
     frame, kept = make_frame(3, P), make_frame(3, P)
     t, b, n = kept.R.T
     # What the direction has along the normal is noise.
@@ -265,11 +258,11 @@ def test_turn_that_is_no_error_begins_a_path(sign: float, of: str) -> None:
         assert begins(frame, step, deviation) == expected
 
 
-def test_mixture_of_one_is_its_normal(random_covariance: Callable[..., Array]) -> None:
+def test_mixture_of_one_is_its_normal(slides: Any) -> None:
     # A rotation r takes n to n + r_b t - r_t b; here by sampling.
     random = np.random.default_rng(5)
     P = np.zeros((SIZE, SIZE))
-    P[3:6, 3:6] = random_covariance(random, 3, 1e-4)
+    P[3:6, 3:6] = slides.covariance(random, 3, 1e-4)
     frame = make_frame(6, P)
     numbers = np.concatenate([part.ravel() for part in frame])[None]
     normal, covariance = mixture(numbers, np.ones(1), CERTAIN)
@@ -362,14 +355,14 @@ def test_exact_sample_leaves_no_error(by_point: bool, by_friction: bool, seed: i
 @pytest.mark.parametrize("by_point", [True, False])
 @pytest.mark.parametrize("by_friction", [True, False])
 def test_error_is_as_large_as_the_covariance_says(
-    random_covariance: Callable[..., Array], by_point: bool, by_friction: bool
+    slides: Any, by_point: bool, by_friction: bool
 ) -> None:
     """Normalised error squared after a sample, over draws of the error before and the noise."""
     random = np.random.default_rng(1)
     # What is drawn is known about as well before as from the sample.
     deviations = np.array([1, 1, 1, 8, 8, 8, 100, 100, 100, 8]) * 4e-3
     root = np.diag(deviations) @ np.linalg.cholesky(
-        random_covariance(random, SIZE, 0.05) + 0.5 * np.eye(SIZE)
+        slides.covariance(random, SIZE, 0.05) + 0.5 * np.eye(SIZE)
     )
     P = root @ root.T
     sensor = Sensor(0.5, 2.5)
@@ -396,12 +389,10 @@ def test_error_is_as_large_as_the_covariance_says(
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_velocity_whose_components_have_errors_in_common(
-    random_covariance: Callable[..., Array], seed: int
-) -> None:
+def test_velocity_whose_components_have_errors_in_common(slides: Any, seed: int) -> None:
     # One component after the other, against both at once; without a force nothing else is known.
     random = np.random.default_rng(seed)
-    P = random_covariance(random, SIZE, 0.01)
+    P = slides.covariance(random, SIZE, 0.01)
     P[:3], P[:, :3] = 0.0, 0.0
     frame, before = make_frame(seed, P, turning=0.3), make_frame(seed, P, turning=0.3)
     K = OBLIQUE + np.diag([0.0, 300.0, 0.0])

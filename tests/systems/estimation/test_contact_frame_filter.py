@@ -1,7 +1,6 @@
 """The observer that follows the contact point's path: exactness, gates, turned axes."""
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -71,7 +70,6 @@ kinds_of_sample = st.sampled_from(["slide", "noise", "no force", "halt", "parall
 @pytest.mark.filterwarnings("error")
 def test_norm_and_covariance_over_random_runs(
     slides: Any,
-    random_unit: Callable[..., Array],
     d: int,
     seed: int,
     kinds: list[str],
@@ -92,7 +90,7 @@ def test_norm_and_covariance_over_random_runs(
             "parallel": Sample(force, np.zeros(d), draw(d), -0.05 * force),
             "large": Sample(10 * force, 100 * draw(d), 3 * draw(d), 10 * velocity),
         }[kind]
-        ahead = np.eye(d)[-1] + 0.7 * random_unit(random, d)
+        ahead = np.eye(d)[-1] + 0.7 * slides.unit(random, d)
         sample = sample._replace(predicted_normal=ahead / np.linalg.norm(ahead))
         found = observer.update(memory, sample)
         memory = found.memory
@@ -191,13 +189,11 @@ def test_contact_point_is_found_again_after_a_loss(slides: Any) -> None:
 
 
 @pytest.mark.parametrize("d", [2, 3])
-def test_prediction_turns_estimate_and_covariance_along(
-    slides: Any, random_unit: Callable[..., Array], d: int
-) -> None:
+def test_prediction_turns_estimate_and_covariance_along(slides: Any, d: int) -> None:
     random = np.random.default_rng(2)
     observer, zeros = slides.observer(d), np.zeros(d)
-    before, after = random_unit(random, d), random_unit(random, d)
-    memory = observer.start(random_unit(random, d))
+    before, after = slides.unit(random, d), slides.unit(random, d)
+    memory = observer.start(slides.unit(random, d))
     halt = Sample(zeros, zeros, zeros, zeros, before)
     kept = observer.update(memory, halt)
     turned = observer.update(kept.memory, halt._replace(predicted_normal=after))

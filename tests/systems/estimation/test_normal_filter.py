@@ -43,10 +43,10 @@ def tangent(random: np.random.Generator, normal: Array) -> Array:
 
 @given(seed=seeds, d=dimensions, push=sizes, speed=sizes, mu=st.floats(0, 20))
 def test_normal_does_not_depend_on_friction(
-    random_unit: Callable[..., Array], seed: int, d: int, push: float, speed: float, mu: float
+    slides: Any, seed: int, d: int, push: float, speed: float, mu: float
 ) -> None:
     random = np.random.default_rng(seed)
-    n = random_unit(random, d)
+    n = slides.unit(random, d)
     t = tangent(random, n)
     force = push * n - mu * push * t  # (4-1)
     found = instantaneous_normal(force, speed * t, 1.0, 0.05, np.zeros(d))
@@ -54,10 +54,10 @@ def test_normal_does_not_depend_on_friction(
 
 
 @given(seed=seeds, d=dimensions)
-def test_prior_divides_the_force(random_unit: Callable[..., Array], seed: int, d: int) -> None:
+def test_prior_divides_the_force(slides: Any, seed: int, d: int) -> None:
     random = np.random.default_rng(seed)
     F, v = random.standard_normal(d), random.standard_normal(d)
-    prior = random_unit(random, d)
+    prior = slides.unit(random, d)
     own = instantaneous_normal(F, v, 0.1, 0.2, np.zeros(d))
     n, u = instantaneous_normal(F, v, 0.1, 0.2, prior)
     np.testing.assert_array_equal(n, own.normal)
@@ -108,18 +108,16 @@ class Case(NamedTuple):
 
 
 @pytest.fixture(scope="package")
-def draw(
-    random_unit: Callable[..., Array], random_covariance: Callable[..., Array]
-) -> Callable[..., Case]:
+def draw(slides: Any) -> Callable[..., Case]:
     """Return a function that draws a prior and a measurement in any direction."""
 
     def case(seed: int, d: int, prior: float = 1.0, noise: float = 1.0) -> Case:
         random = np.random.default_rng(seed)
         return Case(
-            random_unit(random, d),
-            random_covariance(random, d, prior),
-            random_unit(random, d),
-            random_covariance(random, d, noise),
+            slides.unit(random, d),
+            slides.covariance(random, d, prior),
+            slides.unit(random, d),
+            slides.covariance(random, d, noise),
         )
 
     return case
@@ -395,11 +393,9 @@ def test_statuses_of_exact_samples(slides: Any, kind: ObserverKind) -> None:
 
 
 @given(seed=st.integers(0, 2**32 - 1), d=dimensions, exponent=st.floats(-16, 0))
-def test_rotation_between(
-    random_unit: Callable[..., Array], seed: int, d: int, exponent: float
-) -> None:
+def test_rotation_between(slides: Any, seed: int, d: int, exponent: float) -> None:
     random = np.random.default_rng(seed)
-    a = random_unit(random, d)
+    a = slides.unit(random, d)
     b = a + 10.0**exponent * random.standard_normal(d)
     b /= np.linalg.norm(b)
     R = rotation_between(a, b)
@@ -418,14 +414,12 @@ def test_rotation_between_opposite_vectors() -> None:
         rotation_between(a, -a)
 
 
-def test_prediction_turns_the_covariance_along(
-    slides: Any, random_unit: Callable[..., Array]
-) -> None:
+def test_prediction_turns_the_covariance_along(slides: Any) -> None:
     random = np.random.default_rng(5)
     observer = slides.observer(3, kind="gated")
-    before, after = random_unit(random, 3), random_unit(random, 3)
+    before, after = slides.unit(random, 3), slides.unit(random, 3)
     P = np.diag([0.04, 0.01, 0.09])  # the filter's own is hardly ever so uneven
-    memory = np.concatenate([random_unit(random, 3), P.ravel(), before])
+    memory = np.concatenate([slides.unit(random, 3), P.ravel(), before])
     halt = moving(3, nominal_velocity=np.zeros(3))
     kept = observer.update(memory, halt)
     turned = observer.update(memory, halt._replace(predicted_normal=after))
