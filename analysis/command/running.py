@@ -1,6 +1,5 @@
 """Runs one experiment from its scenario to its files."""
 
-import shlex
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -19,6 +18,7 @@ from chamfer.analysis.report.results import (
     RESULT,
     SCENARIO,
     check_document,
+    command_text,
     defined_metrics,
     figure_files,
     json_text,
@@ -184,7 +184,7 @@ def run(
         ],
         "simulated_seconds": outcome.simulated_seconds,
         "wall_seconds": round(wall_seconds, 4),
-        "command": _command(job, seed),
+        "command": command_text("run", job.entry.name, job.overrides, seed=seed),
         "figures": list(drawn := figure_files(figures)),
         "drawings": [name for name in drawings if name.endswith(".svg")],
     }
@@ -283,15 +283,6 @@ def _replay(job: Job, outcome: Outcome) -> str | None:
     from chamfer.analysis.report.replay import replay_html
 
     return replay_html(partial(job.experiment.replay, job.scenario, outcome))
-
-
-def _command(job: Job, seed: int) -> str:
-    command = ["chamfer", "run", job.entry.name]
-    for override in job.overrides:
-        command += ["--set", override]
-    if seed:
-        command += ["--seed", str(seed)]
-    return shlex.join(command)
 
 
 @contextmanager

@@ -1,7 +1,6 @@
 """What is asked of a design, answered, and the folder with the document, the page and the map."""
 
 import math
-import shlex
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -19,6 +18,7 @@ from chamfer.analysis.design.design_words import described
 from chamfer.analysis.report.results import (
     RESULT,
     SCENARIO,
+    command_text,
     figure_files,
     json_text,
     versions,
@@ -146,9 +146,7 @@ def _map_document(found: DesignMap) -> dict[str, Any]:
 
 
 def _command(name: str, answer: Answer, overrides: Sequence[str]) -> str:
-    words = ["chamfer", "design", name]
-    for override in overrides:
-        words += ["--set", override]
+    words = []
     if answer.changes is None:
         words.append("--no-changes")
     if answer.map is not None:
@@ -156,9 +154,7 @@ def _command(name: str, answer: Answer, overrides: Sequence[str]) -> str:
         words += ["--map", *(f"{one.path}:{one.values[0]!r}:{one.values[-1]!r}" for one in axes)]
     if answer.verified is not None:
         words += ["--verify", str(answer.verified.trials + answer.verified.failed_trials)]
-    if answer.seed:
-        words += ["--seed", str(answer.seed)]
-    return shlex.join(words)
+    return command_text("design", name, overrides, *words, seed=answer.seed)
 
 
 def _plain(value: Any) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """Files that are either whole or not there, and one line where they can't be written."""
 
+import fcntl
 import os
 import secrets
 from collections.abc import Iterator
@@ -28,6 +29,17 @@ def write_text(path: Path, text: str) -> None:
     """Write a text file in UTF-8 as a whole."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Wait until no other process has the folder locked, and keep others waiting."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
 
 
 @contextmanager

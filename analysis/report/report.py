@@ -1,7 +1,6 @@
 """The report: one page, self-contained HTML, made of every result in the folder."""
 
 import base64
-import os
 import re
 import time
 from collections.abc import Mapping
@@ -11,8 +10,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 from urllib.parse import quote
 
-from chamfer.analysis.catalogue import CATALOGUE
-from chamfer.analysis.report.atomic_write import write_text, written
+from chamfer.analysis.report.atomic_write import locked, write_text, written
 from chamfer.analysis.report.check_text import (
     EXPLAINED,
     WORDS,
@@ -46,12 +44,12 @@ class _Section(NamedTuple):
     html: str
 
 
-def write_report(out: Path, catalogue: Catalogue = CATALOGUE, *, running: str = "") -> Path:
+def write_report(out: Path, catalogue: Catalogue, *, running: str = "") -> Path:
     """Write ``out/index.html`` from the results and sweeps in ``out`` and return its path.
 
-    A result that appears while the page is made, because another run writes to the same folder,
-    makes it start again: the last one to write has seen everything. ``running`` is what of a run
-    that goes on has ended; the page reloads itself then.
+    Runs that write to the same folder make it one after the other, so that the last one has seen
+    the results of all. ``running`` is what of a run that goes on has ended; the page reloads
+    itself then.
 
     Raises:
         UserError: If the page can't be written.
@@ -59,14 +57,12 @@ def write_report(out: Path, catalogue: Catalogue = CATALOGUE, *, running: str = 
     path = out / REPORT
     with written(path):
         out.mkdir(parents=True, exist_ok=True)
-        seen: list[Any] | None = None
-        while (there := _signature(out)) != seen:
-            seen = there
+        with locked(out):
             write_text(path, report_text(out, catalogue, running=running))
     return path
 
 
-def report_text(out: Path, catalogue: Catalogue = CATALOGUE, *, running: str = "") -> str:
+def report_text(out: Path, catalogue: Catalogue, *, running: str = "") -> str:
     """Return the page as HTML: results by paper, in the order of the catalogue."""
     order = {entry.name: i for i, entry in enumerate(catalogue.entries)}
     summaries = {entry.name: entry.summary for entry in catalogue.entries}
@@ -127,16 +123,6 @@ def _section(path: Path, summaries: Mapping[str, str]) -> _Section:
         anchor=re.sub(r"[^A-Za-z0-9-]+", "-", folder.name),
         counted=counts(checks),
         html=html,
-    )
-
-
-def _signature(out: Path) -> list[Any]:
-    return sorted(
-        (path, os.stat(path).st_mtime_ns)
-        for entry in os.scandir(out)
-        if entry.is_dir()
-        for name in _DOCUMENTS
-        if os.path.isfile(path := os.path.join(entry.path, name))
     )
 
 

@@ -1,11 +1,11 @@
 """The result of an experiment as a document, and its folder on disk."""
 
-import fcntl
 import io
 import json
 import math
 import os
 import platform
+import shlex
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -13,6 +13,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from chamfer.analysis.report.atomic_write import locked
 from chamfer.analysis.report.checks import Check
 from chamfer.analysis.report.fingerprint import code
 from chamfer.analysis.scenario.experiment import Metric
@@ -85,6 +86,16 @@ def json_text(document: Mapping[str, Any] | Sequence[Any]) -> str:
     return json.dumps(document, indent=2, allow_nan=False) + "\n"
 
 
+def command_text(
+    command: str, name: str, overrides: Sequence[str], *options: str, seed: int
+) -> str:
+    """Return the command that makes a result."""
+    words = ["chamfer", command, name]
+    for override in overrides:
+        words += ["--set", override]
+    return shlex.join([*words, *options, *(["--seed", str(seed)] if seed else [])])
+
+
 def write_folder(folder: Path, files: Mapping[str, str | bytes]) -> None:
     """Write files, all of them or nothing.
 
@@ -100,13 +111,9 @@ def write_folder(folder: Path, files: Mapping[str, str | bytes]) -> None:
         for name, content in files.items():
             path = Path(staging, name)
             path.write_bytes(content.encode() if isinstance(content, str) else content)
-        descriptor = os.open(folder, os.O_RDONLY)
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        with locked(folder):
             for name in files:
                 os.replace(Path(staging, name), folder / name)
-        finally:
-            os.close(descriptor)
 
 
 def read_result(path: Path) -> dict[str, Any]:

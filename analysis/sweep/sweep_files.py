@@ -3,14 +3,20 @@
 import csv
 import io
 import math
-import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
 from chamfer.analysis.report.check_text import number
 from chamfer.analysis.report.console import table
-from chamfer.analysis.report.results import SWEEP, figure_files, json_text, versions, write_folder
+from chamfer.analysis.report.results import (
+    SWEEP,
+    command_text,
+    figure_files,
+    json_text,
+    versions,
+    write_folder,
+)
 from chamfer.analysis.report.traces import table_bytes
 from chamfer.analysis.scenario.scenario_io import unstructure
 from chamfer.analysis.sweep.sweep import OK, SweepPlan, SweepResult
@@ -79,7 +85,7 @@ def _shown(value: Any) -> str:
 
 def _command(plan: SweepPlan) -> str:
     """Return the command that makes a sweep."""
-    words = ["chamfer", "sweep", plan.job.entry.name]
+    words = []
     for field in plan.varied:
         words += ["--vary", field.text]
     if plan.design != "grid":
@@ -88,11 +94,7 @@ def _command(plan: SweepPlan) -> str:
         words += ["--trials", str(plan.trials)]
     for name in plan.metrics or ():
         words += ["--metric", name]
-    for override in plan.job.overrides:
-        words += ["--set", override]
-    if plan.seed:
-        words += ["--seed", str(plan.seed)]
-    return shlex.join(words)
+    return command_text("sweep", plan.job.entry.name, plan.job.overrides, *words, seed=plan.seed)
 
 
 def _document(result: SweepResult, wall_seconds: float, figures: list[str]) -> dict[str, Any]:

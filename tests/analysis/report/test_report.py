@@ -1,6 +1,7 @@
 import base64
 import json
 import re
+import threading
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,7 @@ from urllib.parse import unquote, urljoin, urlsplit
 
 import pytest
 
-from chamfer.analysis.report import report
+from chamfer.analysis.report.atomic_write import locked
 from chamfer.analysis.report.report import report_text, write_report
 from chamfer.analysis.report.results import json_text
 from chamfer.analysis.scenario.errors import UserError
@@ -243,21 +244,14 @@ def test_a_design_is_shown_with_its_verdict_and_its_page(tmp_path: Path) -> None
     assert "Unreadable" not in html
 
 
-def test_a_result_that_appears_meanwhile_is_not_lost(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    put(tmp_path, result("fall"))
-    make = report.report_text
-
-    def slow(*arguments: Any, running: str) -> str:
-        text = make(*arguments, running=running)
-        if not (tmp_path / "rise").exists():
-            put(tmp_path, result("rise"))  # another run, after this one has looked
-        return text
-
-    monkeypatch.setattr(report, "report_text", slow)
-    text = write_report(tmp_path, NONE).read_text()
-    assert 'id="rise"' in text
+def test_a_result_that_appears_meanwhile_is_not_lost(tmp_path: Path) -> None:
+    with locked(tmp_path):  # another run makes the page
+        writer = threading.Thread(target=write_report, args=(tmp_path, NONE))
+        writer.start()
+        writer.join(timeout=0.5)
+        put(tmp_path, result())
+    writer.join(timeout=60)
+    assert 'id="fall"' in (tmp_path / "index.html").read_text()
 
 
 def test_a_page_of_a_run_that_goes_on_says_so_and_reloads_itself(tmp_path: Path) -> None:

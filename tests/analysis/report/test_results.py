@@ -1,6 +1,5 @@
 """Files of results: each whole or not there, the same bytes for the same content."""
 
-import fcntl
 import json
 import math
 import os
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from chamfer.analysis.report.atomic_write import replacing, write_text
+from chamfer.analysis.report.atomic_write import locked, replacing, write_text
 from chamfer.analysis.report.checks import Check, Published
 from chamfer.analysis.report.results import (
     defined_metrics,
@@ -169,13 +168,11 @@ def test_a_document_that_is_not_json_is_refused() -> None:
 
 
 def test_two_runs_don_t_mix_their_files(tmp_path: Path) -> None:
-    descriptor = os.open(tmp_path, os.O_RDONLY)  # another run is renaming its files
-    fcntl.flock(descriptor, fcntl.LOCK_EX)
-    writer = threading.Thread(target=write_folder, args=(tmp_path, FILES))
-    writer.start()
-    writer.join(timeout=0.5)
-    assert [path.name for path in tmp_path.iterdir() if path.is_file()] == []
-    os.close(descriptor)
+    with locked(tmp_path):  # another run is renaming its files
+        writer = threading.Thread(target=write_folder, args=(tmp_path, FILES))
+        writer.start()
+        writer.join(timeout=0.5)
+        assert [path.name for path in tmp_path.iterdir() if path.is_file()] == []
     writer.join(timeout=10)
     assert (tmp_path / "result.json").exists()
 
