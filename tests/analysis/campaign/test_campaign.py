@@ -268,6 +268,9 @@ def test_short_trials_are_sent_and_written_together(
     assert sum(sent) == 2000
     assert len(sent) < 200
     assert len(told.fractions) < 20
+    sent.clear()
+    begin()(toy.sleep, [0.2 + i / 1000 for i in range(5)], quiet)
+    assert sent == [1] * 5
 
 
 def test_an_interrupt_keeps_what_has_finished(

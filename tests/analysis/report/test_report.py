@@ -197,13 +197,11 @@ def test_order_is_the_registrys_by_paper_and_unknown_experiments_come_last(
     ("content", "reason"),
     [
         ("{", "Expecting property name enclosed in double quotes"),
-        ("[1]", "not a mapping"),
         ('{"a": 1}', "&#39;experiment&#39; is missing"),
         (json.dumps(result(metrics=3)), "has no len()"),
         (json.dumps(result(checks=[check(relation="like")])), "&#39;like&#39; is missing"),
         (json.dumps(result(figures=["../../secret.svg"])), "is not a file name"),
         (json.dumps(result(replay="../other.html")), "&#39;../other.html&#39; is not a file"),
-        ("\x00", "Expecting value"),
     ],
 )
 def test_broken_or_foreign_results_are_listed_and_the_others_shown(

@@ -106,27 +106,20 @@ def test_status_says_whether_points_failed(
     assert run(out, toys, *arguments) == status
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
+def test_mistake_is_one_line(
+    toys: Catalogue, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for arguments, message in (
         (["--vary", "height=1", "height=2"], "height is varied twice"),
         (["--vary", "height=1", "--trials", "0"], "--trials is '0'"),
         (["--vary", "height~1:2", "--points", "x"], "--points is 'x'"),
         ([], "no field is varied"),
-    ],
-)
-def test_mistake_is_one_line(
-    toys: Catalogue,
-    out: Path,
-    capsys: pytest.CaptureFixture[str],
-    arguments: list[str],
-    message: str,
-) -> None:
-    assert run(out, toys, "fall", *arguments) == 2
-    error = capsys.readouterr().err
-    assert message in error
-    assert error.count("\n") == 1
-    assert not (out / "sweep-fall").exists()
+    ):
+        assert run(out, toys, "fall", *arguments) == 2
+        error = capsys.readouterr().err
+        assert message in error
+        assert error.count("\n") == 1
+        assert not (out / "sweep-fall").exists()
 
 
 @pytest.mark.slow
