@@ -88,20 +88,19 @@ class ResolvedAlignmentComparisonScenario(
 
 
 COMPARISON: Final = AlignmentComparisonScenario()
+_Resolved = ResolvedAlignmentComparisonScenario
 
 
-def resolve(scenario: AlignmentComparisonScenario) -> ResolvedAlignmentComparisonScenario:
+def resolve(scenario: AlignmentComparisonScenario) -> _Resolved:
     """Refuse what the comparison sets itself, and what leaves nothing to compare."""
     if scenario.controller != ControllerChoice():
         raise ParameterError("controller.kind", scenario.controller.kind, "fsm; both are run")
     if scenario.compensated == "none":
         raise ParameterError("compensated", "none", "peg, hole, both")
-    return resolve_trials(ResolvedAlignmentComparisonScenario, scenario)
+    return resolve_trials(_Resolved, scenario)
 
 
-def _candidates(
-    scenario: ResolvedAlignmentComparisonScenario,
-) -> dict[ControllerKind, list[ResolvedAlignmentComparisonScenario]]:
+def _candidates(scenario: _Resolved) -> dict[ControllerKind, list[_Resolved]]:
     responses, untuned = arm_responses(scenario), _without_numbers(scenario)
     of = _with_both(scenario)
     fsm = scenario.compensator
@@ -117,17 +116,13 @@ def _candidates(
     }
 
 
-def _with_both(
-    scenario: ResolvedAlignmentComparisonScenario,
-) -> dict[ControllerKind, ResolvedAlignmentComparisonScenario]:
+def _with_both(scenario: _Resolved) -> dict[ControllerKind, _Resolved]:
     return {
         kind: replace(scenario, controller=ControllerChoice(kind=kind)) for kind in CONTROLLERS
     }
 
 
-def _without_numbers(
-    scenario: ResolvedAlignmentComparisonScenario,
-) -> ResolvedAlignmentComparisonScenario:
+def _without_numbers(scenario: _Resolved) -> _Resolved:
     """Return the scenario with what tuning is to find open again."""
     fsm, pid = vars(scenario.compensator).items(), vars(scenario.pid).items()
     elements = {kind: OpenAxis(divider=of.divider, limit=of.limit) for kind, of in fsm}
@@ -138,7 +133,7 @@ def _without_numbers(
 class ControllerTrial(NamedTuple):
     """A trial with a controller."""
 
-    scenario: ResolvedAlignmentComparisonScenario
+    scenario: _Resolved
     trial: int
 
 
@@ -146,7 +141,7 @@ def _align(seed: int, task: ControllerTrial) -> Row:
     return align(task.scenario, seed, task.trial)
 
 
-def _is_of(scenario: ResolvedAlignmentComparisonScenario, task: ControllerTrial) -> bool:
+def _is_of(scenario: _Resolved, task: ControllerTrial) -> bool:
     return task.scenario == scenario
 
 
@@ -158,7 +153,7 @@ def score(finished: Trials[ControllerTrial]) -> float:
     return float(np.mean(lateral / MEAN_ERROR[0] + rotational / MEAN_ERROR[1]))
 
 
-def run(scenario: ResolvedAlignmentComparisonScenario, seed: int, progress: Progress) -> Outcome:
+def run(scenario: _Resolved, seed: int, progress: Progress) -> Outcome:
     """Tune both if asked to, and compare them."""
     tables: dict[str, dict[str, NDArray[np.float64]]] = {}
     chosen = _with_both(scenario)
@@ -186,7 +181,9 @@ def run(scenario: ResolvedAlignmentComparisonScenario, seed: int, progress: Prog
         metrics |= prefixed(name, _parameters(chosen[name]))
     for measured in _ERRORS:
         metrics |= _difference(found, measured, ALIGNMENT[measured].unit)
-    tables["errors"] = _errors(found)
+    kinds = [float(CONTROLLERS.index(task.scenario.controller.kind)) for task in finished.tasks]
+    numbers = [float(one) for one in _numbers(finished)]
+    tables["errors"] = courses(finished.rows, COURSE, controller=kinds, trial=numbers)
     traces = {"trial": column(np.arange(scenario.trials))}
     for name, of in found.items():
         for measured in (*_MEASURED, "settling_time"):
@@ -205,44 +202,28 @@ def _numbers(finished: Trials[ControllerTrial]) -> list[int]:
     return [task.trial for task in finished.tasks]
 
 
-def _errors(
-    found: Mapping[ControllerKind, Trials[ControllerTrial]],
-) -> dict[str, NDArray[np.float64]]:
-    """Return the courses of all trials' errors, one below the other."""
-    rows = [
-        (float(i), float(task.trial), row)
-        for i, name in enumerate(CONTROLLERS)
-        for task, row in zip(found[name].tasks, found[name].rows, strict=True)
-    ]
-    controllers, trials, of = zip(*rows, strict=True)
-    return courses(of, COURSE, controller=controllers, trial=trials)
-
-
 def _tune(
-    scenario: ResolvedAlignmentComparisonScenario, seed: int, progress: Progress
-) -> tuple[
-    dict[ControllerKind, ResolvedAlignmentComparisonScenario], dict[str, NDArray[np.float64]]
-]:
+    scenario: _Resolved, seed: int, progress: Progress
+) -> tuple[dict[ControllerKind, _Resolved], dict[str, NDArray[np.float64]]]:
     """Return the best candidate of each controller, and every candidate's score."""
-    candidates = _candidates(scenario)
-    trials = scenario.tuning_trials
-    listed = [(name, one) for name in CONTROLLERS for one in candidates[name]]
-    tasks = [ControllerTrial(one, _TUNING_TRIALS + k) for _, one in listed for k in range(trials)]
+    candidates, trials = _candidates(scenario), scenario.tuning_trials
+    listed = [one for name in CONTROLLERS for one in candidates[name]]
+    tasks = [ControllerTrial(one, _TUNING_TRIALS + k) for one in listed for k in range(trials)]
     finished = run_each(partial(_align, seed), tasks, progress)
-    scores = [score(finished.select(partial(_is_of, one))) for _, one in listed]
-    best = {}
-    for name in CONTROLLERS:
-        of = [i for i, (controller, _) in enumerate(listed) if controller == name]
-        best[name] = listed[min(of, key=lambda i: scores[i])][1]
+    scores = [score(finished.select(partial(_is_of, one))) for one in listed]
+    best = {
+        name: min(candidates[name], key=lambda one: scores[listed.index(one)])
+        for name in CONTROLLERS
+    }
     # What tells candidates apart: small increments, or integral gains.
     knobs = [
         [axis.small_increment for axis in one.compensator.axes]
-        if name == "fsm"
+        if one.controller.kind == "fsm"
         else [law.integral for law in one.pid.axes]
-        for name, one in listed
+        for one in listed
     ]
     table = {
-        "controller": column([float(CONTROLLERS.index(name)) for name, _ in listed]),
+        "controller": column([float(CONTROLLERS.index(one.controller.kind)) for one in listed]),
         "lateral": column([axes[0] for axes in knobs]),
         "rotational": column([axes[3] for axes in knobs]),
         "score": column(scores),
@@ -250,7 +231,7 @@ def _tune(
     return best, table
 
 
-def _parameters(scenario: ResolvedAlignmentComparisonScenario) -> dict[str, Metric]:
+def _parameters(scenario: _Resolved) -> dict[str, Metric]:
     fsm, pid = scenario.compensator, scenario.pid
     if scenario.controller.kind == "pid":
         return metrics_of(
@@ -288,9 +269,7 @@ def _difference(
 _KINDS: Final = (("lateral", "mm", MEAN_ERROR[0]), ("rotational", "mrad", MEAN_ERROR[1]))
 
 
-def figures(
-    scenario: ResolvedAlignmentComparisonScenario, outcome: Outcome
-) -> Mapping[str, Figure]:
+def figures(scenario: _Resolved, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw every trial and the median over time, and the errors at the end, trial by trial."""
     figure = new_figure(11.0, 7.6)
     panels = figure.subplots(2, 2, width_ratios=(1.5, 1.0))
@@ -310,9 +289,7 @@ def figures(
     return {"alignment-fsm-vs-pid": figure}
 
 
-def _over_time(
-    axes: Axes, scenario: ResolvedAlignmentComparisonScenario, outcome: Outcome, name: str
-) -> None:
+def _over_time(axes: Axes, scenario: _Resolved, outcome: Outcome, name: str) -> None:
     table = outcome.tables["errors"]
     for i, controller in enumerate(CONTROLLERS):
         label, style = LOOPS[controller]

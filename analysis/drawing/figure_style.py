@@ -10,30 +10,22 @@ Style = dict[str, Any]
 DESIRED: Final[Style] = {"color": "#555555", "linestyle": "-", "linewidth": 1.0}
 PID: Final[Style] = {"color": "#1b4f9c", "linestyle": "--", "linewidth": 1.8}
 FSM: Final[Style] = {"color": "#e07b00", "linestyle": "-", "linewidth": 1.8}
+_DOTS: Final = (0, (6, 1, 1, 1, 1, 1))
+
+
+def _line(color: str, linestyle: Any, linewidth: float) -> Style:
+    return {"color": color, "linestyle": linestyle, "linewidth": linewidth}
+
+
 # Variants have the hue of their controller, another lightness and another pattern.
 LOOPS: Final[dict[str, tuple[str, Style]]] = {
     "pid": ("PID", PID),
     "fsm": ("FSM", FSM),
-    "fsm_velocity": (
-        "FSM, force to velocity",
-        {"color": "#7a4100", "linestyle": "-.", "linewidth": 1.3},
-    ),
-    "fsm_feedforward": (
-        "FSM with feedforward",
-        {"color": "#f2b25c", "linestyle": "-", "linewidth": 2.6},
-    ),
-    "fsm_compensation": (
-        "FSM, compensation only",
-        {"color": "#7a4100", "linestyle": (0, (6, 1, 1, 1, 1, 1)), "linewidth": 1.4},
-    ),
-    "pid_position": (
-        "PID, force to position",
-        {"color": "#6fa0e8", "linestyle": (0, (4, 1.5)), "linewidth": 1.8},
-    ),
-    "pid_command": (
-        "PID, commanded position to position",
-        {"color": "#0a2650", "linestyle": ":", "linewidth": 1.6},
-    ),
+    "fsm_velocity": ("FSM, force to velocity", _line("#7a4100", "-.", 1.3)),
+    "fsm_feedforward": ("FSM with feedforward", _line("#f2b25c", "-", 2.6)),
+    "fsm_compensation": ("FSM, compensation only", _line("#7a4100", _DOTS, 1.4)),
+    "pid_position": ("PID, force to position", _line("#6fa0e8", (0, (4, 1.5)), 1.8)),
+    "pid_command": ("PID, commanded position to position", _line("#0a2650", ":", 1.6)),
 }
 PUBLISHED: Final[Style] = {"color": "#b00020", "linestyle": (0, (1, 1.5)), "linewidth": 1.3}
 FORCE: Final[Style] = {"color": "#1b4f9c", "linestyle": "-", "linewidth": 1.2}
