@@ -1,15 +1,20 @@
 import math
+from typing import Any, get_args
 
+import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
+from pydrake.systems.primitives import Linearize, LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 from scipy.linalg import expm
 
+from chamfer.models.plants.servo_plant import Form, SpringMassDamperParams
 from chamfer.systems.servo.backlash import Backlash
 from chamfer.systems.servo.desired_trajectory import Sinusoid, Step, make_desired_trajectory
 from chamfer.systems.servo.measurement_selector import MeasurementSelector
+from chamfer.systems.servo.pid import PidParams, make_pid
+from chamfer.systems.servo.servo_plant import make_plant, make_spring_mass_damper
 
 
 def test_it_follows_at_a_distance_and_keeps_its_place_on_the_way_back() -> None:
@@ -52,3 +57,30 @@ def test_a_trajectory_goes_on_by_itself(trajectory: Step | Sinusoid, later: floa
     source = make_desired_trajectory(trajectory)
     start = source.CreateDefaultContext().get_continuous_state_vector().CopyToVector()
     assert source.C() @ expm(0.7 * source.A()) @ start == pytest.approx([later])
+
+
+S = 3.0 + 7.0j  # 1/s
+
+
+def transfer(system: Any) -> complex:
+    """Return a block's transfer function at S."""
+    context = system.CreateDefaultContext()
+    system.get_input_port(0).FixValue(context, [0.0])
+    found = Linearize(system, context)
+    A, B, C, D = found.A(), found.B(), found.C(), found.D()
+    return complex((C @ np.linalg.solve(S * np.eye(len(A)) - A, B) + D)[0, 0])
+
+
+def test_pid_is_eq_2() -> None:
+    params = PidParams(proportional=3.0, integral=5.0, derivative=0.7, filter=11.0)
+    expected = 3.0 + 5.0 / S + 0.7 * 11.0 / (1 + 11.0 / S)
+    assert transfer(make_pid(params)) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("form", get_args(Form))
+def test_the_inner_loop_and_its_one_block_are_the_spring_mass_damper(form: Form) -> None:
+    params = SpringMassDamperParams(mass=2.0, damping=30.0, stiffness=400.0)
+    over = {"velocity": S, "position": 400.0, "compliance": 1.0}[form]
+    expected = over / (2.0 * S**2 + 30.0 * S + 400.0)
+    for make in (make_plant, make_spring_mass_damper):
+        assert transfer(make(params, form)) == pytest.approx(expected)
