@@ -79,16 +79,13 @@ def resolve(scenario: CameraErrorsScenario) -> ResolvedCameraErrorsScenario:
 def run(scenario: ResolvedCameraErrorsScenario, seed: int, progress: Progress) -> Outcome:
     """Look at parts at rest, and run the loop."""
     still = _still(scenario, part_of(progress, 0.0, 0.2))
-    tasks = [
-        *_alone(scenario),
-        *(
-            ErrorRun(name, size, controller, measured, trial)
-            for trial in range(scenario.trials)
-            for controller in scenario.controllers
-            for measured in scenario.measurements
-            for name, size in ((NONE, 0.0), (DRAWN, scenario.drawn))
-        ),
+    drawn = [
+        ErrorRun(name, size, *of, trial)
+        for trial in range(scenario.trials)
+        for of in product(scenario.controllers, scenario.measurements)
+        for name, size in ((NONE, 0.0), (DRAWN, scenario.drawn))
     ]
+    tasks = [*_alone(scenario), *drawn]
     finished = run_each(partial(run_once, scenario, seed), tasks, part_of(progress, 0.2, 1.0))
     traces = _rows(finished)
     metrics = _metrics(scenario, still, traces)
@@ -131,12 +128,8 @@ def _alone(scenario: CameraErrorsScenario) -> list[ErrorRun]:
         # A dead zone, and the joints' friction, hide a bias to one side.
         for sign in ((1, -1) if one.off_axis else (1,))
     ]
-    return [
-        ErrorRun(name, size, controller, measured)
-        for controller in scenario.controllers
-        for measured in scenario.measurements
-        for name, size in [(NONE, 0.0), *sizes]
-    ]
+    ways = [*product(scenario.controllers, scenario.measurements)]
+    return [ErrorRun(name, size, *of) for of in ways for name, size in [(NONE, 0.0), *sizes]]
 
 
 def _rows(finished: Trials[ErrorRun]) -> Table:
