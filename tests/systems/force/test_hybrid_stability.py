@@ -294,3 +294,7 @@ def test_a_loop_that_is_unstable_or_never_so() -> None:
     assert gain_margin(lambda factor: -1.0) is None
     assert gain_margin(lambda factor: 1.0) is None
     assert delay_margin(lambda delay: -1.0, PERIOD) is None
+    # Looked at is from a thousandth to a thousand.
+    for limit, seen in ((900.0, True), (1100.0, False), (1.1e-3, True), (0.9e-3, False)):
+        found = gain_margin(lambda factor, limit=limit: 1e6 * (factor - limit))  # type: ignore[misc]
+        assert found == (pytest.approx(limit, rel=1e-3) if seen else None)
