@@ -101,7 +101,7 @@ class CellErrorParams:
 
     def __post_init__(self) -> None:
         require_finite(self, "gap", "begin")
-        require_positive(self, "period")
+        require_positive(self, "period", "latency")
         if not self.most_misses >= 0:
             raise ParameterError("most_misses", self.most_misses, "a whole number >= 0")
 

@@ -22,13 +22,74 @@ from chamfer.systems.primitives.trajectory_primitives import Dither
 
 # By the class: whoever holds it checks.
 UNCHECKED = {
-    "CellErrorParams.latency",
     "ContactArmSettings.contact_offset",
     *("ControllerSettings.computation_delay", "ControllerSettings.computation_jitter"),
     *(f"HybridStabilityScenario.{name}" for name in ("viscous", "start", "direction")),
     "ViewFrames",
     "FsmRule",
 }
+
+# Class and fields that may be 0, and those that may also be -1; all others are to be above 0.
+MAY_BE_ZERO = """
+    AlignmentComparisonScenario: tuning_trials; AxisSensorParams: noise;
+    BaseCompensationParams: rest_speed; BlindFeedScenario: tilt; BoardPoses: roll tilt;
+    CameraErrorParams: latency noise resolution; CameraErrorsScenario: drawn off_axis points;
+    CartesianManipulatorParams: damping; CellArmSettings: payload_error; CellErrorParams:
+    most_misses; ChannelParams: bandwidth delay drift full_scale noise resolution tare;
+    ComparedLoopScenario: friction; ContactDetectionParams: release; ContactMaterial:
+    dissipation friction; ContactParams: damping; ContinuityParams: most_jumps;
+    CorrelatorParams: amplitude_threshold threshold; CrucibleWallSettings: lean; DConnector:
+    pin_funnel side_angle; DConnectorSkillParams: push_dither settle_amplitude twist_amplitude;
+    DSection: side_angle; Disturbances: friction lost noise plant; DrawnCameras: aspect k3
+    principal_point tangential; EncoderParams: bandwidth; FaultParams: delay item;
+    FedCellScenario: rest; FeedScenario: rest; FixedPointRotation: moved;
+    ForceRateSensorParams: force_noise force_rate_noise; FrameGrabberParams: latency miss noise
+    offset; GraspAndTransportParams: weight; GripperCompliance: damping; GuardedMotionParams:
+    amplitude; GuardedMove: sure; Held: wait weight; HybridGains: damping force_damping
+    force_integral integral stiffness; HybridScenario: measure_after;
+    ImpedanceControllerParams: null_stiffness smallest_singular_value; InsertParams: pause
+    rest; InsertionScenario: peg_excess; LayerSettings: slip_friction tilt; LeadSettings: depth
+    hover press; Level: sure time; ModelErrorParams: bias delay delay_deviation press stiffness
+    tare; ModelErrorScenario: bias stiffness_error; ModelErrors: joint_friction link_mass
+    payload; ObserverComparisonScenario: vision_error; Obstructed: amplitude_threshold
+    threshold; OpenPidGains: derivative integral proportional; PegHoleGeometry: chamfer_width;
+    PegInsertionScenario: tilt; PictureQuality: blur noise; Reach: angle distance;
+    ScenarioSpread: camera_turn focal force_bias friction lateral obstacle_short obstacles
+    rotational tight torque_bias wrist_stiffness; SceneStyle: blur; Seat: harder; SensorParams:
+    exposure vignetting; ServoCameraParams: lost; ServoPlantParams: dead_time; Spread:
+    joint_friction lateral link_mass payload rotational; SpreadParams: bias joint_friction
+    normal place size surface_friction; SpringConstraintParams: index stiffness; StepSpread:
+    step; SurfaceFriction: coefficient ripple; SurfaceObserverParams: force_noise
+    force_rate_noise halt_speed initial_deviation rate_lag; SurfaceScenario: force_delay;
+    TouchDetectionParams: release; TrackingTask: depth; Unevenness: ripple;
+    UnknownWallSettings: roll tilt; UnknownWallTask: wait; VisionPrimitivesScenario:
+    focal_error orientation_error; WristParams: centre_of_mass; _Compared: moved
+"""
+MAY_BE_NEGATIVE = """
+    AxisSensorParams: bias; BlindFeedScenario: lateral; CameraModel: roll; CameraSettings:
+    most_misses; CameraStand: roll; CellErrorParams: begin; Centre: offset;
+    ChargingParams: lean; ControllerSettings: computation_delay computation_jitter;
+    ConvergenceScenario: stuck_tilt; DecisionParams: margin; Dither: amplitude;
+    FixedPointRotation: angle; FsmRule: dead_zone divider period; InitialErrors: lateral
+    rotation; InsertParams: freeze_depth; LeadSettings: sideways; ObserverSettings: average;
+    OpenSupport: centre_distance; PegInsertionScenario: lateral; PidParams: derivative integral
+    proportional; PlanItem: azimuth; Seat: distance; Sinusoid: amplitude;
+    SpringConstraintParams: stop_at; StationLayout: bed_height; Step: amplitude; Support:
+    centre_distance; SurfaceFriction: jump jump_at; SurfaceMotionParams: speed; Unevenness:
+    tilt; ViewFrames: latency miss noise offset period; VisGrasp: angle; VisionServoSetup:
+    angle; Way: least
+"""
+# Whose sign is a matter of the class or of another field.
+OPEN = {"gap", "large_error", "peg_chamfer_share", "LeadSettings.speed"}
+
+
+def named(text: str) -> set[tuple[str, str]]:
+    """Return class and field of a table's entries."""
+    entries = (entry.split(":") for entry in text.split(";"))
+    return {(kind.strip(), name) for kind, names in entries for name in names.split()}
+
+
+ZERO, NEGATIVE = named(MAY_BE_ZERO), named(MAY_BE_NEGATIVE)
 
 
 def inside(example: Any) -> dict[type, Any]:
@@ -77,3 +138,27 @@ def test_what_is_no_number_is_named(kind: type) -> None:
         with pytest.raises(ParameterError) as refused:
             replace(EXAMPLES[kind], **{one.name: broken})
         assert one.name in refused.value.name
+
+
+def refused(example: Any, name: str, value: float) -> bool:
+    try:
+        replace(example, **{name: value})
+    except ParameterError as error:
+        return name in error.name
+    return False
+
+
+@pytest.mark.parametrize("kind", EXAMPLES, ids=lambda kind: kind.__qualname__)
+def test_numbers_have_the_sign_that_they_may_have(kind: type) -> None:
+    example = EXAMPLES[kind]
+    for one in fields(example):
+        value, name = getattr(example, one.name), one.name
+        is_number = isinstance(value, float | int) and not isinstance(value, bool)
+        if {name, f"{kind.__name__}.{name}"} & OPEN or not (
+            is_number or "float | None" in str(one.type)
+        ):
+            continue
+        owners = {(base.__qualname__, name) for base in kind.__mro__}
+        found = [refused(example, name, probe) for probe in (-1, 0)]
+        expected = [owners.isdisjoint(NEGATIVE), owners.isdisjoint(ZERO | NEGATIVE)]
+        assert found == expected, name
