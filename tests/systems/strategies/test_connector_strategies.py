@@ -165,6 +165,10 @@ def test_d_retries_are_those_of_the_parameters(retries: int, make_drive: Any) ->
     drive = held_d(make_drive, *TO_D_PUSH, retries=retries)
     assert drive.make("jammed") == "back off"
     np.testing.assert_allclose(way_of(drive)[5], D_PARAMS.back_off, atol=1e-12)
+    wriggles = 2 * math.pi * D_PARAMS.search_amplitude / 4
+    assert drive.memory.velocity == pytest.approx(
+        (0, 0, 0, wriggles, wriggles, -D_PARAMS.maintained)
+    )
     assert (drive.state, drive.make("done")) == ("free", "push")
     for _ in range(retries):
         assert drive.make("jammed") == "out"
