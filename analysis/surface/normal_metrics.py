@@ -23,15 +23,18 @@ _ERRORS: Final = (2.0, 15.0)  # s
 _LARGEST_ERROR: Final = (0.55, 14.97)  # s
 _FORCE_FROM: Final = 1.0  # s
 
-ESTIMATION: Final = {
-    "band.equilibrium": Quantity("deg"),
-    "band.mean": Quantity("deg"),
-    "band.final": Quantity("deg"),
+_OF_ERRORS: Final = {
     "error.max": Quantity("deg"),
     "error.rms": Quantity("deg", "rms"),
     "error.bias": Quantity("deg"),
     "coverage": Quantity("%"),
     "nees": Quantity(""),
+}
+ESTIMATION: Final = {
+    "band.equilibrium": Quantity("deg"),
+    "band.mean": Quantity("deg"),
+    "band.final": Quantity("deg"),
+    **_OF_ERRORS,
     "estimate.change": Quantity("deg"),
     "breakaway_time": Quantity("s"),
     "drift_after_halt": Quantity("deg", "rms"),
@@ -46,11 +49,7 @@ TRACKING: Final = {
     "force.within_10": Quantity("%"),
     "position.travel": Quantity("m"),
     "band.mean": Quantity("deg"),
-    "error.max": Quantity("deg"),
-    "error.rms": Quantity("deg", "rms"),
-    "error.bias": Quantity("deg"),
-    "coverage": Quantity("%"),
-    "nees": Quantity(""),
+    **_OF_ERRORS,
 }
 
 

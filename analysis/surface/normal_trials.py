@@ -49,12 +49,8 @@ def slide(scenario: ResolvedEstimationScenario) -> Slide:
     """Simulate the contact without noise."""
     silent = ForceRateSensorParams(force_noise=0.0, force_rate_noise=0.0)
     quiet = replace(scenario, sensor=silent, force_delay=0.0, force_rate=None)
-    run = simulate(
-        make_estimation_diagram(quiet),
-        duration=scenario.duration,
-        step=scenario.observer.period,
-    )
-    d = scenario.dimension
+    diagram, d = make_estimation_diagram(quiet), scenario.dimension
+    run = simulate(diagram, duration=scenario.duration, step=scenario.observer.period)
     # Logs have a column a time; compiled code wants each sample in one piece.
     force, rate, nominal, contact = (
         np.ascontiguousarray(run.outputs[name])

@@ -247,27 +247,20 @@ _KINDS: Final = {
 
 def _metrics(traces: Mapping[str, Array], surfaces: tuple[str, ...]) -> dict[str, Metric]:
     metrics: dict[str, Metric] = {}
-    corner = int(traces["kind"].max()) + 1
-    for (i, surface), (j, observer) in product(enumerate(surfaces), enumerate(OBSERVERS)):
+    kinds = range(int(traces["kind"].max()) + 1)
+    measures = (("rms", "deg", np.max), ("coverage", "%", np.min), ("nees", "", np.max))
+    for (i, surface), (j, observer), (name, unit, worst) in product(
+        enumerate(surfaces), enumerate(OBSERVERS), measures
+    ):
         here = (traces["surface"] == i) & (traces["observer"] == j)
-        means: dict[str, Array] = {}
-        for name in _MEASURED:
-            of_kind = [traces[name][here & (traces["kind"] == kind)] for kind in range(corner)]
-            power = 2 if name == "rms" else 1
-            means[name] = np.array(
-                [np.nanmean(v**power) ** (1 / power) for v in of_kind if len(v)]
-            )
-        for name, unit, worst in (
-            ("rms", "deg", np.max),
-            ("coverage", "%", np.min),
-            ("nees", "", np.max),
-        ):
-            values = (means[name][0], means[name][1], worst(means[name][2:]))
-            for kind, value in zip(_KINDS, values, strict=True):
-                note = "of the corners the worst" if kind == "corner" else ""
-                metrics[f"{surface}.{observer}.{kind}.{name}"] = Metric(
-                    value=float(value), unit=unit, note=note
-                )
+        of_kind = [traces[name][here & (traces["kind"] == kind)] for kind in kinds]
+        power = 2 if name == "rms" else 1
+        means = [float(np.nanmean(v**power) ** (1 / power)) for v in of_kind if len(v)]
+        values = (means[0], means[1], float(worst(means[2:])))
+        for kind, value in zip(_KINDS, values, strict=True):
+            note = "of the corners the worst" if kind == "corner" else ""
+            key = f"{surface}.{observer}.{kind}.{name}"
+            metrics[key] = Metric(value=value, unit=unit, note=note)
     for observer in OBSERVERS:
         metrics |= _worst(metrics, observer, surfaces)
     return metrics

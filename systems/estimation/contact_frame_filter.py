@@ -159,11 +159,9 @@ class ContactFrameFilter:
         self._rows = 1 + math.ceil(latest / params.period - _WHOLE) if latest else 0
         lengths = (NUMBERS * count, count, 3, 1, CALIBRATION, 6 * self._rows)
         self._ends = np.cumsum(lengths).tolist()
+        force, compliance = told.force_deviation, told.compliance
         self._calibration = GripperCalibration(
-            error,
-            force=told.force_deviation,
-            compliance=told.compliance,
-            period=params.period,
+            error, force=force, compliance=compliance, period=params.period
         )
 
     def start(self, normal: Array) -> Array:
@@ -248,14 +246,8 @@ class ContactFrameFilter:
             status = NormalStatus.MEASURED if far else NormalStatus.STUCK
         if status is not NormalStatus.MEASURED:
             return self._estimate(memory, kept, status)
-        reading = ContactReading(
-            point=point,
-            velocity=velocity,
-            force=sample.force,
-            nominal=sample.nominal_position,
-            nominal_velocity=moving,
-            gripper=gripper,
-        )
+        nominal, force = sample.nominal_position, sample.force
+        reading = ContactReading(point, velocity, force, nominal, moving, gripper)
         deviation = error / math.sqrt(step @ step)
         follow_all(frames, weights, self._model, reading, step, deviation)
         return self._estimate(memory, kept, status, math.sqrt(velocity @ velocity))

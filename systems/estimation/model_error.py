@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -11,7 +12,6 @@ from chamfer.models.validation import ParameterError, require_not_negative
 
 Array = NDArray[np.float64]
 
-CALIBRATION: Final = 23  # numbers that a calibration remembers
 _WHOLE: Final = 1e-6  # of a period, less is rounding
 _TOUCH: Final = 3.0  # times the length of the force's error, which shows contact
 _LEAST_DEVIATION: Final = 0.02  # relative, of a stiffness: no contact point rests perfectly
@@ -56,6 +56,11 @@ class _Memory(NamedTuple):
     variance: Array  # (1,), of the factor
     later: Array  # (1,), s, of the force than was told
     spread: Array  # (1,), s^2, its variance
+
+
+_LENGTHS: Final = (1, 3, 1, 9, 5, 1, 1, 1, 1)
+_PARTS: Final = [slice(b - n, b) for n, b in zip(_LENGTHS, accumulate(_LENGTHS), strict=True)]
+CALIBRATION: Final = sum(_LENGTHS)  # numbers that a calibration remembers
 
 
 class GripperCalibration:
@@ -167,14 +172,4 @@ class GripperCalibration:
 
 
 def _views(memory: Array) -> _Memory:
-    return _Memory(
-        memory[0:1],
-        memory[1:4],
-        memory[4:5],
-        memory[5:14],
-        memory[14:19],
-        memory[19:20],
-        memory[20:21],
-        memory[21:22],
-        memory[22:23],
-    )
+    return _Memory(*(memory[part] for part in _PARTS))

@@ -70,43 +70,6 @@ class Path:
     at: Callable[[float], Motion]  # a time, s, behind the duration: the end
 
 
-def _stay(place: Array) -> Path:
-    return Path(0.0, lambda _: (place, np.zeros_like(place)))
-
-
-def _line(start: Array, way: Array, duration: float, profile: Profile) -> Path:
-    """Move all coordinates in proportion."""
-
-    def at(time: float) -> Motion:
-        far, fast = profile(time)
-        return start + far * way, fast * way
-
-    return Path(duration, at)
-
-
-def _circle(
-    start: Array,
-    way: Array,
-    centre: tuple[float, float],
-    angle: float,
-    duration: float,
-    profile: Profile,
-) -> Path:
-    """Turn x and y about a vertical axis; the other coordinates in proportion."""
-
-    def at(time: float) -> Motion:
-        far, fast = profile(time)
-        position, velocity = start + far * way, fast * way
-        c, s = np.cos(far * angle), np.sin(far * angle)
-        across, along = start[:2] - centre
-        x, y = c * across - s * along, s * across + c * along
-        position[:2] = centre[0] + x, centre[1] + y
-        velocity[:2] = -fast * angle * y, fast * angle * x
-        return position, velocity
-
-    return Path(duration, at)
-
-
 def _slew(start: Array, way: Array, via: float, duration: float) -> Path:
     """Go up to a height, across, and down, quintic each and overlapping.
 
@@ -130,7 +93,7 @@ def _slew(start: Array, way: Array, via: float, duration: float) -> Path:
 
 
 def path_of(segment: Segment, *, turn_acceleration: float) -> Path:
-    """Return the way of a segment.
+    """Return the way of a segment; all coordinates move in proportion, but on a circle.
 
     Args:
         segment: What is wanted; acceleration and turn_speed as wanted too.
@@ -148,8 +111,9 @@ def path_of(segment: Segment, *, turn_acceleration: float) -> Path:
             raise ParameterError(name, getattr(segment, name), "a finite number > 0")
     start, goal = np.array(segment.start), np.array(segment.goal)
     way = goal - start
+    stay = Path(0.0, lambda _: (goal, np.zeros_like(goal)))
     if segment.kind == HOLD:
-        return _stay(goal)
+        return stay
     if segment.kind == SLEW:
         return _slew(start, way, segment.via_height, segment.duration)
     flat = float(np.linalg.norm(way[:2]))
@@ -157,7 +121,7 @@ def path_of(segment: Segment, *, turn_acceleration: float) -> Path:
         flat = float(np.linalg.norm(start[:2] - segment.centre[:2])) * abs(segment.turn)
     length, turn = float(np.hypot(flat, way[2])), float(np.max(np.abs(way[3:])))
     if length == turn == 0:
-        return _stay(goal)
+        return stay
     # Each limit over what it limits; what does not move limits nothing.
     limits = [
         (v / size, a / size)
@@ -167,7 +131,18 @@ def path_of(segment: Segment, *, turn_acceleration: float) -> Path:
         )
         if size > 0
     ]
-    profile = trapezoid(min(v for v, _ in limits), min(a for _, a in limits))
-    if segment.kind == CIRCLE:
-        return _circle(start, way, segment.centre[:2], segment.turn, *profile)
-    return _line(start, way, *profile)
+    duration, profile = trapezoid(min(v for v, _ in limits), min(a for _, a in limits))
+    centre, angle = segment.centre[:2], segment.turn
+
+    def at(time: float) -> Motion:
+        far, fast = profile(time)
+        position, velocity = start + far * way, fast * way
+        if segment.kind == CIRCLE:  # x and y turn about a vertical axis
+            c, s = np.cos(far * angle), np.sin(far * angle)
+            across, along = start[:2] - centre
+            x, y = c * across - s * along, s * across + c * along
+            position[:2] = centre[0] + x, centre[1] + y
+            velocity[:2] = -fast * angle * y, fast * angle * x
+        return position, velocity
+
+    return Path(duration, at)

@@ -366,6 +366,17 @@ def test_without_a_measurement_only_the_covariance_grows(
     np.testing.assert_allclose(found.covariance - before.covariance, Q, rtol=1e-9, atol=1e-15)
 
 
+@pytest.mark.parametrize("kind", ["gated", "prior_weights"])
+def test_sample_or_prior_divides_the_force(slides: Any, kind: ObserverKind) -> None:
+    observer, sample, n = slides.observer(2, kind=kind), moving(2), np.array([0.6, 0.8])
+    prior = n if kind == "prior_weights" else np.zeros(2)
+    up, u = instantaneous_normal(sample.force, sample.nominal_velocity, 1.0, 0.05, prior)
+    P = (0.1**2 + (0.2 * 0.05 / 0.75) ** 2 / 3) * np.eye(2)
+    expected = constrained_update(n, P, up, u**2 / 3 * np.eye(2))
+    found = observer.update(observer.start(n), sample)
+    np.testing.assert_allclose(found.covariance, expected.covariance, rtol=1e-9)
+
+
 NONE = {"force_noise": 0.0, "force_rate_noise": 0.0}
 
 
