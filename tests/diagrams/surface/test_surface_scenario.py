@@ -21,7 +21,6 @@ from chamfer.diagrams.surface.surface_scenario import (
 )
 from chamfer.diagrams.surface.surface_tracking import (
     TrackingScenario,
-    TrackingTask,
     resolve_tracking,
 )
 from chamfer.models.arms.gripper import GripperCompliance
@@ -120,10 +119,7 @@ GAINS = TrackingScenario().controller
         (wrong_surface(coefficients=(1.0, 2.0)), "coefficients is (1.0, 2.0), allowed: 1 for th"),
         (wrong_surface(shape="wavy_sheet", wavelengths=(1.0,)), "wavelengths is (1.0,), allowed"),
         (lambda: SurfaceSettings(shape="sphere", radius=0.0).make(), "radius is 0.0, allowed: a"),
-        (lambda: GripperCompliance(stiffness=0.0), "stiffness is 0.0, allowed: a number > 0, or"),
         (wrong(gripper=GripperCompliance(damping=1.0)), "gripper.damping is 1.0, allowed: 0; a"),
-        (wrong(duration=float("inf")), "duration is inf, allowed: a finite number > 0"),
-        (wrong(step=-0.01), "step is -0.01, allowed: a finite number > 0"),
         (wrong(trials=0), "trials is 0, allowed: 1 to 1000"),
         (wrong(trials=1001), "trials is 1001, allowed: 1 to 1000"),
         (wrong(step=0.03), "step is 0.03, allowed: a whole part of 0.05 s"),
@@ -154,11 +150,7 @@ GAINS = TrackingScenario().controller
         ),
         (lambda: LeadSettings(speed=0.0), "speed is 0.0, allowed: a finite number other than 0"),
         (lambda: LeadSettings(speed=float("-inf")), "speed is -inf, allowed: a finite number ot"),
-        (lambda: LeadSettings(depth=-0.1), "depth is -0.1, allowed: a finite number >= 0"),
-        (lambda: LeadSettings(halt=0.0), "halt is 0.0, allowed: a finite number > 0"),
-        (lambda: LeadSettings(sideways=float("nan")), "sideways is nan, allowed: a finite number"),
         (wrong(force_delay=0.07), "force_delay is 0.07, allowed: whole periods of the sensor, 0"),
-        (wrong(force_delay=-0.05), "force_delay is -0.05, allowed: a finite number >= 0"),
         (
             wrong(
                 force_rate=ForceRateParams(), sensor=ForceRateSensorParams(force_rate_noise=3.0)
@@ -175,8 +167,6 @@ GAINS = TrackingScenario().controller
             wrong_track(controller=replace(GAINS, stiffness=(1.0, 2.0, 3.0))),
             "controller.stiffness is (1.0, 2.0, 3.0), allowed: 2 numbers, or one for all",
         ),
-        (lambda: TrackingTask(force=0.0), "force is 0.0, allowed: a finite number > 0"),
-        (lambda: TrackingTask(depth=-0.1), "depth is -0.1, allowed: a finite number >= 0"),
     ],
 )
 def test_mistakes_are_named_with_what_is_allowed(make: Any, message: str) -> None:
