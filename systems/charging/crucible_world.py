@@ -1,7 +1,6 @@
 """What answers the charging cycle: the gripper, the layer below, and what goes wrong."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,31 +63,25 @@ class Grasp(LeafSystem):
         self._contact = self.DeclareVectorInputPort("contact", contacts)
         self._item = self.DeclareVectorInputPort("item", 1)
         self._drop = self.DeclareVectorInputPort("drop", 1)
-        state = self.DeclareDiscreteState(3)
-        ticket = {self.discrete_state_ticket(state)}
-        for name, index in (("scene", 2), ("held", 0)):
-            self.DeclareVectorOutputPort(name, 1, self._reader(index), ticket)
+        self._held, self._before, self._scene = (self.DeclareDiscreteState(1) for _ in range(3))
+        self.DeclareStateOutputPort("scene", self._scene)
+        self.DeclareStateOutputPort("held", self._held)
         self.DeclarePeriodicDiscreteUpdateEvent(params.period, 0.0, self._tick)
 
-    @staticmethod
-    def _reader(index: int) -> Callable[[Context, BasicVector], None]:
-        def calc(context: Context, vector: BasicVector) -> None:
-            vector.SetAtIndex(0, context.get_discrete_state(0).value()[index])
-
-        return calc
-
     def _tick(self, context: Context, values: DiscreteValues) -> None:
-        held, before, _ = context.get_discrete_state(0).value()
+        held = float(context.get_discrete_state(self._held)[0])
         grip = self._grip.Eval(context)[0] > 0.5
         item = round(float(self._item.Eval(context)[0]))
-        if grip and not before:
+        if grip and not context.get_discrete_state(self._before)[0]:
             near = self._contact.Eval(context)[0] <= self._reach
             held = float(near and self._present[min(item, len(self._present) - 1)])
         dropped = self._drop.HasValue(context) and self._drop.Eval(context)[0] > 0.5
         if not grip or dropped:
             held = 0.0
         item = min(item, len(self._present) - 1)
-        values.set_value(0, np.array([held, float(grip), 2 * item + held]))
+        values.set_value(self._held, [held])
+        values.set_value(self._before, [float(grip)])
+        values.set_value(self._scene, [2 * item + held])
 
 
 class LayerMotion(LeafSystem):
@@ -125,17 +118,13 @@ class LayerMotion(LeafSystem):
         self._period = period
         self._force = self.DeclareVectorInputPort("force", 3)
         self._item = self.DeclareVectorInputPort("item", 1)
-        state = self.DeclareDiscreteState(8)
-
-        def calc(context: Context, vector: BasicVector) -> None:
-            vector.SetFromVector(context.get_discrete_state(state).value()[5:])
-
-        self.DeclareVectorOutputPort("shift", 3, calc, {self.discrete_state_ticket(state)})
+        self._slip, self._shift = self.DeclareDiscreteState(5), self.DeclareDiscreteState(3)
+        self.DeclareStateOutputPort("shift", self._shift)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._step)
 
     def _step(self, context: Context, values: DiscreteValues) -> None:
         h, mass, k = self._period, self._mass, self._stiffness
-        sx, sy, vx, vy, before = context.get_discrete_state(0).value()[:5].tolist()
+        sx, sy, vx, vy, before = context.get_discrete_state(self._slip).value().tolist()
         item = float(self._item.Eval(context)[0])
         if item != before:
             sx = sy = vx = vy = 0.0
@@ -147,8 +136,8 @@ class LayerMotion(LeafSystem):
         left = max(speed - h * holds / mass, 0.0) / speed if speed else 0.0
         vx, vy = left * vx, left * vy
         sx, sy = sx + h * vx, sy + h * vy
-        shift = [sx + fx / k, sy + fy / k, fz / k]
-        values.set_value(0, np.array([sx, sy, vx, vy, item, *shift]))
+        values.set_value(self._slip, [sx, sy, vx, vy, item])
+        values.set_value(self._shift, [sx + fx / k, sy + fy / k, fz / k])
 
 
 class FaultTrigger(LeafSystem):
@@ -180,21 +169,18 @@ class FaultTrigger(LeafSystem):
         super().__init__()
         state = self.DeclareVectorInputPort("state", 1)
         item = self.DeclareVectorInputPort("item", 1)
-        memory = self.DeclareDiscreteState(np.array([-1.0, 0.0]))
-
-        def calc(context: Context, vector: BasicVector) -> None:
-            vector.SetAtIndex(0, context.get_discrete_state(memory).value()[1])
-
-        self.DeclareVectorOutputPort("active", 1, calc, {self.discrete_state_ticket(memory)})
+        timer, active = self.DeclareDiscreteState([-1.0]), self.DeclareDiscreteState(1)
+        self.DeclareStateOutputPort("active", active)
 
         def tick(context: Context, values: DiscreteValues) -> None:
-            since = float(context.get_discrete_state(memory).value()[0])
+            since = float(context.get_discrete_state(timer)[0])
             if since >= 0:
                 since += period
             elif (state.Eval(context)[0], item.Eval(context)[0]) == at:
                 since = 0.0
             late = since - delay + 1e-9
-            values.set_value(0, np.array([since, float(since >= 0 and 0 <= late < lasting)]))
+            values.set_value(timer, [since])
+            values.set_value(active, [float(since >= 0 and 0 <= late < lasting)])
 
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, tick)
 
