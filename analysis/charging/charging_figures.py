@@ -60,12 +60,9 @@ class ChargingRun(NamedTuple):
         return f"{scale * found.value + 0.0:.3g}"  # no -0
 
     def parts(self, *modes: str, first: str = "", kind: str = "") -> list["ModeRows"]:
-        """Return the rows in which items were in one of some modes.
+        """Return the rows in which items, of a kind, were in one of some modes.
 
-        Args:
-            *modes: With which the states' names begin.
-            first: The state from which on rows count; "" for any.
-            kind: Of the items; "" for any.
+        Rows count from the state ``first`` on; "" stands for any state or kind.
         """
         traces = self.outcome.traces
         mode = np.array([name.partition(".")[0] for name in self.states])

@@ -313,12 +313,8 @@ def lap_chart(params: CompensatorParams) -> CompensatorChart:
         for state in folded.states
         if state.name != folded.initial and state.outcome is None
     ]
-    return Chart(
-        folded.name,
-        states=folded.states,
-        transitions=[*decide, *returns],
-        memory=folded.memory,
-    )
+    ways = [*decide, *returns]
+    return Chart(folded.name, states=folded.states, transitions=ways, memory=folded.memory)
 
 
 def gore_findings(

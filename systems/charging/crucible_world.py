@@ -71,14 +71,13 @@ class Grasp(LeafSystem):
     def _tick(self, context: Context, values: DiscreteValues) -> None:
         held = float(context.get_discrete_state(self._held)[0])
         grip = self._grip.Eval(context)[0] > 0.5
-        item = round(float(self._item.Eval(context)[0]))
+        item = min(round(float(self._item.Eval(context)[0])), len(self._present) - 1)
         if grip and not context.get_discrete_state(self._before)[0]:
             near = self._contact.Eval(context)[0] <= self._reach
-            held = float(near and self._present[min(item, len(self._present) - 1)])
+            held = float(near and self._present[item])
         dropped = self._drop.HasValue(context) and self._drop.Eval(context)[0] > 0.5
         if not grip or dropped:
             held = 0.0
-        item = min(item, len(self._present) - 1)
         values.set_value(self._held, [held])
         values.set_value(self._before, [float(grip)])
         values.set_value(self._scene, [2 * item + held])
