@@ -200,7 +200,9 @@ def test_metrics_that_are_not_finite_are_null_with_a_note() -> None:
     ("changes", "measured", "verdict"),
     [
         ({}, 1.5, "holds"),
+        ({}, 0.5, "holds"),
         ({}, 1.6, "not_reached"),
+        ({}, 0.4, "not_reached"),
         ({"otherwise": "does_not_hold"}, 1.5, "holds"),
         ({"relation": "at_most", "otherwise": "does_not_hold"}, 1.1, "does_not_hold"),
         ({"relation": "at_most"}, 1.0, "holds"),
