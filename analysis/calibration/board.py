@@ -69,9 +69,7 @@ class Chessboard:
     @cached_property
     def points(self) -> Array:
         """Return the corners in the board's frame, row by row, m, shape (n, 2)."""
-        grid = np.mgrid[: self.columns, : self.rows].T.reshape(-1, 2)
-        points: Array = self.square * grid
-        return points
+        return self.square * np.mgrid[: self.columns, : self.rows].T.reshape(-1, 2).astype(float)
 
     def find(self, image: Grey) -> Corners:
         """Return the corners in a picture.
@@ -129,8 +127,7 @@ class Charuco:
     @cached_property
     def points(self) -> Array:
         """Return the corners in the board's frame, row by row, m, shape (n, 2)."""
-        points: Array = np.asarray(self.drawing.getChessboardCorners(), float)[:, :2]
-        return points
+        return np.asarray(self.drawing.getChessboardCorners(), float)[:, :2]
 
     def find(self, image: Grey) -> Corners:
         """Return the corners in a picture.

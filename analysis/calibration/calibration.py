@@ -21,7 +21,7 @@ from chamfer.analysis.calibration.board import Board, NotFoundError, parse_board
 from chamfer.analysis.calibration.camera_fit import (
     Fit,
     Owner,
-    Seen,
+    Picture,
     doubts,
     fit_camera,
     fit_pair,
@@ -74,13 +74,12 @@ def picture_files(paths: Sequence[Path]) -> tuple[Path, ...]:
 
 def see_board(
     board: Board, files: Sequence[Path], *, names: dict[bytes, str], progress: Progress
-) -> tuple[list[Seen], Size]:
+) -> tuple[list[Picture], Size]:
     """Look for a board in pictures, and return what was seen and the size of most of them.
 
-    The names are of pictures that are not to be used once more, by what is in them; these are
-    added.
+    The names are of pictures that are not to be used once more, by what is in them.
     """
-    found: list[tuple[Seen, Size | None]] = []
+    found: list[tuple[Picture, Size | None]] = []
     for k, file in enumerate(files):
         name, size = shown_name(file), None
         try:
@@ -91,12 +90,12 @@ def see_board(
             if key in names:
                 raise NotFoundError(f"the same picture as {names[key]}")
             names[key] = name
-            seen = Seen(name=name, corners=board.find(image))
+            seen = Picture(name=name, corners=board.find(image))
         except UserError as error:
             reason = str(error).removeprefix(f"{file}").removeprefix(name).lstrip(": ")
-            seen = Seen(name=name, reason=reason)
+            seen = Picture(name=name, left_out=reason)
         except NotFoundError as error:
-            seen = Seen(name=name, reason=str(error))
+            seen = Picture(name=name, left_out=str(error))
         found.append((seen, size))
         progress((k + 1) / len(files), f"picture {k + 1}")
     sizes = Counter(size for _, size in found if size is not None)
@@ -105,26 +104,9 @@ def see_board(
     return [
         seen
         if size is None or size == most
-        else replace(seen, corners=None, reason=odd.format(*size, *most))
+        else replace(seen, corners=None, left_out=odd.format(*size, *most))
         for seen, size in found
     ], most
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Picture:
-    """What became of a picture."""
-
-    name: str
-    pixels: Array | None  # of the corners, shape (n, 2); None if it was left out
-    residuals: Array | None  # seen minus projected, pixels, shape (n, 2)
-    board: FramePose | None = None  # in the camera's frame
-    left_out: str = ""  # why
-    alone: str = ""  # why it is not used as one of a pair
-
-    @property
-    def error(self) -> float | None:
-        """Root of the mean square of the distances, pixels."""
-        return None if self.residuals is None else rms(self.residuals)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -138,18 +120,15 @@ class Calibration:
 
 
 def calibrate(
-    seen: Sequence[Sequence[Seen]],
+    seen: Sequence[Sequence[Picture]],
     sizes: Sequence[Size],
     *,
     known: tuple[int, Array] | None = None,
 ) -> Calibration:
-    """Calibrate one camera, or two whose pictures were taken in pairs.
+    """Calibrate one camera, or two; pictures of the same number were taken at the same time.
 
-    Args:
-        seen: Pictures of each camera; those of the same number were taken at the same time.
-        sizes: Of each camera's pictures, width and height, pixels.
-        known: The number of one of the left camera's pictures, and X_WB of the board in it,
-            shape (4, 4).
+    ``known`` is the number of one of the left camera's pictures, and X_WB of the board in it,
+    shape (4, 4).
 
     Raises:
         UserError: If the pictures don't tell what the cameras are.
@@ -169,7 +148,7 @@ def calibrate(
         cameras=CameraFile(
             left=left,
             right=others[0] if others else None,
-            pose=_measured(fit, [fit.adjustment.places.stereo], _inverse) if others else None,
+            pose=_right_pose(fit) if others else None,
             world_pose=None if known is None else _world_pose(fit, known, seen[0]),
         ),
         pictures=pictures,
@@ -178,28 +157,27 @@ def calibrate(
     )
 
 
-def _picture(one: Seen, fit: Fit, owner: Owner) -> Picture:
-    if owner in fit.left_out or one.corners is None:
-        return Picture(name=one.name, pixels=None, residuals=None, left_out=fit.left_out[owner])
-    return Picture(
-        name=one.name,
-        pixels=one.corners.pixels,
-        residuals=fit.residuals[owner],
-        board=_board_pose(fit, owner),
-        alone=fit.alone.get(owner, ""),
-    )
+def _picture(one: Picture, fit: Fit, owner: Owner) -> Picture:
+    if owner in fit.left_out:
+        return replace(one, left_out=fit.left_out[owner])
+    alone, board = fit.alone.get(owner, ""), _board_pose(fit, owner)
+    return replace(one, alone=alone, residuals=fit.residuals[owner], board=board)
 
 
 def _camera(fit: Fit, camera: int, size: Size, pictures: Sequence[Picture]) -> CalibratedCamera:
-    residuals = [one.residuals for one in pictures if one.residuals is not None]
     values, deviations = map(_named, fit.adjustment.intrinsic(camera))
     return CalibratedCamera(
         width=size[0],
         height=size[1],
         **values,
-        reprojection_error=rms(np.concatenate(residuals)),
+        reprojection_error=rms(_residuals(pictures)),
         sd=Intrinsics(**deviations),
     )
+
+
+def _residuals(pictures: Sequence[Picture]) -> Array:
+    """Return what remains in all pictures together, pixels, shape (n, 2)."""
+    return np.concatenate([one.residuals for one in pictures if one.residuals is not None])
 
 
 def _named(intrinsic: Array) -> dict[str, Any]:
@@ -211,13 +189,20 @@ def _named(intrinsic: Array) -> dict[str, Any]:
     }
 
 
-def _world_pose(fit: Fit, known: tuple[int, Array], seen: Sequence[Seen]) -> FramePose:
+def _right_pose(fit: Fit) -> FramePose:
+    stereo = fit.adjustment.places.stereo
+    return _measured(fit, [stereo], lambda pose: np.asarray(np.linalg.inv(transform(pose))))
+
+
+def _world_pose(fit: Fit, known: tuple[int, Array], seen: Sequence[Picture]) -> FramePose:
     number, X_WB = known
     if (0, number) in fit.left_out:
         raise UserError(
             f"{seen[number].name} can't tell where the camera stands: {fit.left_out[0, number]}"
         )
-    return _measured(fit, [fit.board((0, number))], lambda pose: X_WB @ _inverse(pose))
+    return _measured(
+        fit, [fit.board((0, number))], lambda pose: X_WB @ np.linalg.inv(transform(pose))
+    )
 
 
 def _board_pose(fit: Fit, owner: Owner) -> FramePose:
@@ -228,18 +213,8 @@ def _board_pose(fit: Fit, owner: Owner) -> FramePose:
     return _measured(fit, where, lambda both: transform(both[:6]) @ transform(both[6:]))
 
 
-def _inverse(pose: Array) -> Array:
-    return np.linalg.inv(transform(pose)).astype(float)
-
-
 def _measured(fit: Fit, where: Sequence[slice], of: Callable[[Array], Array]) -> FramePose:
-    """Return a pose and how well it is known.
-
-    Args:
-        fit: Of the cameras.
-        where: The parameters on which it depends, n of them.
-        of: Makes it, shape (4, 4), of the parameters, shape (n,).
-    """
+    """Return a pose, a function, shape (4, 4), of some parameters, and how well it is known."""
     indices = np.concatenate([np.r_[one] for one in where])
     parameters = fit.adjustment.parameters[indices]
     found = of(parameters)
@@ -441,8 +416,9 @@ def plot_residuals(found: Calibration) -> Figure:
     whose = [""] if len(cameras) == 1 else ["Left camera: ", "Right camera: "]
     rows = zip(panels, cameras, found.pictures, whose, strict=True)
     for (residuals, coverage, errors), camera, pictures, name in rows:
-        _residuals(residuals, camera, *_corners(pictures), name)
-        _coverage(coverage, camera, _corners(pictures)[0])
+        used = [one.corners.pixels for one in pictures if one.corners and not one.left_out]
+        _arrows(residuals, camera, np.concatenate(used), _residuals(pictures), name)
+        _coverage(coverage, camera, np.concatenate(used))
         for axes in (residuals, coverage):
             axes.set_xlim(-0.5, camera.width - 0.5)
             axes.set_ylim(camera.height - 0.5, -0.5)
@@ -451,15 +427,7 @@ def plot_residuals(found: Calibration) -> Figure:
     return figure
 
 
-def _corners(pictures: tuple[Picture, ...]) -> tuple[Array, Array]:
-    """Return all corners and what remains in them, pixels, both shape (n, 2)."""
-    used = [one for one in pictures if one.pixels is not None and one.residuals is not None]
-    pixels = np.concatenate([one.pixels for one in used if one.pixels is not None])
-    residuals = np.concatenate([one.residuals for one in used if one.residuals is not None])
-    return pixels, residuals
-
-
-def _residuals(
+def _arrows(
     axes: Axes, camera: CalibratedCamera, pixels: Array, residuals: Array, whose: str
 ) -> None:
     long = float(np.quantile(np.linalg.norm(residuals, axis=1), 0.95)) or 1e-9

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from chamfer.analysis.calibration.board import Board, Charuco, Grey, NotFoundError, parse_board
 from chamfer.analysis.calibration.calibration import calibrate
-from chamfer.analysis.calibration.camera_fit import Seen
+from chamfer.analysis.calibration.camera_fit import Picture
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_metrics import rate
 from chamfer.analysis.campaign.trial_rows import Row
@@ -26,7 +26,7 @@ from chamfer.analysis.sight.picture_conditions import PictureQuality
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.cameras.camera_file import CalibratedCamera, Intrinsics
 from chamfer.models.validation import ParameterError, require_between, require_not_negative
-from chamfer.systems.cameras.coverage import coverage
+from chamfer.systems.cameras.coverage import paint
 
 Array = NDArray[np.float64]
 
@@ -64,15 +64,16 @@ def draw_board(
 ) -> Grey:
     """Return what a camera, whose world is the board, sees of it: grey levels."""
     image = np.full((camera.height, camera.width), _BEHIND)
-    paper = _outline(board, board.square / 2)
-    _paint(image, board_corners(paper, camera), _WHITE - _BEHIND)
-    for square in _black(board):
-        _paint(image, board_corners(square, camera), _BLACK - _WHITE)
+    areas = [(_outline(board, board.square / 2), _WHITE - _BEHIND)]
+    areas += [(square, _BLACK - _WHITE) for square in _black(board)]
+    for area, level in areas:
+        polygon = np.ascontiguousarray(board_corners(area, camera))
+        if np.isfinite(polygon).all():
+            paint(image[..., np.newaxis], polygon, np.array([level]), False)
     if picture.blur:
         image = cv2.GaussianBlur(image, (0, 0), picture.blur, borderType=cv2.BORDER_REPLICATE)
     image += random.normal(0.0, picture.noise, image.shape) if picture.noise else 0.0
-    grey: Grey = np.clip(np.rint(image), 0, 255).astype(np.uint8)
-    return grey
+    return np.asarray(np.clip(np.rint(image), 0, 255), np.uint8)
 
 
 def place_board(
@@ -149,19 +150,6 @@ def _outline(board: Board, margin: float = 0.0) -> Array:
     corners = np.array([corner for corner, _ in _squares(board)])
     low, high = corners.min(axis=0) - margin, corners.max(axis=0) + board.square + margin
     return np.asarray(low + (high - low) * _UNIT)
-
-
-def _paint(image: Array, polygon: Array, level: float) -> None:
-    """Add a level, times the share that a polygon covers, to the pixels of an image."""
-    if not np.isfinite(polygon).all():
-        return
-    size = np.array(image.shape[::-1])
-    left, top = np.clip(np.floor(polygon.min(axis=0)).astype(int), 0, size).tolist()
-    right, bottom = np.clip(np.ceil(polygon.max(axis=0)).astype(int) + 1, 0, size).tolist()
-    if right > left and bottom > top:
-        image[top:bottom, left:right] += level * coverage(
-            np.ascontiguousarray(polygon), left, top, right - left, bottom - top
-        )
 
 
 PARAMETERS: Final = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
@@ -250,9 +238,9 @@ def _calibrate(scenario: CalibrationScenario, seed: int, number: int) -> Row:
         try:
             corners = board.find(image)
         except NotFoundError as error:
-            seen.append(Seen(name=str(k), reason=str(error)))
+            seen.append(Picture(name=str(k), left_out=str(error)))
             continue
-        seen.append(Seen(name=str(k), corners=corners))
+        seen.append(Picture(name=str(k), corners=corners))
         off.append(corners.pixels - board_corners(corners.points, there))
     found = calibrate([seen], [(camera.width, camera.height)])
     left, (pictures,) = found.cameras.left, found.pictures

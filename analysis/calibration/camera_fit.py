@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from chamfer.analysis.calibration.board import Corners
 from chamfer.analysis.scenario.errors import UserError
+from chamfer.models.cameras.camera_file import FramePose
 
 Array = NDArray[np.float64]
 
@@ -71,18 +72,13 @@ class Adjustment:
     @property
     def noise(self) -> float:
         """Standard deviation of a coordinate, pixels, of all sights together."""
-        squares = sum(float(np.sum(residual**2)) for residual in self.residuals)
-        coordinates = sum(residual.size for residual in self.residuals)
-        return math.sqrt(squares / max(1, coordinates - len(self.parameters)))
+        all_of = np.concatenate(self.residuals).ravel()
+        return math.sqrt(all_of @ all_of / max(1, len(all_of) - len(self.parameters)))
 
     def deviations(self, where: slice | NDArray[np.int64], jacobian: Array) -> Array:
-        """Return standard deviations, shape (m,), of what depends on parameters.
-
-        Where these are, and how it moves with them, shape (m, n), is given.
-        """
+        """Return standard deviations, (m,), of what moves, (m, n), with parameters somewhere."""
         of_both = [jacobian @ one[where][:, where] @ jacobian.T for one in self.covariances]
-        largest: Array = np.sqrt(np.max([np.diag(one) for one in of_both], axis=0))
-        return largest
+        return np.asarray(np.sqrt(np.max([np.diag(one) for one in of_both], axis=0)))
 
     def intrinsic(self, camera: int) -> tuple[Array, Array]:
         """Return a camera's intrinsic parameters and their standard deviations, shape (9,)."""
@@ -185,8 +181,8 @@ def _solved(normal: Array, right: Array) -> Array:
     if not (np.diag(normal) > 0).all():
         raise np.linalg.LinAlgError("nothing is said of an unknown")
     scale = np.sqrt(np.diag(normal))
-    solved: Array = np.linalg.solve(normal / np.outer(scale, scale), (right.T / scale).T)
-    return (solved.T / scale).T
+    solved = np.linalg.solve(normal / np.outer(scale, scale), (right.T / scale).T)
+    return np.asarray((solved.T / scale).T)
 
 
 def _linearised(
@@ -246,12 +242,20 @@ _TILT: Final = "tilt the board by 20 to 40 degrees, each time to another side"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Seen:
-    """A picture and the board's corners in it, or why there are none."""
+class Picture:
+    """A picture, the board's corners in it, and what became of it."""
 
     name: str
     corners: Corners | None = None
-    reason: str = ""
+    left_out: str = ""  # why
+    alone: str = ""  # why it is not used as one of a pair
+    residuals: Array | None = None  # seen minus projected, pixels, shape (n, 2)
+    board: FramePose | None = None  # in the camera's frame
+
+    @property
+    def error(self) -> float | None:
+        """Root of the mean square of the distances, pixels."""
+        return None if self.residuals is None else rms(self.residuals)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -301,7 +305,7 @@ def pose_vector(X: Array) -> Array:
     return np.append(Rotation.from_matrix(X[:3, :3]).as_rotvec(), X[:3, 3])
 
 
-def fit_camera(seen: Sequence[Seen], size: tuple[int, int], *, whose: str = "") -> Fit:
+def fit_camera(seen: Sequence[Picture], size: tuple[int, int], *, whose: str = "") -> Fit:
     """Fit one camera to its pictures, of a size in pixels.
 
     The picture that fits worst is left out as long as it is far worse than most are.
@@ -309,7 +313,7 @@ def fit_camera(seen: Sequence[Seen], size: tuple[int, int], *, whose: str = "") 
     Raises:
         UserError: If the pictures don't tell what the camera is; ``whose`` is put in front.
     """
-    left_out = {(0, k): one.reason for k, one in enumerate(seen) if one.corners is None}
+    left_out = {(0, k): one.left_out for k, one in enumerate(seen) if one.corners is None}
     kept = [(k, one.corners) for k, one in enumerate(seen) if one.corners is not None]
     while True:
         if len(kept) < LEAST_PICTURES:

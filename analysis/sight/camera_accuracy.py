@@ -199,6 +199,7 @@ def _rows(finished: Trials[AccuracyTask]) -> Table:
 
 def _metrics(scenario: AccuracyScenario, traces: Table) -> dict[str, Metric]:
     metrics: dict[str, Metric] = {}
+    size = scenario.cameras.pixel_size
     for i, case in enumerate(CASES):
         for j, kind in enumerate(kinds(scenario.cameras.renderer)):
             of = (traces["case"] == i) & (traces["images"] == j)
@@ -209,9 +210,7 @@ def _metrics(scenario: AccuracyScenario, traces: Table) -> dict[str, Metric]:
                 note=f"of {scenario.poses} poses with both parts found in both views",
             )
             for name, unit in UNITS.items():
-                metrics |= _spread(
-                    f"{case}.{kind}.{name}", traces[name][of], unit, scenario.cameras.pixel_size
-                )
+                metrics |= _spread(f"{case}.{kind}.{name}", traces[name][of], unit, size)
     return metrics
 
 
@@ -242,22 +241,22 @@ def resolve_camera_accuracy(scenario: AccuracyScenario) -> AccuracyScenario:
 
 _VIEW_TITLES: Final = {"xz": "X-Z, seen along Y", "xy": "X-Y, seen from above"}
 
-_PEG, _HOLE, _BOTH = "#b00020", "#1b4f9c", "#555555"
+_PEG: Final[Style] = {"color": "#b00020", "marker": "o"}
+_HOLE: Final[Style] = {"color": "#1b4f9c", "marker": "s"}
+_BOTH: Final[Style] = {"color": "#555555", "marker": "D"}
 _IN_IMAGE: Final[Mapping[str, tuple[str, Style]]] = {
-    "xz.peg": ("peg, X-Z", {"color": _PEG, "marker": "o"}),
-    "xy.peg": ("peg, X-Y", {"color": _PEG, "marker": "o", "markerfacecolor": "white"}),
-    "xz.hole": ("hole, X-Z", {"color": _HOLE, "marker": "s"}),
-    "xy.hole": ("hole, X-Y", {"color": _HOLE, "marker": "s", "markerfacecolor": "white"}),
-    "xz.scaled": ("error signal, not calibrated, X-Z", {"color": _BOTH, "marker": "D"}),
-    "xy.scaled": (
-        "error signal, not calibrated, X-Y",
-        {"color": _BOTH, "marker": "D", "markerfacecolor": "white"},
-    ),
+    f"{view}.{target}": (f"{said}, {seen}", {**style, **filled})
+    for target, said, style in (
+        ("peg", "peg", _PEG),
+        ("hole", "hole", _HOLE),
+        ("scaled", "error signal, not calibrated", _BOTH),
+    )
+    for view, seen, filled in (("xz", "X-Z", {}), ("xy", "X-Y", {"markerfacecolor": "white"}))
 }
 _IN_SPACE: Final[Mapping[str, tuple[str, Style]]] = {
-    "space.peg": ("peg", {"color": _PEG, "marker": "o"}),
-    "space.hole": ("hole", {"color": _HOLE, "marker": "s"}),
-    "space.relative": ("peg to hole, in space", {"color": _BOTH, "marker": "*", "markersize": 7}),
+    "space.peg": ("peg", _PEG),
+    "space.hole": ("hole", _HOLE),
+    "space.relative": ("peg to hole, in space", {**_BOTH, "marker": "*", "markersize": 7}),
 }
 _AXIS: Final[Style] = {"color": "black", "linewidth": 1.0, "dashes": (6, 3)}
 _TIP: Final[Style] = {"color": "white", "marker": "+", "markersize": 12, "markeredgewidth": 1.6}

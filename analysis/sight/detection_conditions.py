@@ -224,19 +224,15 @@ def _metrics(scenario: ResolvedConditionsScenario, traces: Table) -> dict[str, M
                 share = 100 * float(np.mean(of[outcome]))
                 why = _reasons(of) if outcome == "refused" and share else ""
                 rows[f"{name}.{outcome}"] = share, "%", why
-                if (severity, outcome, CONDITIONS[condition].asked) == (
-                    "middle",
-                    "found",
-                    "found",
-                ):
-                    middle[condition] = share
+            if severity == "middle" and CONDITIONS[condition].asked == "found":
+                middle[condition] = 100 * float(np.mean(of["found"]))
             for error, unit in _ERRORS.items():
                 values = np.concatenate([of[f"{part}_{error}"] for part in PARTS])
                 known = values[np.isfinite(values)]
                 rms = math.sqrt(float(np.mean(known**2))) if len(known) else None
                 note = "" if len(known) else "nothing was found"
                 rows[f"{name}.{error}.rms"] = rms, unit, note
-    least = min(middle, key=lambda condition: middle[condition])
+    least = min(middle, key=middle.__getitem__)
     wrong = (
         f"a tip more than {scenario.most_off:g} px off or an axis more than "
         f"{1e3 * scenario.most_turned:g} mrad, and not refused"

@@ -78,10 +78,9 @@ class TrialCamera:
     def images(self, poses: Poses, noise: float, random: np.random.Generator) -> dict[str, Image]:
         """Return images of the parts, each of shape (height, width, 3), by their kind.
 
-        ``clean`` is what the renderer draws, ``noisy`` the same with noise. In ``sampled`` a pixel
-        shows one part or the background, never both: as of a sensor with gaps between its pixels,
-        or after a colour filter that says yes or no. The noise is a standard deviation, grey
-        levels.
+        ``clean`` is what the renderer draws, ``noisy`` the same with noise, grey levels. In
+        ``sampled`` a pixel shows one part or the background, never both: as of a sensor with gaps
+        between its pixels.
         """
         if self._vtk is not None:
             for name, X_WP in zip(("peg_pose", "hole_pose"), poses, strict=True):
@@ -110,21 +109,18 @@ def _nearest_colours(rgb: Image, parts: ColouredParts) -> Image:
     # Squared distances but for what they have in common.
     offsets = (colours**2).sum(axis=1, keepdims=True)
     distances = cv2.transform(rgb.astype(np.float32), np.hstack([-2 * colours, offsets]))
-    nearest: Image = colours.astype(np.uint8)[distances.argmin(axis=2)]
-    return nearest
+    return np.asarray(colours.astype(np.uint8)[distances.argmin(axis=2)])
 
 
 def true_detection(camera: Camera, X_WP: RigidTransform) -> Detection:
     """Return where a part's origin and x axis are in the image."""
-    p_WP, axis = X_WP.translation(), X_WP.rotation().matrix()[:, 0]
     # A straight line stays one: any other point of it that is before the camera will do.
-    return _seen(*camera.project(np.array([p_WP, p_WP + _ON_AXIS * axis])))
+    return _seen(*camera.project(_axis(X_WP, _ON_AXIS)))
 
 
-def _parallel_detection(camera: Camera, X_WP: RigidTransform) -> Detection:
-    """Return where a part's origin and x axis are at right angles to the optical axis, m."""
-    p_WP, axis = X_WP.translation(), X_WP.rotation().matrix()[:, 0]
-    return _seen(*(np.array([p_WP, p_WP + axis]) @ camera.R_WC[:, :2]))
+def _axis(X_WP: RigidTransform, length: float) -> Array:
+    """Return a part's origin and a further point of its x axis, m, world frame, shape (2, 3)."""
+    return np.array([X_WP @ np.zeros(3), X_WP @ np.array([length, 0.0, 0.0])])
 
 
 def _seen(origin: Array, further: Array) -> Detection:
@@ -140,9 +136,9 @@ def measure(
     *,
     pixel_size: float,
 ) -> dict[str, float]:
-    """Detect the parts in an image of each view, and return how far off they are.
+    """Detect the parts in an image of each view, and return statuses and errors by their names.
 
-    All errors are found minus true; NaN where the part was not found.
+    All errors, of :data:`UNITS`, are found minus true; NaN where the part was not found.
 
     - ``peg``, ``hole``: the tip or the mouth along the true axis (``axial``) and to the right of
       it (``lateral``), and the axis (``angle``).
@@ -152,9 +148,6 @@ def measure(
       the parts' distances and angle in the plane that the camera looks at.
     - ``space``: distance of the tips and angle of the axes by two-plane stereo, and of the way
       and the turn from the peg to the hole (``relative``); without a sign.
-
-    Returns:
-        By name, the statuses of :data:`STATUSES` and the errors of :data:`UNITS`.
     """
     looks = appearances(parts, pixel_size)
     detected = {view: detect_parts(images[view], *looks) for view in VIEWS}
@@ -167,7 +160,7 @@ def measure(
             measured |= _named(f"{view}.{name}", detection_error(one, other))
         signal = alignment_error(*found)
         measured |= _named(f"{view}.error", signal - alignment_error(*true))
-        parallel = [_parallel_detection(camera, X_WP) for X_WP in poses]
+        parallel = [_seen(*(_axis(X_WP, 1.0) @ camera.R_WC[:, :2])) for X_WP in poses]
         scaled = signal * [pixel_size, pixel_size, 1.0]
         measured |= _named(f"{view}.scaled", scaled - alignment_error(*parallel))
     return measured | _in_space([cameras[view] for view in VIEWS], detected, poses)
@@ -209,10 +202,10 @@ def _in_space(
         measured[f"space.{name}.axis"] = math.atan2(sine, cosine)
         parts.append(part)
         truths.append(truth)
-    difference = metric_error(*parts) - metric_error(*truths)
-    measured["space.relative.tip"] = float(np.linalg.norm(difference[:3]))
-    measured["space.relative.axis"] = float(np.linalg.norm(difference[3:]))
-    return measured
+    tip, axis = np.linalg.norm(
+        (metric_error(*parts) - metric_error(*truths)).reshape(2, 3), axis=1
+    )
+    return measured | {"space.relative.tip": float(tip), "space.relative.axis": float(axis)}
 
 
 @dataclass(frozen=True, kw_only=True)

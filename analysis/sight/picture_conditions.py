@@ -58,7 +58,6 @@ def require_photographs() -> None:
 
 @cache
 def _read(name: str) -> Image:
-    require_photographs()
     from skimage import data
 
     read: Callable[[], Any] = getattr(data, name)
@@ -67,14 +66,10 @@ def _read(name: str) -> Image:
 
 
 def photograph(width: int, height: int, random: np.random.Generator) -> Image:
-    """Return a part of a photograph, drawn at random, shape (height, width, 3).
-
-    Raises:
-        UserError: If scikit-image is not installed.
-    """
+    """Return a part of a photograph, drawn at random, shape (height, width, 3)."""
     whole = _read(NAMES[random.integers(len(NAMES))])
     rows, columns = whole.shape[:2]
-    # As large a part as has the picture's sides, or down to half of it.
+    # As large as has the picture's sides, or down to half of it.
     share = random.uniform(0.5, 1.0) * min(columns / width, rows / height)
     w, h = int(share * width), int(share * height)
     left, top = random.integers(columns - w + 1), random.integers(rows - h + 1)
@@ -150,6 +145,10 @@ class Scene:
         u, v = u - true.tip[0], v - true.tip[1]
         return cos * u + sin * v, cos * v - sin * u
 
+    def field(self) -> NDArray[Any]:
+        """Return rows and columns from -1 to 1, shape (2, height, width)."""
+        return np.mgrid[-1 : 1 : self.camera.height * 1j, -1 : 1 : self.camera.width * 1j]
+
     def texture(self, along: float, across: float) -> Share:
         """Return noise of standard deviation 1, with grains of so many pixels."""
         noise = self.random.standard_normal((self.camera.height, self.camera.width))
@@ -165,8 +164,11 @@ def _plain(scene: Scene, level: float = 0.0) -> Light:
 
 def _soft(distance: Share, width: float = 1.0) -> Share:
     """Return 1 inside of an edge, distance < 0, and 0 outside, of a soft edge's width."""
-    inside: Share = np.clip(0.5 - distance / width, 0, 1)
-    return inside
+    return np.asarray(np.clip(0.5 - distance / width, 0, 1))
+
+
+def _dimmed(light: Light, share: Share) -> Light:
+    return np.asarray(light * share[..., np.newaxis])
 
 
 def _before(background: Light, light: Light, share: Share) -> Light:
@@ -176,8 +178,7 @@ def _before(background: Light, light: Light, share: Share) -> Light:
 
 def _mixed(under: Light, over: Light | Colour, share: Share) -> Light:
     of = share[..., np.newaxis]
-    mixed: Light = (1 - of) * under + of * np.asarray(over, np.float32)
-    return mixed
+    return np.asarray((1 - of) * under + of * np.asarray(over, np.float32))
 
 
 # What is behind the parts
@@ -187,17 +188,15 @@ def _coloured(colour: Colour, grain: float) -> "Draw":
     def draw(scene: Scene, level: float) -> Light:
         tone = _GREY + level * (np.asarray(colour, np.float32) - _GREY)
         shade = 1 + grain * scene.texture(along=40.0, across=1.5)
-        return scene.over(np.clip(scene.flat(tone) * shade[..., np.newaxis], 0, 255))
+        return scene.over(np.clip(_dimmed(scene.flat(tone), shade), 0, 255))
 
     return draw
 
 
 def _gradient(scene: Scene, level: float) -> Light:
     angle = scene.random.uniform(0, 2 * math.pi)
-    v, u = np.mgrid[-1 : 1 : scene.camera.height * 1j, -1 : 1 : scene.camera.width * 1j]
-    light = 1 + level / 2 * (math.cos(angle) * u + math.sin(angle) * v)
-    shaded: Light = _plain(scene) * light[..., np.newaxis]
-    return shaded
+    v, u = scene.field()
+    return _dimmed(_plain(scene), 1 + level / 2 * (math.cos(angle) * u + math.sin(angle) * v))
 
 
 def _clutter(scene: Scene, level: float) -> Light:
@@ -211,7 +210,7 @@ def _shadow(scene: Scene, level: float) -> Light:
     move = np.array([[1.0, 0.0, du], [0.0, 1.0, dv]])
     shadow = cv2.warpAffine(share, move, share.shape[::-1])
     shadow = cv2.GaussianBlur(shadow, (0, 0), 3.0 * scene.pixel)
-    behind = scene.flat() * (1 - level * shadow[..., np.newaxis])
+    behind = _dimmed(scene.flat(), 1 - level * shadow)
     return np.asarray(_before(behind, light, share), np.float32)
 
 
@@ -243,7 +242,7 @@ def _shading(scene: Scene, level: float) -> Light:
     for part, (half, _) in enumerate(scene.lengths()):
         ahead, aside = scene.along(part)
         dark = level * np.clip(0.5 + aside / (2 * half), 0, 1)
-        light = light * (1 - dark * (ahead < 8 * scene.pixel))[..., np.newaxis]
+        light = _dimmed(light, 1 - dark * (ahead < 8 * scene.pixel))
     return _before(scene.flat(), light, share)
 
 
@@ -348,10 +347,8 @@ def _gains(red: float, blue: float) -> "Draw":
 
 
 def _vignetting(scene: Scene, level: float) -> Light:
-    v, u = np.mgrid[-1 : 1 : scene.camera.height * 1j, -1 : 1 : scene.camera.width * 1j]
-    loss = 1 - level * (u * u + v * v) / 2
-    shaded: Light = _plain(scene) * loss[..., np.newaxis]
-    return shaded
+    v, u = scene.field()
+    return _dimmed(_plain(scene), 1 - level * (u * u + v * v) / 2)
 
 
 def _veil(scene: Scene, level: float) -> Light:

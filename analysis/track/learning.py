@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import Any, Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -117,8 +117,7 @@ def _widths(share: Array, point: tuple[float, float], angle: float, front: int) 
         flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
         borderValue=0.0,
     )
-    widths: Array = turned.sum(axis=0).astype(float) / 2
-    return widths
+    return np.asarray(turned.sum(axis=0), float) / 2
 
 
 def _seen(
@@ -153,7 +152,6 @@ def _outline(radius: float, ratio: float, turn: float, height: float) -> tuple[A
 
 
 Mask = NDArray[np.bool_]
-Scalar = TypeVar("Scalar", bound=np.generic)
 
 _LEAST_BOX: Final = 12  # pixels, of a box's sides
 _COLOURED: Final = 25  # of 255, of saturation and of value, from which a pixel has a hue
@@ -176,7 +174,7 @@ class Box(NamedTuple):
     width: int
     height: int
 
-    def cut(self, image: NDArray[Scalar]) -> NDArray[Scalar]:
+    def cut(self, image: NDArray[Any]) -> NDArray[Any]:
         """Return what is in the box."""
         return image[self.y : self.y + self.height, self.x : self.x + self.width]
 

@@ -58,12 +58,8 @@ class PartFinder:
     To the columns of the left camera come those of the right one, ``right_...``, and those of
     :func:`in_space`.
 
-    Args:
-        peg: What to look for.
-        hole: What to look for.
-        cameras: One or two as they are calibrated, whose images are straightened; none: those of
-            one camera are taken as they are.
-        continuity: How fast the parts can move; None: when frames were taken is not known.
+    Images of one or two cameras, as they are calibrated, are straightened; without, those of one
+    camera are taken as they are. Without continuity it is not known when frames were taken.
     """
 
     def __init__(

@@ -6,7 +6,7 @@ import math
 import os
 import tempfile
 from array import array
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final, Self
@@ -50,6 +50,7 @@ class TrackFiles:
         self._columns = ("time", *columns)
         self._values = array("d")
         self._overlay: Overlay | None = None
+        self.replaced = False  # whether there were files of an earlier run
 
     def __enter__(self) -> Self:
         """Make the hidden folder and begin the lines."""
@@ -101,7 +102,7 @@ class TrackFiles:
             },
         }
 
-    def finish(self, replaces: Callable[[], None]) -> list[Path]:
+    def finish(self) -> list[Path]:
         """Complete the files, move them to where they stay and return their paths."""
         self._csv.close()
         if self._overlay is not None:
@@ -110,8 +111,7 @@ class TrackFiles:
         folder = self._out / FOLDER
         folder.mkdir(exist_ok=True)
         with _alone(folder):
-            if (folder / CSV).exists():
-                replaces()
+            self.replaced = (folder / CSV).exists()
             (folder / VIDEO).unlink(missing_ok=True)
             paths = [folder / path.name for path in sorted(self._folder.iterdir())]
             for path in paths:

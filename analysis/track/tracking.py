@@ -151,6 +151,7 @@ class Track:
     interrupted: bool = False  # before the last frame
     fault: Exception | None = None  # why it ended before the last frame without being asked to
     missed: int = 0  # frames of a live camera that came while others were looked at
+    replaced: bool = False  # whether there were files of an earlier run
 
     @property
     def frames(self) -> int:
@@ -182,18 +183,13 @@ def write_track(
     *,
     video: bool,
     saved: FrameFolder | None = None,
-    replaces: Callable[[], None] = lambda: None,
     stopped: Callable[[], bool] = lambda: False,
     progress: Progress,
 ) -> tuple[Track, list[Path]]:
     """Find the parts in every frame, and write the tables and, if asked for, the overlay video.
 
     The columns are ``frame``, from 0, ``time``, s, and those of the finder. What was found until
-    then is written whatever ends it before the last frame. ``replaces`` is called before the files
-    of an earlier run are replaced, if there are any.
-
-    Returns:
-        What was found, and the files; none if there was no frame.
+    then is written whatever ends it before the last frame. There are no files without a frame.
 
     Raises:
         UserError: If the first frame can't be read.
@@ -220,6 +216,7 @@ def write_track(
             if not len(files):
                 raise
             fault = error
+        paths = files.finish() if len(files) else []
         track = Track(
             table=files.table(),
             size=size,
@@ -227,8 +224,9 @@ def write_track(
             interrupted=stopped() and len(files) != source.number and source.ends,
             fault=fault,
             missed=source.missed,
+            replaced=files.replaced,
         )
-        return track, files.finish(replaces) if len(files) else []
+        return track, paths
 
 
 def _doing(number: int, found: Sighting) -> str:
@@ -284,23 +282,19 @@ def _find(arguments: argparse.Namespace) -> int:
             if not source.ends:
                 say(f"frames of {arguments.device} as they come, Ctrl-C ends it")
             with TerminalProgress("track") as progress:
-
-                def warn() -> None:
-                    with progress.aside():
-                        say(f"what is in {folder} is replaced")
-
                 found, paths = write_track(
                     arguments.out,
                     source,
                     finder,
                     video=not arguments.no_video,
                     saved=saved,
-                    replaces=warn,
                     stopped=stopped,
                     progress=progress,
                 )
     except OSError as error:
         raise UserError(f"{arguments.out} can't be written: {error.strerror or error}") from error
+    if found.replaced:
+        say(f"what is in {folder} is replaced")
     if saved is not None:
         paths.append(folder / FRAMES)
     if found.frames == 0:

@@ -75,18 +75,12 @@ class LensDistortion:
         xx = g + c * c * slope + (2 * p1 * s + 6 * p2 * c) * r
         yy = g + s * s * slope + (6 * p1 * s + 2 * p2 * c) * r
         xy = c * s * slope + (2 * p1 * c + 2 * p2 * s) * r
-        degree = 2 * (len(g) - 1)
-        determinant = np.zeros((len(turns), degree + 1))
-        for k in range(len(g)):
-            product = xx[:, k : k + 1] * yy - xy[:, k : k + 1] * xy
-            determinant[:, k : k + len(g)] += product
-        # It begins with 1, so that one over its roots are eigenvalues of a companion matrix.
-        companion = np.zeros((len(turns), degree, degree))
-        companion[:, np.arange(1, degree), np.arange(degree - 1)] = 1.0
-        companion[:, 0] = -determinant[:, 1:]
-        inverse = np.linalg.eigvals(companion)
-        real = np.abs(inverse)[np.abs(inverse.imag) <= _REAL * np.abs(inverse)]
-        most = float(real.max(initial=0.0))
+        most = 0.0
+        for one, other, both in zip(xx, yy, xy, strict=True):
+            # The determinant begins with 1: turned around it has one over its roots.
+            inverse = np.roots(np.convolve(one, other) - np.convolve(both, both))
+            real = np.abs(inverse)[np.abs(inverse.imag) <= _REAL * np.abs(inverse)]
+            most = max(most, float(real.max(initial=0.0)))
         return _SHORT_OF_FOLD / most if most > 0 else math.inf
 
     def distort(self, points: Vector) -> Vector:
@@ -138,8 +132,7 @@ class LensDistortion:
             share[good] = 1.0
             share[active[~better]] /= 2.0
         points[~(error <= _CONVERGED * (1.0 + far[:, 0]))] = math.nan
-        found: Vector = points.reshape(np.shape(seen))
-        return found
+        return np.asarray(points.reshape(np.shape(seen)))
 
 
 View = Literal["xz", "xy", "yz"]
@@ -229,8 +222,7 @@ class Camera:
         """Return where points at a focal length of 1 are shown."""
         if self.lens is not None:
             seen = self.lens.distort(seen)
-        pixels: Vector = seen * self.focal + self.centre
-        return pixels
+        return np.asarray(seen * self.focal + self.centre)
 
     def shown_by(self, other: "Camera", pixel: Vector) -> Vector:
         """Return where another camera at this place shows what this one shows at pixels.
@@ -283,8 +275,7 @@ class Camera:
         direction = np.ones((*np.shape(pixel)[:-1], 3))
         direction[..., :2] = self.at_unit_focal(pixel)
         direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
-        rotated: Vector = direction @ self.R_WC.T
-        return rotated
+        return np.asarray(direction @ self.R_WC.T)
 
     def point(self, pixel: Vector, depth: float) -> Vector:
         """Return the point, m, world frame, shape (3,), that is seen at a pixel, shape (2,).
@@ -292,8 +283,7 @@ class Camera:
         The depth, m, is along the optical axis.
         """
         p_C = depth * np.append(self.at_unit_focal(pixel), 1.0)
-        p_W: Vector = self.p_WC + self.R_WC @ p_C
-        return p_W
+        return np.asarray(self.p_WC + self.R_WC @ p_C)
 
     def point_jacobian(self, pixel: Vector, depth: float) -> Matrix:
         """Return how fast the image of a point moves with the point, pixels / m, shape (2, 3).
@@ -305,8 +295,7 @@ class Camera:
         rows = np.array([[1.0, 0.0, -x], [0.0, 1.0, -y]]) / depth
         if self.lens is not None:
             rows = self.lens.jacobian(point) @ rows
-        jacobian: Matrix = (np.array(self.focal)[:, np.newaxis] * rows) @ self.R_WC.T
-        return jacobian
+        return np.asarray((np.array(self.focal)[:, np.newaxis] * rows) @ self.R_WC.T)
 
     def placed(self, R_WC: Matrix, p_WC: Vector) -> "Camera":
         """Return this camera at another place: orientation, shape (3, 3), and position, m."""

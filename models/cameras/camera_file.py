@@ -56,8 +56,7 @@ class FramePose:
     @property
     def rotation(self) -> Matrix:
         """From the frame's axes to those of the other, shape (3, 3)."""
-        matrix: Matrix = Rotation.from_rotvec(self.rotation_vector).as_matrix()
-        return matrix
+        return np.asarray(Rotation.from_rotvec(self.rotation_vector).as_matrix())
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -225,10 +225,9 @@ class SensorParams:
 
 
 def shaded(image: Image, vignetting: float, white_balance: tuple[float, float, float]) -> Image:
-    """Return an image with less light towards the corners, and other colours.
+    """Return an image with other colours, up to white, and less light towards the corners.
 
-    The share of the light that is lost grows with the square of the distance from the image's
-    middle, to ``vignetting`` in the corners; what gets brighter than white is white.
+    The share that is lost grows with the square of the distance from the image's middle.
     """
     height, width = image.shape[:2]
     gains = _gains(width, height, vignetting, white_balance)

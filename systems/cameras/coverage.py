@@ -1,6 +1,7 @@
 """Convex polygons and the pixels that they cover, exactly."""
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 from chamfer.systems.compiled import compiled
 
 Array = NDArray[np.float64]
-Window = NDArray[np.float32]
+Window = NDArray[np.floating[Any]]
 
 
 @compiled

@@ -156,8 +156,7 @@ class _Solid:
 
 def _placed(X_WP: RigidTransform, profile: Array, section: Section) -> Array:
     around = _rings(profile.tobytes(), section)
-    points: Array = around @ X_WP.rotation().matrix().T + X_WP.translation()
-    return points
+    return np.asarray(around @ X_WP.rotation().matrix().T + X_WP.translation())
 
 
 @lru_cache(maxsize=16)

@@ -141,8 +141,7 @@ class CellError(LeafSystem):
     were missing.
 
     Discrete state: the misses in a row, how old the last valid measurement was at once, s,
-    ``blind``, and the last valid measurement, NaN before it, with how many jumps were refused
-    since.
+    ``blind``, how many jumps were refused since, and that measurement, NaN before there was one.
     """
 
     def __init__(self, params: CellErrorParams) -> None:
@@ -150,28 +149,27 @@ class CellError(LeafSystem):
         self._params = params
         self._measured_error = self.DeclareVectorInputPort("alignment_error", len(AXES))
         self._expected = self.DeclareVectorInputPort("expected_error", len(AXES))
-        misses = self._misses = self.DeclareDiscreteState(1)
-        old = self._old = self.DeclareDiscreteState(1)
-        self._blind = self.DeclareDiscreteState(1)
-        self._last = self.DeclareDiscreteState([math.nan] * len(AXES))
-        self._jumps = self.DeclareDiscreteState(1)
-        seen = {
-            self._measured_error.ticket(),
-            self._expected.ticket(),
-            self.time_ticket(),
-            *(self.discrete_state_ticket(one) for one in (misses, self._last, self._jumps)),
-        }
-        self.DeclareVectorOutputPort("error", len(AXES), self._calc_error, seen)
-        self.DeclareVectorOutputPort("valid", 1, self._calc_valid, seen)
+        self.DeclareDiscreteState([0.0, 0.0, 0.0, 0.0, *[math.nan] * len(AXES)])
+
+        def calc_error(context: Context, vector: BasicVector) -> None:
+            measured = self._measured(context)
+            vector.SetFromVector(np.zeros(len(AXES)) if measured is None else measured)
+
+        def calc_valid(context: Context, vector: BasicVector) -> None:
+            vector[0] = float(self._measured(context) is not None)
 
         def calc_age(context: Context, vector: BasicVector) -> None:
-            state = context.get_discrete_state()
-            vector[0] = state.value(old)[0] + params.period * state.value(misses)[0]
+            misses, old, *_ = _state(context)
+            vector[0] = old + params.period * misses
 
-        self.DeclareVectorOutputPort(
-            "age", 1, calc_age, {self.discrete_state_ticket(one) for one in (old, misses)}
-        )
-        self.DeclareStateOutputPort("blind", self._blind)
+        def calc_blind(context: Context, vector: BasicVector) -> None:
+            vector[0] = _state(context)[2]
+
+        seen = {self.all_input_ports_ticket(), self.time_ticket(), self.xd_ticket()}
+        self.DeclareVectorOutputPort("error", len(AXES), calc_error, seen)
+        self.DeclareVectorOutputPort("valid", 1, calc_valid, seen)
+        self.DeclareVectorOutputPort("age", 1, calc_age, {self.xd_ticket()})
+        self.DeclareVectorOutputPort("blind", 1, calc_blind, {self.xd_ticket()})
         self.DeclarePeriodicUnrestrictedUpdateEvent(params.period, 0.0, self._count)
 
     def _waits(self, context: Context) -> bool:
@@ -183,13 +181,13 @@ class CellError(LeafSystem):
         return None if error is None or self._jumped(context, error) else error
 
     def _jumped(self, context: Context, error: Array) -> bool:
-        params, state = self._params, context.get_discrete_state()
-        last, jumps = state.value(self._last), state.value(self._jumps)[0]
+        params = self._params
+        misses, _, _, jumps, *last = _state(context)
         # A release has to come before the parts count as lost.
         most = min(params.continuity.most_jumps, params.most_misses)
         if not math.isfinite(last[0]) or jumps >= most:
             return False
-        seconds = params.period * state.value(self._misses)[0] + params.longest
+        seconds = params.period * misses + params.longest
         moved, turned = np.abs(error - last)[_NEEDED].reshape(2, 2).max(axis=1).tolist()
         return params.continuity.jumps(moved, turned, seconds)
 
@@ -207,35 +205,28 @@ class CellError(LeafSystem):
             error[0] = 0.0
         return error
 
-    def _calc_error(self, context: Context, vector: BasicVector) -> None:
-        measured = self._measured(context)
-        vector.SetFromVector(np.zeros(len(AXES)) if measured is None else measured)
-
-    def _calc_valid(self, context: Context, vector: BasicVector) -> None:
-        vector[0] = float(self._measured(context) is not None)
-
     def _count(self, context: Context, state: DrakeState) -> None:
         if self._waits(context):
             return
-        values = context.get_discrete_state()
-        misses, old = values.value(self._misses)[0] + 1, values.value(self._old)[0]
-        last, jumps = values.value(self._last), values.value(self._jumps)[0]
+        misses, old, blind, jumps, *last = _state(context)
+        misses += 1
         seen = self._seen(context)
         if seen is not None and self._jumped(context, seen):
             jumps += 1
         elif seen is not None:
-            last, jumps = seen, 0.0
             ages = [image.age(context.get_time()) for image in self._params.images]
-            misses, old = 0.0, max(ages, default=0.0) - self._params.latency
+            old = max(ages, default=0.0) - self._params.latency
             if old < _INSTANT * self._params.period:
                 old = 0.0
-        blind = values.value(self._blind)[0] or float(misses > self._params.most_misses)
-        changed = state.get_mutable_discrete_state()
-        changed.set_value(self._misses, np.array([misses]))
-        changed.set_value(self._old, np.array([old]))
-        changed.set_value(self._blind, np.array([blind]))
-        changed.set_value(self._last, last)
-        changed.set_value(self._jumps, np.array([jumps]))
+            misses, jumps, last = 0.0, 0.0, seen.tolist()
+        blind = blind or float(misses > self._params.most_misses)
+        changed = np.array([misses, old, blind, jumps, *last])
+        state.get_mutable_discrete_state().set_value(changed)
+
+
+def _state(context: Context) -> list[float]:
+    values: list[float] = context.get_discrete_state_vector().value().tolist()
+    return values
 
 
 _WORLD: Final = RotationMatrix()

@@ -64,9 +64,10 @@ class MeasuredErrorParams(CameraErrorParams):
 
 
 def seen(error: float, sample: float, noise: float, resolution: float) -> float:
-    """Return what a camera shows of an error, m, as :class:`CameraErrorParams` says.
+    """Return what a camera shows of an error, m.
 
-    The noise's sample is from 0 to 1. A plain function, so that compiled loops can compile it.
+    The true error and the noise's half-width are in m, its sample from 0 to 1; without resolution,
+    m, it is not rounded. A plain function of numbers, so that the compiled loops can compile it.
     """
     if noise:
         error += noise * (2.0 * sample - 1.0)

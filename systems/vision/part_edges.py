@@ -40,23 +40,6 @@ class Line(NamedTuple):
 
 
 @compiled
-def _solve(matrix: Array, right: Array, x: Array) -> None:
-    """Solve a small positive definite system, which is changed (elimination needs no pivots)."""
-    m = len(right)
-    for k in range(m):
-        for i in range(k + 1, m):
-            factor = matrix[i, k] / matrix[k, k]
-            for j in range(k, m):
-                matrix[i, j] -= factor * matrix[k, j]
-            right[i] -= factor * right[k]
-    for k in range(m - 1, -1, -1):
-        x[k] = right[k]
-        for j in range(k + 1, m):
-            x[k] -= matrix[k, j] * x[j]
-        x[k] /= matrix[k, k]
-
-
-@compiled
 def robust_fit(basis: Array, y: Array) -> tuple[Array, float, int, float]:
     """Solve ``basis @ x = y``, shape (n, m), by least squares with Tukey's weights.
 
@@ -81,7 +64,7 @@ def robust_fit(basis: Array, y: Array) -> tuple[Array, float, int, float]:
                 right[i] += share * y[k]
                 for j in range(m):
                     normal[i, j] += share * basis[k, j]
-        _solve(normal, right, x)
+        x[:] = np.linalg.solve(normal, right)
         for a in range(len(there)):
             residual[a] = y[there[a]]
             for i in range(m):

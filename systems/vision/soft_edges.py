@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 EdgeStarts = NDArray[np.int64]  # column and row of pixels at an edge, shape (n, 2)
 Step = tuple[int, int]
+Normal = tuple[float, float, float, float]  # red, green and blue, and its square
 
 _LEAST_CONTRAST: Final = 40.0  # grey levels, of the background across the part's colour
 ALIKE: Final = 40.0  # grey levels, up to which a pixel is taken for its edge's background
@@ -58,7 +59,7 @@ def window(width: float) -> int:
 
 
 @compiled
-def contrast(part: Array, background: Array) -> tuple[float, float, float, float]:
+def contrast(part: Array, background: Array) -> Normal:
     """Return what of a background is at right angles to a part's colour, and its square.
 
     The part's shade does not matter to it: no shade of the part has any of it.
@@ -117,15 +118,23 @@ def colour_beyond(
 
 
 @compiled
+def _share(colour: Pixels, of_part: Normal, of_background: Normal) -> float:
+    """Return how much of the part a pixel shows, in light or shade; NaN if it is black."""
+    a, b = 0.0, 0.0
+    for c in range(3):
+        a += of_part[c] * colour[c]
+        b += of_background[c] * colour[c]
+    a, b = max(a / of_part[3], 0.0), max(b / of_background[3], 0.0)
+    return a / (a + b) if a + b > 0.0 else math.nan
+
+
+@compiled
 def blur(
     image: Pixels, starts: EdgeStarts, step: Step, part: Array, reach: int
 ) -> tuple[float, float]:
     """Return over how many pixels an edge goes from part to background, and where; else NaN.
 
-    Both amounts of a pixel are compared, of the part and of the background, so that a shadow is
-    no blur.
-
-    Up to ``reach`` pixels to either side of the starts are looked at.
+    A shadow is no blur. Up to ``reach`` pixels to either side of the starts are looked at.
 
     Returns:
         From three quarters of the part to a quarter, pixels, in the mean of some lines; where
@@ -136,8 +145,7 @@ def blur(
     if count == 0:
         return math.nan, math.nan
     of_background, of_part = contrast(part, background), contrast(background, part)
-    square, other = of_background[3], of_part[3]
-    if square == 0.0 or other == 0.0:
+    if of_background[3] == 0.0 or of_part[3] == 0.0:
         return math.nan, math.nan
     height, width = image.shape[:2]
     before, high, low = math.nan, math.nan, math.nan
@@ -147,13 +155,9 @@ def blur(
             u, v = some[k, 0] + i * step[0], some[k, 1] + i * step[1]
             if some[k, 0] < 0 or not (0 <= u < width and 0 <= v < height):
                 continue
-            a, b = 0.0, 0.0
-            for c in range(3):
-                a += of_part[c] * image[v, u, c]
-                b += of_background[c] * image[v, u, c]
-            a, b = max(a / other, 0.0), max(b / square, 0.0)
-            if a + b > 0.0:
-                total += a / (a + b)
+            seen = _share(image[v, u], of_part, of_background)
+            if not math.isnan(seen):
+                total += seen
                 count += 1
         share = total / count if count > 0 else math.nan
         if before >= _HIGH > share:
@@ -290,8 +294,8 @@ def soft_edges(
 def mean_share(image: Pixels, triangle: Array, part: Array, background: Array) -> float:
     """Return how much of the part is seen within a triangle, NaN where that is too small.
 
-    In light or shade, as in :func:`blur`. A pixel counts by how far it is from the sides of the
-    triangle, pixels, shape (3, 2), since on them a pixel may show either.
+    A pixel counts by how far it is from the sides of the triangle, pixels, shape (3, 2), since on
+    them a pixel may show either.
     """
     height, width = image.shape[:2]
     of_background, of_part = contrast(part, background), contrast(background, part)
@@ -312,13 +316,9 @@ def mean_share(image: Pixels, triangle: Array, part: Array, background: Array) -
             weight = max(least, -most)  # the corners may go around either way
             if weight <= 0.0:
                 continue
-            a, b = 0.0, 0.0
-            for c in range(3):
-                a += of_part[c] * image[v, u, c]
-                b += of_background[c] * image[v, u, c]
-            a, b = max(a / of_part[3], 0.0), max(b / of_background[3], 0.0)
-            if a + b > 0.0:
-                total += weight * a / (a + b)
+            seen = _share(image[v, u], of_part, of_background)
+            if not math.isnan(seen):
+                total += weight * seen
                 weights += weight
     return total / weights if weights >= _LEAST_WEIGHT else math.nan
 

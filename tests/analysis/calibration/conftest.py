@@ -1,21 +1,18 @@
-"""Cameras, and boards that they saw: corners projected, which takes no time, or drawn."""
+"""Cameras, and boards that they saw."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 
-from chamfer.analysis.calibration.board import Board, Chessboard, Corners
+from chamfer.analysis.calibration.board import Chessboard, Corners
 from chamfer.analysis.calibration.calibration_accuracy import (
-    BoardPicture,
     BoardPoses,
-    draw_board,
+    board_corners,
     place_board,
 )
-from chamfer.analysis.calibration.camera_fit import Seen
+from chamfer.analysis.calibration.camera_fit import Picture
 from chamfer.models.cameras.camera import Camera
 
 BOARD = Chessboard(columns=9, rows=6, square=0.025)
@@ -46,16 +43,6 @@ def camera() -> Camera:
     return CAMERA
 
 
-@pytest.fixture
-def project() -> Callable[[Camera, Board], Any]:
-    """Where a camera sees a board's corners, the board's frame being its world."""
-
-    def projected(camera: Camera, board: Board) -> Any:
-        return camera.project(np.column_stack([board.points, np.zeros(len(board.points))]))
-
-    return projected
-
-
 @pytest.fixture(scope="session")
 def place() -> Callable[..., list[Camera]]:
     """The camera at places in front of the board."""
@@ -70,36 +57,19 @@ def place() -> Callable[..., list[Camera]]:
 
 
 @pytest.fixture
-def look(project: Callable[[Camera, Board], Any]) -> Callable[..., list[Seen]]:
+def look() -> Callable[..., list[Picture]]:
     """What cameras in front of the board see, with noise in pixels."""
 
     def looked(
         places: Sequence[Camera], seed: int = 0, *, noise: float = 0.05, name: str = "picture"
-    ) -> list[Seen]:
+    ) -> list[Picture]:
         random = np.random.default_rng([seed, 1])
         looks = []
         for k, camera in enumerate(places):
-            pixels = project(camera, BOARD)
-            pixels = pixels + noise * random.standard_normal(pixels.shape)
+            pixels = board_corners(BOARD.points, camera)
+            pixels += noise * random.standard_normal(pixels.shape)
             corners = Corners(points=BOARD.points, pixels=pixels)
-            looks.append(Seen(name=f"{name}{k}.png", corners=corners))
+            looks.append(Picture(name=f"{name}{k}.png", corners=corners))
         return looks
 
     return looked
-
-
-@pytest.fixture(scope="session")
-def save() -> Callable[..., list[Path]]:
-    """Draws and saves what cameras in front of the board see."""
-
-    def saved(folder: Path, places: Sequence[Camera], seed: int = 0) -> list[Path]:
-        folder.mkdir(exist_ok=True)
-        random = np.random.default_rng([seed, 2])
-        files = []
-        for k, camera in enumerate(places):
-            files.append(folder / f"{folder.name}{k}.png")
-            image = draw_board(BOARD, camera, BoardPicture(), random)
-            assert cv2.imwrite(str(files[-1]), image)
-        return files
-
-    return saved

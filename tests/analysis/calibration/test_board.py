@@ -1,7 +1,7 @@
 """Boards: what describes them, how they are drawn, and where their corners are found."""
 
 from collections.abc import Callable
-from typing import Any
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -17,6 +17,7 @@ from chamfer.analysis.calibration.board import (
 from chamfer.analysis.calibration.calibration_accuracy import (
     BoardPicture,
     BoardPoses,
+    board_corners,
     draw_board,
     place_board,
 )
@@ -24,7 +25,7 @@ from chamfer.models.cameras.camera import Camera
 from chamfer.models.validation import ParameterError
 
 CHARUCO = Charuco(columns=8, rows=6, square=0.03, marker=0.022, dictionary="DICT_5X5_100")
-Project = Callable[[Camera, Board], Any]
+BOARDS = [Chessboard(columns=9, rows=6, square=0.025), CHARUCO]
 
 
 def facing(camera: Camera, board: Board, *, roll: float = 0.0, extent: float = 0.5) -> Camera:
@@ -74,86 +75,84 @@ def test_what_describes_no_board(text: str, allowed: str) -> None:
     assert str(raised.value).startswith(f"board is {text!r}, allowed: {allowed}")
 
 
-@pytest.mark.parametrize("board", [Chessboard(columns=9, rows=6, square=0.025), CHARUCO])
+@pytest.mark.parametrize("board", BOARDS)
 @pytest.mark.parametrize("roll", [0.0, 1.5, 3.1, -1.6])
 def test_corners_are_found_in_their_order_however_the_board_is_held(
-    camera: Camera, project: Project, board: Board, roll: float
+    camera: Camera, board: Board, roll: float
 ) -> None:
     there = facing(camera, board, roll=roll)
     image = draw_board(board, there, BoardPicture(), np.random.default_rng(0))
     found = board.find(image)
     np.testing.assert_array_equal(found.points, board.points)
-    error = found.pixels - project(there, board)
+    error = found.pixels - board_corners(board.points, there)
     assert np.sqrt(np.mean(error**2)) < 0.04
     assert np.abs(error).max() < 0.15
 
 
 @pytest.mark.parametrize("size", [(9, 6), (6, 9), (7, 8)])
 def test_the_first_corner_is_the_one_with_a_black_square_outside(
-    camera: Camera, project: Project, size: tuple[int, int]
+    camera: Camera, size: tuple[int, int]
 ) -> None:
     board = Chessboard(columns=size[0], rows=size[1], square=0.02)
     assert board.directed
     there = facing(camera, board, roll=3.0, extent=0.35)
     image = draw_board(board, there, BoardPicture(), np.random.default_rng(0))
-    np.testing.assert_allclose(board.find(image).pixels, project(there, board), atol=0.15)
+    np.testing.assert_allclose(
+        board.find(image).pixels, board_corners(board.points, there), atol=0.15
+    )
     assert not Chessboard(columns=8, rows=6, square=0.02).directed
 
 
-def test_a_part_of_a_charuco_board_is_enough(camera: Camera, project: Project) -> None:
+def test_a_part_of_a_charuco_board_is_enough(camera: Camera) -> None:
     there = facing(camera, CHARUCO)
     image = draw_board(CHARUCO, there, BoardPicture(), np.random.default_rng(0))
     image[:, :320] = 120
     found = CHARUCO.find(image)
     assert 6 <= len(found.points) < 30
     kept = [np.flatnonzero((CHARUCO.points == point).all(axis=1))[0] for point in found.points]
-    np.testing.assert_allclose(found.pixels, project(there, CHARUCO)[kept], atol=0.3)
+    np.testing.assert_allclose(found.pixels, board_corners(CHARUCO.points, there)[kept], atol=0.3)
     image[:, :405] = image[:220] = 120
     with pytest.raises(NotFoundError, match=r"only \d of 35 corners are found"):
         CHARUCO.find(image)
 
 
-@pytest.mark.parametrize("board", [Chessboard(columns=9, rows=6, square=0.025), CHARUCO])
+@pytest.mark.parametrize("board", BOARDS)
 def test_no_board(board: Board) -> None:
     with pytest.raises(NotFoundError, match="the board is not found"):
         board.find(np.full((240, 320), 127, np.uint8))
 
 
 def test_a_large_picture_is_searched_small_and_measured_large(
-    camera: Camera, board: Chessboard, project: Project
+    camera: Camera, board: Chessboard
 ) -> None:
-    large = Camera(
-        width=2560,
-        height=1920,
-        focal=(2240.0, 2240.0),
-        centre=(1290.0, 950.0),
-        R_WC=camera.R_WC,
-        p_WC=camera.p_WC,
+    large = replace(
+        camera, width=2560, height=1920, focal=(2240.0, 2240.0), centre=(1290.0, 950.0)
     )
     there = facing(large, board, extent=0.7)
     image = draw_board(board, there, BoardPicture(), np.random.default_rng(0))
-    error = board.find(image).pixels - project(there, board)
+    error = board.find(image).pixels - board_corners(board.points, there)
     assert np.sqrt(np.mean(error**2)) < 0.03
 
 
 CLEAN = BoardPicture(noise=0.0, blur=0.0)
 
 
-def straight(board: Chessboard | Charuco, pixels: float, shift: tuple[float, float]) -> Camera:
-    """Return a camera that shows a board's origin at shift and its squares in pixels."""
+def straight(size: tuple[int, int], square: float, origin: tuple[float, float]) -> Camera:
+    """Return a camera that shows squares of 1 cm in pixels, and a board's origin at a pixel."""
     return Camera(
-        width=64,
-        height=48,
+        width=size[0],
+        height=size[1],
         focal=(100.0, 100.0),
-        centre=shift,
+        centre=origin,
         R_WC=np.eye(3),
-        p_WC=np.array([0.0, 0.0, -100.0 * board.square / pixels]),
+        p_WC=np.array([0.0, 0.0, -1.0 / square]),
     )
 
 
 def test_squares_cover_pixels_exactly() -> None:
     board = Chessboard(columns=4, rows=3, square=0.01)
-    image = draw_board(board, straight(board, 8.0, (15.75, 11.5)), CLEAN, np.random.default_rng(0))
+    camera = straight((64, 48), 8.0, (15.75, 11.5))
+    image = draw_board(board, camera, CLEAN, np.random.default_rng(0))
     black, white = 30, 220
     assert (image[5, 9], image[5, 20]) == (black, white)  # outside of the first corner, beside it
     assert image[13, 17] == black  # the square between the first corners
@@ -165,14 +164,7 @@ def test_squares_cover_pixels_exactly() -> None:
 
 def test_a_charuco_board_is_drawn_as_opencv_draws_it() -> None:
     board = Charuco(columns=4, rows=3, square=0.01, marker=0.006, dictionary="DICT_4X4_50")
-    camera = Camera(
-        width=400,
-        height=300,
-        focal=(100.0, 100.0),
-        centre=(-0.5, -0.5),
-        R_WC=np.eye(3),
-        p_WC=np.array([0.0, 0.0, -0.01]),
-    )
+    camera = straight((400, 300), 100.0, (-0.5, -0.5))
     image = draw_board(board, camera, CLEAN, np.random.default_rng(0))
     np.testing.assert_array_equal(image > 125, board.drawing.generateImage((400, 300)) > 125)
 

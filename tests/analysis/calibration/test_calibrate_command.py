@@ -11,7 +11,12 @@ import numpy as np
 import pytest
 import yaml
 
-from chamfer.analysis.calibration.calibration_accuracy import BoardPoses
+from chamfer.analysis.calibration.board import parse_board
+from chamfer.analysis.calibration.calibration_accuracy import (
+    BoardPicture,
+    BoardPoses,
+    draw_board,
+)
 from chamfer.analysis.cli import main
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.cameras.camera_file import read_camera
@@ -20,17 +25,18 @@ BOARD = ["--board", "chessboard:9x6:25mm"]
 NAMES = ("camera.yaml", "residuals.png", "residuals.svg")
 
 Place = Callable[..., list[Camera]]
-Save = Callable[..., list[Path]]
 
 
 @pytest.fixture(scope="session")
-def drawn(tmp_path_factory: pytest.TempPathFactory, place: Place, save: Save) -> Path:
+def drawn(tmp_path_factory: pytest.TempPathFactory, place: Place) -> Path:
     """Five pictures each of two cameras, the right one 50 mm beside the left one."""
-    folder = tmp_path_factory.mktemp("drawn")
-    places = place(5, poses=BoardPoses(extent=(0.35, 0.5)))
-    save(folder / "left", places)
-    beside = [one.placed(one.R_WC, one.p_WC + one.R_WC @ [0.05, 0.0, 0.0]) for one in places]
-    save(folder / "right", beside, seed=1)
+    folder, random = tmp_path_factory.mktemp("drawn"), np.random.default_rng(2)
+    for name, beside in (("left", 0.0), ("right", 0.05)):
+        (folder / name).mkdir()
+        for k, one in enumerate(place(5, poses=BoardPoses(extent=(0.35, 0.5)))):
+            there = one.placed(one.R_WC, one.p_WC + one.R_WC @ [beside, 0.0, 0.0])
+            image = draw_board(parse_board(BOARD[1]), there, BoardPicture(), random)
+            assert cv2.imwrite(str(folder / name / f"{name}{k}.png"), image)
     return folder
 
 

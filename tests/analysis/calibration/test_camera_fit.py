@@ -1,6 +1,6 @@
 """The adjustment beside OpenCV's own, what it uses, and calibrations beside the truth."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,8 +15,8 @@ from chamfer.analysis.calibration.calibration import Calibration, calibrate, plo
 from chamfer.analysis.calibration.calibration_accuracy import BoardPoses
 from chamfer.analysis.calibration.camera_fit import (
     Fit,
+    Picture,
     Places,
-    Seen,
     _linearised,
     adjust,
     doubts,
@@ -30,7 +30,7 @@ from chamfer.models.cameras.camera_file import FramePose
 SIZE = (640, 480)
 
 Place = Callable[..., list[Camera]]
-Look = Callable[..., list[Seen]]
+Look = Callable[..., list[Picture]]
 
 
 def seen_by(fit: Fit) -> tuple[list[np.ndarray], list[np.ndarray]]:
@@ -40,16 +40,16 @@ def seen_by(fit: Fit) -> tuple[list[np.ndarray], list[np.ndarray]]:
 
 
 @pytest.fixture
-def photographed(photographs: Path, board: Chessboard) -> list[Seen]:
+def photographed(photographs: Path, board: Chessboard) -> list[Picture]:
     seen = []
     for path in sorted(photographs.glob("*.jpg")):
         image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
         assert image is not None
-        seen.append(Seen(name=path.name, corners=board.find(image.astype(np.uint8))))
+        seen.append(Picture(name=path.name, corners=board.find(image.astype(np.uint8))))
     return seen
 
 
-def test_one_camera_is_what_opencv_finds_of_the_photographs(photographed: list[Seen]) -> None:
+def test_one_camera_is_what_opencv_finds_of_the_photographs(photographed: list[Picture]) -> None:
     fit = fit_camera(photographed, SIZE)
     rms, matrix, distortion, *_, deviations, _, errors = cv2.calibrateCameraExtended(
         *seen_by(fit), SIZE, np.eye(3), np.zeros(5)
@@ -65,7 +65,7 @@ def test_one_camera_is_what_opencv_finds_of_the_photographs(photographed: list[S
     assert np.sqrt(np.mean(fit.errors**2)) == pytest.approx(rms, rel=1e-6)
 
 
-def test_the_jackknife_is_what_leaving_out_pictures_changes(photographed: list[Seen]) -> None:
+def test_the_jackknife_is_what_leaving_out_pictures_changes(photographed: list[Picture]) -> None:
     fit = fit_camera(photographed, SIZE)
     without = np.array(
         [
@@ -116,7 +116,7 @@ X_WB[:3, 3] = [0.4, 0.1, -0.2]
 NOT_FOUND = "the board is not found"
 
 
-def moved(one: Seen, shift: float) -> Seen:
+def moved(one: Picture, shift: float) -> Picture:
     """Return a picture of a board that is not flat."""
     assert one.corners is not None
     points, pixels = one.corners.points, one.corners.pixels
@@ -132,13 +132,13 @@ def seen_from(places: list[Camera], camera: Camera) -> list[Camera]:
     ]
 
 
-def fit_both(left: list[Seen], right: list[Seen]) -> Fit:
+def fit_both(left: list[Picture], right: list[Picture]) -> Fit:
     fits = [fit_camera(left, SIZE, whose="left: "), fit_camera(right, SIZE, whose="right: ")]
     return fit_pair(fits)
 
 
 @pytest.fixture
-def pairs(camera: Camera, place: Place, look: Look) -> tuple[list[Seen], list[Seen]]:
+def pairs(camera: Camera, place: Place, look: Look) -> tuple[list[Picture], list[Picture]]:
     places = place(8, poses=BoardPoses(extent=(0.3, 0.5)))
     return look(places, 1, name="left"), look(seen_from(places, camera), 2, name="right")
 
@@ -146,7 +146,7 @@ def pairs(camera: Camera, place: Place, look: Look) -> tuple[list[Seen], list[Se
 def test_a_picture_that_fits_badly_is_left_out(place: Place, look: Look) -> None:
     seen = look(place(10))
     seen[4] = moved(seen[4], 1.5)
-    seen[7] = Seen(name="picture7.png", reason=NOT_FOUND)
+    seen[7] = Picture(name="picture7.png", left_out=NOT_FOUND)
     fit = fit_camera(seen, SIZE)
     assert list(fit.left_out) == [(0, 7), (0, 4)]
     assert fit.left_out[0, 7] == NOT_FOUND
@@ -171,10 +171,10 @@ def test_boards_that_hardly_lean_are_said(place: Place, look: Look) -> None:
     assert not doubts(fit_camera(look(place(20)), SIZE), [SIZE], [""])
 
 
-def test_a_pair_of_cameras(pairs: tuple[list[Seen], list[Seen]]) -> None:
+def test_a_pair_of_cameras(pairs: tuple[list[Picture], list[Picture]]) -> None:
     left, right = pairs
-    right[2] = Seen(name="right2.png", reason=NOT_FOUND)
-    left[5] = Seen(name="left5.png", reason=NOT_FOUND)
+    right[2] = Picture(name="right2.png", left_out=NOT_FOUND)
+    left[5] = Picture(name="left5.png", left_out=NOT_FOUND)
     fit = fit_both(left, right)
     assert fit.pairs == 6
     assert fit.left_out == {(1, 2): NOT_FOUND, (0, 5): NOT_FOUND}
@@ -187,7 +187,9 @@ def test_a_pair_of_cameras(pairs: tuple[list[Seen], list[Seen]]) -> None:
     np.testing.assert_allclose(stereo[3:], X_RL[:3, 3], atol=2e-4)
 
 
-def test_pictures_in_another_order_are_taken_apart(pairs: tuple[list[Seen], list[Seen]]) -> None:
+def test_pictures_in_another_order_are_taken_apart(
+    pairs: tuple[list[Picture], list[Picture]],
+) -> None:
     left, right = pairs
     right[3], right[4] = right[4], right[3]
     fit = fit_both(left, right)
@@ -207,12 +209,12 @@ def test_a_board_that_moved_between_two_pictures_is_no_pair(
     assert set(fit.alone) == {(0, 3), (1, 3)}
 
 
-def test_pairs_that_don_t_agree_at_all(pairs: tuple[list[Seen], list[Seen]]) -> None:
+def test_pairs_that_don_t_agree_at_all(pairs: tuple[list[Picture], list[Picture]]) -> None:
     left, right = pairs
     with pytest.raises(UserError) as raised:
         fit_both(left, [*right[3:], *right[:3]])
     assert "agree on how the cameras stand: are both in the same order" in str(raised.value)
-    nothing = [Seen(name="a.png", reason=NOT_FOUND)]
+    nothing = [Picture(name="a.png", left_out=NOT_FOUND)]
     with pytest.raises(UserError) as raised:
         fit_both(left[:6] + 2 * nothing, 4 * nothing + right[4:])
     assert str(raised.value) == (
@@ -233,16 +235,10 @@ def deviations_off(pose: FramePose | None, X: np.ndarray) -> np.ndarray:
     return np.concatenate([turned, shift]) / sd
 
 
-def in_front(places: Sequence[Camera]) -> np.ndarray:
+def standing(camera: Camera) -> np.ndarray:
+    """Return a camera's pose in its world, the board."""
     X = np.eye(4)
-    X[:3, :3], X[:3, 3] = places[0].R_WC, places[0].p_WC
-    return X
-
-
-def board_seen_from(there: Camera) -> np.ndarray:
-    """Return the board's pose in the frame of a camera whose world is the board."""
-    X = np.eye(4)
-    X[:3, :3], X[:3, 3] = there.R_WC.T, -there.R_WC.T @ there.p_WC
+    X[:3, :3], X[:3, 3] = camera.R_WC, camera.p_WC
     return X
 
 
@@ -254,12 +250,12 @@ def calibrated_pair(
     seen = [look(places, seed, name="left"), look(others, seed + 1000, noise=0.1, name="right")]
     found = calibrate(seen, [SIZE, SIZE], known=(0, X_WB))
     off = [
-        deviations_off(one.board, board_seen_from(there))
-        for pictures, standing in zip(found.pictures, (places, others), strict=True)
-        for one, there in zip(pictures, standing, strict=True)
+        deviations_off(one.board, np.linalg.inv(standing(there)))
+        for pictures, cameras in zip(found.pictures, (places, others), strict=True)
+        for one, there in zip(pictures, cameras, strict=True)
     ]
     assert 0.5 < np.sqrt(np.mean(np.square(off))) < 1.6
-    return found, X_WB @ in_front(places)
+    return found, X_WB @ standing(places[0])
 
 
 @pytest.mark.slow
@@ -282,12 +278,12 @@ def test_a_camera_in_the_world_by_a_picture_of_its_own(place: Place, look: Look)
     places = place(6, 3)
     found = calibrate([look(places)], [SIZE], known=(0, X_WB))
     assert found.cameras.pose is None
-    off = deviations_off(found.cameras.world_pose, X_WB @ in_front(places))
+    off = deviations_off(found.cameras.world_pose, X_WB @ standing(places[0]))
     assert np.abs(off).max() < 4
 
 
 def test_each_corner_has_an_arrow_and_each_picture_a_bar(place: Place, look: Look) -> None:
-    seen = [*look(place(5)), Seen(name="a$b.png", reason="the board is not found")]
+    seen = [*look(place(5)), Picture(name="a$b.png", left_out="the board is not found")]
     found = calibrate([seen], [SIZE])
     residuals, coverage, errors, _ = plot_residuals(found).axes
     (arrows,) = (one for one in residuals.collections if isinstance(one, Quiver))

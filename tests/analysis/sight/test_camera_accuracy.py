@@ -55,15 +55,9 @@ def rows(outcome: Outcome, case: str, kind: str) -> dict[str, np.ndarray]:
 def test_a_row_a_case_pose_and_kind_of_image(outcome: Outcome) -> None:
     traces = outcome.traces
     assert list(traces) == ["case", "images", "trial", *STATUSES, *UNITS]
-    keys = list(zip(*(traces[name].tolist() for name in ("case", "trial", "images")), strict=True))
-    assert keys == [
-        (case, trial, kind)
-        for case in range(len(CASES))
-        for trial in range(POSES)
-        for kind in range(3)
-    ]
-    for values in traces.values():
-        assert np.isfinite(values).all()
+    keys = np.column_stack([traces[name] for name in ("case", "trial", "images")])
+    np.testing.assert_array_equal(keys, list(np.ndindex(len(CASES), POSES, 3)))
+    assert all(np.isfinite(values).all() for values in traces.values())
     assert len(set(traces["xz.peg.lateral"])) == len(keys)
 
 
@@ -207,12 +201,10 @@ def test_the_example_is_the_first_wide_pose(outcome: Outcome) -> None:
         for channel, name in enumerate(("red", "green", "blue")):
             expected = images[view]["noisy"][v, u, channel]
             np.testing.assert_array_equal(frames[name][of], expected)
-        detected = detection_trials.detect_parts(images[view]["noisy"], *LOOKS)
-        for part in range(2):
-            (row,) = np.nonzero((marks["view"] == index) & (marks["part"] == part))[0]
-            assert (marks["tip_u"][row], marks["tip_v"][row]) == detected[part].tip
-            assert (marks["point_u"][row], marks["point_v"][row]) == detected[part].point
-            assert marks["angle"][row] == detected[part].angle
+        found = detection_trials.detect_parts(images[view]["noisy"], *LOOKS)
+        expected = [(index, k, *one.tip, *one.point, one.angle) for k, one in enumerate(found)]
+        rows = np.column_stack(list(marks.values()))[2 * index : 2 * index + 2]
+        np.testing.assert_array_equal(rows, expected)
 
 
 def test_vtk_without_graphics_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -124,20 +124,6 @@ def test_tips_axes_and_error_in_the_left_cameras_frame(
         np.testing.assert_allclose(turn, true_turn, atol=3e-3)
 
 
-def test_pixels_are_those_of_a_camera_without_distortion(
-    rows: Rows, recorded: tuple[str, ...], out: Path
-) -> None:
-    command, left, _, _, *camera = recorded
-    assert main([command, left, *camera, "--out", str(out), "--no-video"]) == 0
-    for k, row in enumerate(rows(out)):
-        assert not any(name.startswith(("right", "metric", "peg_x")) for name in row)
-        for part, X_WP in zip(("peg", "hole"), poses(k), strict=True):
-            tip = vector(row, [f"{part}_tip_u", f"{part}_tip_v"])
-            straight = LEFT.without_distortion().project(X_WP.translation())
-            assert np.linalg.norm(tip - straight) < 0.1
-            assert np.linalg.norm(tip - LEFT.project(X_WP.translation())) > 0.15
-
-
 def test_what_one_camera_does_not_see_is_not_known_in_space() -> None:
     finder = PartFinder(PEG, HOLE_PART, [LEFT, RIGHT])
     peg, hole = poses(0)

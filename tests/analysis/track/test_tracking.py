@@ -164,21 +164,6 @@ def test_video_gives_the_same_but_for_what_it_loses(
 # What to look for
 
 
-@pytest.mark.parametrize(
-    ("video", "own", "given", "rate"),
-    [
-        (False, None, None, 80.0),
-        (False, None, 30.0, 30.0),
-        (True, 25.0, None, 25.0),
-        (True, 25.0, 1000.0, 1000.0),
-        (True, None, None, math.nan),
-    ],
-)
-def test_rate(video: bool, own: float | None, given: float | None, rate: float) -> None:
-    recording = Recording(files=(Path("a"),), video=video, rate=own)
-    assert TrackScenario(rate=given).rate_of(recording) == pytest.approx(rate, nan_ok=True)
-
-
 def test_a_video_without_a_rate_has_no_times(rows: Rows, film: Film, tmp_path: Path) -> None:
     unknown = Recording(files=(film(tmp_path / "a.avi", [picture(0)] * 2),), video=True)
     _, paths = run(tmp_path, unknown, video=True)

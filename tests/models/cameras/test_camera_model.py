@@ -1,6 +1,7 @@
 """Models beside a camera against OpenCV's projection, and what a file says of one."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -95,13 +96,7 @@ LEFT = CalibratedCamera(
     principal_point=(161.0, 118.0),
     distortion=(-0.2, 0.0, 0.0, 0.0, 0.0),
 )
-RIGHT = CalibratedCamera(
-    width=320,
-    height=240,
-    focal_length=(970.0, 980.0),
-    principal_point=(162.0, 117.0),
-    distortion=(0.1, 0.0, 0.0, 0.0, 0.0),
-)
+RIGHT = replace(LEFT, focal_length=(970.0, 980.0), distortion=(0.1, 0.0, 0.0, 0.0, 0.0))
 
 
 def pose(rotation: Rotation, translation: np.ndarray) -> FramePose:

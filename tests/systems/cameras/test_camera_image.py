@@ -17,7 +17,6 @@ from chamfer.systems.cameras.camera_image import (
     FrameGrabber,
     FrameGrabberParams,
     add_frame_grabber,
-    add_noise,
     read_image,
     write_image,
 )
@@ -155,15 +154,6 @@ def test_noise_is_normal_and_independent_between_pixels_channels_and_frames() ->
     for product in neighbours:
         assert abs(product.mean()) / 16 < 5 / math.sqrt(product.size)
     assert (frame[..., 3] == 255).all()
-
-
-def test_add_noise_leaves_its_input() -> None:
-    image = np.full((5, 7, 3), 50, np.uint8)
-    noisy = add_noise(image, 10.0, np.random.default_rng(0))
-    assert noisy.shape == image.shape
-    assert noisy.dtype == np.uint8
-    assert (image == 50).all()
-    assert (noisy != 50).any()
 
 
 def test_missing_random_is_an_error_only_where_it_is_needed() -> None:

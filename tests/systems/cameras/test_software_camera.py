@@ -165,11 +165,9 @@ def test_end_faces_and_bore_are_darker() -> None:
 def test_blur_is_gaussian_and_keeps_the_sum() -> None:
     camera = CameraPlacement(roll=0.0).camera
     X_WT = pose(20, 0, 0)
-    sharp = render(PARTS, camera, X_WT, None, style=dataclasses.replace(FLAT, blur=0.0)).astype(
-        float
-    )
-    soft = render(PARTS, camera, X_WT, None, style=dataclasses.replace(FLAT, blur=1.5)).astype(
-        float
+    sharp, soft = (
+        render(PARTS, camera, X_WT, None, style=dataclasses.replace(FLAT, blur=blur)).astype(float)
+        for blur in (0.0, 1.5)
     )
     assert (200 - soft[..., 1]).sum() == pytest.approx((200 - sharp[..., 1]).sum(), rel=1e-3)
     # Across the long edge, in the middle of the bar: the moments of the edge's derivative.
@@ -246,7 +244,6 @@ def test_an_edge_that_moves_across_becomes_a_ramp_as_long_as_its_way() -> None:
     image = render_moving(PARTS, STRAIGHT, (begin, None), (end, None), style=FLAT)
     row = image[119].astype(float)[:, 1]
     level = PARTS.peg_colour[1]
-    tip = STRAIGHT.project(np.array([0.0, 0.0, 0.0]))[0]
     # Of the edge's circle the one nearer to the camera is seen first.
     first, last = 110, 170
     share = (200.0 - row) / (200.0 - level)
@@ -263,7 +260,6 @@ def test_an_edge_that_moves_across_becomes_a_ramp_as_long_as_its_way() -> None:
     middle = (slope * place).sum()
     deviation = math.sqrt((slope * (place - middle) ** 2).sum())
     assert deviation == pytest.approx(20 / math.sqrt(12), rel=0.02)
-    assert abs(middle - (tip - 10)) < 1.0
 
 
 def test_what_rests_is_as_in_a_picture_without_exposure() -> None:

@@ -35,8 +35,6 @@ from chamfer.systems.vision.part_detector import (
 PARTS = ColouredParts()
 LOOKS = appearances(PARTS)
 
-NAN = (math.nan, math.nan)
-
 
 def seen(u: float, v: float, angle: float, back: float = 30.0) -> Detection:
     """Return a detection; the point on the axis is ``back`` pixels behind the tip."""
@@ -47,10 +45,6 @@ def seen(u: float, v: float, angle: float, back: float = 30.0) -> Detection:
 def hidden(u: float, v: float, angle: float) -> Detection:
     whole = seen(u, v, angle)
     return Detection(status=Status.OCCLUDED, angle=angle, point=whole.point)
-
-
-def lost(status: Status) -> Detection:
-    return Detection(status=status)
 
 
 angles = st.floats(-0.6, 0.6)
@@ -85,12 +79,9 @@ def test_hidden_tip_the_error_is_that_of_the_axis_at_the_mouth(
 @pytest.mark.parametrize("status", [status for status in Status if status.lost])
 def test_error_of_a_lost_part_is_nan(status: Status) -> None:
     part = seen(100, 120, 0.0)
-    for error in (
-        alignment_error(lost(status), part),
-        alignment_error(part, lost(status)),
-        alignment_error(hidden(100, 120, 0.0), lost(status)),
-    ):
-        assert np.isnan(error).all()
+    lost = Detection(status=status)
+    for peg, hole in ((lost, part), (part, lost), (hidden(100, 120, 0.0), lost)):
+        assert np.isnan(alignment_error(peg, hole)).all()
 
 
 def test_hole_whose_mouth_is_hidden_still_has_an_axis() -> None:
