@@ -126,7 +126,7 @@ def test_thresholds_follow_from_noise_and_bias() -> None:
         (ChargingParams, {"near": 0.02, "drop": 0.02}, "near is 0.02, allowed: less than drop, 0"),
         (ChargingParams, {"lean": 1.5}, "lean is 1.5, allowed: a number from -1"),
         (TouchDetectionParams, {"readings": 0}, "readings is 0, allowed: a whole number >= 1"),
-        (TouchDetectionParams, {"detect": 0.1}, "release is 0.15, allowed: less than detect, 0.1"),
+        (TouchDetectionParams, {"detect": 0.15}, "release is 0.15, allowed: less than detect, 0"),
         (
             TouchDetectionParams(detect=0.4).resolved,
             {"noise": 0.1, "bias": 0.5},

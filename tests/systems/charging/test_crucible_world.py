@@ -22,7 +22,9 @@ NEAR, AWAY = -1e-4, 1.0  # m, gaps to the item
         # Fingers that closed beside it stay empty.
         ([1], [(1, 0.1, 0, 0, 0), (1, NEAR, 0, 0, 0)]),
         # What is not there is not held.
-        ([0], [(1, NEAR, 0, 0, 0)]),
+        ([1, 0], [(1, NEAR, 1, 0, 2)]),
+        # Behind the plan's end the last item stays.
+        ([0, 1], [(1, NEAR, 2, 0, 3)]),
         # What is dropped stays lost.
         ([1], [(1, NEAR, 0, 0, 1), (1, AWAY, 0, 1, 0), (1, AWAY, 0, 0, 0)]),
     ],
@@ -37,7 +39,7 @@ def test_the_gripper_holds_what_it_closed_on(
             grasp.GetInputPort(name).FixValue(context, value)
         grasp.GetInputPort("contact").FixValue(context, np.array([gap, *5 * [0.0]]))
         context.SetDiscreteState(grasp.EvalUniquePeriodicDiscreteUpdate(context))
-        assert grasp.GetOutputPort("scene").Eval(context)[0] == scene
+        assert grasp.GetOutputPort("scene").Eval(context).tolist() == [scene]
         assert grasp.GetOutputPort("held").Eval(context)[0] == scene % 2
 
 
