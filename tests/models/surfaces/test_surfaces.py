@@ -345,8 +345,12 @@ NOWHERE = ", so that friction is nowhere negative"
             (SurfaceFriction, changes, allowed)
             for changes, allowed in (
                 (
+                    {"coefficient": 0.15, "ripple": 0.2, "jump": 0.5},  # which takes nothing
+                    f"a finite number >= 0.2{NOWHERE}",
+                ),
+                (
                     {"coefficient": -0.1},
-                    "a finite number >= 0, so that friction is nowhere negative",
+                    f"a finite number >= 0{NOWHERE}",
                 ),
                 (
                     {"coefficient": 0.6, "ripple": 0.2, "jump": -0.5},
