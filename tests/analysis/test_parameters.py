@@ -15,14 +15,21 @@ import chamfer.systems
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.scenario.experiment import load
 from chamfer.diagrams.skills.vision_servo import NAMES, VisionServoScenario
+from chamfer.models.arms.arm import JointFrictionParams
 from chamfer.models.connectors.d_connector import DConnector
+from chamfer.models.surfaces.planes import RippledPlane
 from chamfer.models.validation import ParameterError
+from chamfer.systems.contact.arm_in_contact import ArmInContactParams
 from chamfer.systems.primitives.position_primitives import Centre
 from chamfer.systems.primitives.trajectory_primitives import Dither
+from chamfer.systems.servo.compensator import AxisParams, CompensatorParams
+from chamfer.systems.servo.divergence_watch import DivergenceParams, Watched
+from chamfer.systems.servo.sampled_pid import PidGains, SampledPidParams
+from chamfer.systems.vision.part_appearance import PEG
 
 # By the class: whoever holds it checks.
 UNCHECKED = {
-    "ContactArmSettings.contact_offset",
+    *("ContactArmSettings.contact_offset", "ArmInContactParams.contact_offset"),
     *("ControllerSettings.computation_delay", "ControllerSettings.computation_jitter"),
     *(f"HybridStabilityScenario.{name}" for name in ("viscous", "start", "direction")),
     "ViewFrames",
@@ -31,7 +38,8 @@ UNCHECKED = {
 
 # Class and fields that may be 0, and those that may also be -1; all others are to be above 0.
 MAY_BE_ZERO = """
-    AlignmentComparisonScenario: tuning_trials; AxisSensorParams: noise;
+    AlignmentComparisonScenario: tuning_trials; Appearance: hue hue_width
+    saturation; AxisSensorParams: noise;
     BaseCompensationParams: rest_speed; BlindFeedScenario: tilt; BoardPoses: roll tilt;
     CameraErrorParams: latency noise resolution; CameraErrorsScenario: drawn off_axis points;
     CartesianManipulatorParams: damping; CellArmSettings: payload_error; CellErrorParams:
@@ -70,6 +78,7 @@ MAY_BE_NEGATIVE = """
     most_misses; CameraStand: roll; CellErrorParams: begin; Centre: offset;
     ChargingParams: lean; ControllerSettings: computation_delay computation_jitter;
     ConvergenceScenario: stuck_tilt; DecisionParams: margin; Dither: amplitude;
+    DivergenceParams: size;
     FixedPointRotation: angle; FsmRule: dead_zone divider period; InitialErrors: lateral
     rotation; InsertParams: freeze_depth; LeadSettings: sideways; ObserverSettings: average;
     OpenSupport: centre_distance; PegInsertionScenario: lateral; PidParams: derivative integral
@@ -80,7 +89,7 @@ MAY_BE_NEGATIVE = """
     angle; Way: least
 """
 # Whose sign is a matter of the class or of another field.
-OPEN = {"gap", "large_error", "peg_chamfer_share", "LeadSettings.speed"}
+OPEN = {"Appearance.front", "gap", "large_error", "peg_chamfer_share", "LeadSettings.speed"}
 
 
 def named(text: str) -> set[tuple[str, str]]:
@@ -113,7 +122,13 @@ def examples() -> dict[type, Any]:
                     found[kind] = kind()
                 except (TypeError, ParameterError):  # has no defaults
                     continue
-    given = [Centre(dither=Dither()), DConnector().plug_section]
+    axis = AxisParams(dead_zone=0.125, large_error=1.0, increment=0.5)
+    gains = PidGains(proportional=1.0, integral=1.0)
+    friction = JointFrictionParams(coulomb=(0.0,), viscous=(0.0,))
+    given = [Centre(dither=Dither()), DConnector().plug_section, PEG, axis, gains]
+    given += [RippledPlane(point=(0.0, 0.0, 0.0)), ArmInContactParams(joint_friction=friction)]
+    given += [CompensatorParams(axes=(axis,)), SampledPidParams(axes=(gains,))]
+    given += [DivergenceParams(watched=(Watched((0, 1), 2.0),), size=3)]
     given += [VisionServoScenario(primitive=name).parameters for name in NAMES]
     given += [load(entry).default for entry in CATALOGUE.entries]
     for one in given:

@@ -30,22 +30,17 @@ BACKWARDS = ViewSettings(frames=ViewFrames(period=-1.0))
 @pytest.mark.parametrize(
     ("kind", "changes", "message"),
     [
-        (ARM, {"payload_error": -0.1}, "payload_error is -0.1, allowed: a finite number >= 0"),
-        (ARM, {"mass_scale": 0.0}, "mass_scale is 0.0, allowed: a finite number > 0"),
         (ARM, {"payload_position": (0.0,)}, "payload_position is (0.0,), allowed: 3 finite"),
         (ARM, {"model": "no.urdf"}, "model is 'no.urdf', allowed: wam, or a URDF file (No"),
         (OWN, {"tool_frame": "hand"}, "tool_frame is 'hand', allowed: one of the model's links"),
         (OWN, {"posture": (0.0,) * 5}, "posture is (0.0, 0.0, 0.0, 0.0, 0.0), allowed: 6"),
         (OWN, {"rotor_inertia": (-0.1,) * 6}, "rotor_inertia is (-0.1, "),
         (OWN, {"joint_friction": (math.nan,) * 6}, "joint_friction is (nan, "),
-        (WorkCellScenario, {"step": 0.0}, "step is 0.0, allowed: a finite number > 0"),
         (WorkCellScenario, {"step": 0.0015}, "step is 0.0015, allowed: a whole part of the contr"),
         (WorkCellScenario, {"gap": math.inf}, "gap is inf, allowed: a finite number"),
         (WorkCellScenario, {"meeting_point": (0.0,)}, "meeting_point is (0.0,), allowed: 3 finit"),
         (CameraSettings, {"renderer": "gl"}, "renderer is 'gl', allowed: software, vtk"),
         (CameraSettings, {"measured": "depth"}, "measured is 'depth', allowed: image, metric"),
-        (CameraSettings, {"distance": 0.0}, "distance is 0.0, allowed: a finite number > 0"),
-        (CameraSettings, {"roll": math.nan}, "roll is nan, allowed: a finite number"),
         (
             CameraSettings,
             {"xz": LATE},
@@ -68,9 +63,6 @@ BACKWARDS = ViewSettings(frames=ViewFrames(period=-1.0))
             {"compensated": "left"},
             "compensated is 'left', allowed: peg, hole, ",
         ),
-        (AlignmentScenario, {"begin": 0.0}, "begin is 0.0, allowed: a finite number > 0"),
-        (AlignmentScenario, {"motion_time": -1.0}, "motion_time is -1.0, allowed: a finite numbe"),
-        (AlignmentScenario, {"compensation_time": math.inf}, "compensation_time is inf, allowed"),
         (InsertionScenario, {"insert": InsertParams(depth=0.06)}, "insert.depth is 0.06, allowed"),
         (InsertionScenario, {"peg_excess": 0.003}, "peg_excess is 0.003, allowed: such that the "),
         (
@@ -78,7 +70,6 @@ BACKWARDS = ViewSettings(frames=ViewFrames(period=-1.0))
             {"insert": InsertParams(speed=0.3)},
             "step is 0.002, allowed: at most 0.00170667 s: a f",
         ),
-        (InsertionScenario, {"duration": 0.0}, "duration is 0.0, allowed: a finite number > 0"),
         (PegInsertionScenario, {"gap": 1e-4}, "gap is 0.0001, allowed: > 0.000171 m, so that peg"),
         (
             PegInsertionScenario,
@@ -90,7 +81,6 @@ BACKWARDS = ViewSettings(frames=ViewFrames(period=-1.0))
             {"support": FeedSupport(angular_stiffness=0.01)},
             "support.angular_stiffness is 0.01, allowed: > 0.017",
         ),
-        (PegInsertionScenario, {"force_cap": 0.0}, "force_cap is 0.0, allowed: a finite number >"),
         (PegInsertionScenario, {"step": 0.03}, "step is 0.03, allowed: at most 0.0256 s: a feed "),
         (
             PegInsertionScenario,
@@ -111,7 +101,6 @@ BACKWARDS = ViewSettings(frames=ViewFrames(period=-1.0))
             "parts.peg_colour is (0, 200, 0), allowed: (205,",
         ),
         (BlindFeedScenario, {"plane": "yz"}, "plane is 'yz', allowed: xy, xz"),
-        (BlindFeedScenario, {"rest": -1.0}, "rest is -1.0, allowed: "),
     ],
 )
 def test_refuses(kind: Any, changes: dict[str, Any], message: str) -> None:

@@ -28,7 +28,6 @@ OFF = (0.0, 0.0, 0.0, 0.0, 0.0, math.nan)
         (SightSettings, {"plug": (0.0, math.inf, 0.0)}, "plug is (0.0, inf, 0.0), allowed: 3"),
         (SightSettings, {"standby": ()}, "standby is (), allowed: 3 finite numbers"),
         (ConnectorScenario, {"robot": "puma"}, "robot is 'puma', allowed: carriage, wam"),
-        (ConnectorScenario, {"obstacle": 0.0}, "obstacle is 0.0, allowed: a finite number > 0,"),
         (ConnectorScenario, {"initial_error": OFF}, f"initial_error is {OFF}, allowed: 6 finite"),
         # What is believed has to be stable, the truth need not.
         (ConnectorScenario, {"wrist": STIFF}, f"wrist.{UNSTABLE}"),

@@ -25,18 +25,11 @@ SHADE = "more than 0 and at most 1"
 @pytest.mark.parametrize(
     ("what", "name", "value", "allowed"),
     [
-        (FrameGrabberParams, "period", 0.0, "a number from 0.0001 to 1000"),
-        (FrameGrabberParams, "offset", -1e-3, NOT_NEGATIVE),
-        (FrameGrabberParams, "latency", -1, LATENCY),
         (FrameGrabberParams, "latency", 0.5, LATENCY),
-        (FrameGrabberParams, "noise", -1.0, "a number from 0 to 60"),
         (FrameGrabberParams, "miss", 1.1, CHANCE),
-        (SensorParams, "exposure", -0.1, NOT_NEGATIVE),
         (SensorParams, "vignetting", 1.1, "a number from 0 to 1"),
         (SensorParams, "white_balance", (1.0, 1.0), GAINS),
         (SensorParams, "white_balance", (1.0, 0.0, 1.0), GAINS),
-        (SceneStyle, "blur", -0.1, NOT_NEGATIVE),
-        (SceneStyle, "face", 0.0, SHADE),
         (SceneStyle, "bore", 1.5, SHADE),
         (SceneStyle, "background", (0, 0, 256), "three numbers from 0 to 255"),
     ],

@@ -72,8 +72,6 @@ TWO_OR_THREE = "allowed: 2 rows of 2 numbers or 3 rows of 3"
 @pytest.mark.parametrize(
     ("make", "values", "message"),
     [
-        (arm, {"held": 0}, "held is 0, allowed: a whole number >= 1"),
-        (arm, {"window": 0}, "window is 0, allowed: a whole number >= 1"),
         (arm, {"joints": 2}, "joint_friction.coulomb is (0.0, 0.0), allowed: 3 numbers"),
         (arm, {"q": [0.0, 1.0]}, "q is [0.0, 1.0], allowed: 3 finite numbers"),
         (arm, {"q": [0.0, math.nan, 0.0]}, "q is [0.0, nan, 0.0], allowed: 3 finite numbers"),

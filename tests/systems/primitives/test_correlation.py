@@ -75,16 +75,9 @@ def test_a_stop_on_one_side_is_seen_by_the_amplitudes_only() -> None:
     assert found.bias == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"samples": 3}, "samples is 3, allowed: a whole number >= 4"),
-        ({"windows": 0}, "windows is 0, allowed: a whole number >= 1"),
-    ],
-)
-def test_parameters_out_of_range_are_refused(values: dict[str, Any], message: str) -> None:
-    with pytest.raises(ParameterError, match=message):
-        CorrelatorParams(**values)
+def test_few_samples_are_refused() -> None:
+    with pytest.raises(ParameterError, match="samples is 3, allowed: a whole number >= 4"):
+        CorrelatorParams(samples=3)
 
 
 class Watched:

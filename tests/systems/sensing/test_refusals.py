@@ -73,7 +73,6 @@ def six_axes(**values: Any) -> Any:
         (homing, {"zero_error": (0.1,)}, "zero_error is (0.1,), allowed: 2 numbers"),
         (homing, {"zero_error": (0.1, 0.0)}, "zero_error is (0.1, 0.0), allowed: 0 where mark_di"),
         (homing, {"mark_distance": (INF,)}, "mark_distance is (inf,), allowed"),
-        (homing, {"settle": 0}, "settle is 0, allowed"),
         (rated, {"bias": (NAN, 0.0)}, "bias is (nan, 0.0), allowed: finite numbers"),
         (rated, {"bias": (1.0,)}, "bias is (1.0,), allowed: 2 numbers"),
         (average, {"samples": 0}, "samples is 0, allowed: 1 or more"),

@@ -11,16 +11,13 @@ import pytest
 from chamfer.models.validation import ParameterError
 from chamfer.systems.servo.backlash import Backlash
 from chamfer.systems.servo.compensator import AxisParams, CompensatorParams
-from chamfer.systems.servo.desired_trajectory import Sinusoid, Step
 from chamfer.systems.servo.divergence_watch import DivergenceParams, Watched
 from chamfer.systems.servo.measurement_selector import MeasurementSelector
-from chamfer.systems.servo.pid import PidParams
-from chamfer.systems.servo.sampled_pid import PidGains, SampledPidParams, tuned_gains
+from chamfer.systems.servo.sampled_pid import SampledPidParams, tuned_gains
 from chamfer.systems.servo.settling import SettlingPlant
 from chamfer.systems.servo.timed_design import SettlingTask
 
 AXIS = {"dead_zone": 0.125, "large_error": 1.0, "increment": 0.5}
-GAINS = {"proportional": 1.0, "integral": 1.0}
 WATCH = {"watched": (Watched((0, 1), 2.0),), "size": 3}
 TASK = {
     "error": 0.02,
@@ -32,37 +29,20 @@ TASK = {
 TUNED = {"plant": SettlingPlant(1.0, np.ones(3)), "closed_loop": 0.1, "period": 0.0125}
 CAMERA = {"axes": (AxisParams(**AXIS),)}
 NOT_POSITIVE = (0.0, -1.0, math.nan, math.inf)
-NOT_FINITE = (math.nan, math.inf, -math.inf)
 
 
 @pytest.mark.parametrize(
     ("make", "given", "names", "values", "allowed"),
     [
-        (AxisParams, AXIS, "dead_zone increment", NOT_POSITIVE, "a finite number > 0"),
-        (AxisParams, AXIS, "large_error", (0.1, *NOT_FINITE), "a finite number >= dead_zone, 0.1"),
-        (AxisParams, AXIS, "divider", (0.99, -5.0, math.nan, math.inf), "a finite number >= 1"),
-        (AxisParams, AXIS, "limit", (0.0, math.nan), "a number > 0, infinity for no bound"),
+        (AxisParams, AXIS, "large_error", (0.1,), "a finite number >= dead_zone, 0.1"),
+        (AxisParams, AXIS, "divider", (0.99,), "a finite number >= 1"),
         (CompensatorParams, CAMERA, "axes", ((),), "at least one axis"),
-        (CompensatorParams, CAMERA, "period", NOT_POSITIVE, "a finite number > 0"),
-        (CompensatorParams, CAMERA, "end_time", (0.0, math.nan), "a number > 0, infinity for"),
-        (PidParams, {}, "proportional integral derivative", NOT_FINITE, "a finite number"),
-        (PidParams, {}, "filter", NOT_POSITIVE, "a finite number > 0"),
-        (
-            *(PidGains, GAINS, "proportional integral derivative"),
-            *((-1.0, *NOT_FINITE), "a finite number >= 0"),
-        ),
-        (PidGains, GAINS, "limit", (0.0, -1.0, math.nan), "a number > 0"),
         (SampledPidParams, {}, "axes", ((),), "at least one axis"),
-        (SampledPidParams, {"axes": (1,)}, "period", NOT_POSITIVE, "a finite number > 0"),
         (tuned_gains, TUNED, "closed_loop period", NOT_POSITIVE, "a finite number > 0"),
         (SettlingTask, TASK, "tolerance", (0.0, 3e-4, 0.03), ""),
         (DivergenceParams, WATCH, "factor", (1.0,), "a number > 1"),
-        (DivergenceParams, WATCH, "frames", (0,), "a whole number >= 1"),
-        (DivergenceParams, WATCH, "period", (0.0,), "a finite number > 0"),
         (MeasurementSelector, {}, "size", (0,), "a whole number >= 1"),
         (Backlash, {"period": 0.1}, "half_width", (-1.0, math.nan), ""),
-        (Step, {}, "amplitude", NOT_FINITE, "a finite number"),
-        (Sinusoid, {}, "frequency", NOT_POSITIVE, "a finite number > 0"),
     ],
 )
 def test_a_value_that_cannot_be_is_named(

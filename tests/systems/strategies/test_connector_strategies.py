@@ -344,7 +344,6 @@ def test_tilt_friction_is_not_taken_for_the_wall() -> None:
         (BncConnectorSkillParams, "search_repeats", 2.5, "a whole number >= 1"),
         (BncConnectorSkillParams, "turn", "left", "-rz, +rz"),
         (PegInHoleSkillParams, "search", "random", "dithers, spiral, tilt"),
-        (PegInHoleSkillParams, "repeats", 0, "a whole number >= 1"),
         (Rj45ConnectorSkillParams, "push_growth", 1.0, "a finite number > 1"),
         (TiltSearchParams, "angle", 0.6, "0 < angle < pi/6 rad"),
     ],

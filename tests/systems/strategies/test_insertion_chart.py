@@ -367,7 +367,6 @@ def test_it_is_never_said_to_be_seated_short_of_the_depth(
         ({"compensation": "frozen", "freeze_depth": 0.0}, "freeze_depth is 0.0, allowed: a fin"),
         ({"push": 20.0}, "push is 20.0, allowed: less than force_limit, 15 N"),
         ({"pull": 15.0}, "pull is 15.0, allowed: less than force_limit, 15 N"),
-        ({"attempts": 0}, "attempts is 0, allowed: 1 to 100"),
     ],
 )
 def test_insertions_that_cannot_be(change: dict[str, Any], message: str) -> None:

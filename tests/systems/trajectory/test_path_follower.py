@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 
-from chamfer.models.validation import ParameterError
 from chamfer.systems.trajectory.path_follower import (
     FollowerMemory,
     PathFollower,
@@ -168,8 +167,3 @@ def test_block_begins_a_segment_in_the_tick_that_gives_it() -> None:
     assert not block.HasAnyDirectFeedthrough()
     assert block.GetOutputPort("progress").Eval(context) < 0.01
     assert block.num_output_ports() == 4
-
-
-def test_parameters_have_to_be_positive() -> None:
-    with pytest.raises(ParameterError, match=r"^halt_time is 0\.0"):
-        PathFollowerParams(halt_time=0.0)
