@@ -5,7 +5,7 @@ import math
 import pkgutil
 from dataclasses import fields, is_dataclass, replace
 from itertools import chain
-from typing import Any
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import pytest
 
@@ -90,6 +90,11 @@ MAY_BE_NEGATIVE = """
 """
 # Whose sign is a matter of the class or of another field.
 OPEN = {"Appearance.front", "gap", "large_error", "peg_chamfer_share", "LeadSettings.speed"}
+# Tuples whose length the file's reader checks, or that may be of several.
+OF_ANY_LENGTH = UNCHECKED | {
+    *("Appearance", "BoardPoses", "DrawnCameras", "DrawnDesignsScenario", "MapParams"),
+    *("Camera", "ForceSensorParams", "LoadCellParams", "Seat", "WrenchSensorParams"),
+}
 
 
 def named(text: str) -> set[tuple[str, str]]:
@@ -155,7 +160,7 @@ def test_what_is_no_number_is_named(kind: type) -> None:
         assert one.name in refused.value.name
 
 
-def refused(example: Any, name: str, value: float) -> bool:
+def refused(example: Any, name: str, value: object) -> bool:
     try:
         replace(example, **{name: value})
     except ParameterError as error:
@@ -177,3 +182,18 @@ def test_numbers_have_the_sign_that_they_may_have(kind: type) -> None:
         found = [refused(example, name, probe) for probe in (-1, 0)]
         expected = [owners.isdisjoint(NEGATIVE), owners.isdisjoint(ZERO | NEGATIVE)]
         assert found == expected, name
+
+
+@pytest.mark.parametrize("kind", EXAMPLES, ids=lambda kind: kind.__qualname__)
+def test_choices_and_lengths_are_those_of_the_annotation(kind: type) -> None:
+    example, hints = EXAMPLES[kind], get_type_hints(kind)
+    for name in (one.name for one in fields(example)):
+        for hint in (hints[name], *get_args(hints[name])):
+            if get_origin(hint) is Literal and get_origin(hints[name]) is not tuple:
+                assert refused(example, name, "other"), name
+            if get_origin(hint) is not tuple or set(get_args(hint)) != {float}:
+                continue
+            if OF_ANY_LENGTH.isdisjoint((kind.__name__, f"{kind.__name__}.{name}")):
+                count = len(get_args(hint))
+                for wrong in (count - 1, count + 1):
+                    assert refused(example, name, (1.0,) * wrong), name

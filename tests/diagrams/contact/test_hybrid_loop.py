@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import BasicVector, Context, Diagram, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from chamfer.analysis.contact.contact_runs import run_contact
 from chamfer.analysis.contact.hybrid_stability import settled, smooth
@@ -49,20 +49,6 @@ COMPENSATION = "friction compensation"
 ENCODERS, DELAY = "encoders", "computation delay"
 
 
-def wires(diagram: Diagram) -> set[Wire]:
-    """Every connection of a diagram without diagrams in it."""
-    assert not any(isinstance(system, Diagram) for system in diagram.GetSystems())
-    return {
-        (
-            source.get_name(),
-            source.get_output_port(output).get_name(),
-            target.get_name(),
-            target.get_input_port(entrance).get_name(),
-        )
-        for (target, entrance), (source, output) in diagram.connection_map().items()
-    }
-
-
 def into(wiring: Iterable[Wire], block: str) -> set[Wire]:
     return {wire for wire in wiring if wire[2] == block}
 
@@ -100,9 +86,9 @@ def shown(scenario: HybridScenario) -> str:
 
 @pytest.mark.parametrize("scenario", WIRED)
 def test_the_arms_state_leaves_it_through_encoders_and_force_sensors_only(
-    scenario: HybridScenario,
+    scenario: HybridScenario, wires: Any
 ) -> None:
-    wiring = wires(make_hybrid_diagram(scenario))
+    wiring = wires(make_hybrid_diagram(scenario), flat=True)
     sensed = {(PLANT, "tool_force", SENSOR, "tool_force")}
     if scenario.sensing == "realistic":
         sensed.add((PLANT, "encoders", ENCODERS, "motion"))
@@ -117,9 +103,9 @@ def test_the_arms_state_leaves_it_through_encoders_and_force_sensors_only(
 
 @pytest.mark.parametrize("scenario", WIRED)
 def test_controller_and_contact_detection_know_what_is_measured_only(
-    scenario: HybridScenario,
+    scenario: HybridScenario, wires: Any
 ) -> None:
-    wiring = wires(make_hybrid_diagram(scenario))
+    wiring = wires(make_hybrid_diagram(scenario), flat=True)
     ((force, port),) = {wire[:2] for wire in into(wiring, DETECTION)}
     assert force == reader(scenario)
     assert {wire for wire in into(wiring, force) if wire[0] != SENSOR} == (
@@ -185,7 +171,7 @@ class Push(LeafSystem):
             self.DeclareVectorOutputPort(name, m, lambda _, __: None)
 
 
-def test_an_own_controller_takes_the_hybrid_laws_place() -> None:
+def test_an_own_controller_takes_the_hybrid_laws_place(wires: Any) -> None:
     scenario = fill(replace(PLANAR, duration=0.3))
     arm = scenario.ARM
     diagram = make_hybrid_diagram(scenario, controller=Push(arm))

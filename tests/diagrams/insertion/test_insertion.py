@@ -61,24 +61,11 @@ def diagram(request: Any) -> Diagram:
     return make_insertion_diagram(resolve(SCENARIOS[request.param]))
 
 
-def wires(diagram: Diagram) -> set[tuple[str, str, str, str]]:
-    """Block and port that a wire begins at, and those that it ends at."""
-    return {
-        (
-            start[0].get_name(),
-            start[0].get_output_port(start[1]).get_name(),
-            end[0].get_name(),
-            end[0].get_input_port(end[1]).get_name(),
-        )
-        for end, start in diagram.connection_map().items()
-    }
-
-
-def test_nobody_reads_the_true_contact(diagram: Diagram) -> None:
+def test_nobody_reads_the_true_contact(diagram: Diagram, wires: Any) -> None:
     assert not [wire for wire in wires(diagram) if wire[0] == "contact"]
 
 
-def test_cameras_alone_see_where_the_tools_are(diagram: Diagram) -> None:
+def test_cameras_alone_see_where_the_tools_are(diagram: Diagram, wires: Any) -> None:
     found = wires(diagram)
     for arm in ("peg", "hole"):
         seen_by = {end for start, _, end, _ in found if start == f"{arm} true pose"}
@@ -94,7 +81,7 @@ def test_cameras_alone_see_where_the_tools_are(diagram: Diagram) -> None:
     }
 
 
-def test_the_task_knows_cameras_encoders_and_its_own_springs(diagram: Diagram) -> None:
+def test_the_task_knows_cameras_encoders_and_its_own_springs(diagram: Diagram, wires: Any) -> None:
     known = {port: (start, name) for start, name, end, port in wires(diagram) if end == TASK}
     saturated = "hole impedance control", "saturated"
     assert known.pop("hole_saturated", saturated) == saturated
@@ -117,7 +104,7 @@ def test_the_task_knows_cameras_encoders_and_its_own_springs(diagram: Diagram) -
     assert sensed["hole_pose"][0] in ("hole impedance control", "hole fixture")
 
 
-def test_the_controller_gets_what_the_task_lets_through(diagram: Diagram) -> None:
+def test_the_controller_gets_what_the_task_lets_through(diagram: Diagram, wires: Any) -> None:
     found = wires(diagram)
     controllers = {"trajectory compensator", "PID"}
     into = {port: start for start, _, end, port in found if end in controllers}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pydrake.common import RandomGenerator
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, Diagram, LeafSystem, State
+from pydrake.systems.framework import Context, LeafSystem, State
 
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.skills.skill_run import run_skill
@@ -53,20 +53,6 @@ SCENARIOS: Final = [
 ]
 
 
-def wires(diagram: Diagram) -> set[Wire]:
-    """Every connection of a diagram without diagrams in it."""
-    assert not any(isinstance(system, Diagram) for system in diagram.GetSystems())
-    return {
-        (
-            source.get_name(),
-            source.get_output_port(output).get_name(),
-            target.get_name(),
-            target.get_input_port(entrance).get_name(),
-        )
-        for (target, entrance), (source, output) in diagram.connection_map().items()
-    }
-
-
 def known_to(wiring: set[Wire], block: str, cut: Collection[str] = ()) -> set[str]:
     """The blocks that act on a block, directly or through others, but not through ``cut``."""
     before: dict[str, set[str]] = {}
@@ -97,8 +83,10 @@ def test_signals_are_exported_and_no_input_is_left(scenario: Any) -> None:
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
-def test_only_images_encoders_and_the_wrist_sensor_reach_the_skill(scenario: Any) -> None:
-    wiring = wires(make_connector_diagram(scenario))
+def test_only_images_encoders_and_the_wrist_sensor_reach_the_skill(
+    scenario: Any, wires: Any
+) -> None:
+    wiring = wires(make_connector_diagram(scenario), flat=True)
     wam, views = scenario.robot == "wam", ("xz", "yz") if scenario.sight else ()
     seen = {f"{view}_detections": (f"{view} detection", "detections") for view in views}
     assert into(wiring, "skill") == seen | {
@@ -138,8 +126,8 @@ def test_only_images_encoders_and_the_wrist_sensor_reach_the_skill(scenario: Any
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
-def test_true_poses_go_to_cameras_and_gripper_alone(scenario: Any) -> None:
-    wiring = wires(make_connector_diagram(scenario))
+def test_true_poses_go_to_cameras_and_gripper_alone(scenario: Any, wires: Any) -> None:
+    wiring = wires(make_connector_diagram(scenario), flat=True)
     cameras = {"xz camera", "yz camera"} if scenario.sight else set()
     assert {wire[2] for wire in wiring if wire[0] == "true pose"} == cameras
     # For logs and the guard of the simulation, which gives nothing to anyone.
@@ -268,7 +256,7 @@ class OwnLaw(LeafSystem):
         values.set_value(self.states["perturbed"], command)
 
 
-def test_a_law_of_ones_own_takes_the_place_of_accommodation() -> None:
+def test_a_law_of_ones_own_takes_the_place_of_accommodation(wires: Any) -> None:
     scenario = replace(HELD, height=0.001, duration=2.0)
     diagram = make_connector_diagram(scenario, TOUCH, controller=OwnLaw())
     assert wires(diagram) == wires(make_connector_diagram(scenario, TOUCH))
