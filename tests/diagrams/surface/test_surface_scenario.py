@@ -112,7 +112,6 @@ GAINS = TrackingScenario().controller
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (wrong_surface(shape="cube"), "shape is 'cube', allowed: parabola, wave, circle, "),
         (wrong_surface(radius=1.0), "radius is 1.0, allowed: none, for the shape parabola"),
         (wrong_surface(inside=False), "inside is False, allowed: none, for the shape parabola"),
         (wrong_surface(shape="circle", coefficients=(1.0,)), "coefficients is (1.0,), allowed:"),

@@ -15,7 +15,6 @@ from chamfer.systems.cameras.scene import SceneStyle
 from chamfer.systems.cameras.solids_camera import Solid, SolidsCamera
 
 NAN = math.nan
-NOT_NEGATIVE = "a finite number >= 0"
 LATENCY = "a whole number from 0 to 100"
 CHANCE = "a number from 0 to 1"
 GAINS = "three finite numbers > 0"
@@ -28,7 +27,6 @@ SHADE = "more than 0 and at most 1"
         (FrameGrabberParams, "latency", 0.5, LATENCY),
         (FrameGrabberParams, "miss", 1.1, CHANCE),
         (SensorParams, "vignetting", 1.1, "a number from 0 to 1"),
-        (SensorParams, "white_balance", (1.0, 1.0), GAINS),
         (SensorParams, "white_balance", (1.0, 0.0, 1.0), GAINS),
         (SceneStyle, "bore", 1.5, SHADE),
         (SceneStyle, "background", (0, 0, 256), "three numbers from 0 to 255"),

@@ -99,7 +99,6 @@ TWO_OR_THREE = "allowed: 2 rows of 2 numbers or 3 rows of 3"
             "stiffness is ((1.0, 1.0), (0.0, 1.0))",
         ),
         (sliding, {"stiffness": ((1.0, 0.0), (0.0, -1.0))}, "stiffness is ((1.0, 0.0), (0.0, -1."),
-        (constraint, {"sides": "left"}, "sides is 'left', allowed: none, both, one"),
         (constraint, {"index": 6}, "index is 6, allowed: a whole number from 0 to 5"),
         (constraint, {"index": 3.5}, "index is 3.5, allowed: a whole number from 0 to 5"),
         (constraint, {}, "index is None, allowed: a whole number from 0 to 5"),

@@ -219,7 +219,6 @@ NOT_DEFINITE = "symmetric and positive definite"
                 ((1.0, 0.0, 0.0), (0.0, 1.0, 2.0), (0.0, 2.0, 1.0)),
             )
         ),
-        (SurfaceObserverParams, {"kind": "best"}, ", ".join(KINDS)),
         (
             SurfaceObserverParams,
             {"rate_lag": 0.1, "kind": "thesis"},

@@ -67,7 +67,6 @@ def six_axes(**values: Any) -> Any:
         (delayed, {"delay": 0.0045, "jitter": 0.001}, "computation_jitter is 0.001, allowed: at"),
         (EncoderParams, {"counts": -1.0}, "counts is -1.0, allowed: finite numbers >= 0"),
         (EncoderParams, {"counts": (1.0, NAN)}, "counts is (1.0, nan), allowed: finite numbers"),
-        (EncoderParams, {"velocity": "guessed"}, "velocity is 'guessed', allowed: exact, differe"),
         (EncoderParams, {"velocity": "exact", "bandwidth": 3.0}, "bandwidth is 3.0, allowed: 0 w"),
         (EncoderParams, {"velocity": "tracked", "bandwidth": 0.0}, "bandwidth is 0.0, allowed: m"),
         (homing, {"zero_error": (0.1,)}, "zero_error is (0.1,), allowed: 2 numbers"),

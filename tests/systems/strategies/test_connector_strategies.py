@@ -342,8 +342,6 @@ def test_tilt_friction_is_not_taken_for_the_wall() -> None:
         (DConnectorSkillParams, "free_share", 3.0, "at most limit_share, 2.5"),
         (BncConnectorSkillParams, "retries", 1.5, "a whole number >= 1"),
         (BncConnectorSkillParams, "search_repeats", 2.5, "a whole number >= 1"),
-        (BncConnectorSkillParams, "turn", "left", "-rz, +rz"),
-        (PegInHoleSkillParams, "search", "random", "dithers, spiral, tilt"),
         (Rj45ConnectorSkillParams, "push_growth", 1.0, "a finite number > 1"),
         (TiltSearchParams, "angle", 0.6, "0 < angle < pi/6 rad"),
     ],

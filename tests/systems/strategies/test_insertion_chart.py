@@ -363,7 +363,6 @@ def test_it_is_never_said_to_be_seated_short_of_the_depth(
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"compensation": "off"}, "compensation is 'off', allowed: running, frozen"),
         ({"compensation": "frozen", "freeze_depth": 0.0}, "freeze_depth is 0.0, allowed: a fin"),
         ({"push": 20.0}, "push is 20.0, allowed: less than force_limit, 15 N"),
         ({"pull": 15.0}, "pull is 15.0, allowed: less than force_limit, 15 N"),

@@ -54,7 +54,6 @@ def test_margins() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"kind": "soon"}, "kind is 'soon', allowed: margin, wait, at_once"),
         ({"margin": 1.0}, "margin is 1.0, allowed: a number < 1"),
         ({"frames": 1}, "frames is 1, allowed: 2 to 1000"),
     ],
