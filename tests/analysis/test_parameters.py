@@ -3,6 +3,7 @@
 import importlib
 import math
 import pkgutil
+import re
 from dataclasses import fields, is_dataclass, replace
 from itertools import chain
 from typing import Any, Literal, get_args, get_origin, get_type_hints
@@ -87,6 +88,28 @@ MAY_BE_NEGATIVE = """
     centre_distance; SurfaceFriction: jump jump_at; SurfaceMotionParams: speed; Unevenness:
     tilt; ViewFrames: latency miss noise offset period; VisGrasp: angle; VisionServoSetup:
     angle; Way: least
+"""
+# Bounds: at them, a number is allowed or not, and beyond them it is not.
+BOUNDS = """
+    AccuracyCameras: noise<=60; AccuracyScenario: poses<=10000; AlignmentComparisonScenario:
+    trials<=10000 tuning_trials<=1000; Appearance: hue<=255 hue_width<=127 saturation<=255
+    value<=255 end_ratio<=1 band<=1 seen<=1 area>=2 length>=2; AxisParams: divider>=1;
+    BlindFeedScenario: tilt<pi/4; CalibrationScenario: pictures>=4; CameraPlacement:
+    width<=10000 height<=10000; ChargingCampaignScenario: trials<=1000; ChargingParams:
+    approach_speed<=0.1 lean<=pi/3; ColouredParts: chamfer_angle<pi/2 peg_chamfer_angle<pi/2;
+    ConditionsCameras: noise<=60; ConditionsScenario: pictures<=10000; CorrelatorParams:
+    samples>=4; DConnectorSkillParams: limit_share>=1; DecisionParams: margin<1 frames>=2
+    frames<=1000; DivergenceParams: factor>1; DrawnCameras: aspect<=0.5; DrawnCells:
+    draws<=10000; FixedPointRotation: angle<pi/2; FrameGrabberParams: latency<=100 noise<=60
+    miss<=1; HybridStabilityScenario: points>=2 points<=1000; InsertParams: attempts<=100;
+    InsertionMapScenario: points<=101 largest_tilt<pi/4; JointFrictionParams: breakaway>=1;
+    MapParams: points>=2; ModelErrorParams: stiffness<1; ModelErrorScenario: trials<=1000
+    stiffness_error<1 latest<=10; ObserverComparisonScenario: trials<=10000 vision_error<1;
+    PegAndHole: peg_chamfer_share<=1; RippledPlane: tilt<pi/2; Rj45ConnectorSkillParams:
+    push_growth>1; ScenarioSpread: friction<1 obstacles<=1 mating_force>=1; SceneStyle: face<=1
+    bore<=1; Seat: growth>1; SensorParams: vignetting<=1; Servoing: gain<1; Spread: payload<1
+    joint_friction<1 link_mass<1; SurfaceScenario: trials<=1000; TiltSearchParams: angle<pi/6;
+    VisionPrimitivesScenario: focal_error<1; WedgingScenario: points>=2 points<=100000
 """
 # Whose sign is a matter of the class or of another field.
 OPEN = {"Appearance.front", "gap", "large_error", "peg_chamfer_share", "LeadSettings.speed"}
@@ -197,3 +220,15 @@ def test_choices_and_lengths_are_those_of_the_annotation(kind: type) -> None:
                 count = len(get_args(hint))
                 for wrong in (count - 1, count + 1):
                     assert refused(example, name, (1.0,) * wrong), name
+
+
+@pytest.mark.parametrize("entry", BOUNDS.split(";"))
+def test_numbers_are_within_their_bounds(entry: str) -> None:
+    named_kind, _, terms = entry.strip().partition(":")
+    example = next(one for kind, one in EXAMPLES.items() if kind.__name__ == named_kind)
+    for name, side, may_be, text in re.findall(r"(\w+)([<>])(=?)(\S+)", terms):
+        bound = math.pi / int(text[3:]) if text.startswith("pi/") else float(text)
+        kind = float if isinstance(getattr(example, name), float) else int
+        step = (1.0 if kind is int else 1e-6 * bound) * (1 if side == "<" else -1)
+        found = [refused(example, name, kind(bound + beyond)) for beyond in (-step, 0.0, step)]
+        assert found == [False, not may_be, True], name

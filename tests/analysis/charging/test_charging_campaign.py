@@ -126,7 +126,6 @@ def test_remedies_are_applied() -> None:
     [
         ({"remedies": ("luck",)}, "remedies is ('luck',), allowed: some of none, decoupling"),
         ({"remedies": ("none", "none")}, "remedies is ('none', 'none'), allowed: each once"),
-        ({"trials": 0}, "trials is 0, allowed: 1 to 1000"),
     ],
 )
 def test_campaigns_that_are_none_are_refused(changes: dict[str, Any], message: str) -> None:

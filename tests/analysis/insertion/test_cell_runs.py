@@ -360,5 +360,3 @@ def test_ways_change_what_they_say_and_no_more() -> None:
 def test_refused() -> None:
     with pytest.raises(ParameterError, match=r"beside is \('wait', 'wait'\), allowed: some of"):
         InsertionTrialsScenario(beside=("wait", "wait"))
-    with pytest.raises(ParameterError, match="trials is 0"):
-        InsertionTrialsScenario(trials=0)

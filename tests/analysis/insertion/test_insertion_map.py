@@ -123,12 +123,8 @@ def test_failures_and_agreement_are_counted_where_theory_is_sure() -> None:
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("points=0", "points is 0, allowed: 1 to 101"),
         ("planes=[xy,xy]", "planes is ('xy', 'xy'), allowed: one of each at most, at least one"),
         ("planes=[]", "planes is (), allowed: one of each"),
-        ("largest_tilt=0.8", "largest_tilt is 0.8, allowed: between 0 and pi/4"),
-        ("largest_lateral=0", "largest_lateral is 0.0, allowed: a finite number > 0"),
-        ("drawn.draws=0", "drawn.draws is 0, allowed: 1 to 10000"),
         ("drawn.errors.link_mass=1", "drawn.errors.link_mass is 1.0, allowed: from 0 to less"),
         ("steps=[0.001,-1]", "steps is (0.001, -1.0), allowed: finite numbers > 0"),
     ],

@@ -5,7 +5,6 @@ from typing import Any
 
 import pytest
 
-from chamfer.analysis.skills.connector_campaign import ScenarioSpread
 from chamfer.analysis.skills.correlation_cases import CASES_SCENARIO, resolve_cases
 from chamfer.analysis.skills.lissajous import LissajousScenario
 from chamfer.analysis.skills.own_skill import OwnSkillScenario
@@ -26,16 +25,9 @@ ONE_SIDED = SpringConstraintParams(sides="one")
 @pytest.mark.parametrize(
     ("kind", "values", "message"),
     [
-        (VisionPrimitivesScenario, {"trials": 0}, "trials is 0"),
-        (VisionPrimitivesScenario, {"focal_error": 1.0}, "focal_error is 1.0"),
-        (VisionPrimitivesScenario, {"orientation_error": -0.1}, "orientation_error is -0.1"),
         (VisionPrimitivesScenario, {"map_focal": (0.5, 2.0)}, "map_focal is (0.5, 2.0), allowed"),
         (VisionPrimitivesScenario, {"map_focal": (1.0, 0.5)}, "map_focal is (1.0, 0.5), allowed"),
         (VisionPrimitivesScenario, {"map_angle": (0.1,)}, "map_angle is (0.1,), allowed"),
-        (VisionPrimitivesScenario, {"map_trials": 0}, "map_trials is 0"),
-        (ScenarioSpread, {"friction": 1.0}, "friction is 1.0, allowed: 0 <= share < 1"),
-        (ScenarioSpread, {"mating_force": 0.5}, "mating_force is 0.5, allowed: a finite factor"),
-        (ScenarioSpread, {"obstacles": 1.5}, "obstacles is 1.5, allowed: 0 to 1"),
         (LissajousScenario, {"repeats": ()}, "repeats is (), allowed: one or more whole numbers"),
         (LissajousScenario, {"repeats": (2, 0)}, "repeats is (2, 0), allowed: one or more whole"),
         (LissajousScenario, {"repeats": (65,)}, "repeats is (65,), allowed: one or more whole"),
@@ -48,7 +40,6 @@ ONE_SIDED = SpringConstraintParams(sides="one")
         (cases, {"sensor": AxisSensorParams(bias=-1.0)}, "sensor.bias is -1.0, allowed: a finite"),
         (cases, {"constraint": ONE_SIDED}, "constraint.sides is 'one', allowed: both; cases set"),
         (OwnSkillScenario, {"part": "own"}, "own is None, allowed: the files of a part"),
-        (OwnSkillScenario, {"part": "usb"}, "part is 'usb', allowed: d-connector, bnc-connector"),
     ],
 )
 def test_refuses(kind: Any, values: dict[str, Any], message: str) -> None:

@@ -17,7 +17,6 @@ from chamfer.analysis.surface.observer_comparison import (
     run_comparison,
 )
 from chamfer.diagrams.surface.surface_scenario import SurfaceSettings
-from chamfer.models.validation import ParameterError
 from chamfer.systems.estimation.normal_filter import KINDS
 
 FEW = ("constant", "sharper", "space_bowl")
@@ -150,19 +149,3 @@ def test_a_flattened_surface_bends_less_by_a_part(name: str) -> None:
     np.testing.assert_allclose(less.hessian(p), 0.8 * surface.hessian(p))
     assert less.level(p) - p[-1] == pytest.approx(0.8 * (surface.level(p) - p[-1]))
     assert flattened(SurfaceSettings(shape="circle", radius=4.0), 0.2).radius == 4.0 / 0.8
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"trials": 0}, "trials is 0, allowed: 1 to 10000"),
-        ({"trials": 10_001}, "trials is 10001, allowed: 1 to 10000"),
-        ({"vision_error": 1.0}, "vision_error is 1.0, allowed: at least 0 and below 1"),
-        ({"vision_radius": 0.0}, "vision_radius is 0.0, allowed: a finite number > 0"),
-        ({"smallest_radius": -1.0}, "smallest_radius is -1.0, allowed: a finite number > 0"),
-    ],
-)
-def test_mistakes_are_named(values: dict[str, float], message: str) -> None:
-    with pytest.raises(ParameterError) as caught:
-        ObserverComparisonScenario(**values)  # type: ignore[arg-type]
-    assert str(caught.value) == message

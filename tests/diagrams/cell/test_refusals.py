@@ -74,7 +74,6 @@ BACKWARDS = ViewSettings(frames=ViewFrames(period=-1.0))
         (PegInsertionScenario, {"step": 0.03}, "step is 0.03, allowed: at most 0.0256 s: a feed "),
         (BlindFeedScenario, {"feed": 0.04}, "feed is 0.04, allowed: more than gap + depth, 0.046"),
         (BlindFeedScenario, {"speed": 0.6}, "step is 0.001, allowed: at most 0.000853333 s: a fe"),
-        (BlindFeedScenario, {"tilt": 0.9}, "tilt is 0.9, allowed: between -pi/4 and pi/4"),
         (
             BlindFeedScenario,
             {"gap": 1e-4},

@@ -251,7 +251,6 @@ DEFINITE, SEMIDEFINITE = "a number > 0, or positive definite", "a number >= 0, o
         (JointFrictionParams, "coulomb", (), MANY),
         (JointFrictionParams, "viscous", (math.nan, 1.0), MANY),
         (JointFrictionParams, "viscous", (1.0,), "2 numbers"),
-        (JointFrictionParams, "breakaway", 0.99, "a finite number >= 1"),
         (cartesian_kinematics, "dimension", 1, "2, 3"),
     ],
 )

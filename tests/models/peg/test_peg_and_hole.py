@@ -114,12 +114,7 @@ def test_lengths_of_the_parts() -> None:
     ("name", "value", "allowed"),
     [
         ("peg_radius", 0.010035, "less than the hole's radius, 0.010035"),
-        *(
-            (name, math.pi / 2, "between 0 and pi/2")
-            for name in ("chamfer_angle", "peg_chamfer_angle")
-        ),
         ("chamfer_width", 0.019558, "with less than the peg's radius, 0.009779, on the peg"),
-        ("peg_chamfer_share", 1.1, "0 to 1"),
         ("outer_radius", 0.012035, "more than radius + chamfer, 0.012035 m"),
         *(
             ("bore_depth", depth, "between the chamfer's height, 0.002 m, and the depth, 0.04 m")

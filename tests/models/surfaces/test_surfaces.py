@@ -299,7 +299,6 @@ NOWHERE = ", so that friction is nowhere negative"
         *(
             (lambda **changes: dataclasses.replace(WAVY, **changes), changes, allowed)
             for changes, allowed in (
-                ({"tilt": math.pi / 2}, "less than a right angle, rad"),
                 ({"normal": (0.0, 0.0, 2.0)}, "a vector of length 1"),
                 ({"along": (0.0, 0.0, 0.0)}, "a vector of length 1"),
                 ({"along": (0.0, 0.6, 0.8)}, "at right angles to (0.0, 0.0, 1.0)"),

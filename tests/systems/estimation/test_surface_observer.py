@@ -229,7 +229,6 @@ NOT_DEFINITE = "symmetric and positive definite"
             {"model_error": ModelErrorParams(bias=1.0), "kind": "gated"},
             "none, but for kind=adaptive",
         ),
-        (ModelErrorParams, {"stiffness": 1.0}, "a part below 1"),
         (ModelErrorParams, {"tare": 1.0}, "0, if there is no bias to be found"),
         (ModelErrorParams, {"press": 1.0}, "0, if there is no stiffness to be found"),
         (partial(SettledForce, dimension=2, period=0.1), {"wait": np.inf}, "a finite number >= 0"),

@@ -15,7 +15,6 @@ from chamfer.systems.primitives.correlation import (
     FREE,
     Correlation,
     Correlator,
-    CorrelatorParams,
     Phasors,
     ResolvedCorrelatorParams,
     correlation,
@@ -73,11 +72,6 @@ def test_a_stop_on_one_side_is_seen_by_the_amplitudes_only() -> None:
     assert found.value == pytest.approx(FREE, rel=1e-8)
     assert found.amplitude_ratio == pytest.approx(0.5, rel=1e-8)
     assert found.bias == pytest.approx(1.0)
-
-
-def test_few_samples_are_refused() -> None:
-    with pytest.raises(ParameterError, match="samples is 3, allowed: a whole number >= 4"):
-        CorrelatorParams(samples=3)
 
 
 class Watched:

@@ -18,7 +18,6 @@ from chamfer.systems.servo.settling import SettlingPlant
 from chamfer.systems.servo.timed_design import SettlingTask
 
 AXIS = {"dead_zone": 0.125, "large_error": 1.0, "increment": 0.5}
-WATCH = {"watched": (Watched((0, 1), 2.0),), "size": 3}
 TASK = {
     "error": 0.02,
     "tolerance": 1e-3,
@@ -35,12 +34,10 @@ NOT_POSITIVE = (0.0, -1.0, math.nan, math.inf)
     ("make", "given", "names", "values", "allowed"),
     [
         (AxisParams, AXIS, "large_error", (0.1,), "a finite number >= dead_zone, 0.1"),
-        (AxisParams, AXIS, "divider", (0.99,), "a finite number >= 1"),
         (CompensatorParams, CAMERA, "axes", ((),), "at least one axis"),
         (SampledPidParams, {}, "axes", ((),), "at least one axis"),
         (tuned_gains, TUNED, "closed_loop period", NOT_POSITIVE, "a finite number > 0"),
         (SettlingTask, TASK, "tolerance", (0.0, 3e-4, 0.03), ""),
-        (DivergenceParams, WATCH, "factor", (1.0,), "a number > 1"),
         (MeasurementSelector, {}, "size", (0,), "a whole number >= 1"),
         (Backlash, {"period": 0.1}, "half_width", (-1.0, math.nan), ""),
     ],

@@ -338,12 +338,9 @@ def test_tilt_friction_is_not_taken_for_the_wall() -> None:
 @pytest.mark.parametrize(
     ("params", "name", "value", "allowed"),
     [
-        (DConnectorSkillParams, "limit_share", 0.9, "a number >= 1: with less than its mating "),
         (DConnectorSkillParams, "free_share", 3.0, "at most limit_share, 2.5"),
         (BncConnectorSkillParams, "retries", 1.5, "a whole number >= 1"),
         (BncConnectorSkillParams, "search_repeats", 2.5, "a whole number >= 1"),
-        (Rj45ConnectorSkillParams, "push_growth", 1.0, "a finite number > 1"),
-        (TiltSearchParams, "angle", 0.6, "0 < angle < pi/6 rad"),
     ],
 )
 def test_refuses(params: Any, name: str, value: Any, allowed: str) -> None:

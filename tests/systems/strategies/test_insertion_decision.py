@@ -6,9 +6,7 @@ import pytest
 from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.wedging import assembles
-from chamfer.models.validation import ParameterError
 from chamfer.systems.strategies.insertion_decision import (
-    DecisionParams,
     InsertionRegion,
     MeasuredErrors,
     measured_errors,
@@ -49,16 +47,3 @@ def test_margins() -> None:
     unsure = sure._replace(lateral_uncertainty=0.0005, rotational_uncertainty=0.02)
     assert region.sure_margin(sure) == region.margin(0.001, 0.01)
     assert region.sure_margin(unsure) == region.margin(0.0015, 0.03)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"margin": 1.0}, "margin is 1.0, allowed: a number < 1"),
-        ({"frames": 1}, "frames is 1, allowed: 2 to 1000"),
-    ],
-)
-def test_decisions_that_cannot_be(change: dict[str, object], message: str) -> None:
-    with pytest.raises(ParameterError) as caught:
-        DecisionParams(**change)  # type: ignore[arg-type]
-    assert str(caught.value) == message

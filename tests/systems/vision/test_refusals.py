@@ -19,21 +19,11 @@ NAN, INF = math.nan, math.inf
 COLOUR = "brighter than 40 of 255, with more than 90 of 255 sat"
 HUE = "a hue that differs more from the peg's, (205, 40, 40"
 LIMITS = "the least one first, or null"
-NOT_NEGATIVE = "a finite number >= 0"
 
 Row = tuple[Any, str, tuple[Any, ...], str]
 ROWS: list[Row] = [
     (PartsDetector, "parts", ([],), "one or more"),
     (PEG, "front", (0, 2), ""),
-    (PEG, "hue", (256,), ""),
-    (PEG, "hue_width", (128,), ""),
-    (PEG, "saturation", (256,), ""),
-    (PEG, "value", (256,), ""),
-    (PEG, "end_ratio", (1.1,), ""),
-    (PEG, "band", (1.1,), ""),
-    (PEG, "seen", (1.1,), ""),
-    (PEG, "area", (1,), ""),
-    (PEG, "length", (1,), ""),
     (PEG, "half_width", ((0.0, 1.0), (2.0, 1.0), (1.0, INF)), LIMITS),
     (PEG, "aspect", ((0.0, 1.0), (2.0, 1.0), (1.0, INF)), LIMITS),
 ]
