@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from chamfer.analysis.scenario.experiment import Catalogue
+from chamfer.analysis.scenario.experiment import Catalogue, Outcome
 
 ROOT = Path(__file__).parents[2]
 # A parent that ignores interrupts, as nohup does, hands that on.
@@ -173,6 +173,18 @@ PUBLISHED = (
               unit="m", kind="predicted", source="section 3"),
 )
 """
+
+
+@pytest.fixture(scope="session")
+def value() -> Callable[[Outcome, str], float]:
+    """Finds the value of a metric that has one."""
+
+    def found(outcome: Outcome, name: str) -> float:
+        number = outcome.metrics[name].value
+        assert number is not None, name
+        return number
+
+    return found
 
 
 @pytest.fixture

@@ -1,5 +1,7 @@
 """Calibrations of drawn boards beside the cameras that they were drawn with."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from chamfer.analysis.calibration.calibration_accuracy import (
     focal_errors,
 )
 from chamfer.analysis.catalogue import CATALOGUE
-from chamfer.analysis.scenario.experiment import Outcome, load, select
+from chamfer.analysis.scenario.experiment import load, select
 from chamfer.models.validation import ParameterError
 
 CALIBRATION_ACCURACY = load(select(CATALOGUE.entries, ["calibration-accuracy"])[0])
@@ -21,13 +23,7 @@ def silent(fraction: float, doing: str = "") -> None:
     pass
 
 
-def value(outcome: Outcome, name: str) -> float:
-    found = outcome.metrics[name].value
-    assert found is not None
-    return found
-
-
-def test_a_few_sets() -> None:
+def test_a_few_sets(value: Any) -> None:
     outcome = CALIBRATION_ACCURACY.run(CalibrationScenario(sets=2, pictures=8), 0, silent)
     traces = outcome.traces
     assert len(traces["set"]) == 2

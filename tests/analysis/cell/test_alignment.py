@@ -26,7 +26,7 @@ from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
 from chamfer.analysis.published.fsm_work_cell import MEAN_ERROR, WORST_ERROR
 from chamfer.analysis.report.checks import check
 from chamfer.analysis.report.replay import open_meshcat
-from chamfer.analysis.scenario.experiment import Outcome, load, select
+from chamfer.analysis.scenario.experiment import Outcome, load, quiet, select
 from chamfer.diagrams.cell.alignment_scenario import VERTICAL_TRACKING, AlignmentScenario
 from chamfer.diagrams.cell.work_cell import ARMS, HOLE_ARM
 from chamfer.models.arms import wam
@@ -45,16 +45,6 @@ ONE = AlignmentScenario(**SHORT)
 MANY = RepeatabilityScenario(**SHORT, trials=2)
 
 
-def quiet(fraction: float, doing: str = "") -> None:
-    assert 0 <= fraction <= 1
-
-
-def value(outcome: Outcome, name: str) -> float:
-    measured = outcome.metrics[name].value
-    assert measured is not None
-    return measured
-
-
 @pytest.fixture(scope="module")
 def one() -> Outcome:
     with pytest.warns(UserWarning, match="larger at the end than at the begin"):  # it is short
@@ -67,7 +57,7 @@ def many() -> Outcome:
         return REPEATABILITY.run(REPEATABILITY.resolve(MANY), 0, quiet)
 
 
-def test_metrics_of_one_run(one: Outcome) -> None:
+def test_metrics_of_one_run(one: Outcome, value: Any) -> None:
     undefined = [name for name, metric in one.metrics.items() if metric.value is None]
     assert undefined == ["settling_time"]  # in so short a time
     assert value(one, "detected") == 100
@@ -77,7 +67,7 @@ def test_metrics_of_one_run(one: Outcome) -> None:
     assert one.simulated_seconds == pytest.approx(0.4)
 
 
-def test_metrics_of_many_runs(many: Outcome) -> None:
+def test_metrics_of_many_runs(many: Outcome, value: Any) -> None:
     errors = many.traces["lateral_error"]
     assert value(many, "lateral_error.mean") == pytest.approx(errors.mean())
     assert value(many, "lateral_error.max") == errors.max()
@@ -110,7 +100,7 @@ def test_rows_are_the_trials(many: Outcome) -> None:
 
 
 @pytest.mark.slow
-def test_two_whole_runs_are_better_than_the_paper_s() -> None:
+def test_two_whole_runs_are_better_than_the_paper_s(value: Any) -> None:
     with parallel(2):
         outcome = REPEATABILITY.run(
             REPEATABILITY.resolve(RepeatabilityScenario(trials=2)), 3, quiet
@@ -285,7 +275,7 @@ def test_traces_of_a_vertical_tracking(tracked: Outcome) -> None:
 
 
 def test_errors_are_signed_means_of_the_end_and_rms_on_the_way(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, value: Any
 ) -> None:
     asked = []
 
@@ -314,7 +304,7 @@ def test_errors_are_signed_means_of_the_end_and_rms_on_the_way(
 
 
 @pytest.mark.slow
-def test_published_values() -> None:
+def test_published_values(value: Any) -> None:
     scenario = TRACKING.resolve(VERTICAL_TRACKING)
     whole = TRACKING.run(scenario, 0, quiet)
     asked = [one for one in PUBLISHED if one.experiment == "vertical-tracking"]

@@ -20,7 +20,7 @@ from chamfer.analysis.cell.alignment_comparison import (
     score,
 )
 from chamfer.analysis.cell.alignment_runs import STOPPED, AlignmentTrialsScenario, drawn
-from chamfer.analysis.scenario.experiment import Outcome, load, select
+from chamfer.analysis.scenario.experiment import load, quiet, select
 from chamfer.diagrams.cell.alignment_scenario import ControllerChoice
 from chamfer.diagrams.cell.controller_design import design_compensator, design_pid
 from chamfer.models.validation import ParameterError
@@ -38,16 +38,6 @@ OPEN = AlignmentComparisonScenario(
 SCENARIO = resolve(OPEN)
 COUNT = 4 + 3  # candidates
 NAMES = ("lateral_error", "rotational_error", "lateral_overshoot", "rotational_overshoot")
-
-
-def quiet(fraction: float, doing: str = "") -> None:
-    assert 0 <= fraction <= 1
-
-
-def value(outcome: Outcome, name: str) -> float:
-    measured = outcome.metrics[name].value
-    assert measured is not None
-    return measured
 
 
 def finished(lateral: float, rotational: float, settling_time: float | None) -> Row:
@@ -130,7 +120,7 @@ def test_both_controllers_have_the_same_starts(cell: Cell) -> None:
     assert "tuning" not in outcome.tables
 
 
-def test_tuning_uses_other_trials_and_the_comparison_the_best(cell: Cell) -> None:
+def test_tuning_uses_other_trials_and_the_comparison_the_best(cell: Cell, value: Any) -> None:
     with pytest.warns(UserWarning, match="^the rotational increments are 1.76 times"):
         outcome = ALIGNMENT_COMPARISON.run(SCENARIO, 4, quiet)
     tuning, comparison = cell.asked[: 2 * COUNT], cell.asked[2 * COUNT :]
@@ -153,7 +143,7 @@ def test_tuning_uses_other_trials_and_the_comparison_the_best(cell: Cell) -> Non
     assert value(outcome, "pid.rotational.proportional") == best_pid().rotational.proportional
 
 
-def test_metrics(cell: Cell) -> None:
+def test_metrics(cell: Cell, value: Any) -> None:
     outcome = ALIGNMENT_COMPARISON.run(replace(SCENARIO, tuning_trials=0), 0, quiet)
     assert value(outcome, "fsm.settled") == pytest.approx(200 / 3)
     assert value(outcome, "pid.settled") == 100
@@ -162,7 +152,7 @@ def test_metrics(cell: Cell) -> None:
     assert value(outcome, "fsm.settling_time") == pytest.approx(np.nanmean(settled))
 
 
-def test_the_difference_is_paired(cell: Cell) -> None:
+def test_the_difference_is_paired(cell: Cell, value: Any) -> None:
     outcome = ALIGNMENT_COMPARISON.run(replace(SCENARIO, tuning_trials=0), 0, quiet)
     for name in ("lateral_error", "rotational_error"):
         off = outcome.traces[f"fsm.{name}"] - outcome.traces[f"pid.{name}"]

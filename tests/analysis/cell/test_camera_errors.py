@@ -28,7 +28,7 @@ from chamfer.analysis.cell.camera_error_runs import (
     with_error,
 )
 from chamfer.analysis.cell.camera_errors import CameraErrorsScenario, resolve
-from chamfer.analysis.scenario.experiment import Outcome, load, select
+from chamfer.analysis.scenario.experiment import Outcome, load, quiet, select
 from chamfer.diagrams.cell.cell_vision import VIEWS, CameraSettings
 from chamfer.models.validation import ParameterError
 
@@ -44,10 +44,6 @@ SCENARIO = resolve(
     )
 )
 CHANGING = [error for error in ERRORS if error.change is not None]
-
-
-def quiet(fraction: float, doing: str = "") -> None:
-    assert 0 <= fraction <= 1
 
 
 @pytest.mark.parametrize("error", CHANGING, ids=lambda error: error.name)
@@ -169,12 +165,6 @@ def studied() -> tuple[Outcome, Loop]:
         return CAMERA_ERRORS.run(SCENARIO, 5, quiet), loop
 
 
-def value(outcome: Outcome, name: str) -> float:
-    found = outcome.metrics[name].value
-    assert found is not None, name
-    return found
-
-
 def test_what_is_run(studied: tuple[Outcome, Loop]) -> None:
     outcome, loop = studied
     alone = [task for task in loop.asked if task.trial is None]
@@ -188,7 +178,7 @@ def test_what_is_run(studied: tuple[Outcome, Loop]) -> None:
     assert set(still["error"]) == {"distortion_off_axis", "roll"}
 
 
-def test_metrics(studied: tuple[Outcome, Loop]) -> None:
+def test_metrics(studied: tuple[Outcome, Loop], value: Any) -> None:
     outcome, _ = studied
     assert value(outcome, "latency.pid.metric.soon.rotational_error") == pytest.approx(4.5e-3)
     assert value(outcome, "latency.fsm.image.late.rotational_error") == pytest.approx(1e-3)
@@ -240,7 +230,7 @@ def test_refused(changed: dict[str, Any], message: str) -> None:
 
 
 def test_parts_that_are_lost_at_every_size_are_never_said_harmless(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, value: Any
 ) -> None:
     def rest(_: CameraErrorsScenario, task: ErrorAtRest) -> Row:
         sizes = (0.1, 0.2)  # of 0.02 m at most

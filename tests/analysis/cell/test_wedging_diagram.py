@@ -16,7 +16,7 @@ from chamfer.analysis.cell.wedging_diagram import InitialErrors, WedgingScenario
 from chamfer.analysis.drawing.figure_kit import metric_value
 from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
 from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Outcome, load, select
+from chamfer.analysis.scenario.experiment import Outcome, load, quiet, select
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.planar_statics import Contact, equilibrium
@@ -29,10 +29,6 @@ WEDGING_DIAGRAM, REPEATABILITY = map(
 
 Array = NDArray[np.float64]
 SCENARIO = WedgingScenario(alignment=None)
-
-
-def quiet(fraction: float, doing: str = "") -> None:
-    assert 0 <= fraction <= 1
 
 
 @pytest.fixture(scope="module")

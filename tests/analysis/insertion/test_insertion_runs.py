@@ -26,7 +26,7 @@ from chamfer.analysis.insertion.insertion_runs import (
     predict,
 )
 from chamfer.analysis.insertion.jamming_diagram import JammingScenario, load_ratios, loads, resolve
-from chamfer.analysis.scenario.experiment import load, select
+from chamfer.analysis.scenario.experiment import load, quiet, select
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.diagrams.insertion.peg_insertion import (
     FeedSupport,
@@ -164,10 +164,6 @@ def test_what_is_held_without_the_push_is_wedged_and_else_jammed(
 
 (ENTRY,) = select(CATALOGUE.entries, ["peg-insertion"])
 PEG_INSERTION = load(ENTRY)
-
-
-def quiet(fraction: float, doing: str = "") -> None:
-    assert 0 <= fraction <= 1
 
 
 def test_traces_and_predictions_belong_together() -> None:

@@ -6,7 +6,7 @@ import pytest
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
 from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Outcome, load, select
+from chamfer.analysis.scenario.experiment import Outcome, load, quiet, select
 from chamfer.analysis.servo.fsm_stability import (
     CYCLES,
     REVERSES,
@@ -37,10 +37,6 @@ from chamfer.systems.servo.settling import allowed_axis
 from chamfer.systems.statechart.finite_machine import storage, tarraf_properties
 
 FSM_STABILITY = load(select(CATALOGUE.entries, ["fsm-stability"])[0])
-
-
-def quiet(fraction: float, doing: str = "") -> None:
-    assert 0 <= fraction <= 1
 
 
 SMALL = StabilityScenario(map=MapParams(points=9, trials=3, settings=40))

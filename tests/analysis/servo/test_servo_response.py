@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
 from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Metric, Outcome, load, select
+from chamfer.analysis.scenario.experiment import Metric, Outcome, load, quiet, select
 from chamfer.analysis.servo.servo_response import run_loops
 from chamfer.diagrams.servo.servo_loops import LOOPS
 from chamfer.diagrams.servo.servo_scenario import (
@@ -27,10 +27,6 @@ from chamfer.systems.servo.pid import PidParams
 
 SINUSOID_RESPONSE = load(select(CATALOGUE.entries, ["sinusoid-response"])[0])
 STEP_RESPONSE = load(select(CATALOGUE.entries, ["step-response"])[0])
-
-
-def quiet(fraction: float, doing: str = "") -> None:
-    assert 0 <= fraction <= 1
 
 
 @pytest.fixture(scope="module")

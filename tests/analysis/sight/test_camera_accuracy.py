@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from pydrake.math import RollPitchYaw
 
 from chamfer.analysis.catalogue import CATALOGUE
-from chamfer.analysis.scenario.experiment import Outcome, load, select
+from chamfer.analysis.scenario.experiment import Outcome, load, quiet, select
 from chamfer.analysis.sight import camera_accuracy, detection_trials
 from chamfer.analysis.sight.camera_accuracy import CASES, AccuracyCameras, AccuracyScenario, run
 from chamfer.analysis.sight.detection_trials import STATUSES, UNITS, PoseSpread, Reach, draw_poses
@@ -29,10 +29,6 @@ LOOKS = appearances(ColouredParts(), 0.0005)
 POSES = 12
 KINDS = ("clean", "noisy", "sampled")
 SCENARIO = AccuracyScenario(poses=POSES)
-
-
-def quiet(fraction: float, doing: str = "") -> None:
-    assert 0 <= fraction <= 1
 
 
 @pytest.fixture(scope="module")

@@ -35,12 +35,6 @@ def outcome() -> Outcome:
     return DETECTION_CONDITIONS.run(SCENARIO, 0, lambda *_: None)
 
 
-def value(outcome: Outcome, name: str) -> float:
-    found = outcome.metrics[name].value
-    assert found is not None
-    return found
-
-
 def test_there_are_some_twenty_conditions_and_every_level_is_another_picture() -> None:
     assert len(CONDITIONS) > 20
     for name in SCENARIO.conditions:
@@ -66,7 +60,7 @@ def test_truth_is_the_same_in_all_conditions_of_a_trial() -> None:
         assert one.angle == pytest.approx(other.angle)
 
 
-def test_nothing_is_wrong_and_all_is_found_that_is_to_be(outcome: Outcome) -> None:
+def test_nothing_is_wrong_and_all_is_found_that_is_to_be(outcome: Outcome, value: Any) -> None:
     assert value(outcome, "pictures") == 3 * len(SCENARIO.conditions)
     assert value(outcome, "wrong") == 0
     for name in SCENARIO.conditions:
@@ -77,7 +71,7 @@ def test_nothing_is_wrong_and_all_is_found_that_is_to_be(outcome: Outcome) -> No
             assert value(outcome, f"{name}.middle.{error}.rms") < most, name
 
 
-def test_shares_add_up_and_refusals_have_a_reason(outcome: Outcome) -> None:
+def test_shares_add_up_and_refusals_have_a_reason(outcome: Outcome, value: Any) -> None:
     for name in SCENARIO.conditions:
         for severity in SEVERITIES:
             of = f"{name}.{severity}"
@@ -88,7 +82,7 @@ def test_shares_add_up_and_refusals_have_a_reason(outcome: Outcome) -> None:
     assert "peg WRONG_SHAPE 1" in outcome.metrics["tip.middle.refused"].note
 
 
-def test_a_detector_that_is_wrong_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_detector_that_is_wrong_is_counted(monkeypatch: pytest.MonkeyPatch, value: Any) -> None:
     scenario = dataclasses.replace(SCENARIO, photographs=False)
     found = detection_conditions.detect_parts
 

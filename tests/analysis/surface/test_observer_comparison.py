@@ -1,12 +1,13 @@
 """All observers on the same slides: rows, ratios, and what the adaptive observer promises."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
 from chamfer.analysis.campaign.trial_rows import encode
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, quiet
 from chamfer.analysis.surface import observer_comparison
 from chamfer.analysis.surface.observer_comparison import (
     CASES,
@@ -24,10 +25,6 @@ TRIALS = 5
 COSTS = {f"{observer}.cost" for observer in OBSERVERS}
 
 
-def quiet(fraction: float, doing: str = "") -> None:
-    assert 0 <= fraction <= 1
-
-
 @pytest.fixture(scope="module")
 def outcome() -> Outcome:
     """Three of the cases, all with constant friction."""
@@ -37,19 +34,13 @@ def outcome() -> Outcome:
         return run_comparison(ObserverComparisonScenario(trials=TRIALS), 3, quiet)
 
 
-def value(outcome: Outcome, metric: str) -> float:
-    found = outcome.metrics[metric].value
-    assert found is not None
-    return found
-
-
 def rows(outcome: Outcome, case: str, observer: str) -> dict[str, np.ndarray]:
     of = outcome.traces["case"] == FEW.index(case)
     of = of & (outcome.traces["observer"] == OBSERVERS.index(observer))
     return {name: values[of] for name, values in outcome.traces.items()}
 
 
-def test_metrics_are_those_of_the_rows(outcome: Outcome) -> None:
+def test_metrics_are_those_of_the_rows(outcome: Outcome, value: Any) -> None:
     for case in FEW:
         for observer in OBSERVERS:
             of = rows(outcome, case, observer)
@@ -66,7 +57,9 @@ def test_metrics_are_those_of_the_rows(outcome: Outcome) -> None:
         assert outcome.metrics[name].unit == "us"
 
 
-def test_the_adaptive_observer_is_better_where_friction_is_constant(outcome: Outcome) -> None:
+def test_the_adaptive_observer_is_better_where_friction_is_constant(
+    outcome: Outcome, value: Any
+) -> None:
     for case in FEW:
         ratio = value(outcome, f"{case}.thesis.rms") / value(outcome, f"{case}.adaptive.rms")
         assert ratio >= 1.4

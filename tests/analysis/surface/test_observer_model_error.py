@@ -1,6 +1,7 @@
 """The experiment with observers that are told wrong, on two surfaces."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,13 +26,7 @@ def outcome() -> Outcome:
     return run_model_error(SCENARIO, 0, lambda *_: None)
 
 
-def value(outcome: Outcome, name: str) -> float:
-    found = outcome.metrics[name].value
-    assert found is not None
-    return found
-
-
-def test_who_knows_of_errors_is_honest_and_who_trusts_is_not(outcome: Outcome) -> None:
+def test_who_knows_of_errors_is_honest_and_who_trusts_is_not(outcome: Outcome, value: Any) -> None:
     for surface in SCENARIO.surfaces:
         assert value(outcome, f"{surface}.trusting.corner.coverage") < 50
         assert value(outcome, f"{surface}.trusting.corner.nees") > 10
@@ -45,7 +40,7 @@ def test_who_knows_of_errors_is_honest_and_who_trusts_is_not(outcome: Outcome) -
     assert value(outcome, "trusting.rms_ratio.worst") == 1.0
 
 
-def test_the_summary_is_of_the_worst_surface(outcome: Outcome) -> None:
+def test_the_summary_is_of_the_worst_surface(outcome: Outcome, value: Any) -> None:
     for observer in OBSERVERS:
         each = {s: value(outcome, f"{s}.{observer}.corner.nees") for s in SCENARIO.surfaces}
         worst = outcome.metrics[f"{observer}.corner.nees.worst"]

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from chamfer.analysis.campaign.trial_metrics import trial_seed
 from chamfer.analysis.published.hybrid_force_position import PUBLISHED
 from chamfer.analysis.report.checks import check
-from chamfer.analysis.scenario.experiment import Outcome
+from chamfer.analysis.scenario.experiment import Outcome, quiet
 from chamfer.analysis.surface.normal_metrics import (
     ESTIMATION,
     TRACKING,
@@ -52,10 +53,6 @@ SHORT_CONTROL = resolve_tracking(TrackingScenario(duration=1.5, trials=4))
 COMMON = {"nees", "time", "force", "error", "band", "change", "status", "speed", "travel"}
 PER_AXIS = {"point", "nominal", "normal", "true_normal", "measured_force"}
 PLANAR = {"angle", "true_angle", "instantaneous"}
-
-
-def quiet(fraction: float, doing: str = "") -> None:
-    assert 0 <= fraction <= 1
 
 
 IN_SPACE = EstimationScenario(duration=0.5, surface=SurfaceSettings(shape="paraboloid"))
@@ -156,12 +153,6 @@ def outcomes() -> dict[str, Outcome]:
     return found
 
 
-def value(outcome: Outcome, metric: str) -> float:
-    found = outcome.metrics[metric].value
-    assert found is not None
-    return found
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ESTIMATIONS)
 def test_what_the_thesis_prints_is_measured(name: str, outcomes: dict[str, Outcome]) -> None:
@@ -179,7 +170,9 @@ def test_what_the_thesis_prints_is_measured(name: str, outcomes: dict[str, Outco
     assert all(one.published.note for one in checks if not one.ok)
 
 
-def test_a_sharp_bound_on_the_curvature_gives_six_degrees(outcomes: dict[str, Outcome]) -> None:
+def test_a_sharp_bound_on_the_curvature_gives_six_degrees(
+    outcomes: dict[str, Outcome], value: Any
+) -> None:
     outcome = outcomes["surface-estimation"]
     assert value(outcome, "band.equilibrium") == pytest.approx(6.06, abs=0.3)
     assert value(outcome, "band.mean") == pytest.approx(6.16, abs=0.3)
@@ -191,7 +184,7 @@ def test_a_sharp_bound_on_the_curvature_gives_six_degrees(outcomes: dict[str, Ou
     assert 3.5 < value(outcome, "drift_after_halt") < 13.0
 
 
-def test_without_noise_the_estimate_is_exact(outcomes: dict[str, Outcome]) -> None:
+def test_without_noise_the_estimate_is_exact(outcomes: dict[str, Outcome], value: Any) -> None:
     outcome = outcomes["surface-estimation-noise-free"]
     for metric in ("error.max", "band.mean", "band.final", "band.equilibrium"):
         assert value(outcome, metric) < 1e-9
@@ -202,7 +195,7 @@ def test_without_noise_the_estimate_is_exact(outcomes: dict[str, Outcome]) -> No
     assert outcome.metrics["coverage"].note == ""  # one seed is enough
 
 
-def test_a_useless_sensor_is_not_used(outcomes: dict[str, Outcome]) -> None:
+def test_a_useless_sensor_is_not_used(outcomes: dict[str, Outcome], value: Any) -> None:
     outcome = outcomes["surface-estimation-large-noise"]
     assert value(outcome, "band.final") == pytest.approx(19.8, abs=0.5)
     assert value(outcome, "estimate.change") < 0.01
@@ -224,7 +217,9 @@ def noisy() -> Outcome:
     return run_trials(resolve_tracking(replace(SURFACE_CONTROL, trials=3)), 0, quiet)
 
 
-def test_without_noise_the_force_settles_at_the_desired_one(noise_free: Outcome) -> None:
+def test_without_noise_the_force_settles_at_the_desired_one(
+    noise_free: Outcome, value: Any
+) -> None:
     assert value(noise_free, "force.final") == pytest.approx(5.004, abs=2e-3)
     assert value(noise_free, "force.settling_time") == pytest.approx(0.73, abs=0.03)
     assert value(noise_free, "force.settling_time_10") == pytest.approx(0.44, abs=0.02)
@@ -235,7 +230,7 @@ def test_without_noise_the_force_settles_at_the_desired_one(noise_free: Outcome)
 
 
 @pytest.mark.slow
-def test_with_noise_the_thesis_observer_leaves_ten_percent(noisy: Outcome) -> None:
+def test_with_noise_the_thesis_observer_leaves_ten_percent(noisy: Outcome, value: Any) -> None:
     assert value(noisy, "force.min") == pytest.approx(4.6, abs=0.15)
     assert value(noisy, "force.max") == pytest.approx(5.4, abs=0.15)
     assert value(noisy, "band.mean") == pytest.approx(6.97, abs=0.2)
@@ -248,7 +243,7 @@ def test_with_noise_the_thesis_observer_leaves_ten_percent(noisy: Outcome) -> No
 
 
 @pytest.mark.slow
-def test_the_adaptive_observer_with_means_keeps_within_ten_percent() -> None:
+def test_the_adaptive_observer_with_means_keeps_within_ten_percent(value: Any) -> None:
     scenario = resolve_tracking(replace(SURFACE_CONTROL_ADAPTIVE, trials=3, duration=4.0))
     assert scenario.observer.force_noise == pytest.approx(1 / math.sqrt(10))
     outcome = run_trials(scenario, 0, quiet)
