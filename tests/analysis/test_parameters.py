@@ -109,7 +109,18 @@ BOUNDS = """
     push_growth>1; ScenarioSpread: friction<1 obstacles<=1 mating_force>=1; SceneStyle: face<=1
     bore<=1; Seat: growth>1; SensorParams: vignetting<=1; Servoing: gain<1; Spread: payload<1
     joint_friction<1 link_mass<1; SurfaceScenario: trials<=1000; TiltSearchParams: angle<pi/6;
-    VisionPrimitivesScenario: focal_error<1; WedgingScenario: points>=2 points<=100000
+    UnknownWallSettings: tilt<=pi/4; VisionPrimitivesScenario: focal_error<1; WedgingScenario:
+    points>=2 points<=100000
+"""
+# Series of numbers that may not be empty, and what each of them is.
+SERIES = """
+    AccommodationParams: damping>0 stiffness>=0; AlignmentComparisonScenario:
+    closed_loop>0 small_lateral>0 small_rotational>0; AlignmentScenario: initial_error; Circle:
+    centre; ConnectorScenario: initial_error; JointFrictionParams: coulomb>=0 viscous>=0;
+    LissajousScenario: repeats>0; MoveDx: displacement; Obstructed: samples>0; Parabola:
+    coefficients; PlantFamily: stiffness>0; Sphere: centre; VisionPrimitivesScenario:
+    map_focal>0 map_angle>=0; VisionServoScenario: start target; Wave: amplitudes wavelengths>0;
+    WristParams: stiffness>0
 """
 # Whose sign is a matter of the class or of another field.
 OPEN = {"Appearance.front", "gap", "large_error", "peg_chamfer_share", "LeadSettings.speed"}
@@ -222,10 +233,25 @@ def test_choices_and_lengths_are_those_of_the_annotation(kind: type) -> None:
                     assert refused(example, name, (1.0,) * wrong), name
 
 
+def example_of(name: str) -> Any:
+    return next(one for kind, one in EXAMPLES.items() if kind.__name__ == name.strip())
+
+
+@pytest.mark.parametrize("entry", SERIES.split(";"))
+def test_series_are_of_numbers_that_they_may_have(entry: str) -> None:
+    kind, _, terms = entry.partition(":")
+    example = example_of(kind)
+    for name, sign in re.findall(r"(\w+)(>=?|)", re.sub("0", "", terms)):
+        first, *rest = getattr(example, name)
+        tried = [(), (-1 - abs(first), *rest), (0 * first, *rest)]
+        found = [refused(example, name, value) for value in tried]
+        assert found == [True, sign != "", sign == ">"], name
+
+
 @pytest.mark.parametrize("entry", BOUNDS.split(";"))
 def test_numbers_are_within_their_bounds(entry: str) -> None:
-    named_kind, _, terms = entry.strip().partition(":")
-    example = next(one for kind, one in EXAMPLES.items() if kind.__name__ == named_kind)
+    named_kind, _, terms = entry.partition(":")
+    example = example_of(named_kind)
     for name, side, may_be, text in re.findall(r"(\w+)([<>])(=?)(\S+)", terms):
         bound = math.pi / int(text[3:]) if text.startswith("pi/") else float(text)
         kind = float if isinstance(getattr(example, name), float) else int

@@ -14,6 +14,7 @@ from chamfer.models.validation import (
     require_one_of,
     require_positive,
     require_same,
+    require_whole,
     shown,
 )
 
@@ -33,6 +34,7 @@ NOT_FINITE = (math.nan, math.inf, -math.inf)
         (require_finite, (-1.0, 0.0, 1e300), NOT_FINITE, "a finite number"),
         (require_positive, (5e-324, 1.0), (0.0, -0.0, -1.0, *NOT_FINITE), "a finite number > 0"),
         (require_not_negative, (0.0, 1.0), (-5e-324, -1.0, *NOT_FINITE), "a finite number >= 0"),
+        (require_whole, (1, 9), (0, -1, 1.5, *NOT_FINITE), "a whole number >= 1"),
     ],
 )
 def test_number(require, good: tuple[float, ...], bad: tuple[float, ...], allowed: str) -> None:

@@ -1,7 +1,6 @@
 """What is measured of an alignment, and many of them."""
 
 import math
-import re
 from dataclasses import fields, replace
 from typing import Any
 
@@ -14,7 +13,6 @@ from scipy.spatial.transform import Rotation
 
 from chamfer.analysis.campaign.campaign import Trials
 from chamfer.analysis.campaign.trial_metrics import bootstrap_interval
-from chamfer.analysis.cell.alignment_comparison import AlignmentComparisonScenario
 from chamfer.analysis.cell.alignment_runs import (
     ALIGNMENT,
     LATE,
@@ -331,21 +329,6 @@ def test_within_the_ranges(seed: int, **ranges: float) -> None:
         for field in fields(was):
             if field.name not in rest:
                 assert getattr(now, field.name) is getattr(was, field.name)
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"small_lateral": ()}, "small_lateral is (), allowed: one or more finite numbers > 0"),
-        ({"small_rotational": (1e-3, 0.0)}, "small_rotational is (0.001, 0.0), allowed: one or"),
-        ({"closed_loop": (math.nan,)}, "closed_loop is (nan,), allowed: one or more finite num"),
-    ],
-)
-def test_spreads_and_trials_that_are_none(values: dict[str, Any], message: str) -> None:
-    (name,) = values
-    kind = Spread if name in vars(Spread()) else AlignmentComparisonScenario
-    with pytest.raises(ParameterError, match=f"^{re.escape(message)}"):
-        kind(**values)
 
 
 def test_statistics_are_mean_its_interval_and_the_largest() -> None:

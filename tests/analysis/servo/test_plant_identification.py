@@ -54,9 +54,3 @@ def test_the_steady_state_error_is_predicted_by_the_integral_gain() -> None:
     assert set(PLANT_IDENTIFICATION.plot(IdentificationScenario(), outcome)) == {
         "plant-identification"
     }
-
-
-@pytest.mark.parametrize("stiffness", [(), (-1.0,)])
-def test_stiffnesses_that_are_none(stiffness: tuple[float, ...]) -> None:
-    with pytest.raises(ParameterError, match="stiffness is"):
-        PlantFamily(stiffness=stiffness)

@@ -28,8 +28,6 @@ ONE_SIDED = SpringConstraintParams(sides="one")
         (VisionPrimitivesScenario, {"map_focal": (0.5, 2.0)}, "map_focal is (0.5, 2.0), allowed"),
         (VisionPrimitivesScenario, {"map_focal": (1.0, 0.5)}, "map_focal is (1.0, 0.5), allowed"),
         (VisionPrimitivesScenario, {"map_angle": (0.1,)}, "map_angle is (0.1,), allowed"),
-        (LissajousScenario, {"repeats": ()}, "repeats is (), allowed: one or more whole numbers"),
-        (LissajousScenario, {"repeats": (2, 0)}, "repeats is (2, 0), allowed: one or more whole"),
         (LissajousScenario, {"repeats": (65,)}, "repeats is (65,), allowed: one or more whole"),
         (LissajousScenario, {"repeats": (3, 3)}, "repeats is (3, 3), allowed: different numbers"),
         (cases, {"dither": Dither(cycles=2.0)}, "dither.cycles is 2.0, allowed: a whole number"),

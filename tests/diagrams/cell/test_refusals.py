@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
 from chamfer.diagrams.cell.cell_vision import CameraSettings, ViewFrames, ViewSettings
 from chamfer.diagrams.cell.work_cell import PEG_ARM, WorkCellScenario
 from chamfer.diagrams.insertion.blind_feed import BlindFeedScenario
@@ -47,11 +46,6 @@ BACKWARDS = ViewSettings(frames=ViewFrames(period=-1.0))
             CameraSettings,
             {"renderer": "vtk", "xz": OPEN},
             "xz.sensor.exposure is 0.01, allowed: 0.0: vtk can't draw it",
-        ),
-        (
-            AlignmentScenario,
-            {"initial_error": (1.0,)},
-            "initial_error is (1.0,), allowed: 6 finit",
         ),
         (InsertionScenario, {"insert": InsertParams(depth=0.06)}, "insert.depth is 0.06, allowed"),
         (InsertionScenario, {"peg_excess": 0.003}, "peg_excess is 0.003, allowed: such that the "),

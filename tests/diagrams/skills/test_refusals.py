@@ -6,7 +6,6 @@ import pytest
 
 from chamfer.diagrams.skills.connector_scenario import ConnectorScenario
 from chamfer.diagrams.skills.dither_loops import CorrelationScenario
-from chamfer.diagrams.skills.vision_servo import VisionServoScenario
 from chamfer.models.arms.wrist import WristParams
 from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.trajectory_primitives import Dither
@@ -18,7 +17,6 @@ UNSTABLE = f"stiffness is {STIFF.stiffness}, allowed: at most"
 @pytest.mark.parametrize(
     ("kind", "changes", "message"),
     [
-        (VisionServoScenario, {"start": (0.0,)}, "start is (0.0,), allowed: 6 finite numbers"),
         # What is believed has to be stable, the truth need not.
         (ConnectorScenario, {"wrist": STIFF}, f"wrist.{UNSTABLE}"),
         (ConnectorScenario, {"believed_wrist": STIFF}, f"believed_wrist.{UNSTABLE}"),

@@ -103,11 +103,6 @@ def test_refusals(changes: dict[str, dict[str, Any]], message: str) -> None:
     assert str(caught.value).startswith(message)
 
 
-def test_a_steep_wall_is_refused() -> None:
-    with pytest.raises(ParameterError, match=r"^tilt is 0.8, allowed: at most 45 degrees"):
-        UnknownWallSettings(tilt=0.8)
-
-
 @each
 @pytest.mark.parametrize("sensing", ["ideal", "realistic"])
 def test_controller_and_observer_know_sensors_only(

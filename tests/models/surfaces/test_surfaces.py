@@ -293,9 +293,6 @@ NOWHERE = ", so that friction is nowhere negative"
 @pytest.mark.parametrize(
     ("make", "changes", "allowed"),
     [
-        (Circle, {"centre": (0.0, 0.0, 0.0)}, "2 finite numbers"),
-        (Wave, {"wavelengths": (0.0,)}, "1 finite numbers > 0"),
-        (Sphere, {"centre": (0.0, 0.0)}, "3 finite numbers"),
         *(
             (lambda **changes: dataclasses.replace(WAVY, **changes), changes, allowed)
             for changes, allowed in (

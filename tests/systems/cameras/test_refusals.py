@@ -10,19 +10,17 @@ import pytest
 from chamfer.models.cameras.camera import CameraPlacement
 from chamfer.models.peg.peg_and_hole import RED
 from chamfer.models.validation import ParameterError
-from chamfer.systems.cameras.camera_image import FrameGrabberParams, SensorParams
+from chamfer.systems.cameras.camera_image import SensorParams
 from chamfer.systems.cameras.scene import SceneStyle
 from chamfer.systems.cameras.solids_camera import Solid, SolidsCamera
 
 NAN = math.nan
-LATENCY = "a whole number from 0 to 100"
 GAINS = "three finite numbers > 0"
 
 
 @pytest.mark.parametrize(
     ("what", "name", "value", "allowed"),
     [
-        (FrameGrabberParams, "latency", 0.5, LATENCY),
         (SensorParams, "white_balance", (1.0, 0.0, 1.0), GAINS),
         (SceneStyle, "background", (0, 0, 256), "three numbers from 0 to 255"),
     ],

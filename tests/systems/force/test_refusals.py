@@ -150,9 +150,6 @@ STEEP = {"damping": (399.0, *SIX), "stiffness": (1e4, *SIX), "period": 0.01}
             for values, message in (
                 ({"damping": (1.0,) * 5}, "damping is (1.0, 1.0, 1.0, 1.0, 1.0), allowed: six nu"),
                 ({"stiffness": (1.0,) * 7}, "stiffness is (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0), a"),
-                ({"damping": (0.0, *SIX)}, "damping is (0.0, 1000.0, "),
-                ({"stiffness": (-1.0, *SIX)}, "stiffness is (-1.0, 1000.0, "),
-                ({"stiffness": (INF, *SIX)}, "stiffness is (inf, 1000.0, "),
                 ({"centre": (0.0, 0.0)}, "centre is (0.0, 0.0), allowed: 3 finite numbers"),
                 (
                     STEEP,

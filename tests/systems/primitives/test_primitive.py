@@ -95,7 +95,6 @@ seat = partial(Seat, limit=115.0)
     [
         (Obstructed, {"axes": ("w",)}, "axes is ('w',), allowed: one or more of rx, ry, rz, x, y"),
         (Obstructed, {"samples": (100, 3)}, "samples is (100, 3), allowed: a whole number >= 4 f"),
-        (Hold, {"axes": ()}, "axes is (), allowed: one or more of rx, ry, rz, x, y, z"),
         (Level, {"axes": ("rz",)}, "axes is ('rz',), allowed: one or more of rx, ry"),
         (Way, {"least": 0.002, "most": 0.001}, "most is 0.001, allowed: a number > least, 0.002"),
         (Held, {"weight": 0.1, "time": math.inf}, "time is inf, allowed: a finite number, for a"),

@@ -339,8 +339,6 @@ def test_tilt_friction_is_not_taken_for_the_wall() -> None:
     ("params", "name", "value", "allowed"),
     [
         (DConnectorSkillParams, "free_share", 3.0, "at most limit_share, 2.5"),
-        (BncConnectorSkillParams, "retries", 1.5, "a whole number >= 1"),
-        (BncConnectorSkillParams, "search_repeats", 2.5, "a whole number >= 1"),
     ],
 )
 def test_refuses(params: Any, name: str, value: Any, allowed: str) -> None:
