@@ -36,30 +36,14 @@ BACKWARDS = ViewSettings(frames=ViewFrames(period=-1.0))
         (OWN, {"joint_friction": (math.nan,) * 6}, "joint_friction is (nan, "),
         (WorkCellScenario, {"step": 0.0015}, "step is 0.0015, allowed: a whole part of the contr"),
         (WorkCellScenario, {"gap": math.inf}, "gap is inf, allowed: a finite number"),
-        (
-            CameraSettings,
-            {"xz": LATE},
-            "xz.sensor.exposure is 0.02, allowed: at most the camera's period, 0.0125 s",
-        ),
+        (CameraSettings, {"xz": LATE}, "xz.sensor.exposure is 0.02, allowed: at most the camera'"),
         (CameraSettings, {"xy": BACKWARDS}, "xy.frames.period is -1.0, allowed: a number from 0"),
-        (
-            CameraSettings,
-            {"renderer": "vtk", "xz": OPEN},
-            "xz.sensor.exposure is 0.01, allowed: 0.0: vtk can't draw it",
-        ),
+        (CameraSettings, {"renderer": "vtk", "xz": OPEN}, "xz.sensor.exposure is 0.01, allowed:"),
         (InsertionScenario, {"insert": InsertParams(depth=0.06)}, "insert.depth is 0.06, allowed"),
         (InsertionScenario, {"peg_excess": 0.003}, "peg_excess is 0.003, allowed: such that the "),
-        (
-            InsertionScenario,
-            {"insert": InsertParams(speed=0.3)},
-            "step is 0.002, allowed: at most 0.00170667 s: a f",
-        ),
+        (InsertionScenario, {"insert": InsertParams(speed=0.3)}, "step is 0.002, allowed: at mos"),
         (PegInsertionScenario, {"gap": 1e-4}, "gap is 0.0001, allowed: > 0.000171 m, so that peg"),
-        (
-            PegInsertionScenario,
-            {"depth": 0.07},
-            "depth is 0.07, allowed: at most the peg's length",
-        ),
+        (PegInsertionScenario, {"depth": 0.07}, "depth is 0.07, allowed: at most the peg's lengt"),
         (
             PegInsertionScenario,
             {"support": FeedSupport(angular_stiffness=0.01)},
@@ -68,11 +52,7 @@ BACKWARDS = ViewSettings(frames=ViewFrames(period=-1.0))
         (PegInsertionScenario, {"step": 0.03}, "step is 0.03, allowed: at most 0.0256 s: a feed "),
         (BlindFeedScenario, {"feed": 0.04}, "feed is 0.04, allowed: more than gap + depth, 0.046"),
         (BlindFeedScenario, {"speed": 0.6}, "step is 0.001, allowed: at most 0.000853333 s: a fe"),
-        (
-            BlindFeedScenario,
-            {"gap": 1e-4},
-            "gap is 0.0001, allowed: > 0.000233 m, so that peg and",
-        ),
+        (BlindFeedScenario, {"gap": 1e-4}, "gap is 0.0001, allowed: > 0.000233 m, so that peg an"),
         (
             BlindFeedScenario,
             {"parts": ColouredParts(peg_colour=(0, 200, 0))},

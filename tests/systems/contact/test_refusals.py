@@ -93,11 +93,7 @@ TWO_OR_THREE = "allowed: 2 rows of 2 numbers or 3 rows of 3"
         (manipulator, {"step": 0.0}, "step is 0.0, allowed: a finite number > 0"),
         (sliding, {"stiffness": ROWS3}, f"stiffness is {ROWS3!r}, allowed: 2 rows, as the surfa"),
         (sliding, {"stiffness": ((100.0,),)}, f"stiffness is ((100.0,),), {TWO_OR_THREE}"),
-        (
-            sliding,
-            {"stiffness": ((1.0, 1.0), (0.0, 1.0))},
-            "stiffness is ((1.0, 1.0), (0.0, 1.0))",
-        ),
+        (sliding, {"stiffness": ((1.0, 1.0), (0.0, 1.0))}, "stiffness is ((1.0, 1.0), (0.0, 1.0)"),
         (sliding, {"stiffness": ((1.0, 0.0), (0.0, -1.0))}, "stiffness is ((1.0, 0.0), (0.0, -1."),
         (constraint, {"index": 6}, "index is 6, allowed: a whole number from 0 to 5"),
         (constraint, {"index": 3.5}, "index is 3.5, allowed: a whole number from 0 to 5"),

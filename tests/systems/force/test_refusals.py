@@ -151,10 +151,7 @@ STEEP = {"damping": (399.0, *SIX), "stiffness": (1e4, *SIX), "period": 0.01}
                 ({"damping": (1.0,) * 5}, "damping is (1.0, 1.0, 1.0, 1.0, 1.0), allowed: six nu"),
                 ({"stiffness": (1.0,) * 7}, "stiffness is (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0), a"),
                 ({"centre": (0.0, 0.0)}, "centre is (0.0, 0.0), allowed: 3 finite numbers"),
-                (
-                    STEEP,
-                    "damping of rx is 399.0, allowed: at least k T / 0.25 = 400 against a sti",
-                ),
+                (STEEP, "damping of rx is 399.0, allowed: at least k T / 0.25 = 400 against a st"),
             )
         ),
     ],
