@@ -92,25 +92,33 @@ MAY_BE_NEGATIVE = """
 # Bounds: at them, a number is allowed or not, and beyond them it is not.
 BOUNDS = """
     AccuracyCameras: noise<=60; AccuracyScenario: poses<=10000; AlignmentComparisonScenario:
-    trials<=10000 tuning_trials<=1000; Appearance: hue<=255 hue_width<=127 saturation<=255
-    value<=255 end_ratio<=1 band<=1 seen<=1 area>=2 length>=2; AxisParams: divider>=1;
-    BlindFeedScenario: tilt<pi/4; CalibrationScenario: pictures>=4; CameraPlacement:
-    width<=10000 height<=10000; ChargingCampaignScenario: trials<=1000; ChargingParams:
-    approach_speed<=0.1 lean<=pi/3; ColouredParts: chamfer_angle<pi/2 peg_chamfer_angle<pi/2;
-    ConditionsCameras: noise<=60; ConditionsScenario: pictures<=10000; CorrelatorParams:
-    samples>=4; DConnectorSkillParams: limit_share>=1; DecisionParams: margin<1 frames>=2
+    trials<=10000 tuning_trials<=1000; AlignmentScenario: compensation_time<=3600; Appearance:
+    hue<=255 hue_width<=127 saturation<=255 value<=255 end_ratio<=1 band<=1 seen<=1 area>=2
+    length>=2; AxisParams: divider>=1; BlindFeedScenario: tilt<pi/4 feed>0.046; BncConnector:
+    overlap>0.00485 spring_travel<0.00846 spring_radius<0.0038; CalibrationScenario:
+    pictures>=4; CameraPlacement: width<=10000 height<=10000; ChargingCampaignScenario:
+    trials<=1000; ChargingParams: approach_speed<=0.1 lean<=pi/3 near<0.03; ColouredParts:
+    chamfer_angle<pi/2 peg_chamfer_angle<pi/2; ConditionsCameras: noise<=60;
+    ConditionsScenario: pictures<=10000; CorrelatorParams: samples>=4; CrucibleWallSettings:
+    lean<=0.2; DConnector: side_angle<pi/4 lead_in<0.00259 pin_depth<0.0056;
+    DConnectorSkillParams: limit_share>=1 free_share<=2.5; DecisionParams: margin<1 frames>=2
     frames<=1000; DivergenceParams: factor>1; DrawnCameras: aspect<=0.5; DrawnCells:
     draws<=10000; FixedPointRotation: angle<pi/2; FrameGrabberParams: latency<=100 noise<=60
-    miss<=1; HybridStabilityScenario: points>=2 points<=1000; InsertParams: attempts<=100;
-    InsertionMapScenario: points<=101 largest_tilt<pi/4; JointFrictionParams: breakaway>=1;
-    MapParams: points>=2; ModelErrorParams: stiffness<1; ModelErrorScenario: trials<=1000
+    miss<=1 period>=0.0001 period<=1000; HybridStabilityScenario: points>=2 points<=1000;
+    InsertParams: attempts<=100 push<15 pull<15; InsertionMapScenario: points<=101
+    largest_tilt<pi/4; JointFrictionParams: breakaway>=1; LayerSettings: tilt<=0.5; MapParams:
+    points>=2; ModelErrorParams: stiffness<1; ModelErrorScenario: trials<=1000
     stiffness_error<1 latest<=10; ObserverComparisonScenario: trials<=10000 vision_error<1;
-    PegAndHole: peg_chamfer_share<=1; RippledPlane: tilt<pi/2; Rj45ConnectorSkillParams:
-    push_growth>1; ScenarioSpread: friction<1 obstacles<=1 mating_force>=1; SceneStyle: face<=1
-    bore<=1; Seat: growth>1; SensorParams: vignetting<=1; Servoing: gain<1; Spread: payload<1
-    joint_friction<1 link_mass<1; SurfaceScenario: trials<=1000; TiltSearchParams: angle<pi/6;
-    UnknownWallSettings: tilt<=pi/4; VisionPrimitivesScenario: focal_error<1; WedgingScenario:
-    points>=2 points<=100000
+    PegAndHole: peg_chamfer_share<=1 peg_radius<0.010035 outer_radius>0.012035;
+    PegInsertionScenario: depth<=0.06; RippledPlane: tilt<pi/2; Rj45Connector: travel<0.0215
+    latch_deflection<0.0012 latch_angle<pi/4 contact_deflection<0.0005;
+    Rj45ConnectorSkillParams: push_growth>1; RoundPeg: depth<0.024 hole_length>0.015;
+    ScenarioSpread: friction<1 obstacles<=1 mating_force>=1 tight<=1 focal<1 wrist_stiffness<1;
+    SceneStyle: face<=1 bore<=1; Seat: growth>1; SensorParams: vignetting<=1; Servoing: gain<1;
+    Spread: payload<1 joint_friction<1 link_mass<1; StationLayout: rim_height>0.36;
+    SurfaceScenario: trials<=1000; TiltSearchParams: angle<pi/6; UnknownWallSettings:
+    tilt<=pi/4; VisionPrimitivesScenario: focal_error<1; WedgingScenario: points>=2
+    points<=100000
 """
 # Series of numbers that may not be empty, and what each of them is.
 SERIES = """

@@ -54,16 +54,6 @@ def paths_of(name: str) -> list[str]:
     ("name", "setting", "message"),
     [
         (
-            "alignment",
-            "compensation_time=1e9",
-            "compensation_time is 1000000000.0, allowed: a finite number > 0 and <= 3600",
-        ),
-        (
-            "alignment",
-            "cameras.frames.period=1e-9",
-            "cameras.frames.period is 1e-09, allowed: a number from 0.0001 to 1000",
-        ),
-        (
             "step-response",
             "camera.latency=1e9",
             "camera.latency is 1000000000.0, allowed: at most 125 s, 10000 periods of 0.0125 s",

@@ -7,7 +7,6 @@ import pytest
 
 from chamfer.models.charging.station import Station
 from chamfer.models.surfaces.surface import locate
-from chamfer.models.validation import ParameterError
 
 STATION = Station()
 
@@ -42,8 +41,3 @@ def test_layer_and_tray_end_where_they_do() -> None:
     tray = STATION.tray(0.04)
     assert tray.level(np.array(STATION.feeder)) == pytest.approx(-0.04)
     assert locate(tray, at(0.0, 0.0, 0.36)).gap > 0.1
-
-
-def test_rim_below_the_bed_is_refused() -> None:
-    with pytest.raises(ParameterError, match=r"rim_height is 0.3"):
-        Station(rim_height=0.3)

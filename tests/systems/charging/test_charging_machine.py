@@ -120,7 +120,6 @@ def test_thresholds_follow_from_noise_and_bias() -> None:
 @pytest.mark.parametrize(
     ("make", "given", "message"),
     [
-        (ChargingParams, {"near": 0.03}, "near is 0.03, allowed: less than standoff, 0.03"),
         (ChargingParams, {"near": 0.02, "drop": 0.02}, "near is 0.02, allowed: less than drop, 0"),
         (TouchDetectionParams, {"detect": 0.15}, "release is 0.15, allowed: less than detect, 0"),
         (

@@ -11,7 +11,6 @@ from chamfer.models.connectors.bnc_connector import BncConnector
 from chamfer.models.connectors.d_connector import DConnector
 from chamfer.models.connectors.rj45_connector import Rj45Connector
 from chamfer.models.connectors.round_peg import RoundPeg
-from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.force_primitives import GuardedMove, Obstructed
 from chamfer.systems.primitives.position_primitives import Way
 from chamfer.systems.primitives.primitive import STILL
@@ -333,15 +332,3 @@ def test_tilt_friction_is_not_taken_for_the_wall() -> None:
     # Pressed with D v on the face, at twice the friction of the parts.
     tilt, params = TiltSearchParams(), PegInHoleSkillParams()
     assert tilt.threshold > 2 * PEG.material.friction * 800.0 * params.maintained
-
-
-@pytest.mark.parametrize(
-    ("params", "name", "value", "allowed"),
-    [
-        (DConnectorSkillParams, "free_share", 3.0, "at most limit_share, 2.5"),
-    ],
-)
-def test_refuses(params: Any, name: str, value: Any, allowed: str) -> None:
-    with pytest.raises(ParameterError) as refused:
-        params(**{name: value})
-    assert str(refused.value).startswith(f"{name} is {value!r}, allowed: {allowed}")
