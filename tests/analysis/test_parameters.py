@@ -21,6 +21,7 @@ from chamfer.models.connectors.d_connector import DConnector
 from chamfer.models.surfaces.planes import RippledPlane
 from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.arm_in_contact import ArmInContactParams
+from chamfer.systems.force.hybrid_controller import HybridControllerParams
 from chamfer.systems.primitives.position_primitives import Centre
 from chamfer.systems.primitives.trajectory_primitives import Dither
 from chamfer.systems.servo.compensator import AxisParams, CompensatorParams
@@ -176,6 +177,8 @@ def examples() -> dict[type, Any]:
     given += [RippledPlane(point=(0.0, 0.0, 0.0)), ArmInContactParams(joint_friction=friction)]
     given += [CompensatorParams(axes=(axis,)), SampledPidParams(axes=(gains,))]
     given += [DivergenceParams(watched=(Watched((0, 1), 2.0),), size=3)]
+    law = {"stiffness": 1.0, "integral": 1.0, "damping": 1.0, "force_integral": 3.0}
+    given += [HybridControllerParams(**law, feedforward_torque=())]
     given += [VisionServoScenario(primitive=name).parameters for name in NAMES]
     given += [load(entry).default for entry in CATALOGUE.entries]
     for one in given:

@@ -231,7 +231,6 @@ NOT_DEFINITE = "symmetric and positive definite"
         ),
         (ModelErrorParams, {"tare": 1.0}, "0, if there is no bias to be found"),
         (ModelErrorParams, {"press": 1.0}, "0, if there is no stiffness to be found"),
-        (partial(SettledForce, dimension=2, period=0.1), {"wait": np.inf}, "a finite number >= 0"),
         (partial(SettledForce, dimension=2, period=0.1), {"wait": -1.0}, "a finite number >= 0"),
     ],
 )
