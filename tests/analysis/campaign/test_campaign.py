@@ -29,8 +29,6 @@ from chamfer.analysis.campaign.workers import Processes, processes
 from chamfer.analysis.scenario.errors import ExperimentError, UserError
 from chamfer.models.validation import ParameterError
 
-ROOT = Path(__file__).parents[3]
-
 
 class Told:
     """Progress that remembers what it was told."""

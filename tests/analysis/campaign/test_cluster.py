@@ -20,8 +20,6 @@ from chamfer.analysis.scenario.errors import UserError
 
 pytest.importorskip("distributed")
 
-ROOT = Path(__file__).parents[3]
-
 
 def quiet(fraction: float, doing: str = "") -> None:
     assert 0 <= fraction <= 1

@@ -207,9 +207,6 @@ def test_compensation_is_what_was_added_since_the_start(outcome: Outcome) -> Non
             assert y[-1] == pytest.approx(element, abs=1e-12)
 
 
-PIXEL = 0.0005  # m
-
-
 REPLAYED = AlignmentScenario(
     hole=replace(HOLE_ARM, base_error=Placement(position=(0.0, 0.0, -0.05), rpy=(0.1, 0.0, 0.0)))
 )

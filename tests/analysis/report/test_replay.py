@@ -21,8 +21,6 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from chamfer.analysis.report.replay import FRAME_RATE, open_meshcat, record, replay_html, set_stage
 
-BODY = "/drake/visualizer/slider/slider"
-
 
 def animation(page: str) -> dict[str, dict[str, tuple[list[int], Any]]]:
     """Return frames' numbers and values of a page's animation, by path and property."""

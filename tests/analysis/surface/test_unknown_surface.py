@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
-from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.trial_metrics import trial_seed
 from chamfer.analysis.published.hybrid_force_position import PUBLISHED
@@ -252,9 +251,6 @@ def test_the_adaptive_observer_with_means_keeps_within_ten_percent(value: Any) -
     assert value(outcome, "force.max") < 5.35
     assert value(outcome, "coverage") > 97
     assert value(outcome, "band.mean") < 2
-
-
-Array = NDArray[np.float64]
 
 
 def test_truth_estimate_and_band_are_those_of_the_run() -> None:

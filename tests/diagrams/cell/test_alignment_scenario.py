@@ -192,11 +192,8 @@ def test_what_only_an_arm_has_is_refused(name: str) -> None:
     WorkCellScenario(hole=replace(HOLE_ARM, **{name: OTHER[name]}))
 
 
-Array = np.ndarray
-
 ACROSS = AlignmentScenario()
 DOWNWARDS = AlignmentScenario(axis="downwards", hole=FIXTURE)
-PERIOD = 1 / 80
 ARMS: tuple[ArmName, ...] = ("peg", "hole")
 
 

@@ -229,9 +229,8 @@ def test_joints_are_the_endpoint(dimension: int, axes: tuple[str, ...]) -> None:
 
 
 FRICTIONS = {"coulomb": (2.0, 0.5), "viscous": (1.0, 0.0)}
-MANY, POSITIVE = "finite numbers >= 0, one a joint", "a finite number > 0"
 MATRIX = "a finite number, 2 of them, or a symmetric matrix of 2 rows"
-DEFINITE, SEMIDEFINITE = "a number > 0, or positive definite", "a number >= 0, or positive semid"
+DEFINITE = "a number > 0, or positive definite"
 
 
 @pytest.mark.parametrize(

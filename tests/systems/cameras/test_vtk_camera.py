@@ -18,8 +18,6 @@ from chamfer.systems.vision.part_detection import Status, detect_parts
 PARTS = ColouredParts()
 LOOKS = appearances(PARTS)
 
-VIEWS: Any = ("xz", "xy")
-
 
 def test_part_that_is_not_connected_is_not_in_view() -> None:
     if reason := missing_graphics():

@@ -82,9 +82,7 @@ def test_what_a_chart_shows_and_may_expect(primitive: Any, label: str, events: A
     assert dict(primitive.events) == pytest.approx(events)
 
 
-translation, rotation, fixed_point = (
-    partial(kind, cameras=CAMERAS) for kind in (VisTranslation, VisRotation, FixedPointRotation)
-)
+translation, rotation = (partial(kind, cameras=CAMERAS) for kind in (VisTranslation, VisRotation))
 grasp = partial(VisGrasp, camera=CameraPlacement(view="xy", roll=0.0).camera)
 centre = partial(Centre, dither=Dither())
 seat = partial(Seat, limit=115.0)

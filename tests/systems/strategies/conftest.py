@@ -26,7 +26,6 @@ from chamfer.systems.vision.part_detection import Detection, Status
 from chamfer.systems.vision.part_detector import pack_detections
 
 PERIOD: Final = 0.05  # s, of the ticks, for long searches
-ENDLESS: Final = 100.0  # cycles of a dither that only accompanies
 UNSEEN: Final = Detection(status=Status.NO_COLOUR)
 VIEWS: Final[tuple[View, ...]] = ("xz", "yz")
 CAMERAS: Final = StaticCameras(

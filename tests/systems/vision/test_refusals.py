@@ -15,7 +15,7 @@ from chamfer.systems.vision.part_appearance import PEG, appearances
 from chamfer.systems.vision.part_detector import PartsDetector
 from chamfer.systems.vision.two_plane_stereo import TwoPlaneStereo
 
-NAN, INF = math.nan, math.inf
+INF = math.inf
 COLOUR = "brighter than 40 of 255, with more than 90 of 255 sat"
 HUE = "a hue that differs more from the peg's, (205, 40, 40"
 LIMITS = "the least one first, or null"
