@@ -10,7 +10,7 @@ import pytest
 from chamfer.models.cameras.camera import CameraPlacement, View
 from chamfer.systems.primitives.force_primitives import GuardedMove, Level, Stick, along, velocity
 from chamfer.systems.primitives.position_primitives import Held, Place, Way
-from chamfer.systems.primitives.primitive import STILL, Observation, Primitive, Vector
+from chamfer.systems.primitives.primitive import STILL, Observation, Vector
 from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import Outcome, Skill, SkillState
 from chamfer.systems.primitives.skill_machine import SkillMemory, make_skill_chart
@@ -191,19 +191,3 @@ def grasp_states() -> Callable[[str], tuple[SkillState, ...]]:
 def make_drive() -> type[Drive]:
     """The class, to be called with a skill."""
     return Drive
-
-
-def primitive_of(skill: Skill, state: str, kind: type[Primitive]) -> Any:
-    return next(
-        one
-        for here in skill.states
-        if here.name == state
-        for one in here.run
-        if isinstance(one, kind)
-    )
-
-
-@pytest.fixture(scope="session")
-def find_primitive() -> Callable[[Skill, str, type[Primitive]], Any]:
-    """Finds the first primitive of a kind in a state."""
-    return primitive_of

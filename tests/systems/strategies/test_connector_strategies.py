@@ -1,7 +1,6 @@
 """The strategies of the connectors and the peg, driven without Drake."""
 
 import math
-from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -13,9 +12,9 @@ from chamfer.models.connectors.rj45_connector import Rj45Connector
 from chamfer.models.connectors.round_peg import RoundPeg
 from chamfer.systems.primitives.force_primitives import GuardedMove, Obstructed
 from chamfer.systems.primitives.position_primitives import Way
-from chamfer.systems.primitives.primitive import STILL
+from chamfer.systems.primitives.primitive import STILL, Primitive
 from chamfer.systems.primitives.seating import Seat
-from chamfer.systems.primitives.skill import DONE, FAILED, RETRACT, Retry
+from chamfer.systems.primitives.skill import DONE, FAILED, RETRACT, Retry, Skill
 from chamfer.systems.primitives.skill_machine import targets
 from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
 from chamfer.systems.strategies.bnc_strategy import BncConnectorSkillParams
@@ -87,6 +86,17 @@ TILT_WAY = [
     *[("lean", "done"), ("lower", "contact"), ("slide", "contact"), ("across", "done")],
     *[("stand", "done"), ("sink", "done"), ("insert", "done"), ("depth", "done")],
 ]
+
+
+def primitive_of(skill: Skill, state: str, kind: type[Primitive]) -> Any:
+    """The first primitive of a kind in a state."""
+    return next(
+        one
+        for here in skill.states
+        if here.name == state
+        for one in here.run
+        if isinstance(one, kind)
+    )
 
 
 @pytest.mark.parametrize(
@@ -178,28 +188,26 @@ def test_d_retries_are_those_of_the_parameters(retries: int, make_drive: Any) ->
     assert drive.end() == FAILED
 
 
-def test_d_depths_count_from_the_face_of_the_believed_connector(
-    find_primitive: Callable[..., Any],
-) -> None:
+def test_d_depths_count_from_the_face_of_the_believed_connector() -> None:
     skill = D_PARAMS.make_skill(D)
-    feel, rest = (find_primitive(skill, state, Way) for state in ("feel", "rest"))
+    feel, rest = (primitive_of(skill, state, Way) for state in ("feel", "rest"))
     assert feel.least == pytest.approx(D.pin_depth - D_PARAMS.entry)
     assert rest.least == pytest.approx(D.mated_depth - D_PARAMS.short)
     rim = -(D.plug_section.height / 2 + D.lead_in)
     assert feel.beside == rest.beside == (0.0, rim)
-    push = find_primitive(skill, "push", Seat)
+    push = primitive_of(skill, "push", Seat)
     assert push.limit == pytest.approx(D_PARAMS.limit_share * D.mating_force)
     # Where it is hardest it is not seated yet.
     hardest = D.pin_depth + np.linspace(0, 1e-3, 101)
     assert push.distance > hardest[D.pin_force(hardest).argmax()] + 3e-4
 
 
-def test_d_dithers_are_watched_over_whole_cycles(find_primitive: Callable[..., Any]) -> None:
+def test_d_dithers_are_watched_over_whole_cycles() -> None:
     params = DConnectorSkillParams(search_frequency=0.8)
     skill = params.make_skill(D, period=0.005)
     for state, cycles in (("search", (250, 214)), ("verify", (286, 286))):
-        assert find_primitive(skill, state, Obstructed).samples == cycles
-    assert find_primitive(skill, "verify", Obstructed).threshold == D_PARAMS.verify_threshold
+        assert primitive_of(skill, state, Obstructed).samples == cycles
+    assert primitive_of(skill, "verify", Obstructed).threshold == D_PARAMS.verify_threshold
     twist = [
         one
         for state in skill.states
@@ -210,26 +218,24 @@ def test_d_dithers_are_watched_over_whole_cycles(find_primitive: Callable[..., A
     assert [(one.axis, one.amplitude, one.frequency) for one in twist] == [("z", 0.06, 0.12)]
 
 
-def test_bnc_depths_count_from_the_face_of_the_believed_connector(
-    find_primitive: Callable[..., Any],
-) -> None:
+def test_bnc_depths_count_from_the_face_of_the_believed_connector() -> None:
     skill = BNC_PARAMS.make_skill(BNC)
     rim = (0.0, -(BNC.bore_radius + BNC.lead_in))
     at, feel, depth = (
-        find_primitive(skill, state, Way) for state in ("at the studs", "feel", "depth")
+        primitive_of(skill, state, Way) for state in ("at the studs", "feel", "depth")
     )
     assert 2 * BNC_PARAMS.drop < at.least < BNC.setback
     assert BNC.setback < feel.least < BNC.setback + BNC_PARAMS.drop
     assert (depth.least + depth.most) / 2 == pytest.approx(BNC.mated_depth)
     assert at.beside == feel.beside == depth.beside == rim
     # What lies on the studs' lips, or is only in the slots, has not clicked.
-    click = find_primitive(skill, "click", Way)
+    click = primitive_of(skill, "click", Way)
     rise = BNC.turning_depth - BNC.mated_depth
     assert click.least < rise < BNC.overlap - BNC.mated_depth < click.most
     assert click.most < BNC.spring_travel
-    again = find_primitive(skill, "compress again", Seat)
+    again = primitive_of(skill, "compress again", Seat)
     assert 0 < again.distance < rise  # out of the detents
-    compress = find_primitive(skill, "compress", Seat)
+    compress = primitive_of(skill, "compress", Seat)
     assert BNC.mated_depth < compress.distance < BNC.turning_depth
     assert compress.limit == BNC_PARAMS.limit_share * BNC.mating_force
 
@@ -251,28 +257,28 @@ def test_peg_it_searches_about_the_middle(search: Any, make_drive: Any) -> None:
     assert furthest == pytest.approx(reach, rel=0.1)
 
 
-def test_peg_depths_and_limit_are_those_of_the_peg_as_it_is_believed(find_primitive: Any) -> None:
+def test_peg_depths_and_limit_are_those_of_the_peg_as_it_is_believed() -> None:
     params = PegInHoleSkillParams()
     skill = params.make_skill(RoundPeg(depth=0.012, seating_force=8.0))
     beside = (0.0, 0.0, 0.0, 0.0, params.beside, 0.0)
-    assert find_primitive(skill, "beside", MoveDx).displacement == beside
-    seat: Seat = find_primitive(skill, "insert", Seat)
+    assert primitive_of(skill, "beside", MoveDx).displacement == beside
+    seat: Seat = primitive_of(skill, "insert", Seat)
     assert (seat.distance, seat.limit) == pytest.approx((0.012 - params.end, 10.0))
     assert seat.free == pytest.approx(params.free_share * 8.0)
-    assert find_primitive(skill, "depth", Way).least == pytest.approx(0.012 - params.short)
+    assert primitive_of(skill, "depth", Way).least == pytest.approx(0.012 - params.short)
 
 
-def test_rj45_depths_and_forces_fit_the_plug_as_it_is_believed(find_primitive: Any) -> None:
+def test_rj45_depths_and_forces_fit_the_plug_as_it_is_believed() -> None:
     weak = RJ45.with_mating_force(RJ45.mating_force / 2)
     skill = RJ45_PARAMS.make_skill(weak)
-    seat: Seat = find_primitive(skill, "push", Seat)
+    seat: Seat = primitive_of(skill, "push", Seat)
     assert seat.distance == pytest.approx(RJ45.mated_depth - RJ45_PARAMS.end)
     assert seat.limit == pytest.approx(RJ45_PARAMS.limit_share * weak.mating_force)
     assert seat.free == pytest.approx(RJ45_PARAMS.free_share * weak.mating_force)
-    depth: Way = find_primitive(skill, "depth", Way)
+    depth: Way = primitive_of(skill, "depth", Way)
     # An obstacle half a millimetre short of the stop is not taken for it.
     assert RJ45.mated_depth - 0.0005 < depth.least < RJ45.mated_depth
-    pull: GuardedMove = find_primitive(skill, "pull", GuardedMove)
+    pull: GuardedMove = primitive_of(skill, "pull", GuardedMove)
     assert pull.threshold < weak.retention
     assert pull.limit > RJ45.latch_play
 
