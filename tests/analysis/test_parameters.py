@@ -38,6 +38,14 @@ UNCHECKED = {
     "FsmRule",
 }
 
+# For no bound, or for as long as it takes.
+INFINITE = {
+    *(f"{kind}.limit" for kind in ("OpenAxis", "OpenGains", "FsmParams", "PidGains")),
+    *(f"{kind}.limit" for kind in ("AxisParams", "OpenAxisParams", "OpenPidGains")),
+    *("CompensatorParams.end_time", "DivergenceParams.factor"),
+    *("Held.time", "Stick.threshold", "Way.most"),
+}
+
 # Class and fields that may be 0, and those that may also be -1; all others are to be above 0.
 MAY_BE_ZERO = """
     AlignmentComparisonScenario: tuning_trials; Appearance: hue hue_width
@@ -198,17 +206,17 @@ def refused(example: Any, name: str, value: object) -> bool:
 
 
 @pytest.mark.parametrize("kind", EXAMPLES, ids=lambda kind: kind.__qualname__)
-def test_what_is_no_number_is_named(kind: type) -> None:
-    for one in fields(EXAMPLES[kind]):
-        value = getattr(EXAMPLES[kind], one.name)
-        if not UNCHECKED.isdisjoint((kind.__name__, f"{kind.__name__}.{one.name}")):
+def test_what_is_no_finite_number_is_named(kind: type) -> None:
+    example = EXAMPLES[kind]
+    for one in fields(example):
+        value, key = getattr(example, one.name), f"{kind.__name__}.{one.name}"
+        if not UNCHECKED.isdisjoint((kind.__name__, key)):
             continue
-        broken: Any = math.nan
         if isinstance(value, tuple) and value and isinstance(value[0], float):
-            broken = (math.nan, *value[1:])
-        elif not (isinstance(value, float) or str(one.type) == "float | None"):
-            continue
-        assert refused(EXAMPLES[kind], one.name, broken), one.name
+            assert refused(example, one.name, (math.nan, *value[1:])), one.name
+        elif isinstance(value, float) or str(one.type) == "float | None":
+            found = [refused(example, one.name, probe) for probe in (math.nan, math.inf)]
+            assert found == [True, key not in INFINITE], one.name
 
 
 @pytest.mark.parametrize("kind", EXAMPLES, ids=lambda kind: kind.__qualname__)
