@@ -25,10 +25,6 @@ VALID = "valid names: interrupted, broken, asserting, slow, fall, trials"
             "unknown paper 'x', valid names: other-paper, slow-paper, toy-paper",
         ),
         (
-            ["run", "fall", "--set", "body.mas=1"],
-            "body.mas: no such field, valid fields: form, mass",
-        ),
-        (
             ["run", "fall", "trials", "--set", "noise=1"],
             "noise: no such field, valid fields: body, height, step (fall)",
         ),

@@ -209,18 +209,12 @@ def test_reproduce_runs_experiments_side_by_side(start: Start, toys: Catalogue, 
         assert (out / "1" / name).read_bytes() == (out / "2" / name).read_bytes()
 
 
-def in_fall(falling: Path, text: str) -> None:
-    """Let the experiment ``fall`` do something else first."""
-    falling.write_text(
-        falling.read_text().replace("    time_ = np", f"    {text}\n    time_ = np")
-    )
-
-
 @pytest.mark.slow
 def test_reproduce_outlives_a_process_that_dies(
     start: Start, toys: Catalogue, falling: Path, out: Path
 ) -> None:
-    in_fall(falling, "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
+    killing = "    import os, signal; os.kill(os.getpid(), signal.SIGKILL)\n    time_ = np"
+    falling.write_text(falling.read_text().replace("    time_ = np", killing))
     arguments = ("reproduce", "--paper", "toy-paper", "--workers", "2", "--out", str(out))
     with start(toys, *arguments) as process:
         said, err = process.communicate(timeout=60)

@@ -20,7 +20,15 @@ from chamfer.analysis.campaign.campaign import parallel
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.command.scenario_fields import leaves
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.experiment import Catalogue, Entry, Metric, Outcome, load, select
+from chamfer.analysis.scenario.experiment import (
+    Catalogue,
+    Entry,
+    Metric,
+    Outcome,
+    load,
+    quiet,
+    select,
+)
 from chamfer.analysis.scenario.scenario_io import make_scenario
 
 TOY = '''
@@ -105,10 +113,6 @@ SLOW = SlowScenario()
 WAVES = Context("freq*", ("amplitude=1",))
 
 
-def unheard(fraction: float, doing: str = "") -> None:
-    assert 0 <= fraction <= 1
-
-
 @pytest.fixture
 def catalogue(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Catalogue:
     package = f"audited_{abs(hash(tmp_path))}"
@@ -132,7 +136,7 @@ def toy(catalogue: Catalogue) -> list[Entry]:
 
 @pytest.fixture
 def verdicts(catalogue: Catalogue) -> dict[str, FieldVerdict]:
-    found = audit(toy(catalogue), unheard, contexts=[WAVES])
+    found = audit(toy(catalogue), quiet, contexts=[WAVES])
     return {verdict.path: verdict for verdict in found}
 
 
@@ -168,7 +172,7 @@ def test_without_its_context_a_field_is_silent(catalogue: Catalogue) -> None:
         WAVES._replace(paths="ampl*"),
         Context("*", ("refused=2",)),  # never allowed
     ]
-    kinds = {v.path: v.kind for v in audit(toy(catalogue), unheard, contexts=contexts)}
+    kinds = {v.path: v.kind for v in audit(toy(catalogue), quiet, contexts=contexts)}
     assert kinds["frequency"] == "silent"
     assert kinds["amplitude"] == kinds["effective"] == "effective"
 
@@ -215,7 +219,7 @@ def test_a_run_that_takes_too_long_is_given_up(
     catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("chamfer.analysis.audit.field_audit._LEAST", 0.1)
-    (verdict,) = audit(select(catalogue.entries, ["slow"]), unheard)
+    (verdict,) = audit(select(catalogue.entries, ["slow"]), quiet)
     assert verdict.kind == "undecided"
     assert verdict.tried[0][1] == "slow=1: given up after 0 s"
     assert verdict.seconds < 9
@@ -228,7 +232,7 @@ def test_a_field_that_takes_the_process_along_is_a_crash(
     path.write_text(path.read_text().replace("raise ZeroDivisionError", "os._exit(3)  #"))
     path.write_text("import os\n" + path.read_text())
     with parallel(2):
-        found = {v.path: v for v in audit(toy(catalogue), unheard)}
+        found = {v.path: v for v in audit(toy(catalogue), quiet)}
     crash = ("undecided", "traceback: its process ended with status 3")
     assert found["broken"].tried == (crash,)
     assert found["effective"].kind == "effective"
@@ -237,9 +241,9 @@ def test_a_field_that_takes_the_process_along_is_a_crash(
 
 def test_an_experiment_that_does_not_run_is_said(catalogue: Catalogue) -> None:
     with pytest.raises(UserError, match="toy doesn't run: condition failed"):
-        audit(toy(catalogue), unheard, settings=["late=2"])
+        audit(toy(catalogue), quiet, settings=["late=2"])
     with pytest.raises(UserError, match="toy can't be reduced: refused is 2"):
-        audit(toy(catalogue), unheard, settings=["refused=2"])
+        audit(toy(catalogue), quiet, settings=["refused=2"])
 
 
 def test_the_command_lists_what_has_to_be_looked_at(

@@ -146,11 +146,6 @@ def test_the_picture_of_the_known_place_may_be_one_more(
             "OpenCV's dictionary)",
         ),
         (
-            ["no", *BOARD],
-            "no: No such file or directory, allowed: an image folder, image files or one video "
-            "file",
-        ),
-        (
             ["left", "--right", "left/left0.png", *BOARD],
             "--right is 1 pictures, allowed: 5, as of the left camera",
         ),

@@ -13,18 +13,14 @@ from chamfer.analysis.calibration.calibration_accuracy import (
     focal_errors,
 )
 from chamfer.analysis.catalogue import CATALOGUE
-from chamfer.analysis.scenario.experiment import load, select
+from chamfer.analysis.scenario.experiment import load, quiet, select
 from chamfer.models.validation import ParameterError
 
 CALIBRATION_ACCURACY = load(select(CATALOGUE.entries, ["calibration-accuracy"])[0])
 
 
-def silent(fraction: float, doing: str = "") -> None:
-    pass
-
-
 def test_a_few_sets(value: Any) -> None:
-    outcome = CALIBRATION_ACCURACY.run(CalibrationScenario(sets=2, pictures=8), 0, silent)
+    outcome = CALIBRATION_ACCURACY.run(CalibrationScenario(sets=2, pictures=8), 0, quiet)
     traces = outcome.traces
     assert len(traces["set"]) == 2
     assert value(outcome, "focal_length.near") == 100.0

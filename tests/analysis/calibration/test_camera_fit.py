@@ -7,11 +7,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from matplotlib.quiver import Quiver
 from scipy.spatial.transform import Rotation
 
 from chamfer.analysis.calibration.board import Chessboard, Corners
-from chamfer.analysis.calibration.calibration import Calibration, calibrate, plot_residuals
+from chamfer.analysis.calibration.calibration import Calibration, calibrate
 from chamfer.analysis.calibration.calibration_accuracy import BoardPoses
 from chamfer.analysis.calibration.camera_fit import (
     Fit,
@@ -280,20 +279,3 @@ def test_a_camera_in_the_world_by_a_picture_of_its_own(place: Place, look: Look)
     assert found.cameras.pose is None
     off = deviations_off(found.cameras.world_pose, X_WB @ standing(places[0]))
     assert np.abs(off).max() < 4
-
-
-def test_each_corner_has_an_arrow_and_each_picture_a_bar(place: Place, look: Look) -> None:
-    seen = [*look(place(5)), Picture(name="a$b.png", left_out="the board is not found")]
-    found = calibrate([seen], [SIZE])
-    residuals, coverage, errors, _ = plot_residuals(found).axes
-    (arrows,) = (one for one in residuals.collections if isinstance(one, Quiver))
-    (pictures,) = found.pictures
-    expected = np.concatenate([one.residuals for one in pictures if one.residuals is not None])
-    np.testing.assert_array_equal(np.column_stack([arrows.U, arrows.V]), expected)
-    assert residuals.get_ylim() == (479.5, -0.5)  # v down, as in the picture
-    assert [bar.get_width() for bar in errors.patches] == [one.error or 0.0 for one in pictures]
-    assert [text.get_text() for text in errors.texts] == [" left out"]
-    assert errors.get_yticklabels()[-1].get_text() == r"a\$b.png"
-    (mesh,) = coverage.collections
-    counts = np.ma.filled(mesh.get_array(), 0.0)
-    assert np.nansum(counts) == 5 * 54

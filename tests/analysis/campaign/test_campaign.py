@@ -27,6 +27,7 @@ from chamfer.analysis.campaign.trial_rows import encode
 from chamfer.analysis.campaign.trial_store import TrialStore
 from chamfer.analysis.campaign.workers import Processes, processes
 from chamfer.analysis.scenario.errors import ExperimentError, UserError
+from chamfer.analysis.scenario.experiment import quiet
 from chamfer.models.validation import ParameterError
 
 
@@ -40,10 +41,6 @@ class Told:
     def __call__(self, fraction: float, doing: str = "") -> None:
         self.fractions.append(fraction)
         self.doing.append(doing)
-
-
-def quiet(fraction: float, doing: str = "") -> None:
-    assert 0 <= fraction <= 1
 
 
 @pytest.fixture(scope="module")

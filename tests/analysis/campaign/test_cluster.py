@@ -17,12 +17,9 @@ from chamfer.analysis.campaign.cluster import Cluster, engines
 from chamfer.analysis.campaign.trial_rows import encode
 from chamfer.analysis.campaign.workers import LostError, Processes, StartError
 from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.experiment import quiet
 
 pytest.importorskip("distributed")
-
-
-def quiet(fraction: float, doing: str = "") -> None:
-    assert 0 <= fraction <= 1
 
 
 @pytest.fixture(scope="module")

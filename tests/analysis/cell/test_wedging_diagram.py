@@ -164,23 +164,3 @@ def test_a_start_that_no_push_slides_has_no_peak() -> None:
 def line(axes: Axes, label: str) -> tuple[Array, Array]:
     (found,) = (one for one in axes.get_lines() if one.get_label() == label)
     return np.asarray(found.get_xdata()), np.asarray(found.get_ydata())
-
-
-def test_the_figure_is_in_millimetres_and_milliradians(outcome: Outcome) -> None:
-    (figure,) = WEDGING_DIAGRAM.plot(SCENARIO, outcome).values()
-    whole, near, force = figure.axes
-    table = outcome.tables["boundaries"]
-    x, y = line(whole, "exact sides, $L_g$ 100 mm")
-    inside = (table["centre_distance"] == 0.1) & (np.abs(table["lateral"]) <= 0.019814)
-    np.testing.assert_allclose(x, 1e3 * table["lateral"][inside])
-    np.testing.assert_allclose(y, 1e3 * table["exact_upper"][inside])
-    box = whole.patches[-1].get_bbox()
-    np.testing.assert_allclose(box.extents, [-19.814, -58.1745, 19.814, 58.1745], atol=1e-4)
-    for axes in (whole, near):
-        x, y = line(axes, "largest of the ten runs")
-        assert (x.item(), y.item()) == pytest.approx((3.2, 40.0))
-    assert [text.get_text() for text in near.texts] == ["49 %", "13 %", "-4 %"]
-    x, y = line(force, "mean of the ten runs")
-    of = outcome.traces["start"] == 0
-    np.testing.assert_allclose(x, 1e3 * outcome.traces["depth"][of])
-    np.testing.assert_array_equal(y, outcome.traces["force"][of])

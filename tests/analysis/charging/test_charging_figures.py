@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
-from chamfer.analysis.charging.charging_figures import plot_charging, plot_path
+from chamfer.analysis.charging.charging_figures import plot_charging
 from chamfer.analysis.charging.charging_runs import LIMITS
 from chamfer.analysis.scenario.experiment import Metric, Outcome
 from chamfer.diagrams.charging.charging_scenario import (
@@ -89,31 +89,3 @@ def test_wall_shows_the_carried_nugget_and_marks_the_slide(
     thick = [line for line in force.lines if line.get_linewidth() > 2]
     pushed = outcome.traces["wall_peak_force"][3:6]
     np.testing.assert_allclose(np.asarray(thick[0].get_ydata()), [*pushed, np.nan])
-
-
-def test_each_state_stands_in_its_modes_row(scenario: CrucibleChargingScenario) -> None:
-    chart = chart_of(scenario)
-    way = {
-        "time": np.array([0.0, 0.5]),
-        "source": np.array(["home.out", "home.settle"]),
-        "target": np.array(["home.settle", "acquire.above"]),
-        "label": np.array(["there", "homed"]),
-    }
-    metrics = {
-        "cycle.laid": Metric(value=0, unit="", note="no part in the feeder"),
-        "cycle.time": Metric(value=5.5, unit="s"),
-    }
-    result = Outcome(
-        metrics=metrics, traces={}, simulated_seconds=5.5, tables={"transitions": way}
-    )
-    found = {
-        "".join(text.get_text().replace("_", " ").split()): text.get_position()
-        for text in plot_path(chart, result).axes[0].texts
-    }
-    assert "charging:0itemslaidin5.5s,thenstopped:nopartinthefeeder" in found
-    missing = {name for name in chart.state_names if name.replace("_", "") not in found}
-    # What a run seldom comes to is drawn only where it did.
-    assert missing == {"halted", "back_off.brake", "back_off.away", "stopped"}
-    heights = [found[one][1] for one in ("home.settle", "acquire.zero", "wall.lower", "done")]
-    assert heights == sorted(heights)
-    assert found["wall.lower"][1] < found["crown.lower"][1] < found["bulk.pour"][1]

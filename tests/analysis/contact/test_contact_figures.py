@@ -83,8 +83,6 @@ def test_published_values_are_drawn_for_the_default_scenario(name: str, said: li
     [
         {"duration": 19.0},
         {"task": replace(PLANAR_SLIDE.task, amplitude=0.021)},
-        {"controller": replace(PLANAR_SLIDE.controller, force_integral=2.0)},
-        {"measure_after": 7.0},
     ],
 )
 def test_published_values_are_not_drawn_for_another_scenario(values: dict[str, Any]) -> None:

@@ -173,7 +173,6 @@ def test_the_design_s_own_fields_are_listed_too(
         (["insertion", "--map", "gap:1:2"], "expected 2 arguments"),
         (["insertion", "--map", "gap:0.02:0.03", "gip:1:2"], "no field begins with 'gip'"),
         (["insertion", "--set", "parts.peg_radius=0.02"], "parts.peg_radius is 0.02"),
-        (["insertion", "--set", "spread.lateral=-1"], "spread.lateral is -1"),
         (["insertion", "--set", "gap=0.4"], "allowed"),
         (["insertion", "--scenario", "missing.yaml"], "missing.yaml"),
     ],

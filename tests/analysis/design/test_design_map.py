@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import chamfer.analysis.design.design_map as module
-from chamfer.analysis.design.design_map import REFUSED, DesignMap, map_design, parse_map, plot_map
+from chamfer.analysis.design.design_map import REFUSED, DesignMap, map_design, parse_map
 from chamfer.analysis.design.design_scenario import DesignScenario
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.models.validation import ParameterError
@@ -75,18 +75,6 @@ def test_points_without_a_design_say_why_and_the_others_go_on(found: DesignMap) 
     assert refused.sum() == 6
     assert "parts.friction is 0.6, allowed: less" in found.limiting[0, -1]
     assert np.isnan(found.margin[refused]).all()
-
-
-def test_figure_names_what_it_shows(found: DesignMap) -> None:
-    figure = plot_map(found)
-    figure.draw_without_rendering()
-    left, right = figure.axes
-    names = {text.get_text() for text in left.get_legend().get_texts()}
-    assert {"certain", "likely", "no", "no such design"} <= names
-    assert "this design" not in names  # its clearance is beyond the map
-    assert left.get_xlabel() == "parts.friction"
-    assert left.get_ylabel() == "parts.peg_radius / mm"
-    assert "wedging" in {text.get_text() for text in right.get_legend().get_texts()}
 
 
 @pytest.mark.parametrize(

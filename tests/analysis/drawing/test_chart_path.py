@@ -2,9 +2,6 @@ import re
 from itertools import pairwise
 
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_hex
-from matplotlib.patches import FancyBboxPatch
 
 from chamfer.analysis.drawing.chart_graph import state_id
 from chamfer.analysis.drawing.chart_path import Row, path_rows, plot_chart_path
@@ -119,35 +116,6 @@ def test_a_long_chart_is_cut_where_a_single_transition_leads_on() -> None:
     assert (1,) in routes([first]).values()
     assert (1,) not in routes([second]).values()
     assert max(row.layout.width for row in (first, second)) < 1600
-
-
-def test_the_numbers_of_steps_stand_below_the_names_of_transitions() -> None:
-    names = [(one.source, one.target, one.label) for one in SHORT.transitions]
-    for row in path_rows(SHORT, path(*names)):
-        numbers = [line for label in row.layout.labels for line in label.text.lines if "[" in line]
-        assert sorted(numbers) == sorted(f"[{one[0]}]" for one in routes([row]).values() if one)
-
-
-def test_the_figure_shows_visits_steps_and_the_result() -> None:
-    figure = plot_chart_path(SHORT, TRIED, result="failed: level: lost, after 3.00 s")
-    FigureCanvasAgg(figure)
-    figure.canvas.draw()
-    (axes,) = figure.axes
-    texts = [text.get_text() for text in axes.texts]
-    assert "D connector: failed: level: lost, after 3.00 s" in texts
-    assert "1.50 s  approach: contact" in texts
-    assert texts.count("1, 4") == 1
-    assert [texts.count(str(number)) for number in range(1, 7)] == [1, 2, 2, 1, 2, 2]
-    fills: dict[str, int] = {}
-    for patch in axes.patches:
-        if isinstance(patch, FancyBboxPatch):
-            colour = to_hex(patch.get_facecolor())
-            fills[colour] = fills.get(colour, 0) + 1
-    assert fills["#fde3c3"] == 4  # approach, level, shift, retract
-    assert fills["#f6c4c4"] == 1  # failed
-    assert fills["#f6f7f8"] >= 5  # what was not visited
-    low, high = axes.get_xlim()
-    assert all(low <= text.get_position()[0] <= high for text in axes.texts)
 
 
 def test_a_run_that_took_no_step_has_a_figure() -> None:

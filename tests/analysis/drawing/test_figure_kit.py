@@ -11,23 +11,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from chamfer.analysis.drawing.figure_kit import (
-    Curve,
-    FilledBand,
-    ReferenceLine,
-    colour_legend,
-    draw_counts,
     draw_cumulative,
-    draw_distribution,
-    draw_intervals,
-    draw_lines,
     draw_means,
-    draw_shares,
     metric_value,
-    name_rows,
     shade,
     spaced,
     state_visits,
-    time_axes,
     trial_curves,
 )
 
@@ -53,33 +42,18 @@ def test_a_metric_without_a_value_is_nan() -> None:
     assert math.isnan(metric_value(metrics, "c"))
 
 
-def test_panels_share_their_time_and_the_states_behind(figure: Figure) -> None:
+def test_visits_of_states_end_where_the_next_begins() -> None:
     visits = state_visits(TIME, [0, 0, 1, 1, 0], ["free", "failed"])
     assert visits == [(0.0, 1.0, "free"), (1.0, 2.0, "failed"), (2.0, 2.0, "free")]
-    upper, lower = time_axes(figure, TIME, (2.0, 1.0), visits=visits, strip=0.5)
-    band, level = FilledBand(-1.0, 1.0, "zone"), ReferenceLine(0.5, "limit", {"color": "red"})
-    draw_lines(
-        lower,
-        TIME,
-        [Curve(TIME**2, "square", {"color": "blue"})],
-        title="t",
-        y="y / m",
-        bands=[band, FilledBand(TIME - 1, TIME + 1, "around")],
-        levels=[level, ReferenceLine(1.0, None, {}, upright=True)],
-        key="beside",
-    )
-    shade(upper, TIME, TIME > 5, "never", {})
-    shade(upper, TIME, TIME == 1.0, "once", {})
-    figure.canvas.draw()
-    assert upper.get_xlim() == lower.get_xlim() == (0.0, 2.0)
-    names = [text.get_text() for text in lower.get_legend().get_texts()]
-    assert sorted(names) == ["around", "limit", "square", "zone"]
-    assert upper.get_legend_handles_labels()[1] == ["once"]
-    corners = upper.collections[-1].get_paths()[0].vertices
+
+
+def test_shade_lasts_until_the_next_row_and_names_itself_once(figure: Figure) -> None:
+    axes = figure.subplots()
+    shade(axes, TIME, TIME > 5, "never", {})
+    shade(axes, TIME, TIME == 1.0, "once", {})
+    assert axes.get_legend_handles_labels()[1] == ["once"]
+    corners = axes.collections[-1].get_paths()[0].vertices
     assert (corners[:, 0].min(), corners[:, 0].max()) == (1.0, 1.5)
-    strip = figure.axes[0]
-    assert [text.get_text() for text in strip.texts] == ["free", "failed", "free"]
-    assert [text.get_weight() for text in strip.texts] == ["normal", "bold", "normal"]
 
 
 @given(places=st.lists(st.floats(0.0, 1.0), min_size=1, max_size=40).map(sorted))
@@ -103,21 +77,3 @@ def test_trials_are_curves_means_and_shares_of_all(figure: Figure) -> None:
     assert (bar.get_width(), bar.get_y() + bar.get_height() / 2) == pytest.approx((2.0, 0.2))
     draw_cumulative(shares, np.array([2.0, np.inf, 1.0, np.nan]), {})
     np.testing.assert_array_equal(shares.lines[0].get_xydata(), [[0, 0], [1, 25], [2, 50]])
-
-
-def test_distributions_and_tables(figure: Figure) -> None:
-    bars, shares, counts = figure.subplots(3)
-    draw_distribution(bars, np.array([1.0, np.nan, 3.0]), least=4.0)
-    assert bars.get_xlim() == pytest.approx((0.0, 4.2))
-    colours = {"found": "#8fc79a", "wrong": "#800000"}
-    rows = [{"found": 99.0, "wrong": 1.0}, {"found": 0.0, "wrong": 100.0}]
-    draw_shares(shares, rows, colours, [{"wrong": "1 !"}, {}])
-    name_rows(shares, ["first", "second"])
-    colour_legend(figure, colours)
-    assert [text.get_text() for text in shares.texts] == ["99", "1 !", "100"]
-    assert [text.get_color() for text in shares.texts] == ["black", "white", "white"]
-    assert shares.get_ylim() == (1.5, -0.5)
-    draw_counts(counts, np.array([[3, 1]]), ["said"], ["seated", "stopped"])
-    draw_intervals(bars, [1.0], [2.0], [1.5], [np.nan], {"color": "blue"})
-    assert [text.get_text() for text in counts.texts] == ["3", "1"]
-    figure.canvas.draw()

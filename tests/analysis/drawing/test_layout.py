@@ -197,24 +197,3 @@ def test_feedback_runs_back_below_the_forward_path(
     assert max(y for _, y in outer) > frame.y + frame.height
     for points in (inner, outer):
         assert points[-2][1] > points[-1][1], "comes from below"
-
-
-def test_unconnected_loops_stand_below_one_another_and_signals_branch(servo: GraphLayout) -> None:
-    pid, fsm = (box for box in servo.clusters if box.cluster.parent is None)
-    assert pid.y + pid.height < fsm.y
-    assert pid.x == fsm.x
-    plant = "PID loop/plant"
-    output = _route(servo, f"{plant}/impedance control A(s)", f"{plant}/environment B(s)")
-    assert any(abs(x - output[1][0]) < 0.1 for x, _ in servo.branches)
-
-
-def test_opposite_transitions_and_loops_of_a_chart(axis: Chart[None, None]) -> None:
-    layout = lay_out(chart_graph(axis))
-    there = _route(layout, "state moving", "state settling")
-    back = _route(layout, "state settling", "state moving")
-    assert len(there) == 2
-    assert max(y for _, y in back) > there[0][1]
-    moving = next(_rectangle(box) for box in layout.boxes if box.node.id == "state moving")
-    loop = _route(layout, "state moving", "state moving")
-    assert loop[0][0] == moving[2], "leaves to the right"
-    assert max(y for _, y in loop) > loop[-1][1] == moving[3], "comes back from below"

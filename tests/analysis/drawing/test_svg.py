@@ -7,12 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.systems.framework import Diagram
 
-from chamfer.analysis.drawing.chart_graph import chart_graph
 from chamfer.analysis.drawing.diagram_graph import diagram_graph
 from chamfer.analysis.drawing.graph import Edge, Graph, Node
 from chamfer.analysis.drawing.svg import render
 from chamfer.analysis.drawing.text import text_width, typeset, wrap
-from chamfer.systems.statechart.chart import Chart
 
 NAMESPACE = "{http://www.w3.org/2000/svg}"
 
@@ -33,9 +31,6 @@ def test_everything_of_the_graph_is_drawn(loops: Diagram) -> None:
     root = ElementTree.fromstring(svg)
     assert root.get("viewBox") == f"0 0 {root.get('width')} {root.get('height')}"
     assert root.findtext(f"{NAMESPACE}title") == graph.title != ""
-    ground = root.find(f"{NAMESPACE}rect")
-    assert ground is not None
-    assert ground.get("fill") == "white"
     kinds = {node.kind for node in graph.nodes}
     assert sum(len(_groups(svg, kind)) for kind in kinds) == len(graph.nodes)
     assert sum(len(one) - 2 for one in _groups(svg, "edge")) == len(graph.edges)  # arrow heads
@@ -77,18 +72,6 @@ def test_special_characters_are_escaped() -> None:
     texts = _texts(render(graph))
     assert texts.count(label) == 4
     assert {"<1>", "&"} <= set(texts)
-
-
-def test_subscripts_are_set_lower() -> None:
-    svg = render(Graph(title="", nodes=(Node(id="a", label="gain K_p of x_1"),)))
-    assert _texts(svg) == ["gain Kp of x1"]
-    assert svg.count("<tspan") == 3
-
-
-def test_final_states_have_a_double_border(axis: Chart[None, None]) -> None:
-    svg = render(chart_graph(axis))
-    for kind, borders in (("state", 1), ("final", 2), ("failed", 2)):
-        assert len(_groups(svg, kind)[0].findall(f"{NAMESPACE}rect")) == borders
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,6 @@ from chamfer.analysis.report.results import (
     json_text,
     metric_document,
     read_result,
-    versions,
     write_folder,
 )
 from chamfer.analysis.report.traces import read_table, write_table
@@ -222,12 +221,3 @@ def test_a_check_holds_within_the_bounds_of_its_relation(
 def test_a_claim_that_does_not_hold_says_why() -> None:
     with pytest.raises(ValueError, match="a claim that does not hold lacks a note"):
         published(otherwise="does_not_hold")
-
-
-def test_versions_are_of_what_computes() -> None:
-    found = versions()
-    assert list(found) == [
-        *("python", "drake", "numpy", "numba", "scipy", "control", "opencv", "matplotlib"),
-        *("chamfer", "sources"),
-    ]
-    assert found["numpy"] == np.__version__

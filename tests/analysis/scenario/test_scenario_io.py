@@ -137,7 +137,6 @@ def test_values_of_every_type(setting: str, path: str, value: object) -> None:
     ("setting", "message"),
     [
         ("plant.mas=1", "plant.mas: no such field, valid fields: form, mass, stiffness"),
-        ("noise.lvl=1", "noise.lvl: no such field, valid fields: level"),
         ("plant.mass=-1", "plant.mass is -1.0, allowed: a finite number > 0"),
         ("plant.mass=nan", "plant.mass is nan, allowed: a finite number > 0"),
         ("noise.level=nan", "noise.level is nan, allowed: a finite number"),
@@ -149,7 +148,6 @@ def test_values_of_every_type(setting: str, path: str, value: object) -> None:
         ("plant.mass='inf'", "plant.mass is inf, allowed: a finite number > 0"),
         ("plant.mass=true", "plant.mass is True, allowed: a number"),
         ("plant.mass=", "plant.mass is None, allowed: a number"),
-        ("plant.mass=1:30", "plant.mass is '1:30', allowed: a number"),
         ("plant.mass.x=1", "plant.mass is {'x': 1}, allowed: a number"),
         (
             f"plant.mass=1{'0' * 400}",

@@ -51,6 +51,3 @@ def test_the_steady_state_error_is_predicted_by_the_integral_gain() -> None:
     )
     final = outcome.metrics["stiffness_550.final_value"].value
     assert final == pytest.approx(21903 / (21903 + 550), rel=1e-6)
-    assert set(PLANT_IDENTIFICATION.plot(IdentificationScenario(), outcome)) == {
-        "plant-identification"
-    }

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
 from pydrake.math import RollPitchYaw
 
 from chamfer.analysis.catalogue import CATALOGUE
@@ -237,29 +236,3 @@ def test_the_cameras_are_those_of_the_work_cell() -> None:
         assert SCENARIO.cameras.placement(view, there.target) == there
     assert SCENARIO.gap == cell.gap
     assert SCENARIO.cameras.noise == cell.cameras.frames.noise
-
-
-def panels(outcome: Outcome) -> dict[str, Axes]:
-    figure = CAMERA_ACCURACY.plot(SCENARIO, outcome)["camera-accuracy"]
-    return {axes.get_title(loc="left"): axes for axes in figure.axes}
-
-
-def test_marks_are_the_metrics_in_the_panels_unit(outcome: Outcome) -> None:
-    # The error signal is in metres, of which 0.5 mm are a pixel.
-    found = panels(outcome)
-    for title, label, name, factor in (
-        ("Across the axis", "peg, X-Z", "xz.peg.lateral", 1.0),
-        ("Along the axis", "hole, X-Y", "xy.hole.axial", 1.0),
-        ("Across the axis", "error signal, not calibrated, X-Z", "xz.scaled.lateral", 2000.0),
-        ("Angle of the axis", "peg, X-Y", "xy.peg.angle", 1e3),
-        ("Angle of the axis", "error signal, not calibrated, X-Y", "xy.scaled.angle", 1e3),
-        ("Tips in space, by stereo", "peg to hole, in space", "space.relative.tip", 1e3),
-    ):
-        lines = found[title].get_lines()
-        (line,) = [line for line in lines if line.get_label() == label]
-        rms = [value(outcome, f"{case}.{kind}.{name}.rms") for case in CASES for kind in KINDS]
-        np.testing.assert_allclose(line.get_xdata(), factor * np.array(rms))
-        # The published millimetre is two pixels.
-        limit = 1.0 if "space" in title else 2.0
-        marked = [np.asarray(one.get_xdata()).tolist() for one in lines]
-        assert [limit, limit] in marked or "Angle" in title

@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from matplotlib.collections import PathCollection
-from matplotlib.figure import Figure
 from scipy import stats
 
 from chamfer.analysis.campaign.campaign import Trials
-from chamfer.analysis.scenario.experiment import Metric, Outcome, quiet
+from chamfer.analysis.scenario.experiment import quiet
 from chamfer.analysis.skills.connector_campaign import (
     BNC_CONNECTOR,
     D_CONNECTOR,
@@ -22,7 +20,6 @@ from chamfer.analysis.skills.connector_campaign import (
     ResolvedCampaignScenario,
     ScenarioSpread,
     plot_searches,
-    plot_success,
     randomised,
     resolve_campaign,
     resolve_peg_campaign,
@@ -208,55 +205,6 @@ def test_all_searches_are_tried_in_the_same_scenarios() -> None:
     assert outcome.metrics["success_rate"] == outcome.metrics["dithers.success_rate"]
     assert outcome.metrics["tilt.duration"].value == pytest.approx(0.3)
     assert set(search_figures(CUT, outcome)) == {"success", "searches"}
-
-
-MIDDLE = (0.0, 0.0, 0.6, 0.0, 0.0, 0.0)
-
-
-def outcome(success: list[float], reasons: list[str]) -> Outcome:
-    n = len(success)
-    ramp = np.linspace(-1.0, 1.0, n)
-    traces = {
-        "initial_x": 0.002 * ramp,
-        "initial_y": -0.001 * ramp,
-        "initial_rx": np.deg2rad(3 * ramp),
-        "initial_ry": np.deg2rad(ramp),
-        "initial_rz": 0.6 + np.deg2rad(2 * ramp),
-        "success": np.array(success),
-        "obstacle": np.full(n, np.nan),
-        "retries": np.arange(n, dtype=float),
-        "force.peak_share": np.where(np.array(success) > 0, 1.2 + 0.2 * ramp, np.nan),
-        "duration": np.where(np.array(success) > 0, 20.0 + 9 * ramp, np.nan),
-        "reason": np.array(reasons),
-    }
-    values = {"success_rate": 75.0, "success_rate.low": 19.4, "success_rate.high": 99.4}
-    metrics = {name: Metric(value=value, unit="%") for name, value in values.items()}
-    return Outcome(metrics=metrics, traces=traces, simulated_seconds=1.0)
-
-
-@pytest.fixture(scope="module")
-def figure() -> Figure:
-    of = outcome([1.0, 1.0, 1.0, 0.0], ["", "", "", "push: jammed"])
-    return plot_success(of, middle=MIDDLE)
-
-
-def places(figure: Figure, panel: int) -> list[np.ndarray]:
-    axes = figure.axes[panel]
-    found = [np.asarray(one.get_offsets()) for one in axes.collections]
-    assert all(isinstance(one, PathCollection) for one in axes.collections)
-    return [one for one in found if len(one)]
-
-
-def test_dots_and_crosses_stand_at_the_errors_in_milli_and_degrees(figure: Figure) -> None:
-    good, failed = places(figure, 0)
-    np.testing.assert_allclose(good, [[-2.0, 1.0], [-2 / 3, 1 / 3], [2 / 3, -1 / 3]])
-    np.testing.assert_allclose(failed, [[2.0, -1.0]])
-    good, failed = places(figure, 1)
-    np.testing.assert_allclose(good, [[-3.0, -1.0], [-1.0, -1 / 3], [1.0, 1 / 3]])
-    np.testing.assert_allclose(failed, [[3.0, 1.0]])
-    # About z from the middle of the errors.
-    shade = np.asarray(figure.axes[1].collections[0].get_array())
-    np.testing.assert_allclose(shade, [-2.0, -2 / 3, 2 / 3], atol=1e-9)
 
 
 def test_searches_are_compared_trial_by_trial() -> None:

@@ -5,17 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from chamfer.analysis.report.replay import replay_html
 from chamfer.analysis.scenario.experiment import Outcome, quiet
 from chamfer.analysis.skills.connector_insertion import (
     figures,
-    plot_insertion,
     replay_insertion,
     run,
 )
-from chamfer.analysis.skills.skill_run import AXES, SkillStep, path_table
+from chamfer.analysis.skills.skill_run import AXES
 from chamfer.diagrams.skills.connector_scenario import DConnectorScenario, resolve
 from chamfer.systems.strategies.d_strategy import DConnectorSkillParams
 
@@ -56,56 +54,6 @@ def test_a_run_that_fails_says_why() -> None:
     assert note.endswith("still running after 0.5 s")
     texts = [text.get_text() for text in figures(scenario, outcome)["path"].axes[0].texts]
     assert f"D connector: failed: {note}, after 0.50 s" in texts
-
-
-STATES = ("approach", "push", "retract", "done", "failed")
-PATH = path_table(
-    [
-        SkillStep(1.0, "approach", "push", "contact", "contact"),
-        SkillStep(1.5, "push", "retract", "jammed", "otherwise"),
-        SkillStep(3.0, "retract", "failed", "over", "over"),
-    ]
-)
-TIME = np.linspace(0.0, 4.0, 9)
-TRACES = {
-    "time": TIME,
-    "depth": 0.001 * TIME,
-    "lateral_x": np.where(TIME < 1.0, 0.05, 0.0),
-    "lateral_y": np.zeros(9),
-    "state": np.full(9, 4.0),
-    **{
-        f"{name}_{axis}": (k + 10 * i) * TIME
-        for k, name in enumerate(("V_cmd", "V_ref", "wrench"))
-        for i, axis in enumerate(AXES)
-    },
-}
-
-
-@pytest.fixture(scope="module")
-def figure() -> Figure:
-    return plot_insertion(TRACES, PATH, states=STATES, mated=0.0056, mating_force=46.0)
-
-
-def test_every_axis_has_its_command_and_motion_in_the_paper_s_order(figure: Figure) -> None:
-    order = ("x", "y", "z", "rx", "ry", "rz")
-    for axes, axis in zip(figure.axes[1:7], order, strict=True):
-        scale = 1e3 if len(axis) == 1 else 1.0
-        lines = {str(line.get_label()): np.asarray(line.get_ydata()) for line in axes.lines}
-        assert set(lines) == {r"$V_{ref}$", r"$V_{cmd}$"}
-        np.testing.assert_allclose(lines[r"$V_{cmd}$"], scale * TRACES[f"V_cmd_{axis}"])
-        np.testing.assert_allclose(lines[r"$V_{ref}$"], scale * TRACES[f"V_ref_{axis}"])
-        assert ("mm/s" if scale > 1 else "rad/s") in axes.get_ylabel()
-
-
-def test_forces_torques_and_depth(figure: Figure) -> None:
-    force, torque, depth = figure.axes[7:10]
-    np.testing.assert_array_equal(np.asarray(force.lines[0].get_ydata()), TRACES["wrench_z"])
-    assert np.asarray(force.lines[1].get_ydata())[0] == 46.0
-    assert len(torque.lines) == 3
-    shown = np.asarray(depth.lines[0].get_ydata())
-    assert np.isnan(shown[TIME < 1.0]).all()  # the plug is still beside its socket
-    np.testing.assert_allclose(shown[TIME >= 1.0], TIME[TIME >= 1.0])
-    assert np.asarray(depth.lines[1].get_ydata())[0] == pytest.approx(5.6)
 
 
 def test_a_column_that_is_missing_is_named() -> None:

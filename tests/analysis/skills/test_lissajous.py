@@ -5,10 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.patches import Rectangle
 
 from chamfer.analysis.scenario.experiment import Outcome, quiet
-from chamfer.analysis.skills.lissajous import LissajousScenario, covering_radius, figures, run
+from chamfer.analysis.skills.lissajous import LissajousScenario, covering_radius, run
 
 SHORT = LissajousScenario(repeats=(2, 6))
 
@@ -47,17 +46,3 @@ def test_a_dense_grid_leaves_half_a_cells_diagonal(cells: int, amplitude: float)
     x, y = np.meshgrid(side, side)
     found = covering_radius(np.column_stack([x.ravel(), y.ravel()]), amplitude)
     assert found == pytest.approx(math.sqrt(2) * amplitude / cells)
-
-
-def test_the_figure_has_patterns_in_millimetres_and_the_radius_over_n(outcome: Outcome) -> None:
-    *patterns, radius = figures(SHORT, outcome)["lissajous"].axes
-    for n, axes in zip((2, 6), patterns, strict=True):
-        of = outcome.traces["repeats"] == n
-        drawn = np.asarray(axes.get_lines()[0].get_ydata())
-        np.testing.assert_allclose(drawn, 1e3 * outcome.traces["second"][of])
-        (square,) = (one for one in axes.patches if isinstance(one, Rectangle))
-        assert (square.get_xy(), square.get_width()) == ((-2.0, -2.0), 4.0)
-    measured, expected = (np.asarray(one.get_ydata()) for one in radius.get_lines()[:2])
-    np.testing.assert_allclose(expected, 2.0 * math.pi / (2 * math.sqrt(2) * np.array([2, 6])))
-    radii = [1e3 * (outcome.metrics[f"covering_radius.n{n}"].value or 0.0) for n in (2, 6)]
-    np.testing.assert_allclose(measured, radii)

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from chamfer.analysis.surface.normal_metrics import (
     angle_between,
-    errors,
     estimation_metrics,
     normalised_square,
     tracking_metrics,
@@ -189,16 +188,6 @@ def test_the_estimate_counts_at_the_observers_samples_from_the_first_second_on()
     found = tracked(error=error, band=band)
     assert found["error.max"] == 5.0
     assert found["coverage"] == pytest.approx(100 * 180 / 181)
-
-
-def test_the_windows_of_rms_and_largest_error_are_apart() -> None:
-    traces = {"time": TIME, "error": TIME, "band": np.full(401, 50.0), "nees": TIME}
-    found = errors(traces, (1.0, 2.0), largest=(3.0, 4.0))
-    assert found["error.max"] == pytest.approx(3.95)
-    inside = TIME[20:40]
-    assert found["error.bias"] == pytest.approx(inside.mean())
-    assert found["error.rms"] == pytest.approx(math.sqrt(np.mean(inside**2)))
-    assert found["nees"] == pytest.approx(inside.mean())
 
 
 def test_a_band_that_tells_nothing_covers_nothing() -> None:

