@@ -89,10 +89,6 @@ def test_what_nothing_reads_is_as_it_was() -> None:
     assert str(raised.value) == f"arm.mass is 2.0, allowed: {Params.mass}, it doesn't move"
 
 
-def test_is_a_value_error() -> None:
-    assert issubclass(ParameterError, ValueError)
-
-
 def test_comes_whole_from_another_process() -> None:
     sent = ParameterError("mass", -1.0, "a number > 0")
     found = pickle.loads(pickle.dumps(sent))

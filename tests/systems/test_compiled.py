@@ -48,12 +48,6 @@ def test_compiles_what_has_no_file_to_be_kept_beside() -> None:
     assert doubled.signatures  # type: ignore[attr-defined]
 
 
-def test_compiled_does_what_python_does() -> None:
-    matrix = np.array([[4.0, 1.0, 0.5], [1.0, 3.0, 0.0], [0.5, 0.0, 2.0]])
-    python = inverse.py_func  # type: ignore[attr-defined]
-    np.testing.assert_allclose(inverse(matrix), python(matrix), rtol=1e-14)
-
-
 KEPT = {
     "a called function": (
         "from chamfer.systems.compiled import compiled\n\n"

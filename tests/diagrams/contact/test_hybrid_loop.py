@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from chamfer.analysis.contact.contact_runs import run_contact
 from chamfer.analysis.contact.hybrid_stability import settled, smooth
@@ -29,7 +28,6 @@ from chamfer.diagrams.contact.hybrid_loop_stability import (
     stability,
 )
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario, fill
-from chamfer.models.arms.arm import Arm
 from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.validation import ParameterError
@@ -146,61 +144,22 @@ def test_controller_and_contact_detection_know_what_is_measured_only(
     assert into(wiring, COMPENSATION) == read | {(CONTROL, "torque", COMPENSATION, "command")}
 
 
-class Push(LeafSystem):
-    """A user's own law: pushes straight ahead with the desired force, whatever is measured."""
-
-    def __init__(self, arm: Arm, *, torque: str = "torque", encoders: int | None = None) -> None:
-        super().__init__()
-        n, m = arm.num_joints, arm.num_coordinates
-        motion = self.DeclareVectorInputPort("encoders", 2 * n if encoders is None else encoders)
-        force = self.DeclareVectorInputPort("desired_force", m)
-        for name, size in (
-            ("desired_position", m),
-            ("measured_force", m),
-            ("selection", m * m),
-            ("mode", 1),
-        ):
-            self.DeclareVectorInputPort(name, size)
-
-        def calc(context: Context, vector: BasicVector) -> None:
-            J = arm.jacobian(motion.Eval(context)[:n])
-            vector.SetFromVector(J.T @ force.Eval(context))
-
-        self.DeclareVectorOutputPort(torque, n, calc, {motion.ticket(), force.ticket()})
-        for name in ("position_error", "force_error"):
-            self.DeclareVectorOutputPort(name, m, lambda _, __: None)
-
-
-def test_an_own_controller_takes_the_hybrid_laws_place(wires: Any) -> None:
+def test_an_own_controller_takes_the_hybrid_laws_place(wires: Any, push: Any) -> None:
     scenario = fill(replace(PLANAR, duration=0.3))
     arm = scenario.ARM
-    diagram = make_hybrid_diagram(scenario, controller=Push(arm))
+    diagram = make_hybrid_diagram(scenario, controller=push(arm))
     assert into(wires(diagram), CONTROL) == into(wires(make_hybrid_diagram(scenario)), CONTROL)
     simulator = Simulator(diagram)
     simulator.AdvanceTo(0.3)
     q = diagram.GetOutputPort("encoders").Eval(simulator.get_context())[: arm.num_joints]
     # 15 N downwards on an arm without gravity: down it goes, faster than joint friction holds.
     assert arm.endpoint(q)[1] < -0.05
-
-
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        (
-            {"encoders": 2},
-            r"^controller is 'Push', allowed: a system with the vector input port encoders of "
-            r"size 4; its vector input ports and their sizes are: encoders \(2\), desired_force",
-        ),
-        (
-            {"torque": "effort"},
-            r"^controller is 'Push', allowed: a system with the vector output port torque of "
-            r"size 2; its vector output ports and their sizes are: effort \(2\), position_error",
-        ),
-    ],
-)
-def test_an_own_controller_without_a_port_is_refused(wrong: Any, message: str) -> None:
+    message = (
+        r"^controller is 'Push', allowed: a system with the vector input port encoders of size 4; "
+        r"its vector input ports and their sizes are: encoders \(2\), desired_force"
+    )
     with pytest.raises(ParameterError, match=message):
-        make_hybrid_diagram(fill(PLANAR), controller=Push(PLANAR.ARM, **wrong))
+        make_hybrid_diagram(scenario, controller=push(arm, encoders=2))
 
 
 def test_the_controller_does_not_know_how_the_surface_is_tilted() -> None:

@@ -11,19 +11,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from chamfer.diagrams.contact import contact_scenarios
 from chamfer.diagrams.contact.contact_scenarios import (
     ADEPT_NUGGET_HOLD,
-    ADEPT_NUGGET_MOTION,
-    ADEPT_ROLLER_HOLD,
     ADEPT_ROLLER_MOTION,
-    CONTACT_RECOVERY,
     PLANAR_HOLD,
-    PLANAR_SLIDE,
-    PUMA_NUGGET_HOLD,
-    PUMA_NUGGET_MOTION,
     PUMA_ROLLER_HOLD,
     PUMA_ROLLER_MOTION,
-    WRIST_CONTENTION,
     AdeptLoop,
     PlanarLoop,
     PlanarScenario,
@@ -43,20 +37,7 @@ from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
 from chamfer.systems.force.sampled_loop import NEUTRAL
 from chamfer.systems.sensing.force_sensor import ForceSensorParams
 
-ALL = (
-    PLANAR_HOLD,
-    PLANAR_SLIDE,
-    CONTACT_RECOVERY,
-    PUMA_ROLLER_HOLD,
-    PUMA_ROLLER_MOTION,
-    PUMA_NUGGET_HOLD,
-    PUMA_NUGGET_MOTION,
-    ADEPT_ROLLER_HOLD,
-    ADEPT_ROLLER_MOTION,
-    ADEPT_NUGGET_HOLD,
-    ADEPT_NUGGET_MOTION,
-    WRIST_CONTENTION,
-)
+ALL = [one for one in vars(contact_scenarios).values() if isinstance(one, HybridScenario)]
 
 
 def changed(scenario: HybridScenario, part: str, **values: Any) -> HybridScenario:
@@ -99,11 +80,9 @@ ADEPT_REACH, PUMA_REACH = "0.05 m and less than 0.8 m", "0.1368 m and less than 
     ("scenario", "part", "values", "name", "allowed"),
     [
         (PLANAR, None, {"step": 3e-5}, "step", "a whole part of the period"),
-        (PLANAR, None, {"step": 0.0026}, "step", "a whole part of the period"),
         (PLANAR, None, {"step": 0.01}, "step", "a whole part of the period"),
         (PLANAR, None, {"duration": 0.049}, "duration", "10 to 1000000 periods"),
         (PLANAR, None, {"duration": 5001.0}, "duration", "10 to 1000000 periods"),
-        (PLANAR, None, {"trials": 0}, "trials", "1 to 1000"),
         (PLANAR, None, {"trials": 1001}, "trials", "1 to 1000"),
         (PLANAR, "task", {"start": (1.0, 0.0, 0.0), **SPATIAL}, "task.start", "2 numbers"),
         (PLANAR, "arm", {"elbow": "up"}, "elbow", "negative, positive"),

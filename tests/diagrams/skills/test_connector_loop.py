@@ -1,7 +1,6 @@
 """The loop of an insertion: its wiring, its sensors, and a controller of one's own."""
 
 import math
-from collections.abc import Collection
 from dataclasses import replace
 from typing import Any, Final
 
@@ -53,20 +52,6 @@ SCENARIOS: Final = [
 ]
 
 
-def known_to(wiring: set[Wire], block: str, cut: Collection[str] = ()) -> set[str]:
-    """The blocks that act on a block, directly or through others, but not through ``cut``."""
-    before: dict[str, set[str]] = {}
-    for source, _, target, _ in wiring:
-        before.setdefault(target, set()).add(source)
-    found: set[str] = set()
-    front = [block]
-    while front:
-        more = before.get(front.pop(), set()) - found
-        found |= more
-        front += [name for name in more if name not in cut]
-    return found
-
-
 def into(wiring: set[Wire], block: str) -> dict[str, tuple[str, str]]:
     return {port: (source, out) for source, out, target, port in wiring if target == block}
 
@@ -84,7 +69,7 @@ def test_signals_are_exported_and_no_input_is_left(scenario: Any) -> None:
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_only_images_encoders_and_the_wrist_sensor_reach_the_skill(
-    scenario: Any, wires: Any
+    scenario: Any, wires: Any, known_to: Any
 ) -> None:
     wiring = wires(make_connector_diagram(scenario), flat=True)
     wam, views = scenario.robot == "wam", ("xz", "yz") if scenario.sight else ()

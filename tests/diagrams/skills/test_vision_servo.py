@@ -32,11 +32,10 @@ def test_it_is_lost_without_frames(name: Any) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_only_encoders_and_images_reach_the_primitive(name: Any) -> None:
-    diagram = make_vision_servo_diagram(VisionServoScenario(primitive=name))
+def test_only_encoders_and_images_reach_the_primitive(name: Any, wires: Any) -> None:
     before: dict[str, set[str]] = {}
-    for (end, _), (start, _) in diagram.connection_map().items():
-        before.setdefault(end.get_name(), set()).add(start.get_name())
+    for start, _, end, _ in wires(make_vision_servo_diagram(VisionServoScenario(primitive=name))):
+        before.setdefault(end, set()).add(start)
     views = {"grasp": ["hand"], "fixed_point": ["xz"]}.get(name, ["xz", "yz"])
     own = {"primitive", "no contact"}  # what it commanded, and a constant
     assert before["primitive"] - own == {"carriage", *(f"{view} detection" for view in views)}

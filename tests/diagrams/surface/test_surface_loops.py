@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
+from pydrake.systems.framework import LeafSystem
 from scipy.optimize import brentq
 
 from chamfer.analysis.linear.simulate import simulate
@@ -34,7 +34,10 @@ from chamfer.diagrams.surface.surface_tracking import (
     resolve_tracking,
     tracking_loop,
 )
-from chamfer.models.arms.cartesian_manipulator import CartesianManipulatorParams
+from chamfer.models.arms.cartesian_manipulator import (
+    CartesianManipulatorParams,
+    cartesian_kinematics,
+)
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.validation import ParameterError
 from chamfer.systems.estimation.normal_filter import ObserverKind, Sample
@@ -51,26 +54,22 @@ GAINS = STEADY.controller
 @pytest.mark.parametrize("shape", ["parabola", "sphere"])
 @pytest.mark.parametrize("predicts", [False, True])
 def test_controller_and_observer_know_encoders_and_force_sensor_only(
-    reached: Any, shape: SurfaceShape, predicts: bool
+    wires: Any, known_to: Any, shape: SurfaceShape, predicts: bool
 ) -> None:
     surface = SurfaceSettings(shape=shape)
     told = replace(THESIS, prediction=surface if predicts else None)
-    led = make_estimation_diagram(
-        resolve_estimation(EstimationScenario(surface=surface, observer=told))
-    )
-    assert reached(led, CONTACT, lambda wire: wire[1] == SENSOR) == set()
-    assert "surface estimator" in reached(led, CONTACT)
-    controlled = make_tracking_diagram(
-        resolve_tracking(TrackingScenario(surface=surface, observer=told))
-    )
-    # With the sensors' wires cut, only the mechanics are left of what the contact acts on.
-    cut = reached(
-        controlled,
-        CONTACT,
-        lambda wire: wire[1] == SENSOR or (wire[0] == ARM and wire[1] != CONTACT),
-    )
-    assert cut == {SUM, ARM, CONTACT}
-    assert reached(controlled, CONTACT) >= {"surface estimator", "task", "hybrid controller"}
+    estimation = EstimationScenario(surface=surface, observer=told)
+    led = wires(make_estimation_diagram(resolve_estimation(estimation)))
+    assert {wire[2] for wire in led if wire[0] == CONTACT} == {SENSOR}
+    assert CONTACT in known_to(led, "surface estimator")
+    tracking = TrackingScenario(surface=surface, observer=told)
+    controlled = wires(make_tracking_diagram(resolve_tracking(tracking)))
+    # Beside the sensor, what the contact acts on is mechanics alone.
+    assert {wire[::2] for wire in controlled if wire[0] in (CONTACT, SUM)} == {
+        *((CONTACT, SENSOR), (CONTACT, SUM), (SUM, ARM))
+    }
+    for block in ("surface estimator", "task", "hybrid controller"):
+        assert CONTACT in known_to(controlled, block)
 
 
 def outputs(scenario: EstimationScenario, duration: float, step: float) -> dict[str, Array]:
@@ -378,30 +377,12 @@ def test_a_force_integral_that_swings_is_refused() -> None:
         resolve_tracking(flat(50.0, allow=True))
 
 
-class Push(LeafSystem):
-    """A user's own law: pushes with the desired force, and goes ahead with no more than that."""
-
-    def __init__(self, selection: int = 4) -> None:
-        super().__init__()
-        force = self.DeclareVectorInputPort("desired_force", 2)
-        sizes = {"encoders": 4, "desired_position": 2, "measured_force": 2, "mode": 1}
-        for name, size in (sizes | {"selection": selection}).items():
-            self.DeclareVectorInputPort(name, size)
-
-        def calc(context: Context, vector: BasicVector) -> None:
-            vector.SetFromVector(force.Eval(context))
-
-        self.DeclareVectorOutputPort("torque", 2, calc, {force.ticket()})
-        for name in ("position_error", "force_error"):
-            self.DeclareVectorOutputPort(name, 2, lambda _, vector: vector.SetZero())
-
-
-def test_a_users_own_controller_takes_the_hybrid_laws_place() -> None:
-    scenario = resolve_tracking(replace(STEADY, duration=3.0))
-    diagram = make_tracking_diagram(scenario, controller=Push())
+def test_a_users_own_controller_takes_the_hybrid_laws_place(push: Any) -> None:
+    scenario, arm = resolve_tracking(replace(STEADY, duration=3.0)), cartesian_kinematics(2)
+    diagram = make_tracking_diagram(scenario, controller=push(arm))
     run = simulate(diagram, duration=3.0, step=0.005)
     # It stands still and pushes with 5 N downwards, which the gripper's spring takes up.
     np.testing.assert_allclose(run.outputs["contact_force"][-1], [0.0, 5.0], atol=1e-3)
     message = r"^controller is 'Push', .* selection of size 4; its"
     with pytest.raises(ParameterError, match=message):
-        make_tracking_diagram(scenario, controller=Push(selection=2))
+        make_tracking_diagram(scenario, controller=push(arm, selection=2))

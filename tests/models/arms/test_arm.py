@@ -177,15 +177,6 @@ def test_planar_mass_matrix_of_two_rods(q2: float) -> None:
     np.testing.assert_allclose(plant.CalcMassMatrix(context), expected, rtol=1e-12)
 
 
-def test_puma_elbow_up_and_down() -> None:
-    # Level with the shoulder the two elbows mirror each other about the line to the tip.
-    x = np.array([0.4, -0.011, 0.3429])
-    up, down = PUMA_250.joint_positions(x, "negative"), PUMA_250.joint_positions(x, "positive")
-    assert up[1] > 0 > up[2]
-    np.testing.assert_allclose(down, up * [1, -1, -1], rtol=0, atol=1e-14)
-    assert up[0] == pytest.approx(0.0, abs=1e-15)
-
-
 def test_puma_weight_of_the_stretched_arm() -> None:
     # Shoulder and elbow lift the arm when their angles grow, so that its weight turns them back.
     forearm = 1.2 * 0.15
@@ -193,15 +184,6 @@ def test_puma_weight_of_the_stretched_arm() -> None:
     plant, context = at(PUMA_250, np.zeros(3))
     found = plant.CalcGravityGeneralizedForces(context)
     np.testing.assert_allclose(found, [0, -9.81 * shoulder, -9.81 * forearm], rtol=0, atol=1e-9)
-
-
-@pytest.mark.parametrize("elbow", ["negative", "positive"])
-@pytest.mark.parametrize("phi", [-10.0, 0.0, 7.0])
-def test_adept_orientation_keeps_its_whole_turns(elbow: Elbow, phi: float) -> None:
-    x = np.array([0.5, 0.3, 0.4, phi])
-    np.testing.assert_allclose(
-        ADEPT_ONE.endpoint(ADEPT_ONE.joint_positions(x, elbow)), x, rtol=0, atol=1e-14
-    )
 
 
 @pytest.mark.parametrize("q2", [-1.5, 0.0, 0.8])

@@ -25,7 +25,6 @@ from chamfer.models.arms.cartesian_manipulator import (
 )
 from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.arms.wrist import (
-    ORDER,
     SIZE,
     WristParams,
     add_wrist,
@@ -71,13 +70,6 @@ def test_a_poses_displacement_is_that_of_which_it_was_made(
 ) -> None:
     q = np.array(displacement)
     np.testing.assert_allclose(tip_displacement(tip_pose(q)), q, atol=1e-9)
-
-
-def test_joint_order_is_a_permutation_of_every_block() -> None:
-    single, double = in_joint_order(), in_joint_order(2)
-    assert (single @ np.arange(6.0)).tolist() == [3, 4, 5, 0, 1, 2] == list(ORDER)
-    assert (double @ np.arange(12.0)).tolist() == [3, 4, 5, 0, 1, 2, 9, 10, 11, 6, 7, 8]
-    np.testing.assert_array_equal(double.T @ double, np.eye(12))
 
 
 def test_the_tool_has_its_inertia_about_the_tip_and_no_weight() -> None:

@@ -325,7 +325,6 @@ def test_where_a_tilted_rim_may_sit_on_the_edge(
     assert not sits_on_edge(PegAndHole(section="square"), lateral, rotation)
 
 
-Array = NDArray[np.float64]
 ARM = Support(lateral_stiffness=400.0, angular_stiffness=5.0, centre_distance=0.0)
 DEPTH = 0.04
 
@@ -381,25 +380,16 @@ def test_the_limit_to_wedging_is_that_of_the_support_at_the_wedging_depth() -> N
 
 
 @pytest.mark.slow
-def test_the_force_is_the_largest_of_the_statics_on_the_way() -> None:
-    tips = np.linspace(0.001, DEPTH, 40)
-    forces = [
-        float(
-            equilibrium(
-                PAPER[0], support_at(tip), 0.001, 0.05, tip - PAPER[0].chamfer_height
-            ).insertion_force
-        )
-        for tip in tips.tolist()
-    ]
-    found = predict_feed(PAPER[0], support_at, plenty, 0.001, 0.05, depth=DEPTH)
-    assert found.axial == pytest.approx(max(forces))
+def test_a_push_that_is_too_weak_stops_the_feed() -> None:
+    at = PAPER[0], support_at, 0.001, 0.05
+    axial = float(predict_feed(*at[:2], plenty, *at[2:], depth=DEPTH).axial)
+    assert axial == pytest.approx(float(largest_push(*at, depth=DEPTH)), rel=1e-3)
 
     def weak(depth: Array) -> Array:
-        return np.full_like(depth, 0.99 * max(forces))
+        return np.full_like(depth, 0.99 * axial)
 
-    assert predict_feed(PAPER[0], support_at, weak, 0.001, 0.05, depth=DEPTH).verdict == (
-        FeedVerdict.STOPPED
-    )
+    found = predict_feed(*at[:2], weak, *at[2:], depth=DEPTH)
+    assert found.verdict == FeedVerdict.STOPPED
 
 
 @pytest.mark.slow

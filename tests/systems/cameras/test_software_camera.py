@@ -293,10 +293,10 @@ def test_the_block_shows_the_motion_light_and_colours() -> None:
 BARREL = (-0.6, 0.2, 0.01, -0.02, 0.1)
 
 
-def camera(distortion: tuple[float, ...], view: str = "xz") -> Camera:
+def camera(distortion: tuple[float, ...]) -> Camera:
     # 500 pixels of focal length: the corners are at 22 degrees.
     k1, k2, p1, p2, k3 = distortion
-    placement = CameraPlacement(view=view, pixel_size=0.001)  # type: ignore[arg-type]
+    placement = CameraPlacement(view="xz", pixel_size=0.001)
     return dataclasses.replace(placement.camera, distortion=(k1, k2, p1, p2, k3))
 
 

@@ -13,7 +13,7 @@ from chamfer.models.arms.arm import Arm
 from chamfer.models.surfaces.planes import RippledPlane
 from chamfer.models.surfaces.surface import Surface
 from chamfer.systems.contact.arm_in_contact import ArmInContact, ArmInContactParams
-from chamfer.systems.contact.arm_motion import CONTACT_SIGNALS, ENERGIES
+from chamfer.systems.contact.arm_motion import CONTACT_SIGNALS
 
 NOWHERE = RippledPlane(point=(0.0, 0.0, -100.0))
 
@@ -39,9 +39,6 @@ class Run(NamedTuple):
     def turned_over(self) -> float:
         """Return how much energy changes its kind, J."""
         return float(np.sum(np.ptp(self.energy[1:, :3], axis=0)))
-
-    def stored(self, name: str) -> np.ndarray:
-        return self.energy[:, ENERGIES.index(name)]
 
     def signal(self, name: str) -> np.ndarray:
         return self.contact[:, CONTACT_SIGNALS.index(name)]

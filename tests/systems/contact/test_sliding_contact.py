@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.systems.framework import Context
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.graphs import Parabola, Wave
@@ -87,55 +86,6 @@ def test_breakaway_of_the_thesis(step: float) -> None:
     first = touches[round(0.5 / step)]
     np.testing.assert_allclose(first.point, 0, atol=1e-15)
     np.testing.assert_allclose(first.velocity, [0.2 / (1 + 2 * 10 / 100 / 10), 0], atol=1e-13)
-
-
-def held_x(case: Case, nominal: np.ndarray, direction: int, low: float, high: float) -> float:
-    """Return x of the point where a slide towards +-x just holds, from the cone's side."""
-    surface = case.surface
-
-    def point(x: float) -> np.ndarray:
-        return np.array([x, -surface.level(np.array([x, 0.0]))])
-
-    def miss(x: float) -> float:
-        p = point(x)
-        a, b = surface.gradient(p)
-        along, up = np.array([b, -a]) * direction, np.array([a, b])
-        return float((case.stiffness @ (p - nominal)) @ (along + case.friction.at(p) * up))
-
-    return brentq(miss, low, high, xtol=1e-15, rtol=1e-15)
-
-
-@pytest.mark.parametrize("direction", [1, -1])
-def test_slide_over_waves_with_a_skew_stiffness(direction: int) -> None:
-    case = Case(
-        Wave(amplitudes=(0.01,), wavelengths=(0.9,)),
-        SurfaceFriction(coefficient=0.5, ripple=0.05, wavelength=0.7),
-        np.array([[110.0, 25.0], [25.0, 80.0]]),
-    )
-
-    def motion(t: float) -> tuple[Sequence[float], Sequence[float]]:
-        depth, rate = -0.1 - 0.01 * math.sin(t), -0.01 * math.cos(t)
-        return (direction * 0.2 * t, depth), (direction * 0.2, rate)
-
-    times = np.arange(0, 6, 0.04)
-    touches = case.follow(motion, times)
-    slides = 0
-    for time, touch in zip(times, touches, strict=True):
-        if time < 1:
-            continue
-
-        def there(at: float) -> np.ndarray:
-            nominal = np.array(motion(at)[0])
-            ends = sorted((nominal[0] - 0.12 * direction, nominal[0] + 0.03 * direction))
-            x = held_x(case, nominal, direction, *ends)
-            return np.array([x, -case.surface.level(np.array([x, 0.0]))])
-
-        np.testing.assert_allclose(touch.point, there(time), atol=1e-12)
-        assert touch.mode == SLIP
-        moved = (there(time + 1e-5) - there(time - 1e-5)) / 2e-5
-        np.testing.assert_allclose(touch.velocity, moved, atol=1e-8)
-        slides += 1
-    assert slides > 100
 
 
 # Flat surfaces: closed forms
@@ -315,8 +265,8 @@ def test_laws(surface: Surface, seed: int, friction: SurfaceFriction, skew: bool
 
 
 def round_motion(t: float) -> tuple[Sequence[float], Sequence[float]]:
-    position = (0.3 * math.sin(t), 0.25 * math.sin(1.3 * t), -0.08)
-    return position, (0.3 * math.cos(t), 0.325 * math.cos(1.3 * t), 0.0)
+    position = (0.3 * math.sin(t), 0.25 * math.sin(1.3 * t), -0.08 - 0.01 * math.sin(t))
+    return position, (0.3 * math.cos(t), 0.325 * math.cos(1.3 * t), -0.01 * math.cos(t))
 
 
 SHEET = Wave(amplitudes=(0.03, 0.04), wavelengths=(1.1, 1.3))

@@ -77,24 +77,14 @@ def held(mass: Any, force: Any, jacobian: Any, gap: float, mu: float = 0.0) -> S
     )
 
 
-def block(
-    mass: float, force: tuple[float, float, float], gap: float, mu: float = 0.0
-) -> StepModel:
+def block(mass: float, force: tuple[float, float, float], gap: float) -> StepModel:
     """A point mass above a table."""
-    return held(mass * np.eye(3), np.array(force), np.eye(3), gap, mu)
+    return held(mass * np.eye(3), np.array(force), np.eye(3), gap)
 
 
-def made_of(
-    n: int,
-    *,
-    coulomb: float = 0.0,
-    breakaway: float = 1.0,
-    viscous: float = 0.0,
-    stiffness: float = 1e4,
-    damping: float = 0.0,
-) -> Material:
+def made_of(n: int, *, stiffness: float = 1e4, damping: float = 0.0) -> Material:
     spring, damper = np.array([stiffness]), np.array([damping])
-    return Material(np.full(n, coulomb), breakaway, 0.02, np.full(n, viscous), spring, damper)
+    return Material(np.zeros(n), 1.0, 0.02, np.zeros(n), spring, damper)
 
 
 def moving(*velocity: float) -> Motion:
@@ -211,8 +201,7 @@ class Case(NamedTuple):
 def random_case(
     seed: int,
     *,
-    rigid: bool = True,
-    driven: bool = True,
+    rigid: bool,
     stiffness: float | None = None,
     mu: float | None = None,
     points: int = 1,
@@ -245,7 +234,7 @@ def random_case(
     return Case(
         StepModel(
             10 ** rng.uniform(-1, 1) * root @ root.T,
-            rng.normal(size=n) * 5 * driven,
+            rng.normal(size=n) * 5,
             jacobians,
             rng.uniform(-1e-3, 1e-4, points),
             normals,

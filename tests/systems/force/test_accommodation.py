@@ -61,15 +61,13 @@ def test_a_damping_that_is_set_takes_the_place_of_the_controllers_own() -> None:
         simulator.AdvanceTo(context.get_time() + PERIOD)
 
 
-def contact_force(
-    kappa: float, ticks: int, *, delayed: bool, speed: float = SPEED, begin: float = 0.0
-) -> Array:
+def contact_force(kappa: float, ticks: int, *, delayed: bool) -> Array:
     """Force of a tool on a spring along x at the ticks, N, shape (ticks + 1,); pressed > 0."""
     settings = params(kappa, allow_unstable=True)
     builder = DiagramBuilder()
-    command = builder.AddSystem(ConstantVectorSource([0, 0, 0, speed, 0, 0]))
+    command = builder.AddSystem(ConstantVectorSource([0, 0, 0, SPEED, 0, 0]))
     block = builder.AddSystem(AccommodationController(settings))
-    carriage = builder.AddSystem(Integrator(np.array([0, 0, 0, begin, 0, 0])))
+    carriage = builder.AddSystem(Integrator(6))
     spring = builder.AddSystem(
         SpringConstraint(SpringConstraintParams(index=3, stiffness=settings.stiffness[3]))
     )

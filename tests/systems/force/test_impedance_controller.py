@@ -3,7 +3,6 @@
 import math
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -393,11 +392,6 @@ LONG_TOOL = ToolParams(
 )
 BASE = Placement(position=(0.3, -0.2, 0.1), rpy=(0.1, -0.2, 2.5)).transform
 BENT_SIX = np.array([0.2, 0.5, 1.2, -0.6, 0.7, 0.3])
-SIX_PARAMS = ImpedanceControllerParams(
-    stiffness=(300.0, 400.0, 500.0),
-    rotational_stiffness=(20.0, 30.0, 40.0),
-    torque_limits=(1e6,) * 6,
-)
 
 
 @pytest.fixture(scope="module")
@@ -412,7 +406,7 @@ def eight(tmp_path_factory: pytest.TempPathFactory) -> ArmModel:
 
 def test_eight_joints_go_to_their_rest_posture_without_moving_the_tool(eight: ArmModel) -> None:
     posture = np.insert(BENT_SIX, [0, 4], [0.1, 0.2])
-    params = replace(SIX_PARAMS, torque_limits=(1e6,) * 8, null_stiffness=8.0)
+    params = ImpedanceControllerParams(torque_limits=(1e6,) * 8, null_stiffness=8.0)
     controller = ImpedanceController(eight, posture, params)
     q = posture + np.linspace(-0.3, 0.3, 8)
     now = eight.evaluate(q)

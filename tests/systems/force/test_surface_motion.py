@@ -29,23 +29,22 @@ seeds = st.integers(0, 10_000)
 class Driven:
     """The block, ticked with one pair of inputs after the other."""
 
-    def __init__(
-        self, start: tuple[float, ...] = (0.0, 0.0), period: float = PERIOD, **changes: Any
-    ) -> None:
+    def __init__(self, start: tuple[float, ...] = (0.0, 0.0), **changes: Any) -> None:
         axis = {"axis": changes.pop("axis")} if "axis" in changes else {}
         params = SurfaceMotionParams(**changes)
-        self.block = SurfaceMotion(params, start=start, period=period, **axis)
-        self.d, self.period = len(start), period
+        self.block = SurfaceMotion(params, start=start, period=PERIOD, **axis)
         self.simulator = Simulator(self.block)
         self.context: Any = self.simulator.get_mutable_context()
         self.ticks = 0
 
-    def feed(self, position: Any, normal: Any, velocity: Any = None) -> None:
-        rate = np.full(self.d, 77.0) if velocity is None else velocity
-        self.block.GetInputPort("endpoint_motion").FixValue(
-            self.context, np.hstack([position, rate])
-        )
+    def feed(self, position: Any, normal: Any) -> None:
+        motion = [*position, *np.full(len(position), 77.0)]
+        self.block.GetInputPort("endpoint_motion").FixValue(self.context, motion)
         self.block.GetInputPort("normal").FixValue(self.context, normal)
+
+    def guard(self, mode: int, approach: Any) -> None:
+        self.block.GetInputPort("mode").FixValue(self.context, float(mode))
+        self.block.GetInputPort("approach").FixValue(self.context, approach)
 
     def read(self, name: str) -> np.ndarray:
         found: np.ndarray = self.block.GetOutputPort(name).Eval(self.context).copy()
@@ -55,7 +54,7 @@ class Driven:
         """Return the desired position of this instant and let the block store it."""
         self.feed(position, normal)
         if self.ticks > 0:  # advancing to 0 would tick already
-            self.simulator.AdvanceTo(self.ticks * self.period)
+            self.simulator.AdvanceTo(self.ticks * PERIOD)
         found = self.read("desired_position")
         self.simulator.AdvancePendingEvents()
         self.ticks += 1
@@ -97,16 +96,13 @@ def test_in_space() -> None:
 
 
 def reference(
-    held: np.ndarray, x: np.ndarray, n: np.ndarray, speed: float, axis: Any = (0, 0, 1)
+    held: np.ndarray, x: np.ndarray, n: np.ndarray, speed: float, axis: np.ndarray
 ) -> np.ndarray:
     """Return the next desired position, in steps: move, take the error, drop its normal part."""
-    across = np.cross(np.append(n, 0.0)[:3], axis)
-    along = across[: len(n)] / np.linalg.norm(across)
+    across = np.cross(n, axis)
+    along = across / np.linalg.norm(across)
     error = held + speed * PERIOD * along - x
-    found: np.ndarray = x + along * (along @ error)
-    if len(n) == 3:
-        side = np.cross(n, along)
-        found = found + side * (side @ error)
+    found: np.ndarray = x + error - n * (n @ error)
     return found
 
 
@@ -163,16 +159,8 @@ def test_normal_along_the_axis_gives_no_direction(sign: float) -> None:
 # Before contact, in it, and when it is lost
 
 
-class Guarded(Driven):
-    """The block with the mode of contact detection and an approach to follow."""
-
-    def guard(self, mode: int, approach: Any) -> None:
-        self.block.GetInputPort("mode").FixValue(self.context, float(mode))
-        self.block.GetInputPort("approach").FixValue(self.context, approach)
-
-
 def test_the_approach_is_followed_in_every_direction() -> None:
-    guarded = Guarded(start=(0.0, 1.0))
+    guarded = Driven(start=(0.0, 1.0))
     guarded.guard(APPROACH, (0.0, 0.75))
     np.testing.assert_array_equal(guarded.tick((0.1, 0.9), (0.0, 1.0)), [0.0, 0.75])
     np.testing.assert_array_equal(guarded.read("selection"), [1, 0, 0, 1])
@@ -184,7 +172,7 @@ def test_the_approach_is_followed_in_every_direction() -> None:
 
 
 def test_it_waits_for_lost_contact_and_begins_again_with_its_ramp() -> None:
-    guarded = Guarded(acceleration=1.0)  # 0.25 m/s a period, up to 0.5
+    guarded = Driven(acceleration=1.0)  # 0.25 m/s a period, up to 0.5
     travelled = []
     for mode in (CONTACT, CONTACT, CONTACT, LOST, CONTACT, CONTACT):
         guarded.guard(mode, (9.0, 9.0))
@@ -243,10 +231,6 @@ class Approaching:
         self.block.GetInputPort("contact_time").FixValue(self.context, [contact])
         found: np.ndarray = self.block.GetOutputPort("desired_position").Eval(self.context)
         return found
-
-    def path(self, times: np.ndarray, contact: float = math.inf) -> np.ndarray:
-        """Return the positions, shape (len(times), m), with contact known from then on."""
-        return np.array([self.at(t, contact if t >= contact else -1.0) for t in times.tolist()])
 
 
 # Approach

@@ -35,15 +35,6 @@ TRUE = StaticCameras(xz=true("xz"), yz=true("yz"))
 DOWN = np.array([0.0, 0.0, -1.0])
 
 
-def believed(
-    focal_factor: float = 1.0, xz: Any = (0.0, 0.0, 0.0), yz: Any = (0.0, 0.0, 0.0)
-) -> StaticCameras:
-    return StaticCameras(
-        xz=true("xz").miscalibrated(focal_factor=focal_factor, turn=xz),
-        yz=true("yz").miscalibrated(focal_factor=focal_factor, turn=yz),
-    )
-
-
 def seen(camera: Camera, tip: Array, direction: Array) -> Detection:
     """A part as a pinhole sees it; the frame's x axis is along ``direction``."""
     pixel, ahead = camera.project(np.array([tip, tip + 1e-4 * direction]))
@@ -148,7 +139,9 @@ def test_offset_goes_to_the_image_by_the_believed_perspective() -> None:
     loop = Loop(start, TARGET).run(right, 4.0)
     np.testing.assert_allclose(loop.way[-1], offset, atol=3e-4)
     # A focal length that is believed too long makes the offset too long.
-    wrong = VisTranslation(cameras=believed(1.2), offset=offset, servoing=Servoing(period=FRAME))
+    long = {"focal_factor": 1.2, "turn": (0.0, 0.0, 0.0)}
+    cameras = StaticCameras(**{view: true(view).miscalibrated(**long) for view in ("xz", "yz")})
+    wrong = VisTranslation(cameras=cameras, offset=offset, servoing=Servoing(period=FRAME))
     loop = Loop(start, TARGET).run(wrong, 4.0)
     assert loop.event == "done"
     np.testing.assert_allclose(loop.way[-1], np.multiply(1.2, offset), atol=4e-4)

@@ -102,13 +102,9 @@ def test_between_the_edges() -> None:
 
 
 def test_a_round_section_is_centred_only() -> None:
-    def round_one(**changes: Any) -> tuple[float, ...]:
-        section = CrossSection(
-            status=Status.VALID, centroid=(170.0, 110.0), edges=(9.0, 9.0, 9.0, 9.0)
-        )
-        return tuple(pack_cross_section(section).tolist())
-
-    sensed = Observation(STILL, STILL, STILL, cross_section=round_one())
+    section = CrossSection(status=Status.VALID, centroid=(170.0, 110.0), edges=(9.0,) * 4)
+    packed = tuple(pack_cross_section(section).tolist())
+    sensed = Observation(STILL, STILL, STILL, cross_section=packed)
     aligning, centring = (VisGrasp(camera=CAMERA, align=align) for align in (True, False))
     assert centring.label == "vis_centre"
     stepped = aligning.step(sensed, aligning.begin(sensed), 0.0)

@@ -40,14 +40,6 @@ def test_the_law_makes_the_cost_least(seed: int, gain: float) -> None:
     assert cost(u) <= minimize(cost, np.zeros(3)).fun + 1e-9
 
 
-@given(seed=seeds, gain=st.floats(0.01, 0.99))
-def test_the_same_share_of_every_error_is_taken(seed: int, gain: float) -> None:
-    generator = np.random.default_rng(seed)
-    J, way = 1000 * (np.eye(3) + 0.2 * generator.normal(size=(3, 3))), generator.normal(size=3)
-    u = Servoing(gain=gain, period=T).solve(J, J @ way)
-    np.testing.assert_allclose(T * u, -gain * way, atol=1e-9)
-
-
 @pytest.mark.parametrize(
     ("delay", "most"),
     [(0, 2.0), (1, 1.0), (2, 2 * math.sin(math.pi / 10))],

@@ -1,7 +1,6 @@
 """Force sensors: signs, cross-talk, filter and converter, the wrench at a tip, the zero."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -299,48 +298,39 @@ def test_a_bias_is_that_of_every_force_or_of_each_channel() -> None:
 TARE_PERIOD = 0.25  # s, a binary fraction
 
 
-def runner() -> Callable[..., np.ndarray]:
-    """Return what goes on by a period with inputs, and returns the output before it."""
-    tare = Tare(period=TARE_PERIOD)
+def zeroed(port: str, *ticks: tuple[int, Any]) -> list[np.ndarray]:
+    """Return what a port shows a period after each force, of which 1 tells to take the zero."""
+    tare = Tare(period=TARE_PERIOD, size=len(ticks[0][1]))
     simulator = Simulator(tare)
     context: Context = simulator.get_mutable_context()
-
-    def run(force: tuple[float, float, float], *, takes: bool) -> np.ndarray:
-        tare.GetInputPort("force").FixValue(context, np.array(force))
-        tare.GetInputPort("tare").FixValue(context, np.array([float(takes)]))
+    seen = []
+    for told, force in ticks:
+        tare.GetInputPort("force").FixValue(context, np.array(force, dtype=float))
+        tare.GetInputPort("tare").FixValue(context, np.array([float(told)]))
         simulator.AdvanceTo(context.get_time() + TARE_PERIOD)
-        shown: np.ndarray = tare.GetOutputPort("tared_force").Eval(context)
-        return shown
-
-    run((0.0, 0.0, 0.0), takes=False)
-    return run
+        seen.append(tare.GetOutputPort(port).Eval(context).copy())
+    return seen
 
 
 def test_mean_is_taken_off_until_the_next_zero() -> None:
-    run = runner()
-    for x in (1.0, 2.0, 6.0):
-        assert run((x, 0.0, -x), takes=True).tolist() == [0.0, 0.0, 0.0]
-    assert run((3.5, 1.0, -3.0), takes=False) == pytest.approx([0.5, 1.0, 0.0])
-    assert run((0.0, 0.0, 0.0), takes=False) == pytest.approx([-3.0, 0.0, 3.0])
+    first = [
+        (0, (0, 0, 0)),
+        *((1, (x, 0, -x)) for x in (1, 2, 6)),
+        (0, (3.5, 1, -3)),
+        (0, (0,) * 3),
+    ]
     # A second zero has nothing of the first.
-    run((8.0, 8.0, 8.0), takes=True)
-    run((8.0, 8.0, 8.0), takes=True)
-    assert run((8.0, 8.0, 9.0), takes=False) == pytest.approx([0.0, 0.0, 1.0])
+    found = zeroed("tared_force", *first, (1, (8, 8, 8)), (1, (8, 8, 8)), (0, (8, 8, 9)))
+    expected = [*[(0, 0, 0)] * 4, (0.5, 1, 0), (-3, 0, 3), *[(0, 0, 0)] * 2, (0, 0, 1)]
+    np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 def test_spread_is_the_standard_deviation_of_the_readings_of_the_last_zero() -> None:
-    tare = Tare(period=TARE_PERIOD, size=6)
-    simulator = Simulator(tare)
-    context = simulator.get_mutable_context()
-    seen = []
-    for told, x in ((1, 100.0), (1, 104.0), (1, 108.0), (0, 500.0), (1, 7.0), (1, 9.0), (0, 0.0)):
-        tare.GetInputPort("force").FixValue(context, np.array([x, -x, 0, 0, 2 * x, 1.0]))
-        tare.GetInputPort("tare").FixValue(context, np.array([float(told)]))
-        simulator.AdvanceTo(context.get_time() + TARE_PERIOD)
-        seen.append(tare.GetOutputPort("spread").Eval(context).tolist())
-    assert seen[0] == [0.0] * 6
+    ticks = (1, 100.0), (1, 104.0), (1, 108.0), (0, 500.0), (1, 7.0), (1, 9.0), (0, 0.0)
+    seen = zeroed("spread", *((told, [x, -x, 0, 0, 2 * x, 1.0]) for told, x in ticks))
+    assert not seen[0].any()
     assert seen[2] == pytest.approx([4.0, 4.0, 0.0, 0.0, 8.0, 0.0])
-    assert seen[3] == seen[2]
+    np.testing.assert_array_equal(seen[3], seen[2])
     assert seen[-1] == pytest.approx([2**0.5, 2**0.5, 0.0, 0.0, 8**0.5, 0.0])
 
 
@@ -393,18 +383,22 @@ def test_stops_what_is_not_finite() -> None:
 PARAMS = ForceRateParams(time_constant=0.1)
 
 
-def test_rate_of_a_ramp() -> None:
+def shown(block: Any, signal: PiecewisePolynomial, period: float, until: float) -> Any:
+    """Return the log of a block that is fed a signal."""
     builder = DiagramBuilder()
+    source = builder.AddSystem(TrajectorySource(signal))
+    builder.AddSystem(block)
+    builder.Connect(source.get_output_port(), block.get_input_port())
+    log = LogVectorOutput(block.get_output_port(), builder, period)
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(until)
+    return log.FindLog(simulator.get_context())
+
+
+def test_rate_of_a_ramp() -> None:
     slope = np.array([[3.0], [-7.0]])
     ramp = PiecewisePolynomial.FirstOrderHold([0.0, 5.0], np.hstack([0 * slope, 5 * slope]))
-    source = builder.AddSystem(TrajectorySource(ramp))
-    block = builder.AddSystem(ForceRate(PARAMS, dimension=2, period=PERIOD))
-    builder.Connect(source.get_output_port(), block.get_input_port())
-    log = LogVectorOutput(block.get_output_port(), builder, PERIOD)
-    diagram = builder.Build()
-    simulator = Simulator(diagram)
-    simulator.AdvanceTo(1.0)
-    data = log.FindLog(simulator.get_context())
+    data = shown(ForceRate(PARAMS, dimension=2, period=PERIOD), ramp, PERIOD, 1.0)
     time, rate = data.sample_times(), data.data().T
     # The sampled filter's exact answer: the rate approaches the slope with the time constant.
     expected = (1 - np.exp(-time / PARAMS.time_constant))[:, None] * slope.T
@@ -420,25 +414,12 @@ def test_noise_gain() -> None:
     assert np.std(rates[1000:]) == pytest.approx(PARAMS.noise_gain(PERIOD), rel=0.01)
 
 
-def means(samples: int, signal: np.ndarray) -> np.ndarray:
-    """Return what the block makes of a signal, shape (size, n), a column a period of 0.25 s."""
-    period = 0.25
-    builder = DiagramBuilder()
-    times = period * (np.arange(signal.shape[1]) - 0.5)  # steps between the samples
-    source = builder.AddSystem(TrajectorySource(PiecewisePolynomial.ZeroOrderHold(times, signal)))
-    block = builder.AddSystem(MovingAverage(samples=samples, period=period, size=len(signal)))
-    builder.Connect(source.get_output_port(), block.get_input_port())
-    log = LogVectorOutput(block.get_output_port(), builder, period)
-    simulator = Simulator(builder.Build())
-    simulator.AdvanceTo(period * (signal.shape[1] - 2))
-    found: np.ndarray = log.FindLog(simulator.get_context()).data().copy()
-    return found
-
-
 @pytest.mark.parametrize("samples", [1, 2, 5])
 def test_mean_of_the_last_samples_or_of_those_that_there_were(samples: int) -> None:
     signal = np.random.default_rng(0).standard_normal((3, 20))
-    found = means(samples, signal)
+    steps = PiecewisePolynomial.ZeroOrderHold(0.25 * (np.arange(20) - 0.5), signal)
+    block = MovingAverage(samples=samples, period=0.25, size=3)
+    found = shown(block, steps, 0.25, 0.25 * 18).data()
     for k in range(found.shape[1]):
         expected = signal[:, max(k - samples + 1, 0) : k + 1].mean(axis=1)
         np.testing.assert_allclose(found[:, k], expected, rtol=0, atol=1e-14)

@@ -325,13 +325,11 @@ def beside(image: Image, part: int) -> tuple[Array, Array]:
     return cos * u + sin * v, cos * v - sin * u
 
 
-def covered(image: Image, part: int, *, along: float = 0.0, across: float = 0.0) -> Image:
-    """Return an image with so much, pixels, of an end or of a side covered like background."""
+def covered(image: Image, part: int, length: float) -> Image:
+    """Return an image with so much, pixels, of an end covered like background."""
     ahead, aside = beside(image, part)
-    half = (19.6, 28.0)[part]
-    hidden = ahead > -along if along else aside > half - across
     result = image.copy()
-    result[hidden & (ahead < 8) & (np.abs(aside) < 1.5 * half)] = GREY
+    result[(ahead > -length) & (ahead < 8) & (np.abs(aside) < (29.4, 42.0)[part])] = GREY
     return result
 
 
@@ -341,7 +339,7 @@ def drawn(style: SceneStyle = SceneStyle()) -> Image:  # noqa: B008
 
 
 def test_a_cover_does_not_show_in_a_part_of_unknown_length() -> None:
-    image = covered(drawn(), 1, along=10.0)
+    image = covered(drawn(), 1, 10.0)
     assert detect(image, SIZED[1]).status == Status.WRONG_SHAPE
     unknown = dataclasses.replace(SIZED[1], aspect=None)
     assert detect(image, unknown).status == Status.VALID
@@ -410,7 +408,7 @@ def test_two_parts_tell_of_pixels_that_are_not_square(factor: float) -> None:
 @pytest.mark.parametrize("length", [6.0, 20.0])
 def test_pixels_are_no_excuse_for_a_cover(factor: float, part: int, length: float) -> None:
     image = oblong(factor)
-    image = covered(image, part, along=length)
+    image = covered(image, part, length)
     assert detect_parts(image, *SIZED)[part].status == Status.WRONG_SHAPE
 
 

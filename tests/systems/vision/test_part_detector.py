@@ -237,12 +237,6 @@ def test_what_the_lens_cant_show_is_the_border() -> None:
     assert straight[120, 160, 0] == 0
 
 
-def test_what_was_measured_of_the_papers_parts() -> None:
-    found = measurement_spread(4.0, peg=116, hole=80, gap=60)
-    assert found.lateral == pytest.approx(0.026, rel=0.1)
-    assert found.rotational == pytest.approx(2.5e-4, rel=0.2)
-
-
 def test_drawn_pictures_spread_as_the_law_says() -> None:
     scenario = resolve(AlignmentScenario())
     random = np.random.default_rng(0)
