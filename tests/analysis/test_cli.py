@@ -105,7 +105,13 @@ def test_run_writes_the_result_in_the_form_of_the_design(chamfer: Chamfer, out: 
     assert document.pop("wall_seconds") >= 0
     assert len(document.pop("scenario_sha256")) == 64
     assert document.pop("versions")["numpy"]
-    checks = {"unit": "m", "note": ""}
+    usual = {"unit": "m", "note": "", "ok": False, "kind": "predicted"}
+    near = {"metric": "height", "relation": "near", "published": 5.0, "tolerance": 0.5}
+    near |= {"measured": 5.0, "source": "Fig. 1", "verdict": "holds", "ok": True}
+    between = {"metric": "end", "relation": "between", "low": -2.0, "high": -1.0, "measured": end}
+    between |= {"kind": "calibrated", "source": "section 2", "verdict": "does_not_hold"}
+    bound = {"metric": "overflow", "relation": "at_least", "published": 1.0, "measured": None}
+    bound |= {"source": "section 3", "verdict": "not_reached"}
     assert document == {
         "experiment": "fall",
         "paper": "toy-paper",
@@ -120,42 +126,9 @@ def test_run_writes_the_result_in_the_form_of_the_design(chamfer: Chamfer, out: 
             "undefined": {"value": None, "unit": "s", "note": "it does not bounce"},
         },
         "checks": [
-            {
-                "metric": "height",
-                "relation": "near",
-                "published": 5.0,
-                "tolerance": 0.5,
-                "measured": 5.0,
-                "kind": "predicted",
-                "source": "Fig. 1",
-                "verdict": "holds",
-                "ok": True,
-                **checks,
-            },
-            {
-                "metric": "end",
-                "relation": "between",
-                "low": -2.0,
-                "high": -1.0,
-                "measured": end,
-                "kind": "calibrated",
-                "source": "section 2",
-                "verdict": "does_not_hold",
-                "ok": False,
-                **checks,
-                "note": "it is not that deep",
-            },
-            {
-                "metric": "overflow",
-                "relation": "at_least",
-                "published": 1.0,
-                "measured": None,
-                "kind": "predicted",
-                "source": "section 3",
-                "verdict": "not_reached",
-                "ok": False,
-                **checks,
-            },
+            usual | near,
+            usual | between | {"note": "it is not that deep"},
+            usual | bound,
         ],
         "failed_trials": [],
         "simulated_seconds": 1.0,

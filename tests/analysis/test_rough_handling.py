@@ -51,29 +51,17 @@ def paths_of(name: str) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("name", "setting", "message"),
+    ("setting", "message"),
     [
-        (
-            "step-response",
-            "camera.latency=1e9",
-            "camera.latency is 1000000000.0, allowed: at most 125 s, 10000 periods of 0.0125 s",
-        ),
-        (
-            "step-response",
-            "plant.mass=1e-308",
-            "plant.mass is 1e-308, allowed: at least what damping and stiffness can be divided by",
-        ),
+        ("camera.latency=1e9", "is 1000000000.0, allowed: at most 125 s, 10000 periods of 0.0125"),
+        ("plant.mass=1e-308", "is 1e-308, allowed: at least what damping and stiffness can be "),
     ],
 )
-def test_numbers_beyond_what_can_be_computed_are_named(
-    name: str, setting: str, message: str
-) -> None:
+def test_numbers_beyond_what_can_be_computed_are_named(setting: str, message: str) -> None:
     with pytest.raises(UserError) as raised:
-        prepare(select(CATALOGUE.entries, [name]), settings=[setting])
-    assert str(raised.value) == message
+        prepare(select(CATALOGUE.entries, ["step-response"]), settings=[setting])
+    assert str(raised.value).startswith(f"{setting.partition('=')[0]} {message}")
 
-
-# What is drawn
 
 TEXTS = st.text(st.characters(exclude_characters="\0"), max_size=12).filter(
     lambda text: not text.startswith("-")  # an option, which argparse answers
@@ -177,9 +165,6 @@ def command_lines(draw: st.DrawFn) -> list[str]:
             for _ in range(draw(st.integers(1, 3)) if option in ("--set", "--vary") else 1):
                 arguments += [option] if action.nargs == 0 else [option, draw(values)]
     return arguments
-
-
-# What is done with it
 
 
 def end_run(*_: object) -> Outcome:

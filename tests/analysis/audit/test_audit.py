@@ -134,15 +134,8 @@ def toy(catalogue: Catalogue) -> list[Entry]:
     return select(catalogue.entries, ["toy"])
 
 
-@pytest.fixture
-def verdicts(catalogue: Catalogue) -> dict[str, FieldVerdict]:
-    found = audit(toy(catalogue), quiet, contexts=[WAVES])
-    return {verdict.path: verdict for verdict in found}
-
-
-def test_a_field_is_effective_silent_refused_or_undecided(
-    verdicts: dict[str, FieldVerdict],
-) -> None:
+def test_a_field_is_effective_silent_refused_or_undecided(catalogue: Catalogue) -> None:
+    verdicts = {one.path: one for one in audit(toy(catalogue), quiet, contexts=[WAVES])}
     assert {path: verdict.kind for path, verdict in verdicts.items()} == {
         "effective": "effective",
         "derived": "effective",  # perturbed about what it resolves to, or any number

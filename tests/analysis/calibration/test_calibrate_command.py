@@ -45,11 +45,6 @@ def left(tmp_path: Path, drawn: Path) -> Path:
     return Path(shutil.copytree(drawn / "left", tmp_path / "left"))
 
 
-@pytest.fixture
-def right(tmp_path: Path, drawn: Path) -> Path:
-    return Path(shutil.copytree(drawn / "right", tmp_path / "right"))
-
-
 def test_photographs(photographs: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (out / "calibrate").mkdir(parents=True)
     (out / "calibrate" / "camera.yaml").touch()
@@ -99,8 +94,9 @@ def test_pictures_that_can_t_be_used_are_named(
 
 @pytest.mark.slow
 def test_two_cameras_in_the_world(
-    left: Path, right: Path, out: Path, capsys: pytest.CaptureFixture[str]
+    drawn: Path, left: Path, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    right = Path(shutil.copytree(drawn / "right", left.parent / "right"))
     cv2.imwrite(str(right / "right4.png"), np.full((480, 640), 127, np.uint8))
     pose = ["--board-picture", str(left / "left1.png"), "--board-pose=-0.1,0.2,0,3.14,0,0.5"]
     arguments = ["calibrate", str(left), "--right", str(right), *BOARD, *pose, "--out", str(out)]
@@ -138,7 +134,6 @@ def test_the_picture_of_the_known_place_may_be_one_more(
     ("arguments", "message"),
     [
         (["left"], "the following arguments are required: --board, see chamfer calibrate --help"),
-        (BOARD, "the following arguments are required: FILES, see chamfer calibrate --help"),
         (
             ["left", "--board", "chess"],
             "--board is 'chess', allowed: chessboard:9x6:25mm (inner corners, side of a square) "
@@ -183,7 +178,6 @@ def test_the_picture_of_the_known_place_may_be_one_more(
             "blank.png can't tell where the camera stands: the board is not found",
         ),
         (["a.avi", *BOARD], "a.avi is a video, allowed: an image folder, image files"),
-        (["left", *BOARD, *BOARD], "--board is given twice, see chamfer calibrate --help"),
     ],
 )
 def test_mistakes_end_in_one_line(

@@ -221,9 +221,6 @@ def test_pairs_that_don_t_agree_at_all(pairs: tuple[list[Picture], list[Picture]
     )
 
 
-# Calibrations
-
-
 def deviations_off(pose: FramePose | None, X: np.ndarray) -> np.ndarray:
     """Return how far a pose is off, in its standard deviations, shape (6,)."""
     assert pose is not None

@@ -41,14 +41,7 @@ ALIGN, REPEATABILITY, TRACKING = map(
 )
 
 SHORT: dict[str, Any] = {"begin": 0.1, "compensation_time": 0.3}
-ONE = AlignmentScenario(**SHORT)
 MANY = RepeatabilityScenario(**SHORT, trials=2)
-
-
-@pytest.fixture(scope="module")
-def one() -> Outcome:
-    with pytest.warns(UserWarning, match="larger at the end than at the begin"):  # it is short
-        return ALIGN.run(ALIGN.resolve(ONE), 0, quiet)
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +50,9 @@ def many() -> Outcome:
         return REPEATABILITY.run(REPEATABILITY.resolve(MANY), 0, quiet)
 
 
-def test_metrics_of_one_run(one: Outcome, value: Any) -> None:
+def test_metrics_of_one_run(value: Any) -> None:
+    with pytest.warns(UserWarning, match="larger at the end than at the begin"):  # it is short
+        one = ALIGN.run(ALIGN.resolve(AlignmentScenario(**SHORT)), 0, quiet)
     undefined = [name for name, metric in one.metrics.items() if metric.value is None]
     assert undefined == ["settling_time"]  # in so short a time
     assert value(one, "detected") == 100
@@ -230,12 +225,8 @@ UP = replace(
 )
 
 
-@pytest.fixture(scope="module")
-def tracked() -> Outcome:
-    return TRACKING.run(TRACKING.resolve(UP), 0, quiet)
-
-
-def test_traces_of_a_vertical_tracking(tracked: Outcome) -> None:
+def test_traces_of_a_vertical_tracking() -> None:
+    tracked = TRACKING.run(TRACKING.resolve(UP), 0, quiet)
     for name, values in tracked.traces.items():
         assert values.shape == (61,), name
         assert np.isfinite(values).all(), name

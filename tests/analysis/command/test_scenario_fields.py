@@ -115,7 +115,6 @@ def test_what_a_field_does_not_say_is_said_above_it(path: str, meaning: str) -> 
         ("base.position", "a list of 2: each element a finite number"),
         ("base.turn", "a finite number or inf"),
         ("camera", "a mapping of the fields below or null"),
-        ("camera.turn", "a finite number or inf"),
         ("places", "a list: finite numbers"),
         ("turns", "a list: each element a finite number or null"),
         ("filter.bandwidth", "a number"),

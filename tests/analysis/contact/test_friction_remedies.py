@@ -13,7 +13,7 @@ from chamfer.analysis.contact.friction_remedies import (
     resolve_friction_remedies,
     run_remedies,
 )
-from chamfer.analysis.scenario.experiment import Outcome, quiet
+from chamfer.analysis.scenario.experiment import quiet
 from chamfer.diagrams.contact.contact_scenarios import AdeptLoop
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.friction_compensation import FrictionCompensationParams
@@ -43,12 +43,8 @@ def short() -> RemediesScenario:
 SCENARIO = short()
 
 
-@pytest.fixture(scope="module")
-def outcome() -> Outcome:
-    return run_remedies(SCENARIO, 5, quiet)
-
-
-def test_a_remedys_row_is_its_run(outcome: Outcome) -> None:
+def test_a_remedys_row_is_its_run() -> None:
+    outcome = run_remedies(SCENARIO, 5, quiet)
     remedied = replace(
         SCENARIO.nugget,
         sensor=replace(SCENARIO.nugget.sensor, decoupling=True),

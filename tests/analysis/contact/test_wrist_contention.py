@@ -6,7 +6,7 @@ import pytest
 from chamfer.analysis.campaign.trial_metrics import trial_seed
 from chamfer.analysis.contact.contact_runs import run_contact
 from chamfer.analysis.contact.wrist_contention import run_contention
-from chamfer.analysis.scenario.experiment import Outcome, quiet
+from chamfer.analysis.scenario.experiment import quiet
 from chamfer.diagrams.contact.contact_scenarios import WRIST_CONTENTION, AdeptScenario
 from chamfer.diagrams.contact.hybrid_loop_stability import resolve
 
@@ -21,12 +21,8 @@ def near(**values: float) -> AdeptScenario:
 SCENARIO = near(duration=3.0, measure_after=1.5, trials=1)
 
 
-@pytest.fixture(scope="module")
-def outcome() -> Outcome:
-    return run_contention(SCENARIO, 0, quiet)
-
-
-def test_the_wrists_integrator_is_the_one_that_is_off(outcome: Outcome) -> None:
+def test_the_wrists_integrator_is_the_one_that_is_off() -> None:
+    outcome = run_contention(SCENARIO, 0, quiet)
     held = replace(SCENARIO, controller=replace(SCENARIO.controller, held_integrators=(3,)))
     for scenario, found in (
         (SCENARIO, outcome.traces),

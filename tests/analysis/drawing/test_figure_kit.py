@@ -1,13 +1,11 @@
 """What the panels of the kit show."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from chamfer.analysis.drawing.figure_kit import (
@@ -19,24 +17,13 @@ from chamfer.analysis.drawing.figure_kit import (
     state_visits,
     trial_curves,
 )
+from chamfer.analysis.scenario.experiment import Metric
 
 TIME = np.linspace(0.0, 2.0, 5)
 
 
-@dataclass(frozen=True)
-class Number:
-    value: float | None
-
-
-@pytest.fixture
-def figure() -> Figure:
-    figure = Figure(layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
 def test_a_metric_without_a_value_is_nan() -> None:
-    metrics = {"a": Number(2.0), "b": Number(None)}
+    metrics = {"a": Metric(value=2.0, unit="m"), "b": Metric(value=None, unit="m")}
     assert metric_value(metrics, "a", 1e3) == 2000.0
     assert math.isnan(metric_value(metrics, "b"))
     assert math.isnan(metric_value(metrics, "c"))
@@ -47,8 +34,8 @@ def test_visits_of_states_end_where_the_next_begins() -> None:
     assert visits == [(0.0, 1.0, "free"), (1.0, 2.0, "failed"), (2.0, 2.0, "free")]
 
 
-def test_shade_lasts_until_the_next_row_and_names_itself_once(figure: Figure) -> None:
-    axes = figure.subplots()
+def test_shade_lasts_until_the_next_row_and_names_itself_once() -> None:
+    axes = Figure().subplots()
     shade(axes, TIME, TIME > 5, "never", {})
     shade(axes, TIME, TIME == 1.0, "once", {})
     assert axes.get_legend_handles_labels()[1] == ["once"]
@@ -65,8 +52,8 @@ def test_names_keep_their_order_their_distance_and_the_figure(places: list[float
         np.testing.assert_array_equal(found, places)
 
 
-def test_trials_are_curves_means_and_shares_of_all(figure: Figure) -> None:
-    bars, shares = figure.subplots(2)
+def test_trials_are_curves_means_and_shares_of_all() -> None:
+    bars, shares = Figure().subplots(2)
     trials = np.array([3, 3, 5, 5, 5])
     first, second = trial_curves(TIME, TIME**2, trials, {}, "each")
     assert (first.label, second.label) == ("each", None)

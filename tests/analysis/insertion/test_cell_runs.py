@@ -31,7 +31,6 @@ from chamfer.analysis.insertion.insertion_repeatability import (
     in_a_way,
     resolve_insertion_trials,
 )
-from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.diagrams.cell.cell_vision import CameraSettings
 from chamfer.diagrams.insertion.insertion import InsertionScenario, resolve
 from chamfer.models.validation import ParameterError
@@ -182,22 +181,15 @@ def test_before_the_advance_a_run_may_end(quick: InsertionScenario) -> None:
     assert ending(run, paused).startswith("not over after 0.")
 
 
-@pytest.fixture(scope="module")
-def outcome(quick: InsertionScenario, done: CellInsertion) -> Outcome:
-    """Of the quick insertion, which is run but once."""
-
+def test_the_pictures_are_before_at_the_touch_and_at_the_end(
+    quick: InsertionScenario, done: CellInsertion, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def ran(scenario: InsertionScenario, seed: int, told: object) -> CellInsertion:
         assert (scenario, seed) == (resolve(quick), 0)
         return done
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("chamfer.analysis.insertion.insertion.run_cell_insertion", ran)
-        return run(resolve(quick), 0, lambda fraction, doing="": None)
-
-
-def test_the_pictures_are_before_at_the_touch_and_at_the_end(
-    quick: InsertionScenario, outcome: Outcome
-) -> None:
+    monkeypatch.setattr("chamfer.analysis.insertion.insertion.run_cell_insertion", ran)
+    outcome = run(resolve(quick), 0, lambda fraction, doing="": None)
     gaps = []
     for moment in ("before", "touch", "end"):
         image = picture(quick, outcome.tables["pictures"], "xy", moment).astype(int)
@@ -216,11 +208,6 @@ def run_of_insertion_faults(scenario: InsertionScenario) -> Run:
     return run_cell_insertion(resolved, seed=0), resolved
 
 
-def hardest(done: CellInsertion, scenario: InsertionScenario) -> float:
-    """The largest contact force, N, of 10 ms."""
-    return float(np.hypot(*force_medians(done.traces, scenario.step)).max())
-
-
 def assert_ended(found: Run, state: str, words: str) -> None:
     """It is not seated, does not say so, says why, stays below the limit, and stands still."""
     done, scenario = found
@@ -228,7 +215,7 @@ def assert_ended(found: Run, state: str, words: str) -> None:
     assert done.state == state
     assert values["seated"] == values["seated.said"] == 0
     assert words in ending(done, scenario)
-    assert hardest(done, scenario) < scenario.insert.force_limit
+    assert np.hypot(*force_medians(done.traces, scenario.step)).max() < scenario.insert.force_limit
     assert done.traces["feed"][-1] == pytest.approx(done.traces["feed"][-20], abs=0.001)
 
 
@@ -239,15 +226,10 @@ def test_without_frames_nothing_moves(quick: InsertionScenario) -> None:
     assert not done.traces["feed"].any()
 
 
-@pytest.fixture(scope="module")
-def thick(quick: InsertionScenario) -> Run:
-    """A peg that is thicker than its hole, tried twice."""
-    insert = replace(quick.insert, attempts=2)
-    return run_of_insertion_faults(replace(quick, peg_excess=0.0003, insert=insert))
-
-
 @pytest.mark.slow
-def test_a_peg_that_is_too_thick_does_not_enter(thick: Run) -> None:
+def test_a_peg_that_is_too_thick_does_not_enter(quick: InsertionScenario) -> None:
+    insert = replace(quick.insert, attempts=2)
+    thick = run_of_insertion_faults(replace(quick, peg_excess=0.0003, insert=insert))
     assert_ended(
         thick, "gave_up", "gave up after 2 attempts: stuck at the mouth, the peg does not"
     )
@@ -257,22 +239,11 @@ def test_a_peg_that_is_too_thick_does_not_enter(thick: Run) -> None:
     assert values["wedged"] == values["jammed"] == 0  # that is said of the bore
 
 
-@pytest.fixture(scope="module")
-def wedge(quick: InsertionScenario) -> Run:
-    """A peg that leans much further than the limit, inserted at once and frozen."""
-    insert = replace(quick.insert, compensation="frozen")
-    return run_of_insertion_faults(
-        replace(
-            quick,
-            initial_error=(0.0, 0.002, 0.0, 0.0, 0.0, -0.1),
-            decide=DecisionParams(kind="at_once"),
-            insert=insert,
-        )
-    )
-
-
 @pytest.mark.slow
-def test_a_wedge_is_told_and_pulled_out(wedge: Run) -> None:
+def test_a_wedge_is_told_and_pulled_out(quick: InsertionScenario) -> None:
+    insert = replace(quick.insert, compensation="frozen")
+    leaning = replace(quick, initial_error=(0.0, 0.002, 0.0, 0.0, 0.0, -0.1), insert=insert)
+    wedge = run_of_insertion_faults(replace(leaning, decide=DecisionParams(kind="at_once")))
     done, scenario = wedge
     assert_ended(wedge, "gave_up", "gave up after 1 attempt: wedged")
     values = insertion_metrics(done, scenario)

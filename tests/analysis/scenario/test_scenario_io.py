@@ -75,10 +75,6 @@ class Filtered:
 DEFAULT = Scenario()
 
 
-def unresolved(scenario: Scenario) -> Scenario:
-    return scenario
-
-
 def test_a_field_without_a_default_has_to_be_given() -> None:
     with pytest.raises(UserError, match=r"^filter\.bandwidth has to be given, it has no default$"):
         make_scenario(Filtered(), settings=["filter.order=2"])
@@ -105,7 +101,6 @@ def test_settings_win_over_what_is_given() -> None:
 @pytest.mark.parametrize(
     ("setting", "path", "value"),
     [
-        ("plant.mass=4", "plant.mass", 4.0),
         ("plant.mass=1e-3", "plant.mass", 1e-3),
         ("plant.mass= +.5E2", "plant.mass", 50.0),
         ("plant.form=velocity", "plant.form", "velocity"),
@@ -139,11 +134,9 @@ def test_values_of_every_type(setting: str, path: str, value: object) -> None:
         ("plant.mas=1", "plant.mas: no such field, valid fields: form, mass, stiffness"),
         ("plant.mass=-1", "plant.mass is -1.0, allowed: a finite number > 0"),
         ("plant.mass=nan", "plant.mass is nan, allowed: a finite number > 0"),
-        ("noise.level=nan", "noise.level is nan, allowed: a finite number"),
         ("duration=inf", "duration is inf, allowed: a finite number"),
         ("limits.high=nan", "limits.high is nan, allowed: a finite number or inf"),
         ("gains=[1, inf]", "gains[1] is inf, allowed: a finite number"),
-        ("plant.mass=abc", "plant.mass is 'abc', allowed: a number"),
         ("plant.mass='1'", "plant.mass is '1', allowed: a number"),
         ("plant.mass='inf'", "plant.mass is inf, allowed: a finite number > 0"),
         ("plant.mass=true", "plant.mass is True, allowed: a number"),
@@ -245,7 +238,7 @@ def test_a_scenario_is_remade_from_any_default(scenario: Scenario, default: Scen
     # An infinite limit is allowed where the default has one.
     if math.isfinite(default.limits.low) or math.isfinite(default.limits.high):
         scenario = Scenario(**{**vars(scenario), "limits": default.limits})
-    remake = overrides(scenario, default, unresolved)
+    remake = overrides(scenario, default, lambda one: one)
     assert make_scenario(default, settings=remake) == scenario
     assert bool(remake) == (scenario != default)
     assert make_scenario(default, given=parse_value(scenario_text(scenario))) == scenario
@@ -271,9 +264,6 @@ def test_unstructured_scenario_is_json_and_its_digest_ignores_how_a_number_was_w
     same = unstructure(make_scenario(DEFAULT, settings=["duration=2.0"]))
     assert sha256(plain) == sha256(dict(reversed(same.items())))
     assert sha256(plain) != sha256(unstructure(DEFAULT))
-
-
-# The settings that make one scenario of another
 
 
 def resolve(scenario: Scenario) -> Scenario:

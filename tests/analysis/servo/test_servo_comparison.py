@@ -3,12 +3,12 @@
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from chamfer.analysis.campaign.campaign import Trials
-from chamfer.analysis.scenario.experiment import Outcome
 from chamfer.analysis.servo.servo_comparison import (
     CONDITIONS,
     CONTROLLERS,
@@ -38,24 +38,14 @@ def scenario() -> ResolvedServoComparisonScenario:
     )
 
 
-@cache
-def outcome() -> Outcome:
-    return run(scenario(), 3, lambda fraction, doing="": None)
-
-
-def value(name: str) -> float:
-    found = outcome().metrics[name].value
-    assert found is not None, name
-    return found
-
-
-def test_both_settle_when_they_are_designed_to() -> None:
+def test_both_settle_when_they_are_designed_to(value: Any) -> None:
+    outcome = run(scenario(), 3, lambda fraction, doing="": None)
     for controller in CONTROLLERS:
-        assert value(f"nominal.{controller}.settled") == 100.0
-        assert value(f"nominal.{controller}.settling_time") == pytest.approx(1.5, rel=0.2)
-    assert value("nominal.fsm.error") < 1e-3
-    assert value("nominal.fsm.travel") == 0.0  # the compensation is constant
-    assert value("pid.gain_margin") > 3
+        assert value(outcome, f"nominal.{controller}.settled") == 100.0
+        assert value(outcome, f"nominal.{controller}.settling_time") == pytest.approx(1.5, rel=0.2)
+    assert value(outcome, "nominal.fsm.error") < 1e-3
+    assert value(outcome, "nominal.fsm.travel") == 0.0  # the compensation is constant
+    assert value(outcome, "pid.gain_margin") > 3
 
 
 def test_controllers_are_the_same_whatever_they_meet() -> None:

@@ -104,9 +104,6 @@ def test_the_roll_matters_where_pixels_are_sampled_near_alignment(outcome: Outco
         assert straight == pytest.approx(rms(outcome, "near", "noisy", quantity), rel=0.5)
 
 
-# Poses.
-
-
 def test_poses_are_within_their_reach_and_fill_it() -> None:
     spread = PoseSpread(
         peg=Reach(distance=0.01, angle=0.1), hole=Reach(distance=0.003, angle=0.03)
@@ -136,9 +133,6 @@ def test_rolled_and_straight_cameras_see_the_same_poses() -> None:
     assert (seen("wide")[1] != noise).any()
     for other, _ in (seen("wide"), seen("near", trial=4), seen("near", seed=1)):
         assert (other != poses).any()
-
-
-# What the metrics would say of a detection that is wrong.
 
 
 def with_detection(
@@ -181,9 +175,6 @@ def test_nothing_found_at_all(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (metric.value, metric.note) == (None, "undefined in 3 of 3")
     assert value(outcome, "wide.noisy.xz.hole.angle.max") > 0
     CAMERA_ACCURACY.plot(SCENARIO, outcome)
-
-
-# The example and the figure.
 
 
 def test_the_example_is_the_first_wide_pose(outcome: Outcome) -> None:

@@ -152,9 +152,7 @@ def test_all_that_comes_before_the_transport_is_known() -> None:
         # A plug that was never held rests on the table, as high as the socket's face.
         (gave_up("grasp", "lost", 0.0, end=0.0, holding=[0, 0, 0]), False),
         (gave_up("around 6", "timed out", 0.0, end=0.0, holding=[0, 0, 0]), False),
-        (gave_up("reach", "lost", 0.0, end=0.0, holding=[0, 0, 0]), False),
         (gave_up("grasp", "lost", 0.0), True),  # it was held
-        (gave_up("lift", "lost", 0.0), True),  # likewise
         (gave_up("transport", "lost", -0.02, holding=[1, 0, 0]), False),
         (gave_up("transport", "lost", -0.02), False),  # it was seen no more
         (gave_up("transport", "timed out", -0.02, holding=[1, 0, 0]), True),

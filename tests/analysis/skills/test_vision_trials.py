@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from chamfer.analysis.scenario.experiment import Outcome, quiet
+from chamfer.analysis.scenario.experiment import quiet
 from chamfer.analysis.skills.vision_trials import (
     VisionPrimitivesScenario,
     VisionTrial,
@@ -27,17 +27,6 @@ from chamfer.diagrams.skills.vision_servo import (
     VisionServoSetup,
 )
 from chamfer.systems.primitives.visual_servoing import ServoingParams
-
-
-def drawn(name: Any, trial: int = 0) -> VisionServoScenario:
-    return draw(
-        VisionServoSetup(),
-        name,
-        focal_error=0.2,
-        orientation_error=0.17,
-        trial=trial,
-        random=np.random.default_rng([3, trial]),
-    )
 
 
 def test_true_errors() -> None:
@@ -83,7 +72,8 @@ def test_with_right_cameras_every_share_is_the_gain(name: Any) -> None:
 
 
 def test_a_trial() -> None:
-    one = drawn("grasp", 1)
+    wrong = {"focal_error": 0.2, "orientation_error": 0.17}
+    one = draw(VisionServoSetup(), "grasp", **wrong, trial=1, random=np.random.default_rng([3, 1]))
     first = run_trial(one, seed=4, most=3.0)
     assert first.event == "done"
     assert first.time == first.times[-1] < 3.0
@@ -111,12 +101,8 @@ SHORT = VisionPrimitivesScenario(
 )
 
 
-@pytest.fixture(scope="module")
-def outcome() -> Outcome:
-    return run(SHORT, 0, quiet)
-
-
-def test_every_primitive_settles_and_the_map_has_both(outcome: Outcome) -> None:
+def test_every_primitive_settles_and_the_map_has_both() -> None:
+    outcome = run(SHORT, 0, quiet)
     for name in NAMES:
         assert outcome.metrics[f"{name}.converged"].value == 100
         assert outcome.metrics[f"{name}.theory.largest_root"].value < 1  # type: ignore[operator]

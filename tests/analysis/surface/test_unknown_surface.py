@@ -59,12 +59,8 @@ def led() -> Traces:
     return run_surface(SHORT, 3)
 
 
-@pytest.fixture(scope="module")
-def controlled() -> Traces:
-    return run_surface(SHORT_CONTROL, 3)
-
-
-def test_a_row_a_period(led: Traces, controlled: Traces) -> None:
+def test_a_row_a_period(led: Traces) -> None:
+    controlled = run_surface(SHORT_CONTROL, 3)
     np.testing.assert_allclose(led["time"], 0.05 * np.arange(61), atol=1e-12)
     np.testing.assert_allclose(controlled["time"], 0.005 * np.arange(301), atol=1e-12)
     columns = {f"{name}_{axis}" for name in PER_AXIS for axis in "xy"} | COMMON | PLANAR
@@ -203,19 +199,8 @@ def test_a_useless_sensor_is_not_used(outcomes: dict[str, Outcome], value: Any) 
     assert outcome.metrics["drift_after_halt"].value is None
 
 
-@pytest.fixture(scope="module")
-def noise_free() -> Outcome:
-    return run_trials(resolve_tracking(SURFACE_CONTROL_NOISE_FREE), 0, quiet)
-
-
-@pytest.fixture(scope="module")
-def noisy() -> Outcome:
-    return run_trials(resolve_tracking(replace(SURFACE_CONTROL, trials=3)), 0, quiet)
-
-
-def test_without_noise_the_force_settles_at_the_desired_one(
-    noise_free: Outcome, value: Any
-) -> None:
+def test_without_noise_the_force_settles_at_the_desired_one(value: Any) -> None:
+    noise_free = run_trials(resolve_tracking(SURFACE_CONTROL_NOISE_FREE), 0, quiet)
     assert value(noise_free, "force.final") == pytest.approx(5.004, abs=2e-3)
     assert value(noise_free, "force.settling_time") == pytest.approx(0.73, abs=0.03)
     assert value(noise_free, "force.settling_time_10") == pytest.approx(0.44, abs=0.02)
@@ -226,7 +211,8 @@ def test_without_noise_the_force_settles_at_the_desired_one(
 
 
 @pytest.mark.slow
-def test_with_noise_the_thesis_observer_leaves_ten_percent(noisy: Outcome, value: Any) -> None:
+def test_with_noise_the_thesis_observer_leaves_ten_percent(value: Any) -> None:
+    noisy = run_trials(resolve_tracking(replace(SURFACE_CONTROL, trials=3)), 0, quiet)
     assert value(noisy, "force.min") == pytest.approx(4.6, abs=0.15)
     assert value(noisy, "force.max") == pytest.approx(5.4, abs=0.15)
     assert value(noisy, "band.mean") == pytest.approx(6.97, abs=0.2)

@@ -63,19 +63,12 @@ def test_cross_is_at_the_tip() -> None:
 
 
 @pytest.mark.parametrize("status", list(Status))
-def test_what_each_status_draws(status: Status) -> None:
+def test_a_lost_part_is_not_drawn_and_its_reason_says_so(status: Status) -> None:
+    assert REASONS[status].startswith("lost: ") == status.lost
     seen = {} if status.lost else {"angle": 0.0, "point": (100.0, 100.0)}
     tip = {"tip": (160.0, 100.0)} if status == Status.VALID else {}
-    sheet = drawn(Detection(status=status, **seen, **tip))
-    picture = ink(sheet, PEG_COLOUR, slice(0, 480))
-    if status.lost:
-        assert len(picture) == 0
-    else:
-        rows, columns = np.unique(picture[:, 1]), np.unique(picture[:, 0])
-        assert len(columns) == 640
-        assert (len(rows) > 5) == (status == Status.VALID)
-    assert len(ink(sheet, PEG_COLOUR, slice(480, None))) > 50  # the words in the panel
-    assert REASONS[status].startswith("lost: ") == status.lost
+    picture = ink(drawn(Detection(status=status, **seen, **tip)), PEG_COLOUR, slice(0, 480))
+    assert (len(picture) == 0) == status.lost
 
 
 def test_the_scale_is_a_whole_number_of_pixels_where_it_can_be() -> None:

@@ -11,7 +11,7 @@ from chamfer.analysis.cli import main
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.analysis.scenario.scenario_yaml import read_mapping
-from chamfer.analysis.track.learning import Box, Learned, learn, read_box
+from chamfer.analysis.track.learning import Box, learn, read_box
 from chamfer.analysis.track.tracking import TrackScenario
 from chamfer.models.cameras.camera import CameraPlacement
 from chamfer.models.peg.peg_and_hole import Colour, ColouredParts
@@ -44,13 +44,6 @@ def picture(
     return add_noise(image, 2.0, np.random.default_rng(0))
 
 
-def tips_error(learned: Learned) -> float:
-    """Return how far the tips are from where they were drawn, pixels."""
-    true = [CAMERA.project(pose.translation()) for pose in (PEG, HOLE)]
-    found = np.array([one.tip for one in learned.found])
-    return float(np.linalg.norm(found - true, axis=1).max())
-
-
 @pytest.mark.parametrize(
     ("peg", "hole", "background"),
     [
@@ -62,7 +55,9 @@ def tips_error(learned: Learned) -> float:
 def test_colours_are_learned(peg: Colour, hole: Colour, background: Colour) -> None:
     image = picture(peg, hole, background=background)
     learned = learn(image, (PEG_BOX, HOLE_BOX))
-    assert tips_error(learned) < 0.3
+    true = [CAMERA.project(pose.translation()) for pose in (PEG, HOLE)]
+    found = np.array([one.tip for one in learned.found])
+    assert np.linalg.norm(found - true, axis=1).max() < 0.3
     for part, colour in zip(learned.looks, (peg, hole), strict=True):
         hue = int(cv2.cvtColor(np.array([[colour]], np.uint8), cv2.COLOR_RGB2HSV_FULL)[0, 0, 0])
         assert abs((part.hue - hue + 128) % 256 - 128) <= 3
@@ -157,9 +152,6 @@ def test_texts_that_are_no_box(text: str) -> None:
         read_box(text, "--peg-box")
     with pytest.raises(UserError, match="allowed: at least 12 x 12 pixels"):
         read_box("0,0,11,12", "--peg-box")
-
-
-# The command
 
 
 @pytest.fixture

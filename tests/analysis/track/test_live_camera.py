@@ -20,9 +20,6 @@ DEVICE = Path("/dev/null")
 Rows = Callable[[Path], list[dict[str, str]]]
 
 
-# Frames and their times
-
-
 @pytest.mark.parametrize("stamps", [True, False])
 def test_frames_have_the_times_at_which_they_were_taken(
     camera: SimpleNamespace, stamps: bool
@@ -88,9 +85,6 @@ def test_devices_that_are_none(tmp_path: Path) -> None:
         assert str(raised.value) == f"{said}, {ALLOWED}"
     with pytest.raises(UserError, match=r"^/dev/null can't be opened as a camera"):
         LiveCamera(device_path("/dev/null")).__enter__()
-
-
-# The command
 
 
 def test_a_number_of_frames(

@@ -161,9 +161,6 @@ def test_cameras_that_disagree_on_the_tip_know_nothing_in_space() -> None:
     assert np.isnan(in_space(cameras, seen)).all()
 
 
-# Mistakes
-
-
 def test_a_file_of_one_camera_for_two(tmp_path: Path) -> None:
     file = tmp_path / "camera.yaml"
     file.write_text(camera_text(CameraFile(left=calibrated(LEFT))))

@@ -34,9 +34,6 @@ def mistake(*paths: Path) -> str:
     return message
 
 
-# Which files, in which order
-
-
 def test_folder_in_natural_order_without_other_files(tmp_path: Path) -> None:
     for name in ("frame10.png", "frame2.png", "frame1.PNG", "Frame3.jpg", "frame02.bmp"):
         write(tmp_path / name)
@@ -47,9 +44,6 @@ def test_folder_in_natural_order_without_other_files(tmp_path: Path) -> None:
     names = ["frame1.PNG", "frame02.bmp", "frame2.png", "Frame3.jpg", "frame10.png"]
     assert [frame.name for frame in recording.frames()] == names
     assert open_recording(recording.files[::-1]) == recording
-
-
-# Colours
 
 
 def test_channels_are_red_green_blue(film: Film, tmp_path: Path) -> None:
@@ -78,9 +72,6 @@ def test_other_depths_and_channels(tmp_path: Path, ending: str) -> None:
         assert frame.image[3, 4].tolist() == list(rgb)
 
 
-# Videos
-
-
 @pytest.mark.parametrize(("ending", "code"), [("mp4", "mp4v"), ("avi", "MJPG"), ("mkv", "FFV1")])
 def test_video(film: Film, tmp_path: Path, ending: str, code: str) -> None:
     levels = [40, 90, 140, 190]
@@ -91,9 +82,6 @@ def test_video(film: Film, tmp_path: Path, ending: str, code: str) -> None:
     for _ in range(2):  # frames can be read again
         found = [frame.image[12, 16, 1] for frame in recording.frames()]
         assert found == pytest.approx(levels, abs=4)
-
-
-# Mistakes
 
 
 def test_a_path_that_is_not_there(tmp_path: Path) -> None:

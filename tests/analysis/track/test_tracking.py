@@ -95,9 +95,6 @@ def tips(found: Track, part: str) -> Array:
     return np.column_stack([found.table[f"{part}_tip_u"], found.table[f"{part}_tip_v"]])
 
 
-# The table
-
-
 def test_csv_has_the_tips_where_they_are(rows: Rows, folder: Path, tmp_path: Path) -> None:
     run(tmp_path, open_recording([folder]))
     table = rows(tmp_path)
@@ -143,17 +140,11 @@ def test_what_is_not_found_is_empty_and_says_why(rows: Rows, folder: Path, tmp_p
     assert (found.frames, found.both_valid) == (FRAMES + 2, FRAMES)
 
 
-# What to look for
-
-
 def test_a_video_without_a_rate_has_no_times(rows: Rows, film: Film, tmp_path: Path) -> None:
     unknown = Recording(files=(film(tmp_path / "a.avi", [picture(0)] * 2),), video=True)
     _, paths = run(tmp_path, unknown, video=True)
     assert [row["time"] for row in rows(tmp_path)] == ["", ""]
     assert open_recording([paths[2]]).announced == 2
-
-
-# The files
 
 
 def written(folder: Path, out: Path, *, video: bool = True) -> list[Path]:
@@ -178,9 +169,6 @@ def test_without_a_video_no_older_one_stays(folder: Path, tmp_path: Path) -> Non
     names = ["detections.csv", "detections.parquet"]
     assert [path.name for path in written(folder, tmp_path, video=False)] == names
     assert sorted(path.name for path in (tmp_path / "track").iterdir()) == names
-
-
-# What ends before the last frame
 
 
 def after(number: int) -> Callable[[], bool]:
