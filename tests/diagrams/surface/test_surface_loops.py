@@ -308,19 +308,6 @@ def test_the_noise_free_loop_agrees_with_an_independent_simulation() -> None:
     np.testing.assert_allclose(traces["point_x"][:rows], point, atol=2e-3)
 
 
-def test_the_other_way_round_it_goes_to_the_other_side() -> None:
-    ahead, back = (
-        run_surface(
-            resolve_tracking(replace(STEADY, task=TrackingTask(speed=speed), duration=1.0)),
-            0,
-        )
-        for speed in (0.5, -0.5)
-    )
-    assert ahead["point_x"][-1] > 0.1
-    np.testing.assert_allclose(back["point_x"], -ahead["point_x"], atol=1e-9)
-    np.testing.assert_allclose(back["force"], ahead["force"], atol=1e-8)
-
-
 def test_the_loop_runs_in_space() -> None:
     quiet = replace(STEADY, surface=SurfaceSettings(shape="sphere"), duration=2.0)
     traces = run_surface(resolve_tracking(quiet), 0)

@@ -151,7 +151,6 @@ def test_the_end_of_several_arms_has_to_be_chosen(write: Write) -> None:
     ("old", "new", "allowed"),
     [
         ("<robot", "<robots", r"mismatched tag"),
-        ("<?xml", "  <?xml", "not at start"),
         ('name="elbow" type="revolute"', 'name="elbow" type="prismatic"', "'elbow' is prismatic"),
         (
             '<axis xyz="0 1 0"/>\n    <limit lower="-2.7"',
@@ -161,7 +160,6 @@ def test_the_end_of_several_arms_has_to_be_chosen(write: Write) -> None:
         (' effort="110"', "", "'elbow' has a limit with effort"),
         ('effort="110"', 'effort="0"', "'elbow' has an effort limit > 0, not 0"),
         ('lower="-2.7"', 'lower="3"', "'elbow' has a range, not 3 to 2.7"),
-        ('lower="-2.7"', 'lower="low"', "lower of joint 'elbow' is a finite number, not low"),
         ('lower="-2.7"', 'lower="nan"', "lower of joint 'elbow' is a finite number, not nan"),
         ('friction="0.15"', 'friction="-1"', "'elbow' has a friction >= 0, not -1"),
         ('<parent link="hand_3"/>', '<parent link="hand_9"/>', "parent of joint 'wrist_3'"),
@@ -170,7 +168,6 @@ def test_the_end_of_several_arms_has_to_be_chosen(write: Write) -> None:
         ('name="tool"', "", "every link has a name"),
         ('<mass value="1.1"/>', '<mass value="-1.1"/>', "'hand_1' has mass and inertia as"),
         ('ixx="0.03"', 'ixx="0.3"', "'forearm' has mass and inertia as"),
-        ('ixx="0.03"', 'ixx="-0.03"', "'forearm' has mass and inertia as"),
         ('<origin xyz="0 0 0.17"/>', '<origin xyz="0 0 up"/>', "that Drake can read"),
         ('name="foot" type="fixed"', 'name="foot" type="planar"', "'foot' is planar"),
     ],

@@ -122,14 +122,6 @@ def draw(slides: Any) -> Callable[..., Case]:
     return case
 
 
-def ordinary(case: Case) -> tuple[Array, float, float]:
-    """Return what a Kalman filter without the constraint estimates, its length, and s."""
-    e = case.measured - case.normal
-    S_inverse = np.linalg.inv(case.covariance + case.noise)
-    raw = case.normal + case.covariance @ S_inverse @ e
-    return raw, float(np.linalg.norm(raw)), float(e @ S_inverse @ e)
-
-
 def of_gain(case: Case, G: Array) -> Array:
     """Return the covariance after an update with any gain (4-23)."""
     left = np.eye(len(case.normal)) - G

@@ -14,18 +14,16 @@ from chamfer.models.cameras.camera import CameraPlacement
 from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.force_primitives import (
     GuardedMove,
-    Hold,
     Level,
     Obstructed,
     Stick,
 )
-from chamfer.systems.primitives.position_primitives import Centre, Held, Place, Way
+from chamfer.systems.primitives.position_primitives import Centre, Held, Way
 from chamfer.systems.primitives.primitive import Primitive
-from chamfer.systems.primitives.seating import Press, Seat
+from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import PRIMITIVES
 from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx, lissajous
 from chamfer.systems.primitives.vision_primitives import (
-    FixedPointRotation,
     VisGrasp,
     VisRotation,
     VisTranslation,
@@ -52,29 +50,19 @@ CAMERAS = StaticCameras(xz=XZ, yz=YZ)
     ("primitive", "label", "events"),
     [
         (GuardedMove(direction="-rx"), "gmove -rx", {"contact": 0.0, "lost": 3.0}),
-        (Stick(), "stick -z", {"lost": 0.0}),
         (Stick(threshold=math.inf), "stick -z", {}),
-        (Obstructed(), "corr x, y", {"hindered": 0.0}),
-        (Hold(), "hold rx, ry, rz", {}),
         (Level(), "level rx, ry", {"done": 0.2, "lost": 0.0}),
-        (Place(), "place", {"done": 0.0}),
-        (Centre(dither=Dither(axis="y")), "centre y", {}),
         (Way(direction="+z", wait=0.25, time=0.5), "way +z", {"done": 0.75, "jammed": 0.75}),
         (Held(wait=0.25, time=0.5), "held", {"done": 0.75, "lost": 0.25}),
         (Held(time=math.inf), "held", {"lost": 0.0}),
         (Seat(window=0.1), "seat -z", {"done": 0.2, "jammed": 0.2}),
-        (Press(), "press -z", {}),
         (MoveDx(displacement=(0.0, 0.0, 0.1, -0.1, 0.0, 0.0)), "movedx +rz -x", {"done": 1.0}),
         (MoveDx(duration=0.25), "wait 0.25 s", {"done": 0.25}),
-        (Dither(kind="linear", axis="y"), "ldither y", {"done": 10.0}),
-        (Dither(kind="rotary", axis="z"), "rdither z", {"done": 10.0}),
         (
             VisTranslation(axes=("x", "z"), cameras=CAMERAS),
             "vis_xz",
             {"done": 1 / 6, "lost": 1 / 3},
         ),
-        (VisRotation(cameras=CAMERAS), "vis_rxy", {"done": 1 / 6, "lost": 1 / 3}),
-        (FixedPointRotation(cameras=CAMERAS), "vis_fixed_ry", {"done": 1 / 6, "lost": 1 / 3}),
     ],
 )
 def test_what_a_chart_shows_and_may_expect(primitive: Any, label: str, events: Any) -> None:

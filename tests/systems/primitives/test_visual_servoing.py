@@ -23,7 +23,6 @@ from chamfer.systems.vision.part_detector import pack_detections
 
 seeds = st.integers(0, 2**32 - 1)
 SENSED = Observation(STILL, STILL, STILL)
-T = 1 / 30
 
 
 @settings(deadline=None, max_examples=15)

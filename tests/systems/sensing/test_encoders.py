@@ -10,7 +10,12 @@ from hypothesis import strategies as st
 from pydrake.common import RandomDistribution, RandomGenerator
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
-from pydrake.systems.primitives import LogVectorOutput, RandomSource, TrajectorySource
+from pydrake.systems.primitives import (
+    LogVectorOutput,
+    RandomSource,
+    TrajectorySource,
+    ZeroOrderHold,
+)
 from pydrake.trajectories import PiecewisePolynomial
 
 from chamfer.models.arms.adept_one import ADEPT_ONE
@@ -193,20 +198,6 @@ class Ticker(LeafSystem):
         self.DeclarePeriodicUnrestrictedUpdateEvent(PERIOD, 0.0, tick)
 
 
-class Held(LeafSystem):
-    """Holds its input for a step, as the plant does."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        torque = self.DeclareVectorInputPort("torque", 1)
-        self.DeclareStateOutputPort("held", self.DeclareDiscreteState([0.0]))
-
-        def step(context: Any, values: Any) -> None:
-            values.set_value(torque.Eval(context))
-
-        self.DeclarePeriodicDiscreteUpdateEvent(STEP, 0.0, step)
-
-
 def held(delay: float, jitter: float = 0.0, until: float = 0.0505) -> np.ndarray:
     """What the plant holds in each of its steps, in thirds."""
     builder = DiagramBuilder()
@@ -214,11 +205,11 @@ def held(delay: float, jitter: float = 0.0, until: float = 0.0505) -> np.ndarray
     block = builder.AddSystem(
         ComputationDelay(1, delay=delay, jitter=jitter, period=PERIOD, step=STEP)
     )
-    plant = builder.AddSystem(Held())
+    plant = builder.AddSystem(ZeroOrderHold(STEP, 1))  # for a step, as the plant does
     noise = builder.AddSystem(RandomSource(RandomDistribution.kUniform, 1, PERIOD))
     builder.Connect(ticker.get_output_port(), block.GetInputPort("command"))
     builder.Connect(noise.get_output_port(), block.GetInputPort("jitter"))
-    builder.Connect(block.get_output_port(), plant.GetInputPort("torque"))
+    builder.Connect(block.get_output_port(), plant.get_input_port())
     logger = LogVectorOutput(plant.get_output_port(), builder, STEP)
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()
