@@ -196,9 +196,6 @@ def test_the_measured_force_is_the_one_of_its_time() -> None:
     assert off.max() > 0.4
 
 
-# Step-size convergence.
-
-
 def near(scenario: Any, **changes: Any) -> HybridScenario:
     """Return a scenario without dry friction and noise that starts near its surface."""
     task = {"start": (1.0, -1.4)} if isinstance(scenario, PlanarScenario) else {"distance": 2e-3}

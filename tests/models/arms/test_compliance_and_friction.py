@@ -177,9 +177,6 @@ def continuous(params: CartesianManipulatorParams, d: int) -> tuple[np.ndarray, 
     return A, B
 
 
-# Discretisation
-
-
 @pytest.mark.parametrize("step", [1e-4, 1e-3, 0.05, 0.5, 4.0])
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("params", [CartesianManipulatorParams(), HEAVY])
@@ -204,9 +201,6 @@ def test_position_is_exact_for_any_damping(exponent: float, step: float) -> None
     params = CartesianManipulatorParams(mass=1.0, damping=z / step)
     found = sampled_dynamics(params, step, dimension=2)[1][0, 0] / step**2
     assert found == pytest.approx(float(exact), rel=1e-14, abs=0)
-
-
-# Kinematics
 
 
 @pytest.mark.parametrize(("dimension", "axes"), [(2, ("x", "y")), (3, ("x", "y", "z"))])

@@ -176,8 +176,6 @@ def test_scaled_masses(plant: MultibodyPlant, context: Context, scale: float) ->
     )
 
 
-# Inverse kinematics
-
 BENT = np.array([0.2, 0.7, -0.3, 1.7, 0.2, -0.9, 0.4])
 margins = st.lists(st.floats(-0.25, 0.25), min_size=7, max_size=7).map(np.array)
 

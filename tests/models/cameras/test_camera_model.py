@@ -87,8 +87,6 @@ def test_a_pose_in_the_world_is_found_beside_the_camera(
     assert found.roll == pytest.approx(roll, abs=1e-9)
 
 
-# Files
-
 LEFT = CalibratedCamera(
     width=320,
     height=240,

@@ -216,9 +216,6 @@ def grey(level: int, shape: tuple[int, int] = (5, 7)) -> np.ndarray:
     return np.full((*shape, 3), level, np.uint8)
 
 
-# Light and colours
-
-
 def test_the_corners_lose_light_with_the_square_of_the_distance() -> None:
     image = shaded(grey(200, (241, 321)), 0.5, (1.0, 1.0, 1.0))
     assert (image[120, 160] == 200).all()
@@ -234,9 +231,6 @@ def test_gains_are_of_red_green_and_blue_up_to_white() -> None:
     assert not SensorParams().shades
     assert SensorParams(vignetting=0.1).shades
     assert SensorParams(white_balance=(1.0, 1.0, 1.1)).shades
-
-
-# Exposure
 
 
 def test_an_edge_that_moves_across_becomes_a_ramp_as_long_as_its_way() -> None:

@@ -40,9 +40,6 @@ def params(n: int, friction: JointFrictionParams | None = None, **changes: objec
     return ArmInContactParams(joint_friction=friction or smooth(n), **changes)  # type: ignore[arg-type]
 
 
-# --- At rest ------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("torque", [(1.49, -0.74), (-1.49, -0.74), (0.0, 0.0)])
 def test_below_breakaway_stays_exactly_at_rest(simulate: Any, torque: tuple[float, float]) -> None:
     friction = JointFrictionParams(coulomb=(1.0, 0.5), breakaway=1.5, viscous=(0.1, 0.1))
@@ -66,9 +63,6 @@ def test_starts_at_rest_at_the_gap_of_the_surface() -> None:
     # What holds the links at rest.
     held = ArmDynamics(PUMA_250).gravity_torque(PUMA_Q)
     np.testing.assert_allclose(values["base_torque"], held, rtol=1e-12)
-
-
-# --- In contact ---------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

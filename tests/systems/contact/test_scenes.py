@@ -61,9 +61,6 @@ def touches(
     return ContactPoint(offset, surface, contact)
 
 
-# --- A load -------------------------------------------------------------------------------------
-
-
 def test_the_sensor_reads_weight_and_inertia_of_the_load(run: Any) -> None:
     scene = Scene((touches(),), NUGGET)
     block = ArmInContact(ADEPT_WRIST, [scene], params(7, 0.1, held=1), WRIST_Q)
@@ -111,9 +108,6 @@ def test_the_base_carries_all_that_moves_and_touches(run: Any) -> None:
     assert np.all(error < 5e-3 * np.max(scale))
 
 
-# --- Several points -----------------------------------------------------------------------------
-
-
 def test_energy_where_a_corner_holds_the_tip_redundantly(run: Any) -> None:
     # Set down between wall and layer by an arm with dry friction, until joints and points stick.
     x, y, z = POSE[:3]
@@ -141,9 +135,6 @@ def test_energy_where_a_corner_holds_the_tip_redundantly(run: Any) -> None:
     # What is at rest and open, how both share the friction along the corner, stays.
     held = found.contact_force[-50:]
     np.testing.assert_allclose(held, held[:1].repeat(50, axis=0), rtol=0, atol=1e-6)
-
-
-# --- Changing scenes ----------------------------------------------------------------------------
 
 
 def test_taking_and_leaving_a_load_is_booked() -> None:

@@ -88,9 +88,6 @@ def test_breakaway_of_the_thesis(step: float) -> None:
     np.testing.assert_allclose(first.velocity, [0.2 / (1 + 2 * 10 / 100 / 10), 0], atol=1e-13)
 
 
-# Flat surfaces: closed forms
-
-
 def test_reversal_sticks_until_friction_has_turned_round() -> None:
     case = Case(FLAT, SurfaceFriction(coefficient=0.5), SOFT)
 
@@ -139,9 +136,6 @@ def test_contact_is_lost_and_made_again() -> None:
     assert touches[returned].point[0] == pytest.approx(0.2 * times[returned], abs=1e-13)
 
 
-# Friction that changes on the way
-
-
 def test_drop_of_the_friction_makes_the_point_jump() -> None:
     step = 0.01
     friction = SurfaceFriction(coefficient=1.0, jump=-0.6, jump_at=0.3, jump_width=0.002)
@@ -170,9 +164,6 @@ SKEW = np.array([[120.0, 20.0, 10.0], [20.0, 90.0, -15.0], [10.0, -15.0, 100.0]]
 VARIED = SurfaceFriction(coefficient=0.6, ripple=0.15, wavelength=0.8)
 FLAT_SHEET = Parabola(coefficients=(0.0, 0.0))
 seeds = st.integers(0, 2**32 - 1)
-
-
-# Laws that hold for any surface, friction, stiffness and motion
 
 
 SURFACES: list[Surface] = [
@@ -259,9 +250,6 @@ def test_laws(surface: Surface, seed: int, friction: SurfaceFriction, skew: bool
         np.testing.assert_allclose(again.point, touch.point, atol=1e-11)
         np.testing.assert_allclose(again.velocity, touch.velocity, atol=1e-7)
         previous = touch
-
-
-# Space
 
 
 def round_motion(t: float) -> tuple[Sequence[float], Sequence[float]]:

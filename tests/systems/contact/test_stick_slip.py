@@ -165,8 +165,6 @@ def test_impact_speed_is_of_contact_made_in_these_steps() -> None:
     assert still.impact_speed == 0.0
 
 
-# --- Friction of the surface --------------------------------------------------------------------
-
 ANGLES = [0.0, 0.3, math.pi / 4, 2.0, -math.pi / 4, -3.0]
 
 

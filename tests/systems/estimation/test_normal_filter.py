@@ -370,9 +370,6 @@ def test_statuses_of_exact_samples(slides: Any, kind: ObserverKind) -> None:
     )
 
 
-# Predicted normals
-
-
 @given(seed=st.integers(0, 2**32 - 1), d=dimensions, exponent=st.floats(-16, 0))
 def test_rotation_between(slides: Any, seed: int, d: int, exponent: float) -> None:
     random = np.random.default_rng(seed)

@@ -114,8 +114,6 @@ def test_with_a_sample_of_delay_the_force_follows_the_closed_form(kappa: float) 
     np.testing.assert_allclose(found, delayed_form(kappa, 30), rtol=1e-9, atol=1e-9)
 
 
-# The centre of compliance
-
 FREE = (0.0,) * 6  # stiffness that no centre is too far for
 CENTRES = st.tuples(*[st.floats(-0.2, 0.2)] * 3)
 

@@ -46,9 +46,6 @@ def run(
     return states, times, taken
 
 
-# The chart
-
-
 def test_force_is_taken_along_an_oblique_direction() -> None:
     # (3, 4) / 5: a force (1, 1) pushes with 7 / 5 N.
     for detect, state in ((1.39, "contact"), (1.41, "approach")):
@@ -70,9 +67,6 @@ def test_a_state_ends_with_so_many_readings_in_a_row(samples: int, pushes: list[
             state, row = ("lost" if state == "contact" else "contact"), 0
             first = i * PERIOD if first < 0 else first
         assert (states[i], times[i]) == (state, first)
-
-
-# What noise asks for
 
 
 def test_thresholds_follow_the_noise() -> None:
@@ -105,9 +99,6 @@ def test_a_bias_moves_the_thresholds() -> None:
     assert without.release == pytest.approx(1.1)  # or the loss would never be seen
     with pytest.raises(ParameterError, match=r"^detect is 0.9, allowed: more than the sensor's"):
         ContactDetectionParams(detect=0.9).resolved(0.0, 1.0)
-
-
-# The block
 
 
 def test_block_runs_the_chart(driven: Any) -> None:

@@ -44,9 +44,6 @@ def test_torque_is_held_between_ticks(drive: Any, contact: Any) -> None:
     assert not np.allclose(driven.read("torque"), torque)
 
 
-# What is refused
-
-
 @pytest.mark.parametrize(
     ("selection", "allowed"),
     [
@@ -186,9 +183,6 @@ def test_laws_in_contact(drive_arm: Any, arm: Arm, law: Law, seed: int) -> None:
         np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-9)
 
 
-# Force law
-
-
 @pytest.mark.parametrize("law", LAWS)
 def test_damping_of_the_force_domain(drive: Any, contact: Any, law: Law) -> None:
     velocity = np.linalg.solve(contact.J, [0.3, -0.2])  # of the tip, downwards and along
@@ -201,9 +195,6 @@ def test_damping_of_the_force_domain(drive: Any, contact: Any, law: Law) -> None
         np.testing.assert_allclose(extra, expected, atol=1e-9)
     at_rest = damped.tick(**contact()) - plain.tick(**contact())
     np.testing.assert_allclose(at_rest, 0, atol=1e-9)
-
-
-# Full dynamics
 
 
 @pytest.mark.parametrize("law", ["inverse", "projected"])
@@ -261,9 +252,6 @@ def test_damping_acts_on_the_error_of_the_rate(drive: Any, contact: Any, law: La
 EXACT = 1e-12
 
 
-# Switches without a jump
-
-
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize(
     ("before", "after"),
@@ -301,9 +289,6 @@ def test_offset_stays_as_it_is_within_a_mode(drive: Any, contact: Any, law: Law)
         assert np.abs(wanted[switch]).max() > 10  # N m
         wanted[switch] = 0
     np.testing.assert_allclose(change, wanted, rtol=0, atol=1e-11)
-
-
-# Loss of contact
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -368,9 +353,6 @@ def test_loss_may_be_ignored(drive: Any, contact: Any, law: Law) -> None:
         found = ignoring.tick(**{**inputs, "mode": mode})
         expected = touching.tick(**{**inputs, "mode": min(mode, CONTACT)})
         np.testing.assert_array_equal(found, expected)
-
-
-# Acceleration that is fed forward
 
 
 PLACE = np.array([0.4, 0.9, 0.2, -0.3])

@@ -81,9 +81,6 @@ def random_case(arm: Arm, seed: int) -> tuple[Array, Array, Array, Array]:
     return q, *mass_and_jacobian(arm, q), P
 
 
-# Eigenvalues of the stiffness
-
-
 @pytest.mark.parametrize(("elbow", "other"), [("positive", -0.623), ("negative", 4.62)])
 def test_nominal_contact_point(elbow: Elbow, other: float) -> None:
     mass, J = planar(TOUCH, elbow)
@@ -110,9 +107,6 @@ def test_projected_and_transpose_have_no_negative_eigenvalue(arm: Arm, seed: int
         expected = np.linalg.eigvalsh(L @ S @ L.T)
         np.testing.assert_allclose(np.sort(found.real), expected, rtol=1e-7, atol=1e-7 * scale)
         assert expected[1] > 1e-9 * scale > abs(expected[0])  # the normal alone is not held
-
-
-# The closed loop
 
 
 @pytest.mark.parametrize(

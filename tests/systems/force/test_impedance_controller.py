@@ -32,9 +32,6 @@ Array = np.ndarray
 seeds = st.integers(0, 2**32 - 1)
 
 
-# Stability of a sampled mode
-
-
 def one_period(frequency: float, ratio: float, period: float, steps: int) -> float:
     """Spectral radius over a period with the force held and v before x."""
     h = period / steps
@@ -72,8 +69,6 @@ def test_unstable_above_the_upper_bound(frequency: float, excess: float, product
         assert one_period(frequency, excess * exact, period, n) > 1
         assert high <= exact
 
-
-# Rotation
 
 angles = st.floats(0.0, math.pi)
 
@@ -160,9 +155,6 @@ def step(controller: ImpedanceController, *inputs: Array) -> tuple[Array, Array,
     return result[:7], result[7:14], result[14:]
 
 
-# The law
-
-
 @settings(deadline=None)  # the first call compiles
 @given(seed=st.integers(0, 2**32 - 1))
 def test_torque_is_that_of_equation_1(seed: int) -> None:
@@ -215,9 +207,6 @@ def test_damping_and_inertia_of_the_design() -> None:
     null_inertia = free @ rest.mass @ free
     expected = 2 * 0.7 * math.sqrt(UNEQUAL.null_stiffness * null_inertia)
     assert CONTROLLER.null_damping == pytest.approx(expected, rel=1e-9)
-
-
-# Limits, half turns, singular poses
 
 
 def test_torque_is_limited() -> None:
@@ -277,9 +266,6 @@ def test_singular_poses_give_finite_torques(name: str) -> None:
         assert np.abs(torque).max() < 1500
     # No jump where the arm is singular.
     assert np.abs(np.diff(torques[:3], axis=0)).max() < 0.1
-
-
-# The block
 
 
 def read(simulator: Simulator, name: str) -> Array:

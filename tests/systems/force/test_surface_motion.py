@@ -68,9 +68,6 @@ def scaled(vector: np.ndarray) -> np.ndarray:
     return unit
 
 
-# By hand
-
-
 def test_on_a_slope() -> None:
     driven = Driven(start=(1.0, 2.0), force=10.0, speed=2.0)
     driven.feed((1.0, 2.0), (0.6, 0.8))
@@ -90,9 +87,6 @@ def test_in_space() -> None:
         np.testing.assert_array_equal(driven.read("desired_force"), [0, 0, -5])
         found = driven.read("desired_position")
         np.testing.assert_allclose(found, [1, 2.125, 3], rtol=0, atol=1e-15)
-
-
-# The integral
 
 
 def reference(
@@ -120,9 +114,6 @@ def test_any_course_in_space(seed: int, axis: np.ndarray) -> None:
         np.testing.assert_allclose(found, held, rtol=0, atol=1e-12)
 
 
-# The block
-
-
 def test_between_the_ticks_it_looks_ahead() -> None:
     driven = Driven()
     now = driven.tick((0.0, 0.0), (0.0, 1.0))
@@ -130,9 +121,6 @@ def test_between_the_ticks_it_looks_ahead() -> None:
     for time in (0.1, 0.2, 0.25):  # at 0.25 s before the tick
         driven.simulator.AdvanceTo(time)
         np.testing.assert_array_equal(driven.read("desired_position"), [0.25, 0.0])
-
-
-# What is refused
 
 
 @pytest.mark.parametrize("name", OUTPUTS)
@@ -154,9 +142,6 @@ def test_normal_along_the_axis_gives_no_direction(sign: float) -> None:
         driven.tick((0.0, 0.0, 0.0), normal)
     allowed = "a direction other than that of the axis (0.0, 3.0, 4.0)"
     assert str(caught.value) == f"normal is {normal}, allowed: {allowed}"
-
-
-# Before contact, in it, and when it is lost
 
 
 def test_the_approach_is_followed_in_every_direction() -> None:
@@ -233,9 +218,6 @@ class Approaching:
         return found
 
 
-# Approach
-
-
 @given(speed=st.floats(0.01, 3.0), acceleration=st.floats(0.1, 50.0), after=st.floats(0.0, 10.0))
 def test_approach_in_closed_form(speed: float, acceleration: float, after: float) -> None:
     params = GuardedMotionParams(
@@ -253,9 +235,6 @@ def test_approach_in_closed_form(speed: float, acceleration: float, after: float
     fall = acceleration * (0.6 * ramp) ** 2 / 2
     assert params.approached(0.6 * ramp) == pytest.approx(fall, rel=1e-12)
     assert params.approached(0.0) == 0.0
-
-
-# In contact
 
 
 def test_approach_stops_where_contact_is() -> None:

@@ -92,9 +92,6 @@ def logged(params: Any, times: list[float], pushes: list[float], until: float) -
     return found
 
 
-# Gauges
-
-
 @given(force=forces, cross_talk=cross_talks)
 def test_each_direction_leaks_into_the_others(force: np.ndarray, cross_talk: float) -> None:
     found = read(replace(IDEAL, cross_talk=cross_talk), force)
@@ -136,9 +133,6 @@ def test_a_load_cell_reads_along_its_axis_only() -> None:
     assert read(CELL, (-5.0, 40.0, -30.0)) == [5.0]
     oblique = replace(CELL, axis=(0.0, 3.0, 4.0))
     assert read(oblique, (9.0, 1.0, 2.0)) == pytest.approx([-(0.6 + 1.6)], abs=1e-12)
-
-
-# Filter and converter
 
 
 @given(force=forces, noise=samples)
@@ -200,9 +194,6 @@ def test_what_it_reads_at_rest() -> None:
     assert replace(biased, tare=0.1).rest_bias == 0.0
 
 
-# In the world's axes
-
-
 def world(q: Any, reading: Any, *, dynamics: ArmDynamics, params: Any = IDEAL) -> np.ndarray:
     m = dynamics.arm.num_coordinates
     block = ForceInWorld(dynamics, params.undoing, coordinates=m)
@@ -224,9 +215,6 @@ def test_angles_read_nothing() -> None:
     adept = ArmDynamics(ADEPT_ONE)
     found = world((0.3, 0.2, 0.1, -0.5), (1.0, 2.0, 9.0), dynamics=adept)
     np.testing.assert_allclose(found, [1.0, 2.0, 9.0, 0.0], atol=1e-12)
-
-
-# Refusals
 
 
 @pytest.mark.filterwarnings("ignore:invalid value")

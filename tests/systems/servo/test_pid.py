@@ -59,9 +59,6 @@ def difference_equation(gain: PidGains, errors: Sequence[float], period: float) 
     return np.asarray(filtered)
 
 
-# The law
-
-
 @settings(max_examples=30, deadline=None)
 @given(
     gain=st.builds(PidGains, proportional=gains, integral=gains, derivative=gains),
@@ -101,9 +98,6 @@ def test_acts_at_its_ticks_only_and_at_the_first_at_once() -> None:
     assert not block.HasAnyDirectFeedthrough()
 
 
-# What is not measured
-
-
 ALL = PidGains(proportional=2.0, integral=8.0, derivative=0.25)
 
 
@@ -124,9 +118,6 @@ def test_holds_over_a_gap_and_goes_on_without_a_kick(
     earned = ALL.integral * PERIOD * sum(before)
     expected = earned + difference_equation(ALL, after, PERIOD)
     np.testing.assert_allclose(found[m:], expected, rtol=1e-9, atol=1e-8)
-
-
-# Limits
 
 
 @settings(max_examples=30, deadline=None)
@@ -161,9 +152,6 @@ def test_a_falling_error_does_not_wind_it_up_behind_the_derivative() -> None:
     found = single(gain, [9.0, 8.0, 8.0, -1.0, -1.0])
     # At the second sample 9 + 8 - 20 is inside the limits; 17 alone is not.
     np.testing.assert_allclose(found, [9.0, -10.0, 10.0, -10.0, 9.0], rtol=1e-12)
-
-
-# Tuning
 
 
 def lag_behind_dead_time(gain: float, tau: float, samples: int) -> SettlingPlant:

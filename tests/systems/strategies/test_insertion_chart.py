@@ -118,9 +118,6 @@ OUT = ["approach", "align", "decide", "insert", "release", "back_off"]
 AGAIN = ["align", "decide", "insert", "release", "back_off"]
 
 
-# It is seated
-
-
 def test_a_free_way_ends_seated_at_the_depth() -> None:
     world = World()
     assert run(params(), world) == IN
@@ -144,9 +141,6 @@ def test_on_the_bottom_of_a_blind_hole_a_force_is_enough() -> None:
     task = replace(params(), bottom=0.02)
     assert run(task, world) == IN
     assert 2.0 <= world.hardest < 3.0
-
-
-# When it begins
 
 
 def test_small_errors_are_inside_after_the_frames_that_it_takes() -> None:
@@ -184,9 +178,6 @@ def test_a_pause_comes_before_the_advance() -> None:
     began = when(world, "insert")
     moved = next(time for time, _, memory in world.log if memory.feed > 0)
     assert moved - began == pytest.approx(0.3, abs=2 * PERIOD)
-
-
-# It is not seated
 
 
 @pytest.mark.parametrize(
@@ -262,9 +253,6 @@ def test_a_peg_that_went_by_the_hole_is_not_seated() -> None:
     assert max(memory.sensed_depth for *_, memory in world.log) > 0.04
 
 
-# It stops
-
-
 @pytest.mark.parametrize(
     ("world", "end"),
     [
@@ -290,9 +278,6 @@ def test_a_blow_stops_it_and_the_push_is_taken_away() -> None:
     path = run(task, world)
     assert path[-1] == "overloaded"
     assert SPRING * (world.log[-1][2].feed - GAP - 0.01) <= task.insert.hold_force
-
-
-# What is compensated
 
 
 def compensated(world: World, state: str) -> set[bool]:
@@ -332,8 +317,6 @@ def test_nothing_winds_up_under_force_or_backing_off() -> None:
             assert memory.compensates == (not pushed)
     assert compensated(world, "release") == compensated(world, "back_off") == {False}
 
-
-# Never seated when it isn't
 
 numbers = st.floats(-0.2, 0.2)
 

@@ -28,9 +28,6 @@ def measure(params: MeasuredErrorParams, **ports: list[float]) -> list[float]:
     return error
 
 
-# Without latency
-
-
 @settings(deadline=None)
 @given(
     error=st.floats(-10, 10),
@@ -99,9 +96,6 @@ def test_input_that_is_not_finite_raises_with_name_and_time(port: str, value: fl
         r"at t = 1\.25 s, must be finite$",
     ):
         block.GetOutputPort("error").Eval(context)
-
-
-# Latency
 
 
 def arrivals(params: MeasuredErrorParams, count: int) -> list[float]:

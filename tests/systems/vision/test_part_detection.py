@@ -103,9 +103,6 @@ def test_accuracy_with_noise(view: Any) -> None:
         assert (np.abs(part.mean(axis=0)) < allowed).all()
 
 
-# Occluded
-
-
 @pytest.mark.parametrize("view", VIEWS)
 @pytest.mark.parametrize(
     ("tip", "X_WM"),
@@ -173,9 +170,6 @@ def test_something_else_before_the_tip(colour: tuple[int, int, int], reach: floa
     assert detection.status == Status.OCCLUDED
     assert detection.angle == pytest.approx(0, abs=1e-3)
     assert np.isnan(detection.tip).all()
-
-
-# Lost
 
 
 def assert_nothing(detection: Detection, status: Status) -> None:
@@ -261,9 +255,6 @@ def test_image_is_left_as_it_was_and_detection_repeats() -> None:
     assert detect_parts(image, *LOOKS) == first
     assert (detect(image, PEG), detect(image, HOLE_PART)) == first
     assert detect_parts(np.dstack([image, image])[..., :3], *LOOKS) == first  # not contiguous
-
-
-# Other parts and other cameras
 
 
 def test_parts_of_other_colours_and_sizes_are_found_by_what_they_look_like() -> None:
@@ -366,9 +357,6 @@ def test_equal_hues_are_told_apart_by_size_or_refused() -> None:
         assert off(found, X_WP)[0] < 0.3
 
 
-# Refusals
-
-
 def test_two_pegs_are_ambiguous() -> None:
     image = render(PARTS, CAMERA, pose(-15, 0, 28), None)
     other = render(PARTS, CAMERA, pose(-15, 0, -28), None)
@@ -452,9 +440,6 @@ def test_bent_edges_are_refused() -> None:
 
 def blurred(image: Image, deviation: float) -> Image:
     return cv2.GaussianBlur(image, (0, 0), deviation).astype(np.uint8)
-
-
-# Properties
 
 
 @pytest.mark.parametrize("upright", [False, True])
