@@ -105,10 +105,10 @@ def test_the_windows_end_with_the_halt() -> None:
 
 def test_errors_are_summed_up() -> None:
     alternating = np.where(np.arange(401) % 2, 3.0, -4.0)
-    found = measured(error=alternating, band=np.full(401, 3.5))
+    found = measured(error=alternating, band=np.full(401, 3.5), nees=alternating)
     assert found["error.max"] == 4.0
     assert found["error.rms"] == pytest.approx(math.sqrt(12.5))
-    assert found["error.bias"] == pytest.approx(-0.5)
+    assert found["error.bias"] == found["nees"] == pytest.approx(-0.5)
     assert found["coverage"] == pytest.approx(50.0)
     assert measured(error=alternating)["coverage"] == 100.0
     assert measured(error=alternating, band=np.full(401, 3.999))["coverage"] == 50.0
