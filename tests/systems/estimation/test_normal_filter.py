@@ -172,6 +172,16 @@ def test_unit_length_and_a_covariance(
         np.testing.assert_array_equal(array, kept)
 
 
+@given(seed=seeds, d=dimensions)
+def test_newtons_multiplier_gives_the_same(draw: Callable[..., Case], seed: int, d: int) -> None:
+    case = draw(seed, d)
+    G = constrained_gain(*case, newton_multiplier(*case))
+    normal = case.normal + G @ (case.measured - case.normal)
+    # Near the pole the gain is large, and its rounding too.
+    close = 1e-9 * max(1.0, float(np.abs(G).max()))
+    np.testing.assert_allclose(normal, constrained_update(*case).normal, rtol=0, atol=close)
+
+
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("seed", range(2))
 class TestSpecialCases:
