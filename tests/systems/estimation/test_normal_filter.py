@@ -21,6 +21,7 @@ from chamfer.systems.estimation.normal_filter import (
     ObserverKind,
     ResolvedSurfaceObserverParams,
     Sample,
+    constrained_gain,
     constrained_update,
     instantaneous_normal,
     newton_multiplier,
