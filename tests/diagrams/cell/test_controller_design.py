@@ -139,6 +139,21 @@ def test_what_is_designed_settles_with_every_arm_and_camera(scenario: AlignmentS
         assert 0.8 < small_share(designed, name) <= 0.9  # no larger a dead zone than it needs
 
 
+def test_the_default_cameras_get_what_was_found_to_be_best() -> None:
+    """By the numbers that earlier versions had as constants."""
+    designed = resolve(AlignmentScenario())
+    for name, dead_zone, large_error, increment, limit, gains in (
+        ("lateral", 0.4, 4.5, 1e-4, 0.03, (3.96e-4, 4.7e-3)),
+        ("rotational", 0.008, 0.13, 4e-3, 0.3, (1.36, 10.9)),
+    ):
+        axis, law = getattr(designed.compensator, name), getattr(designed.pid, name)
+        assert axis.increment == pytest.approx(increment)
+        assert axis.dead_zone == pytest.approx(dead_zone, rel=0.04)
+        assert axis.large_error == pytest.approx(large_error, rel=0.1)
+        assert axis.limit == law.limit == limit
+        assert (law.proportional, law.integral) == pytest.approx(gains, rel=0.12)
+
+
 def test_what_is_given_stays() -> None:
     given = AlignmentScenario(
         compensator=SixAxisSettings(
