@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
+import scipy  # whose submodules are imported where they are used
 from numpy.typing import NDArray
-from scipy.signal import tf2ss
 
 from chamfer.models.plants.measured_step import IdentifiedPlant
 from chamfer.models.validation import (
@@ -138,7 +138,7 @@ class TransferFunction(NamedTuple):
 
     def state_space(self) -> StateSpace:
         """Return it without its dead time."""
-        return StateSpace(*tf2ss(self.numerator, self.denominator))
+        return StateSpace(*scipy.signal.tf2ss(self.numerator, self.denominator))
 
 
 def transfer_function(plant: ServoPlantParams) -> TransferFunction:

@@ -160,7 +160,7 @@ def test_the_filter_follows_with_its_time_constant() -> None:
     np.testing.assert_allclose(found, 1 - np.exp(-2 * math.pi * 10 * STEP * ticks), atol=1e-9)
 
 
-@pytest.mark.parametrize("steps", [0.0, 1.0, 3.0, 2.25, 0.5])
+@pytest.mark.parametrize("steps", [0.0, 1.0, 3.0, 3.0 - 1e-10, 2.25, 0.5])
 def test_a_delay_interpolates_between_steps(steps: float) -> None:
     params = replace(IDEAL, delay=steps * STEP)
     assert make(params).CreateDefaultContext().get_discrete_state(0).size() == 3 * math.ceil(steps)
