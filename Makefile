@@ -59,7 +59,8 @@ bench: setup
 size: setup
 	@$(BIN)/python -m chamfer.analysis.report.size
 
-# Perturbs every field of every experiment: which ones change nothing? Half an hour on two cores.
+# Perturbs every field of every experiment: which ones change nothing? Some hours on two cores; of
+# one experiment: python -m chamfer.analysis.audit NAME.
 audit: setup
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m chamfer.analysis.audit
 
