@@ -22,6 +22,7 @@ from chamfer.analysis.scenario.scenario_io import unstructure
 from chamfer.analysis.sweep.sweep import OK, SweepPlan, SweepResult
 from chamfer.analysis.sweep.sweep_figures import plot_sweep
 
+_FORMULA: Final = ("=", "+", "-", "@")  # a text that begins so is one to a spreadsheet
 _SHOWN_POINTS: Final = 40  # in a terminal
 _SHOWN_METRICS: Final = 6
 
@@ -130,5 +131,7 @@ def _document(result: SweepResult, wall_seconds: float, figures: list[str]) -> d
 
 
 def _csv(value: Any) -> Any:
-    """Return a value as CSV has it: numbers in full, nothing for NaN."""
+    """Return a value as CSV has it: numbers in full, nothing for NaN, no text as a formula."""
+    if isinstance(value, str) and value.startswith(_FORMULA):
+        return f"'{value}"
     return "" if isinstance(value, float) and math.isnan(value) else value

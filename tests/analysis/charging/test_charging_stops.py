@@ -44,6 +44,8 @@ def require_safe(run: ChargingRun) -> None:
     [
         ("wall", "sensor_dead", "acquire.descend", "the force sensor is dead, in acquire.descend"),
         ("wall", "wall_missing", "slew.over", "the wall is not there, in wall.seek"),
+        ("wall", "sensor_dead", "wall.slide", "the force sensor is dead, in wall.slide"),
+        ("wall", "part_dropped", "wall.slide", "part dropped, in wall.slide"),
         ("crown", "layer_missing", "slew.over", "the layer below is not there, in crown.land"),
         ("crown", "sensor_dead", "crown.land", "the force sensor is dead, in crown.land"),
         ("bulk", "part_dropped", "bulk.lower", "part dropped, in bulk.lower"),

@@ -142,3 +142,9 @@ def test_a_point_whose_process_dies_is_a_row_and_the_others_are_kept(
         assert list(table["measured.height"])[::2] == [1.0, 3.0]
     begun = sorted(path.name.partition("-")[0] for path in left.iterdir())
     assert begun == ["1.0", "3.0", *4 * ["7.0"]]  # tried twice, by both
+
+
+def test_text_is_no_formula_to_a_spreadsheet(toys: Catalogue, out: Path) -> None:
+    assert run(out, toys, "fall", "--vary", "body.form='=1+1',ball", "--metric", "end") == 0
+    with (out / "sweep-fall" / "points.csv").open(newline="") as file:
+        assert [row["body.form"] for row in csv.DictReader(file)] == ["'=1+1", "ball"]
