@@ -84,7 +84,7 @@ ARMS: Final[tuple[ArmName, ...]] = ("peg", "hole")
 
 # N m s/rad, damping with which a joint sticks, up to its dry friction: at 0.1 N m it creeps by
 # 1e-5 rad/s.
-_STICKING: Final = 1e4
+STICKING: Final = 1e4
 _MOST_STEPS: Final = 100  # of the plant in a period of the controllers
 # m, of the mouth: at the height of section 5; or where the peg's arm is well bent, assumed.
 _MEETING_POINTS: Final[dict[InsertionAxis, Vector3]] = {
@@ -365,11 +365,16 @@ def add_simulated_arm(
         payload = plant.AddRigidBody("payload", instance, inertia)
         tool = plant.GetFrameByName("tool", instance)
         plant.WeldFrames(tool, payload.body_frame(), RigidTransform())
-    for name, torque in zip(settings.arm.joint_names, settings.arm.dry_friction, strict=True):
+    own = settings.arm
+    for name, torque, rotor in zip(
+        own.joint_names, own.dry_friction, own.rotor_inertia, strict=True
+    ):
         if torque > 0:
             joint = plant.GetJointByName(name, instance)
             actuator = plant.AddJointActuator(f"{name}_friction", joint, torque)
-            actuator.set_controller_gains(PdControllerGains(p=0.0, d=_STICKING))
+            actuator.set_controller_gains(PdControllerGains(p=0.0, d=STICKING))
+            # Of a joint's actuators Drake takes the last one's rotor, and no other's.
+            actuator.set_default_rotor_inertia(rotor)
     return instance
 
 

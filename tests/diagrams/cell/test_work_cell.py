@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialForce
-from pydrake.multibody.plant import ExternallyAppliedSpatialForce
+from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
@@ -24,6 +25,7 @@ from chamfer.diagrams.cell.work_cell import (
     PEG_ARM,
     ArmName,
     WorkCellScenario,
+    add_holders,
     add_work_cell,
     axial_stiffness,
     support_at,
@@ -153,6 +155,42 @@ def test_controllers_know_the_arms_by_their_encoders_alone(wires: Any) -> None:
     read_by = {wire[2] for wire in found if wire[:2] == ("arms", "body_poses")}
     assert read_by == {f"{arm} true pose" for arm in ARMS}
     assert not [wire for wire in found if "true pose" in wire[0]]  # exported only
+
+
+SIX_JOINTS = str(Path(__file__).parents[2] / "models/arms/six_joints.urdf")
+ARM_FILES = {
+    "WAM": {},
+    "WAM's file": {"model": str(wam.URDF), "tool_frame": "flange", "rotor_inertia": (0.1,) * 7},
+    "six joints": {"model": SIX_JOINTS},  # its rotor is on a joint that has no friction of its own
+}
+
+
+@pytest.mark.parametrize("friction", [None, 0.0, 0.2])
+@pytest.mark.parametrize("payload", [0.0, 0.3])
+@pytest.mark.parametrize("file", ARM_FILES)
+def test_arms_weigh_in_every_joint_what_their_law_believes(
+    file: str, payload: float, friction: float | None
+) -> None:
+    own: dict[str, Any] = {"payload_error": payload, **ARM_FILES[file]}
+    if friction is not None:
+        own["joint_friction"] = (friction,) * (6 if file == "six joints" else 7)
+    scenario = WorkCellScenario(peg=replace(PEG_ARM, **own), hole=replace(HOLE_ARM, **own))
+    plant = MultibodyPlant(scenario.step)
+    instances, _ = add_holders(plant, scenario)
+    plant.Finalize()
+    context = plant.CreateDefaultContext()
+    rng = np.random.default_rng(1)
+    plant.SetPositions(context, rng.uniform(-1.0, 1.0, plant.num_positions()))
+    mass = plant.CalcMassMatrix(context)
+    for arm, instance in instances.items():
+        settings = scenario.peg if arm == "peg" else scenario.hole
+        known = settings.known_arm().evaluate(plant.GetPositions(context, instance))
+        p = known.X_WT.rotation() @ np.array(settings.payload_position)
+        J = known.J_V_WT[3:] + np.cross(known.J_V_WT[:3], p, axisa=0, axisb=0, axisc=0)
+        numbers = np.arange(plant.num_velocities())
+        joints = plant.GetVelocitiesFromArray(instance, numbers).astype(int)
+        found = mass[np.ix_(joints, joints)]
+        np.testing.assert_allclose(found, known.mass + payload * J.T @ J, rtol=0, atol=1e-9)
 
 
 STIFFNESS = np.array([5.0] * 3 + [400.0] * 3)  # the default, N m/rad and N/m

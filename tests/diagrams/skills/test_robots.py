@@ -66,6 +66,14 @@ def test_the_carriage_follows_a_velocity_exactly() -> None:
         np.testing.assert_array_equal(moved.read("motion"), [*moved.read("encoders"), *velocity])
 
 
+def test_the_arm_weighs_what_its_law_believes() -> None:
+    moved = Moved("wam")
+    plant = moved.diagram.GetSubsystemByName("arm")
+    context = plant.GetMyContextFromRoot(moved.context)
+    known = ARM.known_arm().evaluate(plant.GetPositions(context)).mass
+    np.testing.assert_allclose(plant.CalcMassMatrix(context), known, rtol=0, atol=1e-9)
+
+
 SLOW: Final = np.array([0.03, -0.02, 0.05, 0.01, 0.01, -0.01])
 
 
