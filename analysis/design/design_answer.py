@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from chamfer.analysis.design.assumptions import Assumption, assumptions
 from chamfer.analysis.design.changes import Change, changes, smallest_change
 from chamfer.analysis.design.design import Design, Verified, assess, verify
 from chamfer.analysis.design.design_map import DesignMap, MapAxis, map_design, plot_map
@@ -41,6 +42,7 @@ class Answer:
     changes: tuple[Change, ...] | None  # the largest sensitivity first; None: not asked
     map: DesignMap | None = None
     verified: Verified | None = None
+    assumptions: tuple[Assumption, ...] = ()
 
 
 def answer(
@@ -74,6 +76,7 @@ def answer(
         changes=changes(given, seed, stages["changes"]) if what_to_change else None,
         map=map_design(given, axes, seed, stages[_MAP]) if axes else None,
         verified=verify(scenario, design, trials, seed, stages["insertions"]) if trials else None,
+        assumptions=assumptions(given, scenario),
     )
 
 
@@ -109,6 +112,7 @@ def design_document(
         "smallest_change": None if least is None else _plain(least),
         "map": None if answer.map is None else _map_document(answer.map),
         "verified": None if answer.verified is None else _plain(answer.verified),
+        "assumptions": [_plain(one) for one in answer.assumptions],
         "scenario": plain,
         "scenario_sha256": sha256(plain),
         "overrides": list(overrides),

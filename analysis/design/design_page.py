@@ -5,7 +5,11 @@ from collections.abc import Iterator, Mapping
 from html import escape
 from typing import Any, Final
 
+from chamfer.analysis.design.cell_picture import STYLE as CELL_STYLE
+from chamfer.analysis.design.cell_picture import cell_picture
 from chamfer.analysis.design.design_words import (
+    assumed,
+    bound_rows,
     change_cells,
     change_sentence,
     effective,
@@ -39,7 +43,7 @@ th { color: var(--soft); font-weight: 600; border-bottom-width: 2px; }
 .number { text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums; }
 .links td:nth-child(7) { white-space: nowrap; }
 .links td:nth-child(6) { min-width: 4em; }
-.links td:last-child { color: var(--soft); font-size: .88em; width: 42%; }
+.links td:last-child { color: var(--soft); font-size: .88em; width: 44%; }
 .limits td { background: var(--tint); }
 .limits td:first-child { font-weight: 700; border-left: 4px solid #1f2328; padding-left: .4em; }
 .outside .bar i { background: var(--no); }
@@ -58,27 +62,39 @@ th { color: var(--soft); font-weight: 600; border-bottom-width: 2px; }
 .likely { --mark: var(--likely); }
 .no { --mark: var(--no); }
 .beside { display: grid; grid-template-columns: 3fr 2fr; gap: 1.2em; }
-.beside section { min-width: 0; }
+.beside > * { min-width: 0; }
+.rest figure { grid-column: 1 / -1; }
 .warning { border: 2px solid var(--no); color: var(--no); font-weight: 700; padding: .2em .5em; }
 ul { margin: .2em 0; padding-left: 1.2em; }
 figure { margin: .3em 0; }
 figure img { display: block; width: 100%; max-height: 24rem; height: auto; }
 .fine, figcaption, footer { color: var(--soft); font-size: .88em; }
-footer { margin-top: .8em; }
+footer { margin-top: .8em; overflow-wrap: anywhere; }
 @media screen and (max-width: 44rem) {
   .beside, .verdict { display: block; }
-  .links td:last-child, .links th:last-child { display: none; }
+  table { font-size: .85em; }
+  th.number { white-space: normal; }
+  td code { overflow-wrap: anywhere; }
+  .bar, .links td:nth-child(5), .links th:nth-child(5), .links td:last-child,
+  .links th:last-child { display: none; }
 }
 @media print {
   body { font-size: 7.3pt; line-height: 1.3; max-width: none; padding: 0; }
-  figure img { max-height: 62mm; }
+  figure img { max-height: 46mm; }
+  .bar { width: 4em; }
+  .links td:last-child { font-size: .82em; width: 52%; }
+  .links td:nth-child(6) { white-space: nowrap; }
+  .rest { grid-template-rows: auto 1fr; }
+  .rest .right { grid-area: 1 / 2 / 3; }
+  .rest figure { grid-column: 1; }
   th, td { padding: .1em .5em .1em 0; }
   tr, section.verdict, figure { break-inside: avoid; }
 }
 """
 
 
-_MOST_CHANGES: Final = 13
+_MOST_CHANGES: Final = 12
+_MOST_CHANGES_BY_MAP: Final = 7
 _MOST_ENDINGS: Final = 4
 _MOST_SETTINGS: Final = 12
 
@@ -91,7 +107,7 @@ def design_page(document: Document, said: str, figure: bytes | None) -> str:
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
+        f"<title>{title}</title>\n<style>{STYLE}{CELL_STYLE}</style>\n</head>\n<body>\n"
         + "\n".join(_body(document, title, said, figure))
         + "\n</body>\n</html>\n"
     )
@@ -99,28 +115,33 @@ def design_page(document: Document, said: str, figure: bytes | None) -> str:
 
 def _body(document: Document, title: str, said: str, figure: bytes | None) -> Iterator[str]:
     verdict = document["verdict"]
-    yield f"<header><h1>{title}</h1><p>{escape(said)}</p>{_settings(document)}</header>"
+    yield f'<div class="beside"><header><h1>{title}</h1><p>{escape(said)}</p>{_settings(document)}'
+    yield from (f'<p class="warning">{escape(one)}</p>' for one in document.get("warnings") or ())
     yield (
         f'<section class="verdict {verdict}"><h2>{verdict}</h2><div>'
         f"<p>{escape(verdict_sentence(document).partition(': ')[2].capitalize())}. "
         f"{escape(share_sentence(document))}.</p>"
         f"<p>Limited by <strong>{escape(document['limiting_link'])}</strong>"
         f"{escape(limit_sentence(document).removeprefix(document['limiting_link']))}.</p>"
-        f"<p>{escape(change_sentence(document))}.</p></div></section>"
+        f"<p>{escape(change_sentence(document))}.</p></div></section></header>"
+        f"<figure>{cell_picture(document)}</figure></div>"
     )
     yield "<section><h3>The chain</h3>"
     yield _links(document)
-    yield '</section><div class="beside"><section><h3>What to change</h3>'
+    yield '</section><div class="beside rest"><section><h3>What to change</h3>'
     yield _changes(document)
-    yield "</section><section>"
+    yield '</section><section class="right">'
     yield _verified(document["verified"])
-    yield "</section></div>"
+    yield _bounds(document)
+    yield _assumptions(document)
+    yield "</section>"
     if figure is not None:
         content = base64.b64encode(figure).decode()
         yield (
             f'<figure><img alt="map" src="data:image/svg+xml;base64,{content}">'
             f"<figcaption>{escape(map_sentence(document['map']))}</figcaption></figure>"
         )
+    yield "</div>"
     versions = ", ".join(
         f"{name} {version or 'unknown'}" for name, version in document["versions"].items()
     )
@@ -157,7 +178,7 @@ def _links(document: Document) -> str:
         )
     head = (
         '<th>link</th><th class="number">bound</th><th></th><th class="number">allowed</th>'
-        '<th class="number">margin</th><th>unit</th><th>margin, of what is allowed</th>'
+        '<th class="number">margin</th><th>unit</th><th>margin in %</th>'
         "<th>from</th>"
     )
     return (
@@ -180,8 +201,8 @@ def _bar(share: float | None, said: str) -> str:
 
 def _changes(document: Document) -> str:
     changes, others = effective(document)
-    rows = ""
-    for change in changes[:_MOST_CHANGES]:
+    rows, most = "", _MOST_CHANGES_BY_MAP if document["map"] else _MOST_CHANGES
+    for change in changes[:most]:
         path, *numbers = change_cells(change)
         cells = "".join(f'<td class="number">{one}</td>' for one in numbers)
         meaning = escape(change["meaning"], quote=True)
@@ -190,14 +211,15 @@ def _changes(document: Document) -> str:
         '<th>field</th><th class="number">is</th><th class="number">margin for +10 %</th>'
         '<th class="number">alone certain at</th>'
     )
-    none = f'<p class="fine">No effect on the smallest margin: {escape(others)}.</p>'
-    rest = none if others else ""
+    more = f"{len(changes) - most} more in result.json. " if len(changes) > most else ""
+    none = f"No effect on the smallest margin: {escape(others)}." if others else ""
+    rest = f'<p class="fine">{more}{none}</p>' if more or none else ""
     return f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>{rest}"
 
 
 def _verified(verified: Document | None) -> str:
     if verified is None:
-        return "<h3>Simulated insertions</h3><p>None; <code>--verify 20</code> makes some.</p>"
+        return "<h3>Simulated insertions</h3><p>None (<code>--no-verify</code>).</p>"
     endings = ending_sentences(verified)
     items = "".join(f"<li>{escape(one)}</li>" for one in endings[:_MOST_ENDINGS])
     warning = verified["warning"]
@@ -207,3 +229,25 @@ def _verified(verified: Document | None) -> str:
         + (f"<ul>{items}</ul>" if items else "")
         + (f'<p class="warning">Contradicted: {escape(warning)}.</p>' if warning else "")
     )
+
+
+def _bounds(document: Document) -> str:
+    rows = "".join(
+        f"<tr><td>{escape(name)}</td>"
+        + "".join(f'<td class="number">{one}</td>' for one in rest)
+        + "</tr>"
+        for name, *rest in bound_rows(document)
+    )
+    head = "".join(f'<th class="number">{one}</th>' for one in ("at most", "of all", "confidence"))
+    table = f"<table><thead><tr><th>bound</th>{head}</tr></thead><tbody>{rows}</tbody></table>"
+    return f"<h3>What is promised</h3>{table}" if rows else ""
+
+
+def _assumptions(document: Document) -> str:
+    items = "".join(
+        f"<li><code>{escape(fields)}</code>: "
+        + (f"<strong>{escape(says)}</strong></li>" if suspicious else f"{escape(says)}</li>")
+        for fields, says, suspicious in assumed(document)
+    )
+    head = "<h3>Assumed of the arms, since it was not set</h3>"
+    return f"{head}<ul>{items}</ul>" if items else ""

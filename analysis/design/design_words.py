@@ -156,11 +156,35 @@ def map_sentence(found: Document) -> str:
     return f"over {found['x']['path']} and {found['y']['path']}: {counts}"
 
 
+def bound_rows(document: Document) -> list[tuple[str, ...]]:
+    """Return name, bound, coverage and confidence of what is promised, if anything is."""
+    return [
+        (
+            name,
+            quantity(of["bound"], of["unit"]),
+            percent(of["coverage"]),
+            percent(of["confidence"]),
+        )
+        for name, of in (document.get("bounds") or {}).items()
+    ]
+
+
+def assumed(document: Document) -> list[tuple[str, str, bool]]:
+    """Return fields, what is assumed, and whether that is suspicious; first what is."""
+    found: dict[tuple[str, bool], list[str]] = {}
+    for one in document.get("assumptions", ()):
+        found.setdefault((one["says"], one["suspicious"]), []).append(one["field"])
+    rows = [(", ".join(fields), *of) for of, fields in found.items()]
+    return sorted(rows, key=lambda row: not row[2])
+
+
 def design_text(document: Document) -> Iterator[str]:
     """Yield the lines of a design for a terminal."""
     yield f"{document['design']}  {verdict_sentence(document)}"
     yield f"limited by {limit_sentence(document)}"
     yield share_sentence(document)
+    for warning in document.get("warnings") or ():
+        yield from textwrap.wrap(f"WARNING: {warning}", _WIDTH)
     yield ""
     links: list[tuple[str, ...]] = [("link", "bound", "", "allowed", "margin", "", "", "from")]
     for link in document["links"]:
@@ -169,6 +193,11 @@ def design_text(document: Document) -> Iterator[str]:
         links.append((mark + link["name"], bound, ">=" if side == "at least" else "<=", *rest))
     yield from table(links, right=(1, 3, 4, 6))
     yield ""
+    if bounds := bound_rows(document):
+        yield from table(
+            [("promised", "at most", "of all", "confidence"), *bounds], right=(1, 2, 3)
+        )
+        yield ""
     changes, others = effective(document)
     if changes:
         head = ("field", "is", "margin for +10 %", "alone certain at")
@@ -180,6 +209,12 @@ def design_text(document: Document) -> Iterator[str]:
     yield from textwrap.wrap(change_sentence(document), _WIDTH)
     if found := document["map"]:
         yield from textwrap.wrap(f"map {map_sentence(found)}", _WIDTH)
+    if rows := assumed(document):
+        yield ""
+        yield "assumed of the arms, since it was not set (!: suspicious):"
+        for fields, says, suspicious in rows:
+            text = f"{'!' if suspicious else ' '} {fields}: {says}"
+            yield from textwrap.wrap(text, _WIDTH, subsequent_indent="    ")
     if verified := document["verified"]:
         yield ""
         yield f"{verified_sentence(verified)}; predicted: {document['verdict']}"

@@ -10,6 +10,7 @@ import pytest
 import chamfer.analysis.design.design_answer as design_answer
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.cli import main
+from chamfer.analysis.design.assumptions import Assumption
 from chamfer.analysis.design.changes import FIELDS, Change
 from chamfer.analysis.design.design import Design, Verified
 from chamfer.analysis.design.design_answer import Answer
@@ -68,6 +69,7 @@ def canned(
         ),
         changes=(change,) if what_to_change else None,
         verified=verified if trials else None,
+        assumptions=(Assumption("peg.model", (10.0, 2.0), "N m s/rad", "damping", True),),
     )
 
 
@@ -112,6 +114,16 @@ def test_folder_has_the_result_the_page_and_the_scenario(
     assert [settling[name] for name in ("bound", "margin", "share")] == [None] * 3
     assert result["changes"][0]["path"] == "parts.friction"
     assert result["verified"] is None
+    assert result["assumptions"] == [
+        {
+            "field": "peg.model",
+            "value": [10.0, 2.0],
+            "unit": "N m s/rad",
+            "says": "damping",
+            "suspicious": True,
+        }
+    ]
+    assert "! peg.model: damping" in printed
     assert result["overrides"] == ["parts.friction=0.3"]
     assert result["command"] == "chamfer design insertion --set parts.friction=0.3 --seed 4"
     assert result["scenario"]["impedance"]["stiffness"] == [400.0] * 3
@@ -209,6 +221,7 @@ def test_the_whole_way_from_a_cell_to_an_answer(
     result = document(tmp_path)
     assert result["verdict"] in ("certain", "likely", "no")
     assert result["limiting_link"] in [link["name"] for link in result["links"]]
+    assert result["assumptions"][0]["field"] == "peg.joint_friction"
     sensitivities = [abs(change["sensitivity"]) for change in result["changes"]]
     assert len(sensitivities) == 3
     assert sensitivities == sorted(sensitivities, reverse=True)

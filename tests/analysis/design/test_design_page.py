@@ -4,6 +4,7 @@ from xml.etree import ElementTree
 
 import pytest
 
+from chamfer.analysis.design.cell_picture import cell_picture
 from chamfer.analysis.design.design_page import design_page
 from chamfer.analysis.design.design_words import (
     change_sentence,
@@ -102,7 +103,7 @@ def test_simulation_that_contradicts_is_said(document: dict[str, Any]) -> None:
     document["verified"]["warning"] = "it was not so"
     assert "Contradicted: it was not so." in design_page(document, "", None)
     document["verified"] = None
-    assert "--verify 20" in design_page(document, "", None)
+    assert "None (<code>--no-verify</code>)." in design_page(document, "", None)
 
 
 def test_map_is_in_the_page(document: dict[str, Any]) -> None:
@@ -171,3 +172,72 @@ def test_terminal_has_links_changes_and_a_plain_warning(document: dict[str, Any]
     )
     assert "WARNING: the design is called 'no', but it went in" in lines
     assert "  1: gave up: it was stopped" in lines
+
+
+@pytest.mark.parametrize(
+    ("name", "part"),
+    [
+        *((name, "cameras") for name in ("sight", "sight.way")),
+        *((name, "compensator") for name in ("settled.lateral", "settled.tilt", "settling")),
+        *((name, "compensator") for name in ("range.lateral", "range.rotational", "time")),
+        *((name, "arms") for name in ("start.force", "loop", "torque", "torque.saturated")),
+        *((name, "arms") for name in ("posture", "posture.limits")),
+        *((name, "peg") for name in ("wedging", "jamming", "push", "force")),
+        *((name, "mouth") for name in ("chamfer", "edge")),
+        ("depth", "bottom"),
+    ],
+)
+def test_the_picture_marks_what_limits(document: dict[str, Any], name: str, part: str) -> None:
+    document["links"] = [
+        link(name, 0.05, 0.04, -0.01, "rad", "", -0.25),
+        link("sight", 2.0, 1.0, -1.0, "", "", -1.0),
+    ]
+    document["limiting_link"] = name
+    picture = ElementTree.fromstring(cell_picture(document))
+    kinds = [one.get("class", "").split() for one in picture.iter("g")]
+    assert [one[1] for one in kinds if "limits" in one] == [part]
+    assert {one[1] for one in kinds if "outside" in one} == {part, "cameras"}
+    said = [one.text for one in picture.iter("text")]
+    assert said[-2:] == [f"{name}: 50 mrad", "at most 40 mrad allowed, margin -25 %"]
+    assert ("hole's arm" in said, "fixture" in said) == (True, False)
+    fixed = cell_picture({**document, "scenario": {"hole": {"kind": "fixture"}}})
+    assert ">fixture<" in fixed
+
+
+def test_a_link_that_is_of_no_part_is_said(document: dict[str, Any]) -> None:
+    assert ">two points: 50 mrad</text>" in cell_picture(document)
+
+
+def test_bounds_and_warnings_are_shown_where_there_are_any(document: dict[str, Any]) -> None:
+    for none in (document, {**document, "bounds": {}, "warnings": []}):
+        said = "\n".join(design_text(none)) + design_page(none, "", None)
+        assert not re.search("(?i)promised|warning:|class=.warning", said)
+    bound = {"bound": 0.00043, "unit": "m", "coverage": 0.985, "confidence": 0.95}
+    some = {**document, "bounds": {"lateral": bound}, "warnings": ["50 s < a day: Hz meant?"]}
+    lines = list(design_text(some))
+    assert "WARNING: 50 s < a day: Hz meant?" in lines
+    assert "lateral   0.43 mm  98.5 %        95 %" in lines
+    page = design_page(some, "", None)
+    assert '<p class="warning">50 s &lt; a day: Hz meant?</p>' in page
+    cells = '<td>lateral</td><td class="number">0.43 mm</td><td class="number">98.5 %</td>'
+    assert cells in page
+
+
+def test_assumptions_of_both_arms_are_one_line_the_suspicious_first(
+    document: dict[str, Any],
+) -> None:
+    assert "ssumed" not in "\n".join(design_text(document)) + design_page(document, "", None)
+    document["assumptions"] = [
+        *({"field": f"{arm}.a", "says": "a: 1 & 2", "suspicious": False} for arm in ("p", "h")),
+        {"field": "p.b", "says": "b: none", "suspicious": True},
+    ]
+    lines = list(design_text(document))
+    assert lines[lines.index("! p.b: b: none") + 1] == "  p.a, h.a: a: 1 & 2"
+    page = design_page(document, "", None)
+    one, other = "<strong>b: none</strong>", "<code>p.a, h.a</code>: a: 1 &amp; 2"
+    assert page.index(one) < page.index(other)
+
+
+def test_changes_beyond_what_the_sheet_holds_are_counted(document: dict[str, Any]) -> None:
+    document["changes"] = [change(f"parts.{i}", "", 1.0, 0.1, None) for i in range(20)]
+    assert "8 more in result.json" in design_page(document, "", None)
