@@ -83,13 +83,13 @@ class InsertionRegion:
     def __init__(self, parts: PegHoleGeometry, support: Support) -> None:
         self.lateral_limit = parts.chamfer_limit
         self.rotation_limit = parts.rotation_limit
-        self._lateral = np.linspace(0.0, parts.chamfer_limit, _LOOKS)
-        lower, upper = rotation_bounds(parts, support, self._lateral)
-        self._tilt = np.minimum(upper, -lower)
+        self.lateral = np.linspace(0.0, parts.chamfer_limit, _LOOKS)
+        lower, upper = rotation_bounds(parts, support, self.lateral)
+        self.tilt = np.minimum(upper, -lower)
 
     def tilt_at(self, lateral: float) -> float:
         """Return the largest tilt, rad, for a lateral error, m."""
-        return float(np.interp(lateral, self._lateral, self._tilt))
+        return float(np.interp(lateral, self.lateral, self.tilt))
 
     def margin(self, lateral: float, rotational: float) -> float:
         """Return what is left of the limits, as a share of them; below zero outside; m and rad."""
@@ -97,7 +97,7 @@ class InsertionRegion:
 
     def margins(self, lateral: Array, rotational: Array) -> Array:
         """Return the same of many errors at once, of one shape."""
-        allowed = np.interp(lateral, self._lateral, self._tilt)
+        allowed = np.interp(lateral, self.lateral, self.tilt)
         tilt = (allowed - rotational) / self.rotation_limit
         return np.minimum(1 - lateral / self.lateral_limit, tilt)
 
