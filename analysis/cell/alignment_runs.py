@@ -384,25 +384,36 @@ def wrong_arm(arm: ArmT, payload_error: float, mass: float, friction: float) -> 
     )
 
 
-def drawn(scenario: DrawnT, spread: Spread, seed: int, trial: int) -> DrawnT:
-    """Return the scenario with initial and model errors of one of a seed's trials."""
+class TrialErrors(NamedTuple):
+    """What is drawn of a trial."""
+
+    error: tuple[float, ...]  # of the peg's command, m and rad, in AXES' order
+    arms: tuple[tuple[float, float, float], ...]
+    # of each arm, relative: of payload error, links' masses, and joint friction
+
+
+def draw_errors(
+    middle: Sequence[float], spread: Spread, arms: int, seed: int, trial: int
+) -> TrialErrors:
+    """Return initial errors about their middle, and model errors of arms, of a seed's trial."""
     generator = np.random.default_rng([seed, trial])
     error = generator.uniform(-1.0, 1.0, 6)
     error *= [0.0, spread.lateral, spread.lateral, 0.0, spread.rotational, spread.rotational]
-    error += scenario.initial_error
+    error += middle
+    reach = np.array([spread.payload, spread.link_mass, spread.joint_friction])
+    wrong = reach * generator.uniform(-1.0, 1.0, (arms, 3))
+    return TrialErrors(tuple(error.tolist()), tuple(map(tuple, wrong.tolist())))
 
-    def arm(settings: ArmT) -> ArmT:
-        payload, mass, friction = generator.uniform(-1.0, 1.0, 3).tolist()
-        payload_error = settings.payload_error * (1 + spread.payload * payload)
-        return wrong_arm(
-            settings, payload_error, spread.link_mass * mass, spread.joint_friction * friction
-        )
 
-    return replace(
-        scenario,
-        initial_error=tuple(error.tolist()),
-        **{name: arm(getattr(scenario, name)) for name in scenario.arms},
-    )
+def drawn(scenario: DrawnT, spread: Spread, seed: int, trial: int) -> DrawnT:
+    """Return the scenario with initial and model errors of one of a seed's trials."""
+    found = draw_errors(scenario.initial_error, spread, len(scenario.arms), seed, trial)
+    arms = {}
+    for name, (payload, mass, friction) in zip(scenario.arms, found.arms, strict=True):
+        settings = getattr(scenario, name)
+        payload_error = settings.payload_error * (1 + payload)
+        arms[name] = wrong_arm(settings, payload_error, mass, friction)
+    return replace(scenario, initial_error=found.error, **arms)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ from chamfer.analysis.design.design_scenario import (
 )
 from chamfer.analysis.design.detection import sight
 from chamfer.analysis.design.link import Link, tightest
-from chamfer.analysis.design.remaining_errors import draw_errors
+from chamfer.analysis.design.remaining_errors import drawn_cells
 from chamfer.analysis.scenario.experiment import Progress
 from chamfer.analysis.scenario.scenario_overrides import overrides
 from chamfer.models.validation import ParameterError
@@ -196,7 +196,7 @@ def smallest_change(found: Sequence[Change]) -> Change | None:
 def _of(resolved: ResolvedDesignScenario, seed: int) -> Links:
     """Return the chain with as few drawn errors as say something."""
     seen = sight(resolved)
-    found = chain(resolved, seen, draw_errors(resolved, seen, seed, FEWEST))
+    found = chain(resolved, seen, drawn_cells(resolved, seen, seed, FEWEST))
     return {link.name: link for link in found}
 
 

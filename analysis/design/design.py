@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Final, Literal
 
@@ -14,7 +14,9 @@ from chamfer.analysis.campaign.trial_metrics import CONFIDENCE, trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.design.design_scenario import ResolvedDesignScenario, drawn_design, target_of
 from chamfer.analysis.design.detection import Sight, sight, sight_links
+from chamfer.analysis.design.feed_path import path_links
 from chamfer.analysis.design.insertion_links import (
+    MODEL_ERROR,
     Starts,
     depth_link,
     force_links,
@@ -23,8 +25,18 @@ from chamfer.analysis.design.insertion_links import (
     time_link,
 )
 from chamfer.analysis.design.link import Link, tightest
-from chamfer.analysis.design.remaining_errors import DrawnErrors, draw_errors, settling_links
-from chamfer.analysis.insertion.cell_runs import ending, insertion_metrics, run_cell_insertion
+from chamfer.analysis.design.remaining_errors import (
+    DrawnErrors,
+    drawn_cells,
+    loop_links,
+    settling_links,
+)
+from chamfer.analysis.insertion.cell_runs import (
+    ending,
+    insertion_metrics,
+    run_cell_insertion,
+    touch_row,
+)
 from chamfer.analysis.scenario.experiment import Progress
 from chamfer.models.peg_theory.fed_insertion import FeedVerdict as Planar
 from chamfer.models.peg_theory.fed_insertion import largest_push, limits
@@ -32,7 +44,18 @@ from chamfer.models.peg_theory.fed_insertion import largest_push, limits
 Verdict = Literal["certain", "likely", "no"]
 
 _PLANAR: Final = ("chamfer", "wedging", "jamming", "push")  # links within which all goes in
+_ARMS: Final = ("posture", "posture.limits", "torque", "loop")  # without which nothing goes in
 _SELDOM: Final = 0.05  # share of the drawn errors that could go in, below which it does not
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bound:
+    """A tolerance bound: so large a share of all cells is within it, with that confidence."""
+
+    bound: float
+    unit: str
+    coverage: float  # share of the cells that the model draws, by order statistics
+    confidence: float = 0.95
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +68,9 @@ class Design:
     share: float  # of them inside all limits
     share_low: float  # 95 % interval of Clopper and Pearson
     share_high: float
+    bounds: Mapping[str, Bound] = field(default_factory=dict)
+    # by name, of what is begun; those beyond the touch only where all draws are inside
+    warnings: tuple[str, ...] = ()
 
     @property
     def limiting_link(self) -> str:
@@ -64,7 +90,7 @@ def assess(scenario: ResolvedDesignScenario, seed: int = 0, *, draws: int | None
     errors hardly any could go in, by an interval below 5 %. Else likely, with the share of the
     drawn errors that is inside. None ``draws``: as many as the scenario says.
     """
-    drawn = draw_errors(scenario, seen := sight(scenario), seed, draws or scenario.draws)
+    drawn = drawn_cells(scenario, seen := sight(scenario), seed, draws or scenario.draws)
     links = chain(scenario, seen, drawn)
     count = len(drawn.time)
     safe, could = _inside(scenario, seen, links, drawn)
@@ -81,6 +107,49 @@ def assess(scenario: ResolvedDesignScenario, seed: int = 0, *, draws: int | None
         share=safe / count,
         share_low=low,
         share_high=high,
+        bounds=_bounds(scenario, links, drawn, all_inside=safe == count),
+        warnings=_warnings(drawn),
+    )
+
+
+def _bounds(
+    scenario: ResolvedDesignScenario,
+    links: tuple[Link, ...],
+    drawn: DrawnErrors,
+    *,
+    all_inside: bool,
+) -> dict[str, Bound]:
+    """Return the bounds at the touch and of the insertion: of n cells the worst, p^n = 5 %."""
+    starts, named = Starts.of(drawn), {link.name: link.bound for link in links}
+    count = len(starts.lateral)
+    if not count:
+        return {}
+    found = {
+        "lateral": (float(starts.lateral.max()), "m"),
+        "tilt": (float(np.abs(starts.tilt).max()), "rad"),
+        "time": (MODEL_ERROR["time"] * float(drawn.time[drawn.decided].max()), "s"),
+    }
+    if all_inside:
+        found |= {
+            "push": (named["push"], "N"),
+            "force": (named["force"], "N"),
+            "depth": (target_of(scenario) - named["depth"], "m"),
+            "attempts": (1.0, ""),
+        }
+    coverage = (1 - CONFIDENCE) ** (1 / count)
+    return {
+        name: Bound(bound=bound, unit=unit, coverage=coverage)
+        for name, (bound, unit) in found.items()
+        if np.isfinite(bound)
+    }
+
+
+def _warnings(drawn: DrawnErrors) -> tuple[str, ...]:
+    if not drawn.growth < 1 < drawn.delayed:
+        return ()
+    return (
+        "with torques that come one period late the sampled impedance loop grows, by "
+        f"{100 * (drawn.delayed - 1):.3g} % a period",
     )
 
 
@@ -91,13 +160,14 @@ def chain(scenario: ResolvedDesignScenario, seen: Sight, drawn: DrawnErrors) -> 
     """
     links = [
         *sight_links(scenario, seen),
+        *path_links(scenario),
+        *loop_links(scenario, drawn),
         start_link(scenario),
-        *settling_links(scenario, seen),
+        *settling_links(scenario, drawn),
         *time_link(scenario, drawn),
     ]
-    of = drawn.decided
-    if of.any():
-        starts = Starts(drawn.lateral[of], drawn.tilt[of])
+    if drawn.decided.any():
+        starts = Starts.of(drawn)
         links += [*region_links(scenario, starts), *force_links(scenario, starts)]
     return (*links, depth_link(scenario, seen))
 
@@ -113,12 +183,13 @@ def _inside(
 ) -> tuple[int, int]:
     """Return how many draws are inside all limits, and how many could go in."""
     begun = (drawn.force <= scenario.insert.force_limit) & drawn.decided
-    if not (seen.seen and begun.any()):
-        return 0, 0
     named = {link.name: link for link in links}
+    if not (seen.seen and begun.any() and min(named[one].margin for one in _ARMS) >= 0):
+        return 0, 0
     if min(named[name].margin for name in _PLANAR) >= 0 and not named["edge"].bound:
         return int(begun.sum()), int(begun.sum())
-    lateral, tilt = drawn.lateral[begun], drawn.tilt[begun]
+    starts = Starts.of(drawn._replace(time=np.where(begun, drawn.time, np.inf)))
+    lateral, tilt = starts
     parts = scenario.there.parts
     verdict = limits(parts, scenario.support_at, lateral, tilt).verdict
     if named["push"].margin < 0:
@@ -146,15 +217,37 @@ class Verified:
     warning: str  # that the prediction is contradicted, in a sentence; "": it is not
 
 
+# What bounds are promised of.
+BOUNDED: Final = ("lateral", "tilt", "time", "push", "force", "depth", "attempts")
+_AT_LEAST: Final = ("depth",)
+
+
+def is_within(name: str, value: float, bound: float) -> bool:
+    """Return whether a simulated value keeps a bound."""
+    return value >= bound if name in _AT_LEAST else value <= bound
+
+
 def insert_drawn(scenario: ResolvedDesignScenario, seed: int, trial: int) -> Row:
-    """Simulate one insertion with drawn errors; it depends on its arguments alone."""
+    """Simulate one insertion with drawn errors; it depends on its arguments alone.
+
+    It is seated where the chart says so and it is true. Of what :data:`BOUNDED` names, those at
+    the touch are of the first attempt; what the run did not come to is None.
+    """
     one = drawn_design(scenario, seed, trial)
     done = run_cell_insertion(one, trial_seed(seed, trial))
-    metrics = insertion_metrics(done, one)
+    metrics, traces = insertion_metrics(done, one), done.traces
+    seated = metrics["seated"] == metrics["seated.said"] == 1
+    began, touch = done.entered("insert", first=True), touch_row(done, first=True)
     return {
-        "seated": metrics["seated"],
+        "seated": float(seated),
+        "lateral": None if touch is None else float(traces["lateral_error"][touch]),
+        "tilt": None if touch is None else float(traces["rotational_error"][touch]),
+        "time": None if began is None else began - one.begin,
+        "push": metrics["force.axial"],
         "force": metrics["force.contact"],
-        "simulated_seconds": float(done.traces["time"][-1]),
+        "depth": float(traces["depth"][-1]) if seated else None,
+        "attempts": metrics["attempts"],
+        "simulated_seconds": float(traces["time"][-1]),
         "ending": ending(done, one),
     }
 
@@ -175,7 +268,7 @@ def verify(
         high=high,
         failed_trials=len(found.failed),
         endings=dict(ends.most_common()),
-        largest_force=float(found.column("force").max()),
+        largest_force=float(np.nanmax(found.column("force"))),
         warning=contradiction(design, seated, len(found)),
     )
 

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Final, get_args
+from typing import Any, Final, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_metrics import rate, trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
-from chamfer.analysis.design.design import assess, insert_drawn, interval
+from chamfer.analysis.design.design import BOUNDED, assess, insert_drawn, interval, is_within
 from chamfer.analysis.design.design_map import VERDICTS
 from chamfer.analysis.design.design_scenario import FEWEST, DesignScenario, resolve_design
 from chamfer.analysis.drawing.figure_kit import draw_counts
@@ -29,7 +29,7 @@ from chamfer.analysis.scenario.experiment import (
     measured,
     part_of,
 )
-from chamfer.diagrams.cell.work_cell import HoleKind
+from chamfer.diagrams.cell.work_cell import HOLE_ARM, PEG_ARM, CellArmSettings
 from chamfer.diagrams.insertion.insertion import FEED_SPEED
 from chamfer.models.validation import ParameterError, require_one_of, require_positive
 
@@ -57,7 +57,11 @@ class DrawnDesignsScenario:
     friction: Range = (0.1, 0.6)  # between peg and hole, evenly
     stiffness: Range = (100.0, 5000.0)  # N/m, of the arms, evenly in its logarithm
     width: Range = (160.0, 1280.0)  # pixels, of the cameras, likewise
-    hole: HoleKind = "arm"  # what holds the hole; or fixture
+    peg: CellArmSettings = PEG_ARM  # the arm with the peg, of all designs
+    hole: Literal["arm", "fixture", "either"] = "either"  # what holds the hole
+    controller: Literal["fsm", "pid", "either"] = "either"
+    section: Literal["round", "square", "either"] = "either"  # of the parts
+    unchamfered: float = 0.1  # share of the designs without chamfers on the peg
     duration: float = 30.0  # s, that an insertion may last
 
     def __post_init__(self) -> None:
@@ -71,7 +75,10 @@ class DrawnDesignsScenario:
                 raise ParameterError(name, getattr(self, name), allowed)
         if not self.clearance[1] < 1:
             raise ParameterError("clearance", self.clearance, "less than 1")
-        require_one_of(self, "hole", get_args(HoleKind))
+        for name, kinds in _EITHER.items():
+            require_one_of(self, name, (*kinds, "either"))
+        if not 0 <= self.unchamfered <= 1:
+            raise ParameterError("unchamfered", self.unchamfered, "a share, from 0 to 1")
         require_positive(self, "duration")
 
     def sizes(self, seed: int, design: int) -> dict[str, float]:
@@ -87,7 +94,16 @@ class DrawnDesignsScenario:
             "friction": float(generator.uniform(*self.friction)),
             "stiffness": logarithmic(self.stiffness),
             "width": round(logarithmic(self.width)),
+            **self._kinds(generator),
         }
+
+    def _kinds(self, generator: np.random.Generator) -> dict[str, float]:
+        """Return which of each two kinds a design is, by number, and whether it has chamfers."""
+        found = {}
+        for name, kinds in _EITHER.items():
+            drawn, given = int(generator.integers(len(kinds))), getattr(self, name)
+            found[name] = float(drawn if given == "either" else kinds.index(given))
+        return {**found, "chamfers": float(generator.uniform() >= self.unchamfered)}
 
     def drawn(self, seed: int, design: int) -> DesignScenario:
         """Return one of a seed's designs, not resolved.
@@ -97,6 +113,7 @@ class DrawnDesignsScenario:
         """
         sizes = self.sizes(seed, design)
         radius, stiffness, width = sizes["radius"], sizes["stiffness"], int(sizes["width"])
+        kinds: dict[str, Any] = {name: of[int(sizes[name])] for name, of in _EITHER.items()}
         default = DesignScenario()
         usual = default.parts.hole_radius
         parts = replace(
@@ -104,8 +121,11 @@ class DrawnDesignsScenario:
             hole_radius=radius,
             peg_radius=radius * (1 - sizes["clearance"]),
             friction=sizes["friction"],
+            section=kinds["section"],
             **{one: getattr(default.parts, one) / usual * radius for one in _LENGTHS},
         )
+        if not sizes["chamfers"]:
+            parts = replace(parts, chamfer_width=0.0)
         impedance, hole, cameras = default.impedance, default.hole, default.cameras
         stiffer = math.sqrt(stiffness / impedance.stiffness[0])
         a, b, c = impedance.rotational_stiffness
@@ -119,7 +139,9 @@ class DrawnDesignsScenario:
                 stiffness=(stiffness,) * 3,
                 rotational_stiffness=(stiffer * a, stiffer * b, stiffer * c),
             ),
-            hole=replace(hole, kind=self.hole),
+            peg=self.peg,
+            hole=hole if kinds["hole"] == "arm" else FIXTURE,
+            controller=replace(default.controller, kind=kinds["controller"]),
             cameras=replace(
                 cameras, width=width, height=round(0.75 * width), pixel_size=seen / width
             ),
@@ -130,28 +152,40 @@ class DrawnDesignsScenario:
         )
 
 
+_EITHER: Final[dict[str, tuple[str, str]]] = {
+    "hole": ("arm", "fixture"),
+    "controller": ("fsm", "pid"),
+    "section": ("round", "square"),
+}
+FIXTURE: Final = replace(HOLE_ARM, kind="fixture")
 DRAWN_DESIGNS: Final = DrawnDesignsScenario()
 REFUSED: Final = "refused"  # no verdict: there can be no such cell
 # What the verdicts are to be worth, %.
 CERTAIN_SEATED: Final = 99.0
-NO_SEATED: Final = 5.0
-DARES: Final = 50.0
+NO_SEATED: Final = 2.0
+COVERED: Final = 95.0
+DARES: Final = 70.0
 _ASSESSED: Final = 0.05  # of the whole run
 
 Task = tuple[int, int]  # a design and a trial of it
 
 
 def assess_drawn(scenario: DrawnDesignsScenario, seed: int, design: int) -> Row:
-    """Draw and assess a design; it depends on its arguments alone."""
+    """Draw and assess a design; it depends on its arguments alone.
+
+    The row has the bounds that are promised as ``bound.<name>``, None where none is.
+    """
     row: Row = dict.fromkeys(("margin", "share", "share.low", "share.high"))
+    bounds: Row = dict.fromkeys(f"bound.{name}" for name in BOUNDED)
     try:
         cell = resolve_design(scenario.drawn(seed, design))
         found = assess(cell, trial_seed(seed, design))
     except ParameterError as error:
-        return {**row, "verdict": REFUSED, "limiting_link": str(error)}
+        return {**row, **bounds, "verdict": REFUSED, "limiting_link": str(error)}
     numbers = (found.margin, found.share, found.share_low, found.share_high)
     said = {"verdict": found.verdict, "limiting_link": found.limiting_link}
-    return {**dict(zip(row, numbers, strict=True)), **said}
+    promised = {f"bound.{name}": one.bound for name, one in found.bounds.items()}
+    return {**dict(zip(row, numbers, strict=True)), **bounds, **promised, **said}
 
 
 def insert_once(scenario: DrawnDesignsScenario, seed: int, task: Task) -> Row:
@@ -194,9 +228,16 @@ def _designs(
 ) -> Table:
     """Return a row a design: what it is, how it is called, and what became of its insertions."""
     good = dict.fromkeys(assessed.tasks, 0.0)
+    promised = dict(zip(assessed.tasks, assessed.rows, strict=True))
+    within = {f"{name}.{end}": good.copy() for name in BOUNDED for end in ("within", "of")}
     count = Counter(design for design, _ in inserted.tasks)
     for (design, _), row in zip(inserted.tasks, inserted.rows, strict=True):
         good[design] += row["seated"]
+        for name in BOUNDED:
+            bound, value = promised[design][f"bound.{name}"], row[name]
+            if bound is not None and value is not None:
+                within[f"{name}.of"][design] += 1
+                within[f"{name}.within"][design] += is_within(name, value, bound)
     ends = [
         interval(int(good[one]), count[one]) if count[one] else (np.nan, np.nan) for one in good
     ]
@@ -215,6 +256,13 @@ def _designs(
         },
         "seated": column(list(good.values())),
         "trials": column([count[one] for one in good]),
+        **{
+            f"bound_{name}": np.where(
+                np.isfinite(one := assessed.column(f"bound.{name}")), one, np.nan
+            )
+            for name in BOUNDED
+        },
+        **{name.replace(".", "_"): column(list(of.values())) for name, of in within.items()},
         "low": column([low for low, _ in ends]),
         "high": column([high for _, high in ends]),
     }
@@ -253,7 +301,14 @@ def accuracy(traces: Table) -> dict[str, Metric]:
         note = f"designs of which {name} were seated, at least {DARES:g} % is asked for"
         called = int(np.sum(of & (verdict == said)))
         metrics |= _share(f"{name}_seated.called_{said}", called, int(of.sum()), note)
+    for name in BOUNDED:
+        held, of = (int(traces[f"{name}_{end}"].sum()) for end in ("within", "of"))
+        note = f"insertions within the bound of the {name}, at least {COVERED:g} % is asked for"
+        metrics |= _share(f"bounds.{name}.coverage", held, of, note)
     likely = simulated & (verdict == "likely")
+    agree = (traces["share"] >= traces["low"]) & (traces["share"] <= traces["high"])
+    note = "likely designs whose predicted share is in the interval of the simulated one"
+    metrics |= _share("likely.agree", int(np.sum(likely & agree)), int(likely.sum()), note)
     error = traces["share"][likely] - seated[likely] / trials[likely]
     note = f"predicted less simulated share seated, mean of {int(likely.sum())} designs"
     mean = 100 * float(np.mean(error)) if likely.any() else None

@@ -1,21 +1,22 @@
 """What the errors at the touch make of the insertion: reach, wedging, jamming, forces, depth.
 
-Errors are those of the randomised cells (:mod:`chamfer.analysis.design.remaining_errors`), and
-each link's bound is that of the worst one: of n drawn ones it bounds 1 - 3 / n of all, with 95 %
-confidence.
+Errors are those of the drawn cells (:mod:`chamfer.analysis.design.remaining_errors`), times what
+the compiled model may be wrong by, and each link's bound is that of the worst one: of n drawn ones
+it bounds 1 - 3 / n of all, with 95 % confidence (order statistics).
 """
 
 import math
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.analysis.design.design_scenario import ResolvedDesignScenario, target_of
 from chamfer.analysis.design.detection import Sight
+from chamfer.analysis.design.feed_path import wound_up
 from chamfer.analysis.design.link import Link, at_most
-from chamfer.analysis.design.remaining_errors import ACROSS, DrawnErrors, arm_at_tool
+from chamfer.analysis.design.remaining_errors import ACROSS, DrawnErrors
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.planar_statics import equilibrium
 from chamfer.models.peg_theory.wedging import sits_on_edge, sliding_bounds, wedging_bounds
@@ -30,11 +31,21 @@ _DEPTHS: Final = 4  # at which the push that is needed is computed
 _WORST: Final = 4  # draws of each kind for which it is
 
 
+# What the simulated cell may be off by, over the worst of the compiled model's.
+MODEL_ERROR: Final = {"lateral": 1.4, "tilt": 1.1, "time": 1.0}
+
+
 class Starts(NamedTuple):
-    """Errors as the parts touch, of the draws that are decided, shape (n,) each."""
+    """Bounds of the errors as the parts touch, of the draws that are decided, shape (n,) each."""
 
     lateral: Array  # m, >= 0
     tilt: Array  # rad, of the same sign if they add
+
+    @classmethod
+    def of(cls, drawn: DrawnErrors) -> Self:
+        """Return those of drawn cells, with what the model may be wrong by."""
+        lateral, tilt = drawn.lateral[drawn.decided], drawn.tilt[drawn.decided]
+        return cls(MODEL_ERROR["lateral"] * lateral, MODEL_ERROR["tilt"] * tilt)
 
     @property
     def worst(self) -> "Starts":
@@ -62,7 +73,7 @@ def time_link(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> list[Link
     if scenario.decide.kind != "margin":
         return []
     source = "slowest of the drawn errors until decide.margin is kept; decide.timeout"
-    slowest = float(drawn.time.max())
+    slowest = MODEL_ERROR["time"] * float(drawn.time.max())
     return [at_most("time", slowest, scenario.decide.timeout, "s", source)]
 
 
@@ -96,7 +107,7 @@ def stiffened(
     secant, for arms that share the error. It is why two-point forces are 2 to 4 times those of the
     springs.
     """
-    wound = np.max([arm_at_tool(scenario, arm).wound for arm in scenario.arms], axis=0)
+    wound = wound_up(scenario)
     springs = (*scenario.impedance.stiffness, *scenario.impedance.rotational_stiffness)
     more = []
     for axes, error in zip(ACROSS.values(), (lateral, tilt), strict=True):
@@ -130,7 +141,7 @@ def worst_push(scenario: ResolvedDesignScenario, starts: Starts) -> tuple[float,
 def force_links(scenario: ResolvedDesignScenario, starts: Starts) -> list[Link]:
     """Return the push that is needed, and what the arm feels, against their limits."""
     insert, (axial, across) = scenario.insert, worst_push(scenario, starts)
-    push = axial + 2 * float(arm_at_tool(scenario, "peg").wound[0])
+    push = axial + 2 * float(wound_up(scenario)[0])
     source = "exact statics of the worst errors, joints' friction as stiffness and twice along"
     felt = math.hypot(push, across)
     says = "push that turns a rim upright that may sit on the bore's edge; insert.push"

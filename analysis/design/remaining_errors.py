@@ -1,143 +1,106 @@
-"""What the compensation leaves of the errors, and how soon: by theorem, and of randomised cells.
+"""What the compensation leaves of drawn errors, how soon, and whether the arms' loops are stable.
 
-Drawn are the loops of all axes, all draws at once, until the parts touch.
+Drawn are cells, of which each is run by the compiled model of arms, cameras, compensator and
+decision (:mod:`chamfer.diagrams.insertion.compiled_alignment`) until the parts touch.
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.analysis.cell.alignment_runs import true_errors
+from chamfer.analysis.cell.alignment_runs import draw_errors, true_errors
 from chamfer.analysis.design.design_scenario import ResolvedDesignScenario, region_of
 from chamfer.analysis.design.detection import Sight
-from chamfer.analysis.design.link import Link, at_most
-from chamfer.diagrams.cell.alignment import SHARES
-from chamfer.diagrams.cell.alignment_scenario import KINDS, Kind, true_pose, wrong_pose
-from chamfer.diagrams.cell.controller_design import arm_responses, small_share
-from chamfer.diagrams.cell.work_cell import ArmName, CellArmSettings, WorkCellScenario
-from chamfer.systems.force.arm_model import tool_friction
-from chamfer.systems.pose import pose_vector
-from chamfer.systems.servo.compensated_error import (
-    CompensatedErrors,
-    Law,
-    fsm_law,
-    no_law,
-    pid_law,
+from chamfer.analysis.design.link import Link, at_least, at_most
+from chamfer.diagrams.cell.alignment_scenario import (
+    KINDS,
+    Kind,
+    SixAxisPid,
+    SixAxisSettings,
+    true_pose,
+    wrong_pose,
 )
-from chamfer.systems.servo.compensator import AxisParams
-from chamfer.systems.servo.sampled_pid import PidGains
-from chamfer.systems.servo.settling import SettlingPlant
-from chamfer.systems.strategies.insertion_decision import SURE, InsertionRegion
+from chamfer.diagrams.cell.controller_design import small_share
+from chamfer.diagrams.cell.work_cell import CellArmSettings
+from chamfer.diagrams.insertion.compiled_alignment import Draws, growth, run_alignments
+from chamfer.diagrams.insertion.insertion import task_params
+from chamfer.systems.pose import pose_vector
 from chamfer.systems.vision.cell_error import AXES
 
 Array = NDArray[np.float64]
 
-_AT_A_TIME: Final = 40  # ticks, after which it is asked whether all draws are over
 ACROSS: Final[Mapping[Kind, tuple[str, str]]] = {
     "lateral": ("y", "z"),
     "rotational": ("pitch", "yaw"),
 }
-SEEN: Final = {axis: kind for kind, axes in ACROSS.items() for axis in axes}
-GRAVITY: Final = 9.81  # m/s^2
-_SURE: Final = 3.0  # standard deviations of a frame that a bound has
+_UNITS: Final[Mapping[Kind, str]] = {"lateral": "m", "rotational": "rad"}
+HELD_OUT: Final = 10_000  # trials of a seed, before those that are drawn for a prediction
 _DESIGNED: Final = 0.91  # of the theorem's bound, which designed increments use, rounded
 
 
-class ArmAtTool(NamedTuple):
-    """What an arm's joints are at its tool, along and about the hole's axes in AXES' order."""
+class DrawnErrors(NamedTuple):
+    """What becomes of drawn cells, shape (draws,) each but for the pairs."""
 
-    held: Array  # N and N m, shape (6,), up to which dry friction holds
-    wound: Array  # likewise, that it takes of a motion
-    payload: Array  # m and rad, that the unknown payload moves the tool by
-    links: Array  # likewise, of links that are heavier by their own weight
+    force: Array  # N, of the peg's springs as the arms begin
+    time: Array  # s, of the decision since the cameras count; infinite: there is none
+    lateral: Array  # m, as the parts touch; NaN where it is not decided
+    tilt: Array  # rad, likewise, of the lateral error's sign where they add
+    sure: Array  # m and rad, errors by which it is decided, the least where it isn't; (draws, 2)
+    reach: Array  # m and rad, largest compensation, shape (draws, 2)
+    saturated: Array  # s, longest that a joint is at its torque limit
+    growth: float  # of the worst arm's sampled loop, a period
+    delayed: float  # likewise, with a torque that is a period late
+
+    @property
+    def decided(self) -> NDArray[np.bool_]:
+        """Whether an insertion begins."""
+        return np.isfinite(self.time)
 
 
-class Loop(NamedTuple):
-    """One axis of the alignment, seen by the controller."""
+def drawn_cells(
+    scenario: ResolvedDesignScenario, seen: Sight, seed: int, draws: int
+) -> DrawnErrors:
+    """Return what becomes of drawn starts, models and pictures until the parts touch.
 
-    plant: SettlingPlant  # m or rad per m or rad, without the controller's unit
-    play: float  # m or rad of compensation, half of the width in which dry friction holds all
-    wound: float  # likewise, by which the arms' springs are wound up once all joints slide
-    middle: float  # m or rad, of the true error as the compensation begins
-    reach: float  # likewise, to both sides
-
-
-def arm_at_tool(scenario: ResolvedDesignScenario, arm: ArmName) -> ArmAtTool:
-    """Return what dry friction, the most that is drawn, and unknown masses are at an arm's tool.
-
-    The arm is at rest on its springs: deflections are those of the wrench over the stiffness.
+    They are other ones of the seed than the trials that are simulated, by the same law. The
+    cameras' bias has either sign, their noise is that of every frame.
     """
-    alone = WorkCellScenario(
-        peg=scenario.peg,
-        hole=scenario.hole,
-        impedance=scenario.impedance,
-        axis=scenario.axis,
-        meeting_point=scenario.mouth,
-        gap=scenario.gap,
-        step=scenario.step,
+    arms, spread = scenario.arms, scenario.spread
+    trials = [
+        draw_errors(scenario.initial_error, spread, len(arms), seed, HELD_OUT + k)
+        for k in range(draws)
+    ]
+    wrong = np.array([one.arms for one in trials])
+    settings: list[CellArmSettings] = [getattr(scenario, arm) for arm in arms]
+    signs = np.random.default_rng([seed, 0]).choice([-1.0, 1.0], (draws, len(AXES)))
+    drawn = Draws(
+        commanded=np.array([one.error for one in trials]),
+        payload=np.array([one.payload_error for one in settings]) * (1 + wrong[:, :, 0]),
+        link_mass=np.array([one.mass_scale for one in settings]) * (1 + wrong[:, :, 1]),
+        friction=1 + wrong[:, :, 2],
+        bias=seen.bias * signs,
     )
-    return _arm_at_tool(alone, arm, 1 + scenario.spread.joint_friction)
-
-
-@lru_cache(maxsize=64)
-def _arm_at_tool(scenario: WorkCellScenario, arm: ArmName, more_friction: float) -> ArmAtTool:
-    settings: CellArmSettings = getattr(scenario, arm)
-    model = settings.known_arm()
-    state = model.evaluate(scenario.rest_posture(arm))
-    axes = scenario.hole_axes.matrix()
-    J = np.kron(np.eye(2), axes.T) @ state.J_V_WT
-    friction = tool_friction(J, more_friction * np.array(settings.arm.dry_friction))
-    down = axes.T @ [0.0, 0.0, -GRAVITY * settings.payload_error]
-    at = axes.T @ state.X_WT.rotation().matrix() @ settings.payload_position
-    springs = np.array([*scenario.impedance.rotational_stiffness, *scenario.impedance.stiffness])
-    payload = np.concatenate([np.cross(at, down), down]) / springs
-    links = np.linalg.pinv(J.T) @ -state.gravity / springs
-    return ArmAtTool(*(np.roll(one, 3) for one in (*friction, payload, links)))
-
-
-@lru_cache(maxsize=32)
-def loops(scenario: ResolvedDesignScenario) -> dict[str, Loop]:
-    """Return the loop of every axis across, from what is resolved.
-
-    Both arms share the compensation as the diagram does. Friction is a play: a spring of the
-    stiffness against what the joints hold, so that at 5 N m/rad the wrist's friction is worth
-    some ten milliradians.
-    """
-    shares = SHARES[scenario.compensated]
-    responses = arm_responses(scenario)
-    at_tool = {arm: arm_at_tool(scenario, arm) for arm in scenario.arms}
-    stiffness = (*scenario.impedance.stiffness, *scenario.impedance.rotational_stiffness)
-    start = start_error(scenario)
-    found = {}
-    for axis, kind in SEEN.items():
-        k = AXES.index(axis)
-        unit = 1 / scenario.cameras.pixel_size if kind == "lateral" else 1.0
-        plants = [one[axis] for one in responses]
-        gain = float(np.mean([plant.gain for plant in plants])) / unit
-        longest = max(len(plant.undelivered) for plant in plants)
-        late = [np.pad(one.undelivered, (0, longest - len(one.undelivered))) for one in plants]
-        held, wound = (
-            sum(float(getattr(at_tool[arm], name)[k]) for arm in scenario.arms if shares[arm])
-            for name in ("held", "wound")
-        )
-        middle, reach = start[k], float(getattr(scenario.spread, kind))
-        for arm, sign in (("peg", -1.0), ("hole", 1.0)):
-            if arm in at_tool:
-                moved, off = _moved(scenario, at_tool[arm], arm)
-                middle, reach = middle + sign * moved[k], reach + off[k]
-        found[axis] = Loop(
-            SettlingPlant(gain, np.mean(late, axis=0)),
-            held / stiffness[k],
-            wound / stiffness[k],
-            middle,
-            reach,
-        )
-    return found
+    still = replace(scenario, initial_error=(0.0,) * len(AXES))
+    found = run_alignments(
+        scenario, drawn, start=start_error(still), spread=seen.spread, seed=seed
+    )
+    _, y, z, _, pitch, yaw = found.touch.T
+    decided = np.isfinite(found.decided)
+    return DrawnErrors(
+        force=found.force[:, 0],
+        time=found.decided,
+        lateral=np.where(decided, np.hypot(y, z), np.nan),
+        tilt=np.where(decided, np.copysign(np.hypot(pitch, yaw), z * pitch - y * yaw), np.nan),
+        sure=found.sure,
+        reach=found.reach,
+        saturated=found.saturated,
+        growth=growth(scenario, drawn),
+        delayed=growth(scenario, drawn, late=True),
+    )
 
 
 def start_error(scenario: ResolvedDesignScenario) -> Array:
@@ -156,201 +119,48 @@ def start_error(scenario: ResolvedDesignScenario) -> Array:
     return np.concatenate([way, turn])
 
 
-def settled(scenario: ResolvedDesignScenario, seen: Sight) -> Array:
-    """Return the bound on the true error that is left of every axis, m and rad, shape (6,).
+def loop_links(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> list[Link]:
+    """Return whether the sampled impedance loops come to rest, and how long torques are limited.
 
-    At rest the measured error is inside the state machine's dead zone, by the settling theorem,
-    and the true one differs by the cameras' bias. A PID has none: it hunts in the play that dry
-    friction leaves, and follows the noise. Along the axis and about it nothing is said.
+    Dry friction holds a loop that grows up to some kick, so a calm run says nothing of it.
     """
-    found = np.full(len(AXES), math.inf)
-    for axis, kind in SEEN.items():
-        k, loop = AXES.index(axis), loops(scenario)[axis]
-        if scenario.compensated == "none":
-            left = abs(loop.middle) + loop.reach
-        elif scenario.controller.kind == "fsm":
-            left = metric_axis(scenario, kind).dead_zone
-        else:
-            left = loop.play + _SURE * seen.spread[k]
-        found[k] = left + seen.bias[k]
-    return found
+    decay = -math.log(drawn.growth) / scenario.impedance.period if drawn.growth > 0 else math.inf
+    source = "slowest decay of the sampled impedance loops, drawn arms, no dry friction"
+    longest = float(drawn.saturated.max())
+    says = "longest that a joint is at its torque limit in drawn cells; the chart's limit"
+    return [
+        at_least("loop", decay, 0.0, "1/s", source),
+        at_most("torque.saturated", longest, task_params(scenario).most_saturated, "s", says),
+    ]
 
 
-def metric_axis(scenario: ResolvedDesignScenario, kind: Kind) -> AxisParams:
-    """Return one of the state machine's elements in m and rad instead of pixels."""
-    axis: AxisParams = getattr(scenario.compensator, kind).closed
-    pixel = scenario.cameras.pixel_size if kind == "lateral" else 1.0
-    return replace(axis, dead_zone=pixel * axis.dead_zone, large_error=pixel * axis.large_error)
-
-
-def metric_gains(scenario: ResolvedDesignScenario, kind: Kind) -> PidGains:
-    """Return one of the PID laws for errors in m and rad instead of pixels."""
-    gains: PidGains = getattr(scenario.pid, kind).closed
-    pixel = scenario.cameras.pixel_size if kind == "lateral" else 1.0
-    names = ("proportional", "integral", "derivative")
-    return replace(gains, **{name: getattr(gains, name) / pixel for name in names})
-
-
-def settling_links(scenario: ResolvedDesignScenario, seen: Sight) -> list[Link]:
-    """Return the links of the compensation: that it rests, how near, and how far it has to go."""
-    left, region = settled(scenario, seen), region_of(scenario)
-    lateral, tilt = (
-        math.hypot(*(left[AXES.index(axis)] for axis in axes)) for axes in ACROSS.values()
-    )
-    what = "dead zones" if scenario.controller.kind == "fsm" else "play of the joints' friction"
-    if scenario.compensated == "none":
-        what = "starts"
-    source, margin = f"{what} and the cameras' bias, both planes", 0.0
-    if scenario.decide.kind == "margin":
-        unsure = SURE * math.sqrt(2) * seen.spread
-        lateral += float(unsure[AXES.index("y")])
-        tilt += float(unsure[AXES.index("yaw")])
-        source, margin = f"{source}, and noise; region less decide.margin", scenario.decide.margin
-    limit = region.tilt_at(lateral) - margin * region.rotation_limit
+def settling_links(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> list[Link]:
+    """Return how near the compensation comes, whether by design, and how far it has to go."""
+    region, margin = region_of(scenario), 0.0
+    source = "largest error as sure as it was decided by, of the drawn cells"
+    if by_margin := scenario.decide.kind == "margin":
+        source, margin = f"{source}; region less decide.margin", scenario.decide.margin
+    allowed = region.tilts_at(drawn.sure[:, 0]) - margin * region.rotation_limit
+    left = allowed - drawn.sure[:, 1]
+    row = int(np.argmin(left))
+    # Whoever waits for a margin decides as soon as there is one.
+    kept = by_margin and bool(drawn.decided.all())
+    lateral, most = float(drawn.sure[:, 0].max()), (1 - margin) * region.lateral_limit
+    tilt = float(drawn.sure[row, 1])
     links = [
-        at_most("settled.lateral", lateral, (1 - margin) * region.lateral_limit, "m", source),
-        at_most("settled.tilt", tilt, limit, "rad", source),
+        at_most("settled.lateral", lateral, most, "m", source, by_design=kept),
+        at_most("settled.tilt", tilt, float(allowed[row]), "rad", source, by_design=kept),
     ]
     if scenario.compensated == "none":
         return links
+    controller: SixAxisSettings | SixAxisPid = scenario.pid
     if scenario.controller.kind == "fsm":
+        controller = scenario.compensator
         share = max(small_share(scenario, kind) for kind in KINDS)
         source = "increment over what the settling theorem allows for arms and dead time"
         links.append(at_most("settling", share, 1.0, "", source, by_design=share <= _DESIGNED))
-    for kind, axes in ACROSS.items():
-        limit = getattr(
-            scenario.compensator if scenario.controller.kind == "fsm" else scenario.pid, kind
-        ).closed.limit
-        of = [loops(scenario)[axis] for axis in axes]
-        need = max(abs(loop.middle) + loop.reach + loop.play for loop in of)
-        unit = "m" if kind == "lateral" else "rad"
-        source = "start, sag of unknown masses, and play; limit of the compensation"
-        links.append(at_most(f"range.{kind}", need, limit, unit, source))
+    source = "largest compensation of the drawn cells; its limit"
+    for need, (kind, unit) in zip(drawn.reach.max(axis=0), _UNITS.items(), strict=True):
+        limit = getattr(controller, kind).closed.limit
+        links.append(at_most(f"range.{kind}", float(need), limit, unit, source))
     return links
-
-
-def _moved(scenario: ResolvedDesignScenario, one: ArmAtTool, arm: ArmName) -> tuple[Array, Array]:
-    """Return where unknown masses move a tool to, and how unsure that is, m and rad, (6,)."""
-    settings: CellArmSettings = getattr(scenario, arm)
-    spread = scenario.spread
-    middle = one.payload + (settings.mass_scale - 1) * one.links
-    off = spread.payload * one.payload, settings.mass_scale * spread.link_mass * one.links
-    return middle, np.abs(off[0]) + np.abs(off[1])
-
-
-class DrawnErrors(NamedTuple):
-    """What becomes of drawn errors, shape (draws,) each."""
-
-    force: Array  # N, of the peg's springs as the arms begin
-    time: Array  # s, of the decision since the cameras count; infinite: there is none
-    lateral: Array  # m, as the parts touch; NaN where it is not decided
-    tilt: Array  # rad, likewise, of the lateral error's sign where they add
-
-    @property
-    def decided(self) -> NDArray[np.bool_]:
-        """Whether an insertion begins."""
-        return np.isfinite(self.time)
-
-
-def draw_errors(
-    scenario: ResolvedDesignScenario, seen: Sight, seed: int, draws: int
-) -> DrawnErrors:
-    """Return the errors of drawn starts, models and pictures as the parts touch.
-
-    Every axis is a loop of its own: linear arms behind the play of their dry friction, measured
-    with the cameras' bias of either sign and their noise. What couples the axes is left out.
-    """
-    generator = np.random.default_rng([seed, 0])
-    of = [loops(scenario)[axis] for axis in SEEN]
-    spread = np.array([[getattr(scenario.spread, kind)] for kind in SEEN.values()])
-    shape = (len(of), draws)
-    commanded = spread * generator.uniform(-1.0, 1.0, shape)
-    others = np.array([[loop.reach] for loop in of]) - spread
-    middle = np.array([[loop.middle] for loop in of])
-    numbers = [AXES.index(axis) for axis in SEEN]
-    bias = seen.bias[numbers][:, np.newaxis] * generator.choice([-1.0, 1.0], shape)
-    errors = CompensatedErrors(
-        _law(scenario),
-        [loop.plant for loop in of],
-        middle - commanded + others * generator.uniform(-1.0, 1.0, shape),
-        play=np.array([loop.play for loop in of]),
-        place=generator.uniform(-1.0, 1.0, shape),
-        period=scenario.cameras.frames.period,
-        bias=bias,
-        spread=seen.spread[numbers],
-        generator=generator,
-    )
-    time, left = _until_touch(scenario, errors)
-    if scenario.insert.compensation == "frozen":
-        # What friction has wound up comes out.
-        wound = np.array([[loop.wound] for loop in of])
-        left = left + wound * generator.uniform(-1.0, 1.0, shape)
-    y, z, pitch, yaw = left
-    initial = np.array(scenario.initial_error)[[AXES.index(axis) for axis in ACROSS["lateral"]]]
-    pull = np.array(scenario.impedance.stiffness)[1:, np.newaxis]
-    return DrawnErrors(
-        force=np.linalg.norm(pull * (initial[:, np.newaxis] + commanded[:2]), axis=0),
-        time=time,
-        lateral=np.hypot(y, z),
-        tilt=np.copysign(np.hypot(pitch, yaw), z * pitch - y * yaw),
-    )
-
-
-def _law(scenario: ResolvedDesignScenario) -> Law:
-    if scenario.compensated == "none":
-        return no_law
-    if scenario.controller.kind == "fsm":
-        return fsm_law([metric_axis(scenario, kind) for kind in SEEN.values()])
-    return pid_law([metric_gains(scenario, kind) for kind in SEEN.values()])
-
-
-def _until_touch(
-    scenario: ResolvedDesignScenario, errors: CompensatedErrors
-) -> tuple[Array, Array]:
-    """Run the loops until all draws touch, or it is too late to decide.
-
-    Returned are the time of the decision, s, (draws,), and true errors at the touch, (4, draws).
-    """
-    decide, insert, period = scenario.decide, scenario.insert, scenario.cameras.frames.period
-    running = insert.compensation == "running"
-    feed = scenario.gap / insert.speed
-    approach = math.ceil((insert.pause + feed) / period) if running else 0
-    waits = {"margin": decide.timeout, "wait": scenario.compensation_time, "at_once": 0.0}
-    last = math.floor(waits[decide.kind] / period)
-    region = region_of(scenario)
-    at = np.full(errors.true.shape[2], math.inf if decide.kind == "margin" else float(last))
-    while len(errors.true) <= min(last + approach, float(at.max()) + approach):
-        before = max(len(errors.true) - decide.frames + 1, 0)
-        errors.advance(min(_AT_A_TIME, last + approach + 1 - len(errors.true)))
-        if math.isinf(at.max()):
-            new = errors.measured[before : last + 1]
-            at = np.minimum(at, before + first_inside(region, new, decide.frames, decide.margin))
-    touch = at + approach
-    decided = np.isfinite(at)
-    rows = np.where(decided, touch, 0).astype(np.int64)
-    left = errors.true[rows, :, np.arange(len(rows))].T
-    return period * at, np.where(decided, left, np.nan)
-
-
-def first_inside(region: InsertionRegion, measured: Array, frames: int, margin: float) -> Array:
-    """Return the tick at which the chart decides, shape (draws,); infinite: at none.
-
-    The errors are those across and about, m and rad, shape (ticks, 4, draws). The chart goes by
-    means and standard deviations over some frames, and wants a margin of the region.
-    """
-    if len(measured) < frames:
-        return np.full(measured.shape[2], math.inf)
-    sums = [
-        np.concatenate([np.zeros((1, *one.shape[1:])), one.cumsum(axis=0)])
-        for one in (measured, measured**2)
-    ]
-    total, squares = (one[frames:] - one[:-frames] for one in sums)
-    mean = total / frames
-    variance = np.maximum(squares - frames * mean**2, 0.0) / (frames - 1)
-    y, z, pitch, yaw = mean.transpose(1, 0, 2)
-    lateral = np.hypot(y, z) + SURE * np.sqrt(variance[:, :2].sum(axis=1))
-    tilt = np.hypot(pitch, yaw) + SURE * np.sqrt(variance[:, 2:].sum(axis=1))
-    margins = region.margins(lateral, tilt)
-    inside = margins >= margin
-    first = np.argmax(inside, axis=0) + frames - 1.0
-    return np.where(inside.any(axis=0), first, math.inf)

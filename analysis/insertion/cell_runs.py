@@ -86,10 +86,10 @@ class CellInsertion(NamedTuple):
         found: NDArray[np.bool_] = np.isin(self.traces["task_state"], numbers)
         return found
 
-    def entered(self, state: str) -> float | None:
-        """Return when a state was entered last, s."""
+    def entered(self, state: str, *, first: bool = False) -> float | None:
+        """Return when a state was entered last, or first, s."""
         times = [one.time for one in self.path if one.target == state]
-        return times[-1] if times else None
+        return times[0 if first else -1] if times else None
 
 
 def run_cell_insertion(
@@ -167,10 +167,10 @@ def two_point(traces: Table) -> NDArray[np.bool_]:
     return touch & opposite
 
 
-def touch_row(done: CellInsertion) -> int | None:
-    """Return the row of the last attempt's touch: of a contact, or of the tip at the mouth."""
+def touch_row(done: CellInsertion, *, first: bool = False) -> int | None:
+    """Return the row of the last or first attempt's touch: a contact, or the tip at the mouth."""
     traces = done.traces
-    began = done.entered("insert")
+    began = done.entered("insert", first=first)
     if began is None:
         return None
     near = (traces["contact_state"] != ContactState.NONE) | (traces["depth"] >= 0)

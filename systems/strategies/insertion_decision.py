@@ -89,7 +89,11 @@ class InsertionRegion:
 
     def tilt_at(self, lateral: float) -> float:
         """Return the largest tilt, rad, for a lateral error, m."""
-        return float(np.interp(lateral, self.lateral, self.tilt))
+        return float(self.tilts_at(np.array(lateral)))
+
+    def tilts_at(self, lateral: Array) -> Array:
+        """Return the same of many errors at once."""
+        return np.interp(lateral, self.lateral, self.tilt)
 
     def margin(self, lateral: float, rotational: float) -> float:
         """Return what is left of the limits, as a share of them; below zero outside; m and rad."""
@@ -97,8 +101,7 @@ class InsertionRegion:
 
     def margins(self, lateral: Array, rotational: Array) -> Array:
         """Return the same of many errors at once, of one shape."""
-        allowed = np.interp(lateral, self.lateral, self.tilt)
-        tilt = (allowed - rotational) / self.rotation_limit
+        tilt = (self.tilts_at(lateral) - rotational) / self.rotation_limit
         return np.minimum(1 - lateral / self.lateral_limit, tilt)
 
     def sure_margin(self, errors: MeasuredErrors) -> float:

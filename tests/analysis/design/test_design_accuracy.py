@@ -3,7 +3,7 @@ import pytest
 
 from chamfer.analysis.campaign.trial_metrics import trial_seed
 from chamfer.analysis.design import design_accuracy
-from chamfer.analysis.design.design import interval
+from chamfer.analysis.design.design import BOUNDED, interval, is_within
 from chamfer.analysis.design.design_accuracy import (
     REFUSED,
     DrawnDesignsScenario,
@@ -30,6 +30,9 @@ def traces() -> Table:
         "share": np.array([1.0, 1.0, 0.7, 0.0, 0.1, 0.6, np.nan]),
         "seated": np.array(seated),
         "trials": np.array(trials),
+        **{f"{name}_{end}": np.zeros(7) for name in BOUNDED for end in ("within", "of")},
+        "force_of": np.array([4.0, 4.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        "force_within": np.array([4.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
         "low": np.array([low for low, _ in ends]),
         "high": np.array([high for _, high in ends]),
     }
@@ -62,6 +65,10 @@ def test_shares_are_of_insertions_and_of_designs(traces: Table) -> None:
     assert metrics["none_seated.called_no"].value == 50
     expected = 100 * np.mean([0.7 - 0.5, 0.1 - 0.0, 0.6 - 1.0])
     assert metrics["likely.share_error"].value == pytest.approx(expected)
+    assert metrics["bounds.force.coverage"].value == 75
+    assert metrics["bounds.tilt.coverage"].value is None
+    # Of 2, 0 and 4 of 4 seated all intervals but that of 4 of 4 have the predicted share.
+    assert metrics["likely.agree"].value == 100
 
 
 def test_what_nobody_was_called_is_undefined(traces: Table) -> None:
@@ -70,6 +77,13 @@ def test_what_nobody_was_called_is_undefined(traces: Table) -> None:
     assert metrics["certain.seated"].value is None
     assert metrics["certain.seated.low"].value is None
     assert "there are none" in metrics["no.seated"].note
+
+
+def test_a_depth_is_bounded_from_below() -> None:
+    assert is_within("depth", 0.0361, 0.036)
+    assert not is_within("depth", 0.0359, 0.036)
+    assert is_within("time", 2.0, 2.0)
+    assert not is_within("time", 2.1, 2.0)
 
 
 def test_no_two_designs_share_the_errors_of_their_insertions(
@@ -107,13 +121,16 @@ def test_more_designs_and_trials_keep_those_that_have_run(monkeypatch: pytest.Mo
 def test_sizes_lie_in_their_ranges_and_fill_them() -> None:
     scenario = DrawnDesignsScenario()
     sizes = [scenario.sizes(0, design) for design in range(200)]
-    for name in sizes[0]:
+    for name in ("radius", "clearance", "friction", "stiffness", "width"):
         low, high = getattr(scenario, name)
         of = np.array([one[name] for one in sizes])
         assert low <= of.min() < low + 0.2 * (high - low), name
         assert high - 0.2 * (high - low) < of.max() <= high, name
     middle = np.median([one["stiffness"] for one in sizes])
     assert 500 < middle < 1000  # evenly in its logarithm: the root of 100 times 5000 is 707
+    for name in ("hole", "controller", "section"):
+        assert 80 < sum(one[name] for one in sizes) < 120
+    assert 165 < sum(one["chamfers"] for one in sizes) < 195  # of 200, 90 %
 
 
 def test_a_design_is_what_was_drawn_and_the_same_again() -> None:
