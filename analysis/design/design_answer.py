@@ -11,7 +11,7 @@ import numpy as np
 
 from chamfer.analysis.design.assumptions import Assumption, assumptions
 from chamfer.analysis.design.changes import Change, changes, smallest_change
-from chamfer.analysis.design.design import Design, Verified, assess, verify
+from chamfer.analysis.design.design import Design, Verdict, Verified, assess, verify
 from chamfer.analysis.design.design_map import DesignMap, MapAxis, map_design, plot_map
 from chamfer.analysis.design.design_page import design_page
 from chamfer.analysis.design.design_scenario import DesignScenario, resolve_design
@@ -30,6 +30,7 @@ from chamfer.analysis.scenario.experiment import Progress, part_of
 from chamfer.analysis.scenario.scenario_io import scenario_text, sha256, unstructure
 
 _MAP: Final = "map"
+TRIALS: Final = 4  # insertions that are simulated beside what is certain
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,31 +45,40 @@ class Answer:
     verified: Verified | None = None
     assumptions: tuple[Assumption, ...] = ()
 
+    @property
+    def verdict(self) -> Verdict:
+        """What is said at last: likely where simulated insertions contradict what is sure."""
+        contradicted = self.verified is not None and self.verified.warning
+        return "likely" if contradicted else self.design.verdict
+
 
 def answer(
     given: DesignScenario,
     *,
     what_to_change: bool = True,
     axes: Sequence[MapAxis] | None,
-    trials: int,
+    trials: int | None,
     seed: int,
     progress: Progress,
 ) -> Answer:
     """Answer what is asked of a design, not resolved: what it leaves open follows changes.
 
-    To look for changes takes most of the time. None ``axes``: no map; 0 ``trials``: no insertions.
+    To look for changes takes most of the time. None ``axes``: no map. ``trials`` insertions are
+    simulated; None: :data:`TRIALS` where the design is certain, else none.
 
     Raises:
         ParameterError: If there can be no such design.
     """
+    scenario = resolve_design(given)
+    design = assess(scenario, seed)
+    if trials is None:
+        trials = TRIALS if design.verdict == "certain" else 0
     wanted = {"changes": what_to_change, _MAP: axes is not None, "insertions": trials > 0}
     asked = [name for name, is_asked in wanted.items() if is_asked]
     stages = {
         name: part_of(progress, i / len(asked), (i + 1) / len(asked), name)
         for i, name in enumerate(asked)
     }
-    scenario = resolve_design(given)
-    design = assess(scenario, seed)
     return Answer(
         scenario=scenario,
         seed=seed,
@@ -98,7 +108,8 @@ def design_document(
         "paper": "fsm-visual-servoing",
         "figure": "section 5",
         "seed": answer.seed,
-        "verdict": design.verdict,
+        "verdict": answer.verdict,
+        "predicted_verdict": design.verdict,
         "limiting_link": design.limiting_link,
         "margin": _finite(design.margin),
         "share": {
@@ -107,6 +118,8 @@ def design_document(
             "high": design.share_high,
             "draws": design.draws,
         },
+        "bounds": {name: _plain(one) for name, one in design.bounds.items()},
+        "warnings": list(design.warnings),
         "links": [{**_plain(link), "share": _finite(link.share)} for link in design.links],
         "changes": None if answer.changes is None else [_plain(one) for one in answer.changes],
         "smallest_change": None if least is None else _plain(least),
@@ -158,6 +171,8 @@ def _command(name: str, answer: Answer, overrides: Sequence[str]) -> str:
         words += ["--map", *(f"{one.path}:{one.values[0]!r}:{one.values[-1]!r}" for one in axes)]
     if answer.verified is not None:
         words += ["--verify", str(answer.verified.trials + answer.verified.failed_trials)]
+    elif answer.design.verdict == "certain":
+        words.append("--no-verify")
     return command_text("design", name, overrides, *words, seed=answer.seed)
 
 

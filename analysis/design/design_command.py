@@ -16,7 +16,8 @@ def add_design(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
         help="say whether an insertion will go in, what limits it and what to change",
         description="Puts camera, compensation, arms, support and parts into one chain: what each "
         "link needs, what it is allowed, and the margin in its own unit; the smallest one limits. "
-        "The verdict is certain (all bounds inside), likely (a share of the drawn errors) or no. "
+        "The verdict is certain (all bounds inside), likely (a share of the drawn errors) or no; "
+        "insertions are simulated beside what is certain. "
         "Then what to change: how the smallest margin follows each field, and the smallest single "
         "change that makes it certain. Writes OUT/design-NAME: result.json, scenario.yaml, "
         "design.html (one page, on paper one sheet of A4), and with --map map.parquet and its "
@@ -36,10 +37,15 @@ def add_design(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
         metavar="PATH:a:b",
         help="the verdict over two fields, each from a to b, at 41 x 41 points",
     )
-    design.add_argument(
+    verify = design.add_mutually_exclusive_group()
+    verify.add_argument(
         "--verify",
         metavar="N",
-        help="simulate N insertions with drawn errors and put them beside the prediction",
+        help="simulate N insertions with drawn errors and put them beside the prediction; by "
+        "default 4 where the design is certain",
+    )
+    verify.add_argument(
+        "--no-verify", action="store_true", help="simulate nothing, whatever is predicted"
     )
     design.add_argument(
         "--fields",
@@ -79,7 +85,9 @@ def _design(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     if arguments.fields is not None:
         print_fields(given, resolve_design, prefix=arguments.fields, as_json=arguments.json)
         return 0
-    trials = valid_integer("--verify", arguments.verify, 1, MOST_TRIALS) or 0
+    trials = valid_integer("--verify", arguments.verify, 1, MOST_TRIALS)
+    if arguments.no_verify:
+        trials = 0
     axes = parse_map(resolved, arguments.map, POINTS) if arguments.map else None
     asked = tuple(overrides(given, default, resolve_design))
     folder = arguments.out / f"design-{name}"

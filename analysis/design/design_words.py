@@ -58,6 +58,8 @@ def described(scenario: DesignScenario) -> str:
 
 def verdict_sentence(document: Document) -> str:
     """Return what a design comes to."""
+    if (predicted := document["predicted_verdict"]) != document["verdict"]:
+        return f"{document['verdict']}: predicted {predicted!r} is contradicted by simulation"
     return _SAID[document["verdict"]]
 
 
@@ -217,7 +219,7 @@ def design_text(document: Document) -> Iterator[str]:
             yield from textwrap.wrap(text, _WIDTH, subsequent_indent="    ")
     if verified := document["verified"]:
         yield ""
-        yield f"{verified_sentence(verified)}; predicted: {document['verdict']}"
+        yield f"{verified_sentence(verified)}; predicted: {document['predicted_verdict']}"
         yield from (f"  {one}" for one in ending_sentences(verified))
         if warning := verified["warning"]:
             yield from textwrap.wrap(f"WARNING: {warning}", _WIDTH)

@@ -8,11 +8,12 @@ from typing import Any
 import pytest
 
 import chamfer.analysis.design.design_answer as design_answer
+from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.cli import main
 from chamfer.analysis.design.assumptions import Assumption
 from chamfer.analysis.design.changes import FIELDS, Change
-from chamfer.analysis.design.design import Design, Verified
+from chamfer.analysis.design.design import Design, Verdict, Verified
 from chamfer.analysis.design.design_answer import Answer
 from chamfer.analysis.design.design_map import MapAxis
 from chamfer.analysis.design.design_scenario import DesignScenario, resolve_design
@@ -26,7 +27,7 @@ def canned(
     *,
     what_to_change: bool,
     axes: Sequence[MapAxis] | None,
-    trials: int,
+    trials: int | None,
     seed: int,
     progress: Progress,
 ) -> Answer:
@@ -46,13 +47,13 @@ def canned(
         meaning="between peg and hole",
     )
     verified = Verified(
-        trials=trials - 1,
+        trials=(trials or 1) - 1,
         seated=0,
         success=0.0,
         low=0.0,
         high=0.3,
         failed_trials=1,
-        endings={"not over after 60 s, in align": trials - 1},
+        endings={"not over after 60 s, in align": (trials or 1) - 1},
         largest_force=0.0,
         warning="",
     )
@@ -230,3 +231,43 @@ def test_the_whole_way_from_a_cell_to_an_answer(
     assert table["parts.friction"].tolist() == [0.2, 0.5, 0.2, 0.5]
     assert (result["verified"]["trials"], result["verified"]["seated"]) == (1, 1)
     assert re.search(r"predicted: \w+", capsys.readouterr().out)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "trials", "seated", "run", "said"),
+    [
+        ("certain", None, 4, 4, "certain"),
+        ("certain", None, 3, 4, "likely"),
+        ("certain", 0, 0, 0, "certain"),
+        ("likely", None, 0, 0, "likely"),
+        ("no", 2, 1, 2, "likely"),
+    ],
+)
+def test_insertions_are_simulated_beside_what_is_certain_and_turn_it(
+    monkeypatch: pytest.MonkeyPatch,
+    verdict: Verdict,
+    trials: int | None,
+    seated: int,
+    run: int,
+    said: str,
+) -> None:
+    link = at_most("one", 1.0, 2.0, "", "")
+    numbers = {"share": 1.0, "share_low": 0.9, "share_high": 1.0, "draws": 80}
+    design = Design(links=(link,), verdict=verdict, **numbers)  # type: ignore[arg-type]
+    simulated = []
+
+    def insert(scenario: object, seed: int, trial: int) -> Row:
+        simulated.append(trial)
+        return {"seated": float(trial < seated), "force": 0.0, "ending": "wedged"}
+
+    monkeypatch.setattr(design_answer, "assess", lambda *_: design)
+    monkeypatch.setattr("chamfer.analysis.design.design.insert_drawn", insert)
+    found = design_answer.answer(
+        DesignScenario(),
+        what_to_change=False,
+        axes=None,
+        trials=trials,
+        seed=0,
+        progress=lambda *_: None,
+    )
+    assert (found.verdict, len(simulated)) == (said, run)

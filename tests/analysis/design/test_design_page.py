@@ -45,6 +45,7 @@ def document() -> dict[str, Any]:
         "design": "insertion",
         "seed": 3,
         "verdict": "likely",
+        "predicted_verdict": "likely",
         "limiting_link": "two points",
         "margin": -0.25,
         "share": {"value": 0.5, "low": 0.43, "high": 0.57, "draws": 200},
