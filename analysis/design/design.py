@@ -19,6 +19,7 @@ from chamfer.analysis.design.insertion_links import (
     MODEL_ERROR,
     Starts,
     depth_link,
+    edge_forces,
     force_links,
     region_links,
     start_link,
@@ -38,12 +39,17 @@ from chamfer.analysis.insertion.cell_runs import (
     touch_row,
 )
 from chamfer.analysis.scenario.experiment import Progress
-from chamfer.models.peg_theory.fed_insertion import FeedVerdict as Planar
 from chamfer.models.peg_theory.fed_insertion import largest_push, limits
 
 Verdict = Literal["certain", "likely", "no"]
 
-_PLANAR: Final = ("chamfer", "wedging", "jamming", "push")  # links within which all goes in
+_PLANAR: Final = (
+    "chamfer",
+    "wedging",
+    "jamming",
+    "push",
+    "edge",
+)  # links within which all goes in
 _ARMS: Final = ("posture", "posture.limits", "torque", "loop")  # without which nothing goes in
 _SELDOM: Final = 0.05  # share of the drawn errors that could go in, below which it does not
 
@@ -186,17 +192,18 @@ def _inside(
     named = {link.name: link for link in links}
     if not (seen.seen and begun.any() and min(named[one].margin for one in _ARMS) >= 0):
         return 0, 0
-    if min(named[name].margin for name in _PLANAR) >= 0 and not named["edge"].bound:
-        return int(begun.sum()), int(begun.sum())
     starts = Starts.of(drawn._replace(time=np.where(begun, drawn.time, np.inf)))
-    lateral, tilt = starts
-    parts = scenario.there.parts
-    verdict = limits(parts, scenario.support_at, lateral, tilt).verdict
-    if named["push"].margin < 0:
-        push = scenario.insert.push
-        needed = largest_push(parts, scenario.support_at, lateral, tilt, depth=target_of(scenario))
-        verdict = np.where(needed < push, verdict, Planar.STOPPED)
-    return int(np.sum(verdict == Planar.SAFE)), int(np.sum(verdict != Planar.STOPPED))
+    safe = could = np.ones(len(starts.lateral), dtype=np.bool_)
+    if min(named[name].margin for name in _PLANAR) < 0:
+        parts, push = scenario.there.parts, scenario.insert.push
+        within = limits(parts, scenario.support_at, *starts)
+        could = ~within.misses
+        safe = could & within.inside & (edge_forces(scenario, starts) <= push)
+        if named["push"].margin < 0:
+            depth = target_of(scenario)
+            needed = largest_push(parts, scenario.support_at, *starts, depth=depth)
+            safe, could = safe & (needed < push), could & (needed < push)
+    return int(safe.sum() * min(seen.way)), int(could.sum())
 
 
 MOST_TRIALS: Final = 10_000

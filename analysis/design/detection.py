@@ -53,9 +53,10 @@ class Sight(NamedTuple):
     def seen(self) -> bool:
         """Whether the cameras see enough for an insertion to be begun and ended.
 
-        Where they lose the parts more often than not at two places in a row they are blind.
+        Where they lose the parts more often than not at two places in a row, or at the last one,
+        where the peg rests, they are blind.
         """
-        lost = any(max(pair) < _BLIND for pair in pairwise(self.way))
+        lost = any(max(pair) < _BLIND for pair in pairwise(self.way)) or self.way[-1] < _BLIND
         return self.starts > 0 and self.way[0] > 0 and not lost
 
 

@@ -8,7 +8,7 @@ from chamfer.analysis.design.changes import FIELDS, changes, smallest_change
 from chamfer.analysis.design.design import Design, assess, contradiction, interval
 from chamfer.analysis.design.design_scenario import DesignScenario, drawn_design, resolve_design
 from chamfer.analysis.design.detection import Sight
-from chamfer.analysis.design.insertion_links import Starts, edge_force, region_links, stiffened
+from chamfer.analysis.design.insertion_links import Starts, edge_forces, region_links, stiffened
 from chamfer.analysis.design.link import at_least, at_most, tightest
 from chamfer.analysis.design.remaining_errors import start_error
 from chamfer.analysis.scenario.scenario_io import make_scenario
@@ -131,6 +131,7 @@ def sees(*way: float) -> bool:
 def test_cameras_are_blind_where_two_places_in_a_row_are_mostly_lost() -> None:
     assert sees(1.0, 0.75, 1.0, 0.25, 1.0)
     assert not sees(1.0, 0.25, 0.25, 1.0)
+    assert not sees(1.0, 1.0, 0.25)  # where the peg rests
     assert not sees(0.0, 1.0, 1.0)
 
 
@@ -146,8 +147,11 @@ def test_wedging_is_that_of_the_draw_closest_to_its_limit() -> None:
 
 def test_a_rim_that_may_sit_on_the_edge_takes_a_push() -> None:
     upright = Starts(np.array([3e-3]), np.array([0.06]))  # errors that add
-    assert edge_force(CELL, upright) == 0.0
-    assert edge_force(CELL, Starts(upright.lateral, -upright.tilt)) > 0.0
+    assert edge_forces(CELL, upright) == [0.0]
+    # 2.5 N m/rad of both arms by their lever, a radius less friction on a chamfer of 45 degrees.
+    lever = CELL.parts.peg_radius * (1 - 0.45) / (1 + 0.45)
+    against = Starts(upright.lateral, -upright.tilt)
+    assert edge_forces(CELL, against) == pytest.approx(2.5 * 0.06 / lever, rel=0.01)
 
 
 def test_friction_stiffens_small_errors_more() -> None:
