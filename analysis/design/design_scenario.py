@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import Final, TypeVar
 
 from chamfer.analysis.cell.alignment_runs import Spread, drawn, require_starts
@@ -12,10 +11,7 @@ from chamfer.diagrams.insertion.insertion import (
     ResolvedInsertionScenario,
     resolve_as,
 )
-from chamfer.models.peg.peg_and_hole import PegHoleGeometry
-from chamfer.models.peg.support import Support
 from chamfer.models.validation import ParameterError
-from chamfer.systems.strategies.insertion_decision import InsertionRegion
 
 FEWEST: Final = 72  # draws, of which none inside says with 95 % that less than 5 % are
 _MOST_DRAWS: Final = 100_000
@@ -82,17 +78,7 @@ def drawn_design(scenario: ScenarioT, seed: int, trial: int) -> ScenarioT:
     return with_drawn_errors(one, seed, trial, share, OFF_AXIS) if share else one
 
 
-def region_of(scenario: ResolvedInsertionScenario) -> InsertionRegion:
-    """Return the errors with which the peg finds its hole and does not wedge, as is believed."""
-    return _region(scenario.parts, scenario.wedging_support)
-
-
 def target_of(scenario: ResolvedInsertionScenario) -> float:
     """Return how deep the tip is to be, m."""
     bore = scenario.parts.bore_depth
     return min(scenario.insert.depth, math.inf if bore is None else bore)
-
-
-@lru_cache(maxsize=64)
-def _region(parts: PegHoleGeometry, support: Support) -> InsertionRegion:
-    return InsertionRegion(parts, support)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.analysis.cell.alignment_runs import draw_errors, true_errors
-from chamfer.analysis.design.design_scenario import ResolvedDesignScenario, region_of
+from chamfer.analysis.design.design_scenario import ResolvedDesignScenario
 from chamfer.analysis.design.detection import Sight
 from chamfer.analysis.design.link import Link, at_least, at_most
 from chamfer.diagrams.cell.alignment_scenario import (
@@ -27,7 +27,7 @@ from chamfer.diagrams.cell.alignment_scenario import (
 from chamfer.diagrams.cell.controller_design import small_share
 from chamfer.diagrams.cell.work_cell import CellArmSettings
 from chamfer.diagrams.insertion.compiled_alignment import Draws, growth, run_alignments
-from chamfer.diagrams.insertion.insertion import task_params
+from chamfer.diagrams.insertion.insertion import region_of, task_params
 from chamfer.systems.pose import pose_vector
 from chamfer.systems.vision.cell_error import AXES
 
@@ -140,27 +140,31 @@ def settling_links(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> list
     source = "largest error as sure as it was decided by, of the drawn cells"
     if by_margin := scenario.decide.kind == "margin":
         source, margin = f"{source}; region less decide.margin", scenario.decide.margin
-    allowed = region.tilts_at(drawn.sure[:, 0]) - margin * region.rotation_limit
-    left = allowed - drawn.sure[:, 1]
-    row = int(np.argmin(left))
+    controller: SixAxisSettings | SixAxisPid = scenario.pid
+    if scenario.controller.kind == "fsm":
+        controller = scenario.compensator
+    limits = np.array([getattr(controller, kind).closed.limit for kind in ACROSS])
+    # Where the compensation has come to its limit, that is what is too small.
+    short = drawn.reach >= limits
+    sure = drawn.sure[~short.any(axis=1)] if not short.any(axis=1).all() else drawn.sure
+    allowed = region.tilts_at(sure[:, 0]) - margin * region.rotation_limit
+    row = int(np.argmin(allowed - sure[:, 1]))
     # Whoever waits for a margin decides as soon as there is one.
-    kept = by_margin and bool(drawn.decided.all())
-    lateral, most = float(drawn.sure[:, 0].max()), (1 - margin) * region.lateral_limit
-    tilt = float(drawn.sure[row, 1])
+    kept = by_margin and bool(np.isfinite(drawn.time[~short.any(axis=1)]).all())
+    lateral, most = float(sure[:, 0].max()), (1 - margin) * region.lateral_limit
+    tilt = float(sure[row, 1])
     links = [
         at_most("settled.lateral", lateral, most, "m", source, by_design=kept),
         at_most("settled.tilt", tilt, float(allowed[row]), "rad", source, by_design=kept),
     ]
     if scenario.compensated == "none":
         return links
-    controller: SixAxisSettings | SixAxisPid = scenario.pid
     if scenario.controller.kind == "fsm":
-        controller = scenario.compensator
         share = max(small_share(scenario, kind) for kind in KINDS)
         source = "increment over what the settling theorem allows for arms and dead time"
         links.append(at_most("settling", share, 1.0, "", source, by_design=share <= _DESIGNED))
-    source = "largest compensation of the drawn cells; its limit"
-    for need, (kind, unit) in zip(drawn.reach.max(axis=0), _UNITS.items(), strict=True):
-        limit = getattr(controller, kind).closed.limit
-        links.append(at_most(f"range.{kind}", float(need), limit, unit, source))
+    source = "largest compensation of the drawn cells, at its limit with what is left; its limit"
+    needs = (drawn.reach + np.where(short, drawn.sure, 0.0)).max(axis=0)
+    for need, limit, (kind, unit) in zip(needs, limits, _UNITS.items(), strict=True):
+        links.append(at_most(f"range.{kind}", float(need), float(limit), unit, source))
     return links

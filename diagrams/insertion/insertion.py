@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import ClassVar, Final, Self, TypeVar
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
@@ -162,6 +162,16 @@ def resolve_as(kind: type[ResolvedT], scenario: InsertionScenario) -> ResolvedT:
 TASK = "insertion task"
 
 
+def region_of(scenario: ResolvedInsertionScenario) -> InsertionRegion:
+    """Return the errors with which the peg finds its hole and does not wedge, as is believed."""
+    return _region(scenario.parts, scenario.wedging_support)
+
+
+@lru_cache(maxsize=64)
+def _region(parts: ColouredParts, support: Support) -> InsertionRegion:
+    return InsertionRegion(parts, support)
+
+
 def task_params(scenario: ResolvedInsertionScenario) -> InsertionTaskParams:
     """Return the parameters of the task's chart, of a resolved scenario."""
     parts = scenario.parts
@@ -169,7 +179,7 @@ def task_params(scenario: ResolvedInsertionScenario) -> InsertionTaskParams:
     return InsertionTaskParams(
         decide=scenario.decide,
         insert=scenario.insert,
-        region=InsertionRegion(parts, scenario.wedging_support),
+        region=region_of(scenario),
         chamfer_height=parts.chamfer_height,
         bottom=math.inf if parts.bore_depth is None else parts.bore_depth,
         gap=scenario.gap,
