@@ -14,6 +14,8 @@ from typing import Any, Final, TypeVar
 
 Value = TypeVar("Value")
 
+MOST_FRICTION: Final = 2.0  # of Coulomb's coefficients: more may be per cent or degrees
+
 _SHOWN: Final = Repr()  # looks at some elements only, so that a large value takes no time
 _SHOWN.maxtuple = _SHOWN.maxlist = _SHOWN.maxdict = 8
 _SHOWN.maxlevel = 2
@@ -75,7 +77,7 @@ def require_numbers(params: object, count: int, *names: str) -> None:
             raise ParameterError(name, values, f"{count} finite numbers")
 
 
-def require_positive(params: object, *names: str, most: float = math.inf) -> None:
+def require_positive(params: object, *names: str, most: float = math.inf, unit: str = "") -> None:
     """Raise :class:`ParameterError` unless every named field is finite, > 0 and <= ``most``.
 
     None, as a field is that is still open, is allowed, here and by :func:`require_not_negative`.
@@ -86,7 +88,8 @@ def require_positive(params: object, *names: str, most: float = math.inf) -> Non
         if not (math.isfinite(value) and value > 0):
             raise ParameterError(name, value, "a finite number > 0")
         if value > most:
-            raise ParameterError(name, value, f"a finite number > 0 and <= {most:g}")
+            allowed = f"a finite number > 0 and <= {most:g} {unit}".rstrip()
+            raise ParameterError(name, value, allowed)
 
 
 def require_all_positive(params: Any, *but: str) -> None:
@@ -111,12 +114,13 @@ def require_not_negative(params: object, *names: str) -> None:
             raise ParameterError(name, value, "a finite number >= 0")
 
 
-def require_between(params: object, low: float, high: float, *names: str) -> None:
+def require_between(params: object, low: float, high: float, *names: str, unit: str = "") -> None:
     """Raise :class:`ParameterError` unless every named field is from ``low`` to ``high``."""
     for name in names:
         value = getattr(params, name)
         if not low <= value <= high:
-            raise ParameterError(name, value, f"a number from {low:g} to {high:g}")
+            allowed = f"a number from {low:g} to {high:g} {unit}".rstrip()
+            raise ParameterError(name, value, allowed)
 
 
 def require_same(params: object, default: object, path: str, *names: str, why: str) -> None:

@@ -22,6 +22,7 @@ from chamfer.models.peg.part_surfaces import require_apart, rings
 from chamfer.models.peg.peg_and_hole import OF_CONTACT, ColouredParts, PegAndHole
 from chamfer.models.validation import (
     ParameterError,
+    require_not_negative,
     require_numbers,
     require_one_of,
     require_positive,
@@ -137,6 +138,7 @@ class AlignmentScenario(WorkCellScenario):
             choices = get_args(Compensated) if self.hole.kind == "arm" else _OF_ONE_ARM
             require_one_of(self, "compensated", choices)
         require_positive(self, "begin", "compensation_time", "motion_time", most=_LONGEST)
+        require_not_negative(self, "gap")
         require_numbers(self, 6, "initial_error")
         require_numbers(self, 3, "start_offset")
 

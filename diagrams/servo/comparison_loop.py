@@ -3,6 +3,7 @@
 One plant and one camera, and the two controllers that are designed for them from one number.
 """
 
+import warnings
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -16,7 +17,7 @@ from pydrake.systems.primitives import (
     RandomSource,
 )
 
-from chamfer.models.plants.measured_step import identify, read_step
+from chamfer.models.plants.measured_step import identify, read_step, unit_doubts
 from chamfer.models.plants.servo_plant import ServoPlantParams, TransferFunction, transfer_function
 from chamfer.models.validation import (
     ParameterError,
@@ -137,7 +138,11 @@ def what_is_open(scenario: ComparedLoopScenario) -> dict[str, Any]:
     plant = scenario.plant
     if plant.measured is not None and plant.identified is None:
         with within("plant"):
-            plant = replace(plant, identified=identify(read_step(Path(plant.measured))))
+            step = read_step(Path(plant.measured))
+            identified = identify(step)
+        plant = replace(plant, identified=identified)
+        for doubt in unit_doubts(step, identified):
+            warnings.warn(f"plant.measured is {plant.measured!r}: {doubt}", stacklevel=2)
     with within("camera"):
         bound = scenario.camera.measurement.bound
     height, tolerance = scenario.desired.amplitude, scenario.tolerance

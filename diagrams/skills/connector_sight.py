@@ -11,7 +11,7 @@ from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer
 
 from chamfer.diagrams.skills.vision_servo import GREEN, STATIC, CameraBelief, add_camera, block
 from chamfer.models.arms.wrist import SIZE
-from chamfer.models.cameras.camera import Camera, CameraPlacement, View
+from chamfer.models.cameras.camera import LARGEST_PIXEL, Camera, CameraPlacement, View
 from chamfer.models.connectors.connector import Array, Connector
 from chamfer.models.peg.peg_and_hole import BLUE, RED
 from chamfer.models.validation import require_numbers, require_positive
@@ -58,7 +58,8 @@ class SightSettings:
     motion: GraspAndTransportParams = GraspAndTransportParams()
 
     def __post_init__(self) -> None:
-        require_positive(self, "distance", "pixel_size")
+        require_positive(self, "distance")
+        require_positive(self, "pixel_size", most=LARGEST_PIXEL, unit="m")
         require_numbers(self, 3, "middle", "plug", "standby")
 
     def resolved(self, *, top: float, weight: float) -> "ResolvedSightSettings":

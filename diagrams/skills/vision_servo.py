@@ -11,7 +11,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSyst
 from pydrake.systems.primitives import ConstantVectorSource, Integrator
 
 from chamfer.models.arms.wrist import tip_pose
-from chamfer.models.cameras.camera import Camera, CameraPlacement, View
+from chamfer.models.cameras.camera import LARGEST_PIXEL, Camera, CameraPlacement, View
 from chamfer.models.peg.peg_and_hole import BLUE, RED, Colour
 from chamfer.models.validation import (
     require_finite,
@@ -105,8 +105,9 @@ class VisionServoSetup:
     servoing: ServoingParams = ServoingParams()
 
     def __post_init__(self) -> None:
-        require_positive(self, "distance", "height", "pixel_size")
-        require_finite(self, "gap", "angle")
+        require_positive(self, "distance", "height", "gap")
+        require_positive(self, "pixel_size", most=LARGEST_PIXEL, unit="m")
+        require_finite(self, "angle")
         require_numbers(self, 3, "lever")
 
     def camera(self, view: View) -> Camera:

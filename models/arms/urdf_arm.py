@@ -84,8 +84,7 @@ def _arm(root: Element, path: Path, tool_frame: str | None) -> SerialArm:
     names = [_name(link) for link in root.findall("link")]
     chain = _chain(above, names, tool_frame)
     rotors = _rotor_inertia(root)
-    for link in root.findall("link"):
-        _require_body(link)
+    _require_inertia(above, chain, [one for one in root.findall("link") if _is_body(one)])
     joint_names = [_name(joint) for joint in chain.moving]
     lower, upper, torque, friction = zip(*map(_limits, chain.moving), strict=True)
     _make_plain(root, chain, path)
@@ -229,13 +228,29 @@ def _number(joint: Element, element: Element | None, name: str) -> float:
     return value
 
 
-def _require_body(link: Element) -> None:
-    """Refuse a link with an inertia that no body has: Drake would put another one in its place."""
+def _require_inertia(above: dict[str, Element], chain: _Chain, bodies: list[Element]) -> None:
+    """Refuse an arm with a joint that moves nothing of its own; the last one has the tool."""
+    moved = set()
+    for link in bodies:
+        joint = above.get(_name(link))
+        while joint is not None and joint not in chain.moving:
+            joint = above.get(_end(joint, "parent"))
+        moved.add(joint)
+    if idle := [_name(joint) for joint in chain.moving[:-1] if joint not in moved]:
+        told = f"in which every joint moves a link with mass and inertia, unlike {', '.join(idle)}"
+        raise UnfitError(told)
+
+
+def _is_body(link: Element) -> bool:
+    """Return whether a link has mass and inertia.
+
+    An inertia that no body has is refused: Drake would put another one in its place.
+    """
     inertial = link.find("inertial")
     mass = None if inertial is None else inertial.find("mass")
     inertia = None if inertial is None else inertial.find("inertia")
     if mass is None or inertia is None:
-        return  # no weight, or what Drake refuses
+        return False  # no weight, or what Drake refuses
     try:
         weight = float(mass.get("value", "nan"))
         xx, yy, zz, xy, xz, yz = (
@@ -247,7 +262,7 @@ def _require_body(link: Element) -> None:
     if weight >= 0 and np.isfinite(matrix).all() and math.isfinite(weight):
         least, middle, most = np.linalg.eigvalsh(matrix)
         if least >= 0 and least + middle >= most * (1 - _ROUNDED):
-            return
+            return bool(weight > 0 and most > 0)
     raise UnfitError(f"in which link {_name(link)!r} has mass and inertia as bodies have")
 
 

@@ -145,6 +145,7 @@ _AXES: dict[View, tuple[tuple[int, int, int], ...]] = {
 }
 
 
+LARGEST_PIXEL: Final = 0.01  # m, that a pixel covers at the parts
 _LARGEST: Final = 10_000  # pixels, width and height of an image
 _OBLONG: Final = 4  # longer over shorter side of a pixel, at most
 
@@ -332,7 +333,8 @@ class CameraStand:
     height: int = 240  # pixels, section 4
 
     def __post_init__(self) -> None:
-        require_positive(self, "distance", "pixel_size")
+        require_positive(self, "distance")
+        require_positive(self, "pixel_size", most=LARGEST_PIXEL, unit="m")
         require_finite(self, "roll")
         for name in ("width", "height"):
             value = getattr(self, name)

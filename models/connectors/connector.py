@@ -30,8 +30,10 @@ from pydrake.multibody.tree import RigidBody
 
 from chamfer.models.peg.bore_contact import point_contact
 from chamfer.models.validation import (
+    MOST_FRICTION,
     ParameterError,
     require_all_positive,
+    require_between,
     require_not_negative,
     require_one_of,
     require_positive,
@@ -65,7 +67,8 @@ class ContactMaterial:
 
     def __post_init__(self) -> None:
         require_positive(self, "stiffness")
-        require_not_negative(self, "dissipation", "friction")
+        require_not_negative(self, "dissipation")
+        require_between(self, 0, MOST_FRICTION, "friction")
 
 
 class Connector(Protocol):

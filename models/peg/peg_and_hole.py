@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.models.validation import (
+    MOST_FRICTION,
     ParameterError,
     require_not_negative,
     require_one_of,
@@ -50,7 +51,8 @@ class PegHoleGeometry:
     chamfer_angle: float = math.pi / 4  # rad, of both, from the end face; assumed, not published
 
     def __post_init__(self) -> None:
-        require_positive(self, "hole_radius", "peg_radius", "friction")
+        require_positive(self, "hole_radius", "peg_radius")
+        require_positive(self, "friction", most=MOST_FRICTION)
         require_not_negative(self, "chamfer_width")
         if not self.peg_radius < self.hole_radius:
             allowed = f"less than the hole's radius, {self.hole_radius!r}"

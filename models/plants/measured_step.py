@@ -2,6 +2,7 @@
 
 import csv
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -21,6 +22,8 @@ _RATIOS: Final = (0.02, 0.2, 0.7)  # with which a fit is begun
 _LEAST_RATIO: Final = 1e-4  # of a plant with one lag: the second is a ten thousandth of it
 _MOST_RATIO: Final = 25.0  # damping ratio 0.1
 _PARAMETERS: Final = 4
+_LONGEST: Final = 100.0  # s, of a step as an arm makes it
+_LEAST_GAIN: Final = 0.01  # of a plant whose position is to be what is commanded; 1 over the most
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,6 +107,16 @@ def read_step(path: Path) -> MeasuredStep:
 _ALLOWED: Final = (
     f"a CSV file with the columns {', '.join(COLUMNS)}, finite numbers, {_LEAST_ROWS} rows or more"
 )
+
+
+def unit_doubts(step: MeasuredStep, plant: IdentifiedPlant) -> Iterator[str]:
+    """Yield in what a step seems to have been written down in other units, none if it does not."""
+    lasts = float(step.time[-1] - step.time[0])
+    if lasts > _LONGEST:
+        yield f"it lasts {lasts:.4g} s; is its time in s, not in ms?"
+    if not _LEAST_GAIN < plant.gain < 1 / _LEAST_GAIN:
+        moved = f"its position changes by {plant.gain:.4g} times its command"
+        yield f"{moved}; are both in m, none in mm?"
 
 
 def identify(step: MeasuredStep) -> IdentifiedPlant:

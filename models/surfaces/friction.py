@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.models.validation import (
+    MOST_FRICTION,
     ParameterError,
+    require_between,
     require_finite,
     require_not_negative,
     require_positive,
@@ -39,6 +41,7 @@ class SurfaceFriction:
         if not least <= self.coefficient < math.inf:
             allowed = f"a finite number >= {least:g}, so that friction is nowhere negative"
             raise ParameterError("coefficient", self.coefficient, allowed)
+        require_between(self, least, max(least, MOST_FRICTION), "coefficient")
 
     def at(self, p: Vector) -> float:
         """Return the coefficient at a point, shape (d,), m."""

@@ -75,7 +75,7 @@ def _add_levels(image: Image, levels: Levels, draw: NDArray[np.uint16], noisy: I
         noisy[k] = max(0, min(255, int(image[k]) + int(levels[draw[k]])))
 
 
-_PERIODS: Final = (1e-4, 1e3)  # s, the least one of high-speed cameras
+_PERIODS: Final = (1e-4, 1.0)  # s, the least one of high-speed cameras; more may be in Hz
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +89,7 @@ class FrameGrabberParams:
     miss: float = 0.0  # probability that a frame is dropped; as for noise
 
     def __post_init__(self) -> None:
-        require_between(self, *_PERIODS, "period")
+        require_between(self, *_PERIODS, "period", unit="s, not Hz")
         require_not_negative(self, "offset")
         if not (isinstance(self.latency, int) and 0 <= self.latency <= 100):
             raise ParameterError("latency", self.latency, "a whole number from 0 to 100")

@@ -18,6 +18,7 @@ from chamfer.models.validation import (
 )
 from chamfer.systems.primitives.correlation import Correlation, Phasors
 from chamfer.systems.primitives.primitive import (
+    FASTEST,
     STILL,
     Event,
     Observation,
@@ -98,7 +99,8 @@ class GuardedMove(Directed):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "speed", "threshold", "limit")
+        require_positive(self, "threshold", "limit")
+        require_positive(self, "speed", most=FASTEST, unit="m/s or rad/s")
         require_not_negative(self, "sure")
 
     @property

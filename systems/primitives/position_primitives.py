@@ -21,6 +21,7 @@ from chamfer.models.validation import (
 )
 from chamfer.systems.primitives.force_primitives import Directed, along
 from chamfer.systems.primitives.primitive import (
+    FASTEST,
     STILL,
     Event,
     Observation,
@@ -48,7 +49,8 @@ class Place(Primitive):
     WORD: ClassVar[str] = "place"
 
     def __post_init__(self) -> None:
-        require_positive(self, "speed", "tolerance")
+        require_positive(self, "tolerance")
+        require_positive(self, "speed", most=FASTEST, unit="m/s")
         require_numbers(self, 3, "offset")
 
     @property

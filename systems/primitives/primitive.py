@@ -16,6 +16,9 @@ Event = Literal["done", "contact", "lost", "hindered", "jammed"]
 EVENTS: Final[tuple[Event, ...]] = get_args(Event)
 STILL: Final[Vector] = (0.0,) * 6
 TICK: Final = 0.01  # s
+# m/s and rad/s, faster than arms are: what commands more was given in other units.
+FASTEST: Final = 3.0
+FASTEST_TURN: Final = 10.0
 
 
 class Observation(NamedTuple):

@@ -22,6 +22,8 @@ from chamfer.models.validation import (
 )
 from chamfer.systems.primitives.force_primitives import AXIS_NAMES
 from chamfer.systems.primitives.primitive import (
+    FASTEST,
+    FASTEST_TURN,
     STILL,
     Event,
     Observation,
@@ -74,6 +76,10 @@ class MoveDx(_Timed):
     def __post_init__(self) -> None:
         require_positive(self, "duration")
         require_numbers(self, 6, "displacement")
+        speeds = [abs(rate) for rate in self.velocity(0.0)]
+        if max(speeds[:3]) > FASTEST_TURN or max(speeds[3:]) > FASTEST:
+            allowed = f"at most {FASTEST_TURN:g} rad/s and {FASTEST:g} m/s, in {self.duration:g} s"
+            raise ParameterError("displacement", self.displacement, allowed)
 
     @property
     def label(self) -> str:
@@ -110,6 +116,11 @@ class Dither(_Timed):
         require_one_of(self, "axis", AXES)
         require_finite(self, "amplitude")
         require_positive(self, "frequency", "cycles")
+        w = 2 * math.pi * self.frequency
+        most, unit = (FASTEST, "m") if self.kind == "linear" else (FASTEST_TURN, "rad")
+        if w * abs(self.amplitude) > most:
+            allowed = f"at most {most / w:.3g} {unit}, {most:g} {unit}/s at {self.frequency:g} Hz"
+            raise ParameterError("amplitude", self.amplitude, allowed)
 
     @property
     def duration(self) -> float:
@@ -169,7 +180,8 @@ class Spiral(_Timed):
     WORD: ClassVar[str] = "spiral"
 
     def __post_init__(self) -> None:
-        require_positive(self, "speed", "pitch", "radius")
+        require_positive(self, "pitch", "radius")
+        require_positive(self, "speed", most=FASTEST, unit="m/s")
 
     @property
     def duration(self) -> float:

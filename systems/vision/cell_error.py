@@ -10,7 +10,12 @@ from pydrake.math import RotationMatrix
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from pydrake.systems.framework import State as DrakeState
 
-from chamfer.models.validation import ParameterError, require_finite, require_positive
+from chamfer.models.validation import (
+    ParameterError,
+    require_finite,
+    require_not_negative,
+    require_positive,
+)
 from chamfer.systems.cameras.software_camera import PosePorts
 from chamfer.systems.vision.part_detection import ContinuityParams
 from chamfer.systems.vision.part_detector import ERROR_SIZE
@@ -100,7 +105,8 @@ class CellErrorParams:
     continuity: ContinuityParams = field(default_factory=ContinuityParams)
 
     def __post_init__(self) -> None:
-        require_finite(self, "gap", "begin")
+        require_finite(self, "begin")
+        require_not_negative(self, "gap")
         require_positive(self, "period", "latency")
         if not self.most_misses >= 0:
             raise ParameterError("most_misses", self.most_misses, "a whole number >= 0")

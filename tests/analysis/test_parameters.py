@@ -50,6 +50,7 @@ INFINITE = {
 MAY_BE_ZERO = """
     AlignmentComparisonScenario: tuning_trials; Appearance: hue hue_width
     saturation; AxisSensorParams: noise;
+    AccuracyScenario: gap; AlignmentScenario: gap; CellErrorParams: gap; ConditionsScenario: gap;
     BaseCompensationParams: rest_speed; BlindFeedScenario: tilt; BoardPoses: roll tilt;
     CameraErrorParams: latency noise resolution; CameraErrorsScenario: drawn off_axis points;
     CartesianManipulatorParams: damping; CellArmSettings: payload_error; CellErrorParams:
@@ -59,7 +60,8 @@ MAY_BE_ZERO = """
     CorrelatorParams: amplitude_threshold threshold; CrucibleWallSettings: lean; DConnector:
     pin_funnel side_angle; DConnectorSkillParams: push_dither settle_amplitude twist_amplitude;
     DSection: side_angle; Disturbances: friction lost noise plant; DrawnCameras: aspect k3
-    principal_point tangential; EncoderParams: bandwidth; FaultParams: delay item;
+    principal_point tangential; DrawnDesignsScenario: unchamfered; EncoderParams: bandwidth;
+    FaultParams: delay item;
     FedCellScenario: rest; FeedScenario: rest; FixedPointRotation: moved;
     ForceRateSensorParams: force_noise force_rate_noise; FrameGrabberParams: latency miss noise
     offset; GraspAndTransportParams: weight; GripperCompliance: damping; GuardedMotionParams:
@@ -87,8 +89,7 @@ MAY_BE_NEGATIVE = """
     AxisSensorParams: bias; BlindFeedScenario: lateral; CameraModel: roll; CameraSettings:
     most_misses; CameraStand: roll; CellErrorParams: begin; Centre: offset;
     ChargingParams: lean; ControllerSettings: computation_delay computation_jitter;
-    ConvergenceScenario: stuck_tilt; DecisionParams: margin; Dither: amplitude;
-    DivergenceParams: size;
+    ConvergenceScenario: stuck_tilt; DecisionParams: margin; DivergenceParams: size;
     FixedPointRotation: angle; FsmRule: dead_zone divider period; InitialErrors: lateral
     rotation; InsertParams: freeze_depth; LeadSettings: sideways; ObserverSettings: average;
     OpenSupport: centre_distance; PegInsertionScenario: lateral; PidParams: derivative integral
@@ -105,29 +106,31 @@ BOUNDS = """
     hue<=255 hue_width<=127 saturation<=255 value<=255 end_ratio<=1 band<=1 seen<=1 area>=2
     length>=2; AxisParams: divider>=1; BlindFeedScenario: tilt<pi/4 feed>0.046; BncConnector:
     overlap>0.00485 spring_travel<0.00846 spring_radius<0.0038; CalibrationScenario:
-    pictures>=4; CameraPlacement: width<=10000 height<=10000; ChargingCampaignScenario:
-    trials<=1000; ChargingParams: approach_speed<=0.1 lean<=pi/3 near<0.03; ColouredParts:
-    chamfer_angle<pi/2 peg_chamfer_angle<pi/2; ConditionsCameras: noise<=60;
-    ConditionsScenario: pictures<=10000; CorrelatorParams: samples>=4; CrucibleWallSettings:
-    lean<=0.2; DConnector: side_angle<pi/4 lead_in<0.00259 pin_depth<0.0056;
-    DConnectorSkillParams: limit_share>=1 free_share<=2.5; DecisionParams: margin<1 frames>=2
-    frames<=1000; DivergenceParams: factor>1; DrawnCameras: aspect<=0.5; DrawnCells:
-    draws<=10000; FixedPointRotation: angle<pi/2; FrameGrabberParams: latency<=100 noise<=60
-    miss<=1 period>=0.0001 period<=1000; HybridStabilityScenario: points>=2 points<=1000;
-    InsertParams: attempts<=100 push<15 pull<15; InsertionMapScenario: points<=101
-    largest_tilt<pi/4; JointFrictionParams: breakaway>=1; LayerSettings: tilt<=0.5; MapParams:
-    points>=2; ModelErrorParams: stiffness<1; ModelErrorScenario: trials<=1000
-    stiffness_error<1 latest<=10; ObserverComparisonScenario: trials<=10000 vision_error<1;
-    PegAndHole: peg_chamfer_share<=1 peg_radius<0.010035 outer_radius>0.012035;
-    PegInsertionScenario: depth<=0.06; RippledPlane: tilt<pi/2; Rj45Connector: travel<0.0215
-    latch_deflection<0.0012 latch_angle<pi/4 contact_deflection<0.0005;
+    pictures>=4; CameraPlacement: width<=10000 height<=10000 pixel_size<=0.01;
+    ChargingCampaignScenario: trials<=1000; ChargingParams: approach_speed<=0.1 lean<=pi/3
+    near<0.03; ColouredParts: chamfer_angle<pi/2 peg_chamfer_angle<pi/2; ConditionsCameras:
+    noise<=60; ConditionsScenario: pictures<=10000; ContactMaterial: friction<=2;
+    CorrelatorParams: samples>=4; CrucibleWallSettings: lean<=0.2; DConnector: side_angle<pi/4
+    lead_in<0.00259 pin_depth<0.0056; DConnectorSkillParams: limit_share>=1 free_share<=2.5;
+    DecisionParams: margin<1 frames>=2 frames<=1000; DivergenceParams: factor>1; DrawnCameras:
+    aspect<=0.5; DrawnCells: draws<=10000; FixedPointRotation: angle<pi/2; FrameGrabberParams:
+    latency<=100 noise<=60 miss<=1 period>=0.0001 period<=1; GuardedMove: speed<=3;
+    HybridStabilityScenario: points>=2 points<=1000; InsertParams: attempts<=100 push<15
+    pull<15; InsertionMapScenario: points<=101 largest_tilt<pi/4; JointFrictionParams:
+    breakaway>=1; LayerSettings: tilt<=0.5; MapParams: points>=2; ModelErrorParams:
+    stiffness<1; ModelErrorScenario: trials<=1000 stiffness_error<1 latest<=10;
+    ObserverComparisonScenario: trials<=10000 vision_error<1; PegAndHole: peg_chamfer_share<=1
+    peg_radius<0.010035 outer_radius>0.012035; PegHoleGeometry: friction<=2;
+    PegInsertionScenario: depth<=0.06; Place: speed<=3; RippledPlane: tilt<pi/2; Rj45Connector:
+    travel<0.0215 latch_deflection<0.0012 latch_angle<pi/4 contact_deflection<0.0005;
     Rj45ConnectorSkillParams: push_growth>1; RoundPeg: depth<0.024 hole_length>0.015;
     ScenarioSpread: friction<1 obstacles<=1 mating_force>=1 tight<=1 focal<1 wrist_stiffness<1;
     SceneStyle: face<=1 bore<=1; Seat: growth>1; SensorParams: vignetting<=1; Servoing: gain<1;
-    Spread: payload<1 joint_friction<1 link_mass<1; StationLayout: rim_height>0.36;
+    SightSettings: pixel_size<=0.01; Spiral: speed<=3; Spread: payload<1 joint_friction<1
+    link_mass<1; StationLayout: rim_height>0.36; SurfaceFriction: coefficient<=2;
     SurfaceScenario: trials<=1000; TiltSearchParams: angle<pi/6; UnknownWallSettings:
-    tilt<=pi/4; VisionPrimitivesScenario: focal_error<1; WedgingScenario: points>=2
-    points<=100000
+    tilt<=pi/4; VisionPrimitivesScenario: focal_error<1; VisionServoSetup: pixel_size<=0.01;
+    WedgingScenario: points>=2 points<=100000
 """
 # Series of numbers that may not be empty, and what each of them is.
 SERIES = """
@@ -140,7 +143,8 @@ SERIES = """
     WristParams: stiffness>0
 """
 # Whose sign is a matter of the class or of another field.
-OPEN = {"Appearance.front", "gap", "large_error", "peg_chamfer_share", "LeadSettings.speed"}
+OPEN = {"large_error", "peg_chamfer_share"}
+OPEN |= {"Appearance.front", "Dither.amplitude", "LeadSettings.speed", "WorkCellScenario.gap"}
 # Tuples whose length the file's reader checks, or that may be of several.
 OF_ANY_LENGTH = UNCHECKED | {
     *("Appearance", "BoardPoses", "DrawnCameras", "DrawnDesignsScenario", "MapParams"),

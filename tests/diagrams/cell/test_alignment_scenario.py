@@ -85,6 +85,7 @@ def test_pixels_too_large_for_the_parts_are_refused() -> None:
 
 
 NO_ERROR = (0.0,) * 6
+IN = (0.04, 0.0, 0.0)  # m, of the tip, to 1 cm into the bore
 CELL_START_APART = AlignmentScenario(initial_error=NO_ERROR)
 DOWN = replace(CELL_START_APART, axis="downwards", hole=replace(HOLE_ARM, kind="fixture"))
 
@@ -94,8 +95,8 @@ DOWN = replace(CELL_START_APART, axis="downwards", hole=replace(HOLE_ARM, kind="
     ("change", "name"),
     [
         # In the bore but not in line with it, or on its bottom.
-        ({"gap": -0.01, "initial_error": (0.0, 0.006, 0.0, 0.0, 0.0, 0.0)}, "gap"),
-        ({"gap": -0.01, "initial_error": (0.0, 0.0, 0.0, 0.0, 0.1, 0.0)}, "gap"),
+        ({"start_offset": (0.04, 0.006, 0.0)}, "start_offset"),
+        ({"start_offset": IN, "initial_error": (0.0, 0.0, 0.0, 0.0, 0.1, 0.0)}, "initial_error"),
         # Into the front face, at once, or on the way past it.
         ({"start_offset": (0.035, 0.0, 0.01)}, "start_offset"),
         ({"start_offset": (0.06, 0.0, 0.035)}, "initial_error"),
@@ -122,7 +123,7 @@ def test_arms_that_are_elsewhere(name: str, arm: Any) -> None:
 @pytest.mark.parametrize(
     "change",
     [
-        {"gap": -0.01},  # in line
+        {"start_offset": IN},
         {"gap": 0.0},
         {"gap": 0.002, "initial_error": (0.0, 0.01, 0.0, 0.0, 0.1, 0.1)},
         {"start_offset": (-0.03, 0.02, 0.03), "initial_error": (0.0, 0.01, 0.01, 0.0, 0.1, 0.1)},
@@ -134,10 +135,11 @@ def test_parts_that_are_apart(cell: AlignmentScenario, change: dict[str, Any]) -
 
 def test_the_bottom_of_a_blind_bore_is_material() -> None:
     parts = ColouredParts(bore_depth=0.02)
-    touching = InsertionScenario(initial_error=NO_ERROR, parts=parts, gap=-0.0199)
-    require_start_apart(touching)
-    with pytest.raises(ParameterError, match=r"^gap is -0\.0201, .* they overlap by 0\.1 mm$"):
-        require_start_apart(replace(touching, gap=-0.0201))
+    cell = InsertionScenario(initial_error=NO_ERROR, parts=parts)
+    require_start_apart(replace(cell, start_offset=(cell.gap + 0.0199, 0.0, 0.0)))
+    touching = replace(cell, start_offset=(cell.gap + 0.0201, 0.0, 0.0))
+    with pytest.raises(ParameterError, match=r"^start_offset is .* they overlap by 0\.1 mm$"):
+        require_start_apart(touching)
 
 
 FIXTURE = replace(HOLE_ARM, kind="fixture")

@@ -132,6 +132,8 @@ def test_link_that_carries_the_tool(write: Write) -> None:
         '<parent link="tool"/><child link="eye"/></joint><transmission name',
     )
     assert chosen_arm(three, None).flange == "eye"
+    for carried in ("1.1", "0.2"):  # by what is fixed to it, and by the tool
+        assert chosen_arm(write(f'<mass value="{carried}"/>', '<mass value="0"/>'), None)
 
 
 def test_the_end_of_several_arms_has_to_be_chosen(write: Write) -> None:
@@ -168,6 +170,7 @@ def test_the_end_of_several_arms_has_to_be_chosen(write: Write) -> None:
         ('name="tool"', "", "every link has a name"),
         ('<mass value="1.1"/>', '<mass value="-1.1"/>', "'hand_1' has mass and inertia as"),
         ('ixx="0.03"', 'ixx="0.3"', "'forearm' has mass and inertia as"),
+        ('<mass value="6.0"/>', '<mass value="0"/>', "a link with mass and inertia, unlike lift"),
         ('<origin xyz="0 0 0.17"/>', '<origin xyz="0 0 up"/>', "that Drake can read"),
         ('name="foot" type="fixed"', 'name="foot" type="planar"', "'foot' is planar"),
     ],
