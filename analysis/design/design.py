@@ -130,10 +130,13 @@ def _bounds(
     count = len(starts.lateral)
     if not count:
         return {}
+    slowest = MODEL_ERROR["time"] * float(drawn.time[drawn.decided].max())
+    if scenario.decide.kind == "margin":
+        slowest = min(slowest, scenario.decide.timeout)
     found = {
         "lateral": (float(starts.lateral.max()), "m"),
         "tilt": (float(np.abs(starts.tilt).max()), "rad"),
-        "time": (MODEL_ERROR["time"] * float(drawn.time[drawn.decided].max()), "s"),
+        "time": (slowest, "s"),
     }
     if all_inside:
         found |= {
