@@ -25,7 +25,7 @@ from chamfer.analysis.design.insertion_links import (
     start_link,
     time_link,
 )
-from chamfer.analysis.design.link import Link, tightest
+from chamfer.analysis.design.link import Link, supposed, tightest
 from chamfer.analysis.design.remaining_errors import (
     DrawnErrors,
     drawn_cells,
@@ -50,7 +50,6 @@ _PLANAR: Final = (
     "push",
     "edge",
 )  # links within which all goes in
-_ARMS: Final = ("posture", "posture.limits", "torque", "loop")  # without which nothing goes in
 _SELDOM: Final = 0.05  # share of the drawn errors that could go in, below which it does not
 
 
@@ -167,10 +166,11 @@ def chain(scenario: ResolvedDesignScenario, seen: Sight, drawn: DrawnErrors) -> 
 
     Where no drawn errors become small enough to insert, the chain ends there.
     """
+    loop, saturated = loop_links(scenario, drawn)
     links = [
         *sight_links(scenario, seen),
-        *path_links(scenario),
-        *loop_links(scenario, drawn),
+        *supposed([*path_links(scenario), loop]),
+        saturated,
         start_link(scenario),
         *settling_links(scenario, drawn),
         *time_link(scenario, drawn),
@@ -193,7 +193,8 @@ def _inside(
     """Return how many draws are inside all limits, and how many could go in."""
     begun = (drawn.force <= scenario.insert.force_limit) & drawn.decided
     named = {link.name: link for link in links}
-    if not (seen.seen and begun.any() and min(named[one].margin for one in _ARMS) >= 0):
+    kept = all(link.margin >= 0 for link in links if link.supposed)
+    if not (seen.seen and begun.any() and kept):
         return 0, 0
     starts = Starts.of(drawn._replace(time=np.where(begun, drawn.time, np.inf)))
     safe = could = np.ones(len(starts.lateral), dtype=np.bool_)

@@ -114,7 +114,7 @@ def path_links(scenario: ResolvedDesignScenario) -> list[Link]:
 
     straight = min(path, key=lambda one: one.singular_value)
     reached = straight.singular_value > 0
-    said = f"{straight.joint} is at {straight.angle:.3g} rad" if reached else "out of reach"
+    said = f"{straight.joint} is at {straight.angle:.3g} rad{'' if reached else ', out of reach'}"
     least = impedance.smallest_singular_value
     source = f"smallest singular value of the Jacobian along the feed: {where(straight)}, {said}"
     ends = min(path, key=lambda one: one.to_limit)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -16,6 +16,9 @@ class Link:
     unit: str
     source: str  # where the numbers come from
     by_design: bool = False  # whether the margin is what the controllers are designed to keep
+    supposed: bool = (
+        False  # whether the other links suppose that it is kept, as that an arm reaches
+    )
 
     @property
     def share(self) -> float:
@@ -45,13 +48,20 @@ def at_least(
     return Link(name, bound, allowed, bound - allowed, unit, source, by_design)
 
 
+def supposed(links: Iterable[Link]) -> list[Link]:
+    """Return links as such that the others suppose to be kept."""
+    return [replace(link, supposed=True) for link in links]
+
+
 def tightest(links: Iterable[Link]) -> Link:
     """Return the link with the smallest share left, of those that are not kept by design.
 
     A bound without an end is a consequence: if links before it are beyond their limits, the one
-    that is so the furthest is the tightest.
+    that is so the furthest is the tightest. Of links that the others suppose to be kept, one
+    beyond its limit comes first.
     """
     chain = list(links)
+    chain = [link for link in chain if link.supposed and link.margin < 0] or chain
     least = min(chain, key=_rank)
     if math.isinf(least.bound):
         causes = [link for link in chain[: chain.index(least)] if -math.inf < link.share < 0]

@@ -9,7 +9,7 @@ from chamfer.analysis.design.design import Design, assess, contradiction, interv
 from chamfer.analysis.design.design_scenario import DesignScenario, drawn_design, resolve_design
 from chamfer.analysis.design.detection import Sight
 from chamfer.analysis.design.insertion_links import Starts, edge_forces, region_links, stiffened
-from chamfer.analysis.design.link import at_least, at_most, tightest
+from chamfer.analysis.design.link import at_least, at_most, supposed, tightest
 from chamfer.analysis.design.remaining_errors import start_error
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.models.peg_theory.wedging import rotation_bounds
@@ -122,6 +122,9 @@ def test_the_tightest_link_is_the_one_with_the_least_share_left() -> None:
     # A bound without end is said to follow from a link before it that is not kept.
     assert tightest([tilt, rest, never, edge]) is rest
     assert tightest([tilt, never, rest, edge]) is never
+    # Nothing is said of the way in by an arm that does not get there.
+    (straight,) = supposed([at_least("posture", 0.0, 0.05, "", "")])
+    assert tightest([straight, never, rest, edge]) is straight
 
 
 def sees(*way: float) -> bool:

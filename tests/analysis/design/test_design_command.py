@@ -110,6 +110,7 @@ def test_folder_has_the_result_the_page_and_the_scenario(
         "unit": "rad",
         "source": "theory",
         "by_design": False,
+        "supposed": False,
         "share": pytest.approx(0.4),
     }
     assert [settling[name] for name in ("bound", "margin", "share")] == [None] * 3
