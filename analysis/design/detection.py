@@ -28,6 +28,7 @@ _BLIND: Final = 0.5  # share of the pictures in which they are found, below whic
 _NEAR: Final = 0.2  # of the gap, from which on places follow each other closely
 _PLACES: Final = 12  # from there to the depth
 _FAR: Final = 4  # before
+_COASTS: Final = 0.05  # s, of the feed, that the peg goes on once it is deep enough
 _CAMERA_DRAWS: Final = 8  # of the cameras' errors, of which the largest bias counts
 
 
@@ -53,10 +54,9 @@ class Sight(NamedTuple):
     def seen(self) -> bool:
         """Whether the cameras see enough for an insertion to be begun and ended.
 
-        Where they lose the parts more often than not at two places in a row, or at the last one,
-        where the peg rests, they are blind.
+        Where they lose the parts more often than not at two places in a row they are blind.
         """
-        lost = any(max(pair) < _BLIND for pair in pairwise(self.way)) or self.way[-1] < _BLIND
+        lost = any(max(pair) < _BLIND for pair in pairwise(self.way))
         return self.starts > 0 and self.way[0] > 0 and not lost
 
 
@@ -67,12 +67,14 @@ def sight(scenario: ResolvedDesignScenario) -> Sight:
     light and lenses, measured with the believed ones; if ``spread.cameras`` is not zero, the
     largest of as many drawn cameras. Parts are sought in pictures with noise: at the gap, at
     corners of the starts, and on the way into the hole, where the peg hides more and more of the
-    mouth. How far noise moves the measurement is
+    mouth, up to where it comes to rest. How far noise moves the measurement is
     :func:`chamfer.systems.vision.part_detector.measurement_spread`.
     """
     starts, share = _corners(scenario), scenario.spread.cameras
     tilt = scenario.compensator.rotational.dead_zone or 0.0
-    way = _Way(target_of(scenario), scenario.spread.lateral / 2, tilt, scenario.pictures)
+    bore = scenario.parts.bore_depth or math.inf
+    depth = min(target_of(scenario) + _COASTS * scenario.insert.speed, bore)
+    way = _Way(depth, scenario.spread.lateral / 2, tilt, scenario.pictures)
     return _sight(_seen(scenario), starts, share, way)
 
 
