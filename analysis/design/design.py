@@ -193,7 +193,7 @@ def _inside(
     """Return how many drawn cells go in, and how many could.
 
     Those begin, meet the mouth, need less push than there is, by exact statics, and don't sit on
-    the bore's edge, which some that could go in do. Of places of the way the worst one counts.
+    the bore's edge, which some that could go in do. Of the way the worst places count.
     """
     begun = (drawn.force <= scenario.insert.force_limit) & drawn.decided
     kept = all(link.margin >= 0 for link in links if link.supposed)
@@ -208,7 +208,7 @@ def _inside(
         depth = target_of(scenario)
         could &= largest_push(parts, scenario.support_at, *starts, depth=depth) < push
         edge = edge_forces(scenario, starts)
-    return int(np.sum(could & (edge <= push)) * min(seen.way)), int(could.sum())
+    return int(np.sum(could & (edge <= push)) * seen.share), int(could.sum())
 
 
 MOST_TRIALS: Final = 10_000

@@ -51,6 +51,11 @@ class Sight(NamedTuple):
     way: tuple[float, ...]  # share of pictures with both, at places from the gap to the depth
 
     @property
+    def share(self) -> float:
+        """The share of pictures with both parts, at the worst two places in a row."""
+        return min(sum(pair) / 2 for pair in pairwise(self.way))
+
+    @property
     def seen(self) -> bool:
         """Whether the cameras see enough for an insertion to be begun and ended.
 

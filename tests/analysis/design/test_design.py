@@ -128,13 +128,18 @@ def test_the_tightest_link_is_the_one_with_the_least_share_left() -> None:
 
 
 def sees(*way: float) -> bool:
-    return Sight(np.zeros(6), np.zeros(6), 4, 4, way).seen
+    return seen(*way).seen
+
+
+def seen(*way: float) -> Sight:
+    return Sight(np.zeros(6), np.zeros(6), 4, 4, way)
 
 
 def test_cameras_are_blind_where_two_places_in_a_row_are_mostly_lost() -> None:
     assert sees(1.0, 0.75, 1.0, 0.25, 1.0)
     assert not sees(1.0, 0.25, 0.25, 1.0)
     assert not sees(0.0, 1.0, 1.0)
+    assert seen(1.0, 0.5, 0.75, 0.0).share == 0.375
 
 
 def test_wedging_is_that_of_the_draw_closest_to_its_limit() -> None:
