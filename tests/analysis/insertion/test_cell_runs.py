@@ -245,7 +245,7 @@ def test_a_peg_that_is_too_thick_does_not_enter(quick: InsertionScenario) -> Non
 
 @pytest.mark.slow
 def test_a_wedge_is_told_and_pulled_out(quick: InsertionScenario) -> None:
-    insert = replace(quick.insert, compensation="frozen")
+    insert = replace(quick.insert, compensation="frozen", speed=0.04)
     leaning = replace(quick, initial_error=(0.0, 0.002, 0.0, 0.0, 0.0, -0.1), insert=insert)
     wedge = run_of_insertion_faults(replace(leaning, decide=DecisionParams(kind="at_once")))
     done, scenario = wedge
