@@ -206,7 +206,8 @@ def _inside(
     if min(link.margin for link in links if link.name in _PLANAR) < 0:
         could = ~limits(parts, scenario.support_at, *starts).misses
         depth = target_of(scenario)
-        could &= largest_push(parts, scenario.support_at, *starts, depth=depth) < push
+        needed = largest_push(parts, scenario.support_at, *starts, depth=depth)
+        could &= needed + drawn.push[begun] < push
         edge = edge_forces(scenario, starts)
     return int(np.sum(could & (edge <= push)) * seen.share), int(could.sum())
 

@@ -73,7 +73,8 @@ def time_link(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> list[Link
     if scenario.decide.kind != "margin":
         return []
     source = "slowest of the drawn errors until decide.margin is kept; decide.timeout"
-    slowest = MODEL_ERROR["time"] * float(drawn.time.max())
+    started = drawn.force <= scenario.insert.force_limit
+    slowest = MODEL_ERROR["time"] * float(drawn.time[started].max(initial=0.0))
     return [at_most("time", slowest, scenario.decide.timeout, "s", source)]
 
 

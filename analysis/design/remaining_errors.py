@@ -46,6 +46,7 @@ class DrawnErrors(NamedTuple):
     """What becomes of drawn cells, shape (draws,) each but for the pairs."""
 
     force: Array  # N, of the peg's springs as the arms begin
+    push: Array  # N, most that they take along the feed up to the mouth
     time: Array  # s, of the decision since the cameras count; infinite: there is none
     lateral: Array  # m, as the parts touch; NaN where it is not decided
     tilt: Array  # rad, likewise, of the lateral error's sign where they add
@@ -91,7 +92,8 @@ def drawn_cells(
     _, y, z, _, pitch, yaw = found.touch.T
     decided = np.isfinite(found.decided)
     return DrawnErrors(
-        force=found.force[:, 0],
+        force=found.force,
+        push=found.push,
         time=found.decided,
         lateral=np.where(decided, np.hypot(y, z), np.nan),
         tilt=np.where(decided, np.copysign(np.hypot(pitch, yaw), z * pitch - y * yaw), np.nan),
@@ -144,13 +146,14 @@ def settling_links(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> list
     if scenario.controller.kind == "fsm":
         controller = scenario.compensator
     limits = np.array([getattr(controller, kind).closed.limit for kind in ACROSS])
-    # Where the compensation has come to its limit, that is what is too small.
+    # Where the compensation has come to its limit, or the force to its own, that is what stops it.
     short = drawn.reach >= limits
-    sure = drawn.sure[~short.any(axis=1)] if not short.any(axis=1).all() else drawn.sure
+    others = ~short.any(axis=1) & (drawn.force <= scenario.insert.force_limit)
+    sure = drawn.sure[others] if others.any() else drawn.sure
     allowed = region.tilts_at(sure[:, 0]) - margin * region.rotation_limit
     row = int(np.argmin(allowed - sure[:, 1]))
     # Whoever waits for a margin decides as soon as there is one.
-    kept = by_margin and bool(np.isfinite(drawn.time[~short.any(axis=1)]).all())
+    kept = by_margin and bool(np.isfinite(drawn.time[others]).all())
     lateral, most = float(sure[:, 0].max()), (1 - margin) * region.lateral_limit
     tilt = float(sure[row, 1])
     links = [

@@ -96,7 +96,8 @@ class Alignments(NamedTuple):
     touch: Array  # true error, m and rad, as the tip comes to the mouth, shape (D, 6); else NaN
     sure: Array  # lateral error, m, and tilt, rad, as sure as they were by the rule, (D, 2)
     reach: Array  # largest compensation, m and rad, shape (D, 2)
-    force: Array  # N, most that the peg's springs pull with before the decision, then beyond it
+    force: Array  # N, most that the peg's springs pull with before the decision, (D,)
+    push: Array  # N, most that they push with along the feed up to the mouth, tared, (D,)
     saturated: Array  # s, longest that a joint was at its torque limit
     course: Array  # true error at the controller's ticks, shape (D, ticks, 6)
 
@@ -263,6 +264,8 @@ class _Numbers(NamedTuple):
     gap: float  # m
     frozen: bool
     hold: float  # N, beyond which nothing is compensated
+    push: float  # N, with which the peg is stuck
+    most_force: float  # N, with which all stops
     most_saturated: float  # s
     lateral_limit: float  # m
     tilt_limit: float  # rad
@@ -424,6 +427,7 @@ def run_draw(
                 over = over or size >= law.limits[axis]
             done += 1
         over = over or at_limit > numbers.most_saturated
+        over = over or result[2] >= numbers.push or pulled > numbers.most_force
         if over or time >= touched or done >= ticks:
             break
         fed = max(0.0, numbers.speed * (time - decided - numbers.pause))
@@ -443,12 +447,12 @@ def run_draw(
                         tare[axis] = pull
                     else:
                         pull -= tare[axis]
+                        if axis == 0:
+                            result[2] = max(result[2], pull)
                     load += pull * pull
                 pulled = math.sqrt(load)
                 if decided == math.inf:
                     result[1] = max(result[1], pulled)
-                else:
-                    result[2] = max(result[2], pulled)
             for j in range(n):
                 value = laws.rest[arm, j]
                 for k in range(n):
@@ -529,6 +533,8 @@ def run_alignments(
         gap=float(params.gap),
         frozen=insert.compensation == "frozen",
         hold=float(insert.hold_force),
+        push=float(insert.push),
+        most_force=float(insert.force_limit),
         most_saturated=params.most_saturated,
         lateral_limit=params.region.lateral_limit,
         tilt_limit=params.region.rotation_limit,
@@ -563,7 +569,8 @@ def run_alignments(
         touch=found[:, 8:],
         sure=found[:, 6:8],
         reach=found[:, 4:6],
-        force=found[:, 1:3],
+        force=found[:, 1],
+        push=found[:, 2],
         saturated=found[:, 3],
         course=course,
     )

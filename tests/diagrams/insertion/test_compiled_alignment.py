@@ -111,7 +111,7 @@ def test_laws_written_twice_are_the_same() -> None:
 
 
 def test_a_joint_at_its_limit_too_long_ends_it() -> None:
-    weak = replace(CELL.impedance, torque_limits=(77.0, 160.0, 95.0, 4.0, 11.0, 11.0, 2.0))
+    weak = replace(CELL.impedance, torque_limits=(77.0, 160.0, 95.0, 4.5, 11.0, 11.0, 2.0))
     cell = replace(CELL, impedance=weak)
     found = aligned(cell, drawn(cell))
     assert found.saturated[0] > 0.5
