@@ -167,8 +167,9 @@ def chain(scenario: ResolvedDesignScenario, seen: Sight, drawn: DrawnErrors) -> 
     Where no drawn errors become small enough to insert, the chain ends there.
     """
     loop, saturated = loop_links(scenario, drawn)
+    looks = sight_links(scenario, seen)
     links = [
-        *sight_links(scenario, seen),
+        *(looks if seen.seen else supposed(looks)),
         *supposed([*path_links(scenario), loop]),
         saturated,
         start_link(scenario),

@@ -110,7 +110,8 @@ def path_links(scenario: ResolvedDesignScenario) -> list[Link]:
 
     def where(one: Place) -> str:
         depth = 1e3 * (one.fed - scenario.gap)
-        return f"{one.arm}'s arm with the tip {depth:.3g} mm below the mouth"
+        side = "below" if depth >= 0 else "before"
+        return f"{one.arm}'s arm with the tip {abs(depth):.3g} mm {side} the mouth"
 
     straight = min(path, key=lambda one: one.singular_value)
     reached = straight.singular_value > 0
