@@ -127,7 +127,7 @@ def _bounds(
     """Return the bounds at the touch and of the insertion: of n cells the worst, p^n = 5 %."""
     starts, named = Starts.of(drawn), {link.name: link.bound for link in links}
     count = len(starts.lateral)
-    if not count:
+    if not count or any(link.supposed and link.margin < 0 for link in links):
         return {}
     slowest = MODEL_ERROR["time"] * float(drawn.time[drawn.decided].max())
     if scenario.decide.kind == "margin":
@@ -233,12 +233,12 @@ class Verified:
 
 # What bounds are promised of.
 BOUNDED: Final = ("lateral", "tilt", "time", "push", "force", "depth", "attempts")
-_AT_LEAST: Final = ("depth",)
+AT_LEAST: Final = ("depth",)  # the others at most
 
 
 def is_within(name: str, value: float, bound: float) -> bool:
     """Return whether a simulated value keeps a bound."""
-    return value >= bound if name in _AT_LEAST else value <= bound
+    return value >= bound if name in AT_LEAST else value <= bound
 
 
 def insert_drawn(scenario: ResolvedDesignScenario, seed: int, trial: int) -> Row:

@@ -219,7 +219,10 @@ def _changes(document: Document) -> str:
 
 def _verified(verified: Document | None) -> str:
     if verified is None:
-        return "<h3>Simulated insertions</h3><p>None (<code>--no-verify</code>).</p>"
+        return (
+            "<h3>Simulated insertions</h3><p>None; four are made where the design is certain, "
+            "<code>--verify 20</code> makes some of any.</p>"
+        )
     endings = ending_sentences(verified)
     items = "".join(f"<li>{escape(one)}</li>" for one in endings[:_MOST_ENDINGS])
     warning = verified["warning"]
@@ -238,7 +241,9 @@ def _bounds(document: Document) -> str:
         + "</tr>"
         for name, *rest in bound_rows(document)
     )
-    head = "".join(f'<th class="number">{one}</th>' for one in ("at most", "of all", "confidence"))
+    head = "".join(
+        f'<th class="number">{one}</th>' for one in ("promised", "of all", "confidence")
+    )
     table = f"<table><thead><tr><th>bound</th>{head}</tr></thead><tbody>{rows}</tbody></table>"
     return f"<h3>What is promised</h3>{table}" if rows else ""
 

@@ -5,6 +5,7 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
+from chamfer.analysis.design.design import AT_LEAST
 from chamfer.analysis.design.design_scenario import DesignScenario
 from chamfer.analysis.report.check_text import number
 from chamfer.analysis.report.console import table
@@ -163,7 +164,7 @@ def bound_rows(document: Document) -> list[tuple[str, ...]]:
     return [
         (
             name,
-            quantity(of["bound"], of["unit"]),
+            f"{'at least' if name in AT_LEAST else 'at most'} {quantity(of['bound'], of['unit'])}",
             percent(of["coverage"]),
             percent(of["confidence"]),
         )
@@ -196,9 +197,7 @@ def design_text(document: Document) -> Iterator[str]:
     yield from table(links, right=(1, 3, 4, 6))
     yield ""
     if bounds := bound_rows(document):
-        yield from table(
-            [("promised", "at most", "of all", "confidence"), *bounds], right=(1, 2, 3)
-        )
+        yield from table([("promised", "", "of all", "confidence"), *bounds], right=(1, 2, 3))
         yield ""
     changes, others = effective(document)
     if changes:

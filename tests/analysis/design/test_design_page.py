@@ -104,7 +104,7 @@ def test_simulation_that_contradicts_is_said(document: dict[str, Any]) -> None:
     document["verified"]["warning"] = "it was not so"
     assert "Contradicted: it was not so." in design_page(document, "", None)
     document["verified"] = None
-    assert "None (<code>--no-verify</code>)." in design_page(document, "", None)
+    assert "None; four are made where the design is certain" in design_page(document, "", None)
 
 
 def test_map_is_in_the_page(document: dict[str, Any]) -> None:
@@ -217,7 +217,7 @@ def test_bounds_and_warnings_are_shown_where_there_are_any(document: dict[str, A
     some = {**document, "bounds": {"lateral": bound}, "warnings": ["50 s < a day: Hz meant?"]}
     lines = list(design_text(some))
     assert "WARNING: 50 s < a day: Hz meant?" in lines
-    assert "lateral   0.43 mm  98.5 %        95 %" in lines
+    assert "lateral   at most 0.43 mm  98.5 %        95 %" in lines
     page = design_page(some, "", None)
     assert '<p class="warning">50 s &lt; a day: Hz meant?</p>' in page
     cells = '<td>lateral</td><td class="number">0.43 mm</td><td class="number">98.5 %</td>'
