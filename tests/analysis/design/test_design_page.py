@@ -220,7 +220,7 @@ def test_bounds_and_warnings_are_shown_where_there_are_any(document: dict[str, A
     assert "lateral   at most 0.43 mm  98.5 %        95 %" in lines
     page = design_page(some, "", None)
     assert '<p class="warning">50 s &lt; a day: Hz meant?</p>' in page
-    cells = '<td>lateral</td><td class="number">0.43 mm</td><td class="number">98.5 %</td>'
+    cells = '<td>lateral</td><td class="number">at most 0.43 mm</td><td class="number">98.5 %</td>'
     assert cells in page
 
 
