@@ -32,6 +32,7 @@ from chamfer.systems.compiled import compiled
 from chamfer.systems.force.desired_pose import compensate
 from chamfer.systems.force.impedance_controller import ImpedanceController
 from chamfer.systems.pose import pose_vector
+from chamfer.systems.servo.sampled_pid import pid_step
 from chamfer.systems.strategies.insertion_decision import SURE
 from chamfer.systems.vision.cell_error import AXES, ImageClock
 
@@ -47,6 +48,8 @@ _KINDS: Final = ("margin", "wait", "at_once")  # of a decision, by number
 _OF_LAW: Final = ((0,), (0, 1), (0, 1), (0,), (0,), (1,))  # axes of joints in an ArmLaw
 _OF_PLANT: Final = ((1, 2), (1,), (1, 2), (1,), (0,))  # likewise in an ArmPlant
 _SEEN_IN: Final = {"x": "xz", "z": "xz", "pitch": "xz", "roll": "xz", "y": "xy", "yaw": "xy"}
+
+_pid_step = compiled(pid_step)
 
 
 class ArmLaw(NamedTuple):
@@ -241,7 +244,7 @@ class _Laws(NamedTuple):
 
 class _Compensator(NamedTuple):
     is_fsm: bool
-    gains: Array  # of each axis, for errors in m and rad, shape (6, 5) or (6, 4)
+    gains: Array  # of each axis, for errors in m and rad, shape (5, 6) or (4, 6)
     limits: Array  # m and rad, of the compensation, shape (6,)
     ages: Array  # s, of the image of each axis at each tick, shape (ticks, 6)
     springs: Array  # N/m, of the peg's arm, shape (3,)
@@ -269,22 +272,6 @@ class _Numbers(NamedTuple):
     most_saturated: float  # s
     lateral_limit: float  # m
     tilt_limit: float  # rad
-
-
-@compiled
-def pid_law(
-    integral: float, last: float, error: float, gains: Array, period: float
-) -> tuple[float, float]:
-    """Return total and integral part of :func:`chamfer.systems.servo.sampled_pid.pid_step`."""
-    proportional, per_second, derivative, limit = gains[0], gains[1], gains[2], gains[3]
-    change = 0.0 if math.isnan(last) else (error - last) / period
-    more = integral + per_second * error * period
-    rest = proportional * error + derivative * change
-    total = more + rest
-    if abs(total) > limit and (more - integral) * total > 0:
-        more = integral
-    kept = max(-limit, min(limit, more))
-    return max(-limit, min(limit, kept + rest)), kept
 
 
 @compiled
@@ -409,18 +396,19 @@ def run_draw(
                         result[6], result[7] = lateral, tilt
                 over = decided == math.inf and now - begin > numbers.timeout
             held_back = feeding and (numbers.frozen or pulled >= numbers.hold)
+            totals, integrals = compensation, integral
+            if not law.is_fsm:
+                totals, integrals = _pid_step(integral, last, error, law.gains, tick)
             for axis in range(6):
                 if axis == 3 or held_back or (axis == 0 and feeding):
                     continue
                 if law.is_fsm:
-                    of = law.gains[axis]
+                    of = law.gains[:, axis]
                     compensation[axis] = fsm_step(
                         compensation[axis], error[axis], of[0], of[1], of[2], of[3], of[4]
                     )[0]
                 else:
-                    compensation[axis], integral[axis] = pid_law(
-                        integral[axis], last[axis], error[axis], law.gains[axis], tick
-                    )
+                    compensation[axis], integral[axis] = totals[axis], integrals[axis]
                     last[axis] = error[axis]
                 size = abs(compensation[axis])
                 result[4 + axis // 3] = max(result[4 + axis // 3], size)
@@ -599,16 +587,16 @@ def _compensator(scenario: ResolvedInsertionScenario, begin: float, ticks: int) 
         else ("proportional", "integral", "derivative", "limit")
     )
     axes = (scenario.compensator if is_fsm else scenario.pid).axes
-    gains = np.array([[getattr(axis, name) for name in names] for axis in axes], np.float64)
-    pixel = np.array([scenario.cameras.pixel_size] * 3 + [1.0] * 3)[:, np.newaxis]
+    gains = np.array([[getattr(axis, name) for axis in axes] for name in names], np.float64)
+    pixel = np.array([scenario.cameras.pixel_size] * 3 + [1.0] * 3)
     if is_fsm:
-        gains[:, :2] *= pixel
+        gains[:2] *= pixel
     else:
-        gains[:, :3] /= pixel
+        gains[:3] /= pixel
     return _Compensator(
         is_fsm,
         gains,
-        gains[:, -1].copy(),
+        gains[-1].copy(),
         _ages(scenario, begin, ticks),
         np.array(scenario.impedance.stiffness, np.float64),
         region.lateral,

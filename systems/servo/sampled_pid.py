@@ -64,7 +64,7 @@ def pid_step(
     All are of one shape or broadcast to it; the error before, ``last``, is NaN if there is none.
     Gains are those of error, integral and derivative, and the limit.
     """
-    proportional, per_second, derivative, limit = gains
+    proportional, per_second, derivative, limit = gains[0], gains[1], gains[2], gains[3]
     change = np.nan_to_num((error - last) / period)
     more = integral + per_second * error * period
     rest = proportional * error + derivative * change

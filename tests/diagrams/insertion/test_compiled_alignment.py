@@ -11,7 +11,6 @@ from chamfer.diagrams.insertion.compiled_alignment import (
     arms_alone,
     friction_torque,
     growth,
-    pid_law,
     run_alignments,
     sure_errors,
 )
@@ -20,7 +19,6 @@ from chamfer.diagrams.insertion.insertion import (
     ResolvedInsertionScenario,
     resolve,
 )
-from chamfer.systems.servo.sampled_pid import pid_step
 from chamfer.systems.strategies.insertion_decision import measured_errors
 from chamfer.systems.vision.cell_error import AXES
 
@@ -92,7 +90,7 @@ def test_dry_friction_holds_up_to_its_torque_and_then_slides() -> None:
         assert speed[0] == pytest.approx(0.2 * left, abs=1e-4)
 
 
-def test_laws_written_twice_are_the_same() -> None:
+def test_the_rule_decides_by_the_chart_s_errors() -> None:
     generator = np.random.default_rng(0)
     frames = generator.normal(size=(8, 6))
     found = measured_errors(frames[:, [1, 2, 4, 5]].tolist(), 1.0)
@@ -101,13 +99,6 @@ def test_laws_written_twice_are_the_same() -> None:
         found.rotational + found.rotational_uncertainty,
     )
     assert sure_errors(frames) == pytest.approx(expected)
-    gains = np.array([0.8, 3.0, 0.01, 0.02])
-    integral, last = 0.0, np.nan
-    for error in generator.normal(scale=0.02, size=50):
-        want, kept = pid_step(integral, last, error, gains, 0.0125)
-        total, integral = pid_law(integral, last, error, gains, 0.0125)
-        last = error
-        assert (total, integral) == pytest.approx((float(want), float(kept)), abs=1e-15)
 
 
 def test_a_joint_at_its_limit_too_long_ends_it() -> None:
