@@ -43,13 +43,7 @@ from chamfer.models.peg_theory.fed_insertion import largest_push, limits
 
 Verdict = Literal["certain", "likely", "no"]
 
-_PLANAR: Final = (
-    "chamfer",
-    "wedging",
-    "jamming",
-    "push",
-    "edge",
-)  # links within which all goes in
+_PLANAR: Final = ("chamfer", "wedging", "jamming", "push", "edge")  # within which all goes in
 _SELDOM: Final = 0.05  # share of the drawn errors that could go in, below which it does not
 
 
@@ -70,7 +64,7 @@ class Design:
     links: tuple[Link, ...]  # in the order of the chain
     verdict: Verdict
     draws: int  # errors that were drawn
-    share: float  # of them inside all limits
+    share: float  # of them that go in
     share_low: float  # 95 % interval of Clopper and Pearson
     share_high: float
     bounds: Mapping[str, Bound] = field(default_factory=dict)
@@ -227,6 +221,7 @@ class Verified:
     high: float
     failed_trials: int  # that ended with an error, and count neither way
     endings: Mapping[str, int]  # how insertions ended that were not seated, most often first
+    outside: Mapping[str, int]  # how many were outside of a bound, by its name
     largest_force: float  # N, of contact, of all trials; medians of 10 ms
     warning: str  # that the prediction is contradicted, in a sentence; "": it is not
 
@@ -274,6 +269,13 @@ def verify(
     seated = int(found.column("seated").sum())
     low, high = interval(seated, len(found))
     ends = Counter(row["ending"] for row in found.rows if not row["seated"])
+    outside = {
+        name: sum(
+            row[name] is not None and not is_within(name, row[name], one.bound)
+            for row in found.rows
+        )
+        for name, one in design.bounds.items()
+    }
     return Verified(
         trials=len(found),
         seated=seated,
@@ -282,6 +284,7 @@ def verify(
         high=high,
         failed_trials=len(found.failed),
         endings=dict(ends.most_common()),
+        outside={name: count for name, count in outside.items() if count},
         largest_force=float(found.column("force").max()),
         warning=contradiction(design, seated, len(found)),
     )

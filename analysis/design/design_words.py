@@ -149,8 +149,10 @@ def verified_sentence(verified: Document) -> str:
 
 
 def ending_sentences(verified: Document) -> list[str]:
-    """Return how the insertions ended that were not seated."""
-    return [f"{count}: {ending}" for ending, count in verified["endings"].items()]
+    """Return how the insertions ended that were not seated, and which bounds some did not keep."""
+    ends = [f"{count}: {ending}" for ending, count in verified["endings"].items()]
+    of = verified["outside"].items()
+    return [*ends, *(f"{count}: outside of the bound of the {name}" for name, count in of)]
 
 
 def map_sentence(found: Document) -> str:

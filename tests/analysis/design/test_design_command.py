@@ -13,7 +13,7 @@ from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.cli import main
 from chamfer.analysis.design.assumptions import Assumption
 from chamfer.analysis.design.changes import FIELDS, Change
-from chamfer.analysis.design.design import Design, Verdict, Verified
+from chamfer.analysis.design.design import BOUNDED, Bound, Design, Verdict, Verified
 from chamfer.analysis.design.design_answer import Answer
 from chamfer.analysis.design.design_map import MapAxis
 from chamfer.analysis.design.design_scenario import DesignScenario, resolve_design
@@ -54,6 +54,7 @@ def canned(
         high=0.3,
         failed_trials=1,
         endings={"not over after 60 s, in align": (trials or 1) - 1},
+        outside={},
         largest_force=0.0,
         warning="",
     )
@@ -254,12 +255,15 @@ def test_insertions_are_simulated_beside_what_is_certain_and_turn_it(
 ) -> None:
     link = at_most("one", 1.0, 2.0, "", "")
     numbers = {"share": 1.0, "share_low": 0.9, "share_high": 1.0, "draws": 80}
-    design = Design(links=(link,), verdict=verdict, **numbers)  # type: ignore[arg-type]
+    bound = Bound(bound=1.0, unit="", coverage=0.98)
+    bounds = {"lateral": bound, "force": bound, "depth": bound}
+    design = Design(links=(link,), verdict=verdict, bounds=bounds, **numbers)  # type: ignore[arg-type]
     simulated = []
 
     def insert(scenario: object, seed: int, trial: int) -> Row:
         simulated.append(trial)
-        return {"seated": float(trial < seated), "force": 0.0, "ending": "wedged"}
+        values = dict.fromkeys(BOUNDED, 0.5)
+        return {**values, "seated": float(trial < seated), "force": 2.0, "ending": "wedged"}
 
     monkeypatch.setattr(design_answer, "assess", lambda *_: design)
     monkeypatch.setattr("chamfer.analysis.design.design.insert_drawn", insert)
@@ -272,3 +276,5 @@ def test_insertions_are_simulated_beside_what_is_certain_and_turn_it(
         progress=lambda *_: None,
     )
     assert (found.verdict, len(simulated)) == (said, run)
+    if found.verified is not None:
+        assert found.verified.outside == {"force": run, "depth": run}

@@ -65,6 +65,7 @@ def document() -> dict[str, Any]:
             "high": 0.999,
             "failed_trials": 0,
             "endings": {"gave up: it was stopped": 1},
+            "outside": {"force": 2},
             "largest_force": 3.25,
             "warning": "",
         },
