@@ -26,6 +26,8 @@ LOOPS: Final[dict[str, tuple[str, Style]]] = {
     "fsm_compensation": ("FSM, compensation only", _line("#7a4100", _DOTS, 1.4)),
     "pid_position": ("PID, force to position", _line("#6fa0e8", (0, (4, 1.5)), 1.8)),
     "pid_command": ("PID, commanded position to position", _line("#0a2650", ":", 1.6)),
+    "pid_camera": ("eq. (2) behind the camera", _line("#6fa0e8", "-", 1.3)),
+    "pid_designed": ("PID designed for the camera", _line("#1b4f9c", "-.", 1.8)),
 }
 PUBLISHED: Final[Style] = {"color": "#b00020", "linestyle": (0, (1, 1.5)), "linewidth": 1.3}
 FORCE: Final[Style] = {"color": "#1b4f9c", "linestyle": "-", "linewidth": 1.2}

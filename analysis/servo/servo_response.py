@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from pydrake.systems.analysis import DiscreteTimeApproximation
 from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import LinearSystem
 
@@ -20,17 +21,22 @@ from chamfer.analysis.drawing.figure_kit import (
     draw_lines,
     metric_value,
 )
-from chamfer.analysis.drawing.figure_style import DESIRED, NOTE, PUBLISHED, new_figure
+from chamfer.analysis.drawing.figure_style import DESIRED, NOTE, PID, PUBLISHED, new_figure
 from chamfer.analysis.drawing.figure_style import LOOPS as LOOKS
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.published.fsm_visual_servoing import OVERSHOOT, RISE_TIME
-from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column, measured
 from chamfer.analysis.servo.response_metrics import (
     TrackingMetrics,
     step_metrics,
     tracking_metrics,
 )
-from chamfer.diagrams.servo.servo_loops import LOOPS, make_pid_loop, make_servo_diagram
+from chamfer.diagrams.servo.servo_loops import (
+    LOOPS,
+    camera_pid,
+    make_pid_loop,
+    make_servo_diagram,
+)
 from chamfer.diagrams.servo.servo_scenario import (
     RADIANS_PER_STEP,
     STEP,
@@ -40,7 +46,7 @@ from chamfer.diagrams.servo.servo_scenario import (
 )
 from chamfer.models.plants.linear_response import fastest_mode
 from chamfer.models.validation import ParameterError
-from chamfer.systems.exact_discretisation import fuse
+from chamfer.systems.exact_discretisation import count_samples, fuse
 from chamfer.systems.servo.compensator import (
     AxisParams,
     CompensatorParams,
@@ -56,7 +62,10 @@ SIGNALS: Final = ("desired_trajectory", "controller", "actual_trajectory")
 _MOST_STEPS: Final = 5_000_000
 _LARGEST_ROUNDING: Final = 1e-2  # of a loop, of the exponents of its response at its end
 _LARGEST_GROWTH: Final = 6.0  # e-foldings of an unstable loop that are simulated
-_STEP_LOOPS = ("pid", "fsm", "fsm_velocity", "fsm_feedforward", "pid_position", "pid_command")
+_STEP_LOOPS = (
+    *("pid", "fsm", "fsm_velocity", "fsm_feedforward", "pid_position", "pid_command"),
+    *("pid_camera", "pid_designed"),
+)
 _SINUSOID_LOOPS = ("pid", "fsm", "fsm_compensation", "fsm_velocity", "pid_position")
 _SWEPT = ("pid", "fsm", "fsm_compensation")
 _SWEEP = tuple(np.geomspace(0.1, 5.0, 9).tolist())  # rad/s
@@ -84,7 +93,7 @@ def run_loops(
 
     Each runs on its own, so that all FSM loops see the same noise of the camera; ``compiled``
     without Drake's simulator, for the points of a sweep. The traces of an unstable loop end, with
-    NaN, after at most six e-foldings.
+    NaN, after at most six e-foldings; a PID behind the camera is drawn from frame to frame.
     """
     duration, step = scenario.duration, scenario.step
     machines: dict[str, dict[str, Array]] = {}
@@ -100,15 +109,28 @@ def run_loops(
         if name in machines:
             traces |= {f"{name}.{signal}": machines[name][signal] for signal in SIGNALS[1:]}
             continue
-        form = LOOPS[name].form or scenario.plant.form
-        loop = pid_loops[name] = fuse(make_pid_loop(scenario, form))
-        _require_exact(name, loop, duration)
-        rate = growth_rate(loop)
+        by_camera = LOOPS[name].controller != "PID"
+        if by_camera:
+            rate = frame_growth(scenario, name)
+        else:
+            form = LOOPS[name].form or scenario.plant.form
+            loop = pid_loops[name] = fuse(make_pid_loop(scenario, form))
+            _require_exact(name, loop, duration)
+            rate = growth_rate(loop)
         if rate > 0:
             growth[name] = rate
         lasts = duration if rate == 0 else min(duration, _LARGEST_GROWTH / rate)
-        outputs = simulate(loop, duration=lasts, step=step).outputs["y0"]
-        for signal, values in zip(SIGNALS[1:], outputs.T[1:], strict=True):
+        if by_camera:
+            period = scenario.fsm.period
+            diagram = make_servo_diagram(scenario, loops=(name,), step=period)
+            frames = simulate(diagram, duration=lasts + period, step=period, seed=seed)
+            time = traces["time"][: count_samples(lasts, step)]
+            actual = frames.outputs[f"{name}.actual_trajectory"]
+            outputs = {SIGNALS[2]: np.interp(time, frames.time, actual)}
+        else:
+            rows = simulate(loop, duration=lasts, step=step).outputs["y0"]
+            outputs = dict(zip(SIGNALS[1:], rows.T[1:], strict=True))
+        for signal, values in outputs.items():
             missing = np.full(len(traces["time"]) - len(values), math.nan)
             traces[f"{name}.{signal}"] = np.concatenate([values, missing])
     return ServoRun(traces=traces, growth=growth, pid_loops=pid_loops)
@@ -135,6 +157,42 @@ def _run_machine(
         seed=seed,
     )
     return {"time": trials.time, **{one: getattr(trials, one)[0] for one in SIGNALS}}
+
+
+def frame_growth(scenario: ResolvedServoScenario, name: str, *, later: int = 0) -> float:
+    """Return at which rate a PID loop behind the camera grows, 1/s, or 0 for a stable loop.
+
+    Its frames come later than the camera's by so many; what is rounded or noise is left out.
+    """
+    (gains, system), period = camera_pid(scenario, name), scenario.fsm.period
+    plant, late = DiscreteTimeApproximation(fuse(system), period), later
+    late += scenario.measurement.delay_samples
+    n, summed = len(plant.A()), gains.integral * period
+    # States: the plant's, the integral part, the errors on their way.
+    frame = np.eye(n + 1 + late, k=-1)
+    frame[: n + 2], error = 0.0, np.zeros(n + 1 + late)
+    frame[n + 1 : n + 2, :n] = -plant.C()
+    error[:n] = -plant.C()[0]
+    if late:
+        error = np.eye(n + 1 + late)[-1]
+    frame[:n, :n], frame[n, n] = plant.A(), 1.0
+    frame[n] += summed * error
+    frame[:n] += plant.B() * ((gains.proportional + summed) * error + np.eye(n + 1 + late)[n])
+    largest = float(np.abs(np.linalg.eigvals(frame)).max())
+    return math.log(largest) / period if largest > 1 + 1e-9 else 0.0
+
+
+def eq_2_delay_margin(scenario: ResolvedServoScenario) -> float:
+    """Return how much dead time, s, makes the loop of eq. (2) unstable, infinite if none does."""
+    ratio = fuse(camera_pid(scenario, "pid_camera")[1])
+    a, b, c = ratio.A(), ratio.B(), ratio.C()
+    # Where the gain is 1 the Hamiltonian matrix has eigenvalues on the imaginary axis.
+    modes = np.linalg.eigvals(np.block([[a, b @ b.T], [-c.T @ c, -a.T]]))
+    least = 1e-9 * float(np.abs(modes).max())  # the integrator, which the plant's zero hides
+    crossovers = [one.imag for one in modes if one.imag > max(least, 1e3 * abs(one.real))]
+    returned = [(c @ np.linalg.solve(1j * w * np.eye(len(a)) - a, b))[0, 0] for w in crossovers]
+    phases = np.mod(math.pi + np.angle(returned), 2 * math.pi)
+    return float((phases / crossovers).min(initial=math.inf))
 
 
 def pid_response(scenario: ResolvedServoScenario, run: ServoRun, name: str) -> tuple[Array, Array]:
@@ -195,14 +253,14 @@ def run_step(
         if name in run.growth:
             metrics |= _unstable(name, run.growth[name], "overshoot", "%")
             continue
-        if name.startswith("pid"):
+        if name in run.pid_loops:
             time, actual = pid_response(scenario, run, name)
         else:
             time, actual = run.traces["time"], run.traces[f"{name}.actual_trajectory"]
         metrics |= step_metrics(time, actual, reference).as_metrics(name, "m")
         if name.startswith("pid"):
             metrics[f"{name}.growth_rate"] = Metric(value=0.0, unit="1/s", note="stable")
-    metrics |= _compensator_metrics(scenario)
+    metrics |= _compensator_metrics(scenario) | _camera_metrics(scenario, run)
     metrics["fsm.slope_ratio"] = _slope_ratio(scenario.axis, reference, run)
     return Outcome(metrics=metrics, traces=run.traces, simulated_seconds=scenario.duration)
 
@@ -319,6 +377,33 @@ def _compensator_metrics(scenario: ResolvedServoScenario) -> dict[str, Metric]:
     }
 
 
+def _camera_metrics(scenario: ResolvedServoScenario, run: ServoRun) -> dict[str, Metric]:
+    """Return how much delay both PIDs bear, and which gains the camera's has."""
+    gains, period = camera_pid(scenario, "pid_designed")[0], scenario.fsm.period
+    frames = 0
+    for more in (64, 32, 16, 8, 4, 2, 1):
+        if frame_growth(scenario, "pid_designed", later=frames + more) == 0:
+            frames += more
+    held = f"a frame is held for {1e3 * period:.3g} ms, on average {500 * period:.3g} ms late"
+    metrics = {
+        "pid_camera.growth_rate_late": Metric(
+            value=frame_growth(scenario, "pid_camera", later=1),
+            unit="1/s",
+            note="with frames that come one period later",
+        ),
+        "pid_designed.proportional": Metric(value=gains.proportional, unit=""),
+        "pid_designed.integral": Metric(value=gains.integral, unit="1/s"),
+    }
+    for name, margin, note in (
+        ("pid", eq_2_delay_margin(scenario), held),
+        ("pid_designed", frames * period, "in whole frames, 127 at most, beyond hold and latency"),
+    ):
+        missing = "unstable" if name in run.growth else "infinite"
+        value = None if name in run.growth else margin
+        metrics[f"{name}.delay_margin"] = measured(value, "s", note=note, missing=missing)
+    return metrics
+
+
 def _slope_ratio(axis: AxisParams, height: float, run: ServoRun) -> Metric:
     """Compare the response's slope while the error is large with that while it is small."""
     time = run.traces["time"]
@@ -352,9 +437,9 @@ _ERROR, _RESPONSE = "desired minus actual / mm", "trajectory / m"
 
 
 def step_figures(scenario: ResolvedServoScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Draw Fig. 8: the responses, the PID's rise, the errors at the end, the other plants."""
-    figure = new_figure()
-    overview, rise, errors, others = figure.subplots(2, 2).ravel()
+    """Draw Fig. 8: responses, rise, errors at the end, other plants, and the PID by camera."""
+    figure = new_figure(10.0, 10.5)
+    overview, rise, errors, others, camera, fair = figure.subplots(3, 2).ravel()
     time, height = outcome.traces["time"], scenario.desired.amplitude
     lines = [_desired(outcome), *_responses(outcome, "pid", "fsm")]
     draw_lines(overview, time, lines, title="(a) Step response", y=_RESPONSE, key="lower right")
@@ -373,7 +458,42 @@ def step_figures(scenario: ResolvedServoScenario, outcome: Outcome) -> Mapping[s
         others.text(0.06, 2.1 * height, f"unstable, {growth:.3g} 1/s", fontsize=8)
     others.set_ylim(*sorted((-0.6 * height, 3.4 * height)))
     others.set_xlim(0, min(1.0, float(time[-1])))
+    _step_by_camera(camera, scenario, outcome)
+    lines = [_desired(outcome), *_responses(outcome, "fsm", "pid_designed")]
+    title = "(f) A fair one: the FSM's camera and plant for both"
+    draw_lines(fair, time, lines, title=title, y=_RESPONSE, key="lower right")
+    says = []
+    for name in ("fsm", "pid_designed"):
+        rises, over = (
+            metric_value(outcome.metrics, f"{name}.{of}") for of in ("rise_time", "overshoot")
+        )
+        rest = metric_value(outcome.metrics, f"{name}.steady_state_error", 1e3)
+        short = name[:3].upper()
+        says.append(f"{short}: rise {rises:.2g} s, overshoot {over:.1f} %, error {rest:.1f} mm")
+    fair.text(0.98, 0.36, "\n".join(says), transform=fair.transAxes, ha="right", **NOTE)
     return {"step-response": figure}
+
+
+def _step_by_camera(axes: Axes, scenario: ResolvedServoScenario, outcome: Outcome) -> None:
+    height, period = scenario.desired.amplitude, scenario.fsm.period
+    margin, rate, late = (
+        metric_value(outcome.metrics, name)
+        for name in ("pid.delay_margin", "pid_camera.growth_rate", "pid_camera.growth_rate_late")
+    )
+    verdict = "diverges" if rate else "diverges a frame late" if late else "is stable"
+    title = f"(e) Is it fair? Behind the FSM's camera eq. (2) {verdict}"
+    seen = Curve(outcome.traces["pid.actual_trajectory"], "eq. (2), continuous error", PID)
+    lines = [*_responses(outcome, "pid_camera"), _desired(outcome, None), seen]
+    draw_lines(axes, outcome.traces["time"], lines, title=title, y=_RESPONSE, key="upper left")
+    axes.set_xlim(0, min(40 * period, float(outcome.traces["time"][-1])))
+    axes.set_ylim(*sorted((-3.2 * height, 5.2 * height)))
+    says = f"a frame every {1e3 * period:.3g} ms"
+    if math.isfinite(margin):
+        says = f"delay margin {1e3 * margin:.3g} ms, {says}"
+    for one, when in ((rate, "behind the camera"), (late, "frames a period later")):
+        share = f"grows by {100 * math.expm1(one * period):.2g} % a frame" if one else "stable"
+        says += f"\n{when}: {share}"
+    axes.text(0.98, 0.04, says, transform=axes.transAxes, ha="right", **NOTE)
 
 
 def _step_rise(axes: Axes, scenario: ResolvedServoScenario, outcome: Outcome) -> None:

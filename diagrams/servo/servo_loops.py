@@ -12,7 +12,12 @@ from typing import Final, Literal
 from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, System
 from pydrake.systems.primitives import Adder, Gain
 
-from chamfer.diagrams.servo.servo_scenario import ServoScenario, fsm_axis, has_feedforward
+from chamfer.diagrams.servo.servo_scenario import (
+    ServoScenario,
+    camera_gains,
+    fsm_axis,
+    has_feedforward,
+)
 from chamfer.models.plants.servo_plant import Form
 from chamfer.models.validation import ParameterError
 from chamfer.systems.exact_discretisation import discretise
@@ -20,6 +25,7 @@ from chamfer.systems.ports import require_ports
 from chamfer.systems.servo.compensator import CompensatorParams, TrajectoryCompensator
 from chamfer.systems.servo.desired_trajectory import make_desired_trajectory
 from chamfer.systems.servo.pid import make_pid
+from chamfer.systems.servo.sampled_pid import PidGains, SampledPid, SampledPidParams
 from chamfer.systems.servo.servo_plant import make_plant
 from chamfer.systems.vision.measured_error import add_measured_error
 
@@ -28,7 +34,7 @@ from chamfer.systems.vision.measured_error import add_measured_error
 class ServoLoop:
     """Which controller drives which form of the plant."""
 
-    controller: Literal["PID", "FSM"]
+    controller: Literal["PID", "FSM", "PID by camera", "PID for the camera"]
     form: Form | None  # None: the scenario's
     title: str
     feedforward: bool | None = None  # None: the scenario's
@@ -42,6 +48,8 @@ LOOPS: Final = {
     "fsm_velocity": ServoLoop("FSM", "velocity", "FSM loop, force to velocity"),
     "pid_position": ServoLoop("PID", "compliance", "PID loop, force to position"),
     "pid_command": ServoLoop("PID", "position", "PID loop, commanded position to position"),
+    "pid_camera": ServoLoop("PID by camera", "velocity", "PID loop behind the camera"),
+    "pid_designed": ServoLoop("PID for the camera", "position", "PID loop for the camera"),
 }
 
 
@@ -72,18 +80,23 @@ def make_servo_diagram(
             ``desired_trajectory``, m, and the output ``command``, m, have to be there too.
 
     Raises:
-        ParameterError: If the controller has other ports, or there is not one loop for it.
+        ParameterError: If the controller has other ports, or there is not one loop for it; one
+            behind the camera is ``fsm``.
     """
     if loops is None:
         loops = ("pid", "fsm") if controller is None else ("fsm",)
-    if controller is not None and len(loops) != 1:
-        raise ParameterError("loops", tuple(loops), "one, in which the controller is put")
+    if controller is not None and (len(loops) != 1 or "camera" in LOOPS[loops[0]].controller):
+        raise ParameterError("loops", tuple(loops), "one of a PID or FSM, whose place it takes")
     builder = DiagramBuilder()
     for name in loops:
         loop = LOOPS[name]
         form = loop.form or scenario.plant.form
         if loop.controller == "PID":
             diagram = make_pid_loop(scenario, form, step=step, controller=controller)
+        elif loop.controller != "FSM":
+            gains, plant = camera_pid(scenario, name)
+            law = SampledPid(SampledPidParams(axes=(gains,), period=scenario.fsm.period))
+            diagram = _wire("FSM", scenario, form, law, step=step, plant=plant)
         else:
             ahead = loop.feedforward
             diagram = make_fsm_loop(
@@ -114,6 +127,24 @@ def make_pid_loop(
     return _wire("PID", scenario, form, controller, step=step)
 
 
+def camera_pid(scenario: ServoScenario, name: str) -> tuple[PidGains, Diagram]:
+    """Return the sampled law of a PID loop behind the camera, and the plant that it drives.
+
+    Eq. (2) stays continuous: the law only holds a frame's error until the next one, and the plant
+    has eq. (2) before it.
+    """
+    plant = make_plant(scenario.plant, LOOPS[name].form or scenario.plant.form)
+    if LOOPS[name].controller == "PID for the camera":
+        return camera_gains(scenario), plant
+    builder = DiagramBuilder()
+    builder.AddNamedSystem("plant", plant)
+    pid = builder.AddNamedSystem("controller PID", make_pid(scenario.pid))
+    builder.Connect(pid.get_output_port(), plant.get_input_port(0))
+    builder.ExportInput(pid.get_input_port(), "error")
+    builder.ExportOutput(plant.get_output_port(0), "actual_trajectory")
+    return PidGains(proportional=1.0, integral=0.0), builder.Build()
+
+
 def make_fsm_loop(
     scenario: ServoScenario,
     form: Form,
@@ -141,6 +172,7 @@ def _wire(
     *,
     step: float | None = None,
     feedforward: bool = False,
+    plant: Diagram | None = None,
 ) -> Diagram:
     """Close the loop through its own law, or the one of its kind."""
 
@@ -170,7 +202,7 @@ def _wire(
             CompensatorParams(axes=(axis,), period=scenario.fsm.period)
         )
     builder.AddNamedSystem("controller" if own else f"controller {kind}", law)
-    plant = builder.AddNamedSystem("plant", linear(make_plant(scenario.plant, form)))
+    plant = builder.AddNamedSystem("plant", linear(plant or make_plant(scenario.plant, form)))
     if kind == "PID" and own is None:
         error, compensation = law.get_input_port(0), law.get_output_port(0)
     else:

@@ -17,6 +17,7 @@ from chamfer.models.validation import (
 from chamfer.systems.servo.compensator import AxisParams, OpenAxisParams
 from chamfer.systems.servo.desired_trajectory import Sinusoid, Step
 from chamfer.systems.servo.pid import PidParams
+from chamfer.systems.servo.sampled_pid import PidGains, lag_and_dead_time, tuned_gains
 from chamfer.systems.servo.servo_plant import make_spring_mass_damper
 from chamfer.systems.servo.settling import (
     SettlingPlant,
@@ -30,6 +31,7 @@ RADIANS_PER_STEP = 0.05  # of the fastest mode: a peak between two steps is 0.03
 _LEAST_STEPS = 10  # of a run
 _MOST_STEPS = 5_000_000  # its traces have a row per step
 _LEAST_DURATION = 2.5  # s, section 5
+_CLOSED_LOOP = 4.0  # dead times, of the PID that is designed for the camera
 _AT_REST = 0.2  # of the run, at its end, in which the loop should be at rest
 
 
@@ -193,6 +195,17 @@ def fsm_axis(scenario: ServoScenario, form: Form) -> AxisParams:
             limit=fsm.limit or 2 * max(amplitude, fsm.dead_zone) / plant.gain,
         )
     return replace(axis, large_error=fsm.large_error or axis.large_error)
+
+
+def camera_gains(scenario: ServoScenario) -> PidGains:
+    """Return the PI by Skogestad's rules for the camera and the plant in position form.
+
+    Its closed loop has a time constant of four dead times: of whole ones the least with which the
+    step of Fig. 8 does not overshoot.
+    """
+    plant, period = settling_plant(scenario, "position"), scenario.fsm.period
+    _, dead = lag_and_dead_time(plant, period)
+    return tuned_gains(plant, closed_loop=_CLOSED_LOOP * dead, period=period)
 
 
 def has_feedforward(scenario: ServoScenario) -> bool:

@@ -4,8 +4,10 @@ import pytest
 
 from chamfer.analysis.linear.to_control import to_control
 from chamfer.analysis.servo.loop_margins import loop_margins
+from chamfer.analysis.servo.servo_response import eq_2_delay_margin
 from chamfer.diagrams.servo.servo_loops import make_pid_loop
-from chamfer.diagrams.servo.servo_scenario import StepScenario
+from chamfer.diagrams.servo.servo_scenario import StepScenario, resolve
+from chamfer.systems.servo.pid import PidParams
 
 
 def test_margins_of_eq_2() -> None:
@@ -19,6 +21,15 @@ def test_margins_of_eq_2() -> None:
     assert margins.phase_margin == pytest.approx(180 + np.degrees(np.angle(response)), abs=1e-4)
     assert margins.as_metrics("pid")["pid.gain_margin"].value is None
     assert margins.as_metrics("pid")["pid.gain_margin"].note == "infinite"
+
+
+@pytest.mark.parametrize("integral", [21903.0, 100.0])  # the latter crosses over twice
+def test_the_delay_margin_of_eq_2_is_python_controls(integral: float) -> None:
+    scenario = StepScenario(pid=PidParams(integral=integral))
+    loop = to_control(make_pid_loop(scenario, "velocity"), input="controller PID")
+    _, phases, _, _, crossovers, _ = control.stability_margins(loop, returnall=True)
+    expected = (np.radians(np.mod(phases, 360)) / crossovers).min()
+    assert eq_2_delay_margin(resolve(scenario)) == pytest.approx(expected, rel=1e-6)
 
 
 def test_margins_of_three_lags() -> None:

@@ -5,13 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.linalg import expm
 
 from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.published.fsm_visual_servoing import PUBLISHED
 from chamfer.analysis.report.checks import check
 from chamfer.analysis.scenario.experiment import Metric, Outcome, load, quiet, select
-from chamfer.analysis.servo.servo_response import run_loops
-from chamfer.diagrams.servo.servo_loops import LOOPS
+from chamfer.analysis.servo.servo_response import frame_growth, run_loops
+from chamfer.diagrams.servo.servo_loops import LOOPS, camera_pid, make_servo_diagram
 from chamfer.diagrams.servo.servo_scenario import (
     CameraParams,
     FsmParams,
@@ -24,6 +26,7 @@ from chamfer.diagrams.servo.servo_scenario import (
 from chamfer.models.validation import ParameterError
 from chamfer.systems.servo.desired_trajectory import Sinusoid, Step
 from chamfer.systems.servo.pid import PidParams
+from chamfer.systems.servo.sampled_pid import SampledPid, SampledPidParams
 
 SINUSOID_RESPONSE = load(select(CATALOGUE.entries, ["sinusoid-response"])[0])
 STEP_RESPONSE = load(select(CATALOGUE.entries, ["step-response"])[0])
@@ -64,6 +67,94 @@ def test_eq_2_on_the_position_level_plants(step: Outcome) -> None:
     undefined = step.metrics["pid_command.overshoot"]
     assert undefined.value is None
     assert undefined.note.startswith("unstable, grows at 20.15 1/s")
+
+
+def eq_2_by_frames(rule: float | None, late: int) -> NDArray[np.float64]:
+    """A frame, as a matrix, of eq. (2) without its derivative behind the camera, written out.
+
+    The state is position, velocity, the integral's force, the step, and the ``late`` last errors.
+    The rule is the share of a frame's error in the sum that answers it, and the force is held;
+    None: the law is continuous and the error is held.
+    """
+    m, b, k, p, i, period = 2.14708, 53.896, 700.0, 341.0, 21903.0, 1 / 80
+    gain, rate = (p, i) if rule is None else (p + rule * i * period, 0.0)
+    rates = [[0, 1, 0, 0], [-k / m, -b / m, 1 / m, gain / m], [0, 0, 0, rate], [0, 0, 0, 0]]
+    held = expm(period * np.array(rates))[:3]  # of position, velocity, force, error
+    if rule is not None:
+        held[2, 3] = i * period
+    errors = np.vstack([[0, -1, 0, 1, *np.zeros(late)], np.eye(4 + late)[4:]])  # newest first
+    keeps = np.eye(4 + late)[3:4]  # the step
+    moved = held @ np.vstack([np.eye(4 + late)[:3], errors[-1:]])
+    return np.vstack([moved, keeps, errors[:-1]])
+
+
+@pytest.mark.parametrize(
+    ("rule", "growth", "a_frame_late"),
+    [(None, 1.025, 1.620), (1.0, 1.871, 1.778), (0.5, 0.970, 1.610), (0.0, 0.631, 1.479)],
+)
+def test_eq_2_diverges_behind_the_camera_but_for_some_rules_of_its_sum(
+    rule: float | None, growth: float, a_frame_late: float
+) -> None:
+    """The numbers of docs/fsm-or-pid.md."""
+    for late, expected in enumerate((growth, a_frame_late)):
+        poles = np.abs(np.linalg.eigvals(eq_2_by_frames(rule, late)))
+        # The step, and the integral that the plant's zero hides, stay as they are.
+        moving = poles[np.abs(poles - 1) > 1e-6]
+        assert moving.max() == pytest.approx(expected, abs=1e-3)
+
+
+@pytest.mark.parametrize(("later", "rate"), [(0, 80.5), (1, 190.5)])
+def test_eq_2_needs_so_many_frames_a_second(later: int, rate: float) -> None:
+    slow, fast = (
+        resolve(StepScenario(fsm=FsmParams(period=1 / one), duration=1.0))
+        for one in (rate - 0.5, rate + 0.5)
+    )
+    assert frame_growth(slow, "pid_camera", later=later) > 0
+    assert frame_growth(fast, "pid_camera", later=later) == 0
+
+
+@pytest.mark.parametrize("late", [0, 1])
+@pytest.mark.parametrize("substeps", [1, 8])
+def test_the_diagram_of_eq_2_behind_the_camera_is_its_matrix(late: int, substeps: int) -> None:
+    camera = CameraParams(resolution=0.0, latency=late / 80)
+    scenario = resolve(StepScenario(pid=PidParams(derivative=0.0), camera=camera))
+    frame = eq_2_by_frames(None, late)
+    diagram = make_servo_diagram(scenario, loops=["pid_camera"], step=1 / 80 / substeps)
+    found = simulate(diagram, duration=0.25, step=1 / 80).outputs["pid_camera.actual_trajectory"]
+    state, expected = np.eye(4 + late)[3], []
+    for _ in found:
+        expected.append(state[1])
+        state = frame @ state
+    np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
+    growth = run_loops(scenario, ("fsm", "pid_camera"), seed=0).growth["pid_camera"]
+    assert growth == pytest.approx(80 * np.log(np.abs(np.linalg.eigvals(frame)).max()))
+
+
+def test_behind_a_fast_camera_eq_2_is_that_of_fig_8(step: Outcome) -> None:
+    scenario = resolve(StepScenario(fsm=FsmParams(period=5e-4), duration=0.5))
+    outcome = STEP_RESPONSE.run(scenario, 0, quiet)
+    for name in ("rise_time", "steady_state_error"):
+        expected = step.metrics[f"pid.{name}"].value
+        assert outcome.metrics[f"pid_camera.{name}"].value == pytest.approx(expected, rel=0.1)
+    for fast, verdict in ((outcome, "eq. (2) is stable"), (step, "eq. (2) diverges")):
+        drawn = STEP_RESPONSE.plot(scenario, fast)["step-response"].axes[4]
+        assert drawn.get_title("left").endswith(verdict)
+
+
+def test_the_pid_for_the_camera_bears_the_delay_that_it_is_said_to(step: Outcome) -> None:
+    scenario = resolve(StepScenario())
+    gains = camera_pid(scenario, "pid_designed")[0]
+    margin = step.metrics["pid_designed.delay_margin"].value or 0.0
+    calmer = []
+    for latency in (margin, margin + 1 / 80):
+        late = replace(scenario, camera=CameraParams(resolution=0.0, latency=latency))
+        law = SampledPid(SampledPidParams(axes=(gains,)))
+        diagram = make_servo_diagram(late, loops=["fsm"], step=1 / 80, controller=law)
+        off = np.abs(
+            1 - simulate(diagram, duration=12, step=1 / 80).outputs["fsm.actual_trajectory"]
+        )
+        calmer.append(off[-240:].max() < off[240:480].max())
+    assert calmer == [True, False]
 
 
 def test_pid_gains_that_are_unstable_are_a_result_not_an_error() -> None:
