@@ -158,5 +158,6 @@ def figure_files(figures: "Mapping[str, Figure]") -> dict[str, bytes]:
             for ending, options in _FORMATS.items():
                 buffer = io.BytesIO()
                 figure.savefig(buffer, format=ending, **options)
+                figure.set_layout_engine("none")  # it is laid out, which takes most of the time
                 files[f"{name}.{ending}"] = buffer.getvalue()
     return files
