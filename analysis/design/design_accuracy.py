@@ -59,7 +59,7 @@ class DrawnDesignsScenario:
     width: Range = (160.0, 1280.0)  # pixels, of the cameras, likewise
     peg: CellArmSettings = PEG_ARM  # the arm with the peg, of all designs
     hole: Literal["arm", "fixture", "either"] = "either"  # what holds the hole
-    controller: Literal["fsm", "pid", "either"] = "either"
+    controller: Literal["fsm", "pid", "either"] = "either"  # of the compensation
     section: Literal["round", "square", "either"] = "either"  # of the parts
     unchamfered: float = 0.1  # share of the designs without chamfers on the peg
     duration: float = 30.0  # s, that an insertion may last
