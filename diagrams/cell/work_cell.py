@@ -196,7 +196,7 @@ class WorkCellScenario:
     axis: InsertionAxis = "horizontal"  # of insertion, gravity stays where it is; or downwards
     meeting_point: Vector3 | None = None  # m, the hole's mouth; None: derived from the axis
     gap: float = 0.03  # m, from the peg's tip to the hole's mouth, section 5, alignment
-    step: float = 0.002  # s, of the plant; half of it moves the parts by 1 um and 0.02 mrad
+    step: float = 0.002  # s, of the plant; half of it moves the parts by 1 um and 0.07 mrad
 
     def __post_init__(self) -> None:
         require_positive(self, "step")
