@@ -29,7 +29,7 @@ _PART_OF: Final = {
     **dict.fromkeys(("settled", "settling", "range", "time"), "compensator"),
     **dict.fromkeys(("start", "loop", "torque", "posture"), "arms"),
     **dict.fromkeys(("wedging", "jamming", "push", "force"), "peg"),
-    **dict.fromkeys(("chamfer", "edge"), "mouth"),
+    **dict.fromkeys(("chamfer", "edge", "turn"), "mouth"),
     "depth": "bottom",
 }
 """The part of a link, by its name's first word."""

@@ -24,6 +24,7 @@ from chamfer.analysis.design.insertion_links import (
     region_links,
     start_link,
     time_link,
+    turn_link,
 )
 from chamfer.analysis.design.link import Link, supposed, tightest
 from chamfer.analysis.design.remaining_errors import (
@@ -68,7 +69,7 @@ class Design:
     share_low: float  # 95 % interval of Clopper and Pearson
     share_high: float
     bounds: Mapping[str, Bound] = field(default_factory=dict)
-    # by name, of what is begun; those beyond the touch only where all draws are inside
+    # by name, of what is begun; those beyond the touch only where it is certain
     warnings: tuple[str, ...] = ()
 
     @property
@@ -106,7 +107,7 @@ def assess(scenario: ResolvedDesignScenario, seed: int = 0, *, draws: int | None
         share=safe / count,
         share_low=low,
         share_high=high,
-        bounds=_bounds(scenario, links, drawn, all_inside=safe == count),
+        bounds=_bounds(scenario, links, drawn, certain=verdict == "certain"),
         warnings=_warnings(drawn),
     )
 
@@ -116,7 +117,7 @@ def _bounds(
     links: tuple[Link, ...],
     drawn: DrawnErrors,
     *,
-    all_inside: bool,
+    certain: bool,
 ) -> dict[str, Bound]:
     """Return the bounds at the touch and of the insertion: of n cells the worst, p^n = 5 %."""
     starts, named = Starts.of(drawn), {link.name: link.bound for link in links}
@@ -131,10 +132,10 @@ def _bounds(
         "tilt": (float(np.abs(starts.tilt).max()), "rad"),
         "time": (slowest, "s"),
     }
-    if all_inside:
+    if certain:
         found |= {
-            "push": (named["push"], "N"),
-            "force": (named["force"], "N"),
+            "push": (max(named["push"], turn := named.get("turn", 0.0)), "N"),
+            "force": (max(named["force"], turn), "N"),
             "depth": (target_of(scenario) - named["depth"], "m"),
             "attempts": (1.0, ""),
         }
@@ -170,10 +171,13 @@ def chain(scenario: ResolvedDesignScenario, seen: Sight, drawn: DrawnErrors) -> 
         *settling_links(scenario, drawn),
         *time_link(scenario, drawn),
     ]
+    tilt = 0.0
     if drawn.decided.any():
         starts = Starts.of(drawn)
-        links += [*region_links(scenario, starts), *force_links(scenario, starts)]
-    return (*links, depth_link(scenario, seen))
+        tilt = float(np.abs(starts.tilt).max())
+        links += [*region_links(scenario, starts), *turn_link(scenario, drawn)]
+        links += force_links(scenario, starts)
+    return (*links, depth_link(scenario, seen, tilt))
 
 
 def interval(inside: int, count: int) -> tuple[float, float]:

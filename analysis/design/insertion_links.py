@@ -99,6 +99,28 @@ def region_links(scenario: ResolvedDesignScenario, starts: Starts) -> list[Link]
     return links
 
 
+def turn_link(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> list[Link]:
+    """Return the push that turns square parts about the axis to where they fit.
+
+    They do where ``r (cos phi + sin phi) <= R``. Beyond, the chamfers push the corners, with
+    friction, against the spring about the axis: an estimate.
+    """
+    parts = scenario.there.parts
+    if parts.is_round:
+        return []
+    room = parts.hole_radius / (parts.peg_radius * math.sqrt(2))
+    fits = math.asin(min(room, 1.0)) - math.pi / 4
+    beyond = max(MODEL_ERROR["tilt"] * float(drawn.turn[drawn.decided].max()) - fits, 0.0)
+    moment = scenario.impedance.rotational_stiffness[0] / len(scenario.arms) * beyond
+    angle = parts.hole_chamfer.angle
+    along, across = math.sin(angle), math.cos(angle)
+    slides = across - parts.friction * along
+    ratio = (along + parts.friction * across) / slides if slides > 0 else math.inf
+    push = moment / (math.sqrt(2) * parts.peg_radius) * ratio if beyond else 0.0
+    source = "push that turns the worst square peg about the axis by its chamfers; insert.push"
+    return [at_most("turn", push, scenario.insert.push, "N", source, by_design=not push)]
+
+
 def stiffened(
     scenario: ResolvedDesignScenario, support: Support, lateral: float, tilt: float
 ) -> Support:
@@ -170,11 +192,15 @@ def edge_forces(scenario: ResolvedDesignScenario, starts: Starts) -> Array:
     return np.where(sits, turns, 0.0)
 
 
-def depth_link(scenario: ResolvedDesignScenario, seen: Sight) -> Link:
-    """Return how far short the peg may stop because the gap is known by the cameras alone."""
+def depth_link(scenario: ResolvedDesignScenario, seen: Sight, tilt: float) -> Link:
+    """Return how far short the peg may stop because the gap is known by the cameras alone.
+
+    Of parts that are tilted by as much, rad, the edge is seen that is nearer or farther.
+    """
     along = AXES.index("x")
     frames = scenario.decide.frames
     short = float(seen.bias[along] + SURE * seen.spread[along] / math.sqrt(frames))
+    short += scenario.parts.peg_radius * tilt
     allowed = (1 - SEATED) * target_of(scenario)
-    source = "cameras' error along the axis; a tenth of the depth"
+    source = "cameras' error along the axis, and the radius times the tilt; a tenth of the depth"
     return at_most("depth", short, allowed, "m", source)

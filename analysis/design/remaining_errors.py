@@ -50,6 +50,7 @@ class DrawnErrors(NamedTuple):
     time: Array  # s, of the decision since the cameras count; infinite: there is none
     lateral: Array  # m, as the parts touch; NaN where it is not decided
     tilt: Array  # rad, likewise, of the lateral error's sign where they add
+    turn: Array  # rad, likewise, about the axis, which no camera sees
     sure: Array  # m and rad, errors by which it is decided, the least where it isn't; (draws, 2)
     reach: Array  # m and rad, largest compensation, shape (draws, 2)
     saturated: Array  # s, longest that a joint is at its torque limit
@@ -89,7 +90,7 @@ def drawn_cells(
     found = run_alignments(
         scenario, drawn, start=start_error(still), spread=seen.spread, seed=seed
     )
-    _, y, z, _, pitch, yaw = found.touch.T
+    _, y, z, roll, pitch, yaw = found.touch.T
     decided = np.isfinite(found.decided)
     return DrawnErrors(
         force=found.force,
@@ -97,6 +98,7 @@ def drawn_cells(
         time=found.decided,
         lateral=np.where(decided, np.hypot(y, z), np.nan),
         tilt=np.where(decided, np.copysign(np.hypot(pitch, yaw), z * pitch - y * yaw), np.nan),
+        turn=np.where(decided, np.abs(roll), np.nan),
         sure=found.sure,
         reach=found.reach,
         saturated=found.saturated,

@@ -8,9 +8,15 @@ from chamfer.analysis.design.changes import FIELDS, changes, smallest_change
 from chamfer.analysis.design.design import Design, assess, contradiction, interval
 from chamfer.analysis.design.design_scenario import DesignScenario, drawn_design, resolve_design
 from chamfer.analysis.design.detection import Sight
-from chamfer.analysis.design.insertion_links import Starts, edge_forces, region_links, stiffened
-from chamfer.analysis.design.link import at_least, at_most, supposed, tightest
-from chamfer.analysis.design.remaining_errors import start_error
+from chamfer.analysis.design.insertion_links import (
+    Starts,
+    edge_forces,
+    region_links,
+    stiffened,
+    turn_link,
+)
+from chamfer.analysis.design.link import Link, at_least, at_most, supposed, tightest
+from chamfer.analysis.design.remaining_errors import DrawnErrors, start_error
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.models.peg_theory.wedging import rotation_bounds
 from chamfer.systems.vision.cell_error import AXES
@@ -150,6 +156,22 @@ def test_wedging_is_that_of_the_draw_closest_to_its_limit() -> None:
     assert links["wedging"].allowed == pytest.approx(-float(lower), rel=1e-3)
     assert links["chamfer"].bound == 2e-3
     assert links["chamfer"].allowed == CELL.parts.chamfer_limit
+
+
+def test_square_parts_are_turned_by_their_chamfers_to_where_they_fit() -> None:
+    def turn(angle: float) -> Link:
+        drawn = DrawnErrors(*np.zeros((len(DrawnErrors._fields), 1)))
+        (link,) = turn_link(square, drawn._replace(turn=np.array([angle / 1.1])))
+        return link
+
+    assert turn_link(CELL, DrawnErrors(*np.zeros((len(DrawnErrors._fields), 1)))) == []
+    square = replace(CELL, parts=replace(CELL.parts, section="square"))
+    r, R, friction = CELL.parts.peg_radius, CELL.parts.hole_radius, CELL.parts.friction
+    fits = R / r - 1  # small angles
+    assert turn(0.95 * fits).bound == 0
+    # Both arms' 2.5 N m/rad at a lever of half a diagonal, up a chamfer of 45 degrees.
+    force = 2.5 * 0.02 / (math.sqrt(2) * r) * (1 + friction) / (1 - friction)
+    assert turn(fits + 0.02).bound == pytest.approx(force, rel=0.03)
 
 
 def test_a_rim_that_may_sit_on_the_edge_takes_a_push() -> None:
