@@ -1,22 +1,33 @@
-"""What to change: how the tightest margin goes with each field, and what makes a cell certain."""
+"""What to change: fields and choices that make a cell certain, alone or two together.
+
+Each is looked at with few drawn cells and pictures; what is said to be certain is so with all.
+"""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import combinations, product
 from operator import attrgetter
-from typing import Final
+from typing import Any, Final
 
-from chamfer.analysis.design.design import assess, chain
+import numpy as np
+
+from chamfer.analysis.campaign.campaign import try_each
+from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.design.design import Design, assess
 from chamfer.analysis.design.design_scenario import (
     FEWEST,
     DesignScenario,
     ResolvedDesignScenario,
+    ScenarioT,
     resolve_design,
 )
-from chamfer.analysis.design.detection import sight
-from chamfer.analysis.design.link import Link, tightest
-from chamfer.analysis.design.remaining_errors import drawn_cells
-from chamfer.analysis.scenario.experiment import Progress
+from chamfer.analysis.design.feed_path import path_links
+from chamfer.analysis.design.link import Link
+from chamfer.analysis.scenario.errors import ExperimentError, UserError
+from chamfer.analysis.scenario.experiment import Progress, part_of, quiet
+from chamfer.analysis.scenario.scenario_io import make_scenario, value_text
 from chamfer.analysis.scenario.scenario_overrides import overrides
 from chamfer.models.validation import ParameterError
 
@@ -28,8 +39,8 @@ class DesignField:
     path: str
     unit: str
     meaning: str
-    low: float = 0.1  # least factor of its value that is tried
-    high: float = 10.0  # largest factor
+    low: float = 0.1  # least factor of its value that is tried; 1: less is no help, or no choice
+    high: float = 10.0  # largest factor, likewise
     read: Callable[[DesignScenario], float] | None = None  # None: the field of that path
     write: Callable[[DesignScenario, float], DesignScenario] | None = None  # likewise
 
@@ -44,7 +55,7 @@ class DesignField:
         return _with(scenario, self.path, value)
 
 
-def _with(scenario: DesignScenario, path: str, value: object) -> DesignScenario:
+def _with(scenario: ScenarioT, path: str, value: object) -> ScenarioT:
     owner, _, name = path.rpartition(".")
     if not owner:
         return replace(scenario, **{name: value})  # type: ignore[arg-type]
@@ -65,10 +76,22 @@ def _third(path: str, unit: str, meaning: str) -> DesignField:
 
 
 def _with_clearance(scenario: DesignScenario, value: float) -> DesignScenario:
-    radius = scenario.parts.hole_radius - value
+    radius = round(scenario.parts.hole_radius - value, 12)
     if not radius > 0:
         raise ParameterError("parts.peg_radius", radius, "> 0")
     return _with(scenario, "parts.peg_radius", radius)
+
+
+def _with_pixels(scenario: DesignScenario, value: float) -> DesignScenario:
+    """Return cameras that see as much with pixels of another size."""
+    if not value > 0:
+        raise ParameterError("cameras.pixel_size", value, "> 0")
+    cameras = scenario.cameras
+    more = cameras.pixel_size / value
+    width, height = (round(more * count) for count in (cameras.width, cameras.height))
+    return _with(
+        scenario, "cameras", replace(cameras, pixel_size=value, width=width, height=height)
+    )
 
 
 def _joint_friction(scenario: DesignScenario) -> float:
@@ -103,188 +126,382 @@ _FIELDS: Final = (
     DesignField(
         "compensator.rotational.increment", "rad", "increment of the rotational compensation"
     ),
-    DesignField("cameras.pixel_size", "m", "size of a pixel", 0.2, 5.0),
+    DesignField(
+        "cameras.pixel_size",
+        "m",
+        "size of a pixel, with the same field of view",
+        low=0.5,
+        high=2.0,
+        write=_with_pixels,
+    ),
     DesignField("cameras.distance", "m", "distance, and with it the focal length", 0.2, 5.0),
-    DesignField("cameras.frames.noise", "grey levels", "noise of the images"),
-    DesignField("parts.chamfer_width", "m", "width of the chamfers"),
-    DesignField("parts.clearance", "m", "clearance, by the peg's radius", write=_with_clearance),
+    DesignField("cameras.frames.noise", "grey levels", "noise of the images", high=1.0),
+    DesignField("parts.chamfer_width", "m", "width of the chamfers", low=1.0),
+    DesignField(
+        "parts.clearance",
+        "m",
+        "clearance, by the peg's radius",
+        low=1.0,
+        write=_with_clearance,
+    ),
     DesignField("parts.friction", "", "friction of the parts"),
     DesignField("insert.speed", "m/s", "speed of the feed"),
     DesignField("insert.push", "N", "hardest push"),
     DesignField("insert.force_limit", "N", "force that stops all"),
-    DesignField("spread.lateral", "m", "lateral error of the starts"),
-    DesignField("spread.rotational", "rad", "tilt of the starts"),
-    DesignField("peg.payload_error", "kg", "unknown payload of the peg's arm"),
+    DesignField("spread.lateral", "m", "lateral error of the starts", high=1.0),
+    DesignField("spread.rotational", "rad", "tilt of the starts", high=1.0),
+    DesignField("peg.payload_error", "kg", "unknown payload of the peg's arm", high=1.0),
     DesignField(
         "peg.joint_friction",
         "N m",
         "dry friction of the joints",
+        high=1.0,
         read=_joint_friction,
         write=_with_joint_friction,
     ),
 )
 FIELDS: Final = {field.path: field for field in _FIELDS}
 
-_STEP: Final = 0.1  # of a field, to either side, for the sensitivity
-_LOOKS: Final = 5  # factors to either side at which a field is tried
-_HALVINGS: Final = 3
-_SAME: Final = 1e-6  # of a margin, below which a field does nothing to it
+Value = float | str  # of a field, or of a choice as --set takes it
+Move = tuple[str, Value]  # a path, and the value that it gets
 
-Links = Mapping[str, Link]  # by name
+_SHIFTS: Final = (-0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3)  # m, of the base, back and forth and up
+_BASES: Final = 4  # of the nearest ones that are good for the feed
+_CHAMFERS: Final = (0.05, 0.1, 0.2)  # of the peg's radius, where there are none
+
+
+@dataclass(frozen=True)
+class DesignChoice:
+    """A choice, and what else it may be."""
+
+    path: str
+    unit: str
+    meaning: str
+    others: Callable[[ResolvedDesignScenario], Sequence[Value]]
+
+
+def _bases(scenario: ResolvedDesignScenario) -> list[Value]:
+    """Return the nearest places of the peg's arm from which it can feed, if it can't from its own.
+
+    They are shifted along the way between the arms, and up and down.
+    """
+
+    def good(scenario: ResolvedDesignScenario) -> bool:
+        try:
+            return min(link.margin for link in path_links(scenario)) >= 0
+        except ParameterError:
+            return False
+
+    if good(scenario):
+        return []
+    x, y, z = scenario.peg.base.position
+    found: list[Value] = []
+    for dx, dz in sorted(product(_SHIFTS, _SHIFTS), key=lambda shift: math.hypot(*shift)):
+        position = (round(x + dx, 9), y, round(z + dz, 9))
+        if good(_with(scenario, "peg.base.position", position)):
+            found.append(value_text(position))
+        if len(found) == _BASES:
+            break
+    return found
+
+
+def _either(path: str, meaning: str, *kinds: str) -> DesignChoice:
+    now = attrgetter(path)
+    return DesignChoice(path, "", meaning, lambda of: [kind for kind in kinds if kind != now(of)])
+
+
+def _chamfers(scenario: ResolvedDesignScenario) -> list[Value]:
+    parts = scenario.parts
+    return [] if parts.chamfer_width else [share * parts.peg_radius for share in _CHAMFERS]
+
+
+_CHOICES: Final = (
+    _either("controller.kind", "state machine or PID", "fsm", "pid"),
+    _either("insert.compensation", "compensation during the feed", "running", "frozen"),
+    DesignChoice("parts.chamfer_width", "m", "width of the chamfers", _chamfers),
+    DesignChoice("peg.base.position", "", "place of the peg's arm", _bases),
+)
+CHOICES: Final = {choice.path: choice for choice in _CHOICES}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """What a field does to a design."""
+    """What a field or a choice does to a design."""
 
     path: str
     unit: str
-    value: float  # of the field as it is
-    sensitivity: float  # change of the smallest margin, as a share of its limit, for +10 %
-    to: float | None
+    value: Value  # as it is
+    sensitivity: float | None
+    # change of the smallest margin, as a share of its limit, for +10 %; None: of a choice
+    to: Value | None
     # value nearest to it that makes the design certain alone; None: none does, or it is certain
     meaning: str
-    settings: tuple[str, ...] = ()  # path=value, that set it to that
+    best: Value | None = None  # to, or else the value that helps most of those tried, if any does
+    share: float | None = None  # of the drawn errors that are inside with it
+    settings: tuple[str, ...] = ()  # path=value, that set it
 
 
-def changes(
-    scenario: DesignScenario, seed: int = 0, progress: Progress | None = None
-) -> tuple[Change, ...]:
-    """Return what every field does to a design, not resolved, the largest sensitivity first.
+@dataclass(frozen=True, kw_only=True)
+class Pair:
+    """Two changes together, of which neither makes the design certain alone."""
+
+    changes: tuple[Change, ...]  # to their best values
+    share: float  # of the drawn errors that are inside with both
+    certain: bool
+    settings: tuple[str, ...]  # path=value, that set both
+
+
+@dataclass(frozen=True, kw_only=True)
+class Advice:
+    """What to change."""
+
+    changes: tuple[Change, ...]  # what makes it certain, what helps, what has a large sensitivity
+    pairs: tuple[Pair, ...] = ()  # that help more than both alone, likewise
+
+    @property
+    def smallest(self) -> Change | Pair | None:
+        """The smallest change, or pair of changes, that makes the design certain, if any does."""
+        able: list[Change | Pair] = [one for one in self.changes if one.to is not None]
+        able += [one for one in self.pairs if one.certain]
+        return min(able, key=size, default=None)
+
+
+def size(of: Change | Pair) -> float:
+    """Return how large a change is: the logarithm of its factor, ln 2 of a choice; of both."""
+    if isinstance(of, Pair):
+        return sum(map(size, of.changes))
+    return _OF_CHOICE if of.best is None else _distance(of.value, of.best)
+
+
+_STEP: Final = 0.1  # of a field, for the sensitivity
+_LOOKS: Final = 3  # factors to a side at which a field is tried
+_HALVINGS: Final = 3
+_PICTURES: Final = 2  # while looking
+_SAME: Final = 0.01  # of a link, by which a tenth of a field has to move it
+_COARSE: Final = 10  # steps of a share, within which the nearer value is as good
+_OF_CHOICE: Final = math.log(2)
+_PAIRED: Final = 5  # of the changes that help most
+
+Asked = tuple[str, Value, tuple[Value, ...]]  # a path, its value, and a choice's other ones
+
+
+def advise(scenario: DesignScenario, seed: int = 0, progress: Progress = quiet) -> Advice:
+    """Return what fields and choices do to a design, not resolved, alone and two together.
 
     What is left open in the scenario follows each change: increments are designed anew for other
-    arms and cameras.
+    arms and cameras. Pairs are tried where no change alone by a factor of two makes it certain.
     """
     resolved = resolve_design(scenario)
-    certain = assess(resolved, seed).verdict == "certain"
-    here = _of(resolved, seed)
-    usual = tightest(here.values()).name
-    found = []
-    for k, field in enumerate(FIELDS.values()):
-        if progress is not None:
-            progress(k / len(FIELDS), field.path)
-        value = field.get(resolved)
-        if not value:
-            continue
-        less, more = (
-            _links(scenario, field, factor * value, seed) for factor in (1 - _STEP, 1 + _STEP)
-        )
-        to = None
-        if not certain and _helps(here, less, more):
-            to = _to_certain(scenario, field, value, _ends(field, here, less, more), seed)
-        change = Change(
-            path=field.path,
-            unit=field.unit,
-            value=value,
-            sensitivity=_sensitivity(usual, less, here, more),
-            to=to,
-            meaning=field.meaning,
-        )
-        if to is not None:
-            settings = overrides(field.set(scenario, to), scenario, lambda given: given)
-            change = replace(change, settings=tuple(settings))
-        found.append(change)
-    return tuple(sorted(found, key=lambda one: -abs(one.sensitivity)))
-
-
-def smallest_change(found: Sequence[Change]) -> Change | None:
-    """Return the change that makes the design certain by the smallest factor, if any does."""
-    able = [(abs(math.log(one.to / one.value)), one) for one in found if one.to is not None]
-    return min(able, key=lambda pair: pair[0])[1] if able else None
-
-
-def _of(resolved: ResolvedDesignScenario, seed: int) -> Links:
-    """Return the chain with as few drawn errors as say something."""
-    seen = sight(resolved)
-    found = chain(resolved, seen, drawn_cells(resolved, seen, seed, FEWEST))
-    return {link.name: link for link in found}
-
-
-def _links(scenario: DesignScenario, field: DesignField, value: float, seed: int) -> Links | None:
-    """Return the chain with another value of a field; None where it is refused."""
-    try:
-        return _of(resolve_design(field.set(scenario, value)), seed)
-    except ParameterError:
-        return None
-
-
-def _sensitivity(name: str, less: Links | None, here: Links, more: Links | None) -> float:
-    """Return how a link's margin changes for a tenth more, from all sides that have the link."""
-    known = [
-        (side, links[name].share)
-        for side, links in ((-1, less), (0, here), (1, more))
-        if links is not None and name in links and math.isfinite(links[name].share)
+    found = assess(resolved, seed)
+    certain = found.verdict == "certain"
+    asked: list[Asked] = [
+        (path, value, ()) for path, one in FIELDS.items() if (value := one.get(resolved))
     ]
-    if len(known) < 2:
-        return 0.0
-    (first, low), (last, high) = known[0], known[-1]
-    return (high - low) / (last - first)
+    for path, choice in ({} if certain else CHOICES).items():
+        if others := choice.others(resolved):
+            value = attrgetter(path)(resolved)
+            said = value if isinstance(value, float) else value_text(value)
+            asked.append((path, said, tuple(others)))
+    here = _looked_at(scenario, seed) or found
+    search = partial(_searched, scenario, seed, here, certain)
+    rows = _rows(search, asked, part_of(progress, 0.0, 0.75))
+    ranked = sorted(
+        zip(rows, asked, strict=True), key=lambda one: one[0]["merit"].tolist(), reverse=True
+    )
+    alone = tuple(_change(scenario, path, value, row) for row, (path, value, _) in ranked)
+    least = Advice(changes=alone).smallest
+    if certain or (least is not None and size(least) <= _OF_CHOICE):
+        return Advice(changes=alone)
+    helps = [one for one in alone if one.best is not None and one.to is None]
+    both = list(combinations(helps[:_PAIRED], 2))
+    return Advice(changes=alone, pairs=_pairs(scenario, seed, both, part_of(progress, 0.75, 1.0)))
 
 
-def _helps(here: Links, *others: Links | None) -> bool:
-    """Return whether a field does anything to a link that is beyond its limit, or to none is."""
-    beyond = [link for link in here.values() if link.margin < 0]
-
-    def same(links: Links, link: Link, name: str) -> bool:
-        value = getattr(link, name)
-        return bool(abs(getattr(links[link.name], name) - value) <= _SAME * abs(value))
-
-    return any(
-        not beyond
-        or links.keys() != here.keys()
-        or not all(same(links, link, name) for link in beyond for name in ("bound", "allowed"))
-        for links in others
-        if links is not None
+def _change(scenario: DesignScenario, path: str, value: Value, row: Row) -> Change:
+    of = FIELDS.get(path) or CHOICES[path]
+    best = row["best"]
+    return Change(
+        path=path,
+        unit=of.unit,
+        value=value,
+        meaning=of.meaning,
+        settings=() if best is None else _settings(scenario, (path, best)),
+        **{name: row[name] for name in ("sensitivity", "to", "best", "share")},
     )
 
 
-def _ends(
-    field: DesignField, here: Links, less: Links | None, more: Links | None
-) -> tuple[float, ...]:
-    """Return the ends of the range, as logarithms, towards which the tightest link gets wider."""
-    name = tightest(here.values()).name
-    ends = [
-        math.log(end)
-        for end, links in ((field.low, less), (field.high, more))
-        if links is not None and name in links and links[name].share > here[name].share + _SAME
-    ]
-    return tuple(ends) if ends else (math.log(field.low), math.log(field.high))
-
-
-def _to_certain(
+def _pairs(
     scenario: DesignScenario,
-    field: DesignField,
-    value: float,
-    ends: tuple[float, ...],
     seed: int,
-) -> float | None:
-    """Return the value nearest to a field's own that makes the design certain.
+    both: Sequence[tuple[Change, Change]],
+    progress: Progress,
+) -> tuple[Pair, ...]:
+    moves = [tuple((one.path, one.best) for one in pair if one.best is not None) for pair in both]
+    rows = _rows(partial(_together, scenario, seed), moves, progress)
+    found = [
+        Pair(changes=pair, settings=_settings(scenario, *of), **row)
+        for pair, of, row in zip(both, moves, rows, strict=True)
+        if row["certain"] or row["share"] > max(one.share or 0.0 for one in pair)
+    ]
+    return tuple(sorted(found, key=lambda one: (not one.certain, -one.share, size(one))))
 
-    A few factors up to the ends are tried, then halves; and it has to be certain with all draws.
-    """
 
-    def holds(way: float) -> bool:
-        links = _links(scenario, field, math.exp(way) * value, seed)
-        return links is not None and min(link.margin for link in links.values()) >= 0
+def _rows(
+    function: Callable[[Any], Row], tasks: Sequence[Any], progress: Progress
+) -> Sequence[Row]:
+    done = try_each(function, tasks, progress)
+    if done.failed:
+        raise ExperimentError(f"what to change, {done.failed[0][0]}: {done.failed[0][1].reason}")
+    return done.rows
 
-    best: float | None = None
-    for end in ends:
-        inner = 0.0
-        for k in range(1, _LOOKS + 1):
-            outer = end * (k / _LOOKS) ** 1.5
-            if best is not None and abs(outer) >= abs(best):
-                break
-            if not holds(outer):
-                inner = outer
-                continue
-            widest = outer
-            for _ in range(_HALVINGS):
-                middle = (inner + outer) / 2
-                inner, outer = (inner, middle) if holds(middle) else (middle, outer)
-            for way in (outer, widest):
-                other = resolve_design(field.set(scenario, math.exp(way) * value))
-                if assess(other, seed).verdict == "certain":
-                    best = way
-                    break
-            break
-    return None if best is None else value * math.exp(best)
+
+def _moved(scenario: DesignScenario, *moves: Move) -> DesignScenario:
+    for path, value in moves:
+        if isinstance(value, str):
+            scenario = make_scenario(scenario, settings=[f"{path}={value}"])
+        else:
+            scenario = FIELDS[path].set(scenario, value)
+    return scenario
+
+
+def _settings(scenario: DesignScenario, *moves: Move) -> tuple[str, ...]:
+    return tuple(overrides(_moved(scenario, *moves), scenario, lambda given: given))
+
+
+def _looked_at(scenario: DesignScenario, seed: int, *moves: Move) -> Design | None:
+    """Return what changes come to by few draws and pictures; None where they are refused."""
+    try:
+        moved = _moved(scenario, *moves)
+        few = replace(moved, pictures=min(moved.pictures, _PICTURES))
+        return assess(resolve_design(few), seed, draws=FEWEST)
+    except (ParameterError, UserError):
+        return None
+
+
+def _confirmed(scenario: DesignScenario, seed: int, *moves: Move) -> Design:
+    """Return what they come to by all."""
+    return assess(resolve_design(_moved(scenario, *moves)), seed)
+
+
+def _together(scenario: DesignScenario, seed: int, moves: Sequence[Move]) -> Row:
+    found = _looked_at(scenario, seed, *moves)
+    if found is None:
+        return {"share": 0.0, "certain": False}
+    if found.verdict == "certain":
+        found = _confirmed(scenario, seed, *moves)
+    return {"share": found.share, "certain": found.verdict == "certain"}
+
+
+def _distance(value: Value, other: Value) -> float:
+    if isinstance(value, str) or isinstance(other, str) or not value:
+        return _OF_CHOICE
+    return abs(math.log(other / value))
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.3g}")
+
+
+def _merit(design: Design, distance: float) -> tuple[float, ...]:
+    """Return how good a change is: near and certain; or share, few links beyond, and margin."""
+    if design.verdict == "certain":
+        return 1.0, -distance, 0.0, 0.0
+    beyond = sum(link.margin < 0 for link in design.links)
+    return 0.0, math.floor(_COARSE * design.share) / _COARSE, -beyond, design.margin
+
+
+def _searched(
+    scenario: DesignScenario, seed: int, here: Design, certain: bool, asked: Asked
+) -> Row:
+    """Return what a field or a choice does, and which of its values does it best."""
+    path, value, others = asked
+    sensitivity, ways = None, [others]
+    if not others and isinstance(value, float):
+        sensitivity, ways = _scaled(scenario, seed, here, path, value)
+    row: dict[str, Any] = {"sensitivity": sensitivity, "to": None, "best": None, "share": None}
+    row["merit"] = np.array([-1.0, abs(sensitivity or 0.0), 0.0, 0.0])
+    best = _merit(here, 0.0)
+    for way in () if certain else ways:
+        for found, one in _along(scenario, seed, asked, way):
+            merit = _merit(found, _distance(value, one))
+            by_more = found.share > here.share_high or merit[2] > best[2] or not here.share
+            if merit > best and (merit[0] or by_more):  # than by chance
+                best, to = merit, one if found.verdict == "certain" else None
+                row |= {"to": to, "best": one, "share": found.share, "merit": np.array(merit)}
+    return row
+
+
+def _scaled(
+    scenario: DesignScenario, seed: int, here: Design, path: str, value: float
+) -> tuple[float, list[tuple[Value, ...]]]:
+    """Return a number's sensitivity, and its values to try on the sides that may be better."""
+    side, near = 1, _looked_at(scenario, seed, (path, (1 + _STEP) * value))
+    if near is None:
+        side, near = -1, _looked_at(scenario, seed, (path, (1 - _STEP) * value))
+    if near is None:
+        return 0.0, []
+    name = here.limiting_link
+    links, moved = ({link.name: link for link in of.links} for of in (here, near))
+    gain = moved[name].share - links[name].share if name in moved else 0.0
+    sensitivity = side * gain if math.isfinite(gain) else 0.0
+    if not _bears(links, moved):
+        return sensitivity, []
+    field, before, after = FIELDS[path], _merit(here, 0.0), _merit(near, 0.0)
+    ends = {1: field.high, -1: field.low}
+    return sensitivity, [
+        tuple(_rounded(value * end ** ((k / _LOOKS) ** 1.5)) for k in range(1, _LOOKS + 1))
+        for way, end in ends.items()
+        if end != 1 and ((after > before) == (way == side) or after == before)
+    ]
+
+
+def _bears(links: Mapping[str, Link], moved: Mapping[str, Link]) -> bool:
+    """Return whether a field does anything to a link that is beyond its limit, or to none is."""
+    beyond = [link for link in links.values() if link.margin < 0]
+    return (
+        not beyond
+        or links.keys() != moved.keys()
+        or not all(
+            math.isclose(getattr(link, name), getattr(moved[link.name], name), rel_tol=_SAME)
+            for link in beyond
+            for name in ("bound", "allowed")
+        )
+    )
+
+
+def _along(
+    scenario: DesignScenario, seed: int, asked: Asked, way: Sequence[Value]
+) -> Iterator[tuple[Design, Value]]:
+    """Yield designs with values that go away from a field's own, as long as they get better."""
+    path, inner, others = asked
+    last: tuple[float, ...] = ()
+    for outer in way:
+        found = _looked_at(scenario, seed, (path, outer))
+        if found is not None and found.verdict == "certain":
+            yield _nearest(scenario, seed, path, inner, outer)
+            return
+        merit = () if found is None else _merit(found, 0.0)
+        if not others and merit < last:
+            return
+        if found is not None:
+            yield found, outer
+        inner, last = outer, merit
+
+
+def _nearest(
+    scenario: DesignScenario, seed: int, path: str, inner: Value, outer: Value
+) -> tuple[Design, Value]:
+    """Return the nearest value that is certain, the outer one at most, and its design."""
+    widest = outer
+    if isinstance(inner, float) and isinstance(outer, float) and inner:
+        for _ in range(_HALVINGS):
+            middle = _rounded(math.sqrt(inner * outer))
+            found = _looked_at(scenario, seed, (path, middle))
+            if found is not None and found.verdict == "certain":
+                outer = middle
+            else:
+                inner = middle
+    found = _confirmed(scenario, seed, (path, outer))
+    if found.verdict != "certain" and widest != outer:
+        outer, found = widest, _confirmed(scenario, seed, (path, widest))
+    return found, outer

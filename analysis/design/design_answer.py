@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from chamfer.analysis.design.assumptions import Assumption, assumptions
-from chamfer.analysis.design.changes import Change, changes, smallest_change
+from chamfer.analysis.design.changes import Advice, Change, Pair, advise
 from chamfer.analysis.design.design import Design, Verdict, Verified, assess, verify
 from chamfer.analysis.design.design_map import DesignMap, MapAxis, map_design, plot_map
 from chamfer.analysis.design.design_page import design_page
@@ -40,7 +40,7 @@ class Answer:
     scenario: DesignScenario  # resolved
     seed: int
     design: Design
-    changes: tuple[Change, ...] | None  # the largest sensitivity first; None: not asked
+    advice: Advice | None  # what to change; None: not asked
     map: DesignMap | None = None
     verified: Verified | None = None
     assumptions: tuple[Assumption, ...] = ()
@@ -83,7 +83,7 @@ def answer(
         scenario=scenario,
         seed=seed,
         design=design,
-        changes=changes(given, seed, stages["changes"]) if what_to_change else None,
+        advice=advise(given, seed, stages["changes"]) if what_to_change else None,
         map=map_design(given, axes, seed, stages[_MAP]) if axes else None,
         verified=verify(scenario, design, trials, seed, stages["insertions"]) if trials else None,
         assumptions=assumptions(given, scenario),
@@ -102,7 +102,8 @@ def design_document(
     """
     design = answer.design
     plain = unstructure(answer.scenario)
-    least = smallest_change(answer.changes or ())
+    advice = answer.advice or Advice(changes=())
+    least = advice.smallest
     return {
         "design": name,
         "paper": "fsm-visual-servoing",
@@ -121,8 +122,9 @@ def design_document(
         "bounds": {name: _plain(one) for name, one in design.bounds.items()},
         "warnings": list(design.warnings),
         "links": [{**_plain(link), "share": _finite(link.share)} for link in design.links],
-        "changes": None if answer.changes is None else [_plain(one) for one in answer.changes],
-        "smallest_change": None if least is None else _plain(least),
+        "changes": None if answer.advice is None else [_plain(one) for one in advice.changes],
+        "pairs": [_change_document(one) for one in advice.pairs],
+        "smallest_change": None if least is None else _change_document(least),
         "map": None if answer.map is None else _map_document(answer.map),
         "verified": None if answer.verified is None else _plain(answer.verified),
         "assumptions": [_plain(one) for one in answer.assumptions],
@@ -149,6 +151,11 @@ def write_design(folder: Path, answer: Answer, document: dict[str, Any]) -> None
     write_folder(folder, {**files, RESULT: json_text(document)})
 
 
+def _change_document(change: Change | Pair) -> dict[str, Any]:
+    both = {"changes": list(map(_plain, change.changes))} if isinstance(change, Pair) else {}
+    return _plain(change) | both
+
+
 def _map_document(found: DesignMap) -> dict[str, Any]:
     return {
         **{
@@ -164,7 +171,7 @@ def _map_document(found: DesignMap) -> dict[str, Any]:
 
 def _command(name: str, answer: Answer, overrides: Sequence[str]) -> str:
     words = []
-    if answer.changes is None:
+    if answer.advice is None:
         words.append("--no-changes")
     if answer.map is not None:
         axes = (answer.map.x, answer.map.y)

@@ -18,10 +18,10 @@ def add_design(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
         "link needs, what it is allowed, and the margin in its own unit; the smallest one limits. "
         "The verdict is certain (all bounds inside), likely (a share of the drawn errors) or no; "
         "insertions are simulated beside what is certain. "
-        "Then what to change: how the smallest margin follows each field, and the smallest single "
-        "change that makes it certain. Writes OUT/design-NAME: result.json, scenario.yaml, "
-        "design.html (one page, on paper one sheet of A4), and with --map map.parquet and its "
-        "figure.",
+        "Then what to change: how the smallest margin follows each field, and the smallest "
+        "change, or two, that makes it certain. Writes OUT/design-NAME: result.json, "
+        "scenario.yaml, design.html (one page, on paper one sheet of A4), and with --map "
+        "map.parquet and its figure.",
         allow_abbrev=False,
     )
     design.add_argument("name", metavar="NAME", choices=_DESIGNS, help=", ".join(_DESIGNS))

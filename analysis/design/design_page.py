@@ -17,6 +17,7 @@ from chamfer.analysis.design.design_words import (
     limit_sentence,
     link_cells,
     map_sentence,
+    pair_sentences,
     quantity,
     share_sentence,
     verdict_sentence,
@@ -209,12 +210,13 @@ def _changes(document: Document) -> str:
         rows += f"<tr><td title='{meaning}'><code>{escape(path)}</code></td>{cells}</tr>"
     head = (
         '<th>field</th><th class="number">is</th><th class="number">margin for +10 %</th>'
-        '<th class="number">alone certain at</th>'
+        '<th class="number">best alone</th>'
     )
+    both = "".join(f"<p>Two: {escape(pair)}.</p>" for pair in pair_sentences(document))
     more = f"{len(changes) - most} more in result.json. " if len(changes) > most else ""
-    none = f"No effect on the smallest margin: {escape(others)}." if others else ""
+    none = f"No effect on the smallest margin, no help: {escape(others)}." if others else ""
     rest = f'<p class="fine">{more}{none}</p>' if more or none else ""
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>{rest}"
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>{both}{rest}"
 
 
 def _verified(verified: Document | None) -> str:

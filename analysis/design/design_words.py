@@ -11,6 +11,7 @@ from chamfer.analysis.report.check_text import number
 from chamfer.analysis.report.console import table
 
 _WIDTH: Final = 96
+_MOST_PAIRS: Final = 2
 # Lengths and angles of parts are thousandths of their SI units.
 _SHOWN: Final = {"m": ("mm", 1e3), "rad": ("mrad", 1e3)}
 _SAID: Final = {
@@ -28,8 +29,10 @@ def scaled(value: float, unit: str) -> tuple[float, str]:
     return factor * value, shown
 
 
-def quantity(value: float | None, unit: str) -> str:
-    """Return a number with its unit, both as they are shown."""
+def quantity(value: float | str | None, unit: str) -> str:
+    """Return a number with its unit, both as they are shown; a text as it is."""
+    if isinstance(value, str):
+        return value
     shown, its = scaled(0.0 if value is None else value, unit)
     return "-" if value is None else f"{number(shown)} {its}".rstrip()
 
@@ -89,15 +92,17 @@ def link_cells(link: Document) -> tuple[str, ...]:
 
 
 def change_cells(change: Document) -> tuple[str, ...]:
-    """Return path, value, sensitivity and the value that makes it certain of a change in words."""
-    value, to = (quantity(change[name], change["unit"]) for name in ("value", "to"))
-    return change["path"], value, percent(change["sensitivity"], "+"), to
+    """Return path, value, sensitivity, and the best other value with its share, in words."""
+    value, best = (quantity(change[name], change["unit"]) for name in ("value", "best"))
+    if change["best"] is not None:
+        best += ": certain" if change["to"] is not None else f": {percent(change['share'])}"
+    return change["path"], value, percent(change["sensitivity"], "+"), best
 
 
 def effective(document: Document) -> tuple[list[Document], str]:
-    """Return the changes that change the smallest margin, and the names of the other fields."""
+    """Return the changes that change the smallest margin, or help; the names of the others."""
     changes = document["changes"] or ()
-    of = [one for one in changes if one["sensitivity"] or one["to"] is not None]
+    of = [one for one in changes if one["sensitivity"] or one["best"] is not None]
     return of, ", ".join(one["path"] for one in changes if one not in of)
 
 
@@ -120,21 +125,40 @@ def share_sentence(document: Document) -> str:
 
 
 def change_sentence(document: Document) -> str:
-    """Return the smallest single change that makes a design certain."""
-    change = document["smallest_change"]
+    """Return the smallest change, or two, that makes a design certain."""
+    least = document["smallest_change"]
     if document["verdict"] == "certain":
         return "Nothing has to be changed"
     if document["changes"] is None:
         return "What to change was not asked"
-    if change is None:
-        return "No single field makes it certain; two together may"
-    value, to = (quantity(change[name], change["unit"]) for name in ("value", "to"))
-    by = f" ({percent(change['to'] / change['value'] - 1, '+')})" if change["value"] else ""
+    if least is not None:
+        return f"Smallest change: {_said(least)}"
+    if document["pairs"]:
+        return f"No single change makes it certain, nor two; {_said(document['pairs'][0])}"
+    return "No single change makes it certain; two together may"
+
+
+def pair_sentences(document: Document) -> list[str]:
+    """Return what the best pairs of changes come to, that are not said yet."""
+    said = change_sentence(document)
+    pairs = [_said(pair) for pair in document["pairs"][: _MOST_PAIRS + 1]]
+    return [pair for pair in pairs if pair not in said][:_MOST_PAIRS]
+
+
+def _said(change: Document) -> str:
+    """Return in words what a change, or a pair, is and does."""
+    parts = change.get("changes", [change])
+    each = []
+    for one in parts:
+        value, to = (quantity(one[name], one["unit"]) for name in ("value", "best"))
+        of_number = one["value"] and not isinstance(one["value"], str)
+        by = f" ({percent(one['best'] / one['value'] - 1, '+')})" if of_number else ""
+        each.append(f"{one['path']} from {value} to {to}{by}")
+    verb, come = ("make", "come") if len(parts) > 1 else ("makes", "comes")
+    sure = change.get("certain", True)
+    does = f"{verb} it certain" if sure else f"{come} to {percent(change['share'])}"
     settings = " ".join(f"--set {shlex.quote(one)}" for one in change["settings"])
-    return (
-        f"Smallest single change: {change['path']} from {value} to {to}{by} makes it certain "
-        f"({settings}); two together may take less"
-    )
+    return f"{' and '.join(each)} {does} ({settings})"
 
 
 def verified_sentence(verified: Document) -> str:
@@ -203,13 +227,15 @@ def design_text(document: Document) -> Iterator[str]:
         yield ""
     changes, others = effective(document)
     if changes:
-        head = ("field", "is", "margin for +10 %", "alone certain at")
+        head = ("field", "is", "margin for +10 %", "best alone")
         yield from table([head, *map(change_cells, changes)], right=(1, 2, 3))
     if others:
-        yield from textwrap.wrap(f"no effect on the smallest margin: {others}", _WIDTH)
+        yield from textwrap.wrap(f"no effect on the smallest margin, no help: {others}", _WIDTH)
     if changes or others:
         yield ""
     yield from textwrap.wrap(change_sentence(document), _WIDTH)
+    for pair in pair_sentences(document):
+        yield from textwrap.wrap(f"two: {pair}", _WIDTH, subsequent_indent="    ")
     if found := document["map"]:
         yield from textwrap.wrap(f"map {map_sentence(found)}", _WIDTH)
     if rows := assumed(document):

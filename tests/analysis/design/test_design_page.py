@@ -33,7 +33,8 @@ def link(
 
 def change(path: str, unit: str, value: float, sensitivity: float, to: float | None) -> Any:
     settings = [] if to is None else [f"{path}={to}"]
-    numbers = {"value": value, "sensitivity": sensitivity, "to": to}
+    share = None if to is None else 1.0
+    numbers = {"value": value, "sensitivity": sensitivity, "to": to, "best": to, "share": share}
     return {"path": path, "unit": unit, "meaning": "of the parts", "settings": settings, **numbers}
 
 
@@ -56,6 +57,7 @@ def document() -> dict[str, Any]:
             link("settling", None, 8.0, None, "s", "theorem", None),
         ],
         "changes": [friction, change("parts.chamfer_width", "m", 0.002, 0.05, None)],
+        "pairs": [],
         "smallest_change": friction,
         "map": None,
         "verified": {
@@ -154,12 +156,39 @@ def test_sentences(document: dict[str, Any]) -> None:
 
 def test_smallest_change(document: dict[str, Any]) -> None:
     assert change_sentence(document) == (
-        "Smallest single change: parts.friction from 0.4 to 0.3 (-25 %) makes it certain "
-        "(--set parts.friction=0.3); two together may take less"
+        "Smallest change: parts.friction from 0.4 to 0.3 (-25 %) makes it certain "
+        "(--set parts.friction=0.3)"
     )
     assert change_sentence({**document, "changes": None}) == "What to change was not asked"
-    assert change_sentence({**document, "smallest_change": None}).startswith("No single field")
+    none = {**document, "smallest_change": None}
+    assert change_sentence(none) == "No single change makes it certain; two together may"
     assert change_sentence({**document, "verdict": "certain"}).startswith("Nothing has")
+
+
+def test_choices_pairs_and_what_helps_are_said_with_their_shares(document: dict[str, Any]) -> None:
+    kind = {**change("controller.kind", "", 0.0, 0.0, None), "value": "fsm", "sensitivity": None}
+    kind |= {"best": "pid", "share": 0.68}
+    chamfer = {**change("parts.chamfer_width", "m", 0.002, 0.05, None), "best": 0.003}
+    pair = {
+        "changes": [kind, chamfer],
+        "share": 0.9,
+        "certain": False,
+        "settings": ["a=1", "b=[1, 2]"],
+    }
+    document |= {"changes": [kind, *document["changes"]], "pairs": [pair]}
+    said = (
+        "controller.kind from fsm to pid and parts.chamfer_width from 2 mm to 3 mm (+50 %) "
+        "come to 90 % (--set a=1 --set 'b=[1, 2]')"
+    )
+    text = " ".join(" ".join(design_text(document)).split())
+    assert f"two: {said}" in text
+    assert "controller.kind fsm - pid: 68 %" in text
+    assert "parts.friction 0.4 -10 % 0.3: certain" in text
+    assert "from fsm to pid and" in design_page(document, "", None)
+    document["smallest_change"] = None
+    assert change_sentence(document) == f"No single change makes it certain, nor two; {said}"
+    document["smallest_change"] = {**pair, "certain": True}
+    assert " make it certain (--set a=1" in change_sentence(document)
 
 
 def test_terminal_has_links_changes_and_a_plain_warning(document: dict[str, Any]) -> None:
