@@ -198,19 +198,23 @@ def _add_motion(
     return DesiredMotion(pose, velocity, motion.GetInputPort("stop"))
 
 
-def add_divergence_watch(builder: DiagramBuilder, scenario: AlignmentScenario) -> DivergenceWatch:
-    """Add what stops a compensation that makes the error grow; where there is none, it can't.
+def divergence_params(scenario: AlignmentScenario) -> DivergenceParams:
+    """Return what stops a compensation that makes the error grow; where there is none, it can't.
 
     Along the hole's axis the error is no error of alignment, and a feed changes it.
     """
     zones = [axis.dead_zone for axis in scenario.compensator.axes]
-    params = DivergenceParams(
+    return DivergenceParams(
         watched=tuple(Watched(axes, _GROWS_FROM * zones[axes[0]]) for axes in _WATCHED),
         size=len(AXES),
         factor=math.inf if scenario.compensated == "none" else DivergenceParams.factor,
         period=scenario.cameras.frames.period,
     )
-    watch = DivergenceWatch(params)
+
+
+def add_divergence_watch(builder: DiagramBuilder, scenario: AlignmentScenario) -> DivergenceWatch:
+    """Add the watch of :func:`divergence_params`."""
+    watch = DivergenceWatch(divergence_params(scenario))
     builder.AddNamedSystem("divergence watch", watch)
     return watch
 

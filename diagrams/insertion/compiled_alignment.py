@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.multibody.plant import MultibodyPlant
 
-from chamfer.diagrams.cell.alignment import SHARES
+from chamfer.diagrams.cell.alignment import SHARES, divergence_params
 from chamfer.diagrams.cell.cell_vision import VIEWS
 from chamfer.diagrams.cell.work_cell import (
     STICKING,
@@ -32,6 +32,7 @@ from chamfer.systems.compiled import compiled
 from chamfer.systems.force.desired_pose import compensate
 from chamfer.systems.force.impedance_controller import ImpedanceController
 from chamfer.systems.pose import pose_vector
+from chamfer.systems.servo.divergence_watch import TAKES_BACK
 from chamfer.systems.servo.sampled_pid import pid_step
 from chamfer.systems.strategies.insertion_decision import SURE
 from chamfer.systems.vision.cell_error import AXES, ImageClock
@@ -250,6 +251,7 @@ class _Compensator(NamedTuple):
     springs: Array  # N/m, of the peg's arm, shape (3,)
     lateral: Array  # m, of the region
     tilt: Array  # rad, allowed there
+    grows_from: Array  # m and rad, the least starts of the divergence watch, shape (2,)
 
 
 class _Numbers(NamedTuple):
@@ -270,6 +272,8 @@ class _Numbers(NamedTuple):
     push: float  # N, with which the peg is stuck
     most_force: float  # N, with which all stops
     most_saturated: float  # s
+    grows: float  # of its start, beyond which an error has grown
+    grown_frames: int  # that have to say so
     lateral_limit: float  # m
     tilt_limit: float  # rad
 
@@ -349,6 +353,7 @@ def run_draw(
     window, filled, best = np.zeros((numbers.frames, 6)), 0, -math.inf
     decided, touched, over, done = math.inf, math.inf, False, 0
     tare, at_limit, pulled = np.zeros(3), 0.0, 0.0
+    grows_from, diverging = np.zeros(2), 0.0
     result = np.full(14, np.nan)
     result[1:6], result[6:8] = 0.0, math.inf
     error, u, w, f = np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(n)
@@ -370,6 +375,14 @@ def run_draw(
                 error[axis] = seen + bias[axis] + noise[done, axis]
                 course[done, axis] = history[i, axis]
             error[3] = 0.0
+            grown = False
+            for group in range(2):
+                size = math.hypot(error[3 * group + 1], error[3 * group + 2])
+                if done == 0:
+                    grows_from[group] = numbers.grows * max(size, law.grows_from[group])
+                grown = grown or size > grows_from[group]
+            diverging = max(diverging + (1.0 if grown else -TAKES_BACK), 0.0)
+            over = over or diverging >= numbers.grown_frames
             feeding = decided < math.inf
             if not feeding:
                 window[:-1] = window[1:].copy()
@@ -394,7 +407,7 @@ def run_draw(
                     if margin > best or decided < math.inf:
                         best = margin
                         result[6], result[7] = lateral, tilt
-                over = decided == math.inf and now - begin > numbers.timeout
+                over = over or (decided == math.inf and now - begin > numbers.timeout)
             held_back = feeding and (numbers.frozen or pulled >= numbers.hold)
             totals, integrals = compensation, integral
             if not law.is_fsm:
@@ -501,7 +514,7 @@ def run_alignments(
         horizon: s, from the compensation's begin; None: as long as a decision and the feed take.
     """
     params, tick = task_params(scenario), scenario.cameras.frames.period
-    decide, insert = params.decide, params.insert
+    decide, insert, watch = params.decide, params.insert, divergence_params(scenario)
     if horizon is None:
         waits = {"margin": decide.timeout, "wait": params.wait, "at_once": 0.0}
         horizon = waits[decide.kind] + insert.pause + params.gap / insert.speed + _TOUCH * tick
@@ -524,6 +537,8 @@ def run_alignments(
         push=float(insert.push),
         most_force=float(insert.force_limit),
         most_saturated=params.most_saturated,
+        grows=watch.factor,
+        grown_frames=watch.frames,
         lateral_limit=params.region.lateral_limit,
         tilt_limit=params.region.rotation_limit,
     )
@@ -601,6 +616,7 @@ def _compensator(scenario: ResolvedInsertionScenario, begin: float, ticks: int) 
         np.array(scenario.impedance.stiffness, np.float64),
         region.lateral,
         region.tilt,
+        np.array([one.least for one in divergence_params(scenario).watched]) * pixel[[0, 3]],
     )
 
 

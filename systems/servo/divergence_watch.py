@@ -12,7 +12,7 @@ from chamfer.models.validation import ParameterError, require_positive
 
 Array = NDArray[np.float64]
 
-_TAKES_BACK: Final = 0.25  # of a frame that says that an error has grown, one that does not
+TAKES_BACK: Final = 0.25  # of a frame that says that an error has grown, one that does not
 
 
 class Watched(NamedTuple):
@@ -118,7 +118,7 @@ class DivergenceWatch(LeafSystem):
                 changed.set_value(self._start, np.maximum(sizes, least))
                 return
             grown = bool((sizes > params.factor * start).any())
-            count = max(count + (1.0 if grown else -_TAKES_BACK), 0.0)
+            count = max(count + (1.0 if grown else -TAKES_BACK), 0.0)
             changed.set_value(self._count, np.array([count]))
         enough = 1 if self._is_blind(context) else params.frames
         changed.set_value(self._diverged, np.array([float(count >= enough)]))

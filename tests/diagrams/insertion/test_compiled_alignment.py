@@ -108,3 +108,15 @@ def test_a_joint_at_its_limit_too_long_ends_it() -> None:
     assert found.saturated[0] > 0.5
     assert np.isinf(found.decided[0])
     assert np.isnan(found.touch).all()
+
+
+def test_a_pid_that_makes_the_error_grow_is_stopped() -> None:
+    cell = resolve(replace(USUAL, controller=replace(USUAL.controller, kind="pid")))
+    draws = drawn(cell, (0.0, 0.006, -0.004, 0.0, 0.05, -0.03))
+    lateral, gains = cell.pid.lateral, cell.pid.lateral.closed
+    hard = replace(lateral, proportional=20 * gains.proportional, integral=20 * gains.integral)
+    found = aligned(replace(cell, pid=replace(cell.pid, lateral=hard)), draws)
+    assert np.isfinite(aligned(cell, draws).decided[0])
+    assert np.isinf(found.decided[0])
+    # Stopped, and not only at the end of the time to decide.
+    assert np.isnan(found.course[0, int(2.0 / cell.cameras.frames.period) :]).all()
