@@ -425,7 +425,8 @@ def _searched(
         for found, one in _along(scenario, seed, asked, way):
             merit = _merit(found, _distance(value, one))
             by_more = found.share > here.share_high or merit[2] > best[2] or not here.share
-            if merit > best and (merit[0] or by_more):  # than by chance
+            better = merit[:3] > best[:3] or (not here.share and merit > best)
+            if better and (merit[0] or by_more):  # than by chance
                 best, to = merit, one if found.verdict == "certain" else None
                 row |= {"to": to, "best": one, "share": found.share, "merit": np.array(merit)}
     return row

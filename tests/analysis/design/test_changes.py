@@ -167,7 +167,7 @@ def test_a_tight_fit_goes_in_with_two_changes_or_with_pid(monkeypatch: pytest.Mo
     monkeypatch.setattr(what_to_change, "CHOICES", {})
     found = advise(tight)
     assert [one.to for one in found.changes] == [None, None]
-    assert isinstance(found.smallest, Pair)
-    for settings in (found.smallest.settings, ["controller.kind=pid"]):
+    both = ("impedance.rotational_stiffness=[20,20,20]", "compensator.rotational.increment=0.001")
+    for settings in (both, ("controller.kind=pid",)):
         made = resolve_design(make_scenario(tight, settings=settings))
         assert assess(made).verdict == "certain"
