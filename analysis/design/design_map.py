@@ -2,8 +2,8 @@
 
 A coarse grid comes first. Between four points with the same verdict and the same limiting link
 nothing more is computed, and numbers are interpolated; elsewhere the grid is halved, until it is
-as fine as asked for. So borders are exact to a point, but an island that lies between the points
-of the coarse grid is not seen.
+as fine as asked for, at last for the verdict alone. So a verdict's borders are exact to a point,
+those of a link to two, but an island that lies between the points of the coarse grid is not seen.
 """
 
 import re
@@ -134,7 +134,7 @@ def _refined(found: DesignMap, stride: int) -> NDArray[np.bool_]:
         corners = np.ix_([row, row + wide], [column, column + wide])
         verdicts, links = set(found.verdict[corners].flat), set(found.limiting[corners].flat)
         # Why a design is refused says a value, which no two points share.
-        if len(verdicts) > 1 or (len(links) > 1 and verdicts != {REFUSED}):
+        if len(verdicts) > 1 or (stride > 1 and len(links) > 1 and verdicts != {REFUSED}):
             wanted[rows, columns] = True
             continue
         new = found.verdict[rows, columns] == ""
