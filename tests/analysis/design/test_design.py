@@ -16,7 +16,7 @@ from chamfer.analysis.design.insertion_links import (
     turn_link,
 )
 from chamfer.analysis.design.link import Link, at_least, at_most, supposed, tightest
-from chamfer.analysis.design.remaining_errors import DrawnErrors, start_error
+from chamfer.analysis.design.remaining_errors import DrawnErrors, loop_links, start_error
 from chamfer.models.peg_theory.wedging import rotation_bounds
 from chamfer.systems.vision.cell_error import AXES
 
@@ -141,6 +141,13 @@ def test_square_parts_are_turned_by_their_chamfers_to_where_they_fit() -> None:
     # Both arms' 2.5 N m/rad at a lever of half a diagonal, up a chamfer of 45 degrees.
     force = 2.5 * 0.02 / (math.sqrt(2) * r) * (1 + friction) / (1 - friction)
     assert turn(fits + 0.02).bound == pytest.approx(force, rel=0.03)
+
+
+def test_a_loop_decays_by_its_largest_eigenvalue_a_period() -> None:
+    drawn = DrawnErrors(*np.zeros((len(DrawnErrors._fields), 1)))
+    calm, growing = (loop_links(CELL, drawn._replace(growth=one))[0] for one in (0.99, 1.01))
+    assert calm.bound == pytest.approx(0.01 / CELL.impedance.period, rel=0.01)
+    assert calm.margin > 0 > growing.margin
 
 
 def test_a_rim_that_may_sit_on_the_edge_takes_a_push() -> None:
