@@ -212,7 +212,7 @@ def _changes(document: Document) -> str:
         '<th>field</th><th class="number">is</th><th class="number">margin for +10 %</th>'
         '<th class="number">best alone</th>'
     )
-    both = "".join(f"<p>Two: {escape(pair)}.</p>" for pair in pair_sentences(document))
+    both = "".join(f"<p>Two together: {escape(pair)}.</p>" for pair in pair_sentences(document))
     more = f"{len(changes) - most} more in result.json. " if len(changes) > most else ""
     none = f"No effect on the smallest margin, no help: {escape(others)}." if others else ""
     rest = f'<p class="fine">{more}{none}</p>' if more or none else ""

@@ -134,7 +134,7 @@ def change_sentence(document: Document) -> str:
     if least is not None:
         return f"Smallest change: {_said(least)}"
     if document["pairs"]:
-        return f"No single change makes it certain, nor two; {_said(document['pairs'][0])}"
+        return f"No change makes it certain, alone or with another; {_said(document['pairs'][0])}"
     return "No single change makes it certain; two together may"
 
 
@@ -235,7 +235,7 @@ def design_text(document: Document) -> Iterator[str]:
         yield ""
     yield from textwrap.wrap(change_sentence(document), _WIDTH)
     for pair in pair_sentences(document):
-        yield from textwrap.wrap(f"two: {pair}", _WIDTH, subsequent_indent="    ")
+        yield from textwrap.wrap(f"two together: {pair}", _WIDTH, subsequent_indent="    ")
     if found := document["map"]:
         yield from textwrap.wrap(f"map {map_sentence(found)}", _WIDTH)
     if rows := assumed(document):

@@ -34,8 +34,7 @@ class Place(NamedTuple):
     singular_value: float  # the smallest of the Jacobian, rad and m; 0: out of reach
     to_limit: float  # rad, of the joint that is closest to the end of its range
     closest: str  # which it is
-    held: Array  # N and N m, shape (6,), up to which dry friction holds
-    wound: Array  # likewise, that it takes of a motion
+    wound: Array  # N and N m, shape (6,), that dry friction takes of a motion
     weight: Array  # N m, that holds arm and payload, shape (n,)
     lever: Array  # m, of a push along the hole's axis, shape (n,)
 
@@ -70,7 +69,7 @@ def _path(
                 reached = False
             state = model.evaluate(q)
             J = axes @ state.J_V_WT
-            friction = tool_friction(J, more_friction * np.array(own.dry_friction))
+            _, wound = tool_friction(J, more_friction * np.array(own.dry_friction))
             near = np.minimum(q - lower, upper - q)
             joint, closest = _straight(model, q), int(np.argmin(near))
             p_WP = state.X_WT.rotation().matrix() @ settings.payload_position
@@ -85,8 +84,7 @@ def _path(
                     singular_value=_smallest(model, q) if reached else 0.0,
                     to_limit=float(near[closest]) if reached else 0.0,
                     closest=own.joint_names[closest],
-                    held=np.roll(friction[0], 3),
-                    wound=np.roll(friction[1], 3),
+                    wound=np.roll(wound, 3),
                     weight=state.gravity + J_P[2] * GRAVITY * payload,
                     lever=J[3],
                 )

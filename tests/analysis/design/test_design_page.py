@@ -181,12 +181,14 @@ def test_choices_pairs_and_what_helps_are_said_with_their_shares(document: dict[
         "come to 90 % (--set a=1 --set 'b=[1, 2]')"
     )
     text = " ".join(" ".join(design_text(document)).split())
-    assert f"two: {said}" in text
+    assert f"two together: {said}" in text
     assert "controller.kind fsm - pid: 68 %" in text
     assert "parts.friction 0.4 -10 % 0.3: certain" in text
     assert "from fsm to pid and" in design_page(document, "", None)
     document["smallest_change"] = None
-    assert change_sentence(document) == f"No single change makes it certain, nor two; {said}"
+    assert (
+        change_sentence(document) == f"No change makes it certain, alone or with another; {said}"
+    )
     document["smallest_change"] = {**pair, "certain": True}
     assert " make it certain (--set a=1" in change_sentence(document)
 

@@ -140,9 +140,8 @@ def test_what_the_arm_knows_is_near_the_truth(
     axial, _ = force_medians(done.traces, scenario.step)
     off = np.abs(done.traces["sensed_x"] - axial)[feeding]
     assert np.quantile(off, 0.99) < 2.0
-    assert (
-        off.max() < 4.0
-    )  # for some milliseconds at the touch, which the arm's springs do not show
+    # For some milliseconds at the touch the arm's springs do not show it.
+    assert off.max() < 4.0
 
 
 def test_theory_says_that_it_goes_in(scenario: InsertionScenario, done: CellInsertion) -> None:
