@@ -176,6 +176,8 @@ def _parser() -> argparse.ArgumentParser:
         _add_seed(command)
     for command in (run, sweep, design, reproduce):
         _add_trials(command)
+    for command in (run, sweep, reproduce):
+        _add_strict(command)
     for command in (listing, fields, run, sweep, design, compare, reproduce, track, calibrate):
         _add_json(command)
     return parser
@@ -227,6 +229,15 @@ def _add_trials(parser: argparse.ArgumentParser) -> None:
         "--fresh",
         action="store_true",
         help="run experiments and trials again, also those that have finished before",
+    )
+
+
+def _add_strict(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--strict",
+        action="store_true",
+        help="end with status 1 if a specification is broken, a limit of the task, of an arm or "
+        "of parts",
     )
 
 
@@ -298,7 +309,13 @@ def _session(
     require_writable(out, [entry.name for entry in chosen], RESULT)
     order = Order(catalogue=catalogue, out=out, seed=arguments.seed, fresh=fresh)
     with engines(arguments.workers or cores(), arguments.cluster) as (here, trials):
-        yield Session(order=order, as_json=arguments.json, here=here, trials=trials)
+        yield Session(
+            order=order,
+            as_json=arguments.json,
+            strict=arguments.strict,
+            here=here,
+            trials=trials,
+        )
 
 
 def _diagram(arguments: argparse.Namespace, catalogue: Catalogue) -> int:

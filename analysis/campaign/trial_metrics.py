@@ -87,8 +87,10 @@ def over_trials(trials: Sequence[Trial], quantities: Mapping[str, Quantity]) -> 
 
 def _metric(values: Sequence[float | None], quantity: Quantity) -> Metric:
     known = [value for value in values if value is not None]
+    each = tuple(values) if len(values) > 1 else ()
     if not known:
-        return Metric(value=None, unit=quantity.unit, note="does not occur, or settle, in the run")
+        note = "does not occur, or settle, in the run"
+        return Metric(value=None, unit=quantity.unit, note=note, trials=each)
     notes = []
     if len(values) > 1:
         notes.append(
@@ -100,4 +102,4 @@ def _metric(values: Sequence[float | None], quantity: Quantity) -> Metric:
         value = math.sqrt(math.fsum(one * one for one in known) / len(known))
     else:
         value = math.fsum(known) / len(known)
-    return Metric(value=value, unit=quantity.unit, note=", ".join(notes))
+    return Metric(value=value, unit=quantity.unit, note=", ".join(notes), trials=each)

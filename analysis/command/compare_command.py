@@ -58,7 +58,25 @@ def comparison(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str,
             difference = pair["second"] - pair["first"]
             pair["difference"] = difference if math.isfinite(difference) else None
     fields = _differing(*map(_fields, both))
-    return {"fields": fields, "metrics": metrics, "same_metrics": len(units) - len(metrics)}
+    return {
+        "fields": fields,
+        "metrics": metrics,
+        "same_metrics": len(units) - len(metrics),
+        "specifications": _limits(*both),
+    }
+
+
+def _limits(*both: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return what the results say of each specification: kept or broken."""
+    from chamfer.analysis.report.check_text import LIMIT, relation, verdict_text
+
+    found: dict[str, dict[str, Any]] = {}
+    for side, document in zip(("first", "second"), both, strict=True):
+        for check in document.get("checks", ()):
+            if check["kind"] == LIMIT:
+                asked = f"{check['metric']} {relation(check)} {check['unit']}".strip()
+                found.setdefault(asked, {})[side] = verdict_text(check)
+    return found
 
 
 def _value(metric: Mapping[str, Any]) -> float | None:
@@ -126,6 +144,16 @@ def _text(document: Mapping[str, Any], folders: tuple[Path, Path]) -> Iterator[s
             rows.append((name, *sides, number(difference), relative, pair["unit"]))
         yield from table(rows, right=(1, 2, 3, 4))
     yield f"{document['same_metrics']} metrics are the same"
+    limits = document["specifications"]
+    broken = [
+        (name, *_sides(pair, str))
+        for name, pair in limits.items()
+        if _sides(pair, str) != ("kept", "kept")
+    ]
+    if broken:
+        yield from ["", *table([("specification", *names), *broken])]
+    if limits:
+        yield f"{len(limits) - len(broken)} of {len(limits)} specifications are kept in both"
 
 
 def _sides(pair: Mapping[str, Any], text: Callable[[Any], str]) -> tuple[str, str]:

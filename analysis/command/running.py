@@ -12,7 +12,7 @@ from chamfer.analysis.campaign.campaign import Campaign, running
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.command.output_folder import require_writable
 from chamfer.analysis.report.atomic_write import write_text, written
-from chamfer.analysis.report.checks import Paper, check, load_paper
+from chamfer.analysis.report.checks import Paper, Published, check, load_paper
 from chamfer.analysis.report.results import (
     REPLAY,
     RESULT,
@@ -61,6 +61,11 @@ class Job:
     overrides: tuple[str, ...]  # path=value, the fewest that make it from the default scenario
     scenario: Any  # resolved
     paper: Paper
+
+    @property
+    def published(self) -> list[Published]:
+        """What its paper prints of the experiment, and the limits that it is to keep."""
+        return [one for one in self.paper.published if one.experiment == self.entry.name]
 
 
 def prepare(
@@ -165,8 +170,7 @@ def run(
         drawings = draw(job)
         replay = _replay(job, outcome)
     metrics = defined_metrics(outcome.metrics)
-    published = [value for value in job.paper.published if value.experiment == job.entry.name]
-    checks = [] if job.overrides else check(published, metrics)  # they are of the default one
+    checks = check(job.published, metrics, default=not job.overrides)
     plain = unstructure(scenario)
     document = {
         "experiment": job.entry.name,

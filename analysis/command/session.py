@@ -29,7 +29,7 @@ from chamfer.analysis.campaign.trial_store import TRIALS
 from chamfer.analysis.campaign.workers import Engine, LostError, StartError, cores
 from chamfer.analysis.command.running import Job, finished, prepare, run
 from chamfer.analysis.report.atomic_write import write_text, written
-from chamfer.analysis.report.check_text import TABLE, counts, counts_text, results_table
+from chamfer.analysis.report.check_text import TABLE, counts, counts_text, kept, results_table
 from chamfer.analysis.report.checks import load_paper
 from chamfer.analysis.report.console import failed_text, result_text, say
 from chamfer.analysis.report.report import REPORT, write_report
@@ -69,6 +69,7 @@ class Session:
 
     order: Order
     as_json: bool  # whether standard output gets one JSON document, and nothing else
+    strict: bool  # whether a broken specification makes the exit status 1
     here: Engine  # where experiments run side by side, with access to the results' folder
     trials: Engine  # where trials run, which may be the same
     results: list[dict[str, Any]] = field(default_factory=list)
@@ -198,18 +199,20 @@ class Session:
 
     def _end(self) -> int:
         report = self.order.out / REPORT
-        counted = counts(check for result in self.results for check in result["checks"])
+        checks = [check for result in self.results for check in result["checks"]]
+        limits = kept(checks)
         failed = {one["experiment"]: one["failed_trials"] for one in self.results}
         if self.as_json:
             document = {
                 "results": self.results,
-                "checks": counted,
+                "checks": counts(checks),
+                "specifications": limits,
                 "errors": self.errors,
                 "report": str(report),
             }
             print(json_text(document), end="")
         else:
-            print(counts_text(counted))
+            print(counts_text(checks))
             for name, trials in failed.items():
                 if trials:
                     print(f"{name}: {failed_text(trials)}")
@@ -217,7 +220,9 @@ class Session:
                 print(f"ended with an error: {error}")
             if self.results:
                 print(f"report: {report}")
-        return 1 if any(failed.values()) or self.errors else 0
+        if strict := self.strict and limits["broken"] > 0:
+            say(f"--strict: {limits['broken']} of {sum(limits.values())} specifications broken")
+        return 1 if any(failed.values()) or self.errors or strict else 0
 
 
 @contextmanager

@@ -1,7 +1,7 @@
 """One row a number: what a paper prints, and how close a simulation has to come.
 
-A row is *calibrated* unless it says ``kind="predicted"``, and a number that is missed is *not
-reached* unless it says ``otherwise="does_not_hold"``; see
+A row is *calibrated* unless it says ``kind="predicted"`` or is :func:`specified`, and a number
+that is missed is *not reached* unless it says ``otherwise="does_not_hold"``; see
 :class:`chamfer.analysis.report.checks.Published`.
 """
 
@@ -44,6 +44,11 @@ def between(
 ) -> Row:
     """Return the row of a metric with a least and a largest value."""
     return _row("between", metric, unit, source, note, low=low, high=high, **more)
+
+
+def specified(*rows: Row) -> tuple[Row, ...]:
+    """Return rows as limits of a task, an arm or parts, which are judged on every run."""
+    return tuple(partial(row, kind="specification") for row in rows)
 
 
 def of(experiment: str, *rows: Row) -> tuple[Published, ...]:

@@ -19,10 +19,13 @@ EXPLAINED: Final = (
     "A predicted value follows from published numbers; for a calibrated one a free parameter was "
     "chosen to fit. A claim that does not hold fails on the paper's own model; one that is not "
     "reached, our simulation misses. A bound that is kept by more than a factor of two is not "
-    "exceeded, or not undercut: that agrees with the paper, but reproduces no number of it."
+    "exceeded, or not undercut: that agrees with the paper, but reproduces no number of it. "
+    "A specification is a limit of the task, of an arm or of parts: it is kept or broken, and "
+    "judged on every run. Published values are of the default scenario alone."
 )
+LIMIT: Final = "specification"  # kind of check
 _SIGNS: Final = {"at_most": "<=", "at_least": ">="}
-_COLUMNS: Final = ("experiment", "figure", "metric", "published", "measured", "kind", "verdict")
+_COLUMNS: Final = ("experiment", "figure", "metric", "expected", "measured", "kind", "verdict")
 _FAR: Final = 2.0  # times a bound, beyond which keeping it does not reproduce its number
 
 
@@ -51,6 +54,11 @@ def verdict_text(check: Mapping[str, Any]) -> str:
 
     A bound of zero asks for a sign, and no number is twice as far from it as another.
     """
+    if check["kind"] == LIMIT:
+        trials = check.get("trials", 0)
+        if check["ok"] or not trials:
+            return "kept" if check["ok"] else "broken"
+        return f"broken in {trials - check['kept']} of {trials} trials"
     text = WORDS[check["verdict"]]
     if check["verdict"] == "holds":
         if check["relation"] == "at_most" and 0 < check["published"] > _FAR * check["measured"]:
@@ -61,16 +69,27 @@ def verdict_text(check: Mapping[str, Any]) -> str:
 
 
 def counts(checks: Iterable[Mapping[str, Any]]) -> "dict[Verdict, int]":
-    """Return how many of the checks' documents have each verdict."""
-    verdicts = [check["verdict"] for check in checks]
+    """Return how many of the checks' documents have each verdict, but for specifications."""
+    verdicts = [check["verdict"] for check in checks if check["kind"] != LIMIT]
     return {verdict: verdicts.count(verdict) for verdict in WORDS}
 
 
-def counts_text(counted: "Mapping[Verdict, int]") -> str:
-    """Return the counts in words."""
+def kept(checks: Iterable[Mapping[str, Any]]) -> dict[str, int]:
+    """Return how many of the checks' documents are specifications that are kept, and broken."""
+    found = [bool(check["ok"]) for check in checks if check["kind"] == LIMIT]
+    return {"kept": found.count(True), "broken": found.count(False)}
+
+
+def counts_text(checks: Iterable[Mapping[str, Any]]) -> str:
+    """Return in words how many published values have each verdict, and limits that are kept."""
+    checks = list(checks)
+    counted, limits = counts(checks), kept(checks)
     total = sum(counted.values())
     said = ", ".join(f"{n} {WORDS[key] if n == 1 else _PLURAL[key]}" for key, n in counted.items())
-    return f"{total} check{'s' * (total != 1)}: {said}"
+    parts = [f"{total} published value{'s' * (total != 1)}: {said}"] if total else []
+    if asked := sum(limits.values()):
+        parts.append(f"{limits['kept']} of {asked} specification{'s' * (asked != 1)} kept")
+    return "; ".join(parts) or "no checks"
 
 
 def results_table(
@@ -90,7 +109,7 @@ def results_table(
         studies: Experiments whose rows are marked as such.
         seed: Of all randomness.
     """
-    counted = counts(check for result in results for check in result["checks"])
+    checks = [check for result in results for check in result["checks"]]
     command = f"chamfer reproduce --seed {seed}" if seed else "chamfer reproduce"
     lines = [
         "# Results: published against measured",
@@ -98,7 +117,7 @@ def results_table(
         f"Made by `{command}`, rows marked *study* by `{command} --studies`, don't edit. "
         f"{EXPLAINED}",
         "",
-        f"**{len(results)} experiments, {counts_text(counted)}.**",
+        f"**{len(results)} experiments, {counts_text(checks)}.**",
     ]
     if errors:
         lines += ["", "Ended with an error:", "", *(f"- {error}" for error in errors)]

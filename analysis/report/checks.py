@@ -1,13 +1,14 @@
-"""Published values and the checks that put the measured ones beside them."""
+"""Published values and specifications, and the checks that put the measured ones beside them."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Literal
 
 from chamfer.analysis.scenario.experiment import Catalogue, Metric
 
+Kind = Literal["predicted", "calibrated", "specification"]
 Verdict = Literal["holds", "does_not_hold", "not_reached"]
 
 
@@ -18,14 +19,15 @@ class Published:
     ``kind`` is honest: *predicted* follows from published numbers, *calibrated* means that a
     free parameter was chosen to fit. So is ``otherwise``, the verdict on a measured value that
     does not satisfy the relation: our simulation misses the number (*not reached*), or the paper's
-    claim fails on its own model (*does not hold*), and then the note says why.
+    claim fails on its own model (*does not hold*), and then the note says why. The third kind is
+    the *specification*: a limit of the task, of an arm or of parts.
     """
 
     experiment: str
     metric: str
     relation: Literal["near", "at_most", "at_least", "between"]
     unit: str
-    kind: Literal["predicted", "calibrated"]
+    kind: Kind
     source: str  # section, figure or equation
     value: float | None = None  # for near, at_most, at_least
     tolerance: float | None = None  # for near
@@ -56,13 +58,27 @@ class Published:
         low, high = self.bounds()
         return measured is not None and low <= measured <= high
 
+    def worst(self, measured: Sequence[float | None]) -> float | None:
+        """Return the value that is farthest beyond the bounds, or else nearest to them."""
+        low, high = self.bounds()
+        known = [value for value in measured if value is not None and math.isfinite(value)]
+        if len(known) < len(measured):
+            return None
+        return max(known, key=lambda value: max(low - value, value - high))
+
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """A published value beside the measured one."""
+    """A published value or a limit beside the measured value, of several trials the worst."""
 
     published: Published
     measured: float | None
+    trials: tuple[float | None, ...] = ()  # that a limit is judged on, if there are several
+
+    @property
+    def kept(self) -> int:
+        """How many of the trials satisfy the relation."""
+        return sum(map(self.published.holds, self.trials))
 
     @property
     def ok(self) -> bool:
@@ -75,13 +91,31 @@ class Check:
         return "holds" if self.ok else self.published.otherwise
 
 
-def check(published: Iterable[Published], metrics: Mapping[str, Metric]) -> list[Check]:
-    """Put every published value beside its metric.
+def check(
+    published: Iterable[Published], metrics: Mapping[str, Metric], *, default: bool = True
+) -> list[Check]:
+    """Put published values and limits beside their metrics.
+
+    Limits are judged on every run, on the worst of its trials. A run without a limit's metric did
+    not have to keep it, such as that of a mode that the plan lacks; an undefined one breaks it.
+
+    Args:
+        published: Of the experiment.
+        metrics: What a run measured.
+        default: Whether it is the default scenario, the only one that published values are of.
 
     Raises:
         KeyError: If a published value names a metric that was not measured.
     """
-    return [Check(published=value, measured=metrics[value.metric].value) for value in published]
+    checks = []
+    for one in published:
+        if one.kind != "specification":
+            if default:
+                checks.append(Check(published=one, measured=metrics[one.metric].value))
+        elif metric := metrics.get(one.metric):
+            worst = one.worst(metric.trials or (metric.value,))
+            checks.append(Check(published=one, measured=worst, trials=metric.trials))
+    return checks
 
 
 @dataclass(frozen=True, kw_only=True)

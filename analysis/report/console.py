@@ -45,15 +45,16 @@ def failed_text(failed: Sequence[Mapping[str, Any]]) -> str:
 
 
 def result_text(result: Mapping[str, Any]) -> str:
-    """Return an experiment's published values beside the measured ones, or else its metrics.
+    """Return an experiment's checks, and its metrics where there are no published values.
 
     What the note of a metric called ``answer`` says is what the experiment comes to, and is last.
     """
     seconds = result["wall_seconds"]
     lines = [f"{result['experiment']}  {result['figure']}".rstrip() + f"  ({seconds:.2f} s)"]
-    if result["checks"]:
-        lines += _checks(result["checks"])
-    else:
+    checks = result["checks"]
+    if checks:
+        lines += _checks(checks)
+    if result["overrides"] or not checks:
         if result["overrides"]:
             lines.append("  published values apply to the default scenario only, not to this one")
         lines += _metrics(result["metrics"])
@@ -104,7 +105,7 @@ def wrapped_table(rows: Sequence[Sequence[str]], width: int) -> list[str]:
 
 
 def _checks(checks: Sequence[Mapping[str, Any]]) -> list[str]:
-    rows = [("metric", "published", "measured", "unit", "kind", "")]
+    rows = [("metric", "expected", "measured", "unit", "kind", "")]
     rows += [
         (
             check["metric"],

@@ -3,7 +3,7 @@
 import base64
 import re
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from itertools import groupby
 from pathlib import Path
@@ -16,6 +16,7 @@ from chamfer.analysis.report.check_text import (
     WORDS,
     counts,
     counts_text,
+    kept,
     number,
     relation,
     typeset,
@@ -40,7 +41,9 @@ class _Section(NamedTuple):
     paper: str
     figure: str
     anchor: str
+    checks: Sequence[Mapping[str, Any]]
     counted: Mapping[Verdict, int]
+    limits: Mapping[str, int]
     html: str
 
 
@@ -81,15 +84,12 @@ def report_text(out: Path, catalogue: Catalogue, *, running: str = "") -> str:
         for kind, count in counted.items()
         if count or kind == "experiment"
     ]
-    verdicts: dict[Verdict, int] = {
-        verdict: sum(one.counted[verdict] for one in sections) for verdict in WORDS
-    }
     page = _macros().page(
         papers=[
             (load_paper(key, catalogue), list(group))
             for key, group in groupby(sections, lambda one: one.paper)
         ],
-        total=", ".join([*total, counts_text(verdicts)]),
+        total=", ".join([*total, counts_text(check for one in sections for check in one.checks)]),
         verdicts=WORDS,
         explained=EXPLAINED,
         unreadable=unreadable,
@@ -121,7 +121,9 @@ def _section(path: Path, summaries: Mapping[str, str]) -> _Section:
         paper=str(document["paper"]),
         figure=str(document["figure"]),
         anchor=re.sub(r"[^A-Za-z0-9-]+", "-", folder.name),
+        checks=checks,
         counted=counts(checks),
+        limits=kept(checks),
         html=html,
     )
 

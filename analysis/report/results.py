@@ -64,6 +64,7 @@ def check_document(check: Check) -> dict[str, Any]:
         "verdict": check.verdict,
         "ok": check.ok,
         "note": of.note,
+        **({"trials": len(check.trials), "kept": check.kept} if check.trials else {}),
     }
 
 

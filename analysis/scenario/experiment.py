@@ -55,6 +55,7 @@ class Metric:
     value: float | None
     unit: str  # "" for a pure number
     note: str = ""
+    trials: tuple[float | None, ...] = ()  # the values that it is made of, if there are several
 
 
 def measured(value: float | None, unit: str, *, note: str = "", missing: str) -> Metric:

@@ -17,6 +17,8 @@ from chamfer.analysis.campaign.trial_metrics import mean_interval
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.command.running import Job, prepare
+from chamfer.analysis.report.check_text import LIMIT
+from chamfer.analysis.report.checks import Published, check
 from chamfer.analysis.report.results import defined_metrics
 from chamfer.analysis.scenario.errors import ExperimentError, UserError
 from chamfer.analysis.scenario.experiment import (
@@ -77,8 +79,9 @@ class SweepTable(dict[str, NDArray[Any]]):
 
     It is a dict, so that ``pandas.DataFrame(table)`` takes it. A metric is its mean over the
     point's trials, NaN where it is undefined in all of them; if there are several trials, the
-    column with the ending ``.ci95`` is half of its 95 % interval by Student's t. A status that is
-    not ``ok`` says why the point, or how many of its trials, have no result.
+    column with the ending ``.ci95`` is half of its 95 % interval by Student's t. ``broken`` is how
+    many specifications are broken, in any of the trials, where the experiment has some. A status
+    that is not ``ok`` says why the point, or how many of its trials, have no result.
     """
 
     def __init__(self, columns: Mapping[str, NDArray[Any]], units: Mapping[str, str]) -> None:
@@ -97,6 +100,7 @@ class SweepResult:
     counts: dict[Kind, int]  # of trials
     simulated_seconds: float
     reasons: dict[str, int]  # of points without a result
+    broken: dict[str, int]  # specifications, and at how many points they are
 
 
 def sweep(name: str, vary: Mapping[str, Spec], *, workers: int = 1, **options: Any) -> SweepTable:
@@ -181,7 +185,8 @@ def run_sweep(plan: SweepPlan, progress: Progress) -> SweepResult:
     Raises:
         UserError: If a metric is asked for that the experiment doesn't measure.
     """
-    run = partial(run_point, plan.job.experiment.run_swept or plan.job.experiment.run)
+    experiment = plan.job.experiment
+    run = partial(run_point, experiment.run_swept or experiment.run, plan.job.published)
     if plan.metrics is not None:
         _require_measured(plan, run)
     tasks = [
@@ -197,8 +202,10 @@ def run_sweep(plan: SweepPlan, progress: Progress) -> SweepResult:
     return _result(plan, [rows[task] for task in tasks])
 
 
-def run_point(run: Callable[[Any, int, Progress], Outcome], task: PointTrial) -> Row:
-    """Return what an experiment's run measured at a point."""
+def run_point(
+    run: Callable[[Any, int, Progress], Outcome], published: Sequence[Published], task: PointTrial
+) -> Row:
+    """Return what an experiment's run measured at a point, and the specifications it broke."""
     experiment = load(task.entry)
     scenario = make_scenario(experiment.default, settings=task.settings)
     failed: list[Failure] = []
@@ -215,10 +222,12 @@ def run_point(run: Callable[[Any, int, Progress], Outcome], task: PointTrial) ->
     if failed:
         raise ExperimentError(f"{len(failed)} of its trials failed: {failed[0].reason}")
     metrics = defined_metrics(outcome.metrics)
+    limits = check(published, metrics, default=False)
     return {
         "kind": "ok",
         "status": OK,
         "simulated_seconds": float(outcome.simulated_seconds),
+        "broken": " ".join(one.published.metric for one in limits if not one.ok),
         **{f"{_METRIC}{name}": metric.value for name, metric in metrics.items()},
         **{f"{_UNIT}{name}": metric.unit for name, metric in metrics.items()},
     }
@@ -287,6 +296,10 @@ def _result(plan: SweepPlan, rows: Sequence[Row]) -> SweepResult:
         if plan.trials > 1:
             means = [_mean(own) for own in values.reshape(-1, plan.trials)]
             table[column], table[f"{column}{INTERVAL}"] = np.array(means).T
+    broken = [set().union(*(row.get("broken", "").split() for row in group)) for group in groups]
+    if any(one.kind == LIMIT for one in plan.job.published):
+        known = [any(row["kind"] == "ok" for row in group) for group in groups]
+        table["broken"] = np.where(known, list(map(len, broken)), np.nan)
     table["status"] = np.array(status, dtype=object)
     table["seed"] = np.full(len(groups), plan.seed)
     trials["status"] = np.array([row["status"] for row in rows], dtype=object)
@@ -299,6 +312,7 @@ def _result(plan: SweepPlan, rows: Sequence[Row]) -> SweepResult:
         counts={kind: sum(row["kind"] == kind for row in rows) for kind in KINDS},
         simulated_seconds=math.fsum(row["simulated_seconds"] for row in rows),
         reasons=dict(Counter(text for text in status if text != OK)),
+        broken=dict(Counter(name for names in broken for name in sorted(names))),
     )
 
 

@@ -16,9 +16,9 @@ def add_sweep(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
         help="run an experiment at many points of its scenario",
         description="Runs an experiment at many points of its scenario and writes "
         "OUT/sweep-NAME: points.csv and points.parquet with a row for each point (fields, "
-        "metrics, status: ok or why there is no result, seed), trials.parquet with a row for "
-        "each point and seed, and a figure. A point that is refused or fails doesn't keep the "
-        "others from running.",
+        "metrics, broken: how many specifications are, status: ok or why there is no result, "
+        "seed), trials.parquet with a row for each point and seed, and a figure. A point that is "
+        "refused or fails doesn't keep the others from running.",
     )
     sweep.add_argument("name", metavar="NAME", help="an experiment of `chamfer list`")
     sweep.add_argument(
@@ -93,4 +93,5 @@ def _sweep(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     else:
         print("\n".join(sweep_text(result, document)))
         print(f"points: {folder / 'points.csv'}\nreport: {report}")
-    return 1 if result.counts["failed"] or not result.counts["ok"] else 0
+    failed = result.counts["failed"] or not result.counts["ok"]
+    return 1 if failed or (arguments.strict and result.broken) else 0

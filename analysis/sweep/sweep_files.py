@@ -60,7 +60,8 @@ def write_sweep(out: Path, result: SweepResult, wall_seconds: float) -> dict[str
 def sweep_text(result: SweepResult, document: Mapping[str, Any]) -> list[str]:
     """Return the points as a table for a terminal, shortened, and what became of them."""
     metrics = list(result.metrics.values())
-    columns = [one.path for one in result.plan.varied] + [*metrics[:_SHOWN_METRICS], "status"]
+    ends = [name for name in ("broken", "status") if name in result.table]
+    columns = [one.path for one in result.plan.varied] + [*metrics[:_SHOWN_METRICS], *ends]
     units = [result.table.units.get(name, "") for name in columns]
     cells = [list(map(_shown, result.table[name][:_SHOWN_POINTS])) for name in columns]
     lines = table([columns, units, *zip(*cells, strict=True)], right=range(len(columns) - 1))
@@ -75,6 +76,7 @@ def sweep_text(result: SweepResult, document: Mapping[str, Any]) -> list[str]:
     if left_out:
         lines.append(f"... {' and '.join(left_out)} in points.csv")
     lines += ["", f"{document['points_ok']} of {document['points']} points ok"]
+    lines += [f"{n} with a broken specification: {name}" for name, n in result.broken.items()]
     return lines + [f"{n} without a result: {reason}" for reason, n in result.reasons.items()]
 
 
@@ -120,6 +122,7 @@ def _document(result: SweepResult, wall_seconds: float, figures: list[str]) -> d
         "points_ok": int((statuses == OK).sum()),
         "trial_counts": result.counts,
         "reasons": result.reasons,
+        "broken": result.broken,
         "scenario": unstructure(plan.job.scenario),
         "overrides": list(plan.job.overrides),
         "versions": versions(),

@@ -169,6 +169,8 @@ PUBLISHED = (
               otherwise="does_not_hold"),
     Published(experiment="fall", metric="overflow", relation="at_least", value=1.0,
               unit="m", kind="predicted", source="section 3"),
+    Published(experiment="fall", metric="height", relation="at_most", value=10.0,
+              unit="m", kind="specification", source="section 4"),
     Published(experiment="another", metric="x", relation="at_most", value=1.0,
               unit="m", kind="predicted", source="section 3"),
 )

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from chamfer.analysis.report.traces import read_table
@@ -112,6 +113,8 @@ def test_run_writes_the_result_in_the_form_of_the_design(chamfer: Chamfer, out: 
     between |= {"kind": "calibrated", "source": "section 2", "verdict": "does_not_hold"}
     bound = {"metric": "overflow", "relation": "at_least", "published": 1.0, "measured": None}
     bound |= {"source": "section 3", "verdict": "not_reached"}
+    limit = {"metric": "height", "relation": "at_most", "published": 10.0, "measured": 5.0}
+    limit |= {"kind": "specification", "source": "section 4", "verdict": "holds", "ok": True}
     assert document == {
         "experiment": "fall",
         "paper": "toy-paper",
@@ -129,6 +132,7 @@ def test_run_writes_the_result_in_the_form_of_the_design(chamfer: Chamfer, out: 
             usual | near,
             usual | between | {"note": "it is not that deep"},
             usual | bound,
+            usual | limit,
         ],
         "failed_trials": [],
         "simulated_seconds": 1.0,
@@ -150,7 +154,7 @@ def test_what_is_not_as_published_is_said_and_counted_but_no_error(
     assert any(line.startswith("  overflow ") and line.endswith("not reached") for line in lines)
     assert "    it is not that deep" in lines
     assert lines[-2:] == [
-        "3 checks: 1 holds, 1 does not hold, 1 not reached",
+        "3 published values: 1 holds, 1 does not hold, 1 not reached; 1 of 1 specification kept",
         f"report: {out}/index.html",
     ]
 
@@ -159,7 +163,7 @@ def test_published_values_apply_to_the_default_scenario_only(chamfer: Chamfer, o
     status, said, _ = chamfer("run", "fall", "--out", out, "--set", "body={mass: 3, form: plate}")
     assert status == 0
     document = result(out, "fall")
-    assert document["checks"] == []
+    assert [one["kind"] for one in document["checks"]] == ["specification"]
     assert document["overrides"] == ["body.mass=3.0", "body.form=plate"]
     assert document["command"] == "chamfer run fall --set body.mass=3.0 --set body.form=plate"
     assert "published values apply to the default scenario only, not to this one" in said
@@ -176,11 +180,47 @@ def test_a_result_is_remade_from_the_scenario_beside_it(
     assert chamfer("run", "fall", "--scenario", first / "fall" / name, "--out", second)[0] == 0
     a, b = result(first, "fall"), result(second, "fall")
     assert {**a, "wall_seconds": 0} == {**b, "wall_seconds": 0}
-    assert bool(a["checks"]) == (given == [])
+    assert len(a["checks"]) == (1 if given else 4)
     assert a["command"] == " ".join(["chamfer run fall", *given])
     for figure in ("fall.svg", "fall.png"):
         assert (first / "fall" / figure).read_bytes() == (second / "fall" / figure).read_bytes()
     assert b"<dc:date>" not in (first / "fall" / "fall.svg").read_bytes()
+
+
+def broken(
+    chamfer: Chamfer, out: Path, command: str, *options: object, strict: bool
+) -> tuple[int, str, str]:
+    return chamfer(command, "fall", "--out", out, *options, *["--strict"] * strict)
+
+
+@pytest.mark.parametrize("strict", [False, True])
+def test_a_limit_is_judged_on_every_run_and_strict_ends_with_1_if_it_is_broken(
+    chamfer: Chamfer, out: Path, strict: bool
+) -> None:
+    assert broken(chamfer, out, "run", strict=strict)[0] == 0  # what is not reached is no limit
+    options = ("--set", "height=20")
+    status, said, err = broken(chamfer, out, "run", *options, strict=strict)
+    assert status == strict
+    assert ("chamfer: --strict: 1 of 1 specifications broken" in err) == strict
+    assert "0 of 1 specification kept" in said
+    assert [line.split()[-1] for line in said.splitlines() if "<= 10" in line] == ["broken"]
+    (check,) = result(out, "fall")["checks"]
+    assert (check["measured"], check["ok"]) == (20.0, False)
+
+
+@pytest.mark.parametrize("strict", [False, True])
+def test_a_sweep_counts_the_limits_that_a_point_breaks(
+    chamfer: Chamfer, out: Path, strict: bool
+) -> None:
+    options = ("--vary", "height=5,20,200", "--trials", 2)
+    status, said, _ = broken(chamfer, out, "sweep", *options, strict=strict)
+    assert status == strict
+    table = read_table(out / "sweep-fall" / "points.parquet")
+    assert np.array_equal(table["broken"], [0.0, 1.0, np.nan], equal_nan=True)
+    assert "1 with a broken specification: height" in said.splitlines()
+    assert "Broken specifications: <code>height</code> at 1 point." in (
+        (out / "index.html").read_text().replace("\n", "")
+    )
 
 
 def test_json_is_one_document_and_nothing_else(chamfer: Chamfer, out: Path) -> None:
@@ -190,6 +230,7 @@ def test_json_is_one_document_and_nothing_else(chamfer: Chamfer, out: Path) -> N
     assert [one["experiment"] for one in document["results"]] == ["fall", "trials"]
     assert document["results"][0] == result(out, "fall")
     assert document["checks"] == {"holds": 1, "does_not_hold": 1, "not_reached": 1}
+    assert document["specifications"] == {"kept": 1, "broken": 0}
     assert document["report"] == f"{out}/index.html"
 
 

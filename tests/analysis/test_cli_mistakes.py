@@ -155,7 +155,7 @@ def test_reproduce_goes_on_after_an_error_and_reports_it(
     status, said, err = chamfer("reproduce", "--workers", workers, "--out", out)
     assert status == 1
     assert said.splitlines()[-6:] == [
-        "3 checks: 1 holds, 1 does not hold, 1 not reached",
+        "3 published values: 1 holds, 1 does not hold, 1 not reached; 1 of 1 specification kept",
         "ended with an error: interrupted: ZeroDivisionError: division by zero",
         "ended with an error: broken: ZeroDivisionError: by zero",
         "ended with an error: asserting: stopped by Drake: Failure at plant.cc:1 in f(): "

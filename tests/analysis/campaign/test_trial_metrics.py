@@ -18,10 +18,10 @@ QUANTITIES = {"angle": Quantity("deg", "rms"), "force": Quantity("N")}
 
 def test_a_mean_and_a_root_of_the_mean_square() -> None:
     trials = [{"angle": 3.0, "force": 3.0}, {"angle": -4.0, "force": -4.0}]
-    assert over_trials(trials, QUANTITIES) == {
-        "angle": Metric(value=math.sqrt(12.5), unit="deg", note="rms of 2 seeds, -4 to 3"),
-        "force": Metric(value=-0.5, unit="N", note="mean of 2 seeds, -4 to 3"),
-    }
+    angle, force = over_trials(trials, QUANTITIES).values()
+    assert (angle.value, angle.note) == (math.sqrt(12.5), "rms of 2 seeds, -4 to 3")
+    assert (force.value, force.note) == (-0.5, "mean of 2 seeds, -4 to 3")
+    assert angle.trials == force.trials == (3.0, -4.0)  # for limits, which each has to keep
 
 
 def test_one_trial_has_no_spread_and_quantities_keep_their_order() -> None:
@@ -35,12 +35,10 @@ def test_one_trial_has_no_spread_and_quantities_keep_their_order() -> None:
 def test_undefined_values_are_left_out_and_counted() -> None:
     trials = [{"angle": None, "force": one} for one in (None, 1.0, None, 2.0)]
     found = over_trials(trials, QUANTITIES)
-    assert found["force"] == Metric(
-        value=1.5, unit="N", note="mean of 2 seeds, 1 to 2, undefined in 2"
-    )
-    assert found["angle"] == Metric(
-        value=None, unit="deg", note="does not occur, or settle, in the run"
-    )
+    force, angle = found["force"], found["angle"]
+    assert (force.value, force.note) == (1.5, "mean of 2 seeds, 1 to 2, undefined in 2")
+    assert (angle.value, angle.note) == (None, "does not occur, or settle, in the run")
+    assert (force.trials, angle.trials) == ((None, 1.0, None, 2.0), (None,) * 4)
 
 
 def test_a_sum_of_many_loses_nothing() -> None:

@@ -29,6 +29,9 @@ def test_json_has_what_differs(chamfer: Chamfer, results: list[str]) -> None:
         "difference": 3.0,
     }
     assert document["same_metrics"] == 2  # both undefined
+    assert document["specifications"] == {
+        "height <= 10 m": {"first": "kept", "second": "kept"},
+    }
 
 
 def test_table_is_side_by_side(chamfer: Chamfer, results: list[str]) -> None:
@@ -46,6 +49,17 @@ def test_what_one_result_lacks_is_absent(
     assert ["experiment", "fall", "trials"] in rows
     assert ["noise", "absent", "0.1"] in rows
     assert ["rate", "absent", "1", "-", "-"] in rows
+    assert ["height", "<=", "10", "m", "kept", "absent"] in rows
+
+
+def test_a_limit_that_one_result_breaks_is_named(
+    chamfer: Chamfer, results: list[str], tmp_path: Path
+) -> None:
+    assert chamfer("run", "fall", "--set", "height=12", "--out", tmp_path)[0] == 0
+    said = chamfer("compare", results[0], tmp_path / "fall")[1].splitlines()
+    assert said[-2].split() == ["height", "<=", "10", "m", "kept", "broken"]
+    assert said[-1] == "0 of 1 specifications are kept in both"
+    assert chamfer("compare", *results)[1].splitlines()[-1].startswith("1 of 1 ")
 
 
 def test_folder_without_a_result_is_refused(

@@ -141,12 +141,15 @@ def test_a_replay_or_figure_that_is_missing_is_said_and_not_linked(tmp_path: Pat
 
 def test_checks_show_published_beside_measured_and_the_verdict_in_words(tmp_path: Path) -> None:
     bound = {"relation": "at_least", "published": 1, "measured": None}
+    limit = {"relation": "at_most", "published": 1, "kind": "specification"}
     checks = [
         check(),
         check(relation="at_most", published=1, measured=-2, unit="", kind="predicted"),
         check(**bound, verdict="does_not_hold", note="a <reason>"),
         check(measured=0.5, verdict="not_reached"),
         check(relation="between", low=1, high=2.5, measured=1.5, unit="%"),
+        check(**limit, measured=1),
+        check(**limit, measured=2, verdict="not_reached", ok=False),
     ]
     put(tmp_path, result(checks=checks))
     text = report_text(tmp_path, NONE)
@@ -157,8 +160,10 @@ def test_checks_show_published_beside_measured_and_the_verdict_in_words(tmp_path
         "≥ 1 s undefined s calibrated section 3, &lt;Fig. 8&gt; ✗ does not hold a &lt;reason&gt;",
         "0.5 s calibrated section 3, &lt;Fig. 8&gt; △ not reached",
         "1 to 2.5 % 1.5 % calibrated",
-        "1 experiment, 5 checks: 3 hold, 1 does not hold, 1 not reached",
-        "fall Fig. 1 3 ✗ 1 △ 1",  # in the contents
+        "≤ 1 s 2 s specification section 3, &lt;Fig. 8&gt; ✗ broken",
+        "1 experiment, 5 published values: 3 hold, 1 does not hold, 1 not reached; 1 of 2 "
+        "specifications kept",
+        "fall Fig. 1 3 ✗ 1 △ 1 ✗ 1 of 2",  # in the contents
     ):
         assert row in said
 
@@ -260,7 +265,7 @@ def test_a_page_of_a_run_that_goes_on_says_so_and_reloads_itself(tmp_path: Path)
     assert Page(text).ids[-1] == "fall"
     text = write_report(tmp_path / "empty", NONE).read_text()
     assert "refresh" not in text
-    assert "0 experiments, 0 checks" in words(text)
+    assert "0 experiments, no checks" in words(text)
 
 
 def test_a_page_that_can_t_be_written_is_one_line(tmp_path: Path) -> None:

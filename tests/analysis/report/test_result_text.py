@@ -8,7 +8,6 @@ import pytest
 
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.report.check_text import (
-    counts,
     counts_text,
     results_table,
     verdict_text,
@@ -47,7 +46,10 @@ def check(
         (check("at_most", 0.0, -50.0), "holds"),
         (check("at_least", -1.0, 50.0), "holds"),
         (check("near", 0.01, 0.001), "holds"),
-        ({"relation": "between", "low": 1, "high": 9, "verdict": "holds"}, "holds"),
+        (check("between", low=1, high=9), "holds"),
+        (check("at_most", 1.0, 0.1, kind="specification"), "kept"),
+        (check("at_most", 1.0, 7.0, kind="specification", ok=False), "broken"),
+        (check(kind="specification", ok=False, trials=9, kept=7), "broken in 2 of 9 trials"),
         (check("at_most", 1.0, 7.0, verdict="does_not_hold"), "does not hold"),
         (check("at_least", 1.0, None, verdict="not_reached"), "not reached"),
     ],
@@ -61,12 +63,23 @@ def test_a_bound_that_is_kept_by_more_than_a_factor_of_two_is_said_so(
 @pytest.mark.parametrize(
     ("verdicts", "text"),
     [
-        (["not_reached"], "1 check: 0 hold, 0 do not hold, 1 not reached"),
-        (["holds", "does_not_hold"], "2 checks: 1 holds, 1 does not hold, 0 not reached"),
+        ([], "no checks"),
+        (["not_reached"], "1 published value: 0 hold, 0 do not hold, 1 not reached"),
+        (["kept"], "1 of 1 specification kept"),
+        (
+            ["holds", "kept", "does_not_hold", "broken"],
+            "2 published values: 1 holds, 1 does not hold, 0 not reached; "
+            "1 of 2 specifications kept",
+        ),
     ],
 )
-def test_verdicts_are_counted_apart(verdicts: list[str], text: str) -> None:
-    assert counts_text(counts({"verdict": verdict} for verdict in verdicts)) == text
+def test_verdicts_and_specifications_are_counted_apart(verdicts: list[str], text: str) -> None:
+    limits = ("kept", "broken")
+    checks = [
+        check(kind="specification", ok=one == "kept") if one in limits else check(verdict=one)
+        for one in verdicts
+    ]
+    assert counts_text(checks) == text
 
 
 def test_what_an_experiment_comes_to_is_said_last_and_once() -> None:
@@ -99,9 +112,9 @@ def test_every_check_is_a_row_and_what_is_not_as_published_is_explained() -> Non
         result("turn", "two", bound),
     ]
     text = results_table(results, {"one": "On falling", "two": "On turning"}, studies={"turn"})
-    assert "**3 experiments, 3 checks: 2 hold, 0 do not hold, 1 not reached.**" in text
+    assert "**3 experiments, 3 published values: 2 hold, 0 do not hold, 1 not reached.**" in text
     header = """\
-| experiment | figure | metric | published | measured | kind | verdict |
+| experiment | figure | metric | expected | measured | kind | verdict |
 | --- | --- | --- | --- | --- | --- | --- |
 """
     expected = f"""\

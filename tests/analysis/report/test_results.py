@@ -12,8 +12,9 @@ import pytest
 from numpy.typing import NDArray
 
 from chamfer.analysis.report.atomic_write import locked, replacing, write_text
-from chamfer.analysis.report.checks import Check, Published
+from chamfer.analysis.report.checks import Check, Published, check
 from chamfer.analysis.report.results import (
+    check_document,
     defined_metrics,
     json_text,
     metric_document,
@@ -214,8 +215,38 @@ def test_metrics_that_are_not_finite_are_null_with_a_note() -> None:
 def test_a_check_holds_within_the_bounds_of_its_relation(
     changes: dict[str, Any], measured: float | None, verdict: str
 ) -> None:
-    check = Check(published=published(**changes, note="why"), measured=measured)
-    assert (check.verdict, check.ok) == (verdict, verdict == "holds")
+    found = Check(published=published(**changes, note="why"), measured=measured)
+    assert (found.verdict, found.ok) == (verdict, verdict == "holds")
+
+
+@pytest.mark.parametrize(
+    ("metric", "measured", "kept"),
+    [
+        (Metric(value=1.0, unit="m"), 1.0, True),
+        (Metric(value=1.1, unit="m"), 1.1, False),
+        (Metric(value=None, unit="m"), None, False),  # its mode ended without a value
+        (Metric(value=0.5, unit="m", trials=(0.3, 0.7)), 0.7, True),
+        (Metric(value=0.9, unit="m", trials=(0.6, 1.2)), 1.2, False),  # the mean keeps it
+        (Metric(value=0.6, unit="m", trials=(0.6, None)), None, False),
+    ],
+)
+def test_a_limit_is_judged_on_the_worst_trial_whatever_the_scenario(
+    metric: Metric, measured: float | None, kept: bool
+) -> None:
+    limit = published(relation="at_most", kind="specification")
+    values = [limit, published(), published(metric="absent", kind="specification")]
+    (found,) = check(values, {"end": metric}, default=False)
+    assert (found.measured, found.ok) == (measured, kept)
+    assert ("kept" in check_document(found)) == bool(metric.trials)
+
+
+@pytest.mark.parametrize(
+    ("relation", "worst"),
+    [("at_most", 3.0), ("at_least", -2.0), ("near", -2.0), ("between", 3.0)],
+)
+def test_the_worst_value_is_the_farthest_beyond_the_bounds(relation: str, worst: float) -> None:
+    value = published(relation=relation, low=0.0, high=0.5)
+    assert value.worst((1.0, 3.0, -2.0)) == worst
 
 
 def test_a_claim_that_does_not_hold_says_why() -> None:

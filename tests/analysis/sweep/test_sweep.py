@@ -12,7 +12,7 @@ def test_table_has_a_row_for_each_point(toys: Catalogue) -> None:
     table = sweep("fall", {"body.mass": [1, 2], "height": [3.0, 4.5]}, catalogue=toys)
     assert list(table) == [
         *("body.mass", "height", "end", "measured.height", "overflow", "undefined"),
-        *("status", "seed"),
+        *("broken", "status", "seed"),
     ]
     assert table["body.mass"].tolist() == [1, 1, 2, 2]
     assert table["height"].tolist() == [3.0, 4.5, 3.0, 4.5]
