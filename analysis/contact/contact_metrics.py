@@ -9,11 +9,19 @@ from chamfer.analysis.campaign.trial_metrics import Quantity
 from chamfer.analysis.scenario.experiment import Metric, Table
 from chamfer.diagrams.contact.hybrid_loop_stability import Stability
 from chamfer.models.surfaces.damage import SAFE_SPEED, SCRATCH_FORCE
+from chamfer.systems.force.contact_detection import CONTACT, LOST
 from chamfer.systems.force.sampled_loop import NEUTRAL
 
 Array = NDArray[np.float64]
 
 BAND = 0.05  # of the desired force: within it the force has settled
+_BLOW: Final = 0.1  # s, in which a blow takes the tip off
+KEPT: Final = {
+    "contact.losses": Quantity(""),  # of true contact, but for that by a blow
+    "contact.losses_seen": Quantity(""),  # by contact detection, all
+    "contact.share": Quantity("%"),
+    "contact.settled_share": Quantity("%"),
+}
 QUANTITIES: Final = {
     "contact_time": Quantity("s"),
     "force.final": Quantity("N"),
@@ -27,7 +35,7 @@ QUANTITIES: Final = {
     "position.lag_error": Quantity("m"),
     "impact.speed": Quantity("m/s"),
     "recontact.speed": Quantity("m/s"),
-    "contact.losses": Quantity(""),
+    **KEPT,
     "damage.scratch_time": Quantity("s"),
     "damage.impact_share": Quantity("%"),
     "damage.safe_speed_share": Quantity("%"),
@@ -40,6 +48,7 @@ def contact_metrics(
     force: float,
     after: float,
     period: float | None,
+    kick: float | None,
     impact_limit: float,
 ) -> dict[str, float | None]:
     """Measure a run; a value is None where it is undefined.
@@ -51,6 +60,7 @@ def contact_metrics(
         after: s, deviations and errors are measured from then on.
         period: s, of the motion: the final force is the mean over the last one, or as much of it
             as is measured. None: over the last second.
+        kick: s, of a blow that takes the tip off.
         impact_limit: m/s, from which on an impact damages.
     """
     time, mode = traces["time"], traces["mode"]
@@ -58,7 +68,7 @@ def contact_metrics(
     impacts = traces["impact_speed"][traces["impact_speed"] > 0]
     values: dict[str, float | None] = dict.fromkeys(QUANTITIES)
     values["force.peak"] = float(traces["peak_force"].max())
-    values["contact.losses"] = float(np.sum((mode[1:] == 2) & (mode[:-1] == 1)))
+    values |= contact_kept(traces, after, kick)
     values["impact.speed"] = float(impacts[0]) if len(impacts) else None
     values["recontact.speed"] = float(impacts[1:].max()) if len(impacts) > 1 else None
     values["damage.scratch_time"] = longest(time, traces["force"] > SCRATCH_FORCE)
@@ -85,6 +95,40 @@ def contact_metrics(
         values["force.min"] = float(push.min())
         error = float(np.abs(traces["position_error"][window]).max())
         values["position.lag_error"] = round(error, 12)  # less is rounding
+    return values
+
+
+def contact_kept(traces: Table, after: float, kick: float | None) -> dict[str, float | None]:
+    """Measure how contact is kept from the first touch on; None without one.
+
+    What a blow takes off until it touches again is planned and does not count; what never touches
+    again, and bounces before and after, do. ``contact.losses`` are those of true contact, also
+    within a row; ``contact.share`` is that of the rows with a true force above 0 and
+    ``contact.settled_share`` the same from ``after`` on, %.
+
+    Args:
+        traces: ``time`` s, ``mode``, ``force`` N, ``impact_speed`` m/s; shape (n,) each.
+        after: s.
+        kick: s, of the blow; None: none.
+    """
+    time, mode = traces["time"], traces["mode"]
+    touching, hits = traces["force"] > 0, traces["impact_speed"] > 0
+    values: dict[str, float | None] = dict.fromkeys(KEPT)
+    values["contact.losses_seen"] = float(np.sum((mode[1:] == LOST) & (mode[:-1] == CONTACT)))
+    counted = np.logical_or.accumulate(touching | hits)
+    if not counted.any():
+        return values
+    if kick is not None:
+        off = np.flatnonzero(~touching & (time >= kick) & (time <= kick + _BLOW))
+        back = np.flatnonzero(touching[off[0] :]) if len(off) else off
+        if len(back):
+            counted[off[0] : off[0] + back[0]] = False
+    lost = counted & ~touching
+    again = counted[1:] & touching[1:] & touching[:-1] & hits[1:]
+    values["contact.losses"] = float(lost[0] + np.sum(lost[1:] & ~lost[:-1]) + np.sum(again))
+    values["contact.share"] = 100 * float(touching[counted].mean())
+    if np.any(counted & (time >= after)):
+        values["contact.settled_share"] = 100 * float(touching[counted & (time >= after)].mean())
     return values
 
 

@@ -76,6 +76,7 @@ def measure(scenario: HybridScenario, traces: Traces) -> dict[str, float | None]
         force=task.force,
         after=scenario.measure_after,
         period=task.period,
+        kick=task.kick_time,
         impact_limit=impact_speed_limit(task.nugget_mass),
     )
 

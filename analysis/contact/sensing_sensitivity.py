@@ -92,7 +92,7 @@ _MEASURED: Final = {"force": "N", "position": "m", "losses": "", "diverged": "",
 _FROM_RUN: Final = {
     "force": "force.true_deviation",
     "position": "position.lag_error",
-    "losses": "contact.losses",
+    "losses": "contact.losses_seen",
 }
 
 

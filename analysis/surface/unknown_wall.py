@@ -14,7 +14,12 @@ from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_metrics import Quantity, over_trials, trial_seed
 from chamfer.analysis.campaign.trial_rows import Row, table_of, with_table
 from chamfer.analysis.contact.contact_figures import note_stability, shade_losses
-from chamfer.analysis.contact.contact_metrics import settling_time, stability_metrics
+from chamfer.analysis.contact.contact_metrics import (
+    KEPT,
+    contact_kept,
+    settling_time,
+    stability_metrics,
+)
 from chamfer.analysis.drawing.figure_kit import (
     BESIDE,
     Curve,
@@ -76,7 +81,7 @@ QUANTITIES: Final = {
     "error.max": Quantity("deg"),
     "band.mean": Quantity("deg"),
     "coverage": Quantity("%"),
-    "contact.losses": Quantity(""),
+    **KEPT,
     "loss.duration": Quantity("s"),
     "recontact.speed": Quantity("m/s"),
     "recontact.settling_time_10": Quantity("s"),
@@ -107,7 +112,7 @@ def wall_metrics(
     time, mode, push = traces["time"], traces["mode"], traces["force"]
     values: dict[str, float | None] = dict.fromkeys(QUANTITIES)
     values["force.peak"] = float(traces["peak_force"].max())
-    values["contact.losses"] = float(np.sum((mode[1:] == LOST) & (mode[:-1] == CONTACT)))
+    values |= contact_kept(traces, after, kick)
     values["error.start"] = float(traces["error"][0])
     values["position.travel"] = float(traces["travel"][-1])
     impacts = traces["impact_speed"][traces["impact_speed"] > 0]

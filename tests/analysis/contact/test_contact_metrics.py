@@ -39,7 +39,13 @@ def contact(rows: int = 101) -> dict[str, Array]:
 
 
 def measured(table: dict[str, Array], **options: Any) -> dict[str, float | None]:
-    given = {"force": 10.0, "after": 5.0, "period": None, "impact_limit": 0.4} | options
+    given = {
+        "force": 10.0,
+        "after": 5.0,
+        "period": None,
+        "kick": None,
+        "impact_limit": 0.4,
+    } | options
     return contact_metrics(table, **given)  # type: ignore[arg-type]
 
 
@@ -53,7 +59,7 @@ def test_a_run_in_contact() -> None:
     assert values["force.deviation"] == pytest.approx(0.4)
     assert values["impact.speed"] == 0.3
     assert values["recontact.speed"] is None
-    assert values["contact.losses"] == 0
+    assert (values["contact.losses"], values["contact.share"]) == (0, 100)
     assert values["damage.impact_share"] == pytest.approx(75.0)  # of 0.4 m/s
     assert values["damage.safe_speed_share"] == pytest.approx(150.0)  # of 0.2 m/s
     assert values["damage.scratch_time"] == pytest.approx(8.0)  # 2 s to 10 s, above 5 N
@@ -108,16 +114,46 @@ def test_impacts_and_losses_are_counted() -> None:
     mode[50:52] = 2.0
     impact[33], impact[52] = 0.05, 0.5
     values = measured(table)
-    assert values["contact.losses"] == 2
+    assert values["contact.losses_seen"] == 2
     assert values["impact.speed"] == 0.3
     assert values["recontact.speed"] == 0.5
     assert values["damage.impact_share"] == pytest.approx(125.0)  # the worst of all
     assert values["damage.safe_speed_share"] == pytest.approx(250.0)
 
 
+@pytest.mark.parametrize(
+    ("off", "hits", "kick", "losses", "share", "settled"),
+    [
+        ((), (), None, 0, 100, 100),
+        ((30, 33), (33,), None, 1, 100 * 78 / 81, 100),  # before 5 s, as a bounce of the impact
+        ((60, 63), (63,), None, 1, 100 * 78 / 81, 100 * 48 / 51),
+        ((60, 63), (63,), 6.0, 0, 100, 100),  # by a blow it is planned
+        ((60, 63), (63,), 5.0, 1, 100 * 78 / 81, 100 * 48 / 51),  # long after it is not
+        ((60, 63), (63, 70), 6.0, 1, 100, 100),  # within a row: a bounce after the return
+        ((60, 101), (), 6.0, 1, 50 - 100 / 162, 100 * 10 / 51),  # that never returns
+        ((20, 21), (), None, 1, 100 * 80 / 81, 100),  # off again in the row of the first touch
+    ],
+)
+def test_contact_is_kept_from_the_first_touch_on(
+    off: tuple[int, ...],
+    hits: tuple[int, ...],
+    kick: float | None,
+    losses: int,
+    share: float,
+    settled: float,
+) -> None:
+    table = contact()
+    table["force"][slice(*off) if off else []] = 0.0
+    table["impact_speed"][list(hits)] = 0.1
+    values = measured(table, kick=kick)
+    assert values["contact.losses"] == losses
+    assert values["contact.share"] == pytest.approx(share)
+    assert values["contact.settled_share"] == pytest.approx(settled)
+
+
 def test_a_run_that_never_touches_is_undefined_but_for_what_is_zero() -> None:
     known = {name: value for name, value in measured(traces()).items() if value is not None}
-    assert known == {"force.peak": 0.0, "contact.losses": 0.0, "damage.scratch_time": 0.0}
+    assert known == {"force.peak": 0.0, "contact.losses_seen": 0.0, "damage.scratch_time": 0.0}
 
 
 TIME = np.arange(11.0)  # s

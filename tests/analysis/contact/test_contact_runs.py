@@ -70,12 +70,12 @@ def test_measuring_a_run_is_measuring_its_traces() -> None:
     scenario = near_wall()
     traces = run_contact(scenario, 0)
     assert measure(scenario, traces) == contact_metrics(
-        traces, force=5.0, after=0.4, period=None, impact_limit=0.44
+        traces, force=5.0, after=0.4, period=None, kick=None, impact_limit=0.44
     )
     sliding = replace(scenario, task=replace(scenario.task, amplitude=0.01, frequency=20.0))
     period = 2 * np.pi / 20.0
     assert measure(sliding, traces) == contact_metrics(
-        traces, force=5.0, after=0.4, period=period, impact_limit=0.44
+        traces, force=5.0, after=0.4, period=period, kick=None, impact_limit=0.44
     )
     assert measure(sliding, traces)["force.final"] != measure(scenario, traces)["force.final"]
 
