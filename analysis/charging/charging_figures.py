@@ -364,7 +364,11 @@ def plot_places(scenario: ResolvedCrucibleChargingScenario, outcome: Outcome) ->
     x, y = (MM * one for one in station.crucible_centre)
     style = {**GLASS, "alpha": 0.4, "label": "crucible, inner wall"}
     axes.add_patch(Circle((x, y), MM * station.crucible_radius, **style))
-    for i, (item, rows) in enumerate(zip(items_of(scenario), held, strict=True)):
+    items = items_of(scenario)
+    for one in items[0].laid:
+        place = (MM * one.middle[0], MM * one.middle[1])
+        axes.add_patch(Circle(place, MM * one.nugget.reach, color="0.85"))
+    for i, (item, rows) in enumerate(zip(items, held, strict=True)):
         if not len(rows):
             continue
         colour = _colour_of(i)

@@ -6,12 +6,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.geometry import Meshcat
+from pydrake.math import RollPitchYaw
 
 from chamfer.analysis.report.replay import record, set_stage
 from chamfer.analysis.scenario.experiment import Outcome, Table
 from chamfer.diagrams.charging.charging_scenario import ResolvedCrucibleChargingScenario
 from chamfer.diagrams.charging.charging_view import POSE, make_charging_view, waiting_pose
-from chamfer.models.charging.packing import ItemPlace, places
+from chamfer.models.charging.packing import ItemPlace
 from chamfer.models.charging.station import Station
 from chamfer.systems.contact.arm_dynamics import GRAVITY
 
@@ -38,7 +39,8 @@ def replay_charging(
         raises.
     """
     station, traces = scenario.station.true, outcome.traces
-    view = make_charging_view(station, scenario.plan, meshcat, lean=scenario.wall.lean)
+    laid = scenario.places(believed=False)[0].laid
+    view = make_charging_view(station, scenario.plan, meshcat, lean=scenario.wall.lean, laid=laid)
     set_stage(meshcat, floor=_FLOOR, eye=_EYE, target=_TARGET)
     joints = [_column(traces, f"{name}.position") for name in scenario.ARM.joint_names]
     nuggets = nugget_poses(scenario, traces)
@@ -51,13 +53,13 @@ def nugget_poses(scenario: ResolvedCrucibleChargingScenario, traces: Table) -> A
     """Return where each nugget is, shape (rows, items, POSE).
 
     It waits at the feeder, moves up while the arm is away, goes with the gripper while it is
-    held, and falls from where it was let go onto what is below. One that the feeder lacks is out
-    of sight.
+    held, and falls from where it was let go onto what is below, as it comes to lie there. One that
+    the feeder lacks is out of sight.
     """
     time, item, held = (_column(traces, name) for name in ("time", "item", "held"))
     gripped = np.column_stack([_column(traces, name) for name in GRIP_POSE])
     station = scenario.station.true
-    goals = places(scenario.plan, station, believed=False)
+    goals = scenario.places(believed=False)
     served = _served(time, item, held, len(scenario.plan))
     found = np.empty((len(item), len(scenario.plan), POSE))
     for i, (nugget, goal) in enumerate(zip(scenario.nuggets, goals, strict=True)):
@@ -72,6 +74,8 @@ def nugget_poses(scenario: ResolvedCrucibleChargingScenario, traces: Table) -> A
             found[rows, i] = gripped[rows]
             low = _below(station, goal, gripped[last, 3:5]) + nugget.height
             fallen = gripped[last, 5] - GRAVITY / 2 * (time[last:] - time[last]) ** 2
+            if goal.lies.tilt:
+                found[last + 1 :, i, :3] = RollPitchYaw(goal.lies.rotation).vector()
             found[last:, i, 5] = np.minimum(gripped[last, 5], np.maximum(fallen, low))
     return found
 

@@ -1,6 +1,7 @@
 """Runs of the loop that charges a crucible, and what section 1.1.2 asks of them, item by item."""
 
 import itertools
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple
 
@@ -16,9 +17,10 @@ from chamfer.diagrams.charging.charging_scenario import (
     make_scenes,
 )
 from chamfer.models.arms.adept_wrist import ADEPT_WRIST, gripper_points
-from chamfer.models.charging.packing import Nugget, places
+from chamfer.models.charging.packing import LaidNugget, Nugget
 from chamfer.models.charging.station import Station
 from chamfer.models.surfaces.damage import SCRATCH_FORCE, impact_speed_limit
+from chamfer.models.surfaces.surface import locate
 from chamfer.systems.charging.charging_chart import ChargingMachine
 from chamfer.systems.contact.arm_motion import CONTACT_SIGNALS
 
@@ -192,13 +194,20 @@ class Item(NamedTuple):
     nugget: Nugget
     goal: tuple[float, float, float]  # m, of the middle of its top at rest
     azimuth: float  # rad
+    laid: tuple[LaidNugget, ...] = ()  # what lies in the crucible by then
 
 
 def items_of(scenario: ResolvedCrucibleChargingScenario) -> tuple[Item, ...]:
     """Return a resolved scenario's items as they are."""
-    goals = places(scenario.plan, scenario.station.true, believed=False)
+    goals = scenario.places(believed=False)
     return tuple(
-        Item(planned.kind, nugget, (*goal.position, goal.layer + nugget.height), goal.azimuth)
+        Item(
+            planned.kind,
+            nugget,
+            (*goal.position, goal.layer + nugget.height),
+            goal.azimuth,
+            goal.laid,
+        )
         for planned, nugget, goal in zip(scenario.plan, scenario.nuggets, goals, strict=True)
     )
 
@@ -239,7 +248,16 @@ def item_limits(
     if slewing.any():
         found["slew.time"] = float(np.ptp(time[slewing]))
         outline = nugget_points(item.nugget, nugget[slewing], traces["yaw"][slewing])
-        found["slew.clearance"] = clearance(outline, station)
+        lowest = nugget[slewing] - (0.0, 0.0, item.nugget.height)
+        found["slew.clearance"] = min(
+            clearance(outline, station),
+            *(
+                locate(one, point).gap
+                for one in (laid.surface(item.nugget) for laid in item.laid)
+                for point in lowest
+            ),
+            math.inf,
+        )
     most("slew.position_error", off, slewing)
     laying = np.char.startswith(current.astype(str), f"{item.kind}.") | during("release.open")
     set_down = during(f"{item.kind}.set_down", "bulk.pour")

@@ -43,7 +43,7 @@ from chamfer.diagrams.contact.sensing import (
 from chamfer.models.arms.adept_wrist import ADEPT_WRIST
 from chamfer.models.arms.arm import Arm
 from chamfer.models.arms.gripper import GripperCompliance
-from chamfer.models.charging.packing import Nugget, PlanItem, places
+from chamfer.models.charging.packing import ItemPlace, Nugget, PlanItem, places
 from chamfer.models.charging.station import Station, StationLayout
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.surface import Surface
@@ -137,7 +137,7 @@ class LayerSettings(ContactParams):
     stiffness: float = 1e4  # N/m, of the nuggets below on the bed; assumed
     damping: float = 50.0  # N s/m, of them; assumed
     friction: SurfaceFriction = SurfaceFriction(coefficient=0.3)  # of nuggets on nuggets
-    tilt: float = 0.0  # rad, by which it rises towards +x
+    tilt: float = 0.0  # rad, by which the bed rises towards +x
     mass: float = 0.085  # kg, of the nugget that is pushed
     slip_friction: float = 0.5  # of that nugget on the bed, in which it is nestled; assumed
 
@@ -211,6 +211,7 @@ class CrucibleChargingScenario:
         PlanItem(kind="crown", mass=0.140, azimuth=0.3),
         PlanItem(kind="bulk", mass=0.4),
     )  # nuggets and loads of the bulk filler, in the order of laying
+    laid: tuple[PlanItem, ...] = ()  # nuggets that lie in the crucible already
     station: StationSettings = StationSettings()
     arm: FreeArmSettings = FreeArmSettings(joint_friction=FRICTION)
     gripper: GripperCompliance | None = GRIPPER  # of the fingers; None: rigid
@@ -241,6 +242,9 @@ class CrucibleChargingScenario:
         require_one_of(self, "sensing", ("ideal", "realistic"))
         if not 1 <= len(self.plan) <= _MOST_ITEMS:
             raise ParameterError("plan", len(self.plan), f"1 to {_MOST_ITEMS} items")
+        for index, one in enumerate(self.laid):
+            if one.kind == "bulk":
+                raise ParameterError(f"laid[{index}].kind", one.kind, "wall or crown")
         period = self.controller.period
         require_steps(self.step, period)
         for name, own in (("charging", self.charging.period), ("grasp", self.grasp.period)):
@@ -267,6 +271,15 @@ class CrucibleChargingScenario:
     def dynamics(self) -> ArmDynamics:
         """Return the arm's equations of motion."""
         return ArmDynamics(self.ARM)
+
+    def places(self, *, believed: bool) -> tuple[ItemPlace, ...]:
+        """Return where each item of the plan goes, as it is or as the cycle takes it to be.
+
+        Raises:
+            ParameterError: As :func:`chamfer.models.charging.packing.places`.
+        """
+        station = self.station.believed if believed else self.station.true
+        return places(self.plan, station, believed=believed, laid=self.laid)
 
     @property
     def nuggets(self) -> tuple[Nugget, ...]:
@@ -313,15 +326,15 @@ def make_scenes(scenario: ResolvedCrucibleChargingScenario) -> tuple[Scene, ...]
     """Return two scenes an item: the gripper empty, then with the item in it.
 
     Empty, the fingers meet what stands in the feeder, or its ground where nothing does. With an
-    item in the gripper it meets the wall with its side and the layer below with its bottom; what
-    it stood on in the feeder no longer holds it. What lies in the crucible is what the plan has
+    item in the gripper it meets the wall with its side and what lies below with its bottom or
+    flank; what it stood on in the feeder no longer holds it. What lies in the crucible is what was
     laid there before, where the plan wanted it, with the sizes that it has.
 
     Raises:
         ParameterError: If an item does not fit into the crucible.
     """
     station, fault = scenario.station.true, scenario.fault
-    goals = places(scenario.plan, station, believed=False)
+    goals = scenario.places(believed=False)
     standing = station.wall(lean=scenario.wall.lean)
     scenes = []
     for index, (nugget, goal) in enumerate(zip(scenario.nuggets, goals, strict=True)):
@@ -331,8 +344,10 @@ def make_scenes(scenario: ResolvedCrucibleChargingScenario) -> tuple[Scene, ...]
         scenes.append(Scene((grip,)))
         far = hit and fault.kind == "wall_missing"
         wall = replace(station, crucible_radius=_FAR).wall() if far else standing
-        depth = _ABYSS if hit and fault.kind == "layer_missing" else 0.0
-        layer = station.layer(goal.position, goal.layer - depth, tilt=scenario.layer.tilt)
+        if hit and fault.kind == "layer_missing":
+            layer = station.layer(goal.position, goal.layer - _ABYSS)
+        else:
+            layer = _below(scenario, nugget, goal)
         points = (
             ContactPoint(nugget.wall_point, wall, scenario.wall),
             ContactPoint(nugget.layer_point, layer, scenario.layer),
@@ -340,6 +355,12 @@ def make_scenes(scenario: ResolvedCrucibleChargingScenario) -> tuple[Scene, ...]
         load = Load(nugget.mass, nugget.centre, nugget.inertia)
         scenes.append(Scene(points, load))
     return tuple(scenes)
+
+
+def _below(scenario: CrucibleChargingScenario, nugget: Nugget, goal: ItemPlace) -> Surface:
+    """Return what the lowest point of a nugget meets at its place."""
+    station, tilt = scenario.station.true, scenario.layer.tilt
+    return goal.below(nugget, station.layer(goal.position, station.bed_height, tilt=tilt))
 
 
 def beliefs_of(scenario: ResolvedCrucibleChargingScenario) -> ChargingBeliefs:
@@ -355,7 +376,7 @@ def beliefs_of(scenario: ResolvedCrucibleChargingScenario) -> ChargingBeliefs:
         station=station,
         plan=scenario.plan,
         nuggets=nuggets,
-        places=places(scenario.plan, station, believed=True),
+        places=scenario.places(believed=True),
         start=tuple(arm.endpoint(shown).tolist()),
         home=tuple(arm.endpoint(shown + _PAST * distance).tolist()),
     )
@@ -394,7 +415,7 @@ def contact_loops(scenario: ResolvedCrucibleChargingScenario) -> tuple[NuggetLoo
     """
     station, charging = scenario.station.true, scenario.charging
     wall = station.wall(lean=scenario.wall.lean)
-    goals = places(scenario.plan, station, believed=False)
+    goals = scenario.places(believed=False)
     loops = []
     for item, nugget, goal in zip(scenario.plan, scenario.nuggets, goals, strict=True):
         if item.kind == "bulk":
@@ -404,8 +425,9 @@ def contact_loops(scenario: ResolvedCrucibleChargingScenario) -> tuple[NuggetLoo
             meets = ContactPoint(nugget.wall_point, wall, scenario.wall)
             force, ahead, along = charging.wall_force, outwards, _DOWN
         else:
-            layer = station.layer(goal.position, goal.layer, tilt=scenario.layer.tilt)
-            meets = ContactPoint(nugget.layer_point, layer, scenario.layer)
+            meets = ContactPoint(
+                nugget.layer_point, _below(scenario, nugget, goal), scenario.layer
+            )
             force, ahead, along = charging.layer_force, _DOWN, outwards
         height = goal.layer + nugget.height
         start = np.array([*goal.position, height, goal.azimuth, 0.0, 0.0, charging.lean])
@@ -482,8 +504,8 @@ def resolve_charging(scenario: CrucibleChargingScenario) -> ResolvedCrucibleChar
     with within("charging.detection"):
         R_WE = scenario.dynamics().orientation(q)
         detection = charging.detection.resolved(*push_errors(sensor, np.eye(7)[0], R_WE))
-    for station, believed in ((scenario.station.believed, True), (scenario.station.true, False)):
-        places(scenario.plan, station, believed=believed)  # refuses what does not fit
+    for believed in (True, False):
+        scenario.places(believed=believed)  # refuses what does not fit
     known = {
         "controller": control,
         "sensor": sensor,

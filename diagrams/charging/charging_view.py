@@ -25,7 +25,7 @@ from pydrake.multibody.tree import RpyFloatingJoint, SpatialInertia
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from chamfer.models.arms.adept_wrist import ADEPT_WRIST
-from chamfer.models.charging.packing import ItemKind, PlanItem
+from chamfer.models.charging.packing import ItemKind, LaidNugget, PlanItem
 from chamfer.models.charging.station import Point, Station
 from chamfer.models.peg.part_surfaces import part_shape
 
@@ -53,6 +53,7 @@ _BED: Final[Colour] = (0.33, 0.35, 0.39, 1.0)
 _TABLE: Final[Colour] = (0.62, 0.55, 0.45, 1.0)
 _SCANNER: Final[Colour] = (0.20, 0.22, 0.25, 1.0)
 _LIGHT: Final[Colour] = (0.90, 0.15, 0.15, 1.0)
+_LAID: Final[Colour] = (0.45, 0.48, 0.55, 1.0)
 _NUGGETS: Final[dict[ItemKind, Colour]] = {
     "wall": (0.25, 0.38, 0.58, 1.0),
     "crown": (0.80, 0.50, 0.20, 1.0),
@@ -81,17 +82,31 @@ class ChargingView(NamedTuple):
 
 
 def make_charging_view(
-    station: Station, plan: Sequence[PlanItem], meshcat: Meshcat, *, lean: float = 0.0
+    station: Station,
+    plan: Sequence[PlanItem],
+    meshcat: Meshcat,
+    *,
+    lean: float = 0.0,
+    laid: Sequence[LaidNugget] = (),
 ) -> ChargingView:
     """Build the cell as shapes without contact, with the plan's true nuggets.
 
-    The crucible stands off the vertical by ``lean``, rad, its top towards +x.
+    The crucible stands off the vertical by ``lean``, rad, its top towards +x; ``laid`` is what
+    lies in it already.
     """
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
     Parser(plant).AddModels(str(ADEPT_WRIST.urdf))
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
     _add_station(plant, station, lean)
+    for one in laid:
+        plant.RegisterVisualGeometry(
+            plant.world_body(),
+            RigidTransform(one.rotation, np.array(one.middle)),
+            Ellipsoid(*one.nugget.semi_axes),
+            one.name,
+            np.array(_LAID),
+        )
     instance = plant.AddModelInstance("nuggets")
     any_inertia = SpatialInertia.SolidSphereWithMass(1.0, 1.0)  # nothing is simulated
     for i, item in enumerate(plan):

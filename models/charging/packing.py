@@ -3,12 +3,16 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, NamedTuple
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.math import RollPitchYaw, RotationMatrix
 
 from chamfer.models.charging.station import StationLayout
+from chamfer.models.surfaces.composed import Placed, Union
+from chamfer.models.surfaces.rounds import Ellipsoid
+from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import (
     ParameterError,
     require_finite,
@@ -106,11 +110,13 @@ class PlanItem:
     # bulk on the axis
     size: float = 1.0  # true lengths over those of an ellipsoid of its mass
     scanned_size: float | None = None  # what the scanner takes for that; None: the truth
+    tilt: float = 0.0  # rad, by which it comes to lie off how it was laid; nobody is told
+    tilt_azimuth: float = 0.0  # rad, of the way that its top leans then
 
     def __post_init__(self) -> None:
         require_one_of(self, "kind", ("wall", "crown", "bulk"))
         require_positive(self, "mass", "size")
-        require_finite(self, "azimuth")
+        require_finite(self, "azimuth", "tilt", "tilt_azimuth")
         if self.radius is not None:
             require_finite(self, "radius")
             if self.radius < 0:
@@ -133,75 +139,155 @@ class PlanItem:
 
 
 @dataclass(frozen=True, kw_only=True)
+class LaidNugget:
+    """A nugget that lies in the crucible: one ellipsoid for all who touch, measure or draw it."""
+
+    nugget: Nugget
+    middle: tuple[float, float, float]  # m, in the world
+    azimuth: float  # rad, with which it was laid
+    tilt: float  # rad, off that
+    tilt_azimuth: float  # rad, of the way that its top leans
+    name: str  # in the plan
+    floor: float  # m, height on which the packing has it, as a cylinder about it
+
+    @property
+    def rotation(self) -> RotationMatrix:
+        """How it lies, R_WN."""
+        turn = RotationMatrix.MakeZRotation
+        lean = RotationMatrix(RollPitchYaw(0.0, self.tilt, self.tilt_azimuth))
+        return lean @ turn(self.azimuth - self.tilt_azimuth)
+
+    def surface(self, upper: Nugget) -> Surface:
+        """Return where the lowest point of a nugget that hangs over it stops.
+
+        Two ellipsoids touch where the middle of one is on the sum of both. The sum is taken for
+        an ellipsoid of the summed semi-axes, which it is where both are alike and aligned.
+        """
+        x, y, z = self.middle
+        return Placed(
+            surface=Ellipsoid(semi_axes=self._summed(upper)),
+            point=(x, y, z - upper.semi_axes[2]),
+            axes=tuple(map(tuple, self.rotation.matrix().tolist())),
+        )
+
+    def height(self, place: tuple[float, float], upper: Nugget) -> float:
+        """Return how high that surface is at a place, m; -inf beside it."""
+        R = self.rotation.matrix()
+        form = R @ np.diag(np.power(self._summed(upper), -2.0)) @ R.T
+        across = np.subtract(place, self.middle[:2])
+        # form of (across, h) is 1
+        half = float(form[2, :2] @ across) / form[2, 2]
+        square = half**2 - (float(across @ form[:2, :2] @ across) - 1) / form[2, 2]
+        if square < 0:
+            return -math.inf
+        return float(self.middle[2] - half + math.sqrt(square) - upper.semi_axes[2])
+
+    def _summed(self, upper: Nugget) -> tuple[float, float, float]:
+        a, b, c = np.add(self.nugget.semi_axes, upper.semi_axes).tolist()
+        return a, b, c
+
+
+@dataclass(frozen=True, kw_only=True)
 class ItemPlace:
     """Where an item goes: of the nugget's middle, in the world."""
 
     position: tuple[float, float]  # m, x and y
     azimuth: float  # rad, the way to the wall
     layer: float  # m, height of what lies below
+    laid: tuple[LaidNugget, ...]  # what lies in the crucible by then
+    lies: LaidNugget  # the item itself, once it is laid
 
-
-class _Laid(NamedTuple):
-    """A nugget that lies in the crucible, as a cylinder about it."""
-
-    number: int  # index in the plan
-    middle: tuple[float, float]  # m
-    reach: float  # m, its radius
-    bottom: float  # m
-    top: float  # m
+    def below(self, nugget: Nugget, bed: Surface) -> Surface:
+        """Return what a nugget's lowest point meets: the bed, or what was laid before."""
+        return Union(parts=(bed, *(one.surface(nugget) for one in self.laid)))
 
 
 def places(
-    plan: Sequence[PlanItem], station: StationLayout, *, believed: bool
+    plan: Sequence[PlanItem],
+    station: StationLayout,
+    *,
+    believed: bool,
+    laid: Sequence[PlanItem] = (),
 ) -> tuple[ItemPlace, ...]:
     """Return where each item of a plan goes, and how high what it is laid on is by then.
 
-    An item lies on the bed, or on the highest of the wall and crown nuggets that were laid before
-    it and whose outline, seen from above as a circle, holds the middle of its own. ``believed``:
-    nuggets are as the scanner shows them.
+    ``laid`` is what lies in the crucible before. An item lies on the bed, or on the highest of the
+    wall and crown nuggets that were laid before it and whose outline, seen from above as a circle,
+    holds the middle of its own. ``believed``: nuggets are as the scanner shows them, with flat
+    tops; else what it lies on is as it is.
 
     Raises:
         ParameterError: If a nugget does not fit into the crucible, would overlap one that was
             laid before, or is to be laid at the wall where the wall has ended.
     """
     found: list[ItemPlace] = []
-    laid: list[_Laid] = []
-    for index, item in enumerate(plan):
+    lying: list[LaidNugget] = []
+    names = [
+        f"{of}[{i}]" for of, items in (("laid", laid), ("plan", plan)) for i in range(len(items))
+    ]
+    for name, item in zip(names, (*laid, *plan), strict=True):
         nugget = item.believed_nugget if believed else item.true_nugget
         at_wall = station.crucible_radius - nugget.reach
         if not at_wall > 0:
             most = item.mass * (station.crucible_radius / nugget.reach) ** 3
             allowed = f"less than {most:.3g} kg, to fit into the crucible"
-            raise ParameterError(f"plan[{index}].mass", item.mass, allowed)
+            raise ParameterError(f"{name}.mass", item.mass, allowed)
         radius = item.radius
         if radius is None:
             # The plan is made with what the scanner shows; at the wall, the wall is what stops.
             crown = station.crucible_radius - item.believed_nugget.reach - _CLEAR
             radius = {"wall": at_wall, "crown": crown, "bulk": 0.0}[item.kind]
         if not 0 <= radius <= at_wall + 1e-12:
-            name = f"plan[{index}].radius"
-            raise ParameterError(name, radius, f"0 to {at_wall:g} m, inside the crucible")
+            raise ParameterError(
+                f"{name}.radius", radius, f"0 to {at_wall:g} m, inside the crucible"
+            )
         position = station.place(item.azimuth, radius)
-        below = [one.top for one in laid if math.dist(one.middle, position) < one.reach]
-        layer = max(below, default=station.bed_height)
-        here = _Laid(index, position, nugget.reach, layer, layer + nugget.height)
-        for one in laid:
-            apart, beside = math.dist(position, one.middle), here.reach + one.reach
-            above = layer >= one.top - _TOUCHING or here.top <= one.bottom + _TOUCHING
-            if apart < beside - _TOUCHING and not above:
+        floor = max(
+            (
+                one.floor + one.nugget.height
+                for one in lying
+                if math.dist(one.middle[:2], position) < one.nugget.reach
+            ),
+            default=station.bed_height,
+        )
+        layer = floor if believed else station.bed_height
+        for one in lying:
+            way, beside = math.dist(one.middle[:2], position), nugget.reach + one.nugget.reach
+            under = floor + nugget.height <= one.floor + _TOUCHING
+            above = floor >= one.floor + one.nugget.height - _TOUCHING
+            if not (believed or under):
+                layer = max(layer, one.height(position, nugget))
+            if way < beside - _TOUCHING and not (above or under):
                 allowed = (
-                    f"one that brings it beside plan[{one.number}], at least {beside:.4f} m from "
-                    f"its middle (now {apart:.4f} m), or on it, less than {one.reach:.4f} m"
+                    f"one that brings it beside {one.name}, at least {beside:.4f} m from "
+                    f"its middle (now {way:.4f} m), or on it, less than {one.nugget.reach:.4f} m"
                 )
-                raise ParameterError(f"plan[{index}].azimuth", item.azimuth, allowed)
+                raise ParameterError(f"{name}.azimuth", item.azimuth, allowed)
         middle = layer + nugget.height / 2
         if item.kind == "wall" and not middle < station.rim_height:
             allowed = (
                 f"one where its middle, {middle:.3f} m high, is below the rim, "
                 f"{station.rim_height:g} m"
             )
-            raise ParameterError(f"plan[{index}].azimuth", item.azimuth, allowed)
-        found.append(ItemPlace(position=position, azimuth=item.azimuth, layer=layer))
+            raise ParameterError(f"{name}.azimuth", item.azimuth, allowed)
+        here = LaidNugget(
+            nugget=nugget,
+            middle=(*position, middle),
+            azimuth=item.azimuth,
+            tilt=0.0 if believed else item.tilt,
+            tilt_azimuth=item.tilt_azimuth,
+            name=name,
+            floor=floor,
+        )
+        found.append(
+            ItemPlace(
+                position=position,
+                azimuth=item.azimuth,
+                layer=layer,
+                laid=tuple(lying),
+                lies=here,
+            )
+        )
         if item.kind != "bulk":
-            laid.append(here)
-    return tuple(found)
+            lying.append(here)
+    return tuple(found[len(laid) :])

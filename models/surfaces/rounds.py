@@ -1,4 +1,4 @@
-"""Round surfaces: circle, sphere, and the upright cylinder of a crucible."""
+"""Round surfaces: circle, sphere, ellipsoid, and the upright cylinder of a crucible."""
 
 import math
 from dataclasses import dataclass
@@ -77,6 +77,47 @@ class Sphere(_Round):
     dimension: ClassVar[int] = 3
 
     centre: tuple[float, ...] = (0.0, 0.0, -1.0)  # m
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ellipsoid:
+    """An ellipsoid about the origin, its axes along those of its frame.
+
+    The level is ``s (|A^-1 p| - 1)`` with the semi-axes A and the smallest of them, s.
+    """
+
+    dimension: ClassVar[int] = 3
+
+    semi_axes: tuple[float, float, float] = (1.0, 1.0, 1.0)  # m
+
+    def __post_init__(self) -> None:
+        require_numbers(self, 3, "semi_axes")
+        if not min(self.semi_axes) > 0:
+            raise ParameterError("semi_axes", self.semi_axes, "3 finite numbers > 0")
+
+    def level(self, p: Vector) -> float:
+        """Return the level, m."""
+        return min(self.semi_axes) * (self._scaled(p)[0] - 1)
+
+    def gradient(self, p: Vector) -> Vector:
+        """Return the level's gradient; 0 in the middle."""
+        length, slope = self._scaled(p)
+        gradient: Vector = min(self.semi_axes) * slope / (length or 1.0)
+        return gradient
+
+    def hessian(self, p: Vector) -> Matrix:
+        """Return the level's second derivatives; 0 in the middle."""
+        length, slope = self._scaled(p)
+        if not length:
+            return np.zeros((3, 3))
+        bent = np.diag(np.power(self.semi_axes, -2.0)) - np.outer(slope, slope) / length**2
+        hessian: Matrix = min(self.semi_axes) / length * bent
+        return hessian
+
+    def _scaled(self, p: Vector) -> tuple[float, Vector]:
+        """Return |A^-1 p| and A^-2 p."""
+        scaled = p / self.semi_axes
+        return math.hypot(*scaled.tolist()), scaled / self.semi_axes
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -78,6 +78,20 @@ def test_item_at_its_place_touches_wall_and_layer() -> None:
     assert held.load.mass == scenario.plan[0].mass
 
 
+def test_item_at_its_place_touches_what_was_laid_and_that_is_drawn() -> None:
+    laid = (PlanItem(kind="crown", azimuth=0.4, radius=0.1, tilt=0.3, tilt_azimuth=1.0),)
+    plan = (PlanItem(kind="crown", azimuth=0.4, radius=0.105),)
+    scenario = resolve_charging(replace(ONE, plan=plan, laid=laid))
+    (goal,), layer = scenario.places(believed=False), make_scenes(scenario)[1].points[1].surface
+    lowest = np.array([*goal.position, goal.layer])
+    found = locate(layer, lowest)
+    assert found.gap == pytest.approx(0.0, abs=1e-12)
+    assert found.normal[2] < 0.99
+    # As far over the bed as the nugget that is drawn is high there, to within its tilt.
+    (drawn,) = goal.laid
+    assert 0 < drawn.middle[2] + drawn.nugget.semi_axes[2] - goal.layer < 2e-3
+
+
 @pytest.mark.parametrize("kind", ["part_missing", "wall_missing", "layer_missing"])
 def test_what_is_missing_is_not_there(kind: str) -> None:
     fault = FaultParams(kind=kind)  # type: ignore[arg-type]

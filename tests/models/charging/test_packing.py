@@ -7,6 +7,7 @@ import pytest
 
 from chamfer.models.charging.packing import SILICON, PlanItem, nugget_of, places
 from chamfer.models.charging.station import Station
+from chamfer.models.surfaces.surface import locate
 from chamfer.models.validation import ParameterError
 
 STATION = Station()
@@ -25,8 +26,41 @@ def test_crown_lies_on_the_wall_nugget_below() -> None:
     crown = PlanItem(kind="crown", mass=0.14, azimuth=0.3)
     aside = PlanItem(kind="crown", mass=0.14, azimuth=2.0)
     _, above, beside = places([wall, crown, aside], STATION, believed=False)
-    assert above.layer == STATION.bed_height + wall.true_nugget.height
+    # One centimetre from the middle of two alike, whose sum has twice their semi-axes.
+    a, _, c = (2 * one for one in wall.true_nugget.semi_axes)
+    lower = c * (1 - math.sqrt(1 - (0.01 / a) ** 2))
+    assert above.layer == pytest.approx(STATION.bed_height + wall.true_nugget.height - lower)
     assert beside.layer == STATION.bed_height
+
+
+def test_a_nugget_comes_to_rest_where_it_touches_what_was_laid() -> None:
+    # Alike and laid alike: where two ellipsoids touch is known by a search over the lower one.
+    laid = [PlanItem(kind="crown", mass=0.14, azimuth=0.3, radius=0.1)]
+    item = PlanItem(kind="crown", mass=0.14, azimuth=0.3, radius=0.115)
+    (place,) = places([item], STATION, believed=False, laid=laid)
+    (lower,), upper = place.laid, place.lies
+    rng = np.random.default_rng(0)
+    points = rng.normal(size=(200_000, 3))
+    points *= lower.nugget.semi_axes / np.linalg.norm(points, axis=1)[:, np.newaxis]
+    met = (points @ lower.rotation.matrix().T + lower.middle - upper.middle) @ (
+        upper.rotation.matrix() / upper.nugget.semi_axes
+    )
+    assert np.linalg.norm(met, axis=1).min() == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("tilt_azimuth", [0.0, 2.0])
+def test_a_tilted_nugget_slopes_and_nobody_believes_it(tilt_azimuth: float) -> None:
+    laid = [PlanItem(kind="crown", radius=0.1, tilt=0.5, tilt_azimuth=tilt_azimuth)]
+    plan = [PlanItem(kind="crown", radius=0.1)]
+    true, believed = (places(plan, STATION, believed=one, laid=laid)[0] for one in (False, True))
+    lowest = np.array([*true.position, true.layer])
+    found = locate(true.laid[0].surface(plan[0].true_nugget), lowest)
+    assert found.gap == pytest.approx(0.0, abs=1e-12)
+    # Its top leans, and what was its side, further out than its top, comes up behind.
+    way = np.array([math.cos(tilt_azimuth), math.sin(tilt_azimuth)])
+    assert found.normal[:2] @ way > 0.05
+    believed_normal = locate(believed.laid[0].surface(plan[0].true_nugget), lowest).normal
+    np.testing.assert_allclose(believed_normal, [0.0, 0.0, 1.0], atol=1e-12)
 
 
 def test_believed_place_follows_the_scanner() -> None:

@@ -17,7 +17,7 @@ from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.graphs import Parabola, Wave
 from chamfer.models.surfaces.nearest import nearest
 from chamfer.models.surfaces.planes import RippledPlane
-from chamfer.models.surfaces.rounds import Circle, Crucible, Sphere
+from chamfer.models.surfaces.rounds import Circle, Crucible, Ellipsoid, Sphere
 from chamfer.models.surfaces.surface import Surface, curvature, locate, normal
 from chamfer.models.validation import ParameterError
 
@@ -41,6 +41,7 @@ COMPOSED: list[Surface] = [
     WAVY,
     Extruded(curve=Wave(amplitudes=(0.03,), wavelengths=(0.9,))),
     PLACED,
+    Ellipsoid(semi_axes=(0.9, 0.7, 0.5)),
     Placed(surface=Extruded(curve=Circle()), point=(0.3, 0.2, 0.1), axes=_CYCLE),
     Union(parts=(Sphere(), Crucible(), PLACED)),
     Intersection(parts=(Sphere(), Crucible(), PLACED)),
