@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_metrics import rate, trial_seed
 from chamfer.analysis.campaign.trial_rows import Row
-from chamfer.analysis.charging.charging_runs import LIMITS, run_charging
+from chamfer.analysis.charging.charging_runs import LIMITS, limits_in, run_charging
 from chamfer.analysis.charging.crucible_charging import measure, worst
 from chamfer.analysis.drawing.figure_kit import draw_intervals, metric_value, name_rows
 from chamfer.analysis.drawing.figure_style import LIMIT, dress, new_figure
@@ -115,9 +115,8 @@ def with_remedy(
 
 
 def limits_of(cycle: CrucibleChargingScenario) -> tuple[Published, ...]:
-    """Return the published limits of the modes that a cycle's plan has."""
-    absent = {"wall", "crown", "bulk"} - {item.kind for item in cycle.plan}
-    return tuple(one for one in CHARGING if one.metric.partition(".")[0] not in absent)
+    """Return the specified limits of the modes that a cycle's plan has."""
+    return tuple(one for one in CHARGING if one.metric in limits_in(cycle.plan))
 
 
 class RemedyTrial(NamedTuple):
@@ -210,7 +209,7 @@ def _run_task(
     cycle = drawn(planned, spread, trial_seed(seed, task.trial))
     cycle = resolve_charging(with_remedy(cycle, task.remedy, means))
     run = run_charging(cycle, trial_seed(seed, task.trial))
-    found = worst(measure(cycle, run))
+    found = worst(cycle.plan, measure(cycle, run))
     scanned = [one.scanned_size or one.size for one in cycle.plan]
     return {
         "finished": float("done" in run.transitions["target"]),
@@ -225,7 +224,7 @@ def _run_task(
         "size_error": max(
             abs(size / one.size - 1) for size, one in zip(scanned, cycle.plan, strict=True)
         ),
-        **{name: found[name].value for name in _told(cycle)},
+        **{name: found[name].value if name in found else None for name in _told(cycle)},
     }
 
 

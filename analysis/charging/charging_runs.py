@@ -17,7 +17,7 @@ from chamfer.diagrams.charging.charging_scenario import (
     make_scenes,
 )
 from chamfer.models.arms.adept_wrist import ADEPT_WRIST, gripper_points
-from chamfer.models.charging.packing import LaidNugget, Nugget
+from chamfer.models.charging.packing import LaidNugget, Nugget, PlanItem
 from chamfer.models.charging.station import Station
 from chamfer.models.surfaces.damage import SCRATCH_FORCE, impact_speed_limit
 from chamfer.models.surfaces.surface import locate
@@ -185,6 +185,12 @@ LIMITS: Final[dict[str, tuple[str, Worst]]] = {
     **{f"{kind}.{name}": limit for kind in ("wall", "crown") for name, limit in _LAID.items()},
     "bulk.position_error": ("m", max),
 }
+
+
+def limits_in(plan: Sequence[PlanItem]) -> dict[str, tuple[str, Worst]]:
+    """Return :data:`LIMITS` of the modes that a plan has."""
+    absent = {"wall", "crown", "bulk"} - {item.kind for item in plan}
+    return {name: one for name, one in LIMITS.items() if name.partition(".")[0] not in absent}
 
 
 class Item(NamedTuple):

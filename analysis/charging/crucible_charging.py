@@ -1,6 +1,6 @@
 """Section 1.1.2: nuggets from the feeder into the crucible, against the limits of each mode."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -12,6 +12,7 @@ from chamfer.analysis.charging.charging_runs import (
     ChargingRun,
     item_limits,
     items_of,
+    limits_in,
     run_charging,
 )
 from chamfer.analysis.contact.contact_metrics import stability_metrics
@@ -21,6 +22,7 @@ from chamfer.diagrams.charging.charging_scenario import (
     charging_stability,
     chart_of,
 )
+from chamfer.models.charging.packing import PlanItem
 from chamfer.systems.statechart.chart import Chart
 
 NEAR: Final = 0.01  # m, of the designated location; section 1.1.2 has it for bulk filling
@@ -38,10 +40,10 @@ def measure(
     )
 
 
-def worst(items: tuple[Mapping[str, float], ...]) -> dict[str, Metric]:
+def worst(plan: Sequence[PlanItem], items: tuple[Mapping[str, float], ...]) -> dict[str, Metric]:
     """Return the worst of all items, with each item's value in the note."""
     metrics = {}
-    for name, (unit, of) in LIMITS.items():
+    for name, (unit, of) in limits_in(plan).items():
         values = [item.get(name) for item in items]
         known = [value for value in values if value is not None]
         shown = ", ".join("-" if value is None else f"{value:.3g}" for value in values)
@@ -71,6 +73,9 @@ def run_crucible_charging(
         "cycle.placed": Metric(
             value=placed(items), unit="", note=f"where they should be, within {NEAR:g} m"
         ),
+        "cycle.placed_share": Metric(
+            value=100 * placed(items) / len(items), unit="%", note="likewise, of the plan"
+        ),
         "cycle.time": Metric(value=float(run.traces["time"][-1]), unit="s"),
     }
     # One row an item; NaN where nothing was measured.
@@ -84,7 +89,7 @@ def run_crucible_charging(
     stability = charging_stability(scenario)
     margins = {} if stability is None else stability_metrics(stability)
     return Outcome(
-        metrics=worst(items) | cycle | margins,
+        metrics=worst(scenario.plan, items) | cycle | margins,
         traces=run.traces,
         tables={"nuggets": nuggets, "transitions": run.transitions},
         simulated_seconds=float(run.traces["time"][-1]),

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from chamfer.analysis.published.hybrid_force_position_charging import CHARGING
+from chamfer.analysis.published.hybrid_force_position_charging import CHARGING, CYCLES
 from chamfer.analysis.published.hybrid_force_position_observer import OBSERVER
 from chamfer.analysis.published.rows import at_least, at_most, between, near, of
 from chamfer.analysis.report.checks import Published
@@ -130,4 +130,5 @@ PUBLISHED: Final[tuple[Published, ...]] = (
                 "section 2.1.3: both schemes can be shown to be stable under PD control")),
     *OBSERVER,
     *CHARGING,
+    *CYCLES,
 )

@@ -1,8 +1,8 @@
-"""What the thesis asks of each mode of charging a crucible (section 1.1.2, appendix C)."""
+"""What the thesis specifies of each mode of charging a crucible (section 1.1.2, appendix C)."""
 
 from typing import Final
 
-from chamfer.analysis.published.rows import at_least, at_most, near, of
+from chamfer.analysis.published.rows import at_least, at_most, near, of, specified
 from chamfer.analysis.report.checks import Published
 
 _SPECIFIED: Final = "section 1.1.2"
@@ -11,7 +11,7 @@ _ASSUMED: Final = "the arm's masses, friction and gains, and the cell, are not p
 # Each is of the worst item of the plan; the metric's note has all of them.
 
 # fmt: off
-CHARGING: Final[tuple[Published, ...]] = of("crucible-charging",
+CHARGING: Final[tuple[Published, ...]] = of("crucible-charging", *specified(
     near("acquire.descent_speed", 0.15, 0.02, "m/s", _SPECIFIED,
          "how near is not said, 0.02 m/s is assumed"),
     at_most("acquire.grip_force", 20.0, "N", _SPECIFIED, _ASSUMED),
@@ -44,4 +44,15 @@ CHARGING: Final[tuple[Published, ...]] = of("crucible-charging",
     at_most("crown.impact_share", 50.0, "%", "section C.2", _ASSUMED),
     at_most("crown.position_error", 0.01, "m", _SPECIFIED,
             "a designated location; how near is not said, that of bulk filling is assumed"),
-    at_most("bulk.position_error", 0.01, "m", _SPECIFIED, _ASSUMED))
+    at_most("bulk.position_error", 0.01, "m", _SPECIFIED, _ASSUMED)))
+
+# Of the cycle as a whole, and of each remedy's randomised cycles.
+CYCLES: Final[tuple[Published, ...]] = (
+    *of("crucible-charging", *specified(
+        at_least("cycle.placed_share", 100.0, "%", _SPECIFIED,
+                 "of the plan, within 1 cm of its place; a cycle that stops lacks the rest"))),
+    *of("charging-campaign", *specified(*(
+        at_least(f"{remedy}.cycle.all_limits", 100.0, "%", _SPECIFIED,
+                 "of the cycles; the limits one by one are among the metrics")
+        for remedy in ("none", "decoupling", "compensation", "soft_gripper", "all")))),
+)
