@@ -206,7 +206,7 @@ def _add_world(
     layer = add(
         "layer below",
         LayerMotion(
-            stiffness=scenario.layer.stiffness,
+            stiffness=scenario.layer_contact.stiffness,
             mass=scenario.layer.mass,
             friction=scenario.layer.slip_friction,
             period=scenario.plant.period,

@@ -46,6 +46,7 @@ from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.charging.packing import ItemPlace, Nugget, PlanItem, places
 from chamfer.models.charging.station import Station, StationLayout
 from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.surfaces.hertz import FUSED_SILICA, SILICON, hertz_stiffness
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import (
     ParameterError,
@@ -115,12 +116,23 @@ class StationSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CrucibleWallSettings(ContactParams):
-    """The crucible's wall: material, and how it stands."""
+class TouchedSettings:
+    """What a nugget touches."""
 
-    stiffness: float = 3e4  # N/m, of the wall; assumed, as the Adept's
-    damping: float = 150.0  # N s/m, of the wall; assumed, as the Adept's
-    friction: SurfaceFriction = SurfaceFriction(coefficient=0.3)  # of nuggets on fused silica
+    stiffness: float | None = None
+    # N/m, of the contact; None: derived by Hertz, of appendix B's materials, at the force wanted
+    damping: float = 150.0  # N s/m, of the contact; assumed, as the Adept's
+    friction: SurfaceFriction = SurfaceFriction(coefficient=0.3)  # of nuggets on it
+
+    def __post_init__(self) -> None:
+        require_positive(self, "stiffness")
+        require_not_negative(self, "damping")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrucibleWallSettings(TouchedSettings):
+    """The crucible's wall of fused silica, and how it stands."""
+
     lean: float = 0.0  # rad, by which the crucible stands off the vertical, its top towards +x
 
     def __post_init__(self) -> None:
@@ -131,12 +143,10 @@ class CrucibleWallSettings(ContactParams):
 
 
 @dataclass(frozen=True, kw_only=True)
-class LayerSettings(ContactParams):
-    """What a nugget is laid on."""
+class LayerSettings(TouchedSettings):
+    """What a nugget is laid on: nuggets."""
 
-    stiffness: float = 1e4  # N/m, of the nuggets below on the bed; assumed
-    damping: float = 50.0  # N s/m, of them; assumed
-    friction: SurfaceFriction = SurfaceFriction(coefficient=0.3)  # of nuggets on nuggets
+    damping: float = 50.0  # N s/m, of the contact; assumed
     tilt: float = 0.0  # rad, by which the bed rises towards +x
     mass: float = 0.085  # kg, of the nugget that is pushed
     slip_friction: float = 0.5  # of that nugget on the bed, in which it is nestled; assumed
@@ -220,6 +230,7 @@ class CrucibleChargingScenario:
     feeder: ContactParams = ContactParams(
         stiffness=1500.0, damping=60.0, friction=SurfaceFriction(coefficient=0.3)
     )  # a nugget on the feeder's foam; assumed: a hard tray meets 15 cm/s with more than 20 N
+    touch_radius: float = 0.02  # m, of a nugget where it touches; assumed, as of 85 g
     filler_mass: float = 0.5  # kg, of the empty bulk filler, which hangs as a nugget does
     grasp: GraspParams = GraspParams()
     charging: ChargingParams = ChargingParams(wall_force=1.2)
@@ -238,7 +249,7 @@ class CrucibleChargingScenario:
     duration: float | None = None  # s, at most; None: derived, a minute an item
 
     def __post_init__(self) -> None:
-        require_positive(self, "step", "filler_mass")
+        require_positive(self, "step", "filler_mass", "touch_radius")
         require_one_of(self, "sensing", ("ideal", "realistic"))
         if not 1 <= len(self.plan) <= _MOST_ITEMS:
             raise ParameterError("plan", len(self.plan), f"1 to {_MOST_ITEMS} items")
@@ -299,6 +310,25 @@ class CrucibleChargingScenario:
         return np.array([x, y, z + over, 0.0, 0.0, 0.0, self.charging.lean])
 
     @property
+    def wall_contact(self) -> ContactParams:
+        """A nugget on the wall."""
+        wall, force = self.wall, self.charging.wall_force
+        derived = hertz_stiffness(SILICON, FUSED_SILICA, radius=self.touch_radius, force=force)
+        return ContactParams(
+            stiffness=wall.stiffness or derived, damping=wall.damping, friction=wall.friction
+        )
+
+    @property
+    def layer_contact(self) -> ContactParams:
+        """A nugget on those below, each of which is as round."""
+        layer, radius = self.layer, self.touch_radius / 2
+        force = self.charging.layer_force
+        derived = hertz_stiffness(SILICON, SILICON, radius=radius, force=force)
+        return ContactParams(
+            stiffness=layer.stiffness or derived, damping=layer.damping, friction=layer.friction
+        )
+
+    @property
     def plant(self) -> ArmInContactParams:
         """The arm, without what it touches."""
         held, window = updates_of(self.step, self.controller.period)
@@ -349,8 +379,8 @@ def make_scenes(scenario: ResolvedCrucibleChargingScenario) -> tuple[Scene, ...]
         else:
             layer = _below(scenario, nugget, goal)
         points = (
-            ContactPoint(nugget.wall_point, wall, scenario.wall),
-            ContactPoint(nugget.layer_point, layer, scenario.layer),
+            ContactPoint(nugget.wall_point, wall, scenario.wall_contact),
+            ContactPoint(nugget.layer_point, layer, scenario.layer_contact),
         )
         load = Load(nugget.mass, nugget.centre, nugget.inertia)
         scenes.append(Scene(points, load))
@@ -422,12 +452,11 @@ def contact_loops(scenario: ResolvedCrucibleChargingScenario) -> tuple[NuggetLoo
             continue
         outwards = (math.cos(goal.azimuth), math.sin(goal.azimuth), 0.0)
         if item.kind == "wall":
-            meets = ContactPoint(nugget.wall_point, wall, scenario.wall)
+            meets = ContactPoint(nugget.wall_point, wall, scenario.wall_contact)
             force, ahead, along = charging.wall_force, outwards, _DOWN
         else:
-            meets = ContactPoint(
-                nugget.layer_point, _below(scenario, nugget, goal), scenario.layer
-            )
+            below = _below(scenario, nugget, goal)
+            meets = ContactPoint(nugget.layer_point, below, scenario.layer_contact)
             force, ahead, along = charging.layer_force, _DOWN, outwards
         height = goal.layer + nugget.height
         start = np.array([*goal.position, height, goal.azimuth, 0.0, 0.0, charging.lean])
@@ -512,6 +541,8 @@ def resolve_charging(scenario: CrucibleChargingScenario) -> ResolvedCrucibleChar
         "encoders": encoders,
         "friction_compensation": compensation,
         "charging": ResolvedChargingParams(**vars(charging) | {"detection": detection}),
+        "wall": replace(scenario.wall, stiffness=scenario.wall_contact.stiffness),
+        "layer": replace(scenario.layer, stiffness=scenario.layer_contact.stiffness),
         "duration": scenario.duration or _TIME_EACH * len(scenario.plan),
     }
     found = ResolvedCrucibleChargingScenario(**vars(scenario) | known)

@@ -16,6 +16,8 @@ from pydrake.systems.framework import Context
 
 from chamfer.systems.charging.charging_motions import ChargingMotions, Motion
 from chamfer.systems.charging.charging_params import (
+    ON_BOTH,
+    ON_LAYER,
     ChargingBeliefs,
     ChargingInputs,
     ChargingMemory,
@@ -80,7 +82,7 @@ class _Guards:
             return down > self._params.touch_force
         # Sliding down, the wall holds the nugget up.
         friction = self._params.wall_friction * max(self._push(tick), 0.0)
-        return down - friction > self._params.layer_force
+        return down - friction > max(self._params.layer_touch, self._detect)
 
     def _push(self, tick: ChargingTick) -> float:
         x, y, _ = tick.inputs.mean_force
@@ -90,9 +92,9 @@ class _Guards:
         """Return how far the arm is from its command, m, but for what is under force control."""
         pairs = zip(inputs.endpoint_motion[:3], inputs.desired_position[:3], strict=True)
         error = [arm - command for arm, command in pairs]
-        if memory.mode:
-            along = sum(n * e for n, e in zip(memory.normal, error, strict=True))
-            error = [e - along * n for n, e in zip(memory.normal, error, strict=True)]
+        for normal in memory.pressed:
+            along = sum(n * e for n, e in zip(normal, error, strict=True))
+            error = [e - along * n for n, e in zip(normal, error, strict=True)]
         return math.hypot(*error)
 
     def arrived(self, tick: ChargingTick) -> bool:
@@ -205,7 +207,7 @@ MODE_OF: Final = dict.fromkeys(
         *("acquire.grip", "acquire.lift", "acquire.weigh"),
         *("scan.run_in", "scan.pass", "slew.over"),
         *("wall.lower", "wall.zero", "wall.approach", "wall.seek", "wall.press", "wall.slide"),
-        *("wall.land", "wall.lost", "wall.touch", "wall.set_down"),
+        *("wall.land", "wall.lost", "wall.set_down"),
         *("crown.lower", "crown.zero", "crown.descend", "crown.land", "crown.set_down"),
         *("bulk.lower", "bulk.pour", "release.open", "retreat.up", "return.over"),
         *(BRAKE, AWAY, DONE, STOPPED),
@@ -216,8 +218,8 @@ MODE_OF: Final = dict.fromkeys(
     "wall.slide": CONTACT,
     "wall.land": CONTACT,
     "wall.lost": LOST,
-    "wall.touch": CONTACT,
-    "wall.set_down": CONTACT,
+    "wall.set_down": ON_BOTH,
+    "crown.set_down": ON_LAYER,
 }
 
 _OPENS: Final = ("release.open", "bulk.pour")
@@ -233,7 +235,8 @@ _NOTES: Final = {
     "wall.slide": "the same, down",
     "wall.land": "the same, slowly",
     "wall.lost": "creeps to the wall",
-    "wall.set_down": "the same, at rest",
+    "wall.set_down": "force on wall and layer",
+    "crown.set_down": "force on the layer",
     HALTED: "on the path, at rest",
     BRAKE: "stops on the path",
     STOPPED: "safe, with a reason",
@@ -253,8 +256,8 @@ def make_charging_chart(params: ResolvedChargingParams, beliefs: ChargingBeliefs
         ("acquire.descend", "acquire.touch", "touched", guards.on_below),
         ("wall.approach", "wall.press", "wall", guards.at_wall),
         ("wall.seek", "wall.press", "wall", guards.at_wall),
-        ("wall.slide", "wall.touch", "layer", guards.on_below),
-        ("wall.land", "wall.touch", "layer", guards.on_below),
+        ("wall.slide", "wall.set_down", "layer", guards.on_below),
+        ("wall.land", "wall.set_down", "layer", guards.on_below),
         ("crown.descend", "crown.set_down", "layer", guards.on_below),
         ("crown.land", "crown.set_down", "layer", guards.on_below),
     )
@@ -354,13 +357,12 @@ def make_charging_chart(params: ResolvedChargingParams, beliefs: ChargingBeliefs
                 for name in ("wall.slide", "wall.land")
             ),
             fail("wall.lost", "lost too long", guards.lost_for_long, ChargingTrouble.CONTACT_LOST),
-            go("wall.touch", "wall.set_down", "at rest", guards.arrived, "stay"),
             go("wall.set_down", "release.open", rested, guards.rested, "stay"),
             go("crown.lower", "crown.zero", arrived, guards.arrived),
             go("crown.zero", "crown.descend", rested, guards.rested, "descend_to_layer"),
             go("crown.descend", "crown.land", arrived, guards.arrived, "seek_layer"),
             fail("crown.land", "no layer", guards.arrived, ChargingTrouble.NO_LAYER),
-            go("crown.set_down", "release.open", rested, guards.rested),
+            go("crown.set_down", "release.open", rested, guards.rested, "stay"),
             go("bulk.lower", "bulk.pour", arrived, guards.arrived),
             go("bulk.pour", "retreat.up", "empty", guards.not_held, "retreat"),
             go("release.open", "retreat.up", "let go", guards.not_held, "retreat"),
@@ -545,11 +547,11 @@ class ChargingMachine(StateMachine[ChargingInputs, ChargingMemory]):
                 "hold": number(lambda memory: memory.hold),
                 "mode": number(lambda memory: memory.mode),
                 "desired_force": MachineOutput(
-                    size=COORDINATES, read=lambda memory: memory.desired_force(params.wall_force)
+                    size=COORDINATES, read=lambda memory: memory.desired_force(params)
                 ),
                 "selection": MachineOutput(
                     size=COORDINATES**2,
-                    read=lambda memory: _selection(memory.mode, memory.normal),
+                    read=lambda memory: _selection(memory.pressed),
                 ),
                 "grip": number(lambda memory: memory.grip),
                 "tare": number(lambda memory: tares(memory.at)),
@@ -566,9 +568,9 @@ class ChargingMachine(StateMachine[ChargingInputs, ChargingMemory]):
 
 
 @lru_cache(maxsize=64)
-def _selection(mode: int, normal: Vector3) -> tuple[float, ...]:
-    """Return the position domain, row by row: all but, in contact, the way into the wall."""
+def _selection(pressed: tuple[Vector3, ...]) -> tuple[float, ...]:
+    """Return the position domain, row by row: all but the ways into what is pressed on."""
     domain = np.eye(COORDINATES)
-    if mode != APPROACH:
-        domain = position_selection(np.array([*normal, *[0.0] * (COORDINATES - 3)]))
+    for normal in pressed:
+        domain = domain @ position_selection(np.array([*normal, *[0.0] * (COORDINATES - 3)]))
     return tuple(domain.ravel().tolist())

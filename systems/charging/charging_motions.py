@@ -129,7 +129,7 @@ class ChargingMotions:
         over, speed = {
             "slide": (params.near, params.slide_speed),
             "descend_to_layer": (params.near, params.approach_speed),
-            "seek_layer": (-params.search, params.seek_speed),
+            "seek_layer": (-params.search, params.land_speed),
         }[motion]
         return _at_height(now, layer + self._nugget(item).height + over), speed
 
@@ -164,11 +164,11 @@ class ChargingMotions:
 
     def _now(self, memory: ChargingMemory, inputs: ChargingInputs) -> Vector7:
         """Return the command, but for what is under force control, where the arm is."""
-        command, n = inputs.desired_position, memory.normal
-        if not memory.mode:
-            return command
-        off = zip(n, inputs.endpoint_motion[:3], command[:3], strict=True)
-        return _along(command, n, sum(one * (a - c) for one, a, c in off))
+        command = inputs.desired_position
+        for n in memory.pressed:
+            off = zip(n, inputs.endpoint_motion[:3], command[:3], strict=True)
+            command = _along(command, n, sum(one * (a - c) for one, a, c in off))
+        return command
 
 
 def _at_height(pose: Vector7, z: float) -> Vector7:

@@ -15,6 +15,7 @@ from chamfer.models.validation import (
     require_positive,
     require_whole,
 )
+from chamfer.systems.force.contact_detection import CONTACT, LOST
 from chamfer.systems.trajectory.segment import Segment, Vector3, Vector7
 
 _RARE: Final = 5.0  # standard deviations of the mean that noise alone does not show
@@ -63,7 +64,10 @@ class ResolvedTouchDetectionParams(TouchDetectionParams):
     detect: float
 
 
-_MOST_SPEED = 0.10  # m/s, towards the wall, section 1.1.2
+# Modes of the hybrid controller beside those of contact detection: what is pressed on.
+ON_BOTH: Final = 3  # wall and layer
+ON_LAYER: Final = 4
+_MOST_SPEED: Final = 0.10  # m/s, towards the wall, section 1.1.2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +79,8 @@ class ChargingParams:
     scan_speed: float = 0.03  # m/s, constant over the scanner; section 1.1.2
     slew_time: float = 2.5  # s, from the scanner into the crucible; section 1.1.2
     approach_speed: float = 0.08  # m/s, towards the wall; at most 0.10, section 1.1.2
-    seek_speed: float = 0.01  # m/s, near where wall and layer are believed; assumed
+    seek_speed: float = 0.01  # m/s, near where the wall is believed; assumed
+    land_speed: float = 0.004  # m/s, near where the layer is believed; assumed
     slide_speed: float = 0.02  # m/s, down the wall; assumed
     travel_speed: float = 0.25  # m/s, between feeder and scanner, and out; assumed
     turn_speed: float = 1.5  # rad/s, of the endpoint's angles; assumed
@@ -83,7 +88,10 @@ class ChargingParams:
     stop_acceleration: float = 5.0  # m/s^2, with which it stops where it touches; assumed
     wall_force: float = 1.0  # N, on the wall while sliding; less than 2, section 1.1.2
     touch_force: float = 2.0  # N, down, that tells the nugget in the feeder; assumed
-    layer_force: float = 1.2  # N, down, beyond friction at the wall, that tells the layer; assumed
+    layer_touch: float = 0.5
+    # N, down, beyond friction at the wall, that tells the layer, and not less than the wall's
+    # threshold (``detection``); assumed
+    layer_force: float = 0.8  # N, into the layer while set down, beyond it likewise; assumed
     wall_friction: float = 0.3  # of a nugget on the wall, as it is believed; assumed
     force_limit: float = 10.0  # N, with which all stops but for acquiring; assumed
     grip_limit: float = 20.0  # N, in acquiring; section 1.1.2
@@ -187,6 +195,7 @@ class ChargingMemory(NamedTuple):
     losses: int = 0  # of contact with the wall, of this item
     mode: int = 0  # of the hybrid controller
     normal: Vector3 = (1.0, 0.0, 0.0)  # into the wall, world axes
+    below: Vector3 = (0.0, 0.0, -1.0)  # into the layer
     hold: bool = False  # the path follower stands still
     grip: bool = False  # the gripper is closed
     carries: bool = False  # a part was seen in it
@@ -202,7 +211,17 @@ class ChargingMemory(NamedTuple):
         words = self.trouble.words
         return f"{words}, in {self.trouble_at}, item {self.item}" if words else ""
 
-    def desired_force(self, force: float) -> Vector7:
+    @property
+    def pressed(self) -> tuple[Vector3, ...]:
+        """The directions under force control: into what is touched, at right angles."""
+        on_wall, on_layer = self.mode in (CONTACT, LOST, ON_BOTH), self.mode in (ON_BOTH, ON_LAYER)
+        return (self.normal,) * on_wall + (self.below,) * on_layer
+
+    def desired_force(self, params: ChargingParams) -> Vector7:
         """Return the force on the environment that is wanted, N, shape (7,)."""
-        push = force if self.mode else 0.0
-        return (*(push * one for one in self.normal), 0.0, 0.0, 0.0, 0.0)
+        into_wall, into_layer = params.wall_force, params.layer_force
+        if self.mode == ON_BOTH:  # as it came sliding, the wall holds it up
+            into_layer += params.wall_friction * into_wall
+        pushes = {self.normal: into_wall, self.below: into_layer}
+        x, y, z = (sum(pushes[one] * one[i] for one in self.pressed) for i in range(3))
+        return x, y, z, 0.0, 0.0, 0.0, 0.0

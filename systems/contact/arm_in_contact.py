@@ -61,6 +61,10 @@ class ContactParams:
         require_positive(self, "stiffness")
         require_not_negative(self, "damping")
 
+    def coefficient(self, point: Array, push: float) -> float:
+        """Return the coefficient of friction at a point, m, shape (3,), under a push, N."""
+        return self.friction.at(point)
+
 
 @dataclass(frozen=True)
 class ContactPoint:

@@ -172,7 +172,9 @@ class HybridController(LeafSystem):
     ``encoders``, shape (2n,), q and velocity; ``desired_position``, shape (m,), m (rad);
     ``desired_velocity``, shape (m,), m/s (rad/s); ``desired_force`` and ``measured_force``, shape
     (m,), N, of the arm on its environment; ``selection``, shape (m * m,), P row by row; ``mode``,
-    size 1, as :class:`chamfer.systems.force.contact_detection.ContactDetection` gives it.
+    size 1, as :class:`chamfer.systems.force.contact_detection.ContactDetection` gives it, or more
+    than that: another contact, at rest, in which all position integrators are held, because those
+    of turning joints would push on through the others.
     ``torque``, shape (n,), and the errors, desired less measured, shape (m,), before the
     selection, are held over the period.
 
@@ -302,6 +304,8 @@ class HybridController(LeafSystem):
         grown = integral * e * params.period
         if mode[0] != APPROACH and params.held_integrators:
             grown[list(params.held_integrators)] = 0.0
+        if mode[0] > LOST:
+            grown[:] = 0.0
         integral = memory.position_integral + grown
         position: Array = stiffness * e + integral - damping * rate
         if params.law == "transpose":
@@ -448,6 +452,8 @@ def linear_law(pose: Pose, P: Array, params: HybridControllerParams, mode: int) 
     grows = period * np.diag(integrates) @ seen
     if mode != APPROACH:
         grows[list(params.held_integrators)] = 0.0
+    if mode > LOST:
+        grows[:] = 0.0
     gain, known_load = np.eye(n), np.zeros((n, n))
     if params.law == "transpose":
         gain = pose.J.T

@@ -81,7 +81,8 @@ MAY_BE_ZERO = """
     normal place size surface_friction; SpringConstraintParams: index stiffness; StepSpread:
     step; SurfaceFriction: coefficient ripple; SurfaceObserverParams: force_noise
     force_rate_noise halt_speed initial_deviation rate_lag; SurfaceScenario: force_delay;
-    TouchDetectionParams: release; TrackingTask: depth; Unevenness: ripple;
+    TouchDetectionParams: release; TouchedSettings: damping; TrackingTask: depth; Unevenness:
+    ripple;
     UnknownWallSettings: roll tilt; UnknownWallTask: wait; VisionPrimitivesScenario:
     focal_error orientation_error; WristParams: centre_of_mass; _Compared: moved
 """

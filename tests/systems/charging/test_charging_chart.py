@@ -215,7 +215,7 @@ CARRY = {
     "bulk": ["slew.over", "bulk.lower", "bulk.pour"],
 }
 LAY = {
-    "wall": ["wall.slide", "wall.land", "wall.touch", "wall.set_down", "release.open"],
+    "wall": ["wall.slide", "wall.land", "wall.set_down", "release.open"],
     "crown": ["crown.set_down", "release.open"],
     "bulk": [],
 }
@@ -443,7 +443,7 @@ QUIET = ChargingInputs(
     alive=(1.0,),
     halt=(0.0,),
 )
-FAR = (*START[:2], START[2] + 0.04, *START[3:], *[0.0] * 7)
+FAR = (START[0], START[1] + 0.04, *START[2:], *[0.0] * 7)
 TROUBLES = {
     ChargingTrouble.SENSOR_DEAD: QUIET._replace(alive=(0.0,)),
     ChargingTrouble.TOO_MUCH_FORCE: QUIET._replace(measured_force=(0.0, 21.0, 0.0)),

@@ -11,6 +11,8 @@ from chamfer.models.charging.station import Station
 from chamfer.models.validation import ParameterError
 from chamfer.systems.charging.charging_chart import ChargingMachine
 from chamfer.systems.charging.charging_params import (
+    ON_BOTH,
+    ON_LAYER,
     ChargingBeliefs,
     ChargingParams,
     ChargingTrouble,
@@ -18,7 +20,7 @@ from chamfer.systems.charging.charging_params import (
     ResolvedTouchDetectionParams,
     TouchDetectionParams,
 )
-from chamfer.systems.force.selection import position_selection
+from chamfer.systems.force.contact_detection import CONTACT, LOST
 
 START = (0.40, -0.20, 0.55, 0.0, 0.0, 0.0, 0.2)
 DETECTION = ResolvedTouchDetectionParams(detect=0.3, readings=2)
@@ -51,16 +53,35 @@ def test_before_it_runs_it_stays_and_pushes_nothing() -> None:
     assert block.reason(context) == ""
 
 
-def test_in_contact_the_way_into_the_wall_is_under_force_control() -> None:
+INTO = np.array([np.cos(0.5), np.sin(0.5), 0.0])
+DOWN = np.array([0.0, 0.0, -1.0])
+
+
+@pytest.mark.parametrize(
+    ("mode", "pressed", "force"),
+    [
+        (CONTACT, [INTO], INTO),
+        (LOST, [INTO], INTO),
+        (ON_LAYER, [DOWN], 0.8 * DOWN),
+        # Sliding, the wall's friction, 0.3 N, held it up.
+        (ON_BOTH, [INTO, DOWN], INTO + 1.1 * DOWN),
+    ],
+)
+def test_what_is_pressed_on_is_under_force_control(
+    mode: int, pressed: list[np.ndarray], force: np.ndarray
+) -> None:
     block = machine()
     context = block.CreateDefaultContext()
     content = context.get_abstract_state(0).get_value()
-    memory = content.snapshot.memory._replace(mode=1, at="wall.slide")
+    memory = content.snapshot.memory._replace(mode=mode)
     content.snapshot = content.snapshot._replace(memory=memory)
-    into = np.array([np.cos(0.5), np.sin(0.5), 0.0, 0.0, 0.0, 0.0, 0.0])
-    P = block.GetOutputPort("selection").Eval(context).reshape(7, 7)
-    assert pytest.approx(position_selection(into)) == P
-    assert block.GetOutputPort("desired_force").Eval(context) == pytest.approx(1.0 * into)
+    P = np.eye(7)
+    for normal in pressed:
+        P[:3, :3] -= np.outer(normal, normal)
+    found = block.GetOutputPort("selection").Eval(context).reshape(7, 7)
+    assert found == pytest.approx(P, abs=1e-12)
+    wanted = block.GetOutputPort("desired_force").Eval(context)
+    assert wanted == pytest.approx([*force, 0.0, 0.0, 0.0, 0.0])
 
 
 @pytest.mark.parametrize(("at", "finished"), [("done", 1.0), ("stopped", 2.0)])

@@ -182,7 +182,7 @@ def turning(arm: Arm, q: Array, force: Array) -> Array:
     return np.transpose(columns)
 
 
-@pytest.mark.parametrize("mode", [APPROACH, CONTACT, LOST])
+@pytest.mark.parametrize("mode", [APPROACH, CONTACT, LOST, LOST + 1])
 @pytest.mark.parametrize(
     ("law", "full"),
     [*((law, False) for law in LAWS), ("inverse", True), ("projected", True)],
@@ -207,7 +207,7 @@ def test_linear_law_is_that_of_the_controller(arm: Arm, law: Law, full: bool, mo
         full_dynamics=full,
         inertia=tuple(rng.uniform(0.5, 2, n)) if full else None,
     )
-    push = FORCE * ahead(P) if mode == CONTACT else np.zeros(n)
+    push = FORCE * ahead(P) if mode not in (APPROACH, LOST) else np.zeros(n)
     pose = Pose(mass, J, turning(arm, q, push), np.zeros((n, n)))
     found = linear_law(pose, P, params, mode)
     found_all = np.block([[found.A, found.B], [found.C, found.D]])
