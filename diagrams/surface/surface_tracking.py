@@ -42,6 +42,8 @@ from chamfer.systems.force.selection import position_selection
 from chamfer.systems.force.surface_motion import SurfaceMotion, SurfaceMotionParams
 from chamfer.systems.sensing.force_rate import ForceRateSensorParams
 
+_SWINGS: Final = 2.0  # s, within which a start swings furthest
+
 
 @dataclass(frozen=True, kw_only=True)
 class TrackingGains(HybridGains):
@@ -117,8 +119,9 @@ def resolve_tracking(scenario: TrackingScenario) -> ResolvedTrackingScenario:
     """Return the scenario with the surface's defaults and the observer's assumptions filled in.
 
     Raises:
-        ParameterError: If a block refuses its parameters, or the loop would be unstable and
-            ``controller.allow_unstable`` is not set.
+        ParameterError: If a block refuses its parameters, the loop would be unstable and
+            ``controller.allow_unstable`` is not set, or the start is so deep that the tip would
+            rebound.
     """
     with within("controller"):
         scenario.controller.for_joints(scenario.dimension)
@@ -133,7 +136,32 @@ def resolve_tracking(scenario: TrackingScenario) -> ResolvedTrackingScenario:
             scenario.controller,
             "a lower one, or other gains",
         )
+    else:
+        _require_bearable(scenario)
     return ResolvedTrackingScenario(**resolved_fields(scenario))
+
+
+def _require_bearable(scenario: TrackingScenario) -> None:
+    """Refuse a start from which the linear loop swings so far that the force passes 0.
+
+    The force goes from F_0 to F_d as ``F_d + (F_0 - F_d) g(t)``, whatever F_0 is.
+    """
+    loop, normal = tracking_loop(scenario), scenario.up
+    moves, d = loop.period_map(), scenario.dimension
+    pressed = -np.append(normal, np.zeros(len(moves) - d))
+    felt = -np.append(normal @ loop.arm.late, np.zeros(len(moves) - 2 * d))
+    stiffness, least = float(felt @ pressed), 0.0
+    for _ in range(round(_SWINGS / loop.period)):
+        pressed = moves @ pressed
+        least = min(least, float(felt @ pressed) / stiffness)
+    depth, force = scenario.task.depth, scenario.task.force
+    if least * (stiffness * depth - force) < -force:
+        largest = force - force / least
+        allowed = (
+            f"at most {largest / stiffness:.3g} m, {largest:.3g} N; "
+            f"from {stiffness * depth:.3g} N the force would pass 0"
+        )
+        raise ParameterError("task.depth", depth, allowed)
 
 
 def always_in_contact(gains: HybridGains) -> HybridControllerParams:

@@ -38,6 +38,7 @@ from chamfer.models.arms.cartesian_manipulator import (
     CartesianManipulatorParams,
     cartesian_kinematics,
 )
+from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.validation import ParameterError
 from chamfer.systems.estimation.normal_filter import ObserverKind, Sample
@@ -336,7 +337,7 @@ def test_the_observer_may_be_given_means() -> None:
 def flat(force_integral: float, *, allow: bool = False) -> TrackingScenario:
     scenario = replace(STEADY, duration=3.0, surface=SurfaceSettings(coefficients=(1e-6,)))
     control = replace(scenario.controller, force_integral=force_integral, allow_unstable=allow)
-    return replace(scenario, controller=control)
+    return replace(scenario, controller=control, task=TrackingTask(depth=0.098))
 
 
 @pytest.mark.parametrize(("force_integral", "late"), [(20.0, 0.0), (10.0, 0.04)])
@@ -362,6 +363,29 @@ def test_a_force_integral_that_swings_is_refused() -> None:
         resolve_tracking(flat(50.0))
     with pytest.warns(UserWarning, match="unstable in contact"):
         resolve_tracking(flat(50.0, allow=True))
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "force_integral", "depth"), [(100.0, 1.0, 0.397), (1000.0, 1.0, 0.0146)]
+)
+def test_a_start_is_refused_from_where_the_contact_is_lost(
+    stiffness: float, force_integral: float, depth: float
+) -> None:
+    scenario = replace(
+        flat(force_integral), gripper=GripperCompliance(stiffness=stiffness), duration=1.0
+    )
+
+    def deep(share: float) -> TrackingScenario:
+        return replace(scenario, task=TrackingTask(depth=share * depth))
+
+    largest = rf"{depth:.3g} m, {stiffness * depth:.3g}\d* N; from {stiffness * 2 * depth:.3g} N"
+    with pytest.raises(ParameterError, match=rf"^task\.depth is .*, allowed: at most {largest}"):
+        resolve_tracking(deep(2.0))
+    # The simulation has no limit of its own: the force of contact just stays, or falls to 0.
+    resolved = resolve_tracking(deep(0.9))
+    assert run_surface(resolved, 0)["force"].min() > 0
+    lost = replace(resolved, task=TrackingTask(depth=1.1 * depth))
+    assert run_surface(lost, 0)["force"].min() == 0
 
 
 def test_a_users_own_controller_takes_the_hybrid_laws_place(push: Any) -> None:
