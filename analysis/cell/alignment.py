@@ -20,6 +20,7 @@ from chamfer.analysis.campaign.trial_metrics import metrics_of, over_trials, pre
 from chamfer.analysis.campaign.trial_rows import Row, table_of, with_table
 from chamfer.analysis.cell.alignment_runs import (
     ALIGNMENT,
+    ARM_LIMITS,
     COURSE,
     LATE,
     SETTLED,
@@ -28,6 +29,7 @@ from chamfer.analysis.cell.alignment_runs import (
     ResolvedRepeatabilityScenario,
     align_all,
     alignment_metrics,
+    arm_limits,
     courses,
     detected_metric,
     detected_share,
@@ -200,6 +202,7 @@ def _over_trials(finished: Trials[int]) -> dict[str, Metric]:
         "settled": replace(found["settled"], note=limits),
         "detected": detected_metric(finished.column("detected")),
         **stopped_metrics({name: finished.column(name) for name in STOPPED}),
+        **over_trials(finished.rows, ARM_LIMITS),
         **metrics_of({"real_time_factor": (round(float(speed), 2), "", _SPEED)}),
     }
 
@@ -463,6 +466,7 @@ def run_tracking(scenario: ResolvedAlignmentScenario, seed: int, progress: Progr
     # Without compensation the compensator asks for one too, which nobody adds.
     traces["compensation"] = with_it["compensation_z"]
     metrics["detected"] = detected_metric(np.array([detected_share(with_it, scenario)]))
+    metrics |= over_trials([arm_limits(with_it, scenario)], ARM_LIMITS)
     stopped = stopped_values(with_it, scenario)
     warn_of_stops({name: column([stopped[name] or 0.0]) for name in STOPPED})
     metrics |= {name: Metric(value=value, unit="") for name, value in stopped.items()}

@@ -59,6 +59,8 @@ from chamfer.systems.vision.cell_error import AXES
 Array = NDArray[np.float64]
 Traces = dict[str, Array]
 
+# What :func:`arm_limits` measures.
+ARM_LIMITS: Final = {"saturated": Quantity("%"), "joints.margin": Quantity("rad")}
 # What :func:`alignment_metrics` measures; times count from the compensation's begin.
 ALIGNMENT: Final = {
     "lateral_error": Quantity("m"),
@@ -77,7 +79,7 @@ ALIGNMENT: Final = {
     "compensation.late_rotational": Quantity("rad"),
     "compensation.late_lateral_share": Quantity("%"),
     "compensation.late_rotational_share": Quantity("%"),
-    "saturated": Quantity("%"),
+    **ARM_LIMITS,
     "detected": Quantity("%"),
     "blind": Quantity(""),
     "diverged": Quantity(""),
@@ -215,11 +217,28 @@ def alignment_metrics(traces: Table, scenario: AlignmentScenario) -> dict[str, f
     if not out[-1]:
         last = int(np.flatnonzero(out).max(initial=-1)) + 1
         values["settling_time"] = max(float(time[last]) - scenario.begin, 0.0)
-    busy = [traces[f"{arm}_saturated"] > 0 for arm in scenario.arms]
-    values["saturated"] = 100 * float(np.mean(np.any(busy, axis=0)))
+    values |= arm_limits(traces, scenario)
     values["detected"] = detected_share(traces, scenario)
     pixel = scenario.cameras.pixel_size
     return values | vision_errors(traces, -1, pixel) | stopped_values(traces, scenario)
+
+
+def arm_limits(traces: Table, scenario: AlignmentScenario) -> dict[str, float]:
+    """Return how near the arms come to their limits.
+
+    ``saturated`` is the share of the time in which a joint is at its torque limit, %, and
+    ``joints.margin`` the least way to an end of a joint's travel, rad.
+    """
+    busy = [traces[f"{arm}_saturated"] > 0 for arm in scenario.arms]
+    margins = []
+    for name in scenario.arms:
+        arm = getattr(scenario, name).arm
+        q = np.column_stack([traces[f"{name}_q{i + 1}"] for i in range(arm.num_joints)])
+        margins.append(np.minimum(q - arm.lower_limits, arm.upper_limits - q).min())
+    return {
+        "saturated": 100 * float(np.mean(np.any(busy, axis=0))),
+        "joints.margin": float(min(margins)),
+    }
 
 
 def vision_errors(traces: Table, row: int, pixel_size: float) -> dict[str, float | None]:

@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context
 
 from chamfer.analysis.campaign.trial_metrics import Quantity, metrics_of
-from chamfer.analysis.cell.alignment_runs import Traces, alignment_traces, row_before
+from chamfer.analysis.cell.alignment_runs import (
+    ARM_LIMITS,
+    Traces,
+    alignment_traces,
+    arm_limits,
+    row_before,
+)
 from chamfer.analysis.insertion.insertion_runs import jamming_loads, median, onset_of
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.scenario.experiment import Metric, Progress, Table, column
@@ -44,6 +50,8 @@ INSERTION: Final = {
     "force.lateral": Quantity("N"),
     "force.contact": Quantity("N"),
     "force.raw_peak": Quantity("N"),
+    "force.share": Quantity("%"),
+    **ARM_LIMITS,
     "force.sensed_error": Quantity("N"),
     "time_to_seated": Quantity("s"),
     "attempts": Quantity(""),
@@ -198,7 +206,10 @@ def insertion_metrics(
     free = np.logical_and.accumulate(~bottom)
     values["force.axial"] = float(axial[free].max())
     values["force.lateral"] = float(lateral[free].max())
-    values["force.contact"] = float(np.hypot(axial, lateral)[free].max())
+    contact = float(np.hypot(axial, lateral)[free].max())
+    values["force.contact"] = contact
+    values["force.share"] = 100 * contact / scenario.insert.force_limit
+    values |= arm_limits(traces, scenario)
     values["force.raw_peak"] = float(-traces["force_x"][free].min())
     feeding = done.when("insert", "check")
     if feeding.any():

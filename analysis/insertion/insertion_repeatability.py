@@ -14,6 +14,7 @@ from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_metrics import (
     mean_interval,
     metrics_of,
+    over_trials,
     prefixed,
     rate,
     trial_seed,
@@ -225,7 +226,8 @@ def _statistics(trials: Trials[TrialInAWay]) -> dict[str, Metric]:
     ):
         unit = INSERTION[name].unit
         metrics[f"{name}.mean"] = mean_over(trials, name, unit, "in no trial")
-    return metrics
+    limits = ("force.share", "saturated", "joints.margin")
+    return metrics | over_trials(trials.rows, {name: INSERTION[name] for name in limits})
 
 
 def _saved(early: Trials[TrialInAWay], late: Trials[TrialInAWay]) -> dict[str, Metric]:

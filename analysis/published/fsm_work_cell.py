@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from chamfer.analysis.published.rows import at_least, at_most, near, of
+from chamfer.analysis.published.rows import Row, at_least, at_most, near, of, specified
 from chamfer.analysis.report.checks import Published
 
 MEAN_ERROR: Final = (0.0025, 0.022)  # m and rad, means over the ten runs, section 5
@@ -15,7 +15,21 @@ _ASSUMED_CELL = (
     "payload have the size that makes the published droop"
 )
 
+
 # fmt: off
+def _limits(way: str = "", *, contact: bool = True) -> tuple[Row, ...]:
+    """Return limits of the arms, and of the parts where they touch, with a prefix."""
+    arms = (
+        at_most(f"{way}saturated", 0.0, "%", "limit of the arms",
+                "of the time, with a joint at its torque limit"),
+        at_least(f"{way}joints.margin", 0.0, "rad", "limit of the arms",
+                 "to the nearest end of a joint's travel"),
+    )
+    parts = at_most(f"{way}force.share", 100.0, "%", "limit of the parts",
+                    "of insert.force_limit, assumed; largest median of 10 ms")
+    return specified(*arms, *[parts] * contact)
+
+
 WORK_CELL: Final[tuple[Published, ...]] = (
     *of("camera-accuracy", *(
         at_most(f"wide.noisy.{view}.scaled.{direction}.max", SIGNAL_ACCURACY, "m",
@@ -80,4 +94,9 @@ WORK_CELL: Final[tuple[Published, ...]] = (
         at_least("frozen.success_rate", 99, "%",
                  "section 5: insert as soon as the errors are inside the wedging limits",
                  "likewise; the compensation ends with the alignment, as in the paper")),
+    *(row for name in ("vertical-tracking", "alignment", "repeatability")
+        for row in of(name, *_limits(contact=False))),
+    *of("insertion", *_limits()),
+    *(row for way in ("", "wait.", "frozen.", "frozen_wait.")
+        for row in of("insertion-repeatability", *_limits(way))),
 )

@@ -3,7 +3,7 @@
 import math
 from typing import Final
 
-from chamfer.analysis.published.rows import at_least, at_most, near, of
+from chamfer.analysis.published.rows import at_least, at_most, near, of, specified
 from chamfer.analysis.report.checks import Published
 
 TITLE: Final = (
@@ -18,6 +18,8 @@ _SUCCESS: Final = {
     "peg-skill-success": 98.0,
     "rj45-connector-success": 95.0,
 }
+
+_CONNECTORS: Final = ("d-connector", "bnc-connector", "rj45-connector")
 
 # fmt: off
 PUBLISHED: Final[tuple[Published, ...]] = (
@@ -45,4 +47,10 @@ PUBLISHED: Final[tuple[Published, ...]] = (
                 "of a plug that is said to be mated and is not"),
         at_most("force.peak_share", 1.5, "", "our aim",
                 "the paper prints no forces; of each run's mating force, assumed too"))),
+    *(row for name in ("skill", "peg-skill", *_CONNECTORS, *_SUCCESS) for row in of(name,
+        *specified(
+            at_most("force.share", 100.0, "%", "limit of the parts",
+                    "of connector.largest_force, assumed; along any axis at any step"),
+            at_most("torque.share", 100.0, "%", "limit of the parts",
+                    "of connector.largest_torque, assumed; about any axis at any step")))),
 )

@@ -428,7 +428,7 @@ def success_metrics(attempts: Trials[int]) -> dict[str, Metric]:
     ):
         wrong = int(attempts.column(name).sum())
         metrics |= _rate(name, wrong, of, f"{wrong} of {of} {what}")
-    for name in ("force.peak", "force.peak_share", "torque.peak"):
+    for name in ("force.peak", "force.peak_share", "force.share", "torque.peak", "torque.share"):
         metrics[name] = _pooled(attempts, name, "largest")
     for name in ("force.peak", "force.peak_share"):
         metrics[f"{name}_mean"] = _pooled(attempts, name, "mean")
@@ -455,7 +455,7 @@ def _pooled(attempts: Trials[int], name: str, pooled: Literal["largest", "mean"]
     values = attempts.column(name).tolist()
     note = f"{pooled} of {len(values)} trials, {min(values):.4g} to {max(values):.4g}"
     value = max(values) if pooled == "largest" else math.fsum(values) / len(values)
-    return Metric(value=value, unit=INSERTION[name].unit, note=note)
+    return Metric(value=value, unit=INSERTION[name].unit, note=note, trials=tuple(values))
 
 
 def attempt_rows(attempts: Trials[int]) -> Table:

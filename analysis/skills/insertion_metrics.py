@@ -18,7 +18,9 @@ INSERTION: Final = {
     "depth": Quantity("m"),
     "force.peak": Quantity("N"),
     "force.peak_share": Quantity(""),
+    "force.share": Quantity("%"),
     "torque.peak": Quantity("N m"),
+    "torque.share": Quantity("%"),
     "retries": Quantity(""),
     "real_time_factor": Quantity(""),
 }
@@ -33,17 +35,21 @@ def insertion_metrics(done: SkillResult, connector: Connector) -> Trial:
     ``success`` is 1 if the skill says so and the plug is in, by the truth; ``force.peak`` is the
     largest true push or pull along the insertion at any step of the plant, its share that of the
     true mating force, and ``torque.peak`` the largest true torque about an axis, likewise.
+    ``force.share`` and ``torque.share`` are the largest load along and about any axis, of what
+    plug and socket stand.
     """
     traces = done.traces
     depth = float(traces["depth"][-1])
-    peak = float(done.peaks[-1])
+    peak, torque = float(done.peaks[-1]), float(done.peaks[:3].max())
     return {
         "success": float(not failure(done, connector)),
         "duration": float(traces["time"][-1]),
         "depth": depth,
         "force.peak": peak,
         "force.peak_share": peak / connector.mating_force,
-        "torque.peak": float(done.peaks[:3].max()),
+        "force.share": 100 * float(done.peaks[3:].max()) / connector.largest_force,
+        "torque.peak": torque,
+        "torque.share": 100 * torque / connector.largest_torque,
         "retries": float(traces["retries"][-1]),
         "real_time_factor": round(float(traces["time"][-1]) / done.wall_seconds, 2),
     }

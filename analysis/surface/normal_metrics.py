@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.trial_metrics import Quantity
-from chamfer.analysis.contact.contact_metrics import settling_time
+from chamfer.analysis.contact.contact_metrics import longest, settling_time
 from chamfer.analysis.scenario.experiment import Table
+from chamfer.models.surfaces.damage import SCRATCH_FORCE
 
 Array = NDArray[np.float64]
 
@@ -47,6 +48,8 @@ TRACKING: Final = {
     "force.settling_time": Quantity("s"),
     "force.settling_time_10": Quantity("s"),
     "force.within_10": Quantity("%"),
+    "contact.losses": Quantity(""),
+    "damage.scratch_time": Quantity("s"),
     "position.travel": Quantity("m"),
     "band.mean": Quantity("deg"),
     **_OF_ERRORS,
@@ -147,6 +150,8 @@ def tracking_metrics(traces: Table, *, force: float, every: int) -> dict[str, fl
     values["force.final"] = float(push[-1])
     values["force.settling_time"] = settling_time(time, push, force, _SETTLED * force)
     values["force.settling_time_10"] = settling_time(time, push, force, TOLERANCE * force)
+    values["contact.losses"] = float(np.sum((push[1:] <= 0) & (push[:-1] > 0)))
+    values["damage.scratch_time"] = longest(time, push > SCRATCH_FORCE)
     values["position.travel"] = float(traces["travel"][-1])
     return values
 

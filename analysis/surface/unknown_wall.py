@@ -17,6 +17,7 @@ from chamfer.analysis.contact.contact_figures import note_stability, shade_losse
 from chamfer.analysis.contact.contact_metrics import (
     KEPT,
     contact_kept,
+    longest,
     settling_time,
     stability_metrics,
 )
@@ -53,7 +54,7 @@ from chamfer.diagrams.surface.unknown_wall_loop import (
     ResolvedUnknownWallScenario,
     make_unknown_wall_diagram,
 )
-from chamfer.models.surfaces.damage import SAFE_SPEED, impact_speed_limit
+from chamfer.models.surfaces.damage import SAFE_SPEED, SCRATCH_FORCE, impact_speed_limit
 from chamfer.models.surfaces.surface import curvature, normal
 from chamfer.systems.contact.arm_motion import CONTACT_SIGNALS
 from chamfer.systems.force.contact_detection import CONTACT, LOST, make_contact_chart
@@ -87,6 +88,7 @@ QUANTITIES: Final = {
     "recontact.settling_time_10": Quantity("s"),
     "wall.smallest_radius": Quantity("m"),
     "position.travel": Quantity("m"),
+    "damage.scratch_time": Quantity("s"),
     "damage.impact_share": Quantity("%"),
     "damage.safe_speed_share": Quantity("%"),
 }
@@ -113,6 +115,7 @@ def wall_metrics(
     values: dict[str, float | None] = dict.fromkeys(QUANTITIES)
     values["force.peak"] = float(traces["peak_force"].max())
     values |= contact_kept(traces, after, kick)
+    values["damage.scratch_time"] = longest(time, push > SCRATCH_FORCE)
     values["error.start"] = float(traces["error"][0])
     values["position.travel"] = float(traces["travel"][-1])
     impacts = traces["impact_speed"][traces["impact_speed"] > 0]

@@ -252,6 +252,8 @@ def test_errors_are_signed_means_of_the_end_and_rms_on_the_way(
         height[-1] += 0.004  # one of the 41 rows of the last half second
         names = ("peg_tool_z", "hole_true_z", "blind", "diverged", "lateral_error")
         names += ("rotational_error", *(f"compensation_{axis}" for axis in AXES))
+        joints = ("saturated", *(f"q{i}" for i in range(1, 8)))
+        names += tuple(f"{arm}_{name}" for arm in ARMS for name in joints)
         traces = dict.fromkeys(names, np.zeros(321))
         traces["valid"] = np.ones(321)
         desired = np.interp(time, [0.0, 2.0], [0.128, 0.158])

@@ -34,7 +34,7 @@ from chamfer.analysis.cell.alignment_runs import (
 )
 from chamfer.diagrams.cell.alignment import resolve
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, ControllerChoice
-from chamfer.diagrams.cell.work_cell import resolve_arms, wedging_support
+from chamfer.diagrams.cell.work_cell import ARMS, resolve_arms, wedging_support
 from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg.support import OpenSupport, Support
 from chamfer.models.peg_theory.wedging import box_margin, least_margin, rotation_margin, wedges
@@ -92,7 +92,7 @@ def traces(count: int = 321, **given: Any) -> dict[str, Array]:
     """A run in which nothing happens but what is given; a function is one of time."""
     time = np.arange(count) / 80
     names = ["lateral_error", "rotational_error", "peg_saturated", "hole_saturated"]
-    names += ["blind", "diverged"]
+    names += ["blind", "diverged", *(f"{arm}_q{i}" for arm in ARMS for i in range(1, 8))]
     names += [f"{kind}_{axis}" for kind in ("error", "compensation") for axis in AXES]
     names += [f"true_{axis}" for axis in ("y", "z", "pitch", "yaw")]
     made = {"time": time, **{name: np.zeros(count) for name in names}}
@@ -207,6 +207,9 @@ def test_saturated_and_blind() -> None:
     assert found["saturated"] == pytest.approx(100 * 160 / 321)
     assert found["blind"] == 1.0
     assert measure()["blind"] == 0.0
+    assert found["joints.margin"] == pytest.approx(0.9)  # of joint 4, which goes from -0.9 rad
+    turned = measure(hole_q4=lambda t: np.where(t == 2.0, -1.0, 0.5))
+    assert turned["joints.margin"] == pytest.approx(-0.1)
     # Of the 201 frames from the begin on.
     seen = measure(valid=lambda t: np.where((t < 1.5 - 1e-9) | (t > 3.97), 0.0, 1.0))
     assert seen["detected"] == pytest.approx(100 * (1 - 3 / 201))

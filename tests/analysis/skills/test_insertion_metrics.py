@@ -60,6 +60,8 @@ def test_metrics_of_a_run() -> None:
         "duration": 2.0,
         "depth": MATED,
         "force.peak": 23.0,  # a force across does not count
+        "force.share": pytest.approx(100 * 99.0 / D.largest_force),  # here it does
+        "torque.share": pytest.approx(100 * 0.2 / D.largest_torque),
         "torque.peak": 0.2,
         "retries": 1.0,
         "real_time_factor": 4.0,
