@@ -52,6 +52,7 @@ class SpreadParams:
 
     joint_friction: float = 0.5  # of each joint's dry friction, relative; assumed
     surface_friction: float = 0.15  # of the coefficients of wall and layer; assumed
+    slip_friction: float = 0.3  # of that with which what lies below is held; assumed
     bias: float = 1.0  # N, of the force sensor, as its data sheet may have it; assumed
     normal: float = 0.01  # rad, of the wall's lean and of the layer's tilt; assumed
     size: float = 0.05  # of what the scanner takes for a nugget's size, relative; assumed
@@ -60,7 +61,9 @@ class SpreadParams:
     # kg, of which all nuggets of a cycle have one; appendix C; empty: as planned
 
     def __post_init__(self) -> None:
-        require_between(self, 0.0, 1.0, "joint_friction", "surface_friction", "size")
+        require_between(
+            self, 0.0, 1.0, "joint_friction", "surface_friction", "slip_friction", "size"
+        )
         require_not_negative(self, "bias", "normal", "place")
         if not all(0 < one < math.inf for one in self.masses):
             raise ParameterError("masses", self.masses, "finite numbers > 0")
@@ -97,7 +100,10 @@ class ChargingCampaignScenario:
 REMEDIES: Final = ("none", "decoupling", "compensation", "soft_gripper", "all")
 CHARGING_CAMPAIGN: Final = ChargingCampaignScenario()
 # What of a randomised cycle is told in its row.
-DRAWN: Final = ("mass", "bias", "lean", "tilt", "wall_friction", "quill_friction", "size_error")
+DRAWN: Final = (
+    *("mass", "bias", "lean", "tilt", "wall_friction", "slip_friction", "quill_friction"),
+    "size_error",
+)
 SLIDES: Final = ("wall.slide_force_min", "wall.slide_force")  # N, drawn over the friction
 
 
@@ -145,7 +151,13 @@ def drawn(
         cycle,
         arm=replace(cycle.arm, joint_friction=replace(friction, coulomb=dry)),
         wall=replace(wall, friction=_rougher(wall.friction, rubs), lean=off(spread.normal)),
-        layer=replace(layer, friction=_rougher(layer.friction, rubs), tilt=off(spread.normal)),
+        layer=replace(
+            layer,
+            friction=_rougher(layer.friction, rubs),
+            tilt=off(spread.normal),
+            slip_friction=max(0.0, layer.slip_friction + off(spread.slip_friction)),
+            mass=mass or layer.mass,
+        ),
         sensor=replace(cycle.sensor, bias=off(spread.bias)),
         station=replace(
             station,
@@ -220,6 +232,7 @@ def _run_task(
         "lean": cycle.wall.lean,
         "tilt": cycle.layer.tilt,
         "wall_friction": cycle.wall.friction.coefficient,
+        "slip_friction": cycle.layer.slip_friction,
         "quill_friction": cycle.arm.joint_friction.coulomb[2],
         "size_error": max(
             abs(size / one.size - 1) for size, one in zip(scanned, cycle.plan, strict=True)

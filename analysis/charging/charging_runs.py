@@ -8,7 +8,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.analysis.contact.contact_metrics import longest
 from chamfer.analysis.linear.simulate import Run, simulate
 from chamfer.analysis.scenario.experiment import Progress, Table
 from chamfer.diagrams.charging.charging_loop import make_charging_diagram
@@ -19,7 +18,6 @@ from chamfer.diagrams.charging.charging_scenario import (
 from chamfer.models.arms.adept_wrist import ADEPT_WRIST, gripper_points
 from chamfer.models.charging.packing import LaidNugget, Nugget, PlanItem
 from chamfer.models.charging.station import Station
-from chamfer.models.surfaces.damage import SCRATCH_FORCE, impact_speed_limit
 from chamfer.models.surfaces.surface import locate
 from chamfer.systems.charging.charging_chart import ChargingMachine
 from chamfer.systems.contact.arm_motion import CONTACT_SIGNALS
@@ -161,9 +159,7 @@ SLIDING: Final = ("wall.press", "wall.slide", "wall.land", "wall.lost")  # state
 _LAID: Final[dict[str, tuple[str, Worst]]] = {
     "layer_shift": ("m", max),
     "peak_force": ("N", max),
-    "scratch_time": ("s", max),
     "impact_speed": ("m/s", max),
-    "impact_share": ("%", max),
     "position_error": ("m", max),
     "gripper_clearance": ("m", min),
 }
@@ -283,8 +279,6 @@ def item_limits(
         most(f"{item.kind}.layer_shift", traces["layer_shift"], laying)
         peaks = np.maximum(traces["wall_peak_force"], traces["layer_peak_force"])
         most(f"{item.kind}.peak_force", peaks, laying)
-        # The peak of each period, whichever way it pushes: on the rim that is upwards.
-        found[f"{item.kind}.scratch_time"] = longest(time, (peaks > SCRATCH_FORCE) & laying)
         impacts = np.maximum(traces["wall_impact_speed"], traces["layer_impact_speed"])
         most(f"{item.kind}.impact_speed", impacts, laying)
         if laying.any():
@@ -292,8 +286,6 @@ def item_limits(
             endpoint = [traces[name][leaving] for name in ADEPT_WRIST.coordinates]
             gripper = gripper_points(np.stack(endpoint, axis=1))
             found[f"{item.kind}.gripper_clearance"] = clearance(gripper, station)
-            share = found[f"{item.kind}.impact_speed"] / impact_speed_limit(item.nugget.mass)
-            found[f"{item.kind}.impact_share"] = 100 * share
     if set_down.any():
         last = np.flatnonzero(set_down)[-1]
         # The bulk filler pours from where it is told to, the others are laid on what is below.

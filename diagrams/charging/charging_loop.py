@@ -201,19 +201,13 @@ def _add_world(
     connect(grasp.GetOutputPort("held"), machine.GetInputPort("held"))
     for name in ("scene", "held"):
         builder.ExportOutput(grasp.GetOutputPort(name), name)
-    pick = np.eye(3, forces.size(), 3 * _LAYER)
-    force = add("force on the layer", MatrixGain(pick))
-    layer = add(
-        "layer below",
-        LayerMotion(
-            stiffness=scenario.layer_contact.stiffness,
-            mass=scenario.layer.mass,
-            friction=scenario.layer.slip_friction,
-            period=scenario.plant.period,
-        ),
-    )
-    connect(forces, force.get_input_port())
-    connect(force.get_output_port(), layer.GetInputPort("force"))
+    layer = add("layer below", LayerMotion(scenario.layer_contact, period=scenario.plant.period))
+    tip = arm.GetOutputPort("tip")
+    for name, port, size in (("force", forces, 3), ("tip", tip, 6)):
+        pick = np.eye(3, port.size(), size * _LAYER)
+        picked = add(f"{name} on the layer", MatrixGain(pick))
+        connect(port, picked.get_input_port())
+        connect(picked.get_output_port(), layer.GetInputPort(name))
     connect(item, layer.GetInputPort("item"))
     builder.ExportOutput(layer.GetOutputPort("shift"), "layer_shift")
     if fault.kind not in TIMED:

@@ -68,7 +68,7 @@ from chamfer.systems.charging.charging_params import (
     ChargingParams,
     ResolvedChargingParams,
 )
-from chamfer.systems.charging.crucible_world import GraspParams
+from chamfer.systems.charging.crucible_world import GraspParams, LaidContact
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
 from chamfer.systems.contact.arm_in_contact import (
     ArmInContactParams,
@@ -319,13 +319,17 @@ class CrucibleChargingScenario:
         )
 
     @property
-    def layer_contact(self) -> ContactParams:
+    def layer_contact(self) -> LaidContact:
         """A nugget on those below, each of which is as round."""
         layer, radius = self.layer, self.touch_radius / 2
         force = self.charging.layer_force
         derived = hertz_stiffness(SILICON, SILICON, radius=radius, force=force)
-        return ContactParams(
-            stiffness=layer.stiffness or derived, damping=layer.damping, friction=layer.friction
+        return LaidContact(
+            stiffness=layer.stiffness or derived,
+            damping=layer.damping,
+            friction=layer.friction,
+            mass=layer.mass,
+            slip_friction=layer.slip_friction,
         )
 
     @property

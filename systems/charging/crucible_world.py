@@ -2,12 +2,17 @@
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from chamfer.models.validation import ParameterError, require_positive
+from chamfer.models.validation import ParameterError, require_not_negative, require_positive
 from chamfer.systems.contact.arm_dynamics import GRAVITY
+from chamfer.systems.contact.arm_in_contact import ContactParams
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,60 +88,84 @@ class Grasp(LeafSystem):
         values.set_value(self._scene, [2 * item + held])
 
 
+@dataclass(frozen=True, kw_only=True)
+class LaidContact(ContactParams):
+    """What happens where a nugget touches one that lies loose on others.
+
+    Two dry frictions in series, of which the weaker gives: that between both, and that of the
+    lower one on what it lies on, which holds ``slip_friction (N + m g)``. The lower nugget's
+    inertia is left out. What holds on a slope is taken for that down the slope.
+    """
+
+    mass: float  # kg, of the lower nugget
+    slip_friction: float  # of it on what it lies on
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_positive(self, "mass")
+        require_not_negative(self, "slip_friction")
+
+    def coefficient(self, point: Array, force: Array, normal: Array) -> float:
+        """Return the coefficient of friction as the upper nugget feels it."""
+        push = float(force @ normal)
+        if push <= 0:
+            return self.friction.at(point)
+        holds = math.atan(self.slip_friction * (1 + self.mass * GRAVITY / push))
+        slope = math.acos(min(max(float(normal[2]), 0.0), 1.0))
+        return min(self.friction.at(point), math.tan(max(holds - slope, 0.0)))
+
+    def slips(self, force: Array) -> bool:
+        """Say whether the lower nugget gives way to the force, N, (3,), of it on the upper one."""
+        x, y, up = force.tolist()
+        holds = self.slip_friction * (self.mass * GRAVITY + max(up, 0.0))
+        return up > 0 and math.hypot(x, y) > _NEARLY * holds
+
+
+_NEARLY: Final = 0.98  # of what holds: it is taken for the push of an update before
+
+
 class LayerMotion(LeafSystem):
-    """The layer below as a nugget on dry friction, on an elastic foundation.
+    """How far the nugget below is shoved: where it gives way, it goes with the one above.
 
     .. pydrake_system::
 
         name: LayerMotion
         input_ports:
         - force
+        - tip
         - item
         output_ports:
         - shift
 
-    The layer gives by ``F / k``, and the nugget beneath slips while the tangential force is more
-    than ``mu (N + m g)`` holds, and until friction has stopped it. The force is that on a layer
-    which does not slip: an arm that follows it pushes less, so that the slip is an upper bound.
+    The slip itself is that of the arm's tip, found by the stick-slip of
+    :class:`chamfer.systems.contact.arm_in_contact.ArmInContact` with :class:`LaidContact`.
 
-    ``force``, shape (3,), N, of the layer on the arm, world frame; ``item``, size 1: with a new
-    one the layer begins where it is. ``shift``, shape (3,), m, from where it lay.
+    ``force``, shape (3,), N, of the layer on the arm, world frame, and ``tip``, shape (3,), m, the
+    point that touches; ``item``, size 1: with a new one the layer begins where it is. ``shift``,
+    shape (3,), m, from where it lay.
 
-    Discrete state: slip (2), its speed (2), item, and the shift (3).
-
-    Args:
-        stiffness: N/m, of the layer; that of the contact with it.
-        mass: kg, of the nugget beneath.
-        friction: Of it on what it lies on.
-        period: s.
+    Discrete state: shift (3), the tip a period ago (3), item.
     """
 
-    def __init__(self, *, stiffness: float, mass: float, friction: float, period: float) -> None:
+    def __init__(self, contact: LaidContact, *, period: float) -> None:
         super().__init__()
-        self._stiffness, self._mass, self._friction = stiffness, mass, friction
-        self._period = period
-        self._force = self.DeclareVectorInputPort("force", 3)
-        self._item = self.DeclareVectorInputPort("item", 1)
-        self._slip, self._shift = self.DeclareDiscreteState(5), self.DeclareDiscreteState(3)
-        self.DeclareStateOutputPort("shift", self._shift)
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._step)
+        force, tip = (self.DeclareVectorInputPort(name, 3) for name in ("force", "tip"))
+        number = self.DeclareVectorInputPort("item", 1)
+        moved, before = self.DeclareDiscreteState(3), self.DeclareDiscreteState(4)
+        self.DeclareStateOutputPort("shift", moved)
 
-    def _step(self, context: Context, values: DiscreteValues) -> None:
-        h, mass, k = self._period, self._mass, self._stiffness
-        sx, sy, vx, vy, before = context.get_discrete_state(self._slip).value().tolist()
-        item = float(self._item.Eval(context)[0])
-        if item != before:
-            sx = sy = vx = vy = 0.0
-        fx, fy, fz = (-self._force.Eval(context)).tolist()
-        holds = self._friction * max(mass * GRAVITY - fz, 0.0)
-        # Free velocity, less what friction can take off it in a step: an implicit projection.
-        vx, vy = vx + h * fx / mass, vy + h * fy / mass
-        speed = math.hypot(vx, vy)
-        left = max(speed - h * holds / mass, 0.0) / speed if speed else 0.0
-        vx, vy = left * vx, left * vy
-        sx, sy = sx + h * vx, sy + h * vy
-        values.set_value(self._slip, [sx, sy, vx, vy, item])
-        values.set_value(self._shift, [sx + fx / k, sy + fy / k, fz / k])
+        def step(context: Context, values: DiscreteValues) -> None:
+            now = np.array([*tip.Eval(context), *number.Eval(context)])
+            last = context.get_discrete_state(before).value()
+            shift = context.get_discrete_state(moved).value().copy()
+            if now[3] != last[3]:
+                shift[:] = 0.0
+            elif contact.slips(force.Eval(context)):
+                shift += now[:3] - last[:3]
+            values.set_value(before, now)
+            values.set_value(moved, shift)
+
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, step)
 
 
 class FaultTrigger(LeafSystem):

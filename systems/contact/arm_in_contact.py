@@ -61,8 +61,11 @@ class ContactParams:
         require_positive(self, "stiffness")
         require_not_negative(self, "damping")
 
-    def coefficient(self, point: Array, push: float) -> float:
-        """Return the coefficient of friction at a point, m, shape (3,), under a push, N."""
+    def coefficient(self, point: Array, force: Array, normal: Array) -> float:
+        """Return the coefficient of friction at a point, m, where the surface pushes back.
+
+        Shape (3,) each; the force, N, is that of the surface, the normal is out of it.
+        """
         return self.friction.at(point)
 
 
@@ -319,7 +322,7 @@ class ArmInContact(LeafSystem):
             world.chain,
             world.material,
             world.tool,
-            self._patch(world, outputs[self._parts["tip"]].reshape(-1, 6)),
+            self._patch(world, outputs),
             state,
             outputs,
             round(context.get_time() / params.period) % params.window > 0,
@@ -345,17 +348,20 @@ class ArmInContact(LeafSystem):
         q, v, stretch = state[:n].copy(), state[n : 2 * n].copy(), state[-3:].copy()
         state[5 * n : -3] = 0.0  # no contact of the last scene goes on
         outputs[self._parts["contact"]].reshape(-1, 6)[:, 3:5] = 0.0  # nor do its peaks
+        outputs[self._parts["contact_force"]] = 0.0
         tips = _tips(world, q, v, stretch)
         outputs[self._parts["tip"]][: tips.size] = tips.ravel()
-        found = gaps(world.chain, world.tool, self._patch(world, tips), q, stretch)
+        found = gaps(world.chain, world.tool, self._patch(world, outputs), q, stretch)
         energy, now = outputs[self._parts["energy"]], world.material
         stored = energies(world.chain, now, world.tool, q, v, stretch, found)
         energy[4] += float(np.sum(stored - energy[:3]))
         energy[:3] = stored
 
-    def _patch(self, world: _World, tips: Array) -> Patch:
+    def _patch(self, world: _World, outputs: Array) -> Patch:
         """Return the surfaces about where the points, with velocities, are in half a period."""
         m = len(world.points)
+        tips = outputs[self._parts["tip"]].reshape(-1, 6)
+        forces = outputs[self._parts["contact_force"]].reshape(-1, 3)
         patch = Patch(*(np.zeros((m, *shape)) for shape in ((3,), (), (3,), (3, 3), ())))
         for i, (place, tip) in enumerate(zip(world.points, tips[:m], strict=True)):
             surface = place.surface
@@ -370,7 +376,8 @@ class ArmInContact(LeafSystem):
                 continue
             patch.level[i], patch.gradient[i] = level, gradient
             patch.hessian[i] = surface.hessian(point)
-            patch.mu[i] = place.contact.friction.at(point)
+            normal = gradient / math.hypot(*gradient.tolist())
+            patch.mu[i] = place.contact.coefficient(point, forces[i], normal)
         return patch
 
 

@@ -68,22 +68,21 @@ MAY_BE_ZERO = """
     amplitude; GuardedMove: sure; Held: wait weight; HybridGains: damping force_damping
     force_integral integral stiffness; HybridScenario: measure_after;
     ImpedanceControllerParams: null_stiffness smallest_singular_value; InsertParams: pause
-    rest; InsertionScenario: peg_excess; LayerSettings: slip_friction tilt; LeadSettings: depth
-    hover press; Level: sure time; ModelErrorParams: bias delay delay_deviation press stiffness
-    tare; ModelErrorScenario: bias stiffness_error; ModelErrors: joint_friction link_mass
-    payload; ObserverComparisonScenario: vision_error; Obstructed: amplitude_threshold
-    threshold; OpenPidGains: derivative integral proportional; PegHoleGeometry: chamfer_width;
-    PegInsertionScenario: tilt; PictureQuality: blur noise; Reach: angle distance;
+    rest; InsertionScenario: peg_excess; LaidContact: slip_friction; LayerSettings: slip_friction
+    tilt; LeadSettings: depth hover press; Level: sure time; ModelErrorParams: bias delay
+    delay_deviation press stiffness tare; ModelErrorScenario: bias stiffness_error; ModelErrors:
+    joint_friction link_mass payload; ObserverComparisonScenario: vision_error; Obstructed:
+    amplitude_threshold threshold; OpenPidGains: derivative integral proportional; PegHoleGeometry:
+    chamfer_width; PegInsertionScenario: tilt; PictureQuality: blur noise; Reach: angle distance;
     ScenarioSpread: camera_turn focal force_bias friction lateral obstacle_short obstacles
     rotational tight torque_bias wrist_stiffness; SceneStyle: blur; Seat: harder; SensorParams:
     exposure vignetting; ServoCameraParams: lost; ServoPlantParams: dead_time; Spread:
     joint_friction lateral link_mass payload rotational; SpreadParams: bias joint_friction
-    normal place size surface_friction; SpringConstraintParams: index stiffness; StepSpread:
-    step; SurfaceFriction: coefficient ripple; SurfaceObserverParams: force_noise
+    normal place size slip_friction surface_friction; SpringConstraintParams: index stiffness;
+    StepSpread: step; SurfaceFriction: coefficient ripple; SurfaceObserverParams: force_noise
     force_rate_noise halt_speed initial_deviation rate_lag; SurfaceScenario: force_delay;
     TouchDetectionParams: release; TouchedSettings: damping; TrackingTask: depth; Unevenness:
-    ripple;
-    UnknownWallSettings: roll tilt; UnknownWallTask: wait; VisionPrimitivesScenario:
+    ripple; UnknownWallSettings: roll tilt; UnknownWallTask: wait; VisionPrimitivesScenario:
     focal_error orientation_error; WristParams: centre_of_mass; _Compared: moved
 """
 MAY_BE_NEGATIVE = """

@@ -149,17 +149,6 @@ def test_losses_and_least_force_of_a_slide() -> None:
     assert found["wall.peak_force"] == 9.0
 
 
-def test_what_presses_on_the_rim_scratches_too() -> None:
-    # There nothing pushes outwards.
-    traces = made([3, 3, 3, 3], wall_peak_force=[4.0, 6.0, 6.0, 1.0])
-    assert measured(traces)["wall.scratch_time"] == pytest.approx(0.2)
-
-
-def test_impact_is_measured_against_the_mass() -> None:
-    traces = made([3, 3], wall_impact_speed=[0.0, 0.11])
-    assert measured(traces)["wall.impact_share"] == pytest.approx(25.0)
-
-
 def test_clearance_over_the_rim_and_inside() -> None:
     rim, height = STATION.rim_height, NUGGET.height
 

@@ -31,6 +31,7 @@ def test_cycle_knows_the_world_by_its_sensors_alone(wires: Any) -> None:
         ("tool_force", "force sensor"),
         ("contact", "grasp"),
         ("contact_force", "force on the layer"),
+        ("tip", "tip on the layer"),
     }
     sources = {wire[0] for wire in wires(diagram) if wire[2] == "charging chart"}
     assert sources == {"path", "endpoint motion", "tare", "mean force", "homing", "grasp"}

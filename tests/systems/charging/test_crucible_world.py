@@ -1,15 +1,20 @@
 """What the gripper holds, how far a layer is pushed, and when a fault acts."""
 
+import math
+
 import numpy as np
 import pytest
 
+from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.systems.charging.crucible_world import (
     CutOff,
     FaultTrigger,
     Grasp,
     GraspParams,
+    LaidContact,
     LayerMotion,
 )
+from chamfer.systems.contact.arm_dynamics import GRAVITY
 
 NEAR, AWAY = -1e-4, 1.0  # m, gaps to the item
 
@@ -43,31 +48,48 @@ def test_the_gripper_holds_what_it_closed_on(
         assert grasp.GetOutputPort("held").Eval(context)[0] == scene % 2
 
 
-STEP = 0.001  # s
+LOOSE = LaidContact(
+    mass=0.05, slip_friction=0.2, friction=SurfaceFriction(coefficient=0.4), damping=0.0
+)
+UP = np.array([0.0, 0.0, 1.0])
 
 
-def pushed(force: tuple[float, float, float], seconds: float) -> np.ndarray:
-    """Return the shift under a constant force of the arm on the layer."""
-    layer = LayerMotion(stiffness=1e4, mass=0.1, friction=0.5, period=STEP)
+@pytest.mark.parametrize(
+    ("push", "slope", "coefficient"),
+    [
+        # On a flat the lower one holds 0.2 (N + 0.05 kg g); where that is more, the upper slides.
+        (2.0, 0.0, 0.2 * (2.0 + 0.05 * GRAVITY) / 2.0),
+        (0.4, 0.0, 0.4),
+        (0.0, 0.0, 0.4),
+        # Down a slope of 0.1 rad that much less, and on a steep one nothing.
+        (2.0, 0.1, math.tan(math.atan(0.2 * (2.0 + 0.05 * GRAVITY) / 2.0) - 0.1)),
+        (2.0, 0.5, 0.0),
+    ],
+)
+def test_the_weaker_of_two_frictions_gives(push: float, slope: float, coefficient: float) -> None:
+    normal = np.array([math.sin(slope), 0.0, math.cos(slope)])
+    found = LOOSE.coefficient(np.zeros(3), push * normal, normal)
+    assert found == pytest.approx(coefficient, rel=1e-12)
+
+
+def test_the_layer_goes_with_the_nugget_only_where_it_gives_way() -> None:
+    layer = LayerMotion(LOOSE, period=0.001)
     context = layer.CreateDefaultContext()
-    layer.GetInputPort("force").FixValue(context, [-one for one in force])
-    layer.GetInputPort("item").FixValue(context, [0.0])
-    for _ in range(round(seconds / STEP)):
+    holds = 0.2 * (1.0 + 0.05 * GRAVITY)
+    x, shifts = 0.5, []
+    for across, up, item in [
+        *[(holds, 1.0, 0.0)] * 3,  # it gives way, from the second on by what the tip moves
+        (0.9 * holds, 1.0, 0.0),  # what slides is the upper nugget
+        (holds, 0.0, 0.0),  # nothing is touched
+        (holds, 1.0, 1.0),  # another place
+    ]:
+        x += 1e-4
+        values = {"force": across * np.eye(3)[0] + up * UP, "tip": [x, 0.0, 0.4], "item": [item]}
+        for name, value in values.items():
+            layer.GetInputPort(name).FixValue(context, value)
         context.SetDiscreteState(layer.EvalUniquePeriodicDiscreteUpdate(context))
-    return np.array(layer.GetOutputPort("shift").Eval(context))
-
-
-def test_it_gives_by_the_force_while_friction_holds() -> None:
-    holds = 0.5 * (2.0 + 0.1 * 9.81)
-    assert pushed((0.99 * holds, 0.0, -2.0), 1.0) == pytest.approx(
-        [0.99 * holds / 1e4, 0.0, -2e-4], rel=1e-9
-    )
-
-
-def test_it_slips_as_a_block_on_a_table() -> None:
-    holds = 0.5 * (2.0 + 0.1 * 9.81)
-    shift = pushed((0.0, holds + 0.1, -2.0), 0.2)
-    assert shift[1] - (holds + 0.1) / 1e4 == pytest.approx(1.0 * 0.2**2 / 2, rel=0.01)
+        shifts.append(layer.GetOutputPort("shift").Eval(context)[0])
+    assert np.diff(shifts) == pytest.approx([1e-4, 1e-4, 0.0, 0.0, -shifts[4]], abs=1e-12)
 
 
 def test_fault_acts_once_and_after_its_delay() -> None:
