@@ -118,7 +118,7 @@ class LaidContact(ContactParams):
         """Say whether the lower nugget gives way to the force, N, (3,), of it on the upper one."""
         x, y, up = force.tolist()
         holds = self.slip_friction * (self.mass * GRAVITY + max(up, 0.0))
-        return up > 0 and math.hypot(x, y) > _NEARLY * holds
+        return bool(up > 0 and math.hypot(x, y) > _NEARLY * holds)
 
 
 _NEARLY: Final = 0.98  # of what holds: it is taken for the push of an update before

@@ -93,7 +93,7 @@ MAY_BE_NEGATIVE = """
     FixedPointRotation: angle; FsmRule: dead_zone divider period; InitialErrors: lateral
     rotation; InsertParams: freeze_depth; LeadSettings: sideways; ObserverSettings: average;
     OpenSupport: centre_distance; PegInsertionScenario: lateral; PidParams: derivative integral
-    proportional; PlanItem: azimuth; Seat: distance; Sinusoid: amplitude;
+    proportional; PlanItem: azimuth tilt tilt_azimuth; Seat: distance; Sinusoid: amplitude;
     SpringConstraintParams: stop_at; StationLayout: bed_height; Step: amplitude; Support:
     centre_distance; SurfaceFriction: jump jump_at; SurfaceMotionParams: speed; Unevenness:
     tilt; ViewFrames: latency miss noise offset period; VisGrasp: angle; VisionServoSetup:
