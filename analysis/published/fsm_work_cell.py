@@ -22,8 +22,8 @@ def _limits(way: str = "", *, contact: bool = True) -> tuple[Row, ...]:
     arms = (
         at_most(f"{way}saturated", 0.0, "%", "limit of the arms",
                 "of the time, with a joint at its torque limit"),
-        at_least(f"{way}joints.margin", 0.0, "rad", "limit of the arms",
-                 "to the nearest end of a joint's travel"),
+        at_least(f"{way}joints.margin", 0.001, "rad", "limit of the arms",
+                 "to the nearest end of a joint's travel; nearer is at the stop"),
     )
     parts = at_most(f"{way}force.share", 100.0, "%", "limit of the parts",
                     "of insert.force_limit, assumed; largest median of 10 ms")

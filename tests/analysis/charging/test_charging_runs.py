@@ -17,6 +17,8 @@ from chamfer.analysis.charging.charging_runs import (
 )
 from chamfer.analysis.charging.crucible_charging import measure, placed, worst
 from chamfer.analysis.linear.simulate import Run
+from chamfer.analysis.published.hybrid_force_position_charging import CHARGING
+from chamfer.analysis.report.checks import check
 from chamfer.diagrams.charging.charging_scenario import (
     CrucibleChargingScenario,
     chart_of,
@@ -230,6 +232,28 @@ def test_the_worst_is_the_most_or_the_least() -> None:
     assert (slide.value, slide.unit, slide.note) == (0.3, "N", "by item: 0.3, -")
     missed = found["wall.position_error"]
     assert (missed.value, missed.note) == (None, "no item came to it")
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "broken"),
+    [
+        ("layer_shift", 0.0004, set()),
+        ("layer_shift", 0.0126, {"wall.layer_shift"}),
+        ("wall_peak_force", 3.1, {"wall.slide_force", "wall.peak_force"}),
+    ],
+)
+def test_a_limit_that_is_broken_is_said_whatever_the_scenario(
+    column: str, value: float, broken: set[str]
+) -> None:
+    states = [NAMES.index(name) for name in ("wall.slide", "wall.slide", "wall.set_down")]
+    found = measured(made(states, wall_force=[1.0] * 3, **{column: [0.0, value, 0.0]}))
+    checks = check(CHARGING, worst((PlanItem(),), (found,)), default=False)
+    assert not {one.published.metric for one in checks} & {"crown.layer_shift"}  # not planned
+    assert {one.published.metric for one in checks if one.measured is None} == {
+        one.metric for one in CHARGING if one.metric.startswith(("acquire.", "scan.", "slew."))
+    } | {"wall.approach_speed"}  # did not happen, which is not within limits
+    measured_ones = [one for one in checks if one.measured is not None]
+    assert {one.published.metric for one in measured_ones if not one.ok} == broken
 
 
 def test_what_lies_elsewhere_is_not_placed() -> None:
