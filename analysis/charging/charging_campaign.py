@@ -24,7 +24,11 @@ from chamfer.analysis.drawing.figure_style import LIMIT, dress, new_figure
 from chamfer.analysis.published.hybrid_force_position_charging import CHARGING
 from chamfer.analysis.report.checks import Published
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
-from chamfer.diagrams.charging.charging_scenario import CrucibleChargingScenario, resolve_charging
+from chamfer.diagrams.charging.charging_scenario import (
+    BelievedMasses,
+    CrucibleChargingScenario,
+    resolve_charging,
+)
 from chamfer.diagrams.charging.wrist_control import BaseCompensationParams
 from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.charging.packing import PlanItem
@@ -55,15 +59,16 @@ class SpreadParams:
     slip_friction: float = 0.3  # of that with which what lies below is held; assumed
     bias: float = 1.0  # N, of the force sensor, as its data sheet may have it; assumed
     normal: float = 0.01  # rad, of the wall's lean and of the layer's tilt; assumed
+    believed_mass: float = 0.25  # of what masses of links and items are taken for, relative
     size: float = 0.05  # of what the scanner takes for a nugget's size, relative; assumed
     place: float = 0.002  # m, of the crucible's axis along x and y; assumed
     masses: tuple[float, ...] = (0.014, 0.028, 0.085, 0.140, 0.185)
     # kg, of which all nuggets of a cycle have one; appendix C; empty: as planned
 
     def __post_init__(self) -> None:
-        require_between(
-            self, 0.0, 1.0, "joint_friction", "surface_friction", "slip_friction", "size"
-        )
+        relative = "joint_friction", "surface_friction", "slip_friction", "size"
+        require_between(self, 0.0, 1.0, *relative)
+        require_between(self, 0.0, 0.5, "believed_mass")
         require_not_negative(self, "bias", "normal", "place")
         if not all(0 < one < math.inf for one in self.masses):
             raise ParameterError("masses", self.masses, "finite numbers > 0")
@@ -146,9 +151,11 @@ def drawn(
     wall, layer, station = cycle.wall, cycle.layer, cycle.station
     rubs = off(spread.surface_friction)
     mass = float(rng.choice(spread.masses)) if spread.masses else None
+    links = tuple(1 + off(spread.believed_mass) for _ in dry)
     x, y = station.true.crucible_centre
     return replace(
         cycle,
+        believed_masses=BelievedMasses(links=links, items=1 + off(spread.believed_mass)),
         arm=replace(cycle.arm, joint_friction=replace(friction, coulomb=dry)),
         wall=replace(wall, friction=_rougher(wall.friction, rubs), lean=off(spread.normal)),
         layer=replace(

@@ -63,6 +63,7 @@ def make_charging_diagram(
         ParameterError: If the controller's ports are others.
     """
     arm, control, plant = scenario.ARM, scenario.controller, scenario.plant
+    model = scenario.believed_dynamics()
     builder = DiagramBuilder()
     add, connect = builder.AddNamedSystem, builder.Connect
 
@@ -90,7 +91,9 @@ def make_charging_diagram(
     mean = add("mean force", MovingAverage(samples=readings, period=control.period, size=3))
     wrench = add("force in coordinates", MatrixGain(np.eye(arm.num_coordinates, 3)))
     if controller is None:
-        controller = HybridController(arm, control, dynamics=scenario.dynamics())
+        controller = HybridController(
+            arm, control, dynamics=model if control.full_dynamics else None
+        )
     require_hybrid_ports(controller, arm)
     velocity = {"desired_velocity": arm.num_coordinates}
     require_ports("controller", controller, inputs=velocity, outputs={})
@@ -110,9 +113,7 @@ def make_charging_diagram(
         connect(cut, line.GetInputPort("cut"))
         wire(line, machine, "alive")
         reading = line.GetOutputPort("reading")
-    force = add_force_in_world(
-        builder, scenario.sensor, scenario.dynamics(), reading, encoders, coordinates=3
-    )
+    force = add_force_in_world(builder, scenario.sensor, model, reading, encoders, coordinates=3)
     connect(force, tare.GetInputPort("force"))
     measured = tare.GetOutputPort("tared_force")
     connect(measured, wrench.get_input_port())
@@ -132,7 +133,9 @@ def make_charging_diagram(
     wire(machine, controller, "mode", "desired_force", "selection")
     ahead = add(
         "acceleration feed-forward",
-        AccelerationFeedforward(arm, scenario.dynamics(), period=control.period),
+        AccelerationFeedforward(
+            arm, model, period=control.period, diagonal=not control.full_dynamics
+        ),
     )
     wire(homing, ahead, "encoders")
     wire(follower, ahead, "desired_acceleration")
@@ -151,7 +154,7 @@ def make_charging_diagram(
             step=plant.period,
             period=control.period,
         )
-        resolved = add("base wrench to torque", BaseWrenchTorque(scenario.dynamics()))
+        resolved = add("base wrench to torque", BaseWrenchTorque(model))
         compensation = add(
             "friction compensation",
             FrictionCompensation(given, joints=arm.num_joints, period=control.period),

@@ -50,6 +50,7 @@ from chamfer.models.surfaces.hertz import FUSED_SILICA, SILICON, hertz_stiffness
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import (
     ParameterError,
+    require_between,
     require_finite,
     require_not_negative,
     require_one_of,
@@ -161,6 +162,19 @@ class LayerSettings(TouchedSettings):
 
 
 @dataclass(frozen=True, kw_only=True)
+class BelievedMasses:
+    """What the cycle takes masses to be, over what they are."""
+
+    links: float | tuple[float, ...] = 1.0  # of the arm's links, one for all or a number each
+    items: float = 1.0  # of nuggets and filler
+
+    def __post_init__(self) -> None:
+        require_between(self, 0.5, 2.0, "items")
+        if not all(0.5 <= one <= 2.0 for one in np.atleast_1d(self.links)):
+            raise ParameterError("links", self.links, "numbers of 0.5 to 2")
+
+
+@dataclass(frozen=True, kw_only=True)
 class FaultParams:
     """What goes wrong, once."""
 
@@ -223,6 +237,7 @@ class CrucibleChargingScenario:
     )  # nuggets and loads of the bulk filler, in the order of laying
     laid: tuple[PlanItem, ...] = ()  # nuggets that lie in the crucible already
     station: StationSettings = StationSettings()
+    believed_masses: BelievedMasses = BelievedMasses()
     arm: FreeArmSettings = FreeArmSettings(joint_friction=FRICTION)
     gripper: GripperCompliance | None = GRIPPER  # of the fingers; None: rigid
     wall: CrucibleWallSettings = CrucibleWallSettings()
@@ -275,13 +290,24 @@ class CrucibleChargingScenario:
                 self.gripper.matrix(3)
                 self.gripper.damping_matrix(3)
         with within("controller"):
-            self.controller.for_joints(n)
+            replace(self.controller, full_dynamics=True, law="inverse").for_joints(n)
+        if len(np.atleast_1d(self.believed_masses.links)) not in (1, n):
+            links = self.believed_masses.links
+            raise ParameterError("believed_masses.links", links, f"{n} numbers, or one for all")
         with within("homing"):
             self.homing.for_joints(n)
 
     def dynamics(self) -> ArmDynamics:
         """Return the arm's equations of motion."""
         return ArmDynamics(self.ARM)
+
+    def believed_dynamics(self) -> ArmDynamics:
+        """Return those that the controller takes them to be; its drives' rotors are known."""
+        model = self.dynamics()
+        off = np.broadcast_to(self.believed_masses.links, self.ARM.num_joints)
+        mass, inertia = model.chain.mass * off, model.chain.inertia * off[:, None, None]
+        model.chain = model.chain._replace(mass=mass, inertia=inertia)
+        return model
 
     def places(self, *, believed: bool) -> tuple[ItemPlace, ...]:
         """Return where each item of the plan goes, as it is or as the cycle takes it to be.
@@ -403,7 +429,7 @@ def beliefs_of(scenario: ResolvedCrucibleChargingScenario) -> ChargingBeliefs:
     error, distance = scenario.homing.for_joints(arm.num_joints)
     shown = arm.joint_positions(scenario.start, scenario.arm.elbow) + error
     nuggets = tuple(
-        replace(item.believed_nugget, mass=held.mass)
+        replace(item.believed_nugget, mass=held.mass * scenario.believed_masses.items)
         for item, held in zip(scenario.plan, scenario.nuggets, strict=True)
     )
     return ChargingBeliefs(
@@ -503,6 +529,34 @@ def charging_stability(scenario: ResolvedCrucibleChargingScenario) -> Stability 
     return stability_of(tuple(linear)) if linear else None
 
 
+def _with_gains(
+    scenario: CrucibleChargingScenario, control: ControllerSettings
+) -> ControllerSettings:
+    """Return a controller without the whole model with a gain a joint, as the thesis' law has it.
+
+    Where a nominal inertia is given, gains are multiplied by the diagonal of the believed mass
+    matrix over it, where the first item is laid; with the transpose by that in coordinates.
+    """
+    if control.full_dynamics or control.inertia is None:
+        return control
+    place, nugget = scenario.places(believed=True)[0], scenario.plan[0].believed_nugget
+    over = place.layer + nugget.height
+    laid = np.array([*place.position, over, place.azimuth, 0.0, 0.0, scenario.charging.lean])
+    q = scenario.ARM.joint_positions(laid, scenario.arm.elbow)
+    mass = scenario.believed_dynamics().evaluate(q, np.zeros(len(q))).mass
+    if control.law == "transpose":
+        J = scenario.ARM.jacobian(q)
+        mass = np.linalg.inv(J @ np.linalg.solve(mass, J.T))
+    scale = np.diag(mass) / control.inertia
+    return replace(
+        control,
+        inertia=None,
+        stiffness=tuple((scale * control.stiffness).tolist()),
+        integral=tuple((scale * control.integral).tolist()),
+        damping=tuple((scale * control.damping).tolist()),
+    )
+
+
 _TIME_EACH = 60.0  # s, that an item may take
 
 
@@ -510,7 +564,7 @@ def resolve_charging(scenario: CrucibleChargingScenario) -> ResolvedCrucibleChar
     """Return the scenario with what it leaves open filled in, and checked.
 
     Sensors and computer are what ``sensing`` says. The controller knows gravity at the start, as
-    a constant, and the arm's whole model.
+    a constant, and the arm's whole model or its diagonal, with the masses that are believed.
 
     Raises:
         ParameterError: If blocks refuse their parameters, an item does not fit into the crucible,
@@ -519,9 +573,9 @@ def resolve_charging(scenario: CrucibleChargingScenario) -> ResolvedCrucibleChar
     """
     values = scenario.SENSING[scenario.sensing]
     q = scenario.ARM.joint_positions(scenario.start, scenario.arm.elbow)
-    control = computer_of(scenario.controller, values)
+    control = _with_gains(scenario, computer_of(scenario.controller, values))
     if control.feedforward_torque is None:
-        gravity = scenario.dynamics().gravity_torque(q)
+        gravity = scenario.believed_dynamics().gravity_torque(q)
         control = replace(control, feedforward_torque=tuple(gravity.tolist()))
     with within("sensor"):
         sensor = sensor_of(scenario.sensor, values)

@@ -88,8 +88,6 @@ class HybridControllerParams(HybridGains):
         require_positive(self, "creep_speed", "creep_damping", "creep_ramp")
         if self.full_dynamics and self.law == "transpose":
             raise ParameterError("law", self.law, "inverse or projected with full dynamics")
-        if self.inertia is not None and not self.full_dynamics:
-            raise ParameterError("inertia", self.inertia, "None without full dynamics")
         if not all(0 < one < math.inf for one in self.inertia or ()):
             raise ParameterError("inertia", self.inertia, "finite numbers > 0")
         if not all(map(math.isfinite, self.feedforward_torque or ())):
@@ -101,6 +99,8 @@ class HybridControllerParams(HybridGains):
             raise ParameterError("held_integrators", self.held_integrators, f"indices below {n}")
         if self.inertia is not None and len(self.inertia) != n:
             raise ParameterError("inertia", self.inertia, f"{n} numbers")
+        if self.inertia is not None and not self.full_dynamics:
+            raise ParameterError("inertia", self.inertia, "None without full dynamics")
         if self.feedforward_torque and len(self.feedforward_torque) != n:
             allowed = f"{n} numbers, or none"
             raise ParameterError("feedforward_torque", self.feedforward_torque, allowed)
@@ -371,8 +371,9 @@ class AccelerationFeedforward(LeafSystem):
         output_ports:
         - torque
 
-    ``tau = M(q) J^-1 P x_d''``, with mass matrix M, Jacobian J and the position domain P, as the
-    computed-torque law has it; what a turning Jacobian adds, ``J' q'``, is left to the feedback.
+    ``tau = M(q) J^-1 P x_d''``, with mass matrix M, or its diagonal alone, Jacobian J and the
+    position domain P, as the computed-torque law has it; what a turning Jacobian adds,
+    ``J' q'``, is left to the feedback.
     It is apart from :class:`chamfer.systems.force.hybrid_controller.HybridController`, whose
     offset at a change of mode would keep what is accelerated with at that instant.
 
@@ -385,7 +386,9 @@ class AccelerationFeedforward(LeafSystem):
             the arm comes to a singular pose.
     """
 
-    def __init__(self, arm: Kinematics, dynamics: ArmDynamics, *, period: float) -> None:
+    def __init__(
+        self, arm: Kinematics, dynamics: ArmDynamics, *, period: float, diagonal: bool = False
+    ) -> None:
         super().__init__()
         if not 0 < period < math.inf:
             raise ParameterError("period", period, "a finite number > 0")
@@ -402,7 +405,8 @@ class AccelerationFeedforward(LeafSystem):
                 wanted = selection.Eval(context).reshape(m, m) @ acceleration
                 with contextlib.suppress(np.linalg.LinAlgError):
                     joints = np.linalg.solve(arm.jacobian(q), wanted)
-                torque = dynamics.evaluate(q, np.zeros(n)).mass @ joints
+                mass = dynamics.evaluate(q, np.zeros(n)).mass
+                torque = np.diag(mass) * joints if diagonal else mass @ joints
             state.get_mutable_discrete_state().set_value(0, finite("torque", torque))
 
         # Of the kind that the hybrid controller's are, so that both torques change at once.

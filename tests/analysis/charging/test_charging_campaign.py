@@ -40,6 +40,9 @@ def test_a_draw_is_of_its_seed_and_within_its_spread() -> None:
         ([one.sensor.bias for one in cycles], 0.0, spread.bias),
         (centre, SCENARIO.cycle.station.true.crucible_centre, spread.place),
         (sizes, 1.0, spread.size),
+        ([one.believed_masses.links for one in cycles], 1.0, spread.believed_mass),
+        ([one.believed_masses.items for one in cycles], 1.0, spread.believed_mass),
+        ([one.layer.slip_friction for one in cycles], 0.5, spread.slip_friction),
     ):
         off = np.abs(np.array(values, dtype=float) - middle)
         assert off.max() <= width + 1e-12

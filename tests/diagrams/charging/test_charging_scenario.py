@@ -2,13 +2,17 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from chamfer.diagrams.charging.charging_scenario import (
+    BelievedMasses,
     CrucibleChargingScenario,
     FaultParams,
+    beliefs_of,
     charging_stability,
     contact_loops,
+    make_scenes,
     resolve_charging,
 )
 from chamfer.diagrams.charging.wrist_control import CONTROLLER
@@ -50,6 +54,10 @@ def test_bulk_hangs_with_its_filler() -> None:
         ({"step": 3e-4}, "step is 0.0003"),
         ({"fault": FaultParams(item=4)}, "fault.item is 4, allowed: 0 to 3"),
         ({"duration": 0.001}, "duration is 0.001"),
+        (
+            {"believed_masses": BelievedMasses(links=(1.0, 1.1))},
+            r"believed_masses.links is \(1.0, 1.1\), allowed: 7 numbers, or one for all",
+        ),
         ({"grasp": GraspParams(period=0.01)}, "grasp.period is 0.01, allowed: controller.period"),
         ({"controller": replace(CONTROLLER, period=0.01)}, "charging.period is 0.005"),
         *(
@@ -78,6 +86,42 @@ def test_nugget_that_does_not_fit_is_refused() -> None:
 
 
 WALL = CrucibleChargingScenario(plan=(PlanItem(kind="wall", azimuth=0.3),))
+
+
+def test_stiffness_is_that_of_the_materials_but_for_what_is_told() -> None:
+    found = resolve_charging(WALL)
+    assert found.wall.stiffness == pytest.approx(7.12e6, rel=2e-3)  # 2 cm, 1.2 N, by hand
+    assert found.layer_contact.stiffness == found.layer.stiffness == pytest.approx(6.6e6, rel=0.01)
+    told = resolve_charging(replace(WALL, wall=replace(WALL.wall, stiffness=1e5)))
+    assert told.wall_contact.stiffness == 1e5
+
+
+def test_masses_are_believed_by_the_controller_alone() -> None:
+    links = (1.25, 1.0, 0.75, 1.0, 1.0, 1.0, 1.0)
+    off = replace(WALL, believed_masses=BelievedMasses(links=links, items=0.8))
+    true, believed = off.dynamics().chain, off.believed_dynamics().chain
+    np.testing.assert_allclose(believed.mass / true.mass, links)
+    found, known = resolve_charging(off), resolve_charging(WALL)
+    assert make_scenes(found)[1].load.mass == make_scenes(known)[1].load.mass  # type: ignore[union-attr]
+    assert beliefs_of(found).nuggets[0].mass == pytest.approx(0.8 * WALL.plan[0].mass)
+    gravity, right = (np.array(one.controller.feedforward_torque) for one in (found, known))
+    assert abs(gravity[2] - right[2]) == pytest.approx(0.25 * 9.81, rel=1e-6)  # N, of 1 kg
+
+
+def test_without_the_whole_model_each_joint_has_a_gain_of_its_own() -> None:
+    given = replace(WALL, controller=replace(CONTROLLER, full_dynamics=False))
+    found = resolve_charging(given)
+    assert found.controller.inertia is None
+    over = np.array(found.controller.stiffness) / CONTROLLER.stiffness
+    place, nugget = WALL.places(believed=True)[0], WALL.nuggets[0]
+    laid = [*place.position, place.layer + nugget.height, 0.3, 0.0, 0.0, WALL.charging.lean]
+    q = WALL.ARM.joint_positions(np.array(laid), WALL.arm.elbow)
+    np.testing.assert_allclose(over, np.diag(WALL.dynamics().evaluate(q, 0 * q).mass), rtol=1e-9)
+    assert resolve_charging(found) == found
+    # In coordinates the wrist's gains are not stable, and said to be so.
+    transpose = replace(given.controller, law="transpose")
+    with pytest.raises(ParameterError, match=r"^controller.law is 'transpose', .* unstable"):
+        resolve_charging(replace(given, controller=transpose))
 
 
 def test_wall_and_crown_are_pressed_on_and_bulk_is_not() -> None:
