@@ -230,7 +230,7 @@ def _experiment_page(entry: Entry) -> str:
         one for one in load_paper(entry.paper, CATALOGUE).published if one.experiment == entry.name
     ]
     if published:
-        parts += [_heading("Published", "-"), _published_table(published)]
+        parts += [_heading("Checks", "-"), _published_table(published)]
     with warnings.catch_warnings(action="ignore"):  # of a default that is unstable, as the paper's
         defaults = default_texts(scenario, experiment.resolve)
         rows = [
@@ -253,7 +253,7 @@ def _published_table(published: Sequence[Published]) -> str:
         (_code(one.metric), _plain(_expected(one)), one.kind, _plain(one.source))
         for one in published
     ]
-    header = ("metric", "published", "kind", "source")
+    header = ("metric", "expected", "kind", "source")
     return _table(header, rows, "30 20 14 36") + "\nMeasured: :doc:`/results`.\n"
 
 
