@@ -82,8 +82,9 @@ MAY_BE_ZERO = """
     stiffness; StepSpread: step; SurfaceFriction: coefficient ripple; SurfaceObserverParams:
     force_noise force_rate_noise halt_speed initial_deviation rate_lag; SurfaceScenario:
     force_delay; TouchDetectionParams: release; TouchedSettings: damping; TrackingTask: depth;
-    Unevenness: ripple; UnknownWallSettings: roll tilt; UnknownWallTask: wait; VisionPrimitivesScenario:
-    focal_error orientation_error; WristParams: centre_of_mass; _Compared: moved
+    Unevenness: ripple; UnknownWallSettings: roll tilt; UnknownWallTask: wait;
+    VisionPrimitivesScenario: focal_error orientation_error; WristParams: centre_of_mass;
+    _Compared: moved
 """
 MAY_BE_NEGATIVE = """
     AxisSensorParams: bias; BlindFeedScenario: lateral; CameraModel: roll; CameraSettings:
