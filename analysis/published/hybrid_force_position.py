@@ -20,8 +20,8 @@ _LATE = (
 )
 _ASSUMED_PLANAR = "gains, friction and contact stiffness are not published"
 
-_FIFTEEN = "chapter 2 asks for 15 N, three times what scratches"
-_FIVE = "5 N are asked for, the limit itself"
+_FIFTEEN = "chapter 2's own task is 15 N, three times what scratches"
+_FIVE = "the thesis' own task is 5 N, the limit itself"
 _FAST = "section 2.2 approaches at 0.33 m/s, beyond the thesis' own limit"
 
 # fmt: off

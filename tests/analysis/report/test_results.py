@@ -233,10 +233,13 @@ def test_a_check_holds_within_the_bounds_of_its_relation(
 def test_a_limit_is_judged_on_the_worst_trial_whatever_the_scenario(
     metric: Metric, measured: float | None, kept: bool
 ) -> None:
-    limit = published(relation="at_most", kind="specification")
+    fails = {"otherwise": "does_not_hold", "note": "its own task"}
+    limit = published(relation="at_most", kind="specification", **fails)
     values = [limit, published(), published(metric="absent", kind="specification")]
     (found,) = check(values, {"end": metric}, default=False)
     assert (found.measured, found.ok) == (measured, kept)
+    assert found.verdict == ("holds" if kept else "not_reached")  # no claim of the paper's
+    assert check([limit], {"end": metric})[0].verdict == ("holds" if kept else "does_not_hold")
     assert ("kept" in check_document(found)) == bool(metric.trials)
 
 
