@@ -177,7 +177,12 @@ def _parser() -> argparse.ArgumentParser:
     for command in (run, sweep, design, reproduce):
         _add_trials(command)
     for command in (run, sweep, reproduce):
-        _add_strict(command)
+        command.add_argument(
+            "--strict",
+            action="store_true",
+            help="end with status 1 if a specification is broken: a limit of the task, of an arm "
+            "or of parts",
+        )
     for command in (listing, fields, run, sweep, design, compare, reproduce, track, calibrate):
         _add_json(command)
     return parser
@@ -229,15 +234,6 @@ def _add_trials(parser: argparse.ArgumentParser) -> None:
         "--fresh",
         action="store_true",
         help="run experiments and trials again, also those that have finished before",
-    )
-
-
-def _add_strict(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--strict",
-        action="store_true",
-        help="end with status 1 if a specification is broken, a limit of the task, of an arm or "
-        "of parts",
     )
 
 

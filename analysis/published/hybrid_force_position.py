@@ -150,6 +150,9 @@ PUBLISHED: Final[tuple[Published, ...]] = (
                 "feedback around (An and Hollerbach, 1987)", otherwise="does_not_hold"),
         at_most("positive.transpose.growth", 0.01, "1/s",
                 "section 2.1.3: both schemes can be shown to be stable under PD control")),
+    *OBSERVER,
+    *CHARGING,
+    *CYCLES,
     *(row for name in ("planar-hold", "planar-slide", "planar-slide-late", "contact-recovery")
         for row in of(name, *_KEPT, *_scratch(_FIFTEEN), *_impact(_FAST))),
     *(row for test in ("hold", "motion") for arm in ("puma", "adept")
@@ -161,7 +164,4 @@ PUBLISHED: Final[tuple[Published, ...]] = (
         for row in of(f"{arm}-unknown-wall", *_KEPT, *_scratch(_FIVE), *_impact())),
     *(row for which in ("", "-noise-free", "-adaptive")
         for row in of(f"unknown-surface-control{which}", *_KEPT, *_scratch(_FIVE))),
-    *OBSERVER,
-    *CHARGING,
-    *CYCLES,
 )

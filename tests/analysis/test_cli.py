@@ -187,40 +187,28 @@ def test_a_result_is_remade_from_the_scenario_beside_it(
     assert b"<dc:date>" not in (first / "fall" / "fall.svg").read_bytes()
 
 
-def broken(
-    chamfer: Chamfer, out: Path, command: str, *options: object, strict: bool
-) -> tuple[int, str, str]:
-    return chamfer(command, "fall", "--out", out, *options, *["--strict"] * strict)
-
-
-@pytest.mark.parametrize("strict", [False, True])
+@pytest.mark.parametrize("strict", [[], ["--strict"]])
 def test_a_limit_is_judged_on_every_run_and_strict_ends_with_1_if_it_is_broken(
-    chamfer: Chamfer, out: Path, strict: bool
+    chamfer: Chamfer, out: Path, strict: list[str]
 ) -> None:
-    assert broken(chamfer, out, "run", strict=strict)[0] == 0  # what is not reached is no limit
-    options = ("--set", "height=20")
-    status, said, err = broken(chamfer, out, "run", *options, strict=strict)
-    assert status == strict
-    assert ("chamfer: --strict: 1 of 1 specifications broken" in err) == strict
+    # What is not reached is no limit.
+    assert chamfer("run", "fall", "--out", out, *strict)[0] == 0
+    status, said, err = chamfer("run", "fall", "--set", "height=20", "--out", out, *strict)
+    assert status == len(strict)
+    assert ("chamfer: --strict: 1 of 1 specifications broken" in err) == bool(strict)
     assert "0 of 1 specification kept" in said
     assert [line.split()[-1] for line in said.splitlines() if "<= 10" in line] == ["broken"]
     (check,) = result(out, "fall")["checks"]
     assert (check["measured"], check["ok"]) == (20.0, False)
-
-
-@pytest.mark.parametrize("strict", [False, True])
-def test_a_sweep_counts_the_limits_that_a_point_breaks(
-    chamfer: Chamfer, out: Path, strict: bool
-) -> None:
-    options = ("--vary", "height=5,20,200", "--trials", 2)
-    status, said, _ = broken(chamfer, out, "sweep", *options, strict=strict)
-    assert status == strict
+    options = ("--vary", "height=5,20,200", "--trials", 2, "--out", out)
+    status, said, _ = chamfer("sweep", "fall", *options, *strict)
+    assert status == len(strict)
     table = read_table(out / "sweep-fall" / "points.parquet")
     assert np.array_equal(table["broken"], [0.0, 1.0, np.nan], equal_nan=True)
     assert "1 with a broken specification: height" in said.splitlines()
-    assert "Broken specifications: <code>height</code> at 1 point." in (
-        (out / "index.html").read_text().replace("\n", "")
-    )
+    page = (out / "index.html").read_text().replace("\n", "")
+    assert "Broken specifications: <code>height</code> at 1 point." in page
+    assert chamfer("run", "interrupted", "--out", out, *strict)[0] == 130
 
 
 def test_json_is_one_document_and_nothing_else(chamfer: Chamfer, out: Path) -> None:
