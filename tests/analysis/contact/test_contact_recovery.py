@@ -78,7 +78,8 @@ def test_the_loss_mode_is_gentle_after_the_blow(outcome: Outcome) -> None:
 @pytest.mark.slow
 def test_checks_that_fail_are_the_ones_that_a_note_explains(outcome: Outcome) -> None:
     failed = {c.published.metric for c in check(ASKED, outcome.metrics) if not c.ok}
-    assert failed == {"without_loss_mode.growth_at_2", "impact.speed"}
+    broken = {"contact.losses", "damage.scratch_time", "damage.safe_speed_share"}
+    assert failed == {"without_loss_mode.growth_at_2", *broken}
     assert all(value.note for value in ASKED if value.metric in failed)
 
 
