@@ -19,7 +19,7 @@ class Quantity(NamedTuple):
     """What a metric is measured in, and how trials make one value of it."""
 
     unit: str
-    pooled: Literal["mean", "rms"] = "mean"
+    pooled: Literal["mean", "rms", "least", "most"] = "mean"
 
 
 def trial_seed(seed: int, trial: int) -> int:
@@ -100,6 +100,8 @@ def _metric(values: Sequence[float | None], quantity: Quantity) -> Metric:
         notes.append(f"undefined in {len(values) - len(known)}")
     if quantity.pooled == "rms":
         value = math.sqrt(math.fsum(one * one for one in known) / len(known))
-    else:
+    elif quantity.pooled == "mean":
         value = math.fsum(known) / len(known)
+    else:
+        value = min(known) if quantity.pooled == "least" else max(known)
     return Metric(value=value, unit=quantity.unit, note=", ".join(notes), trials=each)

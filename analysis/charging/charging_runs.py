@@ -239,7 +239,8 @@ def item_limits(
 
     gripping = during("acquire.descend", "acquire.touch", "acquire.grip")
     most("acquire.descent_speed", -velocity[:, 2], during("acquire.descend"))
-    most("acquire.grip_force", traces["feeder_peak_force"], gripping)
+    if during("acquire.grip").any():
+        most("acquire.grip_force", traces["feeder_peak_force"], gripping)
     most("acquire.lift_speed", velocity[:, 2], during("acquire.lift"))
     passing = during("scan.pass") & (
         np.abs(nugget[:, 1] - station.scanner[1]) < station.scan_length / 2

@@ -402,6 +402,9 @@ def confusion(traces: Table) -> dict[str, Metric]:
     )
     unsure = 100 * float(np.mean(~sure)), "%", "cells of which theory is not sure"
     metrics |= metrics_of({"predicted_may.share": unsure})
+    if not safe.any():
+        note = "no cell is predicted safe"
+        metrics["predicted_safe.failed"] = Metric(value=None, unit="", note=note)
     if not len(right):
         return metrics | {"agreement": Metric(value=None, unit="%", note="theory is never sure")}
     note = f"of {len(right)} cells where theory is sure: safe and seated, or stopped and not"

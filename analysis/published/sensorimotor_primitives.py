@@ -30,7 +30,7 @@ PUBLISHED: Final[tuple[Published, ...]] = (
     *of("lissajous",
         near("repeats_after", 0.0, 1e-9, "m",
              "section 2: N cycles of the slower sine wave before the pattern repeats",
-             "how far from where it began the tool is after N cycles, the largest of all N",
+             "how far the tool is from where it was N cycles before, the largest of all N",
              kind="predicted")),
     *of("vision-primitives", *(
         at_least(f"{primitive}.converged", 100.0, "%",

@@ -98,6 +98,7 @@ def check(
 
     Limits are judged on every run, on the worst of its trials. A run without a limit's metric did
     not have to keep it, such as that of a mode that the plan lacks; an undefined one breaks it.
+    A published value is not held either where one of the trials has none.
 
     Args:
         published: Of the experiment.
@@ -111,7 +112,9 @@ def check(
     for one in published:
         if one.kind != "specification":
             if default:
-                checks.append(Check(published=one, measured=metrics[one.metric].value))
+                found = metrics[one.metric]
+                value = None if None in found.trials else found.value
+                checks.append(Check(published=one, measured=value))
         elif metric := metrics.get(one.metric):
             # On another scenario it is not the paper's claim that fails.
             limit = one if default else replace(one, otherwise="not_reached")

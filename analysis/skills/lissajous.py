@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final
 
@@ -70,8 +70,8 @@ def run(scenario: LissajousScenario, seed: int, progress: Progress) -> Outcome:
             f"duration.n{n}": Metric(value=row["duration"], unit="s"),
         }
     each = [row["position"] for row in rows.values()]
-    drift = max(float(np.abs(position[-1] - position[0]).max()) for position in each)
-    metrics["repeats_after"] = Metric(value=round(drift, 12), unit="m")
+    apart = max(row["apart"] for row in rows.values())
+    metrics["repeats_after"] = Metric(value=round(apart, 12), unit="m")
     metrics["sine_start.offset"] = Metric(
         value=amplitude, unit="m", note="of the centre, if the velocity began as a sine"
     )
@@ -87,18 +87,25 @@ def run(scenario: LissajousScenario, seed: int, progress: Progress) -> Outcome:
 
 
 def _search(scenario: LissajousScenario, repeats: int) -> Row:
-    """Return a search's ``position`` m, shape (n, 2), at ``time`` s, and what it covers."""
+    """Return a search's ``position`` m, shape (n, 2), at ``time`` s, and what it covers.
+
+    It is run twice on end: ``apart``, m, is how far the second pattern is from the first.
+    """
     slow = Dither(axis="x", amplitude=scenario.amplitude, frequency=scenario.frequency)
     dithers = lissajous(first=slow, axis="y", repeats=repeats)
     duration = dithers[0].duration
     step = 1 / (_SAMPLES * dithers[1].frequency)
+    twice = [replace(dither, cycles=2 * dither.cycles) for dither in dithers]
     found = simulate(
-        make_search_diagram(dithers, step=step), duration=duration + step / 2, step=step
+        make_search_diagram(twice, step=step), duration=2 * duration + step / 2, step=step
     )
-    position = found.outputs["displacement"][:, [dither.index for dither in dithers]]
+    both = found.outputs["displacement"][:, [dither.index for dither in dithers]]
+    end = round(duration / step)
+    position = both[: end + 1]
     return {
-        "time": found.time,
+        "time": found.time[: end + 1],
         "position": position,
+        "apart": float(np.abs(both[end : 2 * end + 1] - position).max()),
         "duration": duration,
         "covering_radius": covering_radius(position, scenario.amplitude),
     }

@@ -1,4 +1,5 @@
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -45,6 +46,12 @@ def test_a_sum_of_many_loses_nothing() -> None:
     values = [1e16, 1.0, -1e16] * 100
     found = over_trials([{"force": one} for one in values], {"force": Quantity("N")})
     assert found["force"].value == pytest.approx(1 / 3, rel=1e-15)
+
+
+@pytest.mark.parametrize(("pooled", "value"), [("least", 1.0), ("most", 4.0)])
+def test_the_extreme_of_trials(pooled: Any, value: float) -> None:
+    trials = [{"force": 2.0}, {"force": 1.0}, {"force": None}, {"force": 4.0}]
+    assert over_trials(trials, {"force": Quantity("N", pooled)})["force"].value == value
 
 
 def test_seeds_of_trials_do_not_meet() -> None:

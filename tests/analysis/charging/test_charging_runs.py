@@ -126,7 +126,8 @@ def measured(traces: dict[str, np.ndarray]) -> dict[str, float]:
 
 def test_what_was_not_reached_is_missing() -> None:
     found = measured(made([0, 0, 0]))
-    assert "acquire.grip_force" in found
+    assert "acquire.descent_speed" in found
+    assert "acquire.grip_force" not in found  # it was not gripped
     assert not any(name.startswith(("scan", "slew", "wall.slide")) for name in found)
 
 
@@ -181,7 +182,7 @@ def test_gripper_leans_off_the_wall(mass: float) -> None:
 
 
 VISITS = (  # item and state, a row each
-    *((0, name) for name in ("acquire.touch", "slew.over", "wall.slide", "retreat.up")),
+    *((0, name) for name in ("acquire.grip", "slew.over", "wall.slide", "retreat.up")),
     *((1, name) for name in ("acquire.touch", "acquire.grip", "slew.over")),
 )
 

@@ -241,6 +241,8 @@ def test_a_limit_is_judged_on_the_worst_trial_whatever_the_scenario(
     assert found.verdict == ("holds" if kept else "not_reached")  # no claim of the paper's
     assert check([limit], {"end": metric})[0].verdict == ("holds" if kept else "does_not_hold")
     assert ("kept" in check_document(found)) == bool(metric.trials)
+    (other,) = check([published()], {"end": metric})  # by the mean, if each trial has a value
+    assert other.measured == (None if None in metric.trials else metric.value)
 
 
 @pytest.mark.parametrize(
