@@ -405,6 +405,12 @@ CATALOGUE: Final = Catalogue(
         ),
         _contact("puma-roller-motion", "Fig. 3-6", "the Puma 250 rolls along a table", *_SHORT),
         _contact(
+            "puma-roller-motion-soft",
+            "section 3.1.4",
+            "the same on a table that is more compliant and damped",
+            *_SHORT,
+        ),
+        _contact(
             "puma-nugget-hold",
             "Fig. 3-7",
             "the Puma 250 presses a nugget on a glass wall",

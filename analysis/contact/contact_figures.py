@@ -42,6 +42,7 @@ from chamfer.diagrams.contact.contact_scenarios import (
     PUMA_NUGGET_MOTION,
     PUMA_ROLLER_HOLD,
     PUMA_ROLLER_MOTION,
+    PUMA_ROLLER_MOTION_SOFT,
 )
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario, fill
 from chamfer.models.surfaces.damage import SAFE_SPEED, SCRATCH_FORCE, impact_speed_limit
@@ -81,6 +82,7 @@ planar_slide = partial(plot_contact, "planar-slide", PLANAR_SLIDE)
 planar_slide_late = partial(plot_contact, "planar-slide-late", PLANAR_SLIDE_LATE)
 puma_roller_hold = partial(plot_contact, "puma-roller-hold", PUMA_ROLLER_HOLD)
 puma_roller_motion = partial(plot_contact, "puma-roller-motion", PUMA_ROLLER_MOTION)
+puma_roller_motion_soft = partial(plot_contact, "puma-roller-motion-soft", PUMA_ROLLER_MOTION_SOFT)
 puma_nugget_hold = partial(plot_contact, "puma-nugget-hold", PUMA_NUGGET_HOLD)
 puma_nugget_motion = partial(plot_contact, "puma-nugget-motion", PUMA_NUGGET_MOTION)
 adept_roller_hold = partial(plot_contact, "adept-roller-hold", ADEPT_ROLLER_HOLD)

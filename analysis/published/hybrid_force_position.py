@@ -88,6 +88,11 @@ PUBLISHED: Final[tuple[Published, ...]] = (
                  "of the time from the first touch on"),
         between("position.lag_error", 0.002, 0.01, "m",
                 "section 3.1.3, Fig. 3-6: several millimeters", _ASSUMED_PUMA)),
+    *of("puma-roller-motion-soft",
+        at_least("force.deviation", 2.5, "N",
+                 "section 3.1.4: on softer, damped surfaces the force spikes were still present",
+                 "asked for is half the 5 N of Fig. 3-6; the surfaces are not published, here a "
+                 "tenth of the table's stiffness and three times its damping")),
     *of("puma-nugget-hold",
         near("contact_time", 0.5, 0.1, "s", "section 3.1.3, Fig. 3-7", _LATE),
         near("force.final", 5.0, 0.25, "N", "section 3.1.3, Fig. 3-7", "integral action")),
@@ -158,6 +163,7 @@ PUBLISHED: Final[tuple[Published, ...]] = (
     # Rollers of wood and Delrin touch no glass.
     *(row for test in ("hold", "motion") for arm in ("puma", "adept")
         for row in of(f"{arm}-roller-{test}", *_KEPT)),
+    *of("puma-roller-motion-soft", *_KEPT),
     *(row for arm in ("adept", "puma", "planar")
         for row in of(f"{arm}-unknown-wall", *_KEPT, *_scratch(_FIVE), *_impact())),
     *(row for which in ("", "-noise-free", "-adaptive")

@@ -22,7 +22,7 @@ _EQUILIBRIUM: Final = (8.0, 14.9)  # s
 _MEAN: Final = (1.0, 15.0)  # s
 _ERRORS: Final = (2.0, 15.0)  # s
 _LARGEST_ERROR: Final = (0.55, 14.97)  # s
-_FORCE_FROM: Final = 1.0  # s
+FORCE_FROM: Final = 1.0  # s, section 5.3.4; then it has settled
 
 _OF_ERRORS: Final = {
     "error.max": Quantity("deg"),
@@ -140,7 +140,7 @@ def tracking_metrics(traces: Table, *, force: float, every: int) -> dict[str, fl
     """
     time, push = traces["time"], traces["force"]
     values: dict[str, float | None] = dict.fromkeys(TRACKING)
-    window = (_FORCE_FROM, math.inf)
+    window = (FORCE_FROM, math.inf)
     sampled = {name: traces[name][::every] for name in ("time", "error", "band", "nees")}
     values |= errors(sampled, window, largest=window)
     values["band.mean"] = _mean(sampled["band"], _within(sampled["time"], window))

@@ -36,6 +36,7 @@ from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.published.hybrid_force_position_observer import OBSERVER
 from chamfer.analysis.report.checks import Published
 from chamfer.analysis.scenario.experiment import Outcome, Progress, Table
+from chamfer.analysis.surface.force_prediction import warn_of_force
 from chamfer.analysis.surface.normal_metrics import (
     DEVIATIONS,
     ESTIMATION,
@@ -153,6 +154,8 @@ def _instantaneous(scenario: ResolvedSurfaceScenario, outputs: dict[str, Array])
 
 def run_trials(scenario: Resolved, seed: int, progress: Progress) -> Outcome:
     """Lead or control the gripper with as many seeds as asked for; traces are of the first."""
+    if isinstance(scenario, ResolvedTrackingScenario):
+        warn_of_force(scenario)
     finished = run_each(partial(_run_trial, scenario, seed), range(scenario.trials), progress)
     if isinstance(scenario, ResolvedTrackingScenario):
         metrics = over_trials(finished.rows, TRACKING)

@@ -243,6 +243,13 @@ PUMA_ROLLER_HOLD: Final = PumaScenario()
 PUMA_ROLLER_MOTION: Final = PumaScenario(
     task=replace(_PUMA_ROLLER, amplitude=0.04, frequency=2 * math.pi * 0.25)
 )
+# Section 3.1.4: "more compliant and damped"; by how much is not published.
+PUMA_ROLLER_MOTION_SOFT: Final = replace(
+    PUMA_ROLLER_MOTION,
+    surface=replace(
+        _PUMA_TABLE, stiffness=_PUMA_TABLE.stiffness / 10, damping=3 * _PUMA_TABLE.damping
+    ),
+)
 PUMA_NUGGET_HOLD: Final = PumaScenario(
     surface=_PUMA_GLASS, controller=_PUMA_SOFT, task=_PUMA_NUGGET
 )

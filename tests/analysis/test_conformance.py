@@ -21,7 +21,9 @@ from chamfer.analysis.scenario.experiment import Entry, Experiment, Metric, Outc
 from chamfer.analysis.scenario.scenario_io import make_scenario, scenario_text, unstructure
 
 # friction-remedies: so it is with the full dynamics, as in the thesis.
-pytestmark = pytest.mark.filterwarnings("ignore:the loop is unstable in contact, sliding ahead")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:the loop is unstable in contact, sliding ahead", "ignore:task.force is"
+)
 ENTRIES: Final = CATALOGUE.entries
 # What figures show that has no unit.
 PURE_NUMBERS: Final = {

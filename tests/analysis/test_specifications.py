@@ -36,6 +36,7 @@ FAST: Final = {"contact.losses", "damage.safe_speed_share"}
         ("unknown-surface-control", ("task.force=8",), {"damage.scratch_time"}),
     ],
 )
+@pytest.mark.filterwarnings("ignore:task.force is")  # the thesis' observer's
 def test_one_changed_field_breaks_what_it_should(
     name: str, settings: tuple[str, ...], broken: set[str]
 ) -> None:
