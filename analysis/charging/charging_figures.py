@@ -30,7 +30,6 @@ from chamfer.analysis.drawing.figure_style import (
 )
 from chamfer.analysis.scenario.experiment import Outcome, Table
 from chamfer.diagrams.charging.charging_scenario import ResolvedCrucibleChargingScenario
-from chamfer.models.surfaces.damage import SCRATCH_FORCE
 from chamfer.systems.charging.charging_chart import DONE, HALTED, STOPPED, ChargingChart
 from chamfer.systems.force.contact_detection import LOST
 from chamfer.systems.statechart.chart import ANY
@@ -329,13 +328,12 @@ def _laid(
     """Draw how an item meets the layer, and how far it pushes it."""
     traces = run.outcome.traces
     letters = "cd" if mode == "wall" else "bc"
-    scratch = f"scratches if sustained, {SCRATCH_FORCE:g} N"
     _panel(
         layer,
         _courses(shown, traces["layer_peak_force"]),
-        [ReferenceLine(SCRATCH_FORCE, scratch, LIMIT)],
-        f"({letters[0]}) It meets the layer with "
-        f"{run.said(f'{mode}.impact_speed', CM)} cm/s at most; 20 cm/s are safe",
+        [_limit(2.0, "N")],
+        f"({letters[0]}) Set down with {run.said(f'{mode}.peak_force')} N at most, met with "
+        f"{run.said(f'{mode}.impact_speed', CM)} cm/s; less than 2 N and 20 cm/s are wanted",
         "force on the layer / N",
     )
     _panel(
