@@ -89,6 +89,7 @@ SCENARIOS: Final = (
     ("puma-roller-motion",
      "task.speed=0.1; task.force=8; task.frequency=3; task.amplitude=0.1; surface.ripple=0.002",
      ALL),
+    ("puma-roller-motion-soft", "task.amplitude=0.001", "force.deviation"),
     ("puma-nugget-hold", "task.speed=0.3; task.force=8", ALL),
     ("puma-nugget-motion", "task.speed=0.3; task.force=8; surface.friction.coefficient=0", ALL),
     ("adept-roller-hold", "task.speed=0.3; surface.stiffness=3e5; surface.damping=10", ALL),
@@ -328,6 +329,7 @@ _WAYS: Final = ("", "wait.", "frozen.", "frozen_wait.")
 SPOILT: Final = (
     ("planar-hold planar-slide planar-slide-late contact-recovery", spoilt_contact,
      "contact.losses damage.scratch_time damage.safe_speed_share"),
+    ("puma-roller-motion-soft", spoilt_contact, "contact.losses"),
     ("adept-unknown-wall puma-unknown-wall planar-unknown-wall", spoilt_wall,
      "contact.losses damage.scratch_time force.settling_time_10 coverage"),
     ("unknown-surface-control unknown-surface-control-noise-free "
