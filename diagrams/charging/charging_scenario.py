@@ -470,10 +470,12 @@ class NuggetLoop(HybridScenario):
 def contact_loops(scenario: ResolvedCrucibleChargingScenario) -> tuple[NuggetLoop, ...]:
     """Return the loops in which the plan's nuggets are pressed on something.
 
-    A wall nugget slides along the wall at its place; a crown nugget is pressed on what lies below.
-    Both as the world is.
+    A wall nugget slides along the wall at its place; a crown nugget is pressed on what lies below,
+    at rest, with all position integrators held. Both as the world is.
     """
     station, charging = scenario.station.true, scenario.charging
+    control = scenario.controller
+    resting = replace(control, held_integrators=tuple(range(scenario.ARM.num_joints)))
     wall = station.wall(lean=scenario.wall.lean)
     goals = scenario.places(believed=False)
     loops = []
@@ -506,9 +508,9 @@ def contact_loops(scenario: ResolvedCrucibleChargingScenario) -> tuple[NuggetLoo
                 along=(*along, *_STILL),
                 speed=charging.seek_speed,
                 force=force,
-                amplitude=_SWING,
+                amplitude=_SWING if item.kind == "wall" else 0.0,
             ),
-            controller=scenario.controller,
+            controller=control if item.kind == "wall" else resting,
             sensing=scenario.sensing,
             sensor=scenario.sensor,
             encoders=scenario.encoders,

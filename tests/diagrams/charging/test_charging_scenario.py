@@ -136,6 +136,13 @@ def test_wall_and_crown_are_pressed_on_and_bulk_is_not() -> None:
     assert charging_stability(resolve_charging(bulk)) is None
 
 
+def test_small_nuggets_may_lie_on_one_another() -> None:
+    # On a slope the integrators of the wrist would push on; in set-down they are held.
+    plan = tuple(PlanItem(kind=kind, mass=0.014) for kind in ("wall", "crown"))  # type: ignore[arg-type]
+    found = resolve_charging(replace(WALL, plan=plan))
+    assert contact_loops(found)[1].controller.held_integrators == tuple(range(7))
+
+
 def test_the_loop_bears_its_own_delay_at_the_wall() -> None:
     found = charging_stability(resolve_charging(replace(WALL, sensing="realistic")))
     assert found is not None
