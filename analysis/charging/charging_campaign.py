@@ -62,6 +62,8 @@ class SpreadParams:
     believed_mass: float = 0.25  # of what masses of links and items are taken for, relative
     size: float = 0.05  # of what the scanner takes for a nugget's size, relative; assumed
     place: float = 0.002  # m, of the crucible's axis along x and y; assumed
+    tilt: float = 0.4  # rad, of each nugget that lies in the crucible already; assumed
+    aside: float = 0.3  # of its reach, by which such a one lies along the wall; assumed
     masses: tuple[float, ...] = (0.014, 0.028, 0.085, 0.140, 0.185)
     # kg, of which all nuggets of a cycle have one; appendix C; empty: as planned
 
@@ -69,7 +71,7 @@ class SpreadParams:
         relative = "joint_friction", "surface_friction", "slip_friction", "size"
         require_between(self, 0.0, 1.0, *relative)
         require_between(self, 0.0, 0.5, "believed_mass")
-        require_not_negative(self, "bias", "normal", "place")
+        require_not_negative(self, "bias", "normal", "place", "tilt", "aside")
         if not all(0 < one < math.inf for one in self.masses):
             raise ParameterError("masses", self.masses, "finite numbers > 0")
 
@@ -102,7 +104,7 @@ class ChargingCampaignScenario:
             raise ParameterError("trials", self.trials, f"1 to {_MOST_TRIALS}")
 
 
-REMEDIES: Final = ("none", "decoupling", "compensation", "soft_gripper", "all")
+REMEDIES: Final = ("none", "decoupling", "compensation", "soft_gripper", "all", "no_observer")
 CHARGING_CAMPAIGN: Final = ChargingCampaignScenario()
 # What of a randomised cycle is told in its row.
 DRAWN: Final = (
@@ -120,6 +122,8 @@ def with_remedy(
         cycle = replace(cycle, sensor=replace(cycle.sensor, decoupling=True))
     if remedy in ("compensation", "all"):
         cycle = replace(cycle, friction_compensation=means.compensation)
+    if remedy == "no_observer":
+        cycle = replace(cycle, observer=None)
     if remedy in ("soft_gripper", "all"):
         cycle = replace(cycle, gripper=means.soft_gripper)
     return cycle
@@ -153,6 +157,20 @@ def drawn(
     mass = float(rng.choice(spread.masses)) if spread.masses else None
     links = tuple(1 + off(spread.believed_mass) for _ in dry)
     x, y = station.true.crucible_centre
+
+    def weighed(item: PlanItem) -> PlanItem:
+        return item if mass is None or item.kind == "bulk" else replace(item, mass=mass)
+
+    def lying(item: PlanItem) -> PlanItem:
+        item = weighed(item)
+        way = item.true_nugget.reach / station.true.crucible_radius
+        return replace(
+            item,
+            azimuth=item.azimuth + way * off(spread.aside),
+            tilt=off(spread.tilt),
+            tilt_azimuth=off(math.pi),
+        )
+
     return replace(
         cycle,
         believed_masses=BelievedMasses(links=links, items=1 + off(spread.believed_mass)),
@@ -173,13 +191,10 @@ def drawn(
             ),
         ),
         plan=tuple(
-            replace(
-                item,
-                mass=item.mass if mass is None or item.kind == "bulk" else mass,
-                scanned_size=item.size * (1 + off(spread.size)),
-            )
+            replace(weighed(item), scanned_size=item.size * (1 + off(spread.size)))
             for item in cycle.plan
         ),
+        laid=tuple(map(lying, cycle.laid)),
     )
 
 
@@ -297,6 +312,7 @@ _LABELS: Final = {
     "compensation": ("friction compensated by a base sensor", "#2e8b57"),
     "soft_gripper": ("softer gripper", "#e07b00"),
     "all": ("all three", "#7a0060"),
+    "no_observer": ("without the observer", "#b00020"),
 }
 _SHARES: Final = ("cycle.finished", "cycle.all_limits")
 _MOST: Final = 2.0  # N, while sliding; section 1.1.2

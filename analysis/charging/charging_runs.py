@@ -25,6 +25,8 @@ from chamfer.systems.contact.arm_motion import CONTACT_SIGNALS
 Array = NDArray[np.float64]
 
 _TOLD: Final = ("gap", "peak_force", "impact_speed")
+_LAYER: Final = 1  # index of the contact point that meets what lies below
+_MET: Final = 1e-3  # m, gap to it
 _FAR: Final = 1.0  # m, gap to what is not there
 
 
@@ -85,8 +87,9 @@ def traces_of(scenario: ResolvedCrucibleChargingScenario, run: Run) -> dict[str,
     and ``desired_`` ones, m and rad; ``nugget_x``, ``_y``, ``_z``, the grip point with what the
     gripper gives, m; ``measured_force_x``, ... and ``desired_force_x``, ... N, of the item on its
     environment; ``feeder_``, ``wall_`` and ``layer_`` ``force`` N, ``gap`` m, ``peak_force`` N
-    and ``impact_speed`` m/s, 0 and far where the scene lacks them; ``layer_shift`` m; joint
-    positions, velocities and torques.
+    and ``impact_speed`` m/s, 0 and far where the scene lacks them; ``normal_x``, ... of what lies
+    below, as it is taken to be, with an observer its ``normal_deviation`` rad, and
+    ``true_normal_x``, ...; ``layer_shift`` m; joint positions, velocities and torques.
     """
     arm, outputs = scenario.ARM, run.outputs
     n = arm.num_joints
@@ -104,6 +107,7 @@ def traces_of(scenario: ResolvedCrucibleChargingScenario, run: Run) -> dict[str,
         for name in ("measured_force", "desired_force"):
             traces[f"{name}_{axis}"] = outputs[name][:, i]
     traces |= _contacts(scenario, outputs)
+    traces |= _normals(scenario, outputs)
     traces["layer_shift"] = np.linalg.norm(outputs["layer_shift"], axis=1)
     for i, name in enumerate(arm.joint_names):
         traces[f"{name}.position"] = q[:, i]
@@ -134,6 +138,24 @@ def _contacts(
             if signal in _TOLD:
                 value = contact[:, size * point + i]
                 found[f"{name}_{signal}"] = np.where(there, value, _FAR * (signal == "gap"))
+    return found
+
+
+def _normals(
+    scenario: ResolvedCrucibleChargingScenario, outputs: dict[str, Array]
+) -> dict[str, Array]:
+    """Return the normal of what lies below: as it is taken to be, and where it is met as it is."""
+    surfaces = [scene.points[-1].surface for scene in make_scenes(scenario)]
+    size = len(CONTACT_SIGNALS)
+    gap, place = (outputs[name][:, size * _LAYER :] for name in ("contact", "tip"))
+    true = np.tile([0.0, 0.0, 1.0], (len(gap), 1))
+    for row in np.flatnonzero((outputs["scene"] % 2 == 1) & (gap[:, 0] < _MET)):
+        surface = surfaces[int(outputs["scene"][row])]
+        true[row] = locate(surface, place[row, :3]).normal
+    found = {f"normal_{axis}": -outputs["below"][:, i] for i, axis in enumerate("xyz")}
+    found |= {f"true_normal_{axis}": true[:, i] for i, axis in enumerate("xyz")}
+    if "layer_deviation" in outputs:
+        found["normal_deviation"] = outputs["layer_deviation"].ravel()
     return found
 
 

@@ -19,6 +19,7 @@ from chamfer.diagrams.contact.sensing import (
     add_force_in_world,
     add_sensor,
 )
+from chamfer.systems.charging.along_wall import AlongWall
 from chamfer.systems.charging.charging_chart import ChargingMachine
 from chamfer.systems.charging.crucible_world import (
     CutOff,
@@ -27,6 +28,7 @@ from chamfer.systems.charging.crucible_world import (
     LayerMotion,
 )
 from chamfer.systems.contact.arm_in_contact import ArmInContact
+from chamfer.systems.estimation.surface_observer import SurfaceObserver
 from chamfer.systems.force.friction_compensation import (
     BaseWrenchTorque,
     FrictionCompensation,
@@ -39,7 +41,7 @@ from chamfer.systems.force.hybrid_controller import (
 )
 from chamfer.systems.ports import require_ports
 from chamfer.systems.sensing.encoders import EndpointMotion, Homing
-from chamfer.systems.sensing.force_rate import MovingAverage
+from chamfer.systems.sensing.force_rate import ForceRate, MovingAverage
 from chamfer.systems.sensing.force_sensor import Tare, base_gauges, gauges
 from chamfer.systems.trajectory.path_follower import PathFollower, PathFollowerParams
 
@@ -124,6 +126,8 @@ def make_charging_diagram(
     connect(measured, machine.GetInputPort("measured_force"))
     connect(measured, mean.GetInputPort("signal"))
     connect(mean.GetOutputPort("mean"), machine.GetInputPort("mean_force"))
+    if scenario.observer is not None:
+        _add_observer(builder, scenario, machine, motion, mean)
     wire(machine, follower, "segment")
     connect(machine.GetOutputPort("hold"), follower.GetInputPort("halt"))
     wire(machine, tare, "tare")
@@ -174,11 +178,45 @@ def make_charging_diagram(
     builder.ExportOutput(total.get_output_port(), "torque")
     builder.ExportOutput(follower.GetOutputPort("desired_position"), "desired_position")
     builder.ExportOutput(measured, "measured_force")
-    for name in ("desired_force", "mode", "state", "item", "finished", "grip"):
+    for name in ("desired_force", "mode", "state", "item", "finished", "grip", "below"):
         builder.ExportOutput(machine.GetOutputPort(name), name)
     diagram = builder.Build()
     diagram.set_name("Charging a crucible")
     return diagram
+
+
+def _add_observer(
+    builder: DiagramBuilder,
+    scenario: ResolvedCrucibleChargingScenario,
+    machine: ChargingMachine,
+    motion: EndpointMotion,
+    mean: MovingAverage,
+) -> None:
+    """Add what estimates the normal of what lies below from the mean force (chapter 4)."""
+    params, period, add = scenario.observer, scenario.controller.period, builder.AddNamedSystem
+    connect, readings = builder.Connect, scenario.charging.detection.readings
+    assert params is not None
+    # The motion is as late as the force.
+    moved = add("mean motion", MovingAverage(samples=readings, period=period, size=6))
+    along = add("along the wall", AlongWall())
+    rate = add("force rate", ForceRate(scenario.force_rate, dimension=3, period=period))
+    observer = add("surface observer", SurfaceObserver(params, np.array([0.0, 0.0, 1.0])))
+    connect(motion.GetOutputPort("nominal_motion"), moved.GetInputPort("signal"))
+    connect(mean.GetOutputPort("mean"), along.GetInputPort("force"))
+    connect(moved.GetOutputPort("mean"), along.GetInputPort("motion"))
+    connect(machine.GetOutputPort("wall"), along.GetInputPort("wall"))
+    force = along.GetOutputPort("force_along")
+    connect(force, rate.GetInputPort("measured_force"))
+    for source, name in (
+        (force, "measured_force"),
+        (rate.GetOutputPort("measured_force_rate"), "measured_force_rate"),
+        (along.GetOutputPort("motion_along"), "nominal_motion"),
+        (machine.GetOutputPort("restart"), "restart"),
+    ):
+        connect(source, observer.GetInputPort(name))
+    connect(observer.GetOutputPort("normal"), machine.GetInputPort("layer_normal"))
+    for name in ("normal", "deviation"):
+        builder.ExportOutput(observer.GetOutputPort(name), f"layer_{name}")
 
 
 _LAYER: Final = 1  # index of the contact point that meets the layer below

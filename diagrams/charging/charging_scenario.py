@@ -37,9 +37,11 @@ from chamfer.diagrams.contact.sensing import (
     SensingValues,
     computer_of,
     encoders_of,
+    force_noise,
     push_errors,
     sensor_of,
 )
+from chamfer.diagrams.surface.surface_scenario import derived_observer
 from chamfer.models.arms.adept_wrist import ADEPT_WRIST
 from chamfer.models.arms.arm import Arm
 from chamfer.models.arms.gripper import GripperCompliance
@@ -78,7 +80,12 @@ from chamfer.systems.contact.arm_in_contact import (
     Load,
     Scene,
 )
+from chamfer.systems.estimation.normal_filter import (
+    ResolvedSurfaceObserverParams,
+    SurfaceObserverParams,
+)
 from chamfer.systems.sensing.encoders import EncoderParams, HomingParams
+from chamfer.systems.sensing.force_rate import ForceRateParams
 from chamfer.systems.sensing.force_sensor import ForceSensorParams
 
 Array = NDArray[np.float64]
@@ -100,6 +107,8 @@ _BEFORE: Final = 0.01  # m, from where the approach is looked at
 _SWING: Final = 0.01  # m, by which the nugget slides up and down where the loop is looked at
 _DOWN: Final = (0.0, 0.0, -1.0)
 _STILL: Final = (0.0, 0.0, 0.0, 0.0)  # the other coordinates
+_UNSTEADY: Final = 0.03
+# N, of a force that inertia and the gripper's damping make where chapter 4 has none; calibrated
 _MOST_ITEMS: Final = 200
 _RUNNING: Final = tuple(name for name in MODE_OF if name not in (DONE, STOPPED))
 _LAYING: Final = ("wall", "crown", "bulk")  # modes that items of their kind alone come to
@@ -259,6 +268,10 @@ class CrucibleChargingScenario:
         mark_distance=(0.05, 0.05, -0.02, 0.1, 0.05, 0.05, 0.05),
     )  # what encoders are off before they pass their index marks; assumed
     friction_compensation: BaseCompensationParams | None = None  # by a base sensor; None: none
+    observer: SurfaceObserverParams | None = SurfaceObserverParams(
+        smallest_radius=0.025, initial_deviation=0.2
+    )  # of the normal of nuggets that are landed on; None: they are taken to be level
+    force_rate: ForceRateParams = ForceRateParams()  # for the observer
     fault: FaultParams = FaultParams()
     step: float = 1e-4  # s, of the arm's dynamics, friction and contact
     duration: float | None = None  # s, at most; None: derived, a minute an item
@@ -376,6 +389,7 @@ class ResolvedCrucibleChargingScenario(CrucibleChargingScenario):
     """The same, with nothing left open."""
 
     charging: ResolvedChargingParams
+    observer: ResolvedSurfaceObserverParams | None
     duration: float
 
 
@@ -559,6 +573,33 @@ def _with_gains(
     )
 
 
+def _resolved_observer(
+    scenario: CrucibleChargingScenario, sensor: ForceSensorParams
+) -> ResolvedSurfaceObserverParams | None:
+    """Return the observer with what it is told of gripper and sensor; it is given mean forces."""
+    given, gripper, charging = scenario.observer, scenario.gripper, scenario.charging
+    if given is None:
+        return None
+    if gripper is None:
+        raise ParameterError("observer", given.kind, "null, where the gripper is rigid")
+    reading, noise = force_noise(sensor), given.force_noise
+    if noise is None:
+        noise = math.hypot(reading / math.sqrt(charging.detection.readings), _UNSTEADY)
+    error = given.model_error
+    if given.kind == "adaptive" and not error.bias:
+        # What a tare leaves over, which is the mean of some readings.
+        readings = charging.rest / charging.period
+        error = replace(error, bias=math.hypot(reading, _UNSTEADY) / math.sqrt(3 * readings))
+    derived = derived_observer(
+        given,
+        stiffness=tuple(map(tuple, gripper.matrix(3))),
+        force_noise=noise,
+        force_rate_noise=noise * scenario.force_rate.noise_gain(charging.period),
+        rate_lag=scenario.force_rate.time_constant,
+    )
+    return ResolvedSurfaceObserverParams(**vars(given) | derived | {"model_error": error})
+
+
 _TIME_EACH = 60.0  # s, that an item may take
 
 
@@ -603,6 +644,7 @@ def resolve_charging(scenario: CrucibleChargingScenario) -> ResolvedCrucibleChar
         "charging": ResolvedChargingParams(**vars(charging) | {"detection": detection}),
         "wall": replace(scenario.wall, stiffness=scenario.wall_contact.stiffness),
         "layer": replace(scenario.layer, stiffness=scenario.layer_contact.stiffness),
+        "observer": _resolved_observer(scenario, sensor),
         "duration": scenario.duration or _TIME_EACH * len(scenario.plan),
     }
     found = ResolvedCrucibleChargingScenario(**vars(scenario) | known)

@@ -3,6 +3,7 @@
 What is ideal is not there.
 """
 
+import math
 from dataclasses import dataclass, fields, replace
 from typing import Final, Literal, TypeVar
 
@@ -104,6 +105,14 @@ def push_errors(sensor: SensorParams, direction: Array, R_WE: Array) -> tuple[fl
         ahead = np.array([*direction, 0.0, 0.0])[:3]
         share = float(np.abs(ahead @ R_WE @ sensor.undoing) @ scale)
     return share * sensor.rest_noise, share * sensor.rest_bias
+
+
+def force_noise(sensor: ForceSensorParams) -> float:
+    """Return the rms length of a force's error by a resolved sensor's noise and converter, N."""
+    undoing = sensor.undoing
+    scale = np.array([1.0, 1.0, 1.0, *3 * [sensor.radius]])[: undoing.shape[1]]
+    noise, step = known("noise", sensor.noise), known("resolution", sensor.resolution)
+    return math.sqrt(noise**2 / 3 + step**2 / 12) * float(np.linalg.norm(undoing * scale))
 
 
 def missing(given: object, values: object) -> dict[str, object]:

@@ -18,7 +18,7 @@ from chamfer.diagrams.contact.hybrid_loop import (
 )
 from chamfer.diagrams.contact.hybrid_loop_stability import resolve
 from chamfer.diagrams.contact.hybrid_scenario import ContactTask, HybridTrials
-from chamfer.diagrams.contact.sensing import Sensing, SensingValues
+from chamfer.diagrams.contact.sensing import Sensing, SensingValues, force_noise
 from chamfer.diagrams.surface.surface_scenario import (
     SurfaceSettings,
     derived_observer,
@@ -35,7 +35,6 @@ from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import (
     ParameterError,
-    known,
     require_finite,
     require_not_negative,
     require_positive,
@@ -335,7 +334,7 @@ def resolve_wall(scenario: UnknownWallScenario) -> ResolvedUnknownWallScenario:
     scenario = resolve(scenario)
     given, task = scenario.observer, scenario.task
     require_calibration(given, free=task.distance / task.speed, pressed=0.0)
-    noise = _noise(scenario.sensor) if given.force_noise is None else given.force_noise
+    noise = force_noise(scenario.sensor) if given.force_noise is None else given.force_noise
     derived = derived_observer(
         given,
         stiffness=scenario.stiffness,
@@ -346,14 +345,6 @@ def resolve_wall(scenario: UnknownWallScenario) -> ResolvedUnknownWallScenario:
     observer = ResolvedSurfaceObserverParams(**vars(given) | derived)
     known = {"surface": scenario.surface.resolved(), "observer": observer}
     return _RESOLVED[scenario.ARM.name](**vars(scenario) | known)
-
-
-def _noise(sensor: ForceSensorParams) -> float:
-    """Return the rms length of a force's error by noise and converter, N."""
-    undoing = sensor.undoing
-    scale = np.array([1.0, 1.0, 1.0, *3 * [sensor.radius]])[: undoing.shape[1]]
-    noise, step = known("noise", sensor.noise), known("resolution", sensor.resolution)
-    return math.sqrt(noise**2 / 3 + step**2 / 12) * float(np.linalg.norm(undoing * scale))
 
 
 def make_unknown_wall_diagram(

@@ -195,6 +195,7 @@ class ItemPlace:
     azimuth: float  # rad, the way to the wall
     layer: float  # m, height of what lies below
     laid: tuple[LaidNugget, ...]  # what lies in the crucible by then
+    on: LaidNugget | None  # of it, on which the item lies; None: on the bed
     lies: LaidNugget  # the item itself, once it is laid
 
     def below(self, nugget: Nugget, bed: Surface) -> Surface:
@@ -242,14 +243,9 @@ def places(
                 f"{name}.radius", radius, f"0 to {at_wall:g} m, inside the crucible"
             )
         position = station.place(item.azimuth, radius)
-        floor = max(
-            (
-                one.floor + one.nugget.height
-                for one in lying
-                if math.dist(one.middle[:2], position) < one.nugget.reach
-            ),
-            default=station.bed_height,
-        )
+        holding = [one for one in lying if math.dist(one.middle[:2], position) < one.nugget.reach]
+        on = max(holding, key=lambda one: one.floor + one.nugget.height, default=None)
+        floor = station.bed_height if on is None else on.floor + on.nugget.height
         layer = floor if believed else station.bed_height
         for one in lying:
             way, beside = math.dist(one.middle[:2], position), nugget.reach + one.nugget.reach
@@ -285,6 +281,7 @@ def places(
                 azimuth=item.azimuth,
                 layer=layer,
                 laid=tuple(lying),
+                on=on,
                 lies=here,
             )
         )

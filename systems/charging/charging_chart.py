@@ -16,6 +16,7 @@ from pydrake.systems.framework import Context
 
 from chamfer.systems.charging.charging_motions import ChargingMotions, Motion
 from chamfer.systems.charging.charging_params import (
+    LEVEL,
     ON_BOTH,
     ON_LAYER,
     ChargingBeliefs,
@@ -83,6 +84,9 @@ class _Guards:
         # Sliding down, the wall holds the nugget up.
         friction = self._params.wall_friction * max(self._push(tick), 0.0)
         return down - friction > max(self._params.layer_touch, self._detect)
+
+    def on_nugget(self, tick: ChargingTick) -> bool:
+        return self._motions.on_nugget(tick.memory.item) and self.on_below(tick)
 
     def _push(self, tick: ChargingTick) -> float:
         x, y, _ = tick.inputs.mean_force
@@ -197,7 +201,7 @@ STOPPED: Final = "stopped"
 
 
 # What is done where something is met that is looked for: source, target, label and guard.
-_Touch = tuple[str, str, str, Guard]
+_Touch = tuple[str, str, str, Guard, Motion]
 
 # Of each state the hybrid controller's mode; halted has that of the state before.
 MODE_OF: Final = dict.fromkeys(
@@ -207,8 +211,9 @@ MODE_OF: Final = dict.fromkeys(
         *("acquire.grip", "acquire.lift", "acquire.weigh"),
         *("scan.run_in", "scan.pass", "slew.over"),
         *("wall.lower", "wall.zero", "wall.approach", "wall.seek", "wall.press", "wall.slide"),
-        *("wall.land", "wall.lost", "wall.set_down"),
-        *("crown.lower", "crown.zero", "crown.descend", "crown.land", "crown.set_down"),
+        *("wall.land", "wall.lost", "wall.follow", "wall.set_down"),
+        *("crown.lower", "crown.zero", "crown.descend", "crown.land", "crown.follow"),
+        "crown.set_down",
         *("bulk.lower", "bulk.pour", "release.open", "retreat.up", "return.over"),
         *(BRAKE, AWAY, DONE, STOPPED),
     ),
@@ -218,7 +223,9 @@ MODE_OF: Final = dict.fromkeys(
     "wall.slide": CONTACT,
     "wall.land": CONTACT,
     "wall.lost": LOST,
+    "wall.follow": ON_BOTH,
     "wall.set_down": ON_BOTH,
+    "crown.follow": ON_LAYER,
     "crown.set_down": ON_LAYER,
 }
 
@@ -235,7 +242,9 @@ _NOTES: Final = {
     "wall.slide": "the same, down",
     "wall.land": "the same, slowly",
     "wall.lost": "creeps to the wall",
+    "wall.follow": "force on wall and nugget, along both to the place",
     "wall.set_down": "force on wall and layer",
+    "crown.follow": "force on the nugget below, along it to the place",
     "crown.set_down": "force on the layer",
     HALTED: "on the path, at rest",
     BRAKE: "stops on the path",
@@ -252,14 +261,19 @@ def make_charging_chart(params: ResolvedChargingParams, beliefs: ChargingBeliefs
     """Return the chart; a cycle that can't go on ends in ``stopped`` with a reason."""
     motions = ChargingMotions(params, beliefs)
     guards = _Guards(params, motions)
+    below: tuple[tuple[str, str, Guard, Motion], ...] = (
+        ("follow", "nugget", guards.on_nugget, "follow"),
+        ("set_down", "layer", guards.on_below, "stay"),
+    )
     touches: tuple[_Touch, ...] = (
-        ("acquire.descend", "acquire.touch", "touched", guards.on_below),
-        ("wall.approach", "wall.press", "wall", guards.at_wall),
-        ("wall.seek", "wall.press", "wall", guards.at_wall),
-        ("wall.slide", "wall.set_down", "layer", guards.on_below),
-        ("wall.land", "wall.set_down", "layer", guards.on_below),
-        ("crown.descend", "crown.set_down", "layer", guards.on_below),
-        ("crown.land", "crown.set_down", "layer", guards.on_below),
+        ("acquire.descend", "acquire.touch", "touched", guards.on_below, "stay"),
+        ("wall.approach", "wall.press", "wall", guards.at_wall, "stay"),
+        ("wall.seek", "wall.press", "wall", guards.at_wall, "stay"),
+        *(
+            (source, f"{source.partition('.')[0]}.{target}", label, guard, motion)
+            for source in ("wall.slide", "wall.land", "crown.descend", "crown.land")
+            for target, label, guard, motion in below
+        ),
     )
     actions = _Actions(guards, motions, touches)
     running = [name for name in MODE_OF if name not in (BRAKE, AWAY, DONE, STOPPED)]
@@ -323,7 +337,7 @@ def make_charging_chart(params: ResolvedChargingParams, beliefs: ChargingBeliefs
                 action=actions.halt,
             ),
             *resumed,
-            *(go(*touch, "stay") for touch in touches),
+            *(go(*touch) for touch in touches),
             go("home.out", "home.settle", arrived, guards.arrived, "stay"),
             go("home.settle", "acquire.above", "homed", guards.homed, "above"),
             fail("home.settle", "not homed", guards.never_homed, ChargingTrouble.NOT_HOMED),
@@ -357,6 +371,8 @@ def make_charging_chart(params: ResolvedChargingParams, beliefs: ChargingBeliefs
                 for name in ("wall.slide", "wall.land")
             ),
             fail("wall.lost", "lost too long", guards.lost_for_long, ChargingTrouble.CONTACT_LOST),
+            go("wall.follow", "wall.set_down", "at its place", guards.arrived, "stay"),
+            go("crown.follow", "crown.set_down", "at its place", guards.arrived, "stay"),
             go("wall.set_down", "release.open", rested, guards.rested, "stay"),
             go("crown.lower", "crown.zero", arrived, guards.arrived),
             go("crown.zero", "crown.descend", rested, guards.rested, "descend_to_layer"),
@@ -399,12 +415,15 @@ class _Actions:
         return self._moving("home", tick.memory, tick)
 
     def sense(self, tick: ChargingTick) -> ChargingMemory:
-        return self._guards.count(tick)
+        memory = self._guards.count(tick)
+        if memory.mode in (ON_BOTH, ON_LAYER) and tick.inputs.layer_normal is not None:
+            return memory._replace(below=memory.into_layer(tick.inputs.layer_normal))
+        return memory
 
     def wait(self, tick: ChargingTick) -> ChargingMemory:
         """Stand still; what is touched on the last way, or lost meanwhile, is not overlooked."""
         memory = tick.memory
-        for source, target, _, guard in self._touches:
+        for source, target, _, guard, _ in self._touches:
             if source == memory.left and guard(tick):
                 tick.memory = self.enter(target, "stay")(tick)
                 return self.halt(tick)
@@ -424,7 +443,8 @@ class _Actions:
             memory = tick.memory
             if target == "acquire.above" and memory.at == "return.over":
                 item = memory.item + 1
-                memory = memory._replace(item=item, losses=0, normal=self._motions.normal(item))
+                normal = self._motions.normal(item)
+                memory = memory._replace(item=item, losses=0, normal=normal, below=LEVEL)
             if motion is not None:
                 # With the mode before: what was under force control goes on where the arm is.
                 memory = self._moving(motion, memory, tick)
@@ -480,6 +500,7 @@ _SIZES: Final = dict.fromkeys(ChargingInputs._fields, 1) | {
     "desired_velocity": COORDINATES,
     "measured_force": 3,
     "mean_force": 3,
+    "layer_normal": 3,
 }
 
 
@@ -498,6 +519,7 @@ class ChargingMachine(StateMachine[ChargingInputs, ChargingMemory]):
         - mean_force
         - held
         - homed (optional)
+        - layer_normal (optional)
         - alive (optional)
         - halt (optional)
         output_ports:
@@ -508,6 +530,9 @@ class ChargingMachine(StateMachine[ChargingInputs, ChargingMemory]):
         - selection
         - grip
         - tare
+        - below
+        - restart
+        - wall
         - item
         - finished
         - trouble
@@ -541,7 +566,7 @@ class ChargingMachine(StateMachine[ChargingInputs, ChargingMemory]):
             make_charging_chart(params, beliefs),
             inputs=ChargingInputs,
             sizes=_SIZES,
-            optional=("homed", "alive", "halt"),
+            optional=("homed", "layer_normal", "alive", "halt"),
             outputs={
                 "segment": MachineOutput(size=SIZE, read=lambda memory: memory.segment.vector()),
                 "hold": number(lambda memory: memory.hold),
@@ -555,6 +580,9 @@ class ChargingMachine(StateMachine[ChargingInputs, ChargingMemory]):
                 ),
                 "grip": number(lambda memory: memory.grip),
                 "tare": number(lambda memory: tares(memory.at)),
+                "below": MachineOutput(size=3, read=lambda memory: memory.below),
+                "restart": number(lambda memory: not memory.on_layer),
+                "wall": MachineOutput(size=3, read=lambda memory: memory.wall),
                 "item": number(lambda memory: memory.item),
                 "finished": number(lambda memory: ends.get(memory.at, 0.0)),
                 "trouble": number(lambda memory: memory.trouble),

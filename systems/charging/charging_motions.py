@@ -12,6 +12,7 @@ from chamfer.systems.charging.charging_params import (
 )
 from chamfer.systems.trajectory.segment import LINE, SLEW, Segment, Vector3, Vector7, hold
 
+_CENTRED: Final = 1e-3  # m, from the middle of what lies below, that is on it
 _INSIDE: Final = 0.01  # m, of the nugget's lowest point below the rim where a slew ends
 
 Motion = Literal[
@@ -27,6 +28,7 @@ Motion = Literal[
     "seek_wall",  # slowly to the wall, and somewhat further
     "slide",  # down the wall, near to the layer
     "descend_to_layer",  # likewise without wall
+    "follow",  # along what was laid before, to the place
     "seek_layer",  # slowly down to the layer, and somewhat further
     "lift",  # out of the feeder
     "retreat",  # upwards out of the crucible
@@ -58,6 +60,10 @@ class ChargingMotions:
     def items(self) -> int:
         """Return how many items there are."""
         return len(self._beliefs.plan)
+
+    def on_nugget(self, item: int) -> bool:
+        """Return whether an item is laid on another that was laid before."""
+        return self._place(item).on is not None
 
     def mass(self, item: int) -> float:
         """Return an item's mass, kg, as it is believed."""
@@ -122,6 +128,8 @@ class ChargingMotions:
                 return self._towards_wall(now, item, params.search), params.seek_speed
             case "retreat":
                 return _at_height(now, max(top, now[2])), params.approach_speed
+            case "follow":
+                return (*self._place(item).position, *now[2:]), params.follow_speed
             case "away" if memory.trouble_at.startswith("wall"):
                 return _along(now, memory.normal, -params.near), params.slide_speed
             case "away":
@@ -155,11 +163,27 @@ class ChargingMotions:
     def _over_place(self, item: int, lowest: float) -> Vector7:
         place, n = self._place(item), self.normal(item)
         off = self._params.standoff if self.kind(item) == "wall" else 0.0
-        x, y = (a - off * b for a, b in zip(place.position, n[:2], strict=True))
+        x, y = (a - off * b for a, b in zip(self._landing(item), n[:2], strict=True))
         return self._pose(x, y, lowest, item, math.remainder(place.azimuth, 2 * math.pi))
 
+    def _landing(self, item: int) -> tuple[float, float]:
+        """Return where an item lands, m: on a nugget before its place, nearer to that's middle."""
+        place, (nx, ny, _) = self._place(item), self.normal(item)
+        x, y = place.position
+        if place.on is None:
+            return x, y
+        dx, dy = x - place.on.middle[0], y - place.on.middle[1]
+        if self.kind(item) == "wall":  # along the wall alone
+            along = ny * dx - nx * dy
+            dx, dy = along * ny, -along * nx
+        far = math.hypot(dx, dy)
+        if far < _CENTRED:
+            dx, dy, far = ny, -nx, 1.0
+        way = self._params.follow / far
+        return x - way * dx, y - way * dy
+
     def _towards_wall(self, now: Vector7, item: int, beyond: float) -> Vector7:
-        at_place = (*self._place(item).position, *now[2:])
+        at_place = (*self._landing(item), *now[2:])
         return _along(at_place, self.normal(item), beyond)
 
     def _now(self, memory: ChargingMemory, inputs: ChargingInputs) -> Vector7:

@@ -67,6 +67,7 @@ class ResolvedTouchDetectionParams(TouchDetectionParams):
 # Modes of the hybrid controller beside those of contact detection: what is pressed on.
 ON_BOTH: Final = 3  # wall and layer
 ON_LAYER: Final = 4
+LEVEL: Final = (0.0, 0.0, -1.0)  # into a level layer
 _MOST_SPEED: Final = 0.10  # m/s, towards the wall, section 1.1.2
 
 
@@ -102,6 +103,8 @@ class ChargingParams:
     standoff: float = 0.03  # m, of the nugget from the wall before the approach; assumed
     drop: float = 0.03  # m, of the nugget over the layer before it is lowered; assumed
     near: float = 0.01  # m, before what is believed, from where on it is sought; assumed
+    follow: float = 0.003  # m, along what was laid before, to its place; assumed
+    follow_speed: float = 0.005  # m/s, along it; assumed
     search: float = 0.025  # m, beyond what is believed, before it is not there; assumed
     lean: float = 0.3  # rad, of the gripper's body, off the wall; assumed, for 14 g nuggets
     rest: float = 0.25  # s, for the tare, and before and after the gripper opens; assumed
@@ -180,6 +183,8 @@ class ChargingInputs(NamedTuple):
     mean_force: tuple[float, ...]  # (3,), N, the same, the mean of the last readings
     held: tuple[float, ...]  # 1: the gripper's part sensor sees a part
     homed: tuple[float, ...] | None  # 1: the encoders' zeros are known; None: they always are
+    layer_normal: tuple[float, ...] | None
+    # (3,), of what lies below, out of it, as it is estimated; None: it is taken to be level
     alive: tuple[float, ...] | None  # 1: the force sensor works; None: it always does
     halt: tuple[float, ...] | None  # 1: the operator wants all to stand still
 
@@ -195,7 +200,7 @@ class ChargingMemory(NamedTuple):
     losses: int = 0  # of contact with the wall, of this item
     mode: int = 0  # of the hybrid controller
     normal: Vector3 = (1.0, 0.0, 0.0)  # into the wall, world axes
-    below: Vector3 = (0.0, 0.0, -1.0)  # into the layer
+    below: Vector3 = LEVEL  # into the layer, as it is believed or estimated
     hold: bool = False  # the path follower stands still
     grip: bool = False  # the gripper is closed
     carries: bool = False  # a part was seen in it
@@ -210,6 +215,23 @@ class ChargingMemory(NamedTuple):
         """Return what stopped the cycle, in words; "" if nothing did."""
         words = self.trouble.words
         return f"{words}, in {self.trouble_at}, item {self.item}" if words else ""
+
+    @property
+    def on_layer(self) -> bool:
+        """Whether the layer is pressed on."""
+        return self.mode in (ON_BOTH, ON_LAYER)
+
+    @property
+    def wall(self) -> Vector3:
+        """The direction into the wall that is pressed on beside the layer; zeros without one."""
+        return self.normal if self.mode == ON_BOTH else (0.0, 0.0, 0.0)
+
+    def into_layer(self, normal: tuple[float, ...]) -> Vector3:
+        """Return the direction into the layer by its normal, in the wall's tangent plane."""
+        along = sum(n * w for n, w in zip(normal, self.wall, strict=True))
+        x, y, z = (along * w - n for n, w in zip(normal, self.wall, strict=True))
+        length = math.hypot(x, y, z)
+        return x / length, y / length, z / length
 
     @property
     def pressed(self) -> tuple[Vector3, ...]:

@@ -41,6 +41,7 @@ class SurfaceObserver(LeafSystem):
         - measured_force_rate
         - nominal_motion
         - predicted_normal
+        - restart
         output_ports:
         - normal
         - covariance
@@ -51,7 +52,8 @@ class SurfaceObserver(LeafSystem):
     shape (d,), are of the gripper on the surface; ``nominal_motion``, shape (2d,), is position (m)
     and velocity (m/s) of the endpoint as it would be with a relaxed gripper. ``predicted_normal``,
     shape (d,), unit, may be left unconnected: a prediction, such as a camera's, whose turning the
-    estimate follows (section 4.5).
+    estimate follows (section 4.5). ``restart``, size 1, may be left unconnected too: while it is 1
+    the observer knows the initial normal alone.
 
     ``normal``, shape (d,), unit, points out of the material; ``covariance``, shape (d * d,), is
     P row by row; ``deviation``, size 1, rad, is the standard deviation of the normal's direction,
@@ -80,12 +82,14 @@ class SurfaceObserver(LeafSystem):
         sizes = {"measured_force": d, "measured_force_rate": d, "nominal_motion": 2 * d}
         self._ports = [self.DeclareVectorInputPort(*one) for one in sizes.items()]
         self._predicted = self.DeclareVectorInputPort("predicted_normal", d)
+        self._restart = self.DeclareVectorInputPort("restart", 1)
         self._d = d
-        self._memory = self.DeclareDiscreteState(self._filter.start(normal))
         P = params.initial_deviation**2 * np.eye(d)
-        start = Estimate(np.zeros(0), normal, P, NormalStatus.NO_CONTACT)
+        memory = self._filter.start(normal)
+        self._start = Estimate(memory, normal, P, NormalStatus.NO_CONTACT)
+        self._memory = self.DeclareDiscreteState(memory)
         self._outputs = []
-        for name, value in _outputs(start).items():
+        for name, value in _outputs(self._start).items():
             group = self.DeclareDiscreteState(value)
             self.DeclareStateOutputPort(name, group)
             self._outputs.append(group)
@@ -107,6 +111,8 @@ class SurfaceObserver(LeafSystem):
         # The sensor gives the gripper's force on the surface, the observer uses the opposite.
         sample = Sample(-force, -rate, motion[: self._d], motion[self._d :], predicted)
         found = self._filter.update(memory, sample)
+        if self._restart.HasValue(context) and self._restart.Eval(context)[0]:
+            found = self._start
         values = state.get_mutable_discrete_state()
         values.set_value(self._memory, found.memory)
         for group, value in zip(self._outputs, _outputs(found).values(), strict=True):

@@ -1,0 +1,42 @@
+"""Contact with what lies below, of a nugget that is also at the wall."""
+
+import numpy as np
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
+
+
+class AlongWall(LeafSystem):
+    """Takes the wall's normal out of force and motion.
+
+    .. pydrake_system::
+
+        name: AlongWall
+        input_ports:
+        - force
+        - motion
+        - wall
+        output_ports:
+        - force_along
+        - motion_along
+
+    What is left of the force is the layer's, and friction at the wall, which is along the motion:
+    in the wall's tangent plane section 4.1 holds as it does with a single contact. ``force``,
+    shape (3,), N; ``motion``, shape (6,), m and m/s; ``wall``, shape (3,), its unit normal, zeros
+    where there is no wall.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        wall = self.DeclareVectorInputPort("wall", 3)
+
+        def declare(name: str, size: int) -> None:
+            whole = self.DeclareVectorInputPort(name, size)
+
+            def calc(context: Context, vector: BasicVector) -> None:
+                rows, normal = whole.Eval(context).reshape(-1, 3), wall.Eval(context)
+                vector.SetFromVector((rows - np.outer(rows @ normal, normal)).ravel())
+
+            depends = {whole.ticket(), wall.ticket()}
+            self.DeclareVectorOutputPort(f"{name}_along", size, calc, depends)
+
+        declare("force", 3)
+        declare("motion", 6)
