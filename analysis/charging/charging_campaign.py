@@ -112,6 +112,7 @@ DRAWN: Final = (
     "size_error",
 )
 SLIDES: Final = ("wall.slide_force_min", "wall.slide_force")  # N, drawn over the friction
+NORMALS: Final = ("wall.normal_error", "crown.normal_error")  # rad
 
 
 def with_remedy(
@@ -230,7 +231,7 @@ def run_campaign(scenario: ChargingCampaignScenario, seed: int, progress: Progre
 def _told(cycle: CrucibleChargingScenario) -> tuple[str, ...]:
     """Return what of a cycle's measurements is told in its row."""
     limits = [one.metric for one in limits_of(cycle)]
-    return (*limits, *(one for one in SLIDES if one not in limits))
+    return (*limits, *(one for one in (*SLIDES, *NORMALS) if one not in limits))
 
 
 def _run_task(
@@ -295,6 +296,11 @@ def _metrics(
             if known:
                 note += f"; {min(known):.3g} to {max(known):.3g} {LIMITS[one.metric][0]}"
             metrics |= rate(f"{remedy}.{one.metric}", good, count, note)
+        for name in (one for one in NORMALS if one in limits_in(scenario.cycle.plan)):
+            errors = [row[name] for row in rows if row[name] is not None]
+            middle = float(np.median(errors)) if errors else None
+            note = f"median; {min(errors):.3g} to {max(errors):.3g} rad" if errors else "none"
+            metrics[f"{remedy}.{name}"] = Metric(value=middle, unit="rad", note=note)
     return metrics
 
 

@@ -40,6 +40,7 @@ MM: Final = 1e3
 CM: Final = 1e2
 GLASS: Final[Style] = {"facecolor": "#bfd4ea", "edgecolor": "#5a7fa8", "linewidth": 0.8}
 
+_NORMAL_95: Final = 1.96  # standard deviations
 _NAMED: Final = 8  # parts that a legend has room for; more have no label
 _COLOURS: Final = ("#1b4f9c", "#e07b00", "#2e7d32", "#7a4100", "#6fa0e8", "#b00020")
 
@@ -347,6 +348,55 @@ def _laid(
     )
 
 
+def plot_landscape(run: ChargingRun) -> Figure | None:
+    """Draw how nuggets followed what lies below them; None if none did."""
+    shown = [
+        part
+        for kind in ("wall", "crown")
+        for part in run.parts(kind, first=f"{kind}.follow", kind=kind)
+    ]
+    if not shown:
+        return None
+    traces = run.outcome.traces
+    taken, true = (in_space(traces, name) for name in ("normal", "true_normal"))
+    tilts = [np.degrees(np.arccos(np.clip(one[:, 2], -1.0, 1.0))) for one in (taken, true)]
+    figure = new_figure(11.0, 9.0)
+    force, normal, *selected = figure.subplots(4, 1, sharex=True)
+    _panel(
+        force,
+        _courses(shown, traces["layer_peak_force"], named=True),
+        [_limit(2.0, "N")],
+        "(a) Force on the nugget below, followed and set down on; less than 2 N is wanted",
+        "force / N",
+    )
+    if "normal_deviation" in traces:
+        half = np.degrees(_NORMAL_95 * traces["normal_deviation"])
+        for part in shown:
+            low, high = (tilts[0][part.rows] + sign * half[part.rows] for sign in (-1, 1))
+            look = BAND | {"color": _colour_of(part.item), "alpha": 0.15}
+            normal.fill_between(part.time, np.maximum(low, 0.0), high, **look)
+    dotted = [part._replace(style=part.style | {"linestyle": ":"}) for part in shown]
+    draw_lines(
+        normal,
+        (),
+        [*_courses(shown, tilts[0]), *_courses(dotted, tilts[1])],
+        title="(b) Slope as it is estimated, with its 95 % band, and as it is (dotted)",
+        y="slope / degrees",
+        over="",
+    )
+    for axes, i, letter in zip(selected, (0, 1), "cd", strict=True):
+        axis = "xy"[i]
+        draw_lines(
+            axes,
+            (),
+            [*_courses(shown, taken[:, i]), *_courses(dotted, true[:, i])],
+            title=f"({letter}) Direction under force control, along {axis}; the normal (dotted)",
+            y=f"part along {axis}",
+            over="time since the touch / s" if i else "",
+        )
+    return figure
+
+
 def plot_places(scenario: ResolvedCrucibleChargingScenario, outcome: Outcome) -> Figure | None:
     """Draw the crucible from above with what was left where; None if nothing was taken up."""
     traces, station = outcome.traces, scenario.station.true
@@ -410,8 +460,8 @@ def plot_charging(
     for name, (draw, modes, first, kind) in _MODES.items():
         if shown := run.parts(*modes, first=first, kind=kind):
             figures[name] = draw(run, shown)
-    places = plot_places(scenario, outcome)
-    return {**figures, "places": places} if places else figures
+    others = {"landscape": plot_landscape(run), "places": plot_places(scenario, outcome)}
+    return figures | {name: one for name, one in others.items() if one is not None}
 
 
 def _carried(traces: Table) -> NDArray[np.bool_]:

@@ -21,6 +21,7 @@ from chamfer.models.charging.station import Station
 from chamfer.models.surfaces.surface import locate
 from chamfer.systems.charging.charging_chart import ChargingMachine
 from chamfer.systems.contact.arm_motion import CONTACT_SIGNALS
+from chamfer.systems.force.selection import unit
 
 Array = NDArray[np.float64]
 
@@ -177,11 +178,13 @@ Mask = NDArray[np.bool_]
 Worst = Callable[[Sequence[float]], float]
 
 SCAN_SPEED: Final = 0.03  # m/s, section 1.1.2
-SLIDING: Final = ("wall.press", "wall.slide", "wall.land", "wall.lost")  # states on the wall
+# States on the wall, moving along it but for the first.
+SLIDING: Final = ("wall.press", "wall.slide", "wall.land", "wall.lost", "wall.follow")
 _LAID: Final[dict[str, tuple[str, Worst]]] = {
     "layer_shift": ("m", max),
     "peak_force": ("N", max),
     "impact_speed": ("m/s", max),
+    "normal_error": ("rad", max),  # of what lies below, as it is taken to be in the end
     "position_error": ("m", max),
     "gripper_clearance": ("m", min),
 }
@@ -294,7 +297,7 @@ def item_limits(
         if sliding.any():
             found["wall.slide_force_min"] = float(traces["wall_force"][sliding].min())
         # Between press and set-down, where it moves along the wall.
-        along = during("wall.slide", "wall.land", "wall.lost")
+        along = during(*SLIDING[1:])
         if along.any():
             found["wall.losses"] = _begins(along & ~(traces["wall_force"] > 0))
             found["wall.losses_seen"] = _begins(during("wall.lost"))
@@ -309,6 +312,16 @@ def item_limits(
             endpoint = [traces[name][leaving] for name in ADEPT_WRIST.coordinates]
             gripper = gripper_points(np.stack(endpoint, axis=1))
             found[f"{item.kind}.gripper_clearance"] = clearance(gripper, station)
+    if item.kind != "bulk" and set_down.any():
+        last = np.flatnonzero(set_down)[-1]
+        wall = np.array([np.cos(item.azimuth), np.sin(item.azimuth), 0.0])
+        into_wall = np.outer(wall, wall) if item.kind == "wall" else np.zeros((3, 3))
+        # At the wall in its tangent plane; across it the wall is known.
+        taken, true = (
+            unit(one - into_wall @ one)
+            for one in (in_space(traces, name)[last] for name in ("normal", "true_normal"))
+        )
+        found[f"{item.kind}.normal_error"] = math.acos(min(float(taken @ true), 1.0))
     if set_down.any():
         last = np.flatnonzero(set_down)[-1]
         # The bulk filler pours from where it is told to, the others are laid on what is below.

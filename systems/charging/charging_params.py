@@ -103,7 +103,7 @@ class ChargingParams:
     standoff: float = 0.03  # m, of the nugget from the wall before the approach; assumed
     drop: float = 0.03  # m, of the nugget over the layer before it is lowered; assumed
     near: float = 0.01  # m, before what is believed, from where on it is sought; assumed
-    follow: float = 0.003  # m, along what was laid before, to its place; assumed
+    follow: float = 0.005  # m, along what was laid before, to its place; assumed
     follow_speed: float = 0.005  # m/s, along it; assumed
     search: float = 0.025  # m, beyond what is believed, before it is not there; assumed
     lean: float = 0.3  # rad, of the gripper's body, off the wall; assumed, for 14 g nuggets
