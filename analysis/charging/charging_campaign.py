@@ -62,7 +62,7 @@ class SpreadParams:
     believed_mass: float = 0.25  # of what masses of links and items are taken for, relative
     size: float = 0.05  # of what the scanner takes for a nugget's size, relative; assumed
     place: float = 0.002  # m, of the crucible's axis along x and y; assumed
-    tilt: float = 0.4  # rad, of each nugget that lies in the crucible already; assumed
+    lying_tilt: float = 0.4  # rad, of each nugget that lies in the crucible already; assumed
     aside: float = 0.3  # of its reach, by which such a one lies along the wall; assumed
     masses: tuple[float, ...] = (0.014, 0.028, 0.085, 0.140, 0.185)
     # kg, of which all nuggets of a cycle have one; appendix C; empty: as planned
@@ -71,7 +71,7 @@ class SpreadParams:
         relative = "joint_friction", "surface_friction", "slip_friction", "size"
         require_between(self, 0.0, 1.0, *relative)
         require_between(self, 0.0, 0.5, "believed_mass")
-        require_not_negative(self, "bias", "normal", "place", "tilt", "aside")
+        require_not_negative(self, "bias", "normal", "place", "lying_tilt", "aside")
         if not all(0 < one < math.inf for one in self.masses):
             raise ParameterError("masses", self.masses, "finite numbers > 0")
 
@@ -168,7 +168,7 @@ def drawn(
         return replace(
             item,
             azimuth=item.azimuth + way * off(spread.aside),
-            tilt=off(spread.tilt),
+            tilt=off(spread.lying_tilt),
             tilt_azimuth=off(math.pi),
         )
 

@@ -519,9 +519,9 @@ class ChargingMachine(StateMachine[ChargingInputs, ChargingMemory]):
         - mean_force
         - held
         - homed (optional)
-        - layer_normal (optional)
         - alive (optional)
         - halt (optional)
+        - layer_normal (optional)
         output_ports:
         - segment
         - hold
@@ -566,7 +566,7 @@ class ChargingMachine(StateMachine[ChargingInputs, ChargingMemory]):
             make_charging_chart(params, beliefs),
             inputs=ChargingInputs,
             sizes=_SIZES,
-            optional=("homed", "layer_normal", "alive", "halt"),
+            optional=("homed", "alive", "halt", "layer_normal"),
             outputs={
                 "segment": MachineOutput(size=SIZE, read=lambda memory: memory.segment.vector()),
                 "hold": number(lambda memory: memory.hold),

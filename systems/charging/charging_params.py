@@ -183,10 +183,10 @@ class ChargingInputs(NamedTuple):
     mean_force: tuple[float, ...]  # (3,), N, the same, the mean of the last readings
     held: tuple[float, ...]  # 1: the gripper's part sensor sees a part
     homed: tuple[float, ...] | None  # 1: the encoders' zeros are known; None: they always are
-    layer_normal: tuple[float, ...] | None
-    # (3,), of what lies below, out of it, as it is estimated; None: it is taken to be level
     alive: tuple[float, ...] | None  # 1: the force sensor works; None: it always does
     halt: tuple[float, ...] | None  # 1: the operator wants all to stand still
+    layer_normal: tuple[float, ...] | None = None
+    # (3,), of what lies below, out of it, as it is estimated; None: it is taken to be level
 
 
 class ChargingMemory(NamedTuple):

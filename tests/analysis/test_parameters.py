@@ -77,9 +77,9 @@ MAY_BE_ZERO = """
     ScenarioSpread: camera_turn focal force_bias friction lateral obstacle_short obstacles
     rotational tight torque_bias wrist_stiffness; SceneStyle: blur; Seat: harder; SensorParams:
     exposure vignetting; ServoCameraParams: lost; ServoPlantParams: dead_time; Spread:
-    joint_friction lateral link_mass payload rotational; SpreadParams: believed_mass bias
-    joint_friction normal place size slip_friction surface_friction; SpringConstraintParams: index
-    stiffness; StepSpread: step; SurfaceFriction: coefficient ripple; SurfaceObserverParams:
+    joint_friction lateral link_mass payload rotational; SpreadParams: aside believed_mass
+    bias joint_friction lying_tilt normal place size slip_friction surface_friction;
+    SpringConstraintParams: index stiffness; StepSpread: step; SurfaceFriction: coefficient ripple; SurfaceObserverParams:
     force_noise force_rate_noise halt_speed initial_deviation rate_lag; SurfaceScenario:
     force_delay; TouchDetectionParams: release; TouchedSettings: damping; TrackingTask: depth;
     Unevenness: ripple; UnknownWallSettings: roll tilt; UnknownWallTask: wait;

@@ -84,7 +84,9 @@ def test_a_limit_that_a_cycle_does_not_come_to_is_not_kept(
     kept = {one.metric: one.value for one in CHARGING}
 
     def row(cycle: Any, spread: Any, means: Any, seed: int, task: Any) -> dict[str, Any]:
-        found = dict.fromkeys((*charging_campaign.DRAWN, *charging_campaign.SLIDES), 0.0)
+        found = dict.fromkeys(
+            (*charging_campaign.DRAWN, *charging_campaign.SLIDES, *charging_campaign.NORMALS), 0.0
+        )
         values = {**kept, "wall.slide_force": 3.0} if task.trial == 1 else dict(kept)
         if task.trial == 2:
             values = dict.fromkeys(kept)

@@ -1,5 +1,6 @@
 """The columns of a charging run, the limits of section 1.1.2, and the experiment's rows."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -64,6 +65,8 @@ def traces() -> dict[str, np.ndarray]:
         "measured_force": np.tile([0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 0.0], (2, 1)),
         "desired_force": np.tile([1.1, 1.2, 1.3, 0.0, 0.0, 0.0, 0.0], (2, 1)),
         "layer_shift": np.array([[0.0, 0.0], [3e-4, 4e-4]]),
+        "below": np.tile([0.0, 0.6, -0.8], (2, 1)),
+        "layer_deviation": np.array([[0.2], [0.1]]),
     }
     return traces_of(SCENARIO, Run(time=np.array([0.0, 0.005]), outputs=outputs))
 
@@ -100,6 +103,10 @@ def test_coordinates_joints_and_shift_have_their_columns(traces: dict[str, np.nd
     assert traces[f"{last}.torque"][0] == SCENARIO.ARM.num_joints - 0.5
     np.testing.assert_allclose(traces["layer_shift"], [0.0, 5e-4])
     assert (traces["measured_force_z"][0], traces["desired_force_y"][0]) == (0.3, 1.2)
+    # What is pressed into, turned outwards; nothing is met, and level is what is not met.
+    assert (traces["normal_y"][1], traces["normal_z"][1]) == (-0.6, 0.8)
+    assert (traces["true_normal_y"][1], traces["true_normal_z"][1]) == (0.0, 1.0)
+    np.testing.assert_allclose(traces["normal_deviation"], [0.2, 0.1])
 
 
 STATION = Station()
@@ -111,17 +118,32 @@ def made(states: Sequence[int], **columns: Sequence[float]) -> dict[str, np.ndar
     """Return traces in which nothing happens but what is told, a row a tenth of a second."""
     n = len(states)
     names = ["item", "layer_shift", *ADEPT_WRIST.coordinates]
-    names += [f"{what}_{axis}" for what in ("nugget", "desired") for axis in "xyz"]
+    spaces = ("nugget", "desired", "normal", "true_normal")
+    names += [f"{what}_{axis}" for what in spaces for axis in "xyz"]
     for place in ("feeder", "wall", "layer"):
         names += [f"{place}_{what}" for what in ("force", "gap", "peak_force", "impact_speed")]
     traces = {name: np.zeros(n) for name in names}
     traces |= {"time": 0.1 * np.arange(n), "state": np.array(states, dtype=float)}
+    traces |= {"normal_z": np.ones(n), "true_normal_z": np.ones(n)}
     return traces | {name: np.array(values, dtype=float) for name, values in columns.items()}
 
 
 def measured(traces: dict[str, np.ndarray]) -> dict[str, float]:
     item = Item("wall", NUGGET, (0.0, 0.0, 0.0), 0.0)
     return item_limits(traces, NAMES, item, 0, STATION)
+
+
+@pytest.mark.parametrize(("kind", "error"), [("wall", 0.3), ("crown", 0.5)])
+def test_the_normal_s_error_is_along_the_wall_at_the_wall(kind: str, error: float) -> None:
+    # Off by 0.3 rad along the wall, which is at +x; with what it is off across it by 0.5.
+    across = math.sqrt((math.cos(0.3) / math.cos(0.5)) ** 2 - 1)
+    normal = np.array([across, math.sin(0.3), math.cos(0.3)]) / math.hypot(1.0, across)
+    columns = {f"true_normal_{axis}": [one] * 2 for axis, one in zip("xyz", normal, strict=True)}
+    item = Item(kind, NUGGET, (0.0, 0.0, 0.0), 0.0)
+    names = ("crown.set_down", *NAMES[1:])
+    rows = made([NAMES.index("wall.set_down") if kind == "wall" else 0] * 2, **columns)
+    found = item_limits(rows, names, item, 0, STATION)
+    assert found[f"{kind}.normal_error"] == pytest.approx(error, abs=1e-9)
 
 
 def test_what_was_not_reached_is_missing() -> None:

@@ -1,4 +1,4 @@
-"""Whatever fails in whichever mode of the whole loop: a safe stop, with the reason."""
+"""The whole loop: a safe stop, with the reason, whatever fails; what is unknown is followed."""
 
 from dataclasses import replace
 
@@ -10,6 +10,7 @@ from chamfer.analysis.charging.crucible_charging import measure
 from chamfer.diagrams.charging.charging_scenario import (
     CrucibleChargingScenario,
     FaultParams,
+    chart_of,
     resolve_charging,
 )
 from chamfer.models.charging.packing import ItemKind, PlanItem
@@ -70,3 +71,24 @@ def test_contact_that_a_blow_breaks_is_found_again() -> None:
     assert way[-1] == ("return.over", "done")
     assert found["wall.slide_force"] < 2
     assert found["wall.position_error"] < 5e-4
+
+
+@pytest.mark.slow
+def test_a_nugget_of_unknown_normal_is_followed_to_its_place() -> None:
+    lies = PlanItem(kind="crown", azimuth=0.3, radius=0.1, tilt=0.4, tilt_azimuth=0.3)
+    plan = (PlanItem(kind="crown", azimuth=0.3, radius=0.112),)
+    scenario = resolve_charging(CrucibleChargingScenario(plan=plan, laid=(lies,), step=2e-4))
+    run = run_charging(scenario, 0)
+    (found,) = measure(scenario, run)
+    assert "crown.follow" in run.transitions["target"]
+    traces = run.traces
+    rows = np.isin(traces["state"], [chart_of(scenario).state_names.index("crown.follow")])
+    assert np.degrees(np.arccos(traces["true_normal_z"][rows][0])) > 10
+    assert np.degrees(found["crown.normal_error"]) < 4
+    # The force that is wanted is along the estimate.
+    force = np.stack([traces[f"desired_force_{axis}"][rows] for axis in "xyz"], axis=1)
+    normal = np.stack([traces[f"normal_{axis}"][rows] for axis in "xyz"], axis=1)
+    np.testing.assert_allclose(force, -scenario.charging.layer_force * normal, atol=1e-12)
+    assert traces["layer_force"][rows].min() > 0.2
+    assert found["crown.peak_force"] < 1.5
+    assert found["crown.position_error"] < 2e-3

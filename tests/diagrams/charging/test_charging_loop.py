@@ -34,7 +34,12 @@ def test_cycle_knows_the_world_by_its_sensors_alone(wires: Any) -> None:
         ("tip", "tip on the layer"),
     }
     sources = {wire[0] for wire in wires(diagram) if wire[2] == "charging chart"}
-    assert sources == {"path", "endpoint motion", "tare", "mean force", "homing", "grasp"}
+    sensed = {"path", "endpoint motion", "tare", "mean force", "homing", "grasp"}
+    assert sources == {*sensed, "surface observer"}
+    observed = {wire[0] for wire in wires(diagram) if wire[2] == "along the wall"}
+    assert observed == {"mean force", "mean motion", "charging chart"}
+    blind = make_charging_diagram(resolve_charging(replace(ONE, observer=None)))
+    assert {wire[0] for wire in wires(blind) if wire[2] == "charging chart"} == sensed
     assert {wire[1] for wire in wires(diagram) if wire[0] == "grasp"} == {"scene", "held"}
 
 

@@ -85,6 +85,7 @@ class Cell:
     path: FollowerMemory = field(init=False)
     faults: Faults = field(default_factory=Faults)
     halt: bool = False
+    normal: tuple[float, float, float] | None = None  # of the layer, as it is estimated
     held: bool = False
     ticks: int = 0
     records: list[TransitionRecord] = field(default_factory=list)
@@ -137,6 +138,7 @@ class Cell:
             homed=(float(self.faults.homed),),
             alive=(float(self.faults.alive),),
             halt=(float(self.halt),),
+            layer_normal=self.normal,
         )
         time = self.ticks * PERIOD
         self.snapshot, record = self.chart.step(self.snapshot, inputs, time)
@@ -220,6 +222,47 @@ LAY = {
     "bulk": [],
 }
 PLAN = (PlanItem(azimuth=-0.8), PlanItem(kind="crown", azimuth=0.8), PlanItem(kind="bulk"))
+
+
+ESTIMATED = (0.28, -0.96 * 0.28, 0.96 * 0.96)  # of length 1, out of a sloping nugget
+
+
+@pytest.mark.parametrize("kind", ["wall", "crown"])
+def test_a_nugget_on_a_nugget_follows_it_to_its_place(kind: ItemKind) -> None:
+    azimuth = 0.4
+    cell = cell_with(PlanItem(azimuth=azimuth), PlanItem(kind=kind, azimuth=azimuth + 0.05))
+    cell.normal = ESTIMATED
+    cell.run(lambda one: one.memory.item == 1).to(f"{kind}.follow")
+    place = cell.beliefs.places[1].position
+    start = cell.path.desired_position[:2]
+    assert math.dist(start, place) == pytest.approx(PARAMS.follow, rel=0.1)
+    cell.tick()
+    # Force control is into the nugget as it is estimated; at the wall in its tangent plane.
+    into_wall, down = np.array(cell.memory.normal), -np.array(ESTIMATED)
+    if kind == "wall":
+        down -= (down @ into_wall) * into_wall
+        down /= np.linalg.norm(down)
+    np.testing.assert_allclose(cell.memory.below, down, atol=1e-12)
+    pressed = np.array(cell.memory.pressed)
+    np.testing.assert_allclose(pressed @ pressed.T, np.eye(len(pressed)), atol=1e-12)
+    force = np.array(cell.memory.desired_force(PARAMS)[:3])
+    bears = PARAMS.wall_friction * PARAMS.wall_force if kind == "wall" else 0.0
+    assert force @ down == pytest.approx(PARAMS.layer_force + bears)
+    cell.to(f"{kind}.set_down")
+    along = np.eye(3) - pressed.T @ pressed
+    off = along @ np.array([*(cell.path.desired_position[:2] - place), 0.0])
+    assert np.linalg.norm(off) < 1e-3
+    # The next one is taken to be level again.
+    assert cell.end().state == "done"
+
+
+def test_what_lies_on_the_bed_is_set_down_at_once_and_nothing_is_learnt() -> None:
+    cell = cell_with(PlanItem(kind="crown"))
+    cell.normal = ESTIMATED
+    cell.to("crown.land")
+    assert cell.memory.below == (0.0, 0.0, -1.0)
+    cell.end()
+    assert "crown.follow" not in cell.way()
 
 
 def test_items_go_through_their_modes_one_after_the_other() -> None:

@@ -114,6 +114,21 @@ def test_block_does_what_its_filter_does(
         assert {NormalStatus.MEASURED, NormalStatus.HALTED} <= statuses
 
 
+def test_restarted_it_knows_what_it_knew_at_first(make_params: Any, samples: Any) -> None:
+    slide = samples(3)
+    watching, anew = Watching(make_params(3)), Watching(make_params(3))
+    first = watching.everything()
+    for sample in slide[:20]:
+        watching.tick(sample, restart=0.0)
+    assert watching.everything() != first
+    watching.tick(slide[20], restart=1.0)
+    assert watching.everything() == first
+    for sample in slide[21:30]:
+        watching.tick(sample, restart=0.0)
+        anew.tick(sample)
+        assert watching.everything() == anew.everything()
+
+
 def test_sign_of_the_measured_force(make_params: Any) -> None:
     # The gripper pushes down and drags along; the surface's normal is up.
     params = make_params(2, kind="thesis", force_noise=0.0, force_rate_noise=0.0)
