@@ -313,7 +313,8 @@ def spoilt_charging() -> Values:
         at = {"x": x + 0.5 * (time - 4.5), "y": zero + y, "z": station.bed_height - 0.5 * time}
         at["y"][state == 3] = station.scanner[1]
         rows = {f"nugget_{axis}": at[axis] for axis in "xyz"}
-        rows |= {f"desired_{axis}": zero for axis in "xyz"}
+        spaces = ("desired", "normal", "true_normal")
+        rows |= {f"{name}_{axis}": zero + 1.0 for name in spaces for axis in "xyz"}
         rows |= dict.fromkeys(ADEPT_WRIST.coordinates, zero)
         for place in ("feeder", "wall", "layer"):
             rows |= {f"{place}_peak_force": zero + 30.0, f"{place}_impact_speed": zero + 1.0}
