@@ -221,10 +221,13 @@ def _spread(name: str, values: Array, unit: str, pixel_size: float) -> dict[str,
     lacks = [f"undefined in {missing} of {len(values)}"] if missing else []
     if not len(known):
         return metrics_of({f"{name}.{key}": (None, unit, lacks[0]) for key in _POOLED})
-    rms, largest = math.sqrt(float(np.mean(known**2))), float(np.abs(known).max())
+    rms = math.sqrt(float(np.mean(known**2)))
+    largest = None if missing else float(np.abs(known).max())  # nobody knows that of the others
     rows = {}
     for key, value in zip(_POOLED, (rms, largest), strict=True):
-        notes = [f"{1e3 * pixel_size * value:.2g} mm at the parts"] if unit == "px" else []
+        notes = []
+        if unit == "px" and value is not None:
+            notes = [f"{1e3 * pixel_size * value:.2g} mm at the parts"]
         notes += [f"mean {float(np.mean(known)):.2g} {unit}"] if key == "rms" else []
         rows[f"{name}.{key}"] = value, unit, ", ".join([*notes, *lacks])
     return metrics_of(rows)
