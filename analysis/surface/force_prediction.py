@@ -44,7 +44,8 @@ Array = NDArray[np.float64]
 
 _RUNS: Final = 20  # of the observer
 _ONE_IN_20: Final = 1.645  # standard deviations that 95 % of normal values stay below
-_LIMIT: Final = TOLERANCE - 0.005  # beyond which it is warned of
+_OFF: Final = 0.5  # %, the error of a prediction
+_LIMIT: Final = 100 * TOLERANCE - _OFF  # %, beyond which it is warned of
 _LONGEST: Final = 20.0  # s, that are looked at
 _MARGIN: Final = 3.0  # gain margin of the force integral that is proposed
 _DERIVED: Final = [
@@ -54,10 +55,10 @@ _DERIVED: Final = [
 
 
 class ForceError(NamedTuple):
-    """By what the force will be off once it has settled, relative to the desired one."""
+    """By what the force will be off once it has settled, of the desired one."""
 
-    likely: float  # 95 % of the runs stay within
-    turning: float  # the same in all runs: the normal turns and its estimate lags
+    likely: float  # %, 95 % of the runs stay within
+    turning: float  # %, the same in all runs: the normal turns and its estimate lags
     turns: float  # rad/s, the normal at most
     estimate: float  # rad, rms error of the normal that the controller has
 
@@ -119,7 +120,7 @@ def force_error(scenario: ResolvedTrackingScenario) -> ForceError:
     z[:d] = (normal * (force / stiffness - scenario.task.depth))[:, None]
     errors = np.empty_like(off)
     for k in range(len(off)):
-        errors[k] = -normal @ loop.arm.late @ z[: 2 * d] / force
+        errors[k] = -normal @ loop.arm.late @ z[: 2 * d] * 100 / force
         seen = arm.C @ z
         seen[2 * d :] += np.outer(normal, read[k])
         torque = law.C @ memory + law.D @ seen + np.outer(normal, drive[k])
@@ -180,11 +181,15 @@ def warn_of_force(scenario: ResolvedTrackingScenario) -> None:
     What is proposed is predicted in the same way; the first that helps is named.
     """
     task, observer, control = scenario.task, scenario.observer, scenario.controller
-    if not task.speed or (found := force_error(scenario)).likely <= _LIMIT:
+    if not task.speed:
+        return
+    with np.errstate(all="ignore"):  # a loop may run though it is unstable
+        found = force_error(scenario)
+    if not found.likely > _LIMIT:
         return
     text = (
-        f"task.force is {task.force:g} N, in one of 20 runs it will be off by "
-        f"{found.likely:.1%}, allowed: {TOLERANCE:.0%}; {found.turning:.0%} as the normal turns "
+        f"task.force is {task.force:g} N, in one of 20 runs it will be off by {found.likely:.3g} "
+        f"+- {_OFF:g} %, allowed: {100 * TOLERANCE:g} %; {found.turning:.2g} % as the normal turns "
         f"({found.turns:.2g} rad/s at task.speed={task.speed:g}), the rest as its estimate errs "
         f"({math.degrees(found.estimate):.2g} deg rms, observer.kind={observer.kind})"
     )
@@ -205,6 +210,6 @@ def warn_of_force(scenario: ResolvedTrackingScenario) -> None:
         except (ParameterError, UserError):
             continue
         if (less := force_error(changed).likely) <= _LIMIT:
-            text += f"; {less:.1%} with {' '.join(change)}"
+            text += f"; {less:.2g} % with {' '.join(change)}"
             break
     warnings.warn(text, stacklevel=2)

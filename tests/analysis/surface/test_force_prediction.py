@@ -48,7 +48,7 @@ def test_the_force_is_off_as_predicted(settings: tuple[str, ...]) -> None:
     largest = []
     for seed in range(2):
         traces = run_surface(asked, seed)
-        off = np.abs(traces["force"] / asked.task.force - 1)
+        off = 100 * np.abs(traces["force"] / asked.task.force - 1)
         largest.append(off[traces["time"] > 1.0].max())
     # Of what 95 % stay within the mean is some three quarters.
     assert 0.7 * np.mean(largest) < force_error(asked).likely < 1.7 * np.mean(largest)
