@@ -189,7 +189,7 @@ def warn_of_force(scenario: ResolvedTrackingScenario) -> None:
         return
     text = (
         f"task.force is {task.force:g} N, in one of 20 runs it will be off by {found.likely:.3g} "
-        f"+- {_OFF:g} %, allowed: {100 * TOLERANCE:g} %; {found.turning:.2g} % as the normal turns "
+        f"+- {_OFF:g} %, allowed: {100 * TOLERANCE:g} %; {found.turning:.2g} % as normals turn "
         f"({found.turns:.2g} rad/s at task.speed={task.speed:g}), the rest as its estimate errs "
         f"({math.degrees(found.estimate):.2g} deg rms, observer.kind={observer.kind})"
     )
