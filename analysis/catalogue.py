@@ -579,11 +579,12 @@ CATALOGUE: Final = Catalogue(
             figure="section 4.5",
             summary="eight observers of the normal on the same slides: error, "
             "honesty of the band, cost",
+            seconds=600,
             module="chamfer.analysis.surface.observer_comparison",
             scenario="OBSERVER_COMPARISON",
             resolve="resolve_comparison",
             run="run_comparison",
-            reduced=("trials=1",),
+            reduced=("trials=1", "suite.trials=1", "suite.surfaces=[bend_5, constant]"),
         ),
         _tracking(
             name="unknown-surface-control-adaptive",

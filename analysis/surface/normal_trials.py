@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -158,9 +158,10 @@ def table_of_observers(finished: Trials[Any], count: int, **of_trial: Sequence[i
     }
 
 
-def _samples(
+def samples_of(
     on: Slide, observer: Contender, shown: tuple[Array, Array], first: int
 ) -> list[Sample]:
+    """Return what an observer is given from a sample on."""
     d = on.force.shape[1]
     known = [None] * len(on.time) if observer.predicted is None else list(observer.predicted)
     rows = zip(*shown, on.nominal[:, :d], on.nominal[:, d:], known, strict=True)
@@ -178,7 +179,7 @@ def _errors(
     memory = observer.filter.start(up)
     normals, covariances = np.tile(up, (count, 1)), np.tile(np.eye(d), (count, 1, 1))
     bands = np.full(count, math.inf)
-    for k, sample in enumerate(_samples(on, observer, shown, observer.first), observer.first):
+    for k, sample in enumerate(samples_of(on, observer, shown, observer.first), observer.first):
         found = observer.filter.update(memory, sample)
         memory, normals[k], covariances[k] = found.memory, found.normal, found.covariance
         bands[k] = tangential_deviation(found.normal, found.covariance)
@@ -193,12 +194,12 @@ def _errors(
 
 def cost(observer: Contender, on: Slide, *, up: Array, updates: int) -> float:
     """Return the time that an update takes, s, the least of a few rounds."""
-    samples = _samples(on, observer, (on.force, on.force_rate), len(on.time) // 2)
+    samples = samples_of(on, observer, (on.force, on.force_rate), len(on.time) // 2)
     best = math.inf
     for _ in range(max(1, updates // len(samples))):
         memory = observer.filter.start(up)
-        begin = perf_counter()
+        begin = process_time()
         for sample in samples:
             memory = observer.filter.update(memory, sample).memory
-        best = min(best, (perf_counter() - begin) / len(samples))
+        best = min(best, (process_time() - begin) / len(samples))
     return best

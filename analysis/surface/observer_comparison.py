@@ -13,7 +13,7 @@ from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_rows import Row
 from chamfer.analysis.drawing.figure_kit import draw_intervals, metric_value, name_rows
 from chamfer.analysis.drawing.figure_style import PUBLISHED, Style, dress, legend, new_figure
-from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, part_of
 from chamfer.analysis.surface.normal_trials import (
     Contender,
     Slide,
@@ -25,18 +25,9 @@ from chamfer.analysis.surface.normal_trials import (
     slide,
     table_of_observers,
 )
-from chamfer.diagrams.surface.surface_estimation import (
-    EstimationScenario,
-    LeadSettings,
-    ResolvedEstimationScenario,
-    resolve_estimation,
-)
-from chamfer.diagrams.surface.surface_scenario import (
-    ObserverSettings,
-    SurfaceSettings,
-    SurfaceShape,
-)
-from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.analysis.surface.observer_band import BandSuite, band_figure, band_metrics, run_suite
+from chamfer.analysis.surface.observer_slides import CASES, SlideCase
+from chamfer.diagrams.surface.surface_scenario import ObserverSettings, SurfaceSettings
 from chamfer.models.validation import ParameterError, require_positive
 from chamfer.systems.estimation.normal_filter import KINDS, ObserverKind
 from chamfer.systems.estimation.surface_observer import make_filter
@@ -45,94 +36,6 @@ from chamfer.systems.sensing.force_rate import ForceRateSensorParams
 _WINDOW: Final = (2.0, 15.0)  # s
 _MOST_TRIALS: Final = 10_000
 _TIMED: Final = 3000  # updates
-
-
-class SlideCase(NamedTuple):
-    """A surface with its friction."""
-
-    surface: SurfaceSettings
-    friction: SurfaceFriction
-    tuned: bool  # the adaptive observer's parameters were chosen on it
-    lead: LeadSettings = LeadSettings()
-
-    @property
-    def constant(self) -> bool:
-        """Whether friction is the same everywhere."""
-        return not (self.friction.ripple or self.friction.jump)
-
-    def estimation(
-        self,
-        sensor: ForceRateSensorParams,
-        until: float,
-        *,
-        hover: float = 0.0,
-        press: float = 0.0,
-    ) -> ResolvedEstimationScenario:
-        """Return the slide's scenario, up to so long after the motion along x begins, s."""
-        lead = replace(self.lead, hover=hover, press=press)
-        return resolve_estimation(
-            EstimationScenario(
-                surface=self.surface,
-                friction=self.friction,
-                lead=lead,
-                sensor=sensor,
-                duration=lead.begins + until,
-            )
-        )
-
-
-_STRAIGHT: Final = LeadSettings()
-
-
-def _case(
-    shape: SurfaceSettings,
-    coefficient: float,
-    tuned: bool,
-    lead: LeadSettings = _STRAIGHT,
-    **varying: float,
-) -> SlideCase:
-    friction = SurfaceFriction(coefficient=coefficient, **varying)
-    return SlideCase(shape, friction, tuned, lead)
-
-
-def _parabola(*coefficients: float) -> SurfaceSettings:
-    shape: SurfaceShape = "parabola" if len(coefficients) == 1 else "paraboloid"
-    return SurfaceSettings(shape=shape, coefficients=coefficients)
-
-
-def _sheet(*waves: tuple[float, float]) -> SurfaceSettings:
-    amplitudes, wavelengths = zip(*waves, strict=True)
-    return SurfaceSettings(shape="wavy_sheet", amplitudes=amplitudes, wavelengths=wavelengths)
-
-
-_WAVE: Final = SurfaceSettings(shape="wave", amplitudes=(0.03,), wavelengths=(2.0,))
-_BOWL: Final = SurfaceSettings(shape="circle", radius=4.0, inside=True)
-_ASIDE, _OTHER_SIDE = LeadSettings(sideways=0.3), LeadSettings(sideways=-0.4)
-_SHEET: Final = _sheet((0.02, 1.6), (0.03, 2.5))
-CASES: Final[Mapping[str, SlideCase]] = {
-    "constant": _case(_parabola(0.05), 1.0, True),
-    "ripple": _case(_parabola(0.05), 1.0, True, ripple=0.2),
-    "low_ripple": _case(_parabola(0.05), 0.5, True, ripple=0.15),
-    "step_down": _case(_parabola(0.05), 1.0, True, jump=-0.4, jump_at=1.2),
-    "sharper": _case(_parabola(0.15), 0.3, True),
-    "bowl": _case(_BOWL, 0.5, False),
-    "falling": _case(_parabola(-0.005), 0.4, False),
-    "step_up": _case(_parabola(0.1), 0.4, False, jump=0.5, jump_at=1.0),
-    "wave_ripple": _case(_WAVE, 0.7, False, ripple=0.3, wavelength=0.6),
-    "space_paraboloid": _case(_parabola(0.05, 0.15), 0.6, False, _ASIDE),
-    "space_wavy": _case(_sheet((0.03, 2.0), (0.02, 1.5)), 0.4, True, _ASIDE, ripple=0.1),
-    "space_sheet": _case(
-        _sheet((0.02, 1.6), (0.03, 2.5)),
-        0.6,
-        False,
-        replace(_ASIDE, sideways=-0.4),
-        ripple=0.15,
-        wavelength=0.7,
-    ),
-    "space_bowl": _case(
-        replace(_BOWL, shape="sphere"), 0.3, False, LeadSettings(sideways=0.5, depth=0.15)
-    ),
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,6 +47,7 @@ class ObserverComparisonScenario:
     sensor: ForceRateSensorParams = ForceRateSensorParams()
     vision_error: float = 0.2  # relative, of the surface's shape as the camera sees it
     vision_radius: float = 3.0  # m, that the camera's error is taken to keep to
+    suite: BandSuite = BandSuite()
 
     def __post_init__(self) -> None:
         require_positive(self, "smallest_radius", "vision_radius")
@@ -189,6 +93,7 @@ def flattened(surface: SurfaceSettings, part: float) -> SurfaceSettings:
     return replace(
         given,
         coefficients=tuple(kept * a for a in given.coefficients) if given.coefficients else None,
+        curvatures=tuple(kept * a for a in given.curvatures) if given.curvatures else None,
         amplitudes=tuple(kept * a for a in given.amplitudes) if given.amplitudes else None,
         radius=given.radius / kept if given.radius else None,
     )
@@ -232,7 +137,8 @@ def _observe(scenario: ObserverComparisonScenario, seed: int, task: SlideTrial) 
 def run_comparison(scenario: ObserverComparisonScenario, seed: int, progress: Progress) -> Outcome:
     """Run all observers on all cases, each seed's noise the same for all."""
     tasks = [SlideTrial(case, trial) for case in CASES for trial in range(scenario.trials)]
-    finished = run_each(partial(_observe, scenario, seed), tasks, progress)
+    first = part_of(progress, 0.0, 0.5)
+    finished = run_each(partial(_observe, scenario, seed), tasks, first)
     finished.split(CASES, lambda task: task.case)  # none may be without
     traces = table_of_observers(
         finished,
@@ -241,13 +147,20 @@ def run_comparison(scenario: ObserverComparisonScenario, seed: int, progress: Pr
         trial=[task.trial for task in finished.tasks],
     )
     metrics = _metrics(traces)
+    known, suite = (scenario.sensor, scenario.smallest_radius), scenario.suite
+    band = run_suite(suite, *known, seed, part_of(progress, 0.5, 1.0))
+    metrics |= band_metrics(suite, band)
     on, contenders, up = _prepared(scenario, next(iter(CASES)))
     for observer, one in zip(OBSERVERS, contenders, strict=True):
         took = 1e6 * cost(one, on, up=up, updates=_TIMED)
         note = "of an update on the machine at hand"
         metrics[f"{observer}.cost"] = Metric(value=took, unit="us", note=note)
-    simulated = len(finished) * _WINDOW[1]
-    return Outcome(metrics=metrics, traces=traces, simulated_seconds=simulated)
+    return Outcome(
+        metrics=metrics,
+        traces=traces,
+        simulated_seconds=len(finished) * _WINDOW[1],
+        tables={"band": band},
+    )
 
 
 def _metrics(traces: Mapping[str, np.ndarray]) -> dict[str, Metric]:
@@ -344,4 +257,7 @@ def figures(scenario: ObserverComparisonScenario, outcome: Outcome) -> Mapping[s
     ]
     name_rows(errors, names, apart=(errors, coverage))
     legend(coverage, loc="upper left", bbox_to_anchor=(1.0, 1.0))
-    return {"observer-comparison": figure}
+    return {
+        "observer-comparison": figure,
+        "observer-band": band_figure(scenario.suite, outcome.metrics),
+    }

@@ -29,7 +29,7 @@ from chamfer.analysis.surface.normal_trials import (
     slide,
     table_of_observers,
 )
-from chamfer.analysis.surface.observer_comparison import CASES, SlideCase
+from chamfer.analysis.surface.observer_slides import CASES, SlideCase
 from chamfer.diagrams.surface.surface_estimation import (
     EstimationScenario,
     LeadSettings,

@@ -1,7 +1,7 @@
 """What may be set where a gripper slides on an unknown surface (chapters 4 and 5)."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Final, Literal, Self
 
 import numpy as np
@@ -13,6 +13,7 @@ from pydrake.systems.primitives import DiscreteTimeDelay, RandomSource
 from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.graphs import Parabola, Wave
+from chamfer.models.surfaces.profile import Profile
 from chamfer.models.surfaces.rounds import Circle, Sphere
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.validation import (
@@ -39,7 +40,9 @@ from chamfer.systems.sensing.force_rate import (
 )
 
 Array = NDArray[np.float64]
-SurfaceShape = Literal["parabola", "wave", "circle", "paraboloid", "wavy_sheet", "sphere"]
+SurfaceShape = Literal[
+    "parabola", "wave", "circle", "profile", "paraboloid", "wavy_sheet", "sphere"
+]
 
 _MOST_TRIALS: Final = 1000
 # The fields of each shape and their defaults.
@@ -47,6 +50,7 @@ _FIELDS: Final[dict[SurfaceShape, dict[str, object]]] = {
     "parabola": {"coefficients": (0.05,)},  # (5-1)
     "wave": {"amplitudes": (0.05,), "wavelengths": (2.0,)},
     "circle": {"radius": 2.0, "inside": True},
+    "profile": {"lengths": (1.0, 0.4), "curvatures": (0.0, 1.0), "smooth": True},
     "paraboloid": {"coefficients": (0.05, 0.05)},
     "wavy_sheet": {"amplitudes": (0.05, 0.05), "wavelengths": (2.0, 2.0)},
     "sphere": {"radius": 2.0, "inside": True},
@@ -61,28 +65,35 @@ class SurfaceSettings:
     """
 
     shape: SurfaceShape = "parabola"
-    # in the plane: parabola, wave, circle; in space: paraboloid, wavy_sheet, sphere
+    # in the plane: parabola, wave, circle, profile; in space: paraboloid, wavy_sheet, sphere
     coefficients: tuple[float, ...] | None = None  # 1/m, a of y = a x^2, or a and b (5-1)
     amplitudes: tuple[float, ...] | None = None  # m, of waves along x, and y in space
     wavelengths: tuple[float, ...] | None = None  # m, of the waves along x, and y in space
     radius: float | None = None  # m, of a circle or sphere
     inside: bool | None = None  # of a circle or sphere; True: a bowl, False: a ball
+    lengths: tuple[float, ...] | None = None  # m, along a profile, of its pieces
+    curvatures: tuple[float, ...] | None = None  # 1/m, the largest of each piece, > 0: upwards
+    smooth: bool | None = None  # of a profile; True: its pieces are bends, False: arcs
 
     def __post_init__(self) -> None:
         require_one_of(self, "shape", tuple(_FIELDS))
         own = _FIELDS[self.shape]
-        for name in ("coefficients", "amplitudes", "wavelengths", "radius", "inside"):
+        for name in (one.name for one in fields(SurfaceSettings)[1:]):
             value = getattr(self, name)
-            if value is not None and name not in own:
+            if value is None:
+                continue
+            if name not in own:
                 raise ParameterError(name, value, f"none, for the shape {self.shape}")
-            default = own.get(name)
-            if value is not None and isinstance(default, tuple) and len(value) != len(default):
+            default = own[name]
+            if self.shape == "profile" or not isinstance(default, tuple):
+                continue
+            if len(value) != len(default):
                 raise ParameterError(name, value, f"{len(default)} for the shape {self.shape}")
 
     @property
     def dimension(self) -> int:
         """2 in the plane, 3 in space."""
-        return 2 if self.shape in ("parabola", "wave", "circle") else 3
+        return 2 if self.shape in ("parabola", "wave", "circle", "profile") else 3
 
     def resolved(self) -> Self:
         """Return the settings with the shape's defaults filled in."""
@@ -99,6 +110,8 @@ class SurfaceSettings:
                 return Parabola(**given)
             case "wave" | "wavy_sheet":
                 return Wave(**given)
+            case "profile":
+                return Profile(**given)
         above = given["radius"] if given["inside"] else -given["radius"]
         if self.shape == "circle":
             return Circle(centre=(0.0, above), **given)

@@ -89,9 +89,8 @@ class ContactReading(NamedTuple):
 class ContactModel(NamedTuple):
     """What the filters assume, and what they use."""
 
-    turn: Array  # (models, 3), rad/m, standard deviations of w
+    turn: Array  # (models, 4), rad/m, standard deviations of w, and m, over which it changes
     switch: Array  # (models, models), probability of the one after the other
-    length: float  # m, over which w changes
     by_point: bool  # True: the contact point's path is used, not the velocity alone
     differenced: bool  # True: the velocity was made of the force, and shows nothing beside it
     by_friction: bool  # True: the friction angle is taken to be nearly constant
@@ -190,11 +189,11 @@ def begins(frame: ContactFrame, step: Array, deviation: float) -> bool:
 
 
 @compiled
-def head(frame: ContactFrame, turn_deviation: Array, step: Array, deviation: float) -> None:
+def head(frame: ContactFrame, turn: Array, step: Array, deviation: float) -> None:
     """Turn the frame about its normal where a path begins; the normal stays.
 
-    ``turn_deviation`` is that of w, shape (3,), rad/m; ``step`` and ``deviation`` are as in
-    :func:`begins`. How well the new path's direction is known is left to the measurements.
+    ``turn`` is a model's; ``step`` and ``deviation`` are as in :func:`begins`. How well the new
+    path's direction is known is left to the measurements.
     """
     if not begins(frame, step, deviation):
         return
@@ -203,27 +202,27 @@ def head(frame: ContactFrame, turn_deviation: Array, step: Array, deviation: flo
     length = math.hypot(ahead[0], ahead[1])
     # Not by the angle: the sine of a half turn is not 0 in floating point, which would take the
     # frame out of the plane, where the filter has nothing to bring it back by.
-    turn = np.eye(3)
+    heading = np.eye(3)
     if length > 0.0:
-        turn[0, 0] = turn[1, 1] = ahead[0] / length
-        turn[1, 0] = ahead[1] / length
-        turn[0, 1] = -turn[1, 0]
-    R[:] = R @ turn
+        heading[0, 0] = heading[1, 1] = ahead[0] / length
+        heading[1, 0] = ahead[1] / length
+        heading[0, 1] = -heading[1, 0]
+    R[:] = R @ heading
     whole = np.eye(SIZE)
-    whole[0:3, 0:3] = turn.T
-    whole[3:6, 3:6] = turn.T
+    whole[0:3, 0:3] = heading.T
+    whole[3:6, 3:6] = heading.T
     P[:] = sandwich(whole, P)
     S[:] = whole @ S
     frame.w[:] = 0.0
     S[5:9], P[5:9], P[:, 5:9] = 0.0, 0.0, 0.0
     for i in range(3):
-        P[6 + i, 6 + i] = turn_deviation[i] ** 2
-    P[5, 5] = _UNKNOWN_TURN**2 if turn_deviation[2] > 0.0 else 0.0
+        P[6 + i, 6 + i] = turn[i] ** 2
+    P[5, 5] = _UNKNOWN_TURN**2 if turn[2] > 0.0 else 0.0
 
 
 @compiled
-def travel(frame: ContactFrame, model: ContactModel, turn_deviation: Array, ds: float) -> None:
-    """Move the frame along its path by ds, m."""
+def travel(frame: ContactFrame, turn: Array, ds: float) -> None:
+    """Move the frame along its path by ds, m, with a model's ``turn``, shape (4,)."""
     R, P, w = frame.R, frame.P, frame.w
     step = ds * w
     half, whole = rotation(0.5 * step), rotation(step)
@@ -239,7 +238,7 @@ def travel(frame: ContactFrame, model: ContactModel, turn_deviation: Array, ds: 
         A[i, 4] = -ds * back[i, 2]
         A[i, 8] = 0.5 * ds * A[i, 5]
         A[i, 7] = 0.5 * ds * A[i, 4]
-    kept = math.exp(-abs(ds) / model.length)
+    kept = math.exp(-abs(ds) / turn[3])
     for i in range(3):
         A[3 + i, 6 + i] = ds
         A[6 + i, 6 + i] = kept
@@ -247,7 +246,7 @@ def travel(frame: ContactFrame, model: ContactModel, turn_deviation: Array, ds: 
     P[:] = sandwich(A, P)
     frame.S[:] = A @ frame.S
     for i in range(3):
-        new = (1.0 - kept**2) * turn_deviation[i] ** 2
+        new = (1.0 - kept**2) * turn[i] ** 2
         P[6 + i, 6 + i] += new
         P[3 + i, 3 + i] += new * ds**2 / 3.0
     P[9, 9] += _FRICTION_DRIFT**2
@@ -255,7 +254,7 @@ def travel(frame: ContactFrame, model: ContactModel, turn_deviation: Array, ds: 
 
 @compiled
 def follow(
-    frame: ContactFrame, model: ContactModel, turn_deviation: Array, reading: ContactReading
+    frame: ContactFrame, model: ContactModel, turn: Array, reading: ContactReading
 ) -> float:
     """Move the frame on and take a sample in; returns the sample's log likelihood.
 
@@ -266,7 +265,7 @@ def follow(
     ds = v[0] * model.period
     if model.by_point:
         ds = (R.T @ (reading.point - p))[0]
-    travel(frame, model, turn_deviation, ds)
+    travel(frame, turn, ds)
     d = np.zeros(SIZE)
     row = np.zeros(SIZE)
     by = np.zeros(CONSIDERED)
@@ -409,7 +408,7 @@ def ahead(
     numbers = numbers.copy()
     for i in range(len(numbers)):
         frame = as_frame(numbers[i])
-        travel(frame, model, model.turn[i], speed * delay)
+        travel(frame, model.turn[i], speed * delay)
         turned = np.outer(frame.w, frame.w) + frame.P[6:9, 6:9]
         frame.P[3:6, 3:6] += (speed * deviation) ** 2 * turned
     return numbers

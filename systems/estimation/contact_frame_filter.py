@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from chamfer.systems.compiled import compiled, inverse
 from chamfer.systems.estimation.contact_frame import (
     CONSIDERED,
     NUMBERS,
@@ -20,6 +21,7 @@ from chamfer.systems.estimation.contact_frame import (
     begins,
     follow_all,
     mixture,
+    sandwich,
     turn_all,
 )
 from chamfer.systems.estimation.model_error import (
@@ -78,6 +80,64 @@ _SMOOTHER: Final = 0.02  # probability of a model at first, over that of the nex
 _WHOLE: Final = 1e-6  # of a period, less is rounding
 _NOTHING: Final = np.zeros((CONSIDERED, CONSIDERED))  # covariance of what is only considered
 _ANY_DIRECTION: Final = math.pi / math.sqrt(12)  # rad, deviation of what is anywhere within 90 deg
+# Of the model that makes the band, calibrated on bends, waves and switching arcs:
+_BAND_BEND: Final = 0.8  # 1/rho_min, standard deviation of the curvature
+_BAND_LENGTH: Final = 2.0  # resolving lengths, over which the curvature changes
+_BAND: Final = (1.08, 1.7)  # of its deviation: while it is unlikely, and while it is certain
+_TO_BAND: Final = 0.001  # probability that it holds after another, from a sample to the next
+_FROM_BAND: Final = 1.05  # of its deviation, how far the estimate may be from its own
+_ALONE: Final = np.ones(1)  # weight of a frame that no other competes with
+_TINY: Final = 1e-14  # rad^2, keeps a covariance invertible
+
+
+def resolving_length(
+    *, radius: float, speed: float, period: float, point: float, velocity: float
+) -> float:
+    """Return the shortest length, m, of the path whose bend shows through the noise.
+
+    A surface that begins to bend with the radius has turned by ``l / radius`` after the length l.
+    By then the samples, one each ``speed * period``, tell the path's direction by the mean of
+    their velocities to ``velocity / speed * sqrt(speed * period / l)``, and by a straight line
+    through their points to ``point / l * sqrt(12 * speed * period / l)``. Where the one or the
+    other is as large as the turn, the bend shows.
+
+    Args:
+        radius: m, of the bend.
+        speed: m/s, of the contact point.
+        period: s, between two samples.
+        point: m, standard deviation of a component of the contact point.
+        velocity: m/s, of a component of its velocity, infinite if it is not measured.
+    """
+    if not speed > 0.0:
+        return radius
+    by_velocity = (velocity**2 * period * radius**2 / speed) ** (1 / 3)
+    by_point = (12.0 * point**2 * speed * period * radius**2) ** (1 / 5)
+    return float(min(by_velocity, by_point))
+
+
+@compiled
+def _limited(normal: Array, sure: Array, apart: Array, covariance: Array) -> tuple[Array, Array]:
+    """Return a normal, taken near to a surer one, and that one's covariance.
+
+    Args:
+        normal: Shape (3,), unit.
+        sure: The surer one, shape (3,), unit.
+        apart: Its covariance by which the other may be off, shape (3, 3), rad^2.
+        covariance: Its covariance that is returned, turned along, shape (3, 3), rad^2.
+    """
+    cosine = normal @ sure
+    across = normal - cosine * sure
+    length = math.sqrt(across @ across)
+    if not length > 0.0:
+        return sure, covariance
+    across /= length
+    whole = inverse(apart + np.outer(sure, sure) + _TINY * np.eye(3))
+    most = _FROM_BAND / math.sqrt(across @ (whole @ across))
+    angle = min(math.atan2(length, cosine), most, 0.5 * math.pi)
+    found = math.cos(angle) * sure + math.sin(angle) * across
+    both = sure + found
+    turn = np.eye(3) - np.outer(both, both) / (1.0 + sure @ found) + 2.0 * np.outer(found, sure)
+    return found, sandwich(turn, covariance)
 
 
 class _Memory(NamedTuple):
@@ -107,6 +167,12 @@ class ContactFrameFilter:
     curvature too small to be noticed must be covered by P. Their weights follow from their
     innovations, and the estimate is their mixture.
 
+    None of them lets the curvature change within less than the bound's radius, as it may: where a
+    bend begins all lag behind it. So the last model takes the curvature to change over what the
+    sensor can just resolve (:func:`resolving_length`). The band is that model's, widened, and the
+    mixture is kept within it, near to that model's normal: where a bend begins is foreseen by
+    nothing, so the band is as wide on a flat as it has to be there.
+
     In space the path tells the normal's tilt along the path only. Sideways the force tells it:
     friction opposes the motion, the force has no component across the path and the normal.
 
@@ -125,7 +191,8 @@ class ContactFrameFilter:
     with the last normal and what the surface may have turned since.
     """
 
-    def __init__(self, params: ResolvedSurfaceObserverParams) -> None:
+    def __init__(self, params: ResolvedSurfaceObserverParams, *, banded: bool = True) -> None:
+        """Make the filter; ``banded=False`` leaves the mixture as it is, with its own band."""
         self._params = params
         self._gripper = partial(
             gripper_model, params.stiffness, params.force_noise, params.force_rate_noise
@@ -137,16 +204,21 @@ class ContactFrameFilter:
         radii = np.array([sharpest])
         if self._adaptive and sharpest < _SMOOTHEST_RADIUS:
             radii = np.geomspace(sharpest, _SMOOTHEST_RADIUS, _MODELS)
-        self._count = count = len(radii)
         bends = 1 / (math.sqrt(3) * radii)  # a third of the bound's square
         self._sharpest = float(bends[0])
+        self._banded = banded and self._adaptive
+        if self._banded:
+            bends = np.append(bends, _BAND_BEND / sharpest)
+        self._count = count = len(bends)
         switch = np.full((count, count), _SWITCHING / max(count - 1, 1))
-        np.fill_diagonal(switch, 1 - _SWITCHING if count > 1 else 1.0)
-        turn = 0.0 if planar else 1 / (math.sqrt(3) * _PATH_RADIUS)
+        if self._banded:
+            switch[:, -1] = _TO_BAND
+        np.fill_diagonal(switch, 0.0)
+        np.fill_diagonal(switch, 1 - switch.sum(axis=1))
+        path = 0.0 if planar else 1 / (math.sqrt(3) * _PATH_RADIUS)
         self._model = ContactModel(
-            turn=np.array([[0.0 if planar else one, one, turn] for one in bends.tolist()]),
+            turn=np.array([[0 if planar else one, one, path, sharpest] for one in bends.tolist()]),
             switch=switch,
-            length=sharpest,
             by_point=self._adaptive,
             differenced=bool(params.rate_lag),
             by_friction=params.kind == "friction",
@@ -174,7 +246,7 @@ class ContactFrameFilter:
             t = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
             t /= np.linalg.norm(t)
         frames = []
-        for turn in self._model.turn:
+        for turn in self._model.turn[:, :3]:
             P = np.zeros((SIZE, SIZE))
             P[4, 4] = params.initial_deviation**2
             if self._d == 3:
@@ -249,20 +321,46 @@ class ContactFrameFilter:
         nominal, force = sample.nominal_position, sample.force
         reading = ContactReading(point, velocity, force, nominal, moving, gripper)
         deviation = error / math.sqrt(step @ step)
-        follow_all(frames, weights, self._model, reading, step, deviation)
-        return self._estimate(memory, kept, status, math.sqrt(velocity @ velocity))
+        model = self._at_speed(math.sqrt(moving @ moving), gripper)
+        follow_all(frames, weights, model, reading, step, deviation)
+        return self._estimate(memory, kept, status, model, math.sqrt(velocity @ velocity))
+
+    def _at_speed(self, speed: float, gripper: GripperModel) -> ContactModel:
+        """Return what is assumed at a speed, m/s."""
+        if not self._banded:
+            return self._model
+        turn = self._model.turn.copy()
+        turn[-1, 3] = _BAND_LENGTH * resolving_length(
+            radius=self._params.smallest_radius,
+            speed=speed,
+            period=self._params.period,
+            point=gripper.point_deviation,
+            velocity=math.inf if self._model.differenced else gripper.velocity_deviation,
+        )
+        return self._model._replace(turn=turn)
 
     def _estimate(
-        self, memory: Array, kept: _Memory, status: NormalStatus, speed: float = 0.0
+        self,
+        memory: Array,
+        kept: _Memory,
+        status: NormalStatus,
+        model: ContactModel | None = None,
+        speed: float = 0.0,
     ) -> Estimate:
         frames = kept.frames
-        if speed and self._rows:
+        if model is not None and speed and self._rows:
             late, deviation = self._calibration.delay(kept.calibration)
-            frames = ahead(frames, self._model, speed, late, deviation)
+            frames = ahead(frames, model, speed, late, deviation)
         considered = _NOTHING
         if self._considers:
             considered = self._calibration.covariance(kept.calibration)
         normal, covariance = mixture(frames, kept.weights, considered)
+        if self._banded:
+            sure, apart = mixture(frames[-1:], _ALONE, _NOTHING)
+            whole = mixture(frames[-1:], _ALONE, considered)[1] if self._considers else apart
+            least, most = _BAND
+            factor = least + (most - least) * float(kept.weights[-1])
+            normal, covariance = _limited(normal, sure, apart, factor**2 * whole)
         d = self._d
         return Estimate(memory, normal[:d], covariance[:d, :d].copy(), status)
 
@@ -307,7 +405,7 @@ class ContactFrameFilter:
 
     def _place(self, frames: Array, point: Array, nominal: Array, gripper: GripperModel) -> None:
         """Put the frames where contact is made, on a path that is not known yet."""
-        for numbers, turn in zip(frames, self._model.turn, strict=True):
+        for numbers, turn in zip(frames, self._model.turn[:, :3], strict=True):
             frame: ContactFrame = as_frame(numbers)
             frame.p[:] = point
             frame.w[:] = 0.0

@@ -157,12 +157,12 @@ class Clock:
 def test_cost_is_the_least_mean_of_a_round(on: Slide, monkeypatch: pytest.MonkeyPatch) -> None:
     count = len(on.time) - len(on.time) // 2  # of a round
     clock = Clock([3.0] * count + [2.0, 4.0] * (count // 2) + [2.0] * (count % 2) + [5.0] * count)
-    monkeypatch.setattr(normal_trials, "perf_counter", clock)
+    monkeypatch.setattr(normal_trials, "process_time", clock)
     one = Contender(filter=clock, predicted=None)
     found = cost(one, on, up=UP, updates=3 * count)
     assert clock.updates == 3 * count
     assert found == pytest.approx(3.0, rel=0.02)
     fresh = Clock([7.0] * count)
-    monkeypatch.setattr(normal_trials, "perf_counter", fresh)
+    monkeypatch.setattr(normal_trials, "process_time", fresh)
     few = cost(Contender(filter=fresh, predicted=None), on, up=UP, updates=1)
     assert few == pytest.approx(7.0)  # a round is the least

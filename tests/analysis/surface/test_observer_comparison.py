@@ -9,6 +9,7 @@ import pytest
 from chamfer.analysis.campaign.trial_rows import encode
 from chamfer.analysis.scenario.experiment import Outcome, quiet
 from chamfer.analysis.surface import observer_comparison
+from chamfer.analysis.surface.observer_band import BandSuite, band_metrics
 from chamfer.analysis.surface.observer_comparison import (
     CASES,
     OBSERVERS,
@@ -17,7 +18,10 @@ from chamfer.analysis.surface.observer_comparison import (
     flattened,
     run_comparison,
 )
+from chamfer.analysis.surface.observer_slides import glide, surfaces
 from chamfer.diagrams.surface.surface_scenario import SurfaceSettings
+from chamfer.models.surfaces.surface import curvature, locate
+from chamfer.models.validation import ParameterError
 from chamfer.systems.estimation.normal_filter import KINDS
 
 FEW = ("constant", "sharper", "space_bowl")
@@ -31,7 +35,8 @@ def outcome() -> Outcome:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(observer_comparison, "CASES", {name: CASES[name] for name in FEW})
         patch.setattr(observer_comparison, "_TIMED", 200)
-        return run_comparison(ObserverComparisonScenario(trials=TRIALS), 3, quiet)
+        suite = BandSuite(surfaces=("flat", "bend_5", "space_bend_30", "constant"), trials=12)
+        return run_comparison(ObserverComparisonScenario(trials=TRIALS, suite=suite), 3, quiet)
 
 
 def rows(outcome: Outcome, case: str, observer: str) -> dict[str, np.ndarray]:
@@ -62,9 +67,10 @@ def test_the_adaptive_observer_is_better_where_friction_is_constant(
 ) -> None:
     for case in FEW:
         ratio = value(outcome, f"{case}.thesis.rms") / value(outcome, f"{case}.adaptive.rms")
-        assert ratio >= 1.4
-    # Of few seeds; a surface that is taken to be sharp until it has shown to be smooth costs 5 %.
-    assert value(outcome, "adaptive.rms_ratio.worst_constant") <= 0.7
+        assert ratio >= 1.35
+    # Of few seeds; a surface that is taken to be sharp until it has shown to be smooth costs 5 %,
+    # and the band up to 5 % more.
+    assert value(outcome, "adaptive.rms_ratio.worst_constant") <= 0.74
     assert value(outcome, "adaptive.coverage.worst") >= 97  # of few seeds
     # A camera that is wrong by a fifth still helps both.
     for blind, seeing in (("prior_weights", "vision"), ("adaptive", "adaptive_vision")):
@@ -140,3 +146,64 @@ def test_a_flattened_surface_bends_less_by_a_part(name: str) -> None:
     np.testing.assert_allclose(less.hessian(p), 0.8 * surface.hessian(p))
     assert less.level(p) - p[-1] == pytest.approx(0.8 * (surface.level(p) - p[-1]))
     assert flattened(SurfaceSettings(shape="circle", radius=4.0), 0.2).radius == 4.0 / 0.8
+
+
+def test_the_band_holds_where_others_break(outcome: Outcome, value: Any) -> None:
+    for surface in ("flat", "bend_5", "space_bend_30", "constant"):
+        assert value(outcome, f"{surface}.adaptive.coverage.worst_instant") >= 80  # of few seeds
+        assert value(outcome, f"{surface}.adaptive.coverage.whole_run") >= 99
+        assert 0.08 < value(outcome, f"{surface}.adaptive.nees") < 1.6
+    assert value(outcome, "bend_5.mixture.coverage.worst_instant") < 60
+    assert value(outcome, "adaptive.rms_ratio.mixture") < 1.25
+    assert value(outcome, "adaptive.rms_ratio.suite") < 1.3
+
+
+def test_the_worst_is_named_with_its_surface_stiffness_and_speed() -> None:
+    suite = BandSuite(surfaces=("flat", "ball", "constant"), speeds=(0.1, 0.2))
+    cells = [(0, 200.0, 0.1), (0, 200.0, 0.2), (1, 200.0, 0.1), (1, 200.0, 0.2), (2, 0.0, 0.0)]
+    rows = [(*cell, observer) for cell in cells for observer in range(4)]
+    band = dict(zip(("surface", "stiffness", "speed", "observer"), np.array(rows).T, strict=True))
+    for name in ("rms", "coverage", "worst_instant", "narrow", "narrow_instant", "nees"):
+        band[name] = np.arange(20.0) + 1
+    band["worst_instant"][11] = 0.5
+    metrics = band_metrics(suite, band)
+    assert metrics["adaptive.coverage.worst_instant"].value == 0.5
+    assert metrics["adaptive.coverage.worst_instant"].note == "ball, 200 N/m, 0.1 m/s"
+    assert metrics["flat.adaptive.coverage.worst_instant"].value == 4
+    assert metrics["adaptive.nees"].value == 20
+    assert metrics["adaptive.nees"].note == "constant"
+    assert metrics["adaptive.nees.least"].value == 4
+    assert metrics["adaptive.rms_ratio.mixture"].value == pytest.approx(20 / 19)
+    assert metrics["adaptive.rms_ratio.suite"].value == pytest.approx(4 / 3)
+
+
+@pytest.mark.parametrize("name", surfaces(0.75))
+def test_a_glide_is_what_a_gripper_under_force_control_does(name: str) -> None:
+    surface = surfaces(0.75)[name]
+    on, d = glide(surface, 200.0, 0.4, 0.05), surface.dimension
+    points = on.nominal[:, :d] + on.force / 200.0  # (4-2)
+    velocities = on.nominal[:, d:] + on.force_rate / 200.0
+    for k in range(0, len(points), 8):
+        gap, n = locate(surface, points[k])
+        assert gap == pytest.approx(0, abs=1e-5)
+        np.testing.assert_allclose(on.normal[k], n, atol=1e-9)
+        assert on.force[k] @ n == pytest.approx(10)
+        assert curvature(surface, points[k]) <= 1 / 0.75 + 1e-6
+    assert np.linalg.norm(velocities, axis=1) == pytest.approx(0.4)
+    # Rates are the derivatives, but where the curvature jumps.
+    rates = (on.force[2:] - on.force[:-2]) / 0.1
+    off = np.abs(rates - on.force_rate[1:-1]).max(axis=1)
+    assert np.median(off) < 0.6
+
+
+@pytest.mark.parametrize(
+    ("changes", "field"),
+    [
+        ({"surfaces": ("moon",)}, "surfaces"),
+        ({"speeds": (0.0,)}, "speeds"),
+        ({"trials": 0}, "trials"),
+    ],
+)
+def test_what_the_suite_refuses(changes: dict[str, Any], field: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{field} is "):
+        BandSuite(**changes)

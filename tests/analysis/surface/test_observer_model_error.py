@@ -28,8 +28,8 @@ def outcome() -> Outcome:
 
 def test_who_knows_of_errors_is_honest_and_who_trusts_is_not(outcome: Outcome, value: Any) -> None:
     for surface in SCENARIO.surfaces:
-        assert value(outcome, f"{surface}.trusting.corner.coverage") < 50
-        assert value(outcome, f"{surface}.trusting.corner.nees") > 10
+        assert value(outcome, f"{surface}.trusting.corner.coverage") < 60
+        assert value(outcome, f"{surface}.trusting.corner.nees") > 5
         assert value(outcome, f"{surface}.adaptive.corner.coverage") > 95
         assert value(outcome, f"{surface}.adaptive.corner.nees") < 2
         trusting, adaptive = (

@@ -31,7 +31,7 @@ from chamfer.models.validation import ParameterError
 from chamfer.systems.estimation.model_error import ModelErrorParams
 from chamfer.systems.sensing.force_rate import ForceRateParams, ForceRateSensorParams
 
-PLANAR: tuple[SurfaceShape, ...] = ("parabola", "wave", "circle")
+PLANAR: tuple[SurfaceShape, ...] = ("parabola", "wave", "circle", "profile")
 SPATIAL: tuple[SurfaceShape, ...] = ("paraboloid", "wavy_sheet", "sphere")
 
 

@@ -17,6 +17,7 @@ from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.graphs import Parabola, Wave
 from chamfer.models.surfaces.nearest import nearest
 from chamfer.models.surfaces.planes import RippledPlane
+from chamfer.models.surfaces.profile import Profile
 from chamfer.models.surfaces.rounds import Circle, Crucible, Ellipsoid, Sphere
 from chamfer.models.surfaces.surface import Surface, curvature, locate, normal
 from chamfer.models.validation import ParameterError
@@ -45,6 +46,7 @@ COMPOSED: list[Surface] = [
     Placed(surface=Extruded(curve=Circle()), point=(0.3, 0.2, 0.1), axes=_CYCLE),
     Union(parts=(Sphere(), Crucible(), PLACED)),
     Intersection(parts=(Sphere(), Crucible(), PLACED)),
+    Profile(lengths=(0.1, 0.6, 0.3), curvatures=(0.0, 1.2, -0.9)),
 ]
 NAMES = [f"{type(s).__name__}{i}" for i, s in enumerate(SURFACES)]
 each = pytest.mark.parametrize("surface", SURFACES, ids=NAMES)
@@ -131,6 +133,26 @@ def test_nearest_point(surface: Surface, seed: int, weighted: bool) -> None:
     r = found - p
     assert r @ metric @ r == pytest.approx(searched.fun, abs=1e-9)
     np.testing.assert_allclose(found[: d - 1], searched.x, atol=1e-5)
+
+
+@given(s=st.floats(0.0, 0.6), off=st.floats(-0.3, 0.3))
+def test_an_arc_of_a_profile_is_a_circle(s: float, off: float) -> None:
+    profile = Profile(lengths=(0.5, 0.6), curvatures=(0.0, 0.8), smooth=False)
+    circle = Circle(centre=(0.5, 1.25), radius=1.25, inside=True)
+    p = np.array(
+        [0.5 + (1.25 - off) * math.sin(s / 1.25), 1.25 - (1.25 - off) * math.cos(s / 1.25)]
+    )
+    assert profile.level(p) == pytest.approx(off, abs=1e-10)
+    np.testing.assert_allclose(profile.gradient(p), circle.gradient(p), atol=1e-9)
+
+
+def test_a_bend_turns_by_half_its_length_times_its_curvature() -> None:
+    bend = Profile(lengths=(1.0, 0.4), curvatures=(0.0, -1.5))
+    for x, angle, curved in ((0.5, 0.0, 0.0), (1.2, -0.15, 1.5), (2.0, -0.3, 0.0)):
+        p = np.array([x, 0.0])
+        p = p - bend.level(p) * bend.gradient(p)
+        np.testing.assert_allclose(normal(bend, p), [-math.sin(angle), math.cos(angle)], atol=2e-3)
+        assert curvature(bend, p) == pytest.approx(curved, abs=2e-3)
 
 
 def turned(seed: int) -> tuple[np.ndarray, np.ndarray]:

@@ -37,9 +37,8 @@ seeds = st.integers(0, 2**32 - 1)
 
 def make_model(**changes: Any) -> ContactModel:
     fields: dict[str, Any] = {
-        "turn": np.array([[1.0, 1.0, 1.0]]),
+        "turn": np.array([[1.0, 1.0, 1.0, 0.75]]),
         "switch": np.eye(1),
-        "length": 0.75,
         "by_point": True,
         "differenced": False,
         "by_friction": False,
@@ -141,7 +140,7 @@ def test_error_moves_on_as_the_frame_does(slides: Any, ds: float, seed: int) -> 
     It is a first-order expansion in the step: halved, what is off is a quarter.
     """
     P = slides.covariance(np.random.default_rng(seed), SIZE)
-    model, none = make_model(), np.zeros(3)
+    none = np.array([0.0, 0.0, 0.0, 0.75])
 
     def off(step: float) -> float:
         h, J = 1e-6, np.empty((SIZE, SIZE))
@@ -150,8 +149,8 @@ def test_error_moves_on_as_the_frame_does(slides: Any, ds: float, seed: int) -> 
             for sign in (1, -1):
                 frame = make_frame(seed, P)
                 true = moved(frame, sign * h * np.eye(SIZE)[i])
-                travel(frame, model, none, step)
-                travel(true, model, none, step)
+                travel(frame, none, step)
+                travel(true, none, step)
                 ends.append(error_of(frame, true))
             J[:, i] = (ends[0] - ends[1]) / (2 * h)
         # What the error's motion itself does in the first order must not be lost in P's size.
@@ -169,10 +168,9 @@ def test_frame_walks_around_a_ball_or_in_a_bowl(sign: float, count: int) -> None
     radius, angle = 2.0, 1.5
     frame = as_frame(np.zeros(NUMBERS))
     frame.R[:] = np.column_stack([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]])
-    model = make_model(length=1e12)  # w stays
     for _ in range(count):
         frame.w[:] = 0.0, sign / radius, 0.0
-        travel(frame, model, np.zeros(3), radius * angle / count)
+        travel(frame, np.array([0.0, 0.0, 0.0, 1e12]), radius * angle / count)
     n = np.array([sign * math.sin(angle), 0.0, math.cos(angle)])
     np.testing.assert_allclose(frame.R[:, 2], n, rtol=0, atol=1e-9)
     centre = np.array([0.0, 0.0, -sign * radius])
@@ -182,13 +180,13 @@ def test_frame_walks_around_a_ball_or_in_a_bowl(sign: float, count: int) -> None
 
 @pytest.mark.parametrize("ds", [0.03, -0.03])
 def test_turning_is_a_stationary_process_over_the_path(ds: float) -> None:
-    model = make_model()
-    deviation = np.array([0.5, 0.8, 1.1])
+    turn = np.array([0.5, 0.8, 1.1, 0.75])
+    deviation = turn[:3]
     P = np.zeros((SIZE, SIZE))
     np.fill_diagonal(P[6:9, 6:9], deviation**2)
     frame = make_frame(0, P)
     w = frame.w.copy()
-    travel(frame, model, deviation, ds)
+    travel(frame, turn, ds)
     kept = math.exp(-0.03 / 0.75)
     np.testing.assert_allclose(frame.w, kept * w, rtol=1e-12)
     np.testing.assert_allclose(np.diag(frame.P)[6:9], deviation**2, rtol=1e-12)
@@ -290,7 +288,7 @@ def test_mixture_covers_the_models_disagreement() -> None:
 
 
 OBLIQUE = np.array([[150.0, 40.0, 0.0], [40.0, 80.0, 10.0], [0.0, 10.0, 120.0]])
-NOTHING = np.zeros(3)
+NOTHING = np.array([0.0, 0.0, 0.0, 0.75])
 
 
 class Sensor:
@@ -341,8 +339,8 @@ def test_exact_sample_leaves_no_error(by_point: bool, by_friction: bool, seed: i
     if not by_point:
         error[:3] = 0.0
     true = moved(frame, error)
-    model = make_model(turn=np.zeros((1, 3)), by_point=by_point, by_friction=by_friction)
-    travel(true, model, NOTHING, 0.5 * model.period)
+    model = make_model(turn=NOTHING[np.newaxis], by_point=by_point, by_friction=by_friction)
+    travel(true, NOTHING, 0.5 * model.period)
     follow(frame, model, NOTHING, Sensor(1e-4, 1e-4).read(true, None))
     left = error_of(frame, true)
     # Sideways the force's direction, 0.02 rad, is weighed with the error of 1 rad before.
@@ -366,7 +364,7 @@ def test_error_is_as_large_as_the_covariance_says(
     )
     P = root @ root.T
     sensor = Sensor(0.5, 2.5)
-    model = make_model(turn=np.zeros((1, 3)), by_point=by_point, by_friction=by_friction)
+    model = make_model(turn=NOTHING[np.newaxis], by_point=by_point, by_friction=by_friction)
     counted = list(range(SIZE)) if by_point else list(range(3, SIZE))
     if not by_friction:
         counted.remove(9)
@@ -374,7 +372,7 @@ def test_error_is_as_large_as_the_covariance_says(
     for run in range(runs):
         frame = make_frame(run, P, turning=0.3)
         true = moved(frame, root @ random.standard_normal(SIZE))
-        travel(true, model, NOTHING, 0.5 * model.period)
+        travel(true, NOTHING, 0.5 * model.period)
         reading = sensor.read(true, random)
         if by_friction and by_point:
             # The friction angle is taken to vary by as much as the force's direction.
@@ -397,10 +395,10 @@ def test_velocity_whose_components_have_errors_in_common(slides: Any, seed: int)
     frame, before = make_frame(seed, P, turning=0.3), make_frame(seed, P, turning=0.3)
     K = OBLIQUE + np.diag([0.0, 300.0, 0.0])
     reading = Sensor(0.5, 8.0, K).read(frame, random)._replace(force=np.zeros(3))
-    model = make_model(turn=np.zeros((1, 3)), by_point=False)
+    model = make_model(turn=NOTHING[np.newaxis], by_point=False)
     follow(frame, model, NOTHING, reading)
     v = before.R.T @ reading.velocity
-    travel(before, model, NOTHING, v[0] * model.period)
+    travel(before, NOTHING, v[0] * model.period)
     before.P[:3], before.P[:, :3] = 0.0, 0.0  # the point is not followed
     v = before.R.T @ reading.velocity
     noise = (before.R.T @ reading.gripper.velocity_covariance @ before.R)[1:, 1:]
@@ -420,9 +418,9 @@ def test_the_model_that_foresaw_more_weighs_more() -> None:
     frames = [make_frame(0, P, turning=0.3), make_frame(0, P, turning=0.3)]
     frames[1].w[:] += [0.0, 3.0, 0.0]
     numbers = np.array([np.concatenate([part.ravel() for part in frame]) for frame in frames])
-    model = make_model(turn=np.full((2, 3), 0.5), switch=switch)
+    model = make_model(turn=np.full((2, 4), 0.5), switch=switch)
     true = moved(frames[0], np.zeros(SIZE))
-    travel(true, model, NOTHING, 0.02)
+    travel(true, NOTHING, 0.02)
     reading = Sensor(0.5, 2.5).read(true, None)
     likelihood = [follow(frame, model, model.turn[0], reading) for frame in frames]
     weights = np.array([0.3, 0.7])
@@ -440,7 +438,7 @@ def test_no_model_is_ever_ruled_out() -> None:
     frames = [make_frame(0, 1e-8 * np.eye(SIZE), turning=0.3) for _ in range(2)]
     frames[1].R[:] = frames[1].R @ Rotation.from_rotvec([0.2, 0.2, 0.0]).as_matrix()
     numbers = np.array([np.concatenate([part.ravel() for part in frame]) for frame in frames])
-    model = make_model(turn=np.full((2, 3), 0.5), switch=np.eye(2))
+    model = make_model(turn=np.full((2, 4), 0.5), switch=np.eye(2))
     weights = np.array([0.5, 0.5])
     true = moved(frames[0], np.zeros(SIZE))
     reading = Sensor(1e-3, 1e-3).read(true, None)
