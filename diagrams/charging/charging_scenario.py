@@ -484,8 +484,8 @@ class NuggetLoop(HybridScenario):
 def contact_loops(scenario: ResolvedCrucibleChargingScenario) -> tuple[NuggetLoop, ...]:
     """Return the loops in which the plan's nuggets are pressed on something.
 
-    A wall nugget slides along the wall at its place; a crown nugget is pressed on what lies below,
-    at rest, with all position integrators held. Both as the world is.
+    A wall nugget slides along the wall at its place; a crown nugget is pressed on what lies below
+    and follows it, with all position integrators held. Both as the world is.
     """
     station, charging = scenario.station.true, scenario.charging
     control = scenario.controller
@@ -522,7 +522,7 @@ def contact_loops(scenario: ResolvedCrucibleChargingScenario) -> tuple[NuggetLoo
                 along=(*along, *_STILL),
                 speed=charging.seek_speed,
                 force=force,
-                amplitude=_SWING if item.kind == "wall" else 0.0,
+                amplitude=_SWING if item.kind == "wall" else charging.follow,
             ),
             controller=control if item.kind == "wall" else resting,
             sensing=scenario.sensing,

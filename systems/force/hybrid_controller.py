@@ -173,8 +173,8 @@ class HybridController(LeafSystem):
     ``desired_velocity``, shape (m,), m/s (rad/s); ``desired_force`` and ``measured_force``, shape
     (m,), N, of the arm on its environment; ``selection``, shape (m * m,), P row by row; ``mode``,
     size 1, as :class:`chamfer.systems.force.contact_detection.ContactDetection` gives it, or more
-    than that: another contact, at rest, in which all position integrators are held, because those
-    of turning joints would push on through the others.
+    than that: another contact, in which all position integrators are held, because in a joint that
+    presses one would push on by the errors of the others.
     ``torque``, shape (n,), and the errors, desired less measured, shape (m,), before the
     selection, are held over the period.
 
