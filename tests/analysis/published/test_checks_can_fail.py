@@ -32,6 +32,7 @@ from chamfer.analysis.skills.connector_campaign import success_metrics
 from chamfer.analysis.skills.insertion_metrics import INSERTION, insertion_metrics
 from chamfer.analysis.surface import observer_comparison
 from chamfer.analysis.surface.normal_metrics import tracking_metrics
+from chamfer.analysis.surface.observer_band import BandSuite, band_metrics
 from chamfer.analysis.surface.unknown_wall import wall_metrics
 from chamfer.diagrams.cell.alignment_scenario import BY_SIGHT
 from chamfer.models.arms.adept_wrist import ADEPT_WRIST
@@ -251,11 +252,17 @@ class Ones(dict[str, Any]):
 
 
 def spoilt_observers() -> Mapping[str, Metric]:
-    """Return what observers are that are worse than the thesis' own, and half of them wrong."""
+    """Return what observers are that are worse than others, wrong, slow and sure or timid."""
     cases, observers = range(len(observer_comparison.CASES)), len(observer_comparison.OBSERVERS)
     case, observer = np.array([(i, j) for i in cases for j in range(observers)]).T
-    columns = {"rms": 1.0 + (observer > 0), "coverage": 50.0 + 0 * case}
-    return observer_comparison._metrics(Ones(case=case, observer=observer, **columns))
+    columns = {"rms": 1.0 + observer, "coverage": 50.0 + 0 * case}
+    compared = observer_comparison._metrics(Ones(case=case, observer=observer, **columns))
+    suite = BandSuite(surfaces=("flat", "constant"))
+    surface, seed, observer = np.indices((2, 2, 4)).reshape(3, -1)
+    nees, rms = np.where(seed, 9.0, 0.01), 1.0 + observer
+    rows = Ones(case=surface, surface=surface, observer=observer, rms=rms, nees=nees)
+    band = band_metrics(suite, rows)
+    return {**compared, **band, "adaptive.cost": Metric(value=150.0, unit="us")}
 
 
 def spoilt_cycles() -> Mapping[str, Metric]:
@@ -282,9 +289,8 @@ def spoilt_arms() -> Values:
     for name in ("peg", "hole"):
         arms |= {f"{name}_saturated": np.ones(2)}
         arms |= {f"{name}_q{i + 1}": np.full(2, 9.0) for i in range(7)}
-    limits = arm_limits(arms, BY_SIGHT)
-    shown = {**limits, "force.share": 101.0}
-    return {f"{way}{name}": value for way in _WAYS for name, value in shown.items()}
+    limits = {**arm_limits(arms, BY_SIGHT), "force.share": 101.0}
+    return {f"{way}{name}": value for way in _WAYS for name, value in limits.items()}
 
 
 def spoilt_plug() -> dict[str, Any]:
