@@ -88,6 +88,8 @@ def test_full_dynamics_go_with_a_model(make_params: Any) -> None:
     full = make_params(full_dynamics=True, inertia=(1.0, 1.0))
     with pytest.raises(ParameterError, match=r"^full_dynamics is True, allowed: true with a mod"):
         HybridController(PLANAR_TWO_LINK, full)
+    with pytest.raises(ParameterError, match=r"^inertia is \(1.0, 1.0\), allowed: None without"):
+        HybridController(PLANAR_TWO_LINK, make_params(inertia=(1.0, 1.0)))
     dynamics = ArmDynamics(PLANAR_TWO_LINK)
     with pytest.raises(ParameterError, match=r"^full_dynamics is False, allowed: true with a mod"):
         HybridController(PLANAR_TWO_LINK, make_params(), dynamics=dynamics)
@@ -359,8 +361,11 @@ PLACE = np.array([0.4, 0.9, 0.2, -0.3])
 WANTED = np.array([0.5, -0.3, 0.8, 0.2])
 
 
-def feedforward(selection: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
-    block = AccelerationFeedforward(ADEPT_ONE, ArmDynamics(ADEPT_ONE), period=0.005)
+def feedforward(
+    selection: np.ndarray, acceleration: np.ndarray, *, diagonal: bool = False
+) -> np.ndarray:
+    model = ArmDynamics(ADEPT_ONE)
+    block = AccelerationFeedforward(ADEPT_ONE, model, period=0.005, diagonal=diagonal)
     simulator = Simulator(block)
     context = simulator.get_mutable_context()
     block.GetInputPort("encoders").FixValue(context, [*PLACE, 1.0, -2.0, 0.1, 0.5])
@@ -379,3 +384,6 @@ def test_from_rest_the_arm_accelerates_as_wanted_in_the_position_domain_alone() 
     for P in (np.eye(4), np.eye(4) - np.outer(normal, normal)):
         found = ADEPT_ONE.jacobian(PLACE) @ np.linalg.solve(mass, feedforward(P, WANTED))
         np.testing.assert_allclose(found, P @ WANTED, atol=1e-12)
+        joints = np.linalg.solve(ADEPT_ONE.jacobian(PLACE), P @ WANTED)
+        alone = feedforward(P, WANTED, diagonal=True)
+        np.testing.assert_allclose(alone, np.diag(mass) * joints, atol=1e-12)
