@@ -36,8 +36,11 @@ UNITS: Final = {
     *("m/(pixel s)", "m/pixel", "m/rad", "m/s", "pixels", "px"),
     *("rad", "rad/m", "rad/pixel", "rad/s", "s", "us"),
 }
-# Modes and remedies that the reduced runs leave out.
-LEFT_OUT: Final = {"crown", "bulk", "decoupling", "compensation", "soft_gripper", "all"}
+# Modes, remedies and ways that the reduced runs leave out.
+LEFT_OUT: Final = {
+    *("crown", "bulk", "decoupling", "compensation", "soft_gripper", "all"),
+    *("wait", "frozen_wait"),
+}
 # Of the others two runs take seconds, or they run with other values what one of these does.
 QUICK: Final = {
     "adept-unknown-wall",
