@@ -41,7 +41,7 @@ from chamfer.diagrams.contact.sensing import (
     push_errors,
     sensor_of,
 )
-from chamfer.diagrams.surface.surface_scenario import derived_observer
+from chamfer.diagrams.surface.surface_scenario import derived_observer, require_whole
 from chamfer.models.arms.adept_wrist import ADEPT_WRIST
 from chamfer.models.arms.arm import Arm
 from chamfer.models.arms.gripper import GripperCompliance
@@ -289,6 +289,8 @@ class CrucibleChargingScenario:
         for name, own in (("charging", self.charging.period), ("grasp", self.grasp.period)):
             if own != period:
                 raise ParameterError(f"{name}.period", own, f"controller.period, {period:g}")
+        if self.observer is not None:
+            require_whole(self.observer.period, period, "controller.period")
         if self.duration is not None:
             require_periods(self.duration, period)
         if self.fault.item >= len(self.plan):
