@@ -83,8 +83,8 @@ _ANY_DIRECTION: Final = math.pi / math.sqrt(12)  # rad, deviation of what is any
 # Of the model that makes the band, calibrated on bends, waves and switching arcs:
 _BAND_BEND: Final = 0.8  # 1/rho_min, standard deviation of the curvature
 _BAND_LENGTH: Final = 2.0  # resolving lengths, over which the curvature changes
-_BAND: Final = (1.08, 1.7)  # of its deviation: while it is unlikely, and while it is certain
-_TO_BAND: Final = 0.001  # probability that it holds after another, from a sample to the next
+_BAND: Final = (1.03, 1.5)  # of its deviation, on a flat and where it bends as it may
+_TO_BAND: Final = 0.0015  # probability that it holds after another, from a sample to the next
 _FROM_BAND: Final = 1.05  # of its deviation, how far the estimate may be from its own
 _ALONE: Final = np.ones(1)  # weight of a frame that no other competes with
 _TINY: Final = 1e-14  # rad^2, keeps a covariance invertible
@@ -169,9 +169,9 @@ class ContactFrameFilter:
 
     None of them lets the curvature change within less than the bound's radius, as it may: where a
     bend begins all lag behind it. So the last model takes the curvature to change over what the
-    sensor can just resolve (:func:`resolving_length`). The band is that model's, widened, and the
-    mixture is kept within it, near to that model's normal: where a bend begins is foreseen by
-    nothing, so the band is as wide on a flat as it has to be there.
+    sensor can just resolve (:func:`resolving_length`). The band is that model's, wider where the
+    surface bends already, as it may then bend back by more, and the mixture is kept within it,
+    near to that model's normal. Nothing foresees where a bend begins: a flat has that band too.
 
     In space the path tells the normal's tilt along the path only. Sideways the force tells it:
     friction opposes the motion, the force has no component across the path and the normal.
@@ -359,7 +359,8 @@ class ContactFrameFilter:
             sure, apart = mixture(frames[-1:], _ALONE, _NOTHING)
             whole = mixture(frames[-1:], _ALONE, considered)[1] if self._considers else apart
             least, most = _BAND
-            factor = least + (most - least) * float(kept.weights[-1])
+            bend = kept.weights @ frames[:, 12:14] * self._params.smallest_radius
+            factor = least + (most - least) * min(math.sqrt(bend @ bend), 1.0)
             normal, covariance = _limited(normal, sure, apart, factor**2 * whole)
         d = self._d
         return Estimate(memory, normal[:d], covariance[:d, :d].copy(), status)
