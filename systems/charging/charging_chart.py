@@ -415,10 +415,10 @@ class _Actions:
         return self._moving("home", tick.memory, tick)
 
     def sense(self, tick: ChargingTick) -> ChargingMemory:
-        memory = self._guards.count(tick)
-        if memory.mode in (ON_BOTH, ON_LAYER) and tick.inputs.layer_normal is not None:
-            return memory._replace(below=memory.into_layer(tick.inputs.layer_normal))
-        return memory
+        memory, normal = self._guards.count(tick), tick.inputs.layer_normal
+        if normal is None or not (memory.on_layer and self._motions.on_nugget(memory.item)):
+            return memory
+        return memory._replace(below=memory.into_layer(normal))
 
     def wait(self, tick: ChargingTick) -> ChargingMemory:
         """Stand still; what is touched on the last way, or lost meanwhile, is not overlooked."""

@@ -259,7 +259,7 @@ def test_a_nugget_on_a_nugget_follows_it_to_its_place(kind: ItemKind) -> None:
 def test_what_lies_on_the_bed_is_set_down_at_once_and_nothing_is_learnt() -> None:
     cell = cell_with(PlanItem(kind="crown"))
     cell.normal = ESTIMATED
-    cell.to("crown.land")
+    cell.to("release.open")
     assert cell.memory.below == (0.0, 0.0, -1.0)
     cell.end()
     assert "crown.follow" not in cell.way()
