@@ -26,7 +26,7 @@ from chamfer.systems.sensing.force_rate import ForceRateSensorParams
 
 Array = NDArray[np.float64]
 
-_LENGTH: Final = 2.4  # m, of the path
+_LENGTH: Final = 2.6  # m, of the path
 _STRAIGHT: Final = 1.0  # m, before a bend
 _FORCE: Final = 10.0  # N, along the normal
 _FRICTION: Final = 0.5
@@ -152,7 +152,7 @@ def surfaces(radius: float) -> dict[str, Surface]:
         "flat_to_arc": arc(0.0, bend),
         "arc_to_flat": arc(bend, 0.0),
         **{f"wave_{int(1000 * length)}": wave(length) for length in (0.2, 0.4, 0.8, 1.4)},
-        **{f"s_bend_{angle}": smooth(angle, 1, -1) for angle in (15, 30, 60)},
+        **{f"s_bend_{angle}": smooth(angle, 1, -1) for angle in (5, 15, 30)},
         **{f"switch_{int(1000 * length)}": switching(length) for length in (0.125, 0.25, 0.5)},
     }
     drawn_out = ("bend_5", "bend_30", "flat_to_arc", "wave_400", "switch_250")
@@ -177,31 +177,19 @@ def glide(surface: Surface, stiffness: float, speed: float, period: float) -> Sl
         period: s, between two samples.
     """
     d, ds = surface.dimension, speed * period
-    p, heading = np.zeros(d), np.zeros(d)
-    heading[0] = 1.0
+    p, t = np.zeros(d), np.eye(d)[0]
     if d == 3:
-        heading[0], heading[2] = math.cos(_HEADING), math.sin(_HEADING)
-    t = heading - (heading @ normal(surface, p)) * normal(surface, p)
-    t /= math.sqrt(t @ t)
+        t = np.array([math.cos(_HEADING), 0.0, math.sin(_HEADING)])
     rows = []
     for _ in range(round(_LENGTH / ds) + 1):
-        n, turn = _turning(surface, p, t)
-        rows.append((p, t, n, turn))
-        # Runge and Kutta's method, then back onto the surface.
-        steps = [(t, -(t @ turn) * n)]
-        for part in (0.5, 0.5, 1.0):
-            at, along = (
-                value + part * ds * by for value, by in zip((p, t), steps[-1], strict=True)
-            )
-            n, turn = _turning(surface, at, along)
-            steps.append((along, -(along @ turn) * n))
-        p, t = (
-            value + ds / 6 * (k[0] + 2 * k[1] + 2 * k[2] + k[3])
-            for value, k in zip((p, t), zip(*steps, strict=True), strict=True)
-        )
         gap, n = locate(surface, p)
-        p, t = p - gap * n, t - (t @ n) * n
+        p, t = p - gap * n, t - (t @ n) * n  # back onto the surface, straight ahead
         t /= math.sqrt(t @ t)
+        gradient = surface.gradient(p)
+        turn = surface.hessian(p) @ t / math.sqrt(gradient @ gradient)
+        n = normal(surface, p)
+        rows.append((p, t, n, turn - (turn @ n) * n))  # the last is the normal's derivative, 1/m
+        p = p + ds * (t - 0.5 * ds * (t @ turn) * n)
     points, tangents, normals, turns = (np.array(one) for one in zip(*rows, strict=True))
     bends = -np.sum(tangents * turns, axis=1)[:, np.newaxis] * normals
     force = _FORCE * (normals - _FRICTION * tangents)
@@ -209,12 +197,3 @@ def glide(surface: Surface, stiffness: float, speed: float, period: float) -> Sl
     nominal = np.hstack([points - force / stiffness, speed * tangents - rate / stiffness])
     time: Array = period * np.arange(len(points), dtype=np.float64)
     return Slide(time=time, force=force, force_rate=rate, nominal=nominal, normal=normals)
-
-
-def _turning(surface: Surface, p: Array, t: Array) -> tuple[Array, Array]:
-    """Return the normal and its derivative, 1/m, along a tangent."""
-    gradient = surface.gradient(p)
-    size = math.sqrt(gradient @ gradient)
-    n = gradient / size
-    turn = surface.hessian(p) @ t / size
-    return n, turn - (turn @ n) * n

@@ -4,7 +4,7 @@ import itertools
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Final, NamedTuple
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +18,6 @@ _SPACING: Final = 0.01  # m, at most, between two nodes
 _MOST: Final = 100.0  # m, of all pieces
 _ITERATIONS: Final = 30
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
-
-
-class _Foot(NamedTuple):
-    """The curve's point that is nearest to another."""
-
-    offset: float  # m, how far the other is above
-    tangent: tuple[float, float]
-    curvature: float  # 1/m
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,21 +46,20 @@ class Profile:
 
     def level(self, p: Vector) -> float:
         """Return the distance above the curve, m."""
-        return self._foot(p).offset
+        return self._foot(p)[0]
 
     def gradient(self, p: Vector) -> Vector:
         """Return the distance's gradient."""
-        x, y = self._foot(p).tangent
+        x, y = self._foot(p)[1]
         return np.array([-y, x])
 
     def hessian(self, p: Vector) -> Matrix:
         """Return the distance's second derivatives."""
-        foot = self._foot(p)
-        bend = -foot.curvature / (1.0 - foot.curvature * foot.offset)
-        return bend * np.outer(foot.tangent, foot.tangent)
+        offset, tangent, curvature = self._foot(p)
+        return -curvature / (1.0 - curvature * offset) * np.outer(tangent, tangent)
 
-    def _foot(self, p: Vector) -> _Foot:
-        """Return the point of the curve that is nearest to p, by Newton's method."""
+    def _foot(self, p: Vector) -> tuple[float, tuple[float, float], float]:
+        """Return how far p is above, m, and tangent and curvature, 1/m, nearest to it (Newton)."""
         x, y = p.tolist()
         at, points = self._table
         s = float(at[np.argmin((points[:, 0] - x) ** 2 + (points[:, 1] - y) ** 2)])
@@ -80,7 +71,7 @@ class Profile:
             if abs(ahead) < 1e-13:
                 break
             s += ahead
-        return _Foot(offset, (tx, ty), curvature)
+        return offset, (tx, ty), curvature
 
     @cached_property
     def _starts(self) -> list[tuple[float, float]]:
