@@ -86,7 +86,7 @@ class _Guards:
         return down - friction > max(self._params.layer_touch, self._detect)
 
     def on_nugget(self, tick: ChargingTick) -> bool:
-        return self._motions.on_nugget(tick.memory.item) and self.on_below(tick)
+        return self._motions.followed(tick.memory.item) is not None and self.on_below(tick)
 
     def _push(self, tick: ChargingTick) -> float:
         x, y, _ = tick.inputs.mean_force
@@ -416,7 +416,7 @@ class _Actions:
 
     def sense(self, tick: ChargingTick) -> ChargingMemory:
         memory, normal = self._guards.count(tick), tick.inputs.layer_normal
-        if normal is None or not (memory.on_layer and self._motions.on_nugget(memory.item)):
+        if normal is None or not memory.on_layer or not self._motions.followed(memory.item):
             return memory
         return memory._replace(below=memory.into_layer(normal))
 

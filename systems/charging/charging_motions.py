@@ -3,7 +3,7 @@
 import math
 from typing import Final, Literal
 
-from chamfer.models.charging.packing import ItemPlace, Nugget
+from chamfer.models.charging.packing import ItemPlace, LaidNugget, Nugget
 from chamfer.systems.charging.charging_params import (
     ChargingBeliefs,
     ChargingInputs,
@@ -61,9 +61,10 @@ class ChargingMotions:
         """Return how many items there are."""
         return len(self._beliefs.plan)
 
-    def on_nugget(self, item: int) -> bool:
-        """Return whether an item is laid on another that was laid before."""
-        return self._place(item).on is not None
+    def followed(self, item: int) -> LaidNugget | None:
+        """Return the nugget that an item is laid on and follows to its place, if any."""
+        on = self._place(item).on
+        return on if on and on.nugget.mass >= self._params.follow_mass else None
 
     def mass(self, item: int) -> float:
         """Return an item's mass, kg, as it is believed."""
@@ -168,11 +169,11 @@ class ChargingMotions:
 
     def _landing(self, item: int) -> tuple[float, float]:
         """Return where an item lands, m: on a nugget before its place, nearer to that's middle."""
-        place, (nx, ny, _) = self._place(item), self.normal(item)
-        x, y = place.position
-        if place.on is None:
+        (x, y), (nx, ny, _) = self._place(item).position, self.normal(item)
+        on = self.followed(item)
+        if on is None:
             return x, y
-        dx, dy = x - place.on.middle[0], y - place.on.middle[1]
+        dx, dy = x - on.middle[0], y - on.middle[1]
         if self.kind(item) == "wall":  # along the wall alone
             along = ny * dx - nx * dy
             dx, dy = along * ny, -along * nx

@@ -105,6 +105,8 @@ class ChargingParams:
     near: float = 0.01  # m, before what is believed, from where on it is sought; assumed
     follow: float = 0.005  # m, along what was laid before, to its place; assumed
     follow_speed: float = 0.005  # m/s, along it; assumed
+    follow_mass: float = 0.05
+    # kg, of what is followed, at least: friction would shove a lighter one along; assumed
     search: float = 0.025  # m, beyond what is believed, before it is not there; assumed
     lean: float = 0.3  # rad, of the gripper's body, off the wall; assumed, for 14 g nuggets
     rest: float = 0.25  # s, for the tare, and before and after the gripper opens; assumed

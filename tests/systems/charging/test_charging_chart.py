@@ -256,8 +256,13 @@ def test_a_nugget_on_a_nugget_follows_it_to_its_place(kind: ItemKind) -> None:
     assert cell.end().state == "done"
 
 
-def test_what_lies_on_the_bed_is_set_down_at_once_and_nothing_is_learnt() -> None:
-    cell = cell_with(PlanItem(kind="crown"))
+LIGHT = PlanItem(kind="crown", mass=0.014)  # would be shoved
+
+
+@pytest.mark.parametrize("plan", [(PlanItem(kind="crown"),), (LIGHT, LIGHT)])
+def test_on_the_bed_or_a_light_nugget_nothing_is_followed(plan: tuple[PlanItem, ...]) -> None:
+    cell = cell_with(*plan)
+    cell.run(lambda one: one.memory.item == len(plan) - 1)
     cell.normal = ESTIMATED
     cell.to("release.open")
     assert cell.memory.below == (0.0, 0.0, -1.0)
