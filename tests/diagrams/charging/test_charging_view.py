@@ -5,17 +5,20 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from pydrake.geometry import Box, Meshcat, Shape
+from pydrake.geometry import Box, Ellipsoid, Meshcat, Shape
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 
 from chamfer.analysis.report.replay import open_meshcat
 from chamfer.diagrams.charging.charging_view import ChargingView, make_charging_view, waiting_pose
 from chamfer.models.arms.adept_wrist import joint_positions
-from chamfer.models.charging.packing import PlanItem
+from chamfer.models.charging.packing import Nugget, PlanItem, places
 from chamfer.models.charging.station import Station
 
 STATION = Station()
+LYING = places(
+    [PlanItem()], STATION, believed=False, laid=[PlanItem(azimuth=1.0, tilt=0.4, tilt_azimuth=2.0)]
+)[0].laid[0]
 PLAN = (PlanItem(kind="wall", mass=0.085), PlanItem(kind="crown", mass=0.14))
 
 
@@ -53,7 +56,7 @@ def test_nuggets_wait_in_a_row_at_the_feeder() -> None:
     assert last[3] > 0.0  # before the base, not through it
 
 
-def test_table_carries_the_whole_row_and_the_crucible_leans(meshcat: Meshcat) -> None:
+def test_table_carries_the_whole_row_the_crucible_leans_and_nuggets_lie(meshcat: Meshcat) -> None:
     shown: dict[str, tuple[Shape, RigidTransform]] = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
@@ -61,12 +64,18 @@ def test_table_carries_the_whole_row_and_the_crucible_leans(meshcat: Meshcat) ->
             "RegisterVisualGeometry",
             lambda _, body, X_BG, shape, name, *__: shown.setdefault(name, (shape, X_BG)),
         )
-        make_charging_view(STATION, (), meshcat, lean=0.1)
+        make_charging_view(STATION, (), meshcat, lean=0.1, laid=(LYING,))
+    # The nugget that lies there is drawn as what is met of it: its top is the surface's.
+    drawn, X_WN = shown["laid[0]"]
+    assert isinstance(drawn, Ellipsoid)
+    top = X_WN @ np.array([0.0, 0.0, drawn.c()])
+    point = Nugget(mass=1.0, semi_axes=(1e-9, 1e-9, 1e-9))
+    assert LYING.surface(point).level(top) == pytest.approx(0.0, abs=1e-8)
     table, X_WT = shown["feeder"]
     assert isinstance(table, Box)
     assert X_WT.translation()[2] + table.height() / 2 == pytest.approx(STATION.feeder[2])
-    places = np.array([waiting_pose(STATION, 0.0, ahead)[3] for ahead in range(9)])
-    for end in (places.min() - 0.03, places.max() + 0.03):  # with a nugget's reach
+    row = np.array([waiting_pose(STATION, 0.0, ahead)[3] for ahead in range(9)])
+    for end in (row.min() - 0.03, row.max() + 0.03):  # with a nugget's reach
         assert abs(end - X_WT.translation()[0]) < table.width() / 2
     _, X_WC = shown["crucible"]
     # The solid's axis is x, from the floor on.
