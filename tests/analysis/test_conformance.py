@@ -39,7 +39,7 @@ UNITS: Final = {
 # Modes, remedies and ways that the reduced runs leave out.
 LEFT_OUT: Final = {
     *("crown", "bulk", "decoupling", "compensation", "soft_gripper", "all"),
-    *("wait", "frozen_wait"),
+    *("wait", "frozen_wait", "no_observer"),
 }
 # Of the others two runs take seconds, or they run with other values what one of these does.
 QUICK: Final = {
