@@ -80,6 +80,7 @@ from chamfer.systems.contact.arm_in_contact import (
     Load,
     Scene,
 )
+from chamfer.systems.estimation.model_error import ModelErrorParams
 from chamfer.systems.estimation.normal_filter import (
     ResolvedSurfaceObserverParams,
     SurfaceObserverParams,
@@ -269,8 +270,9 @@ class CrucibleChargingScenario:
     )  # what encoders are off before they pass their index marks; assumed
     friction_compensation: BaseCompensationParams | None = None  # by a base sensor; None: none
     observer: SurfaceObserverParams | None = SurfaceObserverParams(
-        smallest_radius=0.025, initial_deviation=0.2
-    )  # of the normal of nuggets that are landed on; None: they are taken to be level
+        smallest_radius=0.025, initial_deviation=0.2, model_error=ModelErrorParams(bias=0.05)
+    )  # of the normal of nuggets that are landed on, the bias what a tare leaves over; None: they
+    # are taken to be level
     force_rate: ForceRateParams = ForceRateParams()  # for the observer
     fault: FaultParams = FaultParams()
     step: float = 1e-4  # s, of the arm's dynamics, friction and contact
@@ -584,14 +586,10 @@ def _resolved_observer(
         return None
     if gripper is None:
         raise ParameterError("observer", given.kind, "null, where the gripper is rigid")
-    reading, noise = force_noise(sensor), given.force_noise
+    noise = given.force_noise
     if noise is None:
-        noise = math.hypot(reading / math.sqrt(charging.detection.readings), _UNSTEADY)
-    error = given.model_error
-    if given.kind == "adaptive" and not error.bias:
-        # What a tare leaves over, which is the mean of some readings.
-        readings = charging.rest / charging.period
-        error = replace(error, bias=math.hypot(reading, _UNSTEADY) / math.sqrt(3 * readings))
+        mean = force_noise(sensor) / math.sqrt(charging.detection.readings)
+        noise = math.hypot(mean, _UNSTEADY)
     derived = derived_observer(
         given,
         stiffness=tuple(map(tuple, gripper.matrix(3))),
@@ -599,7 +597,7 @@ def _resolved_observer(
         force_rate_noise=noise * scenario.force_rate.noise_gain(charging.period),
         rate_lag=scenario.force_rate.time_constant,
     )
-    return ResolvedSurfaceObserverParams(**vars(given) | derived | {"model_error": error})
+    return ResolvedSurfaceObserverParams(**vars(given) | derived)
 
 
 _TIME_EACH = 60.0  # s, that an item may take
