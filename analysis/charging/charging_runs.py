@@ -209,8 +209,9 @@ LIMITS: Final[dict[str, tuple[str, Worst]]] = {
 
 
 def limits_in(plan: Sequence[PlanItem]) -> dict[str, tuple[str, Worst]]:
-    """Return :data:`LIMITS` of the modes that a plan has."""
-    absent = {"wall", "crown", "bulk"} - {item.kind for item in plan}
+    """Return :data:`LIMITS` of the modes that a plan has; bulk is not scanned."""
+    kinds = {item.kind for item in plan}
+    absent = {"wall", "crown", "bulk", *({"scan"} if kinds == {"bulk"} else ())} - kinds
     return {name: one for name, one in LIMITS.items() if name.partition(".")[0] not in absent}
 
 

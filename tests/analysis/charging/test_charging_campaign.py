@@ -114,6 +114,8 @@ def test_limits_are_those_of_the_modes_in_the_plan() -> None:
     wall = replace(SCENARIO.cycle, plan=SCENARIO.cycle.plan[:1])
     modes = {one.metric.partition(".")[0] for one in limits_of(wall)}
     assert modes == {"acquire", "scan", "slew", "wall"}
+    bulk = replace(SCENARIO.cycle, plan=SCENARIO.cycle.plan[2:])
+    assert not any(one.metric.startswith("scan") for one in limits_of(bulk))
     assert limits_of(SCENARIO.cycle) == CHARGING
 
 
