@@ -1,7 +1,6 @@
 """Observers that are told wrong: of the gripper's stiffness, the sensor's bias, its delay.
 
-By default a surface gets few draws, so that it runs within a minute; the numbers of the docs are
-those of ``trials=8``.
+By default a surface gets few draws, so that it runs within minutes; conclusions want ``trials=8``.
 """
 
 import math
