@@ -107,14 +107,7 @@ CASES: Final[Mapping[str, SlideCase]] = {
     "wave_ripple": _case(_WAVE, 0.7, False, ripple=0.3, wavelength=0.6),
     "space_paraboloid": _case(_parabola(0.05, 0.15), 0.6, False, _ASIDE),
     "space_wavy": _case(_sheet((0.03, 2.0), (0.02, 1.5)), 0.4, True, _ASIDE, ripple=0.1),
-    "space_sheet": _case(
-        _sheet((0.02, 1.6), (0.03, 2.5)),
-        0.6,
-        False,
-        replace(_ASIDE, sideways=-0.4),
-        ripple=0.15,
-        wavelength=0.7,
-    ),
+    "space_sheet": _case(_SHEET, 0.6, False, _OTHER_SIDE, ripple=0.15, wavelength=0.7),
     "space_bowl": _case(
         replace(_BOWL, shape="sphere"), 0.3, False, LeadSettings(sideways=0.5, depth=0.15)
     ),

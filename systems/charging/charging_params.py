@@ -88,6 +88,7 @@ class ChargingParams:
     acceleration: float = 0.5  # m/s^2, of all straight motions; assumed
     stop_acceleration: float = 5.0  # m/s^2, with which it stops where it touches; assumed
     wall_force: float = 1.0  # N, on the wall while sliding; less than 2, section 1.1.2
+    seat_force: float = 0.7  # N, on the wall while set down, whose layer may slope; assumed
     touch_force: float = 2.0  # N, down, that tells the nugget in the feeder; assumed
     layer_touch: float = 0.5
     # N, down, beyond friction at the wall, that tells the layer, and not less than the wall's
@@ -245,6 +246,7 @@ class ChargingMemory(NamedTuple):
         """Return the force on the environment that is wanted, N, shape (7,)."""
         into_wall, into_layer = params.wall_force, params.layer_force
         if self.mode == ON_BOTH:  # as it came sliding, the wall holds it up
+            into_wall = params.seat_force
             into_layer += params.wall_friction * into_wall
         pushes = {self.normal: into_wall, self.below: into_layer}
         x, y, z = (sum(pushes[one] * one[i] for one in self.pressed) for i in range(3))

@@ -246,8 +246,8 @@ def test_a_nugget_on_a_nugget_follows_it_to_its_place(kind: ItemKind) -> None:
     pressed = np.array(cell.memory.pressed)
     np.testing.assert_allclose(pressed @ pressed.T, np.eye(len(pressed)), atol=1e-12)
     force = np.array(cell.memory.desired_force(PARAMS)[:3])
-    bears = PARAMS.wall_friction * PARAMS.wall_force if kind == "wall" else 0.0
-    assert force @ down == pytest.approx(PARAMS.layer_force + bears)
+    seated = PARAMS.seat_force if kind == "wall" else 0.0
+    assert force @ down == pytest.approx(PARAMS.layer_force + PARAMS.wall_friction * seated)
     cell.to(f"{kind}.set_down")
     along = np.eye(3) - pressed.T @ pressed
     off = along @ np.array([*(cell.path.desired_position[:2] - place), 0.0])

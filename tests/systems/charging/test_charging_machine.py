@@ -63,8 +63,8 @@ DOWN = np.array([0.0, 0.0, -1.0])
         (CONTACT, [INTO], INTO),
         (LOST, [INTO], INTO),
         (ON_LAYER, [DOWN], 0.8 * DOWN),
-        # Sliding, the wall's friction, 0.3 N, held it up.
-        (ON_BOTH, [INTO, DOWN], INTO + 1.1 * DOWN),
+        # The wall's friction, 0.21 N, holds it up.
+        (ON_BOTH, [INTO, DOWN], 0.7 * INTO + 1.01 * DOWN),
     ],
 )
 def test_what_is_pressed_on_is_under_force_control(
