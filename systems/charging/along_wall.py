@@ -11,9 +11,9 @@ class AlongWall(LeafSystem):
 
         name: AlongWall
         input_ports:
+        - wall
         - force
         - motion
-        - wall
         output_ports:
         - force_along
         - motion_along

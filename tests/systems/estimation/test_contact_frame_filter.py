@@ -396,10 +396,11 @@ def test_late_force_is_put_where_the_gripper_was(slides: Any) -> None:
         for found in (told(), told(delay=0.2))
     )
     assert told_late < 0.2 * trusting
-    # The normal turns with the speed over the radius, or what the filter takes it for.
+    # The normal turns with the speed over the radius, or what the filter takes it for; the band is
+    # up to 1.5 times as wide.
     sure, unsure = (told(delay=0.2, delay_deviation=one).deviations[slid] for one in (0.0, 0.05))
     added = np.sqrt(unsure**2 - sure**2)
-    assert 0.05 * 0.1 < added.mean() < 2.5 * 0.05 * 0.1
+    assert 0.05 * 0.1 < added.mean() < 1.5 * 2.5 * 0.05 * 0.1
 
 
 def test_rate_that_lags_shows_no_motion_where_the_gripper_turns_round(slides: Any) -> None:
