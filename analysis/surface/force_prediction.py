@@ -1,4 +1,4 @@
-"""Will the force along an unknown surface be held? Told before the run.
+"""Prediction of the force along an unknown surface, before the run.
 
 The contact point goes along the true surface at the task's speed, and the observer is given what
 the sensors would show of that, with noise, a few times. By noise and lag, and since its estimate

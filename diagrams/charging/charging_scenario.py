@@ -258,7 +258,7 @@ class CrucibleChargingScenario:
     touch_radius: float = 0.02  # m, of a nugget where it touches; assumed, as of 85 g
     filler_mass: float = 0.5  # kg, of the empty bulk filler, which hangs as a nugget does
     grasp: GraspParams = GraspParams()
-    charging: ChargingParams = ChargingParams(wall_force=1.2)
+    charging: ChargingParams = ChargingParams()
     controller: ControllerSettings = CONTROLLER
     sensing: Sensing = "ideal"
     # no error of sensors or computer but what is told; realistic: what is open, as they are

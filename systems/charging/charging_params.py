@@ -87,7 +87,7 @@ class ChargingParams:
     turn_speed: float = 1.5  # rad/s, of the endpoint's angles; assumed
     acceleration: float = 0.5  # m/s^2, of all straight motions; assumed
     stop_acceleration: float = 5.0  # m/s^2, with which it stops where it touches; assumed
-    wall_force: float = 1.0  # N, on the wall while sliding; less than 2, section 1.1.2
+    wall_force: float = 1.2  # N, on the wall while sliding; less than 2, section 1.1.2
     seat_force: float = 0.7  # N, on the wall while set down, whose layer may slope; assumed
     touch_force: float = 2.0  # N, down, that tells the nugget in the feeder; assumed
     layer_touch: float = 0.5

@@ -16,12 +16,12 @@ from chamfer.diagrams.charging.charging_scenario import (
 from chamfer.models.charging.packing import ItemKind, PlanItem
 from chamfer.models.surfaces.damage import SAFE_SPEED
 
-WALL = CrucibleChargingScenario(plan=(PlanItem(kind="wall"),))
+STEP = 2e-4  # s, forces are within 0.3 mN of those at half of it
 
 
 def run_with(kind: ItemKind, fault: str, state: str = "slew.over") -> ChargingRun:
     """Run one item with a fault."""
-    scenario = CrucibleChargingScenario(plan=(PlanItem(kind=kind),))
+    scenario = CrucibleChargingScenario(plan=(PlanItem(kind=kind),), step=STEP)
     given = FaultParams(kind=fault, state=state)  # type: ignore[arg-type]
     return run_charging(resolve_charging(replace(scenario, fault=given)), 0)
 
@@ -61,7 +61,8 @@ def test_each_mode_stops_safely(kind: ItemKind, fault: str, state: str, reason: 
 @pytest.mark.slow
 def test_contact_that_a_blow_breaks_is_found_again() -> None:
     blow = FaultParams(kind="contact_lost", state="wall.slide")
-    scenario = resolve_charging(replace(WALL, fault=blow))
+    plan = (PlanItem(kind="wall"),)
+    scenario = resolve_charging(CrucibleChargingScenario(plan=plan, fault=blow, step=STEP))
     run = run_charging(scenario, 0)
     (found,) = measure(scenario, run)
     assert found["wall.losses"] == found["wall.losses_seen"] == 1
@@ -77,7 +78,7 @@ def test_contact_that_a_blow_breaks_is_found_again() -> None:
 def test_a_nugget_of_unknown_normal_is_followed_to_its_place() -> None:
     lies = PlanItem(kind="crown", azimuth=0.3, radius=0.1, tilt=0.4, tilt_azimuth=0.3)
     plan = (PlanItem(kind="crown", azimuth=0.3, radius=0.112),)
-    scenario = resolve_charging(CrucibleChargingScenario(plan=plan, laid=(lies,), step=2e-4))
+    scenario = resolve_charging(CrucibleChargingScenario(plan=plan, laid=(lies,), step=STEP))
     run = run_charging(scenario, 0)
     (found,) = measure(scenario, run)
     assert "crown.follow" in run.transitions["target"]

@@ -60,8 +60,8 @@ DOWN = np.array([0.0, 0.0, -1.0])
 @pytest.mark.parametrize(
     ("mode", "pressed", "force"),
     [
-        (CONTACT, [INTO], INTO),
-        (LOST, [INTO], INTO),
+        (CONTACT, [INTO], 1.2 * INTO),
+        (LOST, [INTO], 1.2 * INTO),
         (ON_LAYER, [DOWN], 0.8 * DOWN),
         # The wall's friction, 0.21 N, holds it up.
         (ON_BOTH, [INTO, DOWN], 0.7 * INTO + 1.01 * DOWN),
