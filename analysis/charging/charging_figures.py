@@ -271,7 +271,7 @@ def plot_wall(run: ChargingRun, shown: Sequence[ModeRows]) -> Figure:
         "speed outwards / cm/s",
     )
     low, high = (run.said(f"wall.slide_force{end}") for end in ("_min", ""))
-    desired = ReferenceLine(run.scenario.charging.wall_force, "desired", DESIRED)
+    desired = ReferenceLine(run.scenario.charging.wall_force, "desired, sliding", DESIRED)
     _panel(
         force,
         forces,
