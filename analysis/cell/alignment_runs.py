@@ -48,7 +48,7 @@ from chamfer.models.peg_theory.wedging import (
 )
 from chamfer.models.validation import ParameterError, require_not_negative
 from chamfer.systems.pose import POSE_NAMES
-from chamfer.systems.servo.compensator import (
+from chamfer.systems.servo.compensator_law import (
     CompensatorParams,
     make_axis_chart,
     make_compensator_chart,

@@ -42,7 +42,7 @@ from chamfer.diagrams.servo.servo_scenario import (
 )
 from chamfer.models.plants.servo_plant import SpringMassDamperParams
 from chamfer.models.validation import ParameterError, require_positive, within
-from chamfer.systems.servo.compensator import (
+from chamfer.systems.servo.compensator_law import (
     AxisMemory,
     AxisParams,
     CompensatorChart,

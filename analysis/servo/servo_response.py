@@ -47,7 +47,7 @@ from chamfer.diagrams.servo.servo_scenario import (
 from chamfer.models.plants.linear_response import fastest_mode
 from chamfer.models.validation import ParameterError
 from chamfer.systems.exact_discretisation import count_samples, fuse
-from chamfer.systems.servo.compensator import (
+from chamfer.systems.servo.compensator_law import (
     AxisParams,
     CompensatorParams,
     make_axis_chart,

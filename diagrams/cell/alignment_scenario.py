@@ -32,8 +32,8 @@ from chamfer.systems.force.arm_model import Vector3
 from chamfer.systems.force.desired_pose import compensate
 from chamfer.systems.force.impedance_controller import ImpedanceControllerParams
 from chamfer.systems.pose import pose_from_vector, pose_vector
-from chamfer.systems.servo.compensator import AxisParams, OpenAxisParams
-from chamfer.systems.servo.sampled_pid import OpenPidGains, PidGains
+from chamfer.systems.servo.compensator_law import AxisParams, OpenAxisParams
+from chamfer.systems.servo.pid_law import OpenPidGains, PidGains
 
 Kind = Literal["lateral", "rotational"]
 

@@ -28,9 +28,11 @@ from chamfer.models.validation import (
 from chamfer.systems.exact_discretisation import discretise
 from chamfer.systems.ports import require_ports
 from chamfer.systems.servo.backlash import Backlash
-from chamfer.systems.servo.compensator import AxisParams, CompensatorParams, TrajectoryCompensator
+from chamfer.systems.servo.compensator import TrajectoryCompensator
+from chamfer.systems.servo.compensator_law import AxisParams, CompensatorParams
 from chamfer.systems.servo.desired_trajectory import Step
-from chamfer.systems.servo.sampled_pid import PidGains, SampledPid, SampledPidParams
+from chamfer.systems.servo.pid_law import PidGains, SampledPidParams
+from chamfer.systems.servo.sampled_pid import SampledPid
 from chamfer.systems.servo.servo_plant import make_linear_plant
 from chamfer.systems.servo.settling import SettlingPlant, sample_plant
 from chamfer.systems.servo.timed_design import SettlingTask, timed_axis, timed_gains

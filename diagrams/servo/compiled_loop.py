@@ -25,7 +25,7 @@ from chamfer.models.plants.servo_plant import Form
 from chamfer.models.validation import ParameterError
 from chamfer.systems.compiled import compiled
 from chamfer.systems.exact_discretisation import count_samples
-from chamfer.systems.servo.compensator import (
+from chamfer.systems.servo.compensator_law import (
     AxisParams,
     class_increment,
     error_class,

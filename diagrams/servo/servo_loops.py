@@ -22,10 +22,12 @@ from chamfer.models.plants.servo_plant import Form
 from chamfer.models.validation import ParameterError
 from chamfer.systems.exact_discretisation import discretise
 from chamfer.systems.ports import require_ports
-from chamfer.systems.servo.compensator import CompensatorParams, TrajectoryCompensator
+from chamfer.systems.servo.compensator import TrajectoryCompensator
+from chamfer.systems.servo.compensator_law import CompensatorParams
 from chamfer.systems.servo.desired_trajectory import make_desired_trajectory
 from chamfer.systems.servo.pid import make_pid
-from chamfer.systems.servo.sampled_pid import PidGains, SampledPid, SampledPidParams
+from chamfer.systems.servo.pid_law import PidGains, SampledPidParams
+from chamfer.systems.servo.sampled_pid import SampledPid
 from chamfer.systems.servo.servo_plant import make_plant
 from chamfer.systems.vision.measured_error import add_measured_error
 

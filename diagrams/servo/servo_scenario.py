@@ -14,10 +14,11 @@ from chamfer.models.validation import (
     require_positive,
     within,
 )
-from chamfer.systems.servo.compensator import AxisParams, OpenAxisParams
+from chamfer.systems.servo.compensator_law import AxisParams, OpenAxisParams
 from chamfer.systems.servo.desired_trajectory import Sinusoid, Step
 from chamfer.systems.servo.pid import PidParams
-from chamfer.systems.servo.sampled_pid import PidGains, lag_and_dead_time, tuned_gains
+from chamfer.systems.servo.pid_law import PidGains
+from chamfer.systems.servo.sampled_pid import lag_and_dead_time, tuned_gains
 from chamfer.systems.servo.servo_plant import make_spring_mass_damper
 from chamfer.systems.servo.settling import (
     SettlingPlant,

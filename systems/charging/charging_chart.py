@@ -27,8 +27,10 @@ from chamfer.systems.charging.charging_params import (
 )
 from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
 from chamfer.systems.force.selection import position_selection
+from chamfer.systems.law import Signal
 from chamfer.systems.statechart.chart import ANY, TIME_TOLERANCE, Chart, State, Tick, Transition
-from chamfer.systems.statechart.state_machine import MachineOutput, StateMachine
+from chamfer.systems.statechart.chart_law import ChartLaw, MachineOutput
+from chamfer.systems.statechart.state_machine import StateMachine
 from chamfer.systems.trajectory.segment import COORDINATES, SIZE, Vector3, hold
 
 ChargingTick = Tick[ChargingInputs, ChargingMemory]
@@ -504,6 +506,9 @@ _SIZES: Final = dict.fromkeys(ChargingInputs._fields, 1) | {
 }
 
 
+_OPTIONAL: Final = ("homed", "alive", "halt", "layer_normal")
+
+
 class ChargingMachine(StateMachine[ChargingInputs, ChargingMemory]):
     """Charges a crucible, nugget by nugget.
 
@@ -566,11 +571,12 @@ class ChargingMachine(StateMachine[ChargingInputs, ChargingMemory]):
             return MachineOutput(size=1, read=lambda memory: (float(read(memory)),))
 
         ends = {DONE: 1.0, STOPPED: 2.0}
-        super().__init__(
+        law = ChartLaw(
             make_charging_chart(params, beliefs),
-            inputs=ChargingInputs,
-            sizes=_SIZES,
-            optional=("homed", "alive", "halt", "layer_normal"),
+            observation=ChargingInputs,
+            inputs={
+                name: Signal(size, optional=name in _OPTIONAL) for name, size in _SIZES.items()
+            },
             outputs={
                 "segment": MachineOutput(size=SIZE, read=lambda memory: memory.segment.vector()),
                 "hold": number(lambda memory: memory.hold),
@@ -593,6 +599,7 @@ class ChargingMachine(StateMachine[ChargingInputs, ChargingMemory]):
             },
             period=params.period,
         )
+        super().__init__(law)
 
     def reason(self, context: Context) -> str:
         """Return what stopped the cycle, in words; "" if nothing did."""

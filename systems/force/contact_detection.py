@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 
 from chamfer.models.validation import ParameterError, known, require_not_negative, require_positive
 from chamfer.systems.force.selection import unit
+from chamfer.systems.law import Signal
 from chamfer.systems.statechart.chart import Chart, State, Tick, Transition
-from chamfer.systems.statechart.state_machine import MachineOutput, StateMachine
+from chamfer.systems.statechart.chart_law import ChartLaw, MachineOutput
+from chamfer.systems.statechart.state_machine import StateMachine
 
 Array = NDArray[np.float64]
 
@@ -156,12 +158,13 @@ class ContactDetection(StateMachine[Inputs, Memory]):
 
     def __init__(self, params: ContactDetectionParams, direction: Array, *, period: float) -> None:
         shown: MachineOutput[Memory] = MachineOutput(
-            size=1, read=lambda memory: (memory.contact_time,)
+            unit="s", read=lambda memory: (memory.contact_time,)
         )
-        super().__init__(
+        law = ChartLaw(
             make_contact_chart(params, direction),
-            inputs=Inputs,
-            sizes={"measured_force": len(direction)},
+            observation=Inputs,
+            inputs={"measured_force": Signal(len(direction), "N")},
             outputs={"contact_time": shown},
             period=period,
         )
+        super().__init__(law)

@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 
 from chamfer.models.connectors.connector import Connector
 from chamfer.models.validation import ParameterError
+from chamfer.systems.law import Signal
 from chamfer.systems.primitives.force_primitives import (
     AXIS_NAMES,
     Obstructed,
@@ -37,7 +38,8 @@ from chamfer.systems.statechart.chart import (
     Tick,
     Transition,
 )
-from chamfer.systems.statechart.state_machine import MachineOutput, StateMachine, number
+from chamfer.systems.statechart.chart_law import ChartLaw, MachineOutput, number
+from chamfer.systems.statechart.state_machine import StateMachine
 
 _TICKS = 4  # that a cycle of a dither takes at least
 _ROUNDING = 1e-6  # samples
@@ -417,10 +419,14 @@ class SkillMachine(StateMachine[Observation, SkillMemory]):
 
     def __init__(self, skill: Skill, *, parts: int, period: float) -> None:
         check_timing(skill, period)
-        super().__init__(
+        optional = ("xz_detections", "yz_detections", "cross_section", "spread", "holding")
+        law = ChartLaw(
             make_skill_chart(skill),
-            inputs=Observation,
-            sizes=sensed_sizes(parts),
+            observation=Observation,
+            inputs={
+                name: Signal(size, optional=name in optional)
+                for name, size in sensed_sizes(parts).items()
+            },
             outputs={
                 "velocity": MachineOutput(size=_SIZE, read=lambda memory: memory.velocity),
                 **{name: number(name) for name in ("closed", "looks", "tares")},
@@ -430,6 +436,6 @@ class SkillMachine(StateMachine[Observation, SkillMemory]):
                     read=lambda memory: (float(sum(count for _, count in memory.retries)),),
                 ),
             },
-            optional=("xz_detections", "yz_detections", "cross_section", "spread", "holding"),
             period=period,
         )
+        super().__init__(law)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydrake.systems.analysis import DiscreteTimeApproximation
 from pydrake.systems.primitives import LinearSystem
 
-from chamfer.systems.servo.compensator import AxisParams
+from chamfer.systems.servo.compensator_law import AxisParams
 
 Array = NDArray[np.float64]
 

@@ -1,81 +1,25 @@
-"""PID control of a compensation from a sampled error: the baseline for the state machine."""
+"""PID control of a compensation from a sampled error as a block, and its tuning by SIMC rules."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
-from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
-from chamfer.models.validation import ParameterError, known, require_not_negative, require_positive
+from chamfer.models.validation import ParameterError
+from chamfer.systems.law_block import LawBlock
+from chamfer.systems.servo.pid_law import (
+    OpenPidGains,
+    PidCommand,
+    PidGains,
+    PidLaw,
+    PidObservation,
+    PidState,
+    SampledPidParams,
+)
 from chamfer.systems.servo.settling import SettlingPlant
 
-Array = NDArray[np.float64]
 
-
-@dataclass(frozen=True, kw_only=True)
-class OpenPidGains:
-    """One axis; the compensation's unit C and the error's unit E. None is still to be derived."""
-
-    proportional: float | None = None  # C/E, gain of the error
-    integral: float | None = None  # C/(E s), gain of its integral
-    derivative: float = 0.0  # C s/E, gain of its derivative
-    limit: float | None = None  # C, bound on the total
-
-    def __post_init__(self) -> None:
-        require_not_negative(self, "proportional", "integral", "derivative")
-        if self.limit is not None and not self.limit > 0:
-            raise ParameterError("limit", self.limit, "a number > 0, infinity for no bound")
-
-    @property
-    def closed(self) -> "PidGains":
-        """The same, once nothing is left open."""
-        return PidGains(**{name: known(name, value) for name, value in vars(self).items()})
-
-
-@dataclass(frozen=True, kw_only=True)
-class PidGains(OpenPidGains):
-    """One axis, with nothing left open."""
-
-    proportional: float = field()
-    integral: float = field()
-    limit: float = math.inf
-
-
-@dataclass(frozen=True, kw_only=True)
-class SampledPidParams:
-    """Parameters of :class:`SampledPid`."""
-
-    axes: tuple[PidGains, ...]  # of each axis
-    period: float = 1 / 80  # s, the camera's period, section 4
-
-    def __post_init__(self) -> None:
-        if not self.axes:
-            raise ParameterError("axes", self.axes, "at least one axis")
-        require_positive(self, "period")
-
-
-def pid_step(
-    integral: Array, last: Array, error: Array, gains: Sequence[Array] | Array, period: float
-) -> tuple[Array, Array]:
-    """Return total and integral part after a sample, of the law of :class:`SampledPid`.
-
-    All are of one shape or broadcast to it; the error before, ``last``, is NaN if there is none.
-    Gains are those of error, integral and derivative, and the limit.
-    """
-    proportional, per_second, derivative, limit = gains[0], gains[1], gains[2], gains[3]
-    change = np.nan_to_num((error - last) / period)
-    more = integral + per_second * error * period
-    rest = proportional * error + derivative * change
-    beyond = np.abs(more + rest) > limit
-    away = beyond & (np.sign(more - integral) == np.sign(more + rest))
-    # With a derivative the sum could pass a limit that the total keeps.
-    kept = np.clip(np.where(away, integral, more), -limit, limit)
-    return np.clip(kept + rest, -limit, limit), kept
-
-
-class SampledPid(LeafSystem):
+class SampledPid(LawBlock[PidState, PidObservation, PidCommand]):
     """Turns a sampled error into a compensation, each axis with a PID law of its own.
 
     .. pydrake_system::
@@ -98,37 +42,7 @@ class SampledPid(LeafSystem):
     """
 
     def __init__(self, params: SampledPidParams) -> None:
-        super().__init__()
-        size = len(params.axes)
-        self._size = size
-        self._period = params.period
-        self._gains = np.array(
-            [(one.proportional, one.integral, one.derivative, one.limit) for one in params.axes]
-        ).T
-        self._error = self.DeclareVectorInputPort("error", size)
-        self._valid = self.DeclareVectorInputPort("valid", 1)
-        start = np.concatenate([np.zeros(2 * size), np.full(size, math.nan)])
-        self._memory = self.DeclareDiscreteState(start)
-        self.DeclarePeriodicUnrestrictedUpdateEvent(params.period, 0.0, self._tick)
-
-        def calc(context: Context, vector: BasicVector) -> None:
-            vector.SetFromVector(context.get_discrete_state(self._memory).value()[:size])
-
-        self.DeclareVectorOutputPort(
-            "compensation", size, calc, {self.discrete_state_ticket(self._memory)}
-        )
-
-    def _tick(self, context: Context, state: State) -> None:
-        memory = np.array(context.get_discrete_state(self._memory).value())
-        total, integral, last = memory.reshape(3, self._size)
-        error = np.array(self._error.Eval(context))
-        lost = self._valid.HasValue(context) and not self._valid.Eval(context)[0] >= 0.5
-        if lost or not np.isfinite(error).all():
-            last[:] = math.nan
-        else:
-            total[:], integral[:] = pid_step(integral, last, error, self._gains, self._period)
-            last[:] = error
-        state.get_mutable_discrete_state().set_value(self._memory, memory)
+        super().__init__(PidLaw(params))
 
 
 def lag_and_dead_time(plant: SettlingPlant, period: float) -> tuple[float, float]:

@@ -56,7 +56,7 @@ from pydrake.systems.primitives import LinearSystem
 
 from chamfer.models.plants.linear_response import free_response
 from chamfer.models.validation import ParameterError
-from chamfer.systems.servo.compensator import AxisParams, OpenAxisParams
+from chamfer.systems.servo.compensator_law import AxisParams, OpenAxisParams
 
 Array = NDArray[np.float64]
 

@@ -7,13 +7,14 @@ from typing import Final
 import numpy as np
 
 from chamfer.models.validation import ParameterError, require_positive
-from chamfer.systems.servo.compensator import (
+from chamfer.systems.servo.compensator_law import (
     AxisParams,
     class_increment,
     error_class,
     limited_sum,
 )
-from chamfer.systems.servo.sampled_pid import PidGains, lag_and_dead_time, tuned_gains
+from chamfer.systems.servo.pid_law import PidGains
+from chamfer.systems.servo.sampled_pid import lag_and_dead_time, tuned_gains
 from chamfer.systems.servo.settling import SettlingPlant, allowed_axis
 
 _DIVIDERS: Final = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0)

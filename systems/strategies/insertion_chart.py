@@ -17,8 +17,10 @@ from chamfer.models.validation import (
     require_positive,
 )
 from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
+from chamfer.systems.law import Signal
 from chamfer.systems.statechart.chart import ANY, TIME_TOLERANCE, Chart, State, Tick, Transition
-from chamfer.systems.statechart.state_machine import MachineOutput, StateMachine, number
+from chamfer.systems.statechart.chart_law import ChartLaw, MachineOutput, number
+from chamfer.systems.statechart.state_machine import StateMachine
 from chamfer.systems.strategies.insertion_decision import (
     DecisionParams,
     InsertionRegion,
@@ -516,19 +518,19 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
     """
 
     def __init__(self, params: InsertionTaskParams, *, peg_joints: int, hole_joints: int) -> None:
-        super().__init__(
+        law = ChartLaw(
             make_insertion_chart(params),
-            inputs=InsertionInputs,
-            sizes={
-                "error": 6,
-                "valid": 1,
-                "blind": 1,
-                "diverged": 1,
-                "compensation": 6,
-                "force": 3,
-                "advance": 1,
-                "peg_saturated": peg_joints,
-                "hole_saturated": hole_joints,
+            observation=InsertionInputs,
+            inputs={
+                "error": Signal(6, ("pixel",) * 3 + ("rad",) * 3),
+                "valid": Signal(),
+                "blind": Signal(),
+                "diverged": Signal(),
+                "compensation": Signal(6, ("m",) * 3 + ("rad",) * 3),
+                "force": Signal(3, "N"),
+                "advance": Signal(1, "m"),
+                "peg_saturated": Signal(peg_joints),
+                "hole_saturated": Signal(hole_joints, optional=True),
             },
             outputs={
                 "feed": MachineOutput(
@@ -544,6 +546,6 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
                 "sensed_depth": number("sensed_depth"),
                 "trouble": number("trouble"),
             },
-            optional=("hole_saturated",),
             period=params.period,
         )
+        super().__init__(law)

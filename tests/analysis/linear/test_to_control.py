@@ -24,7 +24,8 @@ from chamfer.diagrams.servo.servo_scenario import StepScenario
 from chamfer.models.arms import puma_250
 from chamfer.models.plants.servo_plant import SpringMassDamperParams
 from chamfer.models.validation import ParameterError
-from chamfer.systems.servo.sampled_pid import PidGains, SampledPid, SampledPidParams
+from chamfer.systems.servo.pid_law import PidGains, SampledPidParams
+from chamfer.systems.servo.sampled_pid import SampledPid
 from chamfer.systems.servo.servo_plant import make_spring_mass_damper
 from chamfer.systems.vision.measured_error import MeasuredError, MeasuredErrorParams
 

@@ -40,7 +40,7 @@ from chamfer.models.charging.packing import nugget_of
 from chamfer.models.charging.station import Station
 from chamfer.models.connectors.d_connector import DConnector
 from chamfer.models.peg_theory.fed_insertion import FeedVerdict
-from chamfer.systems.servo.compensator import make_compensator_chart
+from chamfer.systems.servo.compensator_law import make_compensator_chart
 
 PUBLISHED: Final = tuple(
     one

@@ -27,7 +27,7 @@ from chamfer.diagrams.servo.servo_scenario import (
     settling_plant,
 )
 from chamfer.models.validation import ParameterError
-from chamfer.systems.servo.compensator import (
+from chamfer.systems.servo.compensator_law import (
     AxisParams,
     CompensatorInputs,
     CompensatorParams,

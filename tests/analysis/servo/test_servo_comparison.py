@@ -28,7 +28,7 @@ from chamfer.diagrams.servo.comparison_loop import ServoCameraParams
 from chamfer.models.plants.measured_step import unit_response
 from chamfer.models.plants.servo_plant import ServoPlantParams, transfer_function
 from chamfer.models.validation import ParameterError
-from chamfer.systems.servo.compensator import AxisParams
+from chamfer.systems.servo.compensator_law import AxisParams
 
 
 @cache

@@ -26,7 +26,8 @@ from chamfer.diagrams.servo.servo_scenario import (
 from chamfer.models.validation import ParameterError
 from chamfer.systems.servo.desired_trajectory import Sinusoid, Step
 from chamfer.systems.servo.pid import PidParams
-from chamfer.systems.servo.sampled_pid import SampledPid, SampledPidParams
+from chamfer.systems.servo.pid_law import SampledPidParams
+from chamfer.systems.servo.sampled_pid import SampledPid
 
 SINUSOID_RESPONSE = load(select(CATALOGUE.entries, ["sinusoid-response"])[0])
 STEP_RESPONSE = load(select(CATALOGUE.entries, ["step-response"])[0])

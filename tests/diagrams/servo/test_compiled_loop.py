@@ -10,7 +10,7 @@ from chamfer.diagrams.servo.servo_scenario import (
     CameraParams,
     fsm_axis,
 )
-from chamfer.systems.servo.compensator import AxisParams
+from chamfer.systems.servo.compensator_law import AxisParams
 
 SIGNALS = ("desired_trajectory", "controller", "actual_trajectory")
 GRID = {"duration": 2.5, "step": 1 / 80}

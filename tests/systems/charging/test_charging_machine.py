@@ -21,6 +21,7 @@ from chamfer.systems.charging.charging_params import (
     TouchDetectionParams,
 )
 from chamfer.systems.force.contact_detection import CONTACT, LOST
+from chamfer.systems.statechart.chart_law import ChartState
 
 START = (0.40, -0.20, 0.55, 0.0, 0.0, 0.0, 0.2)
 DETECTION = ResolvedTouchDetectionParams(detect=0.3, readings=2)
@@ -57,6 +58,14 @@ INTO = np.array([np.cos(0.5), np.sin(0.5), 0.0])
 DOWN = np.array([0.0, 0.0, -1.0])
 
 
+def commanded(**memory: Any) -> Any:
+    """Return the outputs with that in the memory."""
+    law = machine().law
+    snapshot = law.chart.start()
+    changed = snapshot.memory._replace(**memory)
+    return law.command(ChartState(snapshot._replace(memory=changed)))
+
+
 @pytest.mark.parametrize(
     ("mode", "pressed", "force"),
     [
@@ -70,32 +79,21 @@ DOWN = np.array([0.0, 0.0, -1.0])
 def test_what_is_pressed_on_is_under_force_control(
     mode: int, pressed: list[np.ndarray], force: np.ndarray
 ) -> None:
-    block = machine()
-    context = block.CreateDefaultContext()
-    content = context.get_abstract_state(0).get_value()
-    memory = content.snapshot.memory._replace(mode=mode)
-    content.snapshot = content.snapshot._replace(memory=memory)
+    command = commanded(mode=mode)
     P = np.eye(7)
     for normal in pressed:
         P[:3, :3] -= np.outer(normal, normal)
-    found = block.GetOutputPort("selection").Eval(context).reshape(7, 7)
-    assert found == pytest.approx(P, abs=1e-12)
-    wanted = block.GetOutputPort("desired_force").Eval(context)
-    assert wanted == pytest.approx([*force, 0.0, 0.0, 0.0, 0.0])
+    assert np.reshape(command.selection, (7, 7)) == pytest.approx(P, abs=1e-12)
+    assert command.desired_force == pytest.approx([*force, 0.0, 0.0, 0.0, 0.0])
 
 
 @pytest.mark.parametrize(("at", "finished"), [("done", 1.0), ("stopped", 2.0)])
 def test_it_says_how_it_ended_and_why(at: str, finished: float) -> None:
-    block = machine()
-    context = block.CreateDefaultContext()
-    content = context.get_abstract_state(0).get_value()
-    memory = content.snapshot.memory._replace(
-        at=at, item=1, trouble=ChargingTrouble.NO_PART, trouble_at="acquire.descend"
-    )
-    content.snapshot = content.snapshot._replace(memory=memory)
-    for name, value in (("finished", finished), ("trouble", 2.0), ("item", 1.0)):
-        assert block.GetOutputPort(name).Eval(context).tolist() == [value]
-    assert block.reason(context) == "no part in the gripper, in acquire.descend, item 1"
+    where = {"trouble": ChargingTrouble.NO_PART, "trouble_at": "acquire.descend"}
+    command = commanded(at=at, item=1, **where)
+    assert (command.finished, command.trouble, command.item) == ((finished,), (2.0,), (1.0,))
+    memory = machine().chart.memory._replace(at=at, item=1, **where)
+    assert memory.said() == "no part in the gripper, in acquire.descend, item 1"
 
 
 SLIDE, PERIOD = 1.2, 0.005  # N, s

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
 
 from chamfer.diagrams.servo.compiled_loop import compensate
-from chamfer.systems.servo.compensator import (
+from chamfer.systems.servo.compensator import TrajectoryCompensator
+from chamfer.systems.servo.compensator_law import (
     AxisMemory,
     AxisParams,
     CompensatorInputs,
     CompensatorParams,
-    TrajectoryCompensator,
     make_axis_chart,
     make_compensator_chart,
 )

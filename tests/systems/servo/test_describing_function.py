@@ -8,7 +8,7 @@ import pytest
 from pydrake.systems.primitives import LinearSystem
 
 from chamfer.models.plants.servo_plant import SpringMassDamperParams
-from chamfer.systems.servo.compensator import AxisParams, make_axis_chart
+from chamfer.systems.servo.compensator_law import AxisParams, make_axis_chart
 from chamfer.systems.servo.describing_function import (
     describing_function,
     loop_response,

@@ -9,14 +9,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.primitives import LinearSystem
 from scipy.signal import lfilter
 
-from chamfer.systems.servo.sampled_pid import (
-    OpenPidGains,
-    PidGains,
-    SampledPid,
-    SampledPidParams,
-    designed_gains,
-    tuned_gains,
-)
+from chamfer.systems.servo.pid_law import OpenPidGains, PidGains, SampledPidParams
+from chamfer.systems.servo.sampled_pid import SampledPid, designed_gains, tuned_gains
 from chamfer.systems.servo.settling import SettlingPlant, sample_plant
 
 PERIOD = 1 / 80

@@ -10,10 +10,11 @@ import pytest
 
 from chamfer.models.validation import ParameterError
 from chamfer.systems.servo.backlash import Backlash
-from chamfer.systems.servo.compensator import AxisParams, CompensatorParams
+from chamfer.systems.servo.compensator_law import AxisParams, CompensatorParams
 from chamfer.systems.servo.divergence_watch import DivergenceParams, Watched
 from chamfer.systems.servo.measurement_selector import MeasurementSelector
-from chamfer.systems.servo.sampled_pid import SampledPidParams, tuned_gains
+from chamfer.systems.servo.pid_law import SampledPidParams
+from chamfer.systems.servo.sampled_pid import tuned_gains
 from chamfer.systems.servo.settling import SettlingPlant
 from chamfer.systems.servo.timed_design import SettlingTask
 

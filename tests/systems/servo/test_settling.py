@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydrake.systems.primitives import LinearSystem
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.servo.compensator import AxisParams, OpenAxisParams
+from chamfer.systems.servo.compensator_law import AxisParams, OpenAxisParams
 from chamfer.systems.servo.settling import (
     SettlingPlant,
     allowed_axis,

@@ -7,7 +7,7 @@ import pytest
 
 from chamfer.models.plants.servo_plant import SpringMassDamperParams
 from chamfer.models.validation import ParameterError
-from chamfer.systems.servo.compensator import AxisParams
+from chamfer.systems.servo.compensator_law import AxisParams
 from chamfer.systems.servo.servo_plant import make_spring_mass_damper
 from chamfer.systems.servo.settling import guarantee, sample_plant
 from chamfer.systems.servo.timed_design import SettlingTask, settled_after, timed_axis, timed_gains

@@ -10,15 +10,17 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LinearSystem
 
 from chamfer.models.validation import ParameterError
+from chamfer.systems.law import Signal
 from chamfer.systems.statechart.chart import Chart, State, Tick, Transition, TransitionRecord
-from chamfer.systems.statechart.state_machine import MachineOutput, StateMachine
+from chamfer.systems.statechart.chart_law import ChartLaw, MachineOutput
+from chamfer.systems.statechart.state_machine import StateMachine
 
-Signal = tuple[float, ...]
+Vector = tuple[float, ...]
 
 
 class Inputs(NamedTuple):
-    signal: Signal
-    request: Signal | None
+    signal: Vector
+    request: Vector | None
 
 
 class Memory(NamedTuple):
@@ -48,22 +50,24 @@ def way(
 
 def make_block(*, period: float = 0.25, size: int = 1) -> Block:
     """Return a block: ``high`` above a signal of 1, else ``low``; commands ten times it."""
+    chart = Chart(
+        "level",
+        states=[State(name="low", during=remember), State(name="high", during=remember)],
+        transitions=[
+            way("low", "high", "above 1", lambda signal: signal > 1),
+            way("low", "high", "above 2", lambda signal: signal > 2),
+            way("high", "low", "not above 1", lambda signal: signal <= 1),
+        ],
+        memory=INITIAL,
+    )
     return StateMachine(
-        Chart(
-            "level",
-            states=[State(name="low", during=remember), State(name="high", during=remember)],
-            transitions=[
-                way("low", "high", "above 1", lambda signal: signal > 1),
-                way("low", "high", "above 2", lambda signal: signal > 2),
-                way("high", "low", "not above 1", lambda signal: signal <= 1),
-            ],
-            memory=INITIAL,
-        ),
-        inputs=Inputs,
-        sizes={"signal": size, "request": 2},
-        outputs={"command": MachineOutput(size=1, read=lambda memory: (memory.command,))},
-        optional=("request",),
-        period=period,
+        ChartLaw(
+            chart,
+            observation=Inputs,
+            inputs={"signal": Signal(size), "request": Signal(2, optional=True)},
+            outputs={"command": MachineOutput(size=1, read=lambda memory: (memory.command,))},
+            period=period,
+        )
     )
 
 
@@ -92,7 +96,7 @@ def test_plant_of_the_same_instant_sees_the_new_output(steps: int) -> None:
     period, decay, gain, count = 1 / 80, 0.9, 0.35, 60
 
     class Error(NamedTuple):
-        signal: Signal
+        signal: Vector
 
     def act(tick: Tick[Error, float]) -> float:
         return tick.memory + (0.1 if tick.inputs.signal[0] < 1.0 else -0.07)
@@ -100,11 +104,13 @@ def test_plant_of_the_same_instant_sees_the_new_output(steps: int) -> None:
     builder = DiagramBuilder()
     machine = builder.AddSystem(
         StateMachine(
-            Chart("relay", states=[State(name="on", during=act)], transitions=[], memory=0.0),
-            inputs=Error,
-            sizes={"signal": 1},
-            outputs={"command": MachineOutput(size=1, read=lambda memory: (memory,))},
-            period=period,
+            ChartLaw(
+                Chart("relay", states=[State(name="on", during=act)], transitions=[], memory=0.0),
+                observation=Error,
+                inputs={"signal": Signal()},
+                outputs={"command": MachineOutput(size=1, read=lambda memory: (memory,))},
+                period=period,
+            )
         )
     )
     plant = builder.AddSystem(
@@ -164,8 +170,8 @@ def test_log_holds_time_states_guards_and_inputs_oldest_first() -> None:
     [
         ({"period": 0.0}, r"period is 0\.0, allowed: a finite number > 0"),
         ({"period": math.inf}, "period is inf, allowed: a finite number > 0"),
-        ({"sizes": {"signal": 1}}, "sizes is .*, allowed: one size for each of signal, request"),
-        ({"sizes": {"signal": -1, "request": 1}}, "size of signal is -1, allowed: a whole number"),
+        ({"inputs": {"signal": Signal()}}, "inputs is .*, allowed: one for each of signal, req"),
+        ({"inputs": {"signal": Signal(-1), "request": Signal()}}, "size of signal is -1, allowed"),
         (
             {"outputs": {"pair": MachineOutput(size=0, read=lambda memory: ())}},
             "size of pair is 0, allowed: a whole number",
@@ -174,19 +180,18 @@ def test_log_holds_time_states_guards_and_inputs_oldest_first() -> None:
             {"outputs": {"state": MachineOutput(size=1, read=lambda memory: (0.0,))}},
             r"outputs is \['state'\], allowed: names other than state",
         ),
-        ({"optional": ("wish",)}, r"optional is \['wish'\], allowed: signal, request"),
     ],
 )
 def test_rejects(changes: dict[str, object], message: str) -> None:
     arguments: dict[str, object] = {
-        "sizes": {"signal": 1, "request": 1},
+        "inputs": {"signal": Signal(), "request": Signal()},
         "outputs": {},
         "period": 1.0,
         **changes,
     }
     with pytest.raises(ParameterError, match=f"^{message}"):
-        StateMachine(
+        ChartLaw(
             Chart("c", states=[State(name="a")], transitions=[], memory=None),
-            inputs=Inputs,
+            observation=Inputs,
             **arguments,  # type: ignore[arg-type]
         )

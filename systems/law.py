@@ -1,0 +1,100 @@
+"""What a controller decides, without Drake: it starts, and makes a command of each observation.
+
+A law holds what never changes, its parameters. What changes is in its state, an immutable value
+that one step hands to the next. The same law runs in a diagram, in a
+:class:`~chamfer.systems.law_block.LawBlock`, beside a robot, and on a log.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Generic, NamedTuple, TypeAlias, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chamfer.models.validation import ParameterError
+
+State = TypeVar("State")
+Observation = TypeVar("Observation")
+Command = TypeVar("Command")
+Array: TypeAlias = NDArray[np.float64]
+
+
+class Signal(NamedTuple):
+    """A vector that a law reads or gives."""
+
+    size: int = 1
+    unit: str | tuple[str, ...] = ""  # of all elements, or of each
+    optional: bool = False  # may be missing: the law then reads None
+    finite: bool = False  # is refused if an element is not
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """The unit of each element."""
+        return (self.unit,) * self.size if isinstance(self.unit, str) else self.unit
+
+
+class Law(ABC, Generic[State, Observation, Command]):
+    """What a controller decides once a ``period``, s.
+
+    ``inputs`` and ``outputs`` have a :class:`Signal` for each field of the named tuples that are
+    observed and commanded, in their order.
+    """
+
+    period: float
+    inputs: Mapping[str, Signal]
+    outputs: Mapping[str, Signal]
+
+    @abstractmethod
+    def start(self) -> State:
+        """Return the state before the first step."""
+
+    @abstractmethod
+    def step(self, state: State, observation: Observation, time: float) -> tuple[State, Command]:
+        """Return the state after a step, and its command; the time is in s."""
+
+    @abstractmethod
+    def observe(self, values: Mapping[str, Sequence[float] | Array | None]) -> Observation:
+        """Return what is seen, of vectors by name.
+
+        Raises:
+            ParameterError: If one is missing, has another size, or is not finite and has to be.
+        """
+
+
+class HeldLaw(Law[State, Observation, Command]):
+    """A law whose command is a function of its state, and held until the next step."""
+
+    @abstractmethod
+    def update(self, state: State, observation: Observation, time: float) -> State:
+        """Return the state after a step."""
+
+    @abstractmethod
+    def command(self, state: State) -> Command:
+        """Return what is commanded in a state."""
+
+    def step(self, state: State, observation: Observation, time: float) -> tuple[State, Command]:
+        """Return the state after a step, and its command; the time is in s."""
+        state = self.update(state, observation, time)
+        return state, self.command(state)
+
+
+def vectors(
+    inputs: Mapping[str, Signal], values: Mapping[str, Sequence[float] | Array | None]
+) -> list[Array | None]:
+    """Return the vectors of an observation as arrays, checked, in the order of the inputs."""
+    return [_checked(name, signal, values.get(name)) for name, signal in inputs.items()]
+
+
+def _checked(name: str, signal: Signal, value: Sequence[float] | Array | None) -> Array | None:
+    if value is None:
+        if not signal.optional:
+            raise ParameterError(name, None, f"{signal.size} numbers")
+        return None
+    array = np.asarray(value, dtype=np.float64)
+    if array.shape != (signal.size,):
+        raise ParameterError(name, array.tolist(), f"{signal.size} numbers")
+    if signal.finite and not all(map(math.isfinite, array.tolist())):
+        raise ParameterError(name, array.tolist(), "finite numbers")
+    return array

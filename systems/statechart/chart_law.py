@@ -1,0 +1,104 @@
+"""A state chart as a law: what it reads, and what of its memory it commands."""
+
+import math
+from collections import namedtuple
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chamfer.models.validation import ParameterError
+from chamfer.systems.law import HeldLaw, Signal, vectors
+from chamfer.systems.statechart.chart import Chart, Inputs, Memory, Snapshot, TransitionRecord
+
+
+@dataclass(frozen=True, kw_only=True)
+class MachineOutput(Generic[Memory]):
+    """An output, computed from the chart's memory."""
+
+    size: int = 1
+    unit: str | tuple[str, ...] = ""  # of all elements, or of each
+    read: Callable[[Memory], tuple[float, ...]]
+
+
+def number(name: str, unit: str = "") -> MachineOutput[Any]:
+    """Return the output that is a number of the memory, by its name there."""
+    return MachineOutput(unit=unit, read=lambda memory: (float(getattr(memory, name)),))
+
+
+class ChartState(NamedTuple, Generic[Memory]):
+    """Where a chart is, and how it came there."""
+
+    snapshot: Snapshot[Memory]
+    log: tuple[TransitionRecord, ...] = ()  # every transition taken, oldest first
+
+
+class ChartLaw(HeldLaw[ChartState[Memory], Inputs, Any], Generic[Inputs, Memory]):
+    """Runs a chart once a period, s.
+
+    The chart reads a named tuple, ``observation``, whose fields are the ``inputs``, each a tuple
+    of numbers, or None where an optional one is missing. The ``outputs`` are functions of its
+    memory; ``state``, the index of the current state in ``chart.state_names``, comes last.
+
+    Raises:
+        ParameterError: If the period or a size is not allowed, or the inputs are not the fields.
+    """
+
+    def __init__(
+        self,
+        chart: Chart[Inputs, Memory],
+        *,
+        observation: Callable[..., Inputs],
+        inputs: Mapping[str, Signal],
+        outputs: Mapping[str, MachineOutput[Memory]],
+        period: float,
+    ) -> None:
+        if not (math.isfinite(period) and period > 0):
+            raise ParameterError("period", period, "a finite number > 0")
+        fields: tuple[str, ...] = getattr(observation, "_fields", ())
+        if set(fields) != set(inputs):
+            raise ParameterError("inputs", list(inputs), f"one for each of {', '.join(fields)}")
+        if "state" in outputs:
+            raise ParameterError("outputs", list(outputs), "names other than state")
+        self.chart = chart
+        self.period = period
+        self.inputs = {name: inputs[name] for name in fields}
+        self.outputs = {
+            **{name: Signal(one.size, one.unit) for name, one in outputs.items()},
+            "state": Signal(),
+        }
+        for name, signal in {**self.inputs, **self.outputs}.items():
+            if signal.size < 1:
+                raise ParameterError(f"size of {name}", signal.size, "a whole number >= 1")
+        self._observation: Any = observation
+        self._command: Any = namedtuple("Command", self.outputs)  # type: ignore[misc]
+        self._reads = tuple(one.read for one in outputs.values())
+        self._index = {name: float(i) for i, name in enumerate(chart.state_names)}
+
+    def start(self) -> ChartState[Memory]:
+        """Return the state before the first step."""
+        return ChartState(self.chart.start())
+
+    def observe(
+        self, values: Mapping[str, Sequence[float] | NDArray[np.float64] | None]
+    ) -> Inputs:
+        """Return what the chart sees, of vectors by name."""
+        seen = vectors(self.inputs, values)
+        read = [None if one is None else tuple(one.tolist()) for one in seen]
+        observation: Inputs = self._observation(*read)
+        return observation
+
+    def update(
+        self, state: ChartState[Memory], observation: Inputs, time: float
+    ) -> ChartState[Memory]:
+        """Return where the chart is after a tick."""
+        snapshot, record = self.chart.step(state.snapshot, observation, time)
+        return ChartState(snapshot, state.log if record is None else (*state.log, record))
+
+    def command(self, state: ChartState[Memory]) -> Any:
+        """Return the outputs of a state, a named tuple."""
+        memory = state.snapshot.memory
+        index = self._index[state.snapshot.state]
+        return self._command(*(read(memory) for read in self._reads), (index,))
