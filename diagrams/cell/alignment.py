@@ -35,7 +35,8 @@ from chamfer.systems.ports import require_ports
 from chamfer.systems.pose import pose_vector
 from chamfer.systems.servo.compensator import TrajectoryCompensator
 from chamfer.systems.servo.compensator_law import CompensatorParams
-from chamfer.systems.servo.divergence_watch import DivergenceParams, DivergenceWatch, Watched
+from chamfer.systems.servo.divergence_law import DivergenceParams, Watched
+from chamfer.systems.servo.divergence_watch import DivergenceWatch
 from chamfer.systems.servo.pid_law import SampledPidParams
 from chamfer.systems.servo.sampled_pid import SampledPid
 from chamfer.systems.vision.cell_error import AXES, CellError

@@ -32,7 +32,7 @@ from chamfer.systems.compiled import compiled
 from chamfer.systems.force.desired_pose import compensate
 from chamfer.systems.force.impedance_controller import ImpedanceController
 from chamfer.systems.pose import pose_vector
-from chamfer.systems.servo.divergence_watch import TAKES_BACK
+from chamfer.systems.servo.divergence_law import TAKES_BACK
 from chamfer.systems.servo.pid_law import pid_step
 from chamfer.systems.strategies.insertion_decision import SURE
 from chamfer.systems.vision.cell_error import AXES, ImageClock

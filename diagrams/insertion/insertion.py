@@ -224,7 +224,10 @@ def make_insertion_diagram(
         controllers=arm_controllers,
     )
     motions, error = add_sight(builder, scenario, cell, there.parts)
-    gate = builder.AddNamedSystem("measurement selector", MeasurementSelector(len(AXES)))
+    gate = builder.AddNamedSystem(
+        "measurement selector",
+        MeasurementSelector(len(AXES), period=scenario.cameras.frames.period),
+    )
     watch = add_divergence_watch(builder, scenario)
     controller = add_controller(builder, scenario, controller)
     joints = {f"{arm}_joints": getattr(scenario, arm).arm.num_joints for arm in ARMS}

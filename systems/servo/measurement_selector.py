@@ -1,14 +1,10 @@
-"""What of a measured error a controller is to compensate."""
+"""What of a measured error a controller is to compensate, as a block."""
 
-import math
-
-import numpy as np
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
-
-from chamfer.models.validation import ParameterError
+from chamfer.systems.law_block import LawBlock
+from chamfer.systems.servo.selector_law import SelectorCommand, SelectorLaw, SelectorObservation
 
 
-class MeasurementSelector(LeafSystem):
+class MeasurementSelector(LawBlock[None, SelectorObservation, SelectorCommand]):
     """Lets a measured error through to a controller, or holds it back.
 
     .. pydrake_system::
@@ -28,24 +24,8 @@ class MeasurementSelector(LeafSystem):
 
     Args:
         size: Of the error.
+        period: s, in which errors come.
     """
 
-    def __init__(self, size: int) -> None:
-        super().__init__()
-        if not (math.isfinite(size) and size >= 1):
-            raise ParameterError("size", size, "a whole number >= 1")
-        error = self.DeclareVectorInputPort("error", size)
-        valid = self.DeclareVectorInputPort("valid", 1)
-        opened = self.DeclareVectorInputPort("open", 2)
-
-        def calc_error(context: Context, vector: BasicVector) -> None:
-            through = np.array(error.Eval(context))
-            if opened.Eval(context)[1] < 0.5:
-                through[0] = 0.0
-            vector.SetFromVector(through)
-
-        def calc_valid(context: Context, vector: BasicVector) -> None:
-            vector[0] = valid.Eval(context)[0] if opened.Eval(context)[0] >= 0.5 else 0.0
-
-        self.DeclareVectorOutputPort("error", size, calc_error, {error.ticket(), opened.ticket()})
-        self.DeclareVectorOutputPort("valid", 1, calc_valid, {valid.ticket(), opened.ticket()})
+    def __init__(self, size: int, *, period: float = 1 / 80) -> None:
+        super().__init__(SelectorLaw(size, period=period))

@@ -25,7 +25,7 @@ from chamfer.systems.force.hybrid_controller import HybridControllerParams
 from chamfer.systems.primitives.position_primitives import Centre
 from chamfer.systems.primitives.trajectory_primitives import Dither
 from chamfer.systems.servo.compensator_law import AxisParams, CompensatorParams
-from chamfer.systems.servo.divergence_watch import DivergenceParams, Watched
+from chamfer.systems.servo.divergence_law import DivergenceParams, Watched
 from chamfer.systems.servo.pid_law import PidGains, SampledPidParams
 from chamfer.systems.vision.part_appearance import PEG
 

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
 
-from chamfer.systems.servo.divergence_watch import DivergenceParams, DivergenceWatch, Watched
+from chamfer.systems.servo.divergence_law import DivergenceParams, Watched
+from chamfer.systems.servo.divergence_watch import DivergenceWatch
 
 PARAMS = DivergenceParams(watched=(Watched((0, 1), 2.0), Watched((2,), 0.1)), size=3, period=1.0)
 
@@ -100,6 +101,8 @@ def test_what_shrinks_is_never_told(start: float, shrinks: float, noise: list[fl
 def test_it_takes_no_connected_port_for_blindness() -> None:
     block = DivergenceWatch(PARAMS)
     context = block.CreateDefaultContext()
+    block.GetInputPort("error").FixValue(context, [0.0, 0.0, 0.0])
+    block.GetInputPort("valid").FixValue(context, [1.0])
     assert block.GetOutputPort("stop").Eval(context)[0] == 0
     block.GetInputPort("blind").FixValue(context, [1.0])
     assert block.GetOutputPort("stop").Eval(context)[0] == 1

@@ -11,7 +11,7 @@ import pytest
 from chamfer.models.validation import ParameterError
 from chamfer.systems.servo.backlash import Backlash
 from chamfer.systems.servo.compensator_law import AxisParams, CompensatorParams
-from chamfer.systems.servo.divergence_watch import DivergenceParams, Watched
+from chamfer.systems.servo.divergence_law import DivergenceParams, Watched
 from chamfer.systems.servo.measurement_selector import MeasurementSelector
 from chamfer.systems.servo.pid_law import SampledPidParams
 from chamfer.systems.servo.sampled_pid import tuned_gains

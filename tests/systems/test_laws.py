@@ -1,0 +1,53 @@
+"""A law that is stepped by hand gives what its block gives in a diagram, to the bit."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.random import Generator
+from pydrake.systems.analysis import Simulator
+
+from chamfer.systems.law import HeldLaw
+from chamfer.systems.law_block import LawBlock
+from chamfer.systems.servo.divergence_law import DivergenceParams, Watched
+from chamfer.systems.servo.divergence_watch import DivergenceWatch
+from chamfer.systems.servo.measurement_selector import MeasurementSelector
+
+WATCH = DivergenceParams(watched=(Watched((0, 1), 1.0), Watched((2,), 1.0)), size=3, factor=3.0)
+
+
+def flags(*names: str) -> Callable[[Generator, str, int], Any]:
+    """Return how inputs are drawn of which some are 0 or 1."""
+    return lambda drawn, name, size: (
+        drawn.integers(0, 2, size).astype(float) if name in names else drawn.normal(size=size)
+    )
+
+
+BLOCKS = {
+    "divergence": (DivergenceWatch(WATCH), flags("valid", "blind")),
+    "selector": (MeasurementSelector(3), flags("valid", "open")),
+}
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_a_law_is_its_block(name: str) -> None:
+    block: LawBlock[Any, Any, Any]
+    block, draw = BLOCKS[name]
+    law, simulator = block.law, Simulator(block)
+    context, drawn = simulator.get_mutable_context(), np.random.default_rng(1)
+    state = law.start()
+    for k in range(60):
+        values = {one: draw(drawn, one, signal.size) for one, signal in law.inputs.items()}
+        for one, value in values.items():
+            block.GetInputPort(one).FixValue(context, value)
+        if k == 0:
+            simulator.Initialize()
+        seen = law.observe(values)
+        state, command = law.step(state, seen, k * law.period)
+        simulator.AdvanceTo((k + 0.5) * law.period)
+        if not isinstance(law, HeldLaw):  # what follows the inputs at once, after the step
+            command = law.step(state, seen, context.get_time())[1]
+        for one in law.outputs:
+            found = block.GetOutputPort(one).Eval(context).tolist()
+            assert found == np.asarray(getattr(command, one)).tolist(), (k, one)
