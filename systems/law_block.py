@@ -72,6 +72,7 @@ class LawBlock(LeafSystem, Generic[State, Observation, Command]):
             for name, signal in law.inputs.items()
         }
         start: Any = law.start()
+        self._start: Final = start
         self._kind: Final = type(start)
         self._groups = {
             name: self.DeclareDiscreteState(value) for name, value in _arrays(start).items()
@@ -142,12 +143,19 @@ class LawBlock(LeafSystem, Generic[State, Observation, Command]):
         }
 
     def _step(self, context: Context) -> tuple[State, Command]:
-        values, time = self._values(context), context.get_time()
-        stepped = self.law.step(self.state(context), self.law.observe(values), time)
+        state, values, time = self.state(context), self._values(context), context.get_time()
+        stepped = self.law.step(state, self.law.observe(values), time)
         if (recorder := active()) is not None:
             answer: Any = stepped[1]
-            recorder.note(self, self.law, Record(time, values, answer._asdict()))
+            record = Record(time, values, answer._asdict())
+            recorder.note(self, self.law, record, begins=lambda: self._is_start(state))
         return stepped
+
+    def _is_start(self, state: Any) -> bool:
+        if not self._groups:
+            return state is self._start
+        pairs = zip(state, self._start, strict=True)
+        return all(np.array_equal(one, first, equal_nan=True) for one, first in pairs)
 
     def _update(self, context: Context, changed: DrakeState) -> None:
         state, command = self._step(context)
