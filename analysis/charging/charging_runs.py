@@ -21,7 +21,7 @@ from chamfer.models.charging.station import Station
 from chamfer.models.surfaces.surface import locate
 from chamfer.systems.charging.charging_chart import ChargingMachine
 from chamfer.systems.contact.arm_motion import CONTACT_SIGNALS
-from chamfer.systems.force.selection import unit
+from chamfer.systems.force.projection import unit
 
 Array = NDArray[np.float64]
 

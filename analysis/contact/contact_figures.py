@@ -46,7 +46,7 @@ from chamfer.diagrams.contact.contact_scenarios import (
 )
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario, fill
 from chamfer.models.surfaces.damage import SAFE_SPEED, SCRATCH_FORCE, impact_speed_limit
-from chamfer.systems.force.contact_detection import LOST
+from chamfer.systems.force.contact_detection_law import LOST
 
 _LEAST_HEIGHT = 0.02  # mm, of the position's axis
 _ABOVE = 1.3  # of the largest force drawn, the axis' end

@@ -9,7 +9,7 @@ from chamfer.analysis.campaign.trial_metrics import Quantity
 from chamfer.analysis.scenario.experiment import Metric, Table
 from chamfer.diagrams.contact.hybrid_loop_stability import Stability
 from chamfer.models.surfaces.damage import SAFE_SPEED, SCRATCH_FORCE
-from chamfer.systems.force.contact_detection import CONTACT, LOST
+from chamfer.systems.force.contact_detection_law import CONTACT, LOST
 from chamfer.systems.force.sampled_loop import NEUTRAL
 
 Array = NDArray[np.float64]

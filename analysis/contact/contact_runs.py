@@ -17,7 +17,7 @@ from chamfer.diagrams.contact.hybrid_loop_stability import stability
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario, HybridTrials
 from chamfer.models.surfaces.damage import impact_speed_limit
 from chamfer.systems.contact.arm_motion import CONTACT_SIGNALS
-from chamfer.systems.force.contact_detection import make_contact_chart
+from chamfer.systems.force.contact_detection_law import make_contact_chart
 from chamfer.systems.statechart.chart import Chart
 
 Traces = dict[str, NDArray[np.float64]]

@@ -27,15 +27,15 @@ from chamfer.models.arms.arm import Elbow
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.surface import locate
 from chamfer.models.validation import ParameterError, within
-from chamfer.systems.force.contact_detection import CONTACT
+from chamfer.systems.force.contact_detection_law import CONTACT
 from chamfer.systems.force.hybrid_controller import (
     HybridGains,
     Law,
     free_growth_rate,
     stiffness_eigenvalues,
 )
+from chamfer.systems.force.projection import position_selection
 from chamfer.systems.force.sampled_loop import NEUTRAL
-from chamfer.systems.force.selection import position_selection
 
 HybridScenarioT = TypeVar("HybridScenarioT", bound=HybridScenario)
 

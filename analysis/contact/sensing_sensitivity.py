@@ -33,7 +33,7 @@ from chamfer.diagrams.contact.hybrid_loop_stability import linear_loops, resolve
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario, fill
 from chamfer.diagrams.contact.sensing import EXACT, ideal
 from chamfer.models.validation import ParameterError, known, within
-from chamfer.systems.force.contact_detection import APPROACH
+from chamfer.systems.force.contact_detection_law import APPROACH
 from chamfer.systems.force.sampled_loop import NEUTRAL
 from chamfer.systems.sensing.force_sensor import ForceSensorParams
 

@@ -57,7 +57,7 @@ from chamfer.diagrams.surface.unknown_wall_loop import (
 from chamfer.models.surfaces.damage import SAFE_SPEED, SCRATCH_FORCE, impact_speed_limit
 from chamfer.models.surfaces.surface import curvature, normal
 from chamfer.systems.contact.arm_motion import CONTACT_SIGNALS
-from chamfer.systems.force.contact_detection import CONTACT, LOST, make_contact_chart
+from chamfer.systems.force.contact_detection_law import CONTACT, LOST, make_contact_chart
 from chamfer.systems.statechart.chart import Chart
 
 Array = NDArray[np.float64]

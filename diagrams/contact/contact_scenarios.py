@@ -29,7 +29,7 @@ from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.rounds import Crucible
 from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.arm_in_contact import ContactParams
-from chamfer.systems.force.contact_detection import ContactDetectionParams
+from chamfer.systems.force.contact_detection_law import ContactDetectionParams
 from chamfer.systems.sensing.encoders import EncoderParams
 from chamfer.systems.sensing.force_sensor import ForceSensorParams, LoadCellParams
 

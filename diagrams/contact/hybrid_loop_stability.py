@@ -27,8 +27,9 @@ from chamfer.diagrams.contact.hybrid_scenario import (
 from chamfer.models.surfaces.surface import locate
 from chamfer.models.validation import ParameterError, known
 from chamfer.systems.contact.arm_dynamics import ArmState
-from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
+from chamfer.systems.force.contact_detection_law import APPROACH, CONTACT, LOST
 from chamfer.systems.force.hybrid_controller import Pose, linear_law
+from chamfer.systems.force.projection import position_selection
 from chamfer.systems.force.sampled_loop import (
     NEUTRAL,
     Plant,
@@ -41,7 +42,6 @@ from chamfer.systems.force.sampled_loop import (
     parallel,
     series,
 )
-from chamfer.systems.force.selection import position_selection
 from chamfer.systems.sensing.encoders import linear_encoders
 from chamfer.systems.sensing.force_sensor import LoadCellParams, gauges
 

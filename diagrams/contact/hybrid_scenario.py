@@ -30,9 +30,9 @@ from chamfer.models.validation import (
 )
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
 from chamfer.systems.contact.arm_in_contact import ArmInContactParams, ContactParams
-from chamfer.systems.force.contact_detection import ContactDetectionParams
+from chamfer.systems.force.contact_detection_law import ContactDetectionParams
 from chamfer.systems.force.friction_compensation import FrictionCompensationParams
-from chamfer.systems.force.selection import unit
+from chamfer.systems.force.projection import unit
 from chamfer.systems.force.surface_motion import ApproachParams, GuardedMotionParams
 from chamfer.systems.sensing.encoders import EncoderParams
 from chamfer.systems.sensing.force_sensor import ForceSensorParams, LoadCellParams

@@ -31,7 +31,7 @@ from chamfer.models.validation import (
     require_positive,
 )
 from chamfer.systems.contact.arm_dynamics import GRAVITY
-from chamfer.systems.force.accommodation import AccommodationParams
+from chamfer.systems.force.accommodation_law import AccommodationParams
 from chamfer.systems.force.impedance_controller import ImpedanceControllerParams
 from chamfer.systems.primitives.carriage import PartGripperParams
 from chamfer.systems.primitives.skill import Skill, SkillState

@@ -26,7 +26,8 @@ from chamfer.systems.contact.spring_constraint import (
     SpringConstraint,
     SpringConstraintParams,
 )
-from chamfer.systems.force.accommodation import AccommodationController, AccommodationParams
+from chamfer.systems.force.accommodation import AccommodationController
+from chamfer.systems.force.accommodation_law import AccommodationParams
 from chamfer.systems.primitives.correlation import (
     Correlator,
     CorrelatorParams,

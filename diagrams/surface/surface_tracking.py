@@ -28,7 +28,7 @@ from chamfer.models.arms.cartesian_manipulator import (
 )
 from chamfer.models.validation import ParameterError, require_not_negative, within
 from chamfer.systems.contact.cartesian_manipulator import make_cartesian_manipulator
-from chamfer.systems.force.contact_detection import CONTACT
+from chamfer.systems.force.contact_detection_law import CONTACT
 from chamfer.systems.force.hybrid_controller import (
     HybridController,
     HybridControllerParams,
@@ -37,8 +37,8 @@ from chamfer.systems.force.hybrid_controller import (
     linear_law,
     require_hybrid_ports,
 )
+from chamfer.systems.force.projection import position_selection
 from chamfer.systems.force.sampled_loop import NEUTRAL, Plant
-from chamfer.systems.force.selection import position_selection
 from chamfer.systems.force.surface_motion import SurfaceMotion, SurfaceMotionParams
 from chamfer.systems.sensing.force_rate import ForceRateSensorParams
 

@@ -48,7 +48,7 @@ from chamfer.systems.estimation.surface_observer import SettledForce, SurfaceObs
 from chamfer.systems.force.contact_detection import ContactDetection
 from chamfer.systems.force.friction_compensation import FrictionCompensationParams
 from chamfer.systems.force.hybrid_controller import HybridController, require_hybrid_ports
-from chamfer.systems.force.selection import unit
+from chamfer.systems.force.projection import unit
 from chamfer.systems.force.surface_motion import GuardedMotion, SurfaceMotion, SurfaceMotionParams
 from chamfer.systems.sensing.encoders import EndpointMotion
 from chamfer.systems.sensing.force_rate import ForceRate, ForceRateParams

@@ -25,8 +25,8 @@ from chamfer.systems.charging.charging_params import (
     ChargingTrouble,
     ResolvedChargingParams,
 )
-from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
-from chamfer.systems.force.selection import position_selection
+from chamfer.systems.force.contact_detection_law import APPROACH, CONTACT, LOST
+from chamfer.systems.force.projection import position_selection
 from chamfer.systems.law import Signal
 from chamfer.systems.statechart.chart import ANY, TIME_TOLERANCE, Chart, State, Tick, Transition
 from chamfer.systems.statechart.chart_law import ChartLaw, MachineOutput

@@ -15,7 +15,7 @@ from chamfer.models.validation import (
     require_positive,
     require_whole,
 )
-from chamfer.systems.force.contact_detection import CONTACT, LOST
+from chamfer.systems.force.contact_detection_law import CONTACT, LOST
 from chamfer.systems.trajectory.segment import Segment, Vector3, Vector7
 
 _RARE: Final = 5.0  # standard deviations of the mean that noise alone does not show

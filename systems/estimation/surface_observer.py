@@ -17,7 +17,7 @@ from chamfer.systems.estimation.normal_filter import (
     Sample,
     tangential_deviation,
 )
-from chamfer.systems.force.contact_detection import CONTACT
+from chamfer.systems.force.contact_detection_law import CONTACT
 from chamfer.systems.ports import finite_input
 
 Array = NDArray[np.float64]

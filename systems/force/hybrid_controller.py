@@ -19,9 +19,9 @@ from chamfer.models.validation import (
     require_positive,
 )
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.force.contact_detection import APPROACH, LOST
+from chamfer.systems.force.contact_detection_law import APPROACH, LOST
+from chamfer.systems.force.projection import require_projection
 from chamfer.systems.force.sampled_loop import Plant, Sampled, closed, growth_rate, held
-from chamfer.systems.force.selection import require_projection
 from chamfer.systems.ports import finite, finite_input, require_ports
 
 Array = NDArray[np.float64]

@@ -15,8 +15,8 @@ from chamfer.models.validation import (
     require_not_negative,
     require_positive,
 )
-from chamfer.systems.force.contact_detection import APPROACH, CONTACT
-from chamfer.systems.force.selection import position_selection, unit
+from chamfer.systems.force.contact_detection_law import APPROACH, CONTACT
+from chamfer.systems.force.projection import position_selection, unit
 from chamfer.systems.ports import finite_input
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ from chamfer.models.validation import (
     require_positive,
 )
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.force.selection import unit
+from chamfer.systems.force.projection import unit
 from chamfer.systems.ports import finite, finite_input
 
 Array = NDArray[np.float64]

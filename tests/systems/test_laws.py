@@ -8,6 +8,10 @@ import pytest
 from numpy.random import Generator
 from pydrake.systems.analysis import Simulator
 
+from chamfer.systems.force.accommodation import AccommodationController
+from chamfer.systems.force.accommodation_law import AccommodationParams
+from chamfer.systems.force.contact_detection import ContactDetection
+from chamfer.systems.force.contact_detection_law import ContactDetectionParams
 from chamfer.systems.law import HeldLaw
 from chamfer.systems.law_block import LawBlock
 from chamfer.systems.servo.divergence_law import DivergenceParams, Watched
@@ -24,7 +28,18 @@ def flags(*names: str) -> Callable[[Generator, str, int], Any]:
     )
 
 
+REMOTE = AccommodationParams(centre=(0.005, 0.0, 0.01), damping=(4.0, 4.0, 4.0, 1e3, 1e3, 1e3))
+TOUCH = ContactDetectionParams(detect=0.5, release=0.1, samples=2)
+
+
+def softer(drawn: Generator, name: str, size: int) -> Any:
+    """Return inputs with a damping that now and then is another one's than the parameters'."""
+    return drawn.integers(0, 3, size) * 4000.0 if name == "damping" else drawn.normal(size=size)
+
+
 BLOCKS = {
+    "accommodation": (AccommodationController(REMOTE), softer),
+    "contact": (ContactDetection(TOUCH, np.array([1.0, 2.0]), period=0.1), flags()),
     "divergence": (DivergenceWatch(WATCH), flags("valid", "blind")),
     "selector": (MeasurementSelector(3), flags("valid", "open")),
 }

@@ -16,8 +16,8 @@ from chamfer.analysis.report.checks import check
 from chamfer.analysis.scenario.experiment import Outcome, quiet
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.hybrid_controller import free_growth_rate
+from chamfer.systems.force.projection import position_selection
 from chamfer.systems.force.sampled_loop import NEUTRAL
-from chamfer.systems.force.selection import position_selection
 
 Array = NDArray[np.float64]
 POINTS = 20  # even: no point on an axis, where both elbows or the base meet

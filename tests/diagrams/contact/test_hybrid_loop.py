@@ -31,7 +31,7 @@ from chamfer.diagrams.contact.hybrid_scenario import HybridScenario, fill
 from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.validation import ParameterError
-from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
+from chamfer.systems.force.contact_detection_law import APPROACH, CONTACT, LOST
 from chamfer.systems.force.friction_compensation import FrictionCompensationParams
 from chamfer.systems.force.sampled_loop import NEUTRAL
 from chamfer.systems.sensing.encoders import EncoderParams

@@ -33,7 +33,7 @@ from chamfer.diagrams.contact.hybrid_scenario import (
 from chamfer.models.arms.arm import JointFrictionParams
 from chamfer.models.surfaces.surface import locate
 from chamfer.models.validation import ParameterError
-from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
+from chamfer.systems.force.contact_detection_law import APPROACH, CONTACT, LOST
 from chamfer.systems.force.sampled_loop import NEUTRAL
 from chamfer.systems.sensing.force_sensor import ForceSensorParams
 

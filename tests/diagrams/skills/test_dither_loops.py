@@ -15,7 +15,7 @@ from chamfer.diagrams.skills.dither_loops import (
     resolve,
 )
 from chamfer.systems.contact.spring_constraint import SpringConstraintParams
-from chamfer.systems.force.accommodation import AccommodationParams
+from chamfer.systems.force.accommodation_law import AccommodationParams
 from chamfer.systems.primitives.correlation import CorrelatorParams
 from chamfer.systems.primitives.trajectory_primitives import Dither
 

@@ -34,7 +34,7 @@ from chamfer.systems.charging.charging_params import (
     ResolvedChargingParams,
     ResolvedTouchDetectionParams,
 )
-from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
+from chamfer.systems.force.contact_detection_law import APPROACH, CONTACT, LOST
 from chamfer.systems.statechart.chart import Snapshot, TransitionRecord
 from chamfer.systems.trajectory.path_follower import (
     FollowerMemory,

@@ -20,7 +20,7 @@ from chamfer.systems.charging.charging_params import (
     ResolvedTouchDetectionParams,
     TouchDetectionParams,
 )
-from chamfer.systems.force.contact_detection import CONTACT, LOST
+from chamfer.systems.force.contact_detection_law import CONTACT, LOST
 from chamfer.systems.statechart.chart_law import ChartState
 
 START = (0.40, -0.20, 0.55, 0.0, 0.0, 0.0, 0.2)

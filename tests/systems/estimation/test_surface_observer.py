@@ -26,7 +26,7 @@ from chamfer.systems.estimation.surface_observer import (
     SurfaceObserver,
     make_filter,
 )
-from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
+from chamfer.systems.force.contact_detection_law import APPROACH, CONTACT, LOST
 
 Array = np.ndarray
 

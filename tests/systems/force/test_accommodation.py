@@ -22,7 +22,8 @@ from scipy.optimize import brentq
 
 from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.spring_constraint import SpringConstraint, SpringConstraintParams
-from chamfer.systems.force.accommodation import AccommodationController, AccommodationParams
+from chamfer.systems.force.accommodation import AccommodationController
+from chamfer.systems.force.accommodation_law import AccommodationParams
 
 Array = NDArray[np.float64]
 

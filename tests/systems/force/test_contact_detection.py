@@ -11,15 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.force.contact_detection import (
+from chamfer.systems.force.contact_detection import ContactDetection
+from chamfer.systems.force.contact_detection_law import (
     APPROACH,
     CONTACT,
-    ContactDetection,
     ContactDetectionParams,
     Inputs,
     make_contact_chart,
 )
-from chamfer.systems.force.selection import Selection, require_projection
+from chamfer.systems.force.projection import require_projection
+from chamfer.systems.force.selection import Selection
 
 # Binary fractions, so that the ticks' times are exact.
 PERIOD = 0.25

@@ -14,7 +14,7 @@ from chamfer.models.arms.arm import Arm, Elbow
 from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.models.arms.puma_250 import PUMA_250
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
+from chamfer.systems.force.contact_detection_law import APPROACH, CONTACT, LOST
 from chamfer.systems.force.hybrid_controller import (
     HybridController,
     HybridControllerParams,

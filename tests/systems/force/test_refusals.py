@@ -12,13 +12,11 @@ from pydrake.systems.analysis import Simulator
 from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.force.accommodation import AccommodationController, AccommodationParams
+from chamfer.systems.force.accommodation import AccommodationController
+from chamfer.systems.force.accommodation_law import AccommodationParams
 from chamfer.systems.force.arm_model import ArmModel, ToolParams
-from chamfer.systems.force.contact_detection import (
-    ContactDetection,
-    ContactDetectionParams,
-    make_contact_chart,
-)
+from chamfer.systems.force.contact_detection import ContactDetection
+from chamfer.systems.force.contact_detection_law import ContactDetectionParams, make_contact_chart
 from chamfer.systems.force.desired_pose import CompensatedPose, StoppableMotion
 from chamfer.systems.force.friction_compensation import (
     FrictionCompensation,

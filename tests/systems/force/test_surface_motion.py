@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from pydrake.systems.analysis import Simulator
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.force.contact_detection import APPROACH, CONTACT, LOST
+from chamfer.systems.force.contact_detection_law import APPROACH, CONTACT, LOST
 from chamfer.systems.force.surface_motion import (
     GuardedMotion,
     GuardedMotionParams,

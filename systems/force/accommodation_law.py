@@ -1,0 +1,166 @@
+"""Accommodation, or damping control: a commanded velocity that gives way to force (section 3.2).
+
+Source: Morrow, Nelson and Khosla. The paper gives no equation; as usual it is
+
+    V_ref = V_cmd + D^-1 F,
+
+with the wrench F on the tool and a damping matrix D. A maintained velocity v stalls where the
+force is D |v|. Against a stiffness k, sampled with the period T, the contact force obeys
+
+    f' = (1 - kappa) f,  kappa = k T / D,
+
+without delay, monotone up to kappa = 1 and stable below 2; with one sample of delay between force
+and velocity, z^2 - z + kappa = 0, monotone up to 1/4 and stable below 1. Of a full damping matrix
+the eigenvalues of ``T D^-1 K`` take the place of kappa.
+
+The sub-matrices of D are primitives of their own: linear accommodation is a finite damping of the
+translations, angular accommodation one of the rotations. The matrix is diagonal at the centre of
+compliance, which may be remote: a lateral force at the tip then turns the tool as well.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chamfer.models.validation import ParameterError, require_numbers, require_positive
+from chamfer.systems.law import HeldLaw, Signal, vectors
+
+Array = NDArray[np.float64]
+
+AXES: Final = ("rx", "ry", "rz", "x", "y", "z")  # of velocities and wrenches, angular above
+MONOTONE: Final = 0.25  # kappa, with one sample of delay
+VELOCITY: Final = ("rad/s",) * 3 + ("m/s",) * 3
+WRENCH: Final = ("N m",) * 3 + ("N",) * 3
+DAMPING: Final = ("N m s/rad",) * 3 + ("N s/m",) * 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class AccommodationParams:
+    """Parameters of :class:`AccommodationLaw`; the paper prints none.
+
+    Of axes that do not give way the damping is infinity.
+    """
+
+    damping: tuple[float, ...] = (2.0, 2.0, 2.0, 800.0, 800.0, 800.0)
+    # N m s/rad and N s/m, about and along the tool's axes, D; assumed
+    stiffness: tuple[float, ...] = (20.0, 20.0, 20.0, 2e4, 2e4, 2e4)
+    # N m/rad and N/m, of gripper or wrist and contact in series; assumed
+    period: float = 0.01  # s, of the controller; assumed
+    centre: tuple[float, ...] = (0.0, 0.0, 0.0)  # m, of compliance, from the wrench's reference
+    allow_unstable: bool = False  # True: run beyond the bound on kappa
+
+    def __post_init__(self) -> None:
+        require_positive(self, "period")
+        require_numbers(self, 3, "centre")
+        for name in ("damping", "stiffness"):
+            values = getattr(self, name)
+            if len(values) != len(AXES):
+                raise ParameterError(name, values, "six numbers")
+        if not all(value > 0 for value in self.damping):
+            raise ParameterError("damping", self.damping, "six numbers > 0, infinity for stiff")
+        if not all(0 <= value < math.inf for value in self.stiffness):
+            raise ParameterError("stiffness", self.stiffness, "six finite numbers >= 0")
+        if self.allow_unstable:
+            return
+        for axis, damping, stiffness, kappa in zip(
+            AXES, self.damping, self.stiffness, self.kappa, strict=True
+        ):
+            if not kappa <= MONOTONE * (1 + 1e-9):
+                least = stiffness * self.period / MONOTONE
+                raise ParameterError(
+                    f"damping of {axis}",
+                    damping,
+                    f"at least k T / {MONOTONE:g} = {least:.4g} against a stiffness of "
+                    f"{stiffness:g}, or a more compliant wrist",
+                )
+        if any(self.centre):
+            loop = self.period * self.mobility @ np.diag(self.stiffness)
+            largest = float(np.linalg.eigvals(loop).real.max())
+            if not largest <= MONOTONE * (1 + 1e-9):
+                found = f"the largest eigenvalue of T D^-1 K, here {largest:.3g}"
+                allowed = f"one with which {found}, is at most {MONOTONE:g}"
+                raise ParameterError("centre", self.centre, allowed)
+
+    def with_damping(self, set_to: tuple[float, ...]) -> "AccommodationParams":
+        """Return these parameters with some of the dampings set, those that are not 0."""
+        if not any(set_to):
+            return self
+        damping = tuple(new or own for new, own in zip(set_to, self.damping, strict=True))
+        return replace(self, damping=damping)
+
+    @property
+    def kappa(self) -> tuple[float, ...]:
+        """``k T / D`` of each axis, with the centre at the reference point."""
+        return tuple(
+            stiffness * self.period / damping
+            for stiffness, damping in zip(self.stiffness, self.damping, strict=True)
+        )
+
+    @property
+    def mobility(self) -> Array:
+        """``D^-1`` at the reference point of wrenches and velocities, shape (6, 6)."""
+        x, y, z = self.centre
+        moved = np.eye(6)  # the velocity at the reference point of one at the centre
+        moved[3:, :3] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
+        matrix: Array = moved @ np.diag(1.0 / np.array(self.damping)) @ moved.T
+        return matrix
+
+
+class AccommodationObservation(NamedTuple):
+    """What the law reads, shape (6,) each."""
+
+    command: Array
+    wrench: Array
+    damping: Array | None
+
+
+class AccommodationCommand(NamedTuple):
+    """What the law gives, shape (6,) each; its state is the same."""
+
+    velocity: Array
+    perturbed: Array
+
+
+class AccommodationLaw(
+    HeldLaw[AccommodationCommand, AccommodationObservation, AccommodationCommand]
+):
+    """See :class:`chamfer.systems.force.accommodation.AccommodationController`."""
+
+    def __init__(self, params: AccommodationParams) -> None:
+        self.params = params
+        self.period = params.period
+        size = len(AXES)
+        self.inputs = {
+            "command": Signal(size, VELOCITY, finite=True),
+            "wrench": Signal(size, WRENCH, finite=True),
+            "damping": Signal(size, DAMPING, optional=True),
+        }
+        self.outputs = {"velocity": Signal(size, VELOCITY), "perturbed": Signal(size, VELOCITY)}
+        self._mobility = lru_cache(maxsize=16)(lambda own: params.with_damping(own).mobility)
+
+    def start(self) -> AccommodationCommand:
+        """Return the state before the first step."""
+        return AccommodationCommand(np.zeros(len(AXES)), np.zeros(len(AXES)))
+
+    def observe(
+        self, values: Mapping[str, Sequence[float] | Array | None]
+    ) -> AccommodationObservation:
+        """Return what the law sees, of vectors by name."""
+        return AccommodationObservation(*vectors(self.inputs, values))  # type: ignore[arg-type]
+
+    def update(
+        self, state: AccommodationCommand, observation: AccommodationObservation, time: float
+    ) -> AccommodationCommand:
+        """Return the state after a step."""
+        command, wrench, damping = observation
+        own = () if damping is None else tuple(damping.tolist())
+        return AccommodationCommand(command + self._mobility(own) @ wrench, command)
+
+    def command(self, state: AccommodationCommand) -> AccommodationCommand:
+        """Return the velocity, and the command that it was computed of."""
+        return state
