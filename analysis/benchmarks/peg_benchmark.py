@@ -22,9 +22,8 @@ from chamfer.diagrams.insertion.peg_insertion import (
     PegInsertionScenario,
     resolve_peg_insertion,
 )
-from chamfer.models.peg.peg_and_hole import PegAndHole
+from chamfer.models.peg.peg_and_hole import SEATED, PegAndHole
 from chamfer.models.peg_theory.insertion_statics import two_point_onset
-from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
 
 Cell = tuple[float, float]  # lateral error, mm, and tilt, degrees
 

@@ -17,10 +17,10 @@ from chamfer.analysis.design.detection import Sight
 from chamfer.analysis.design.feed_path import wound_up
 from chamfer.analysis.design.link import Link, at_most
 from chamfer.analysis.design.remaining_errors import ACROSS, DrawnErrors
+from chamfer.models.peg.peg_and_hole import SEATED
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.planar_statics import equilibrium
 from chamfer.models.peg_theory.wedging import sits_on_edge, sliding_bounds, wedging_bounds
-from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
 from chamfer.systems.strategies.insertion_decision import SURE
 from chamfer.systems.vision.cell_error import AXES
 

@@ -26,17 +26,13 @@ from chamfer.diagrams.insertion.insertion import (
     make_insertion_diagram,
     task_params,
 )
-from chamfer.models.peg.peg_and_hole import PegAndHole
+from chamfer.models.peg.peg_and_hole import SEATED, PegAndHole
 from chamfer.models.peg_theory.fed_insertion import FeedVerdict, predict_feed
 from chamfer.models.peg_theory.wedging import jamming_level
-from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, SEATED, ContactState
+from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, ContactState
 from chamfer.systems.statechart.chart import Chart, TransitionRecord
-from chamfer.systems.strategies.insertion_chart import (
-    STOPPED,
-    WORDS,
-    InsertionTask,
-    make_insertion_chart,
-)
+from chamfer.systems.strategies.insertion_law import STOPPED, WORDS, make_insertion_chart
+from chamfer.systems.strategies.insertion_task import InsertionTask
 
 Array = NDArray[np.float64]
 

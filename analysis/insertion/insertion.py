@@ -56,8 +56,9 @@ from chamfer.diagrams.insertion.insertion import (
     resolve,
     task_params,
 )
+from chamfer.models.peg.peg_and_hole import SEATED
 from chamfer.models.peg_theory.wedging import rotation_bounds
-from chamfer.systems.contact.peg_hole_contact_monitor import SEATED, ContactState
+from chamfer.systems.contact.peg_hole_contact_monitor import ContactState
 
 _NOTES = {
     "seated": f"1: {100 * SEATED:g} % of the commanded depth, or on the bottom, at the end",

@@ -50,8 +50,8 @@ from chamfer.diagrams.insertion.insertion import (
     resolve_as,
     task_params,
 )
+from chamfer.models.peg.peg_and_hole import SEATED
 from chamfer.models.validation import ParameterError
-from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
 
 Way = Literal["wait", "frozen", "frozen_wait", "settling"]
 TrialInAWay = tuple[int, str]  # of a trial, and of a way or none

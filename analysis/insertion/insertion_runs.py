@@ -18,11 +18,11 @@ from chamfer.diagrams.insertion.peg_insertion import (
     PegInsertionScenario,
     make_peg_insertion_diagram,
 )
-from chamfer.models.peg.peg_and_hole import PegAndHole
+from chamfer.models.peg.peg_and_hole import SEATED, PegAndHole
 from chamfer.models.peg_theory import insertion_statics as simple
 from chamfer.models.peg_theory.planar_statics import equilibrium
 from chamfer.models.peg_theory.wedging import sits_on_edge, sliding_bounds, two_point_onset, wedges
-from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, SEATED, ContactState
+from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, ContactState
 
 Array = NDArray[np.float64]
 

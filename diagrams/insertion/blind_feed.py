@@ -26,7 +26,7 @@ from chamfer.diagrams.cell.work_cell import (
 from chamfer.diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
 from chamfer.models.peg.bore_contact import ContactMaterial, require_resolved_clearance
 from chamfer.models.peg.part_surfaces import require_tilted_apart
-from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.peg.peg_and_hole import SEATED, ColouredParts
 from chamfer.models.peg.support import OpenSupport, Support
 from chamfer.models.validation import (
     ParameterError,
@@ -36,7 +36,6 @@ from chamfer.models.validation import (
     require_positive,
     require_same,
 )
-from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
 from chamfer.systems.pose import pose_vector
 
 Plane = Literal["xy", "xz"]

@@ -36,20 +36,19 @@ from chamfer.models.peg.bore_contact import (
     require_resolved_clearance,
     resolved_speed,
 )
-from chamfer.models.peg.peg_and_hole import ColouredParts, Peg
+from chamfer.models.peg.peg_and_hole import SEATED, ColouredParts, Peg
 from chamfer.models.peg.support import OpenSupport, Support
 from chamfer.models.validation import ParameterError, require_positive
-from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
 from chamfer.systems.force.desired_pose import FeedOffset
 from chamfer.systems.force.impedance_controller import SpringForce
 from chamfer.systems.servo.measurement_selector import MeasurementSelector
-from chamfer.systems.strategies.insertion_chart import (
-    InsertionTask,
+from chamfer.systems.strategies.insertion_decision import DecisionParams, InsertionRegion
+from chamfer.systems.strategies.insertion_law import (
     InsertionTaskParams,
     InsertParams,
     ResolvedInsertParams,
 )
-from chamfer.systems.strategies.insertion_decision import DecisionParams, InsertionRegion
+from chamfer.systems.strategies.insertion_task import InsertionTask
 from chamfer.systems.vision.cell_error import AXES
 
 FEED_SPEED: Final = 0.02  # m/s, of the feed; assumed

@@ -39,7 +39,7 @@ from chamfer.diagrams.cell.work_cell import add_part_meshes
 from chamfer.diagrams.insertion.cell_contact import TouchingParts, export_contact
 from chamfer.models.peg.bore_contact import ContactMaterial, require_resolved_clearance
 from chamfer.models.peg.part_surfaces import require_tilted_apart
-from chamfer.models.peg.peg_and_hole import ColouredParts, PegAndHole
+from chamfer.models.peg.peg_and_hole import SEATED, ColouredParts, PegAndHole
 from chamfer.models.peg.support import Support
 from chamfer.models.peg_theory.wedging import require_stiff
 from chamfer.models.validation import (
@@ -49,7 +49,6 @@ from chamfer.models.validation import (
     require_one_of,
     require_positive,
 )
-from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
 
 Approximation = Literal["lagged", "similar", "sap"]
 

@@ -27,6 +27,8 @@ from chamfer.models.validation import (
     require_positive,
 )
 
+SEATED: Final = 0.9  # of the commanded depth, from where on a peg is seated
+
 
 class Chamfer(NamedTuple):
     """A chamfer of a peg's tip or of a hole's mouth."""

@@ -22,7 +22,6 @@ Array = NDArray[np.float64]
 FEATURES: Final = ("mouth", "tip", "chamfer", "face", "bottom")
 SIDES: Final = FEATURES[:3]  # those that have one
 WRENCH_SIZE: Final = 6
-SEATED: Final = 0.9  # of the commanded depth, from where on a peg is seated
 _MOUTH, _TIP, _CHAMFER, _FACE, _BOTTOM = range(len(FEATURES))
 _FLUSH: Final = 2e-4  # m, of a face, within which what touches along the axis touches the face
 _TOUCHING: Final = 0.01  # N, the least force of a feature that touches

@@ -37,8 +37,8 @@ from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.camera_image import FrameGrabberParams
 from chamfer.systems.contact.peg_hole_contact_monitor import ContactState
 from chamfer.systems.pose import POSE_NAMES
-from chamfer.systems.strategies.insertion_chart import InsertParams
 from chamfer.systems.strategies.insertion_decision import DecisionParams
+from chamfer.systems.strategies.insertion_law import InsertParams
 
 Values = dict[str, float | None]
 

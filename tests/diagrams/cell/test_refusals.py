@@ -16,7 +16,7 @@ from chamfer.diagrams.insertion.peg_insertion import FeedSupport, PegInsertionSc
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.camera_image import SensorParams
-from chamfer.systems.strategies.insertion_chart import InsertParams
+from chamfer.systems.strategies.insertion_law import InsertParams
 
 SIX_JOINTS = str(Path(__file__).parents[2] / "models/arms/six_joints.urdf")
 ARM = partial(replace, PEG_ARM)

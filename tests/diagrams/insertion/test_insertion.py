@@ -44,7 +44,7 @@ from chamfer.models.peg.peg_and_hole import ColouredParts, PegAndHole
 from chamfer.models.peg.support import OpenSupport
 from chamfer.systems.contact.peg_hole_contact_monitor import ContactState
 from chamfer.systems.pose import pose_vector
-from chamfer.systems.strategies.insertion_chart import InsertParams
+from chamfer.systems.strategies.insertion_law import InsertParams
 
 FIXTURE = replace(HOLE_ARM, kind="fixture")
 SCENARIOS = {

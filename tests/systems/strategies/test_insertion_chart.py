@@ -14,7 +14,8 @@ from chamfer.models.peg.peg_and_hole import PegHoleGeometry
 from chamfer.models.peg.support import Support
 from chamfer.models.validation import ParameterError
 from chamfer.systems.statechart.chart import Snapshot
-from chamfer.systems.strategies.insertion_chart import (
+from chamfer.systems.strategies.insertion_decision import DecisionParams, InsertionRegion
+from chamfer.systems.strategies.insertion_law import (
     InsertionInputs,
     InsertionMemory,
     InsertionTaskParams,
@@ -23,7 +24,6 @@ from chamfer.systems.strategies.insertion_chart import (
     ResolvedInsertParams,
     make_insertion_chart,
 )
-from chamfer.systems.strategies.insertion_decision import DecisionParams, InsertionRegion
 
 PERIOD = 1 / 80
 GAP = 0.03

@@ -10,17 +10,16 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final, Literal, NamedTuple, get_args
 
+from chamfer.models.peg.peg_and_hole import SEATED
 from chamfer.models.validation import (
     ParameterError,
     require_not_negative,
     require_one_of,
     require_positive,
 )
-from chamfer.systems.contact.peg_hole_contact_monitor import SEATED
 from chamfer.systems.law import Signal
 from chamfer.systems.statechart.chart import ANY, TIME_TOLERANCE, Chart, State, Tick, Transition
 from chamfer.systems.statechart.chart_law import ChartLaw, MachineOutput, number
-from chamfer.systems.statechart.state_machine import StateMachine
 from chamfer.systems.strategies.insertion_decision import (
     DecisionParams,
     InsertionRegion,
@@ -477,48 +476,11 @@ def _fed(tick: InsertionTick) -> float:
     return tick.memory.feed + tick.memory.rate * (tick.time - tick.memory.time)
 
 
-class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
-    """Decides when the peg is inserted, how far it is fed, and whether it is in.
-
-    .. pydrake_system::
-
-        name: InsertionTask
-        input_ports:
-        - error
-        - valid
-        - blind
-        - diverged
-        - compensation
-        - force
-        - advance
-        - peg_saturated
-        - hole_saturated (optional)
-        output_ports:
-        - feed
-        - compensates
-        - attempts
-        - errors
-        - sensed_force
-        - sensed_depth
-        - trouble
-        - state
-
-    ``error``, ``valid`` and ``blind`` are those of the cameras, ``compensation``, shape (6,), m
-    and rad, what has been made of them, ``diverged`` that of
-    :class:`chamfer.systems.servo.divergence_watch.DivergenceWatch`; ``force`` and ``advance`` are
-    those of :class:`chamfer.systems.force.impedance_controller.SpringForce`, ``<arm>_saturated``,
-    of each joint, those of the impedance controllers. ``feed`` goes to
-    :class:`chamfer.systems.force.desired_pose.FeedOffset`, ``compensates``, shape (2,), to
-    :class:`chamfer.systems.servo.measurement_selector.MeasurementSelector`. ``errors``, shape
-    (4,), are the last :class:`chamfer.systems.strategies.insertion_decision.MeasuredErrors`, 0
-    before there are any; ``sensed_force``, shape (3,), N, along the hole's axes, and
-    ``sensed_depth``, m, are what the arm knows of the contact, tared where the advance began;
-    ``trouble`` is the :class:`InsertionTrouble` of the attempt. Nothing is connected to
-    ``hole_saturated`` where the hole is no arm's.
-    """
+class InsertionLaw(ChartLaw[InsertionInputs, InsertionMemory]):
+    """The insertion's chart; its inputs and outputs are those of the block."""
 
     def __init__(self, params: InsertionTaskParams, *, peg_joints: int, hole_joints: int) -> None:
-        law = ChartLaw(
+        super().__init__(
             make_insertion_chart(params),
             observation=InsertionInputs,
             inputs={
@@ -534,18 +496,25 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
             },
             outputs={
                 "feed": MachineOutput(
-                    size=3, read=lambda memory: (memory.feed, memory.rate, memory.time)
+                    size=3,
+                    unit=("m", "m/s", "s"),
+                    read=lambda memory: (memory.feed, memory.rate, memory.time),
                 ),
                 "compensates": MachineOutput(
                     size=2,
                     read=lambda memory: (float(memory.compensates), float(memory.along)),
                 ),
                 "attempts": number("attempts"),
-                "errors": MachineOutput(size=4, read=lambda memory: tuple(memory.errors)),
-                "sensed_force": MachineOutput(size=3, read=lambda memory: memory.sensed_force),
-                "sensed_depth": number("sensed_depth"),
+                "errors": MachineOutput(
+                    size=4,
+                    unit=("m", "rad", "m", "rad"),
+                    read=lambda memory: tuple(memory.errors),
+                ),
+                "sensed_force": MachineOutput(
+                    size=3, unit="N", read=lambda memory: memory.sensed_force
+                ),
+                "sensed_depth": number("sensed_depth", "m"),
                 "trouble": number("trouble"),
             },
             period=params.period,
         )
-        super().__init__(law)
