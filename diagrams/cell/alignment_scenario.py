@@ -29,8 +29,8 @@ from chamfer.models.validation import (
     require_same,
 )
 from chamfer.systems.force.arm_model import Vector3
-from chamfer.systems.force.desired_pose import compensate
 from chamfer.systems.force.impedance_controller import ImpedanceControllerParams
+from chamfer.systems.force.tool_pose import compensate
 from chamfer.systems.pose import pose_from_vector, pose_vector
 from chamfer.systems.servo.compensator_law import AxisParams, OpenAxisParams
 from chamfer.systems.servo.pid_law import OpenPidGains, PidGains

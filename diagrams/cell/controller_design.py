@@ -41,8 +41,8 @@ from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.plants.linear_response import free_response
 from chamfer.models.validation import ParameterError, within
 from chamfer.systems.cameras.camera_image import FrameGrabberParams
-from chamfer.systems.force.desired_pose import compensate
 from chamfer.systems.force.impedance_controller import ImpedanceController
+from chamfer.systems.force.tool_pose import compensate
 from chamfer.systems.pose import pose_vector
 from chamfer.systems.servo.sampled_pid import designed_gains
 from chamfer.systems.servo.settling import SettlingPlant, designed_axis, guarantee

@@ -18,7 +18,7 @@ from chamfer.diagrams.cell.cell_vision import (
 from chamfer.models.cameras.camera import View
 from chamfer.systems.cameras.camera_image import Image, shaded
 from chamfer.systems.cameras.software_camera import render
-from chamfer.systems.force.desired_pose import compensate
+from chamfer.systems.force.tool_pose import compensate
 from chamfer.systems.pose import pose_from_vector, pose_vector
 from chamfer.systems.vision.cell_error import AXES, image_plane_error
 from chamfer.systems.vision.part_detection import Detection, detect_parts

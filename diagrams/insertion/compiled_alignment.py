@@ -29,8 +29,8 @@ from chamfer.diagrams.cell.work_cell import (
 from chamfer.diagrams.insertion.insertion import ResolvedInsertionScenario, task_params
 from chamfer.diagrams.servo.compiled_loop import compensate as fsm_step
 from chamfer.systems.compiled import compiled
-from chamfer.systems.force.desired_pose import compensate
 from chamfer.systems.force.impedance_controller import ImpedanceController
+from chamfer.systems.force.tool_pose import compensate
 from chamfer.systems.pose import pose_vector
 from chamfer.systems.servo.divergence_law import TAKES_BACK
 from chamfer.systems.servo.pid_law import pid_step

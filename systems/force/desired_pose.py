@@ -7,9 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
-from pydrake.trajectories import PiecewisePolynomial
 
 from chamfer.models.validation import ParameterError
+from chamfer.systems.force.tool_pose import (
+    StraightMotion,
+    advanced,
+    compensate,
+    feed_velocity,
+    share_of_compensation,
+)
 from chamfer.systems.pose import POSE_SIZE, pose_vector
 
 Array = NDArray[np.float64]
@@ -40,14 +46,9 @@ class StoppableMotion(LeafSystem):
 
     def __init__(self, p_WT: Array, goal: RigidTransform, duration: float, period: float) -> None:
         super().__init__()
-        for name, value in (("duration", duration), ("period", period)):
-            if not 0 < value < math.inf:
-                raise ParameterError(name, value, "a finite number > 0")
-        if np.shape(p_WT) != (3,) or not np.isfinite(p_WT).all():
-            raise ParameterError("p_WT", np.asarray(p_WT).tolist(), "three finite numbers")
-        points = np.column_stack([p_WT, goal.translation()])
-        way = PiecewisePolynomial.CubicHermite([0.0, duration], points, np.zeros((3, 2)))
-        rate = way.derivative(1)
+        if not 0 < period < math.inf:
+            raise ParameterError("period", period, "a finite number > 0")
+        motion = StraightMotion(p_WT, goal.translation(), duration)
         quaternion = pose_vector(goal)[:4]
         stop = self.DeclareVectorInputPort("stop", 1)
         stopped = self.DeclareDiscreteState([math.inf])
@@ -58,14 +59,14 @@ class StoppableMotion(LeafSystem):
             value = state.get_mutable_discrete_state(stopped)
             value[0] = min(value[0], context.get_time())
 
+        def at(context: Context) -> tuple[Array, Array]:
+            return motion.at(context.get_time(), context.get_discrete_state(stopped)[0])
+
         def calc_pose(context: Context, vector: BasicVector) -> None:
-            time = min(context.get_time(), context.get_discrete_state(stopped)[0])
-            vector.SetFromVector(np.concatenate([quaternion, way.value(time)[:, 0]]))
+            vector.SetFromVector(np.concatenate([quaternion, at(context)[0]]))
 
         def calc_velocity(context: Context, vector: BasicVector) -> None:
-            moves = context.get_time() < min(duration, context.get_discrete_state(stopped)[0])
-            v = rate.value(context.get_time())[:, 0] if moves else np.zeros(3)
-            vector.SetFromVector(np.concatenate([np.zeros(3), v]))
+            vector.SetFromVector(np.concatenate([np.zeros(3), at(context)[1]]))
 
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, look)
         depends = {self.time_ticket(), self.discrete_state_ticket(stopped)}
@@ -74,12 +75,6 @@ class StoppableMotion(LeafSystem):
 
 
 FEED_SIZE = 3
-
-
-def axis_of(pose: Array) -> Array:
-    """Return the x axis of a pose's frame, (3,), of its unit quaternion and position, (7,)."""
-    w, x, y, z = pose[:4].tolist()
-    return np.array([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)])
 
 
 class FeedOffset(LeafSystem):
@@ -108,16 +103,11 @@ class FeedOffset(LeafSystem):
         feed = self.DeclareVectorInputPort("feed", FEED_SIZE)
 
         def calc_pose(context: Context, vector: BasicVector) -> None:
-            fed, rate, since = feed.Eval(context).tolist()
-            advanced = np.array(pose.Eval(context))
-            way = fed + rate * (context.get_time() - since)
-            advanced[4:] += way * axis_of(along.Eval(context))
-            vector.SetFromVector(advanced)
+            fed = along.Eval(context), feed.Eval(context)
+            vector.SetFromVector(advanced(pose.Eval(context), *fed, context.get_time()))
 
         def calc_velocity(context: Context, vector: BasicVector) -> None:
-            velocity = np.zeros(6)
-            velocity[3:] = feed.Eval(context)[1] * axis_of(along.Eval(context))
-            vector.SetFromVector(velocity)
+            vector.SetFromVector(feed_velocity(along.Eval(context), feed.Eval(context)))
 
         depends = {along.ticket(), feed.ticket()}
         moves = {*depends, pose.ticket(), self.time_ticket()}
@@ -126,32 +116,6 @@ class FeedOffset(LeafSystem):
 
 
 _WORLD: Final = RotationMatrix()
-
-
-def compensate(pose: Array, compensation: Array) -> Array:
-    """Return a pose, (7,), moved and turned about its own origin by a compensation, (6,), m, rad.
-
-    The compensation is in the world's axes; the quaternion is the one of the two that is nearer to
-    the pose's.
-    """
-    w, x, y, z, *position = pose.tolist()
-    *moved, r, p, q = compensation.tolist()
-    length = math.sqrt(w * w + x * x + y * y + z * z)
-    if not 0 < length < math.inf:
-        raise ParameterError("desired_pose", pose[:4].tolist(), "a quaternion other than zero")
-    angle = math.sqrt(r * r + p * p + q * q)
-    cosine = math.cos(angle / 2)
-    scale = math.sin(angle / 2) / angle if angle > 0 else 0.5
-    r, p, q = scale * r, scale * p, scale * q
-    # Beyond half a turn the other one of the two quaternions is nearer to the pose's.
-    length = math.copysign(length, cosine)
-    turned = (
-        (cosine * w - r * x - p * y - q * z) / length,
-        (cosine * x + r * w + p * z - q * y) / length,
-        (cosine * y - r * z + p * w + q * x) / length,
-        (cosine * z + r * y - p * x + q * w) / length,
-    )
-    return np.array([*turned, *(a + b for a, b in zip(position, moved, strict=True))])
 
 
 class CompensatedPose(LeafSystem):
@@ -179,7 +143,7 @@ class CompensatedPose(LeafSystem):
             raise ParameterError("share", share, "a finite number")
         pose = self.DeclareVectorInputPort("desired_pose", POSE_SIZE)
         compensation = self.DeclareVectorInputPort("compensation", 6)
-        taken = share * np.kron(np.eye(2), R_WH.matrix())  # the share, in the world's axes
+        taken = share_of_compensation(share, R_WH.matrix())
 
         def calc(context: Context, vector: BasicVector) -> None:
             share_taken = taken @ compensation.Eval(context)

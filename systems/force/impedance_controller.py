@@ -9,8 +9,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common.eigen_geometry import Quaternion
-from pydrake.math import RotationMatrix
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 from scipy.linalg import eigh, null_space
 
@@ -18,6 +16,7 @@ from chamfer.models.arms.serial_arm import SerialArm
 from chamfer.models.validation import ParameterError, require_not_negative, require_positive
 from chamfer.systems.compiled import add_product, compiled, inverse
 from chamfer.systems.force.arm_model import ArmModel, Vector3
+from chamfer.systems.force.tool_pose import advance_of, spring_force
 from chamfer.systems.ports import finite_input
 from chamfer.systems.pose import POSE_SIZE, pose_vector
 
@@ -487,21 +486,12 @@ class SpringForce(LeafSystem):
         )
 
         def calc_force(context: Context, vector: BasicVector) -> None:
-            desired, actual = command.Eval(context), tool.Eval(context)
-            R_WD, R_WM = _axes_of(desired), _axes_of(hole.Eval(context))
-            spring = springs * (R_WD.T @ (desired[4:] - actual[4:]))
-            vector.SetFromVector(R_WM.T @ (R_WD @ spring))
+            poses = (port.Eval(context) for port in (command, tool, hole))
+            vector.SetFromVector(spring_force(springs, *poses))
 
         def calc_advance(context: Context, vector: BasicVector) -> None:
-            mouth = hole.Eval(context)
-            vector[0] = float(_axes_of(mouth)[:, 0] @ (tool.Eval(context)[4:] - mouth[4:]))
+            vector[0] = advance_of(tool.Eval(context), hole.Eval(context))
 
         depends = {tool.ticket(), hole.ticket()}
         self.DeclareVectorOutputPort("force", 3, calc_force, {command.ticket(), *depends})
         self.DeclareVectorOutputPort("advance", 1, calc_advance, depends)
-
-
-def _axes_of(pose: Array) -> Array:
-    quaternion = pose[:4] / np.linalg.norm(pose[:4])
-    matrix: Array = RotationMatrix(Quaternion(quaternion)).matrix()
-    return matrix

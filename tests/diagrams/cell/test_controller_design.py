@@ -46,7 +46,7 @@ from chamfer.diagrams.cell.work_cell import (
 )
 from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.camera_image import FrameGrabberParams
-from chamfer.systems.force.desired_pose import compensate
+from chamfer.systems.force.tool_pose import compensate
 from chamfer.systems.pose import pose_vector
 from chamfer.systems.servo.sampled_pid import tuned_gains
 from chamfer.systems.servo.settling import guarantee

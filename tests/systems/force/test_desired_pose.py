@@ -9,12 +9,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 from scipy.spatial.transform import Rotation
 
-from chamfer.systems.force.desired_pose import (
-    CompensatedPose,
-    FeedOffset,
-    StoppableMotion,
-    compensate,
-)
+from chamfer.systems.force.desired_pose import CompensatedPose, FeedOffset, StoppableMotion
+from chamfer.systems.force.tool_pose import compensate
 from chamfer.systems.pose import pose_vector
 
 Array = np.ndarray
