@@ -17,7 +17,9 @@ from chamfer.models.validation import (
 )
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
 from chamfer.systems.force.projection import unit
-from chamfer.systems.ports import finite, finite_input
+from chamfer.systems.law_block import LawBlock
+from chamfer.systems.ports import finite
+from chamfer.systems.sensing.tare_law import TareCommand, TareLaw, TareObservation, TareState
 
 Array = NDArray[np.float64]
 Matrix6 = tuple[tuple[float, ...], ...]
@@ -399,7 +401,7 @@ class ForceInWorld(LeafSystem):
         )
 
 
-class Tare(LeafSystem):
+class Tare(LawBlock[TareState, TareObservation, TareCommand]):
     """Takes off what the sensor read, on average, while it was told to take its zero.
 
     .. pydrake_system::
@@ -428,43 +430,5 @@ class Tare(LeafSystem):
     """
 
     def __init__(self, *, period: float, size: int = 3) -> None:
-        super().__init__()
-        if not 0 < period < math.inf:
-            raise ParameterError("period", period, "a finite number > 0")
-        force = self.DeclareVectorInputPort("force", size)
-        tare = self.DeclareVectorInputPort("tare", 1)
-        mean = self.DeclareDiscreteState(size)
-        squares = self.DeclareDiscreteState(size)
-        counts = self.DeclareDiscreteState(2)
-
-        def takes(context: Context) -> bool:
-            return bool(tare.Eval(context)[0] > 0.5)
-
-        def calc(context: Context, vector: BasicVector) -> None:
-            tared = force.Eval(context) - context.get_discrete_state(mean).value()
-            vector.SetFromVector(np.zeros(size) if takes(context) else tared)
-
-        def calc_spread(context: Context, vector: BasicVector) -> None:
-            readings = context.get_discrete_state(counts).value()[1]
-            sums = context.get_discrete_state(squares).value()
-            vector.SetFromVector(np.sqrt(sums / max(readings - 1, 1)))
-
-        def tick(context: Context, values: DiscreteValues) -> None:
-            running, last = context.get_discrete_state(counts).value().tolist()
-            if not takes(context):
-                values.set_value(counts, [0.0, last])
-                return
-            reading = finite_input(force, context)
-            # The first one of a new zero leaves nothing of the last.
-            before = context.get_discrete_state(mean).value()
-            sums = context.get_discrete_state(squares).value() if running else np.zeros(size)
-            after = before + (reading - before) / (running + 1) if running else reading
-            values.set_value(mean, after)
-            values.set_value(squares, sums + (reading - before) * (reading - after))
-            values.set_value(counts, [running + 1, running + 1])
-
-        sources = {force.ticket(), tare.ticket(), self.discrete_state_ticket(mean)}
-        self.DeclareVectorOutputPort("tared_force", size, calc, sources)
-        spread_of = {self.discrete_state_ticket(one) for one in (squares, counts)}
-        self.DeclareVectorOutputPort("spread", size, calc_spread, spread_of)
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, tick)
+        # As Drake samples a plant: the reading of before its step of the same instant.
+        super().__init__(TareLaw(period=period, size=size), updates="discrete")

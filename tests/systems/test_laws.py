@@ -14,6 +14,7 @@ from chamfer.systems.force.contact_detection import ContactDetection
 from chamfer.systems.force.contact_detection_law import ContactDetectionParams
 from chamfer.systems.law import HeldLaw
 from chamfer.systems.law_block import LawBlock
+from chamfer.systems.sensing.force_sensor import Tare
 from chamfer.systems.servo.divergence_law import DivergenceParams, Watched
 from chamfer.systems.servo.divergence_watch import DivergenceWatch
 from chamfer.systems.servo.measurement_selector import MeasurementSelector
@@ -41,6 +42,7 @@ BLOCKS = {
     "accommodation": (AccommodationController(REMOTE), softer),
     "contact": (ContactDetection(TOUCH, np.array([1.0, 2.0]), period=0.1), flags()),
     "divergence": (DivergenceWatch(WATCH), flags("valid", "blind")),
+    "tare": (Tare(period=0.5, size=6), flags("tare")),
     "selector": (MeasurementSelector(3), flags("valid", "open")),
 }
 

@@ -1,0 +1,76 @@
+"""The zero of a force sensor, and how much its readings scatter about it."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chamfer.models.validation import ParameterError
+from chamfer.systems.law import Law, Signal, vectors
+
+Array = NDArray[np.float64]
+
+
+class TareState(NamedTuple):
+    """What one reading hands to the next."""
+
+    mean: Array  # N, or N m above N, shape (size,)
+    squares: Array  # sum of squared deviations from it, shape (size,)
+    counts: Array  # readings of the zero that is being taken, and of the last one, shape (2,)
+
+
+class TareObservation(NamedTuple):
+    """What the law reads."""
+
+    force: Array
+    tare: Array
+
+
+class TareCommand(NamedTuple):
+    """What the law gives, shape (size,) each."""
+
+    tared_force: Array
+    spread: Array
+
+
+class TareLaw(Law[TareState, TareObservation, TareCommand]):
+    """See :class:`chamfer.systems.sensing.force_sensor.Tare`.
+
+    What is taken off is the mean of the readings before this one.
+    """
+
+    def __init__(self, *, period: float, size: int = 3) -> None:
+        if not 0 < period < math.inf:
+            raise ParameterError("period", period, "a finite number > 0")
+        self.period = period
+        unit = ("N m",) * 3 + ("N",) * 3 if size == 6 else "N"
+        self.inputs = {"force": Signal(size, unit, finite=True), "tare": Signal()}
+        self.outputs = {"tared_force": Signal(size, unit), "spread": Signal(size, unit)}
+
+    def start(self) -> TareState:
+        """Return the state before the first reading."""
+        size = self.inputs["force"].size
+        return TareState(np.zeros(size), np.zeros(size), np.zeros(2))
+
+    def observe(self, values: Mapping[str, Sequence[float] | Array | None]) -> TareObservation:
+        """Return what the law sees, of vectors by name."""
+        return TareObservation(*vectors(self.inputs, values))  # type: ignore[arg-type]
+
+    def step(
+        self, state: TareState, observation: TareObservation, time: float
+    ) -> tuple[TareState, TareCommand]:
+        """Return the state after a reading, and what it is without the last zero."""
+        force, tare = observation
+        running, last = state.counts.tolist()
+        spread = np.sqrt(state.squares / max(last - 1, 1))
+        if not tare[0] > 0.5:
+            rest = state._replace(counts=np.array([0.0, last]))
+            return rest, TareCommand(force - state.mean, spread)
+        # The first one of a new zero leaves nothing of the last.
+        sums = state.squares if running else np.zeros_like(force)
+        mean = state.mean + (force - state.mean) / (running + 1) if running else force
+        squares = sums + (force - state.mean) * (force - mean)
+        taken = TareState(mean, squares, np.full(2, running + 1))
+        return taken, TareCommand(np.zeros_like(force), spread)
