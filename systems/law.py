@@ -83,7 +83,10 @@ class HeldLaw(Law[State, Observation, Command]):
 def vectors(
     inputs: Mapping[str, Signal], values: Mapping[str, Sequence[float] | Array | None]
 ) -> list[Array | None]:
-    """Return the vectors of an observation as arrays, checked, in the order of the inputs."""
+    """Return the vectors of an observation, checked, in the order of the inputs.
+
+    They are copies, so that a state may hold them though a robot writes its next reading there.
+    """
     return [_checked(name, signal, values.get(name)) for name, signal in inputs.items()]
 
 
@@ -92,7 +95,7 @@ def _checked(name: str, signal: Signal, value: Sequence[float] | Array | None) -
         if not signal.optional:
             raise ParameterError(name, None, f"{signal.size} numbers")
         return None
-    array = np.asarray(value, dtype=np.float64)
+    array = np.array(value, dtype=np.float64)
     if array.shape != (signal.size,):
         raise ParameterError(name, array.tolist(), f"{signal.size} numbers")
     if signal.finite and not all(map(math.isfinite, array.tolist())):

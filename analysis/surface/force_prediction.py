@@ -37,7 +37,7 @@ from chamfer.diagrams.surface.surface_tracking import (
 from chamfer.models.surfaces.surface import locate
 from chamfer.models.validation import ParameterError
 from chamfer.systems.estimation.normal_filter import Sample
-from chamfer.systems.estimation.surface_observer import make_filter
+from chamfer.systems.estimation.surface_observer_law import make_filter
 from chamfer.systems.force.sampled_loop import held
 
 Array = NDArray[np.float64]

@@ -28,7 +28,7 @@ from chamfer.diagrams.surface.surface_estimation import (
 from chamfer.diagrams.surface.surface_scenario import ObserverSettings, ResolvedObserverSettings
 from chamfer.models.surfaces.surface import normal
 from chamfer.systems.estimation.normal_filter import NormalFilter, Sample, tangential_deviation
-from chamfer.systems.estimation.surface_observer import make_filter
+from chamfer.systems.estimation.surface_observer_law import make_filter
 from chamfer.systems.sensing.force_rate import ForceRateParams, ForceRateSensorParams
 
 Array = NDArray[np.float64]

@@ -38,7 +38,7 @@ from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.validation import ParameterError
 from chamfer.systems.estimation.contact_frame_filter import ContactFrameFilter
 from chamfer.systems.estimation.normal_filter import NormalFilter
-from chamfer.systems.estimation.surface_observer import make_filter
+from chamfer.systems.estimation.surface_observer_law import make_filter
 from chamfer.systems.sensing.force_rate import ForceRateSensorParams
 
 Array = NDArray[np.float64]

@@ -30,7 +30,7 @@ from chamfer.analysis.surface.observer_slides import CASES, SlideCase
 from chamfer.diagrams.surface.surface_scenario import ObserverSettings, SurfaceSettings
 from chamfer.models.validation import ParameterError, require_positive
 from chamfer.systems.estimation.normal_filter import KINDS, ObserverKind
-from chamfer.systems.estimation.surface_observer import make_filter
+from chamfer.systems.estimation.surface_observer_law import make_filter
 from chamfer.systems.sensing.force_rate import ForceRateSensorParams
 
 _WINDOW: Final = (2.0, 15.0)  # s

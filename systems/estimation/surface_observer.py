@@ -3,34 +3,23 @@
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem
-from pydrake.systems.framework import State as DrakeState
 
 from chamfer.models.surfaces.surface import Surface, normal
 from chamfer.models.validation import ParameterError
-from chamfer.systems.estimation.contact_frame_filter import ContactFrameFilter
-from chamfer.systems.estimation.normal_filter import (
-    ConstrainedFilter,
-    Estimate,
-    NormalFilter,
-    NormalStatus,
-    ResolvedSurfaceObserverParams,
-    Sample,
-    tangential_deviation,
+from chamfer.systems.estimation.normal_filter import ResolvedSurfaceObserverParams
+from chamfer.systems.estimation.surface_observer_law import (
+    ObserverCommand,
+    ObserverObservation,
+    ObserverState,
+    SurfaceObserverLaw,
 )
 from chamfer.systems.force.contact_detection_law import CONTACT
-from chamfer.systems.ports import finite_input
+from chamfer.systems.law_block import LawBlock
 
 Array = NDArray[np.float64]
 
 
-def make_filter(params: ResolvedSurfaceObserverParams) -> NormalFilter:
-    """Return the filter that runs in the block."""
-    if params.kind in ("thesis", "gated", "prior_weights"):
-        return ConstrainedFilter(params)
-    return ContactFrameFilter(params)
-
-
-class SurfaceObserver(LeafSystem):
+class SurfaceObserver(LawBlock[ObserverState, ObserverObservation, ObserverCommand]):
     """Estimates the normal of the surface that a compliant gripper slides on.
 
     .. pydrake_system::
@@ -70,62 +59,7 @@ class SurfaceObserver(LeafSystem):
     """
 
     def __init__(self, params: ResolvedSurfaceObserverParams, initial_normal: Array) -> None:
-        super().__init__()
-        d = len(params.stiffness)
-        normal = np.asarray(initial_normal, dtype=np.float64)
-        length = float(np.linalg.norm(normal))
-        if normal.shape != (d,) or not 0 < length < np.inf:
-            allowed = f"{d} finite numbers, not all zero"
-            raise ParameterError("initial_normal", normal.tolist(), allowed)
-        normal = normal / length
-        self._filter = make_filter(params)
-        sizes = {"measured_force": d, "measured_force_rate": d, "nominal_motion": 2 * d}
-        self._ports = [self.DeclareVectorInputPort(*one) for one in sizes.items()]
-        self._predicted = self.DeclareVectorInputPort("predicted_normal", d)
-        self._restart = self.DeclareVectorInputPort("restart", 1)
-        self._d = d
-        P = params.initial_deviation**2 * np.eye(d)
-        memory = self._filter.start(normal)
-        self._start = Estimate(memory, normal, P, NormalStatus.NO_CONTACT)
-        self._memory = self.DeclareDiscreteState(memory)
-        self._outputs = []
-        for name, value in _outputs(self._start).items():
-            group = self.DeclareDiscreteState(value)
-            self.DeclareStateOutputPort(name, group)
-            self._outputs.append(group)
-        # Unrestricted updates come before the discrete ones of the same instant, so that a plant
-        # sees what a controller makes of the new estimate without another step's delay.
-        self.DeclarePeriodicUnrestrictedUpdateEvent(params.period, 0.0, self._tick)
-
-    def _tick(self, context: Context, state: DrakeState) -> None:
-        force, rate, motion = (finite_input(port, context) for port in self._ports)
-        predicted = None
-        if self._predicted.HasValue(context):
-            predicted = finite_input(self._predicted, context)
-            length = float(np.linalg.norm(predicted))
-            if not abs(length - 1) < 1e-6:
-                allowed = "a vector of length 1"
-                raise ParameterError("predicted_normal", predicted.tolist(), allowed)
-            predicted = predicted / length  # or what is turned along would grow with every sample
-        memory = context.get_discrete_state(self._memory).value()
-        # The sensor gives the gripper's force on the surface, the observer uses the opposite.
-        sample = Sample(-force, -rate, motion[: self._d], motion[self._d :], predicted)
-        found = self._filter.update(memory, sample)
-        if self._restart.HasValue(context) and self._restart.Eval(context)[0]:
-            found = self._start
-        values = state.get_mutable_discrete_state()
-        values.set_value(self._memory, found.memory)
-        for group, value in zip(self._outputs, _outputs(found).values(), strict=True):
-            values.set_value(group, value)
-
-
-def _outputs(estimate: Estimate) -> dict[str, Array]:
-    return {
-        "normal": estimate.normal,
-        "covariance": estimate.covariance.ravel(),
-        "deviation": np.array([tangential_deviation(estimate.normal, estimate.covariance)]),
-        "status": np.array([float(estimate.status)]),
-    }
+        super().__init__(SurfaceObserverLaw(params, initial_normal))
 
 
 class SettledForce(LeafSystem):

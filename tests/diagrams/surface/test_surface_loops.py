@@ -42,7 +42,7 @@ from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.validation import ParameterError
 from chamfer.systems.estimation.normal_filter import ObserverKind, Sample
-from chamfer.systems.estimation.surface_observer import make_filter
+from chamfer.systems.estimation.surface_observer_law import make_filter
 from chamfer.systems.sensing.force_rate import ForceRateParams, ForceRateSensorParams
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ from chamfer.systems.estimation.normal_filter import (
     Sample,
     tangential_deviation,
 )
-from chamfer.systems.estimation.surface_observer import make_filter
+from chamfer.systems.estimation.surface_observer_law import make_filter
 
 Array = np.ndarray
 Motion = Callable[[float], tuple[Array, Array]]

@@ -21,11 +21,8 @@ from chamfer.systems.estimation.normal_filter import (
     SurfaceObserverParams,
     tangential_deviation,
 )
-from chamfer.systems.estimation.surface_observer import (
-    SettledForce,
-    SurfaceObserver,
-    make_filter,
-)
+from chamfer.systems.estimation.surface_observer import SettledForce, SurfaceObserver
+from chamfer.systems.estimation.surface_observer_law import make_filter
 from chamfer.systems.force.contact_detection_law import APPROACH, CONTACT, LOST
 
 Array = np.ndarray
