@@ -64,10 +64,11 @@ size: setup
 audit: setup
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m chamfer.analysis.audit
 
-# Random search, the only one: 10,000 drawn command lines at every command, and new examples for
-# every property, of which the tests draw the same few each time.
+# Random search, the only one: 10,000 drawn command lines at every command, 10,000 drawn runs of the
+# guard, and new examples for every property, of which the tests draw the same few each time.
 fuzz: setup
-	CHAMFER_FUZZ=10000 $(BIN)/python -m pytest tests/analysis/test_rough_handling.py
+	CHAMFER_FUZZ=10000 $(BIN)/python -m pytest tests/analysis/test_rough_handling.py \
+	  tests/systems/robot/test_command_guard.py
 	$(BIN)/python -m pytest -n auto --dist worksteal --hypothesis-profile=fuzz -m "not slow"
 
 clean:

@@ -1,0 +1,211 @@
+"""The guard between a controller and a robot: nothing leaves it that is not within its limits."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chamfer.models.validation import ParameterError, require_positive
+from chamfer.systems.robot.command_limits import Limits, Moving, Times
+
+Array = NDArray[np.float64]
+
+_ROUNDING: Final = 1e-9  # relative, of times
+
+
+class Reading(NamedTuple):
+    """What a robot measured."""
+
+    time: float  # s, when, by the robot's own clock; one that does not go on is nothing new
+    values: Mapping[str, Array | None]  # vectors by name
+
+
+class Intervention(NamedTuple):
+    """Where the guard changed a command, or why it stops.
+
+    Causes of a change are ``velocity``, ``workspace``, ``acceleration`` and ``behind`` (a place
+    got away before, and is caught up with), with the velocity that was asked for and the one that
+    is sent, and ``effort`` and ``rate``, with the effort.
+    Causes of a stop are ``abort``, ``time`` (the clock does not go on), ``late`` (the step came
+    too late), ``stale`` (nothing new was measured for too long), ``input`` (missing or not
+    finite), ``torque`` and ``force`` (measured), and ``command`` (missing, of another size, not
+    finite, or no pose).
+    """
+
+    time: float  # s
+    cause: str
+    name: str  # of the command or the input
+    value: float
+    limit: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrenchLimits:
+    """What the measured wrench may be; a robot that feels more is stopped."""
+
+    torque: float  # N m
+    force: float  # N
+    measured: str = "wrench"  # input, shape (6,), N m above N
+
+    def __post_init__(self) -> None:
+        require_positive(self, "torque", "force")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommandGuardParams:
+    """Parameters of :class:`CommandGuard`."""
+
+    period: float  # s, between two steps
+    timeout: float  # s, longest without anything new, and between two steps
+    limits: Mapping[str, Limits | None]
+    # of each command that goes to the robot; None: it goes as it is, and is held in a stop
+    wrench: WrenchLimits | None = None  # None: is not looked at
+    unchecked: tuple[str, ...] = ()  # inputs that may be not finite, such as a camera's errors
+
+    def __post_init__(self) -> None:
+        require_positive(self, "period", "timeout")
+        if self.timeout < self.period:
+            raise ParameterError("timeout", self.timeout, f"at least the period, {self.period:g}")
+        if not any(self.limits.values()):
+            raise ParameterError("limits", dict(self.limits), "limits of at least one command")
+
+
+class GuardState(NamedTuple):
+    """What the guard remembers."""
+
+    moving: Mapping[str, Moving]
+    stop: Intervention | None = None  # why it stops, until it is reset
+    time: float = math.nan  # s, of the step before; NaN: there was none
+    measured: float = -math.inf  # s, by the robot's clock
+    fresh: float = math.nan  # s, when something new was measured last
+
+
+class CommandGuard:
+    """Bounds what is commanded, and stops the robot where it has to.
+
+    A command within its limits goes through unchanged, to the bit; of another each axis is taken
+    as near to it as may be. The first command starts from rest, a place from where the robot is.
+    A stop takes velocities to 0 at the acceleration that is allowed, within ``stopping_time``,
+    and lasts until :meth:`reset`. The robot's own watchdog has to stop it if nothing was sent for
+    ``timeout``: the guard plans that it goes on for as long, and stops after a step that is late.
+    """
+
+    def __init__(self, params: CommandGuardParams) -> None:
+        self.params = params
+        self._limits = {name: one for name, one in params.limits.items() if one is not None}
+        self._needed = {one.measured for one in (*self._limits.values(), params.wrench) if one}
+        self._needed.discard("")
+
+    @property
+    def stopping_time(self) -> float:
+        """Time, s, from the cause of a stop until nothing moves, at most."""
+        return max(one.stopping_time for one in self._limits.values()) + self.params.timeout
+
+    def start(self) -> GuardState:
+        """Return the state before the first step."""
+        return GuardState(dict.fromkeys(self.params.limits, Moving()))
+
+    def reset(self, state: GuardState) -> GuardState:
+        """Return the state in which a stop is over; what still moves goes on from there."""
+        return state._replace(stop=None, time=math.nan, fresh=math.nan)
+
+    def at_rest(self, state: GuardState) -> bool:
+        """Return whether a stop has ended: nothing moves."""
+        still = (one.at_rest(state.moving[name]) for name, one in self._limits.items())
+        return state.stop is not None and all(still)
+
+    def trouble(
+        self, state: GuardState, reading: Reading, time: float, *, abort: bool = False
+    ) -> Intervention | None:
+        """Return why the robot has to stop whatever is commanded; None: it has not to."""
+        timeout = self.params.timeout
+        longest = timeout * (1 + _ROUNDING)
+        if abort:
+            return Intervention(time, "abort", "", 1.0, 0.0)
+        if not math.isfinite(time) or time <= state.time:
+            return Intervention(time, "time", "", time, state.time)
+        if time - state.time > longest:
+            return Intervention(time, "late", "", time - state.time, timeout)
+        if not reading.time > state.measured and not time - state.fresh <= longest:
+            return Intervention(time, "stale", "", time - state.fresh, timeout)
+        for name in self._needed | reading.values.keys():
+            value = reading.values.get(name)
+            if value is None:
+                value = np.array([math.nan] if name in self._needed else [])
+            bad = value[~np.isfinite(value)]
+            if bad.size and (name in self._needed or name not in self.params.unchecked):
+                return Intervention(time, "input", name, float(bad[0]), math.inf)
+        if (most := self.params.wrench) is not None:
+            wrench = reading.values[most.measured]
+            for name, part in (("torque", wrench[:3]), ("force", wrench[3:])):  # type: ignore[index]
+                size, limit = float(np.linalg.norm(part)), getattr(most, name)
+                if size > limit:
+                    return Intervention(time, name, most.measured, size, limit)
+        return None
+
+    def step(
+        self,
+        state: GuardState,
+        reading: Reading,
+        command: Mapping[str, Array] | None,
+        time: float,
+        *,
+        abort: bool = False,
+    ) -> tuple[GuardState, Mapping[str, Array], tuple[Intervention, ...]]:
+        """Return the state after a step, what may be sent, and why that is not what was asked.
+
+        Args:
+            state: The state before.
+            reading: What the robot measured last.
+            command: What the law answers, by name; None: nothing.
+            time: Time, s.
+            abort: Whether somebody wants it to stop.
+        """
+        params, fresh = self.params, reading.time > state.measured
+        asked = {name: _array((command or {}).get(name)) for name in params.limits}
+        stop = state.stop or self.trouble(state, reading, time, abort=abort)
+        stop = stop or self._not_meant(asked, time)
+        interventions = [] if stop is None or stop is state.stop else [stop]
+        # Where there was no step before, or the clock can't be believed, it took the period.
+        known = math.isfinite(time) and time > state.time
+        elapsed = time - state.time if known else params.period
+        times = Times(elapsed, params.period, params.timeout)
+        moving = dict[str, Moving]()
+        for name, limits in params.limits.items():
+            wanted = None if stop else asked[name]
+            if limits is None:
+                moving[name] = state.moving[name] if wanted is None else Moving(wanted)
+                continue
+            seen = reading.values.get(limits.measured) if fresh else None
+            if seen is not None and not np.isfinite(seen).all():
+                seen = None
+            moving[name], held = limits.step(state.moving[name], wanted, seen, times)
+            if not stop:
+                interventions += [Intervention(time, one[0], name, *one[1:]) for one in held]
+        now = time if math.isfinite(time) else state.time + elapsed
+        changed = GuardState(
+            moving=moving,
+            stop=stop,
+            time=now,
+            measured=reading.time if fresh else state.measured,
+            fresh=now if fresh or math.isnan(state.fresh) else state.fresh,
+        )
+        sent = {name: one.command for name, one in moving.items() if one.command is not None}
+        return changed, sent, tuple(interventions)
+
+    def _not_meant(self, asked: Mapping[str, Array | None], time: float) -> Intervention | None:
+        for name, limits in self.params.limits.items():
+            value = asked[name]
+            if value is None:
+                return Intervention(time, "command", name, math.nan, math.inf)
+            if not (np.isfinite(value).all() if limits is None else limits.meant(value)):
+                bad = value[~np.isfinite(value)]
+                return Intervention(time, "command", name, float([*bad, value.size][0]), math.inf)
+        return None
+
+
+def _array(value: Array | None) -> Array | None:
+    return None if value is None else np.array(value, dtype=np.float64)

@@ -1,0 +1,155 @@
+"""Runs a law on a robot, at a fixed rate, with a guard around what is commanded."""
+
+import signal
+import time as clocks
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from types import FrameType
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chamfer.models.validation import ParameterError
+from chamfer.systems.law import Law
+from chamfer.systems.recording import Record
+from chamfer.systems.robot.command_guard import CommandGuard, Intervention, Reading
+
+Array = NDArray[np.float64]
+
+
+class Robot(Protocol):
+    """A robot, as its adapter shows it."""
+
+    period: float  # s, between two commands
+
+    def read(self) -> Reading:
+        """Return what was measured last, without waiting."""
+
+    def write(self, command: Mapping[str, Array]) -> None:
+        """Send a command, vectors by name."""
+
+    def stop(self) -> None:
+        """Stop the robot; may be called at any time, and more than once."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunReport:
+    """How a run on a robot went."""
+
+    ticks: int
+    missed: int  # ticks that were left out, for their time was over
+    lateness: Mapping[str, float]  # s, by which ticks began late: median, 99 % and largest
+    interventions: tuple[Intervention, ...]
+    stopped: Intervention | None  # why the guard stopped the robot; None: it did not
+    state: Any  # of the law, at last
+
+
+def run_controller(
+    robot: Robot,
+    law: Law[Any, Any, Any],
+    guard: CommandGuard,
+    *,
+    until: Callable[[Any, float], bool],
+    abort: Callable[[], bool] = lambda: False,
+    log: Callable[[Record], None] = lambda record: None,
+    clock: Callable[[], float] = clocks.monotonic,
+    sleep: Callable[[float], None] = clocks.sleep,
+) -> RunReport:
+    """Run a law on a robot until it has ended, or the guard has stopped the robot.
+
+    The ticks are multiples of the period from the start, so that nothing adds up; one whose time
+    is over when it would begin is left out. Whatever ends the run, the robot is stopped before
+    anything else: at the end, at Ctrl-C or a termination, and at any error, which then goes on.
+    Once the guard stops, the law is told so if it answers an ``abort``, and asked no more.
+
+    Args:
+        robot: The robot.
+        law: Its inputs are what the robot reads, its outputs what it is sent.
+        guard: Decides what may be sent.
+        until: Whether it has ended, of the law's state and the time, s.
+        abort: Whether somebody wants it to stop.
+        log: Is given each step of the law: what it saw, and what it answered.
+        clock: Time, s, that only goes forward.
+        sleep: Waits, s.
+
+    Raises:
+        ParameterError: If the periods differ, or a command is limited that the law does not give.
+    """
+    period = law.period
+    for name, other in (("robot.period", robot.period), ("guard.period", guard.params.period)):
+        if abs(other - period) > 1e-9 * period:
+            raise ParameterError(name, other, f"that of the law, {period:g} s")
+    for name, limits in guard.params.limits.items():
+        signal_ = law.outputs.get(name)
+        if signal_ is None or (limits is not None and limits.size != signal_.size):
+            sizes = {one: given.size for one, given in law.outputs.items()}
+            raise ParameterError(f"limits of {name}", limits, f"those of {sizes}")
+    state, guarded, observation = law.start(), guard.start(), None
+    late, interventions, tick, missed = list[float](), list[Intervention](), 0, 0
+    with _stopped_at_the_end(robot):
+        start = clock()
+        while True:
+            if (wait := start + tick * period - clock()) > 0:
+                sleep(wait)
+            time = clock() - start
+            late.append(time - tick * period)
+            reading, aborted = robot.read(), abort()
+            command = None
+            if not (guarded.stop or guard.trouble(guarded, reading, time, abort=aborted)):
+                observation = law.observe(reading.values)
+                state, answer = law.step(state, observation, time)
+                command = answer._asdict()
+                log(Record(time, reading.values, command))
+            before = guarded.stop
+            guarded, sent, found = guard.step(guarded, reading, command, time, abort=aborted)
+            if len(sent) == len(guard.params.limits):  # else it is not known yet where it is
+                robot.write(sent)
+            interventions += found
+            if guarded.stop and not before and observation is not None and hasattr(law, "abort"):
+                state = law.abort(state, observation, time)
+            if guard.at_rest(guarded) or (not guarded.stop and until(state, time)):
+                break
+            skipped = max(int((clock() - start) // period) - tick - 1, 0)
+            tick, missed = tick + 1 + skipped, missed + skipped
+    parts = np.percentile(late, [50, 99, 100])
+    return RunReport(
+        ticks=len(late),
+        missed=missed,
+        lateness=dict(zip(("median", "99 %", "largest"), map(float, parts), strict=True)),
+        interventions=tuple(interventions),
+        stopped=guarded.stop,
+        state=state,
+    )
+
+
+@contextmanager
+def _stopped_at_the_end(robot: Robot) -> Iterator[None]:
+    """Stop the robot as the first thing when the block ends, however it does.
+
+    A second Ctrl-C does not come between.
+    """
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        for one in handled:
+            signal.signal(one, signal.SIG_IGN)
+        raise KeyboardInterrupt if number == signal.SIGINT else SystemExit(128 + number)
+
+    handled = dict[int, Any]()
+    try:
+        with suppress(ValueError):  # not the main thread, to which signals go
+            for one in (signal.SIGINT, signal.SIGTERM):
+                handled[one] = signal.signal(one, interrupt)
+        try:
+            yield
+            robot.stop()
+        except BaseException as error:
+            try:
+                robot.stop()
+            except Exception as trouble:
+                error.add_note(f"the robot could not be stopped: {trouble!r}")
+            raise
+    finally:
+        for number, handler in handled.items():
+            signal.signal(number, handler)

@@ -1,0 +1,186 @@
+"""A law on a robot: on time, through the guard, and stopped first whatever ends it."""
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from chamfer.models.validation import ParameterError
+from chamfer.systems.law import Law, Signal, vectors
+from chamfer.systems.recording import Record
+from chamfer.systems.robot.command_guard import CommandGuard, CommandGuardParams, Reading
+from chamfer.systems.robot.command_limits import VelocityLimits
+from chamfer.systems.robot.robot import RunReport, run_controller
+
+Array = NDArray[np.float64]
+PERIOD = 0.01  # s
+
+
+class Seen(NamedTuple):
+    place: Array
+
+
+class Told(NamedTuple):
+    velocity: Array
+
+
+class Towards(Law[int, Seen, Told]):
+    """Goes to 0, and counts its steps."""
+
+    period = PERIOD
+    inputs: Mapping[str, Signal] = {"place": Signal(1, "m")}
+    outputs: Mapping[str, Signal] = {"velocity": Signal(1, "m/s")}
+
+    def start(self) -> int:
+        return 0
+
+    def observe(self, values: Mapping[str, Any]) -> Seen:
+        return Seen(*vectors(self.inputs, values))  # type: ignore[arg-type]
+
+    def step(self, state: int, observation: Seen, time: float) -> tuple[int, Told]:
+        return state + 1, Told(-2 * observation.place)
+
+    def abort(self, state: int, observation: Seen, time: float) -> int:
+        return -state
+
+
+class Axis:
+    """A robot of one axis, with a clock that only goes on when somebody waits or works."""
+
+    period = PERIOD
+
+    def __init__(self, **delays: float) -> None:
+        self.now, self.place, self.velocity = 100.0, 0.2, 0.0
+        self.calls: list[str] = []
+        self.delays = {int(name[1:]): delay for name, delay in delays.items()}  # by tick
+        self.ticks: list[float] = []
+
+    def clock(self) -> float:
+        return self.now
+
+    def sleep(self, time: float) -> None:
+        self.now += time
+        self.place += self.velocity * time
+
+    def read(self) -> Reading:
+        self.sleep(self.delays.get(len(self.ticks), 0.0))
+        self.ticks.append(self.now - 100)
+        self.calls.append("read")
+        return Reading(self.now, {"place": np.array([self.place])})
+
+    def write(self, command: Mapping[str, Array]) -> None:
+        self.calls.append("write")
+        (self.velocity,) = command["velocity"]
+
+    def stop(self) -> None:
+        self.calls.append("stop")
+        self.velocity = 0.0
+
+
+def guard(**changes: Any) -> CommandGuard:
+    limits = {"velocity": VelocityLimits(speed=(0.1,), acceleration=(1.0,))}
+    return CommandGuard(
+        CommandGuardParams(**{"period": PERIOD, "timeout": 0.03, "limits": limits} | changes)
+    )
+
+
+def run(robot: Axis, law: Any = None, **options: Any) -> RunReport:
+    until = options.pop("until", lambda state, time: time > 0.495)
+    clocks = {"clock": robot.clock, "sleep": robot.sleep}
+    return run_controller(robot, law or Towards(), guard(), until=until, **clocks | options)
+
+
+def test_ticks_are_multiples_of_the_period_and_late_ones_are_counted() -> None:
+    robot, records = Axis(t7=0.004, t9=0.025), list[Record]()
+    report = run(robot, log=records.append)
+    assert robot.ticks[6:12] == pytest.approx([0.06, 0.074, 0.08, 0.115, 0.115, 0.12])
+    assert robot.ticks[12:] == pytest.approx([k * PERIOD for k in range(13, 51)])
+    assert (report.ticks, report.missed, report.state) == (50, 1, 50)
+    assert report.lateness["largest"] == pytest.approx(0.005)  # of the eleventh
+    assert [one.time for one in records[10:]] == pytest.approx(robot.ticks[10:])
+    assert records[1].command["velocity"] == -2 * records[1].observation["place"]
+    assert {one.cause for one in report.interventions} == {"velocity", "acceleration"}
+    assert robot.place < 0.2 - 0.1 * 0.4
+    assert robot.calls[-1] == "stop"
+
+
+def test_a_stop_of_the_guard_ends_the_run_at_rest() -> None:
+    robot = Axis(t20=0.5)
+    report = run(robot)
+    assert report.stopped is not None
+    assert report.stopped.cause == "late"
+    robot = Axis()
+    report = run(robot, abort=lambda: robot.now > 100.3)
+    assert report.stopped is not None
+    assert report.stopped.cause == "abort"
+    assert report.state < 0  # the law was told
+    assert robot.velocity == 0
+    assert robot.calls[-2:] == ["write", "stop"]
+
+
+@pytest.mark.parametrize("broken", ["read", "write", "step", "stop"])
+def test_an_error_stops_the_robot_first_and_goes_on(
+    broken: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot, law = Axis(), Towards()
+
+    def fail(*args: object) -> None:
+        robot.calls.append(broken)
+        raise OSError("broken")
+
+    monkeypatch.setattr(law if broken == "step" else robot, broken, fail)
+    with pytest.raises(OSError, match="broken") as failed:
+        run(robot, law)
+    assert robot.calls[robot.calls.index(broken) + 1 :] == ["stop"]
+    assert bool(getattr(failed.value, "__notes__", [])) == (broken == "stop")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_stops_the_robot_and_a_second_one_does_not_come_between(
+    number: signal.Signals,
+) -> None:
+    class Stubborn(Axis):
+        def stop(self) -> None:
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.01)
+            super().stop()
+
+    robot, before = Stubborn(), signal.getsignal(signal.SIGINT)
+    with pytest.raises((KeyboardInterrupt, SystemExit)):
+        run(robot, until=lambda state, time: bool(time > 0.2 and os.kill(os.getpid(), number)))
+    assert robot.calls[-1] == "stop"
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_it_runs_beside_the_main_thread_at_the_rate_of_a_true_clock() -> None:
+    robot, reports = Axis(), list[RunReport]()
+
+    def sleep(wait: float) -> None:
+        time.sleep(wait)
+        robot.sleep(wait)
+
+    def until(state: int, time: float) -> bool:
+        return time > 0.095
+
+    options = {"until": until, "clock": time.monotonic, "sleep": sleep}
+    thread = threading.Thread(target=lambda: reports.append(run(robot, **options)))
+    thread.start()
+    thread.join()
+    (report,) = reports
+    assert report.stopped is not None or report.ticks + report.missed >= 11
+    assert 0 < report.lateness["median"] <= report.lateness["99 %"] <= report.lateness["largest"]
+
+
+def test_what_does_not_fit_is_refused_before_the_robot_is_touched() -> None:
+    robot, towards = Axis(), VelocityLimits(speed=(0.1,) * 2, acceleration=(1.0,) * 2)
+    with pytest.raises(ParameterError, match="limits of velocity"):
+        run_controller(robot, Towards(), guard(limits={"velocity": towards}), until=bool)
+    with pytest.raises(ParameterError, match=r"guard\.period is 0\.02"):
+        run_controller(robot, Towards(), guard(period=0.02), until=bool)
+    assert robot.calls == []
