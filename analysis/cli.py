@@ -21,6 +21,7 @@ from chamfer.analysis.command.fields_command import add_fields
 from chamfer.analysis.command.standard_streams import OutputError, discard_output, prepare_streams
 from chamfer.analysis.command.view_command import add_view
 from chamfer.analysis.design.design_command import add_design
+from chamfer.analysis.export.export_command import add_export
 from chamfer.analysis.report.console import plain_warnings, say
 from chamfer.analysis.scenario.errors import ExperimentError, UserError
 from chamfer.analysis.scenario.experiment import (
@@ -167,10 +168,11 @@ def _parser() -> argparse.ArgumentParser:
     diagram.add_argument("--chart", action="store_true", help="draw its state charts too")
     diagram.set_defaults(command=_diagram)
 
-    view, track, calibrate = add_view(commands), add_track(commands), add_calibrate(commands)
-    for command in (run, sweep, design, diagram, view, track):
+    export, view = add_export(commands), add_view(commands)
+    track, calibrate = add_track(commands), add_calibrate(commands)
+    for command in (run, sweep, design, diagram, export, view, track):
         _add_scenario(command)
-    for command in (run, sweep, design, reproduce, diagram, track, calibrate):
+    for command in (run, sweep, design, reproduce, diagram, export, track, calibrate):
         _add_out(command)
     for command in (run, sweep, design, reproduce, view):
         _add_seed(command)

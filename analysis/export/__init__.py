@@ -1,0 +1,1 @@
+"""Laws and charts for where no Python is: C, FMI, SCXML and Mermaid."""

@@ -1,0 +1,143 @@
+"""A chart as SCXML goes through the same states as the law that raises its events."""
+
+from collections.abc import Iterator
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+from statemachine.io.scxml.processor import SCXMLProcessor
+
+from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.command.running import prepare
+from chamfer.analysis.export.scxml import event, scxml, state_ids
+from chamfer.analysis.scenario.experiment import quiet, select
+from chamfer.systems.recording import Records, recorded
+from chamfer.systems.statechart.chart import ANY, Chart, State, Transition, TransitionRecord
+from chamfer.systems.statechart.chart_law import ChartLaw
+
+NAMESPACE = "{http://www.w3.org/2005/07/scxml}"
+
+
+def started(chart: Chart[Any, Any]) -> Any:
+    processor = SCXMLProcessor()
+    processor.parse_scxml(chart.name, scxml(chart))
+    return processor.start()
+
+
+def stepped(records: Records) -> Iterator[tuple[str, TransitionRecord | None]]:
+    """Yield the states of a chart as it sees again what it saw, and the transitions."""
+    law: ChartLaw[Any, Any] = records.law
+    rows = {
+        name.removeprefix("observation."): (table.tolist(), lacks.tolist())
+        for name, table, lacks in records.vectors()
+        if name.startswith("observation.")
+    }
+    state = law.start()
+    for i, time in enumerate(records.times):
+        values = {name: None if lacks[i] else table[i] for name, (table, lacks) in rows.items()}
+        after = law.update(state, law.observe(values), float(time))
+        yield after.snapshot.state, after.log[-1] if len(after.log) > len(state.log) else None
+        state = after
+
+
+@pytest.mark.parametrize(
+    ("experiment", "block"),
+    [
+        ("step-response", "controller FSM"),
+        ("insertion", "insertion task"),
+        pytest.param("d-connector", "skill", marks=pytest.mark.slow),
+        ("crucible-charging", "charging chart"),
+    ],
+)
+def test_an_engine_goes_through_the_states_of_a_recorded_run(experiment: str, block: str) -> None:
+    (entry,) = select(CATALOGUE.entries, [experiment])
+    (job,) = prepare([entry], settings=entry.reduced)
+    with recorded() as recorder:
+        job.experiment.run(job.scenario, 0, quiet)
+    runs = next(runs for path, runs in recorder.runs.items() if path.endswith(f"::{block}"))
+    law: ChartLaw[Any, Any] = runs[0].law
+    engine, ids, passed = started(law.chart), state_ids(law.chart), set()
+    for state, record in stepped(runs[0]):
+        if record is not None:
+            engine.send(event(law.chart, record))
+        assert [one.id for one in engine.configuration] == [ids[state]]
+        passed.add(state)
+    assert len(passed) >= 2
+    assert engine.is_terminated == (law.chart.state(state).outcome is not None)
+
+
+def never(_: object) -> bool:
+    return False
+
+
+def test_a_document_has_every_way_in_its_order_and_names_tell_them_apart() -> None:
+    def way(source: str, target: str, label: str) -> Transition[Any, Any]:
+        return Transition(source=source, target=target, label=label, guard=never)
+
+    chart: Chart[Any, Any] = Chart(
+        "two words",
+        states=[
+            State(name="far away", timeout=2.0, on_timeout="gave up"),
+            State(name="near.by"),
+            State(name="gave up", outcome="failed"),
+        ],
+        transitions=[
+            way("far away", "near.by", "force > 5 N"),
+            way("near.by", "near.by", "force <= 5 N"),
+            way(ANY, "gave up", "operator's halt"),
+            way("near.by", "far away", "operator's halt"),
+            way(ANY, "near.by", "Timed out"),
+        ],
+        memory=None,
+    )
+    root = ElementTree.fromstring(scxml(chart))
+    assert (root.tag, root.get("initial")) == (f"{NAMESPACE}scxml", "far_away")
+    told = {
+        (state.tag.removeprefix(NAMESPACE), state.get("id")): [
+            (way.get("event"), way.get("target")) for way in state
+        ]
+        for state in root
+    }
+    assert told == {
+        ("state", "far_away"): [
+            ("force-above-5-n", "near.by"),
+            ("operators-halt", "gave_up"),
+            ("timed-out-to-near-by", "near.by"),
+            ("timed-out-to-gave-up", "gave_up"),
+        ],
+        ("state", "near.by"): [
+            ("force-at-most-5-n", "near.by"),
+            ("operators-halt-to-gave-up", "gave_up"),
+            ("operators-halt-to-far-away", "far_away"),
+        ],
+        ("final", "gave_up"): [],
+    }
+    left = TransitionRecord(2.0, "far away", "gave up", "after 2 s", None, ())
+    assert event(chart, left) == "timed-out-to-gave-up"
+    with pytest.raises(KeyError):
+        event(chart, left._replace(label="another chart's"))
+
+
+def test_no_document_of_the_catalogue_holds_an_expression_or_an_ambiguous_event() -> None:
+    seen = set()
+    for entry in CATALOGUE.entries:
+        if not entry.charts:
+            continue
+        (job,) = prepare([entry])
+        charts = job.experiment.charts
+        assert charts is not None
+        for chart in charts(job.scenario):
+            text = scxml(chart)
+            if text in seen:
+                continue
+            seen.add(text)
+            root = ElementTree.fromstring(text)
+            ids = {state.get("id") for state in root}
+            assert len(ids) == len(chart.states)
+            for state in root:
+                events = [way.get("event") for way in state]
+                assert len(events) == len(set(events)), (chart.name, state.get("id"))
+                assert {way.get("target") for way in state} <= ids
+            used = {key for part in root.iter() for key in part.attrib}
+            assert not used & {"cond", "expr", "delay"}
+    assert len(seen) > 5
