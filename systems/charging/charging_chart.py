@@ -395,6 +395,8 @@ def make_charging_chart(params: ResolvedChargingParams, beliefs: ChargingBeliefs
             go(AWAY, STOPPED, "timed out", guards.late, "stay"),
         ],
         memory=start,
+        on_abort=BRAKE,
+        abort_action=actions.abort,
     )
 
 
@@ -494,6 +496,12 @@ class _Actions:
             )
 
         return stopped
+
+    def abort(self, state: str, tick: ChargingTick) -> ChargingMemory:
+        """Stop as by a failure; what has failed already keeps why."""
+        trouble = tick.memory.trouble
+        stopped = self.stop(trouble or ChargingTrouble.ABORTED)(tick)
+        return stopped._replace(trouble_at=tick.memory.trouble_at) if trouble else stopped
 
 
 _SIZES: Final = dict.fromkeys(ChargingInputs._fields, 1) | {

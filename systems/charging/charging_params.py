@@ -171,6 +171,7 @@ class ChargingTrouble(IntEnum):
     OFF_PATH = 9, "position error too large"
     LATE = 10, "timed out"
     LOST_OFTEN = 11, "contact lost too often"
+    ABORTED = 12, "aborted"
 
 
 class ChargingInputs(NamedTuple):

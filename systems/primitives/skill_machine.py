@@ -265,6 +265,7 @@ def make_skill_chart(skill: Skill) -> SkillChart:
         states=[*states, *ends],
         transitions=[*transitions, over],
         memory=SkillMemory(closed=skill.held),
+        abort_action=_aborted,
     )
 
 
@@ -317,6 +318,10 @@ def _stop(tick: _Tick) -> SkillMemory:
     return tick.memory._replace(
         velocity=STILL, event=None, memories=(), damping=STILL, looks=False, tares=False
     )
+
+
+def _aborted(state: str, tick: _Tick) -> SkillMemory:
+    return tick.memory._replace(reason=tick.memory.reason or f"{state}: abort")
 
 
 def _late(state: SkillState, tick: _Tick) -> bool:

@@ -267,6 +267,7 @@ def make_compensator_chart(params: CompensatorParams) -> CompensatorChart:
             for target, label, guard in ways
         ],
         memory=CompensatorMemory(start, (0.0,) * len(charts)),
+        on_abort="hold",
     )
 
 

@@ -13,11 +13,15 @@ Semantics of one tick, in this order:
    controller computes its output in the tick in which it enters a state.
 
 At most one transition is taken in a tick. A state with an outcome is final: it is never left.
+
+A tick can be told to *abort*: whatever the guards say, the state that the chart has for it is
+then gone to as by any other transition, and kept from then on. A final state is kept as it is.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final, Generic, Literal, NamedTuple, TypeVar
+from functools import partial
+from typing import Final, Generic, Literal, NamedTuple, TypeAlias, TypeVar
 
 Inputs = TypeVar("Inputs")
 Memory = TypeVar("Memory")
@@ -69,6 +73,7 @@ class Snapshot(NamedTuple, Generic[Memory]):
     entered_at: float  # s
     memory: Memory
     started: bool  # False until the initial state has been entered
+    aborted: bool = False  # True: the state is kept
 
 
 class TransitionRecord(NamedTuple):
@@ -82,6 +87,10 @@ class TransitionRecord(NamedTuple):
     also_true: tuple[str, ...]  # labels of the guards of lower priority that were true as well
 
 
+# Target, label, action, and the labels of other guards that were true.
+_Way: TypeAlias = tuple[str, str, Callable[[Tick[Inputs, Memory]], Memory] | None, tuple[str, ...]]
+
+
 class ChartError(ValueError):
     """A chart that can't be run; the message names the state or transition."""
 
@@ -90,7 +99,9 @@ class Chart(Generic[Inputs, Memory]):
     """States and guarded transitions, checked at construction.
 
     The first state is the initial one; transitions are in priority order. The ``memory``, an
-    immutable value, is what the chart remembers before its first tick.
+    immutable value, is what the chart remembers before its first tick. An abort leads to the
+    state ``on_abort``, by default the first that is failed, or else the initial one, with an
+    action that is given the name of the state before.
 
     Raises:
         ChartError: If a name is used twice or unknown, a state can't be reached or, not being
@@ -104,6 +115,8 @@ class Chart(Generic[Inputs, Memory]):
         states: Sequence[State[Inputs, Memory]],
         transitions: Sequence[Transition[Inputs, Memory]],
         memory: Memory,
+        on_abort: str | None = None,
+        abort_action: Callable[[str, Tick[Inputs, Memory]], Memory] | None = None,
     ) -> None:
         self.name = name
         self.states = tuple(states)
@@ -112,6 +125,9 @@ class Chart(Generic[Inputs, Memory]):
         self._check_names()
         self.initial = self.states[0].name
         self.state_names = tuple(state.name for state in self.states)
+        failed = (state.name for state in self.states if state.outcome == "failed")
+        self.on_abort = next(failed, self.initial) if on_abort is None else on_abort
+        self._abort_action = abort_action
         self._states = {state.name: state for state in self.states}
         self._leaving = {
             state.name: tuple(
@@ -124,6 +140,9 @@ class Chart(Generic[Inputs, Memory]):
         }
         self._check_timeouts()
         self._check_paths()
+        if self.on_abort not in self._states:
+            valid = ", ".join(self.state_names)
+            raise ChartError(f"chart {name!r}: on_abort names {on_abort!r}, valid states: {valid}")
 
     def start(self) -> Snapshot[Memory]:
         """Return the snapshot before the first tick."""
@@ -150,10 +169,10 @@ class Chart(Generic[Inputs, Memory]):
         return seen
 
     def step(
-        self, snapshot: Snapshot[Memory], inputs: Inputs, time: float
+        self, snapshot: Snapshot[Memory], inputs: Inputs, time: float, *, abort: bool = False
     ) -> tuple[Snapshot[Memory], TransitionRecord | None]:
         """Run one tick and return the new snapshot and the transition taken, if any."""
-        name, entered_at, memory, started = snapshot
+        name, entered_at, memory, started, aborted = snapshot
         state = self._states[name]
         tick = Tick(time, time - entered_at, inputs, memory)
         if not started:
@@ -162,7 +181,10 @@ class Chart(Generic[Inputs, Memory]):
             if state.entry is not None:
                 tick.memory = state.entry(tick)
         record = None
-        chosen = self._choose(state, tick)
+        chosen = None
+        if not aborted:
+            chosen = self._abort(state) if abort else self._choose(state, tick)
+            aborted = abort and chosen is not None
         if chosen is not None:
             target, label, action, also_true = chosen
             record = TransitionRecord(time, name, target, label, inputs, also_true)
@@ -176,11 +198,17 @@ class Chart(Generic[Inputs, Memory]):
                 tick.memory = state.entry(tick)
         if state.during is not None:
             tick.memory = state.during(tick)
-        return Snapshot(name, entered_at, tick.memory, True), record
+        return Snapshot(name, entered_at, tick.memory, True, aborted), record
+
+    def _abort(self, state: State[Inputs, Memory]) -> _Way[Inputs, Memory] | None:
+        if state.outcome is not None:
+            return None
+        action = self._abort_action
+        return self.on_abort, "abort", action and partial(action, state.name), ()
 
     def _choose(
         self, state: State[Inputs, Memory], tick: Tick[Inputs, Memory]
-    ) -> tuple[str, str, Callable[[Tick[Inputs, Memory]], Memory] | None, tuple[str, ...]] | None:
+    ) -> _Way[Inputs, Memory] | None:
         leaving = self._leaving[state.name]
         for i, transition in enumerate(leaving):
             if transition.guard(tick):

@@ -91,10 +91,10 @@ class ChartLaw(HeldLaw[ChartState[Memory], Inputs, Any], Generic[Inputs, Memory]
         return observation
 
     def update(
-        self, state: ChartState[Memory], observation: Inputs, time: float
+        self, state: ChartState[Memory], observation: Inputs, time: float, *, abort: bool = False
     ) -> ChartState[Memory]:
-        """Return where the chart is after a tick."""
-        snapshot, record = self.chart.step(state.snapshot, observation, time)
+        """Return where the chart is after a tick; from an abort it does not go on."""
+        snapshot, record = self.chart.step(state.snapshot, observation, time, abort=abort)
         return ChartState(snapshot, state.log if record is None else (*state.log, record))
 
     def command(self, state: ChartState[Memory]) -> Any:

@@ -17,6 +17,8 @@ from chamfer.systems.recording import Record
 from chamfer.systems.robot.command_guard import CommandGuard, CommandGuardParams, Reading
 from chamfer.systems.robot.command_limits import VelocityLimits
 from chamfer.systems.robot.robot import RunReport, run_controller
+from chamfer.systems.statechart.chart import Chart, State, Transition
+from chamfer.systems.statechart.chart_law import ChartLaw, MachineOutput
 
 Array = NDArray[np.float64]
 PERIOD = 0.01  # s
@@ -46,8 +48,23 @@ class Towards(Law[int, Seen, Told]):
     def step(self, state: int, observation: Seen, time: float) -> tuple[int, Told]:
         return state + 1, Told(-2 * observation.place)
 
-    def abort(self, state: int, observation: Seen, time: float) -> int:
-        return -state
+
+def approach() -> ChartLaw[Seen, tuple[float]]:
+    """Goes to 0 as a chart does that nothing but an abort ends."""
+    states = [
+        State[Seen, tuple[float]](name="go", during=lambda tick: (-2 * tick.inputs.place[0],)),
+        State[Seen, tuple[float]](name="halted", entry=lambda tick: (0.0,), outcome="failed"),
+    ]
+    never = Transition[Seen, tuple[float]](
+        source="go", target="halted", guard=lambda tick: False, label="never"
+    )
+    return ChartLaw(
+        Chart("approach", states=states, transitions=[never], memory=(0.0,)),
+        observation=Seen,
+        inputs=Towards.inputs,
+        outputs={"velocity": MachineOutput(unit="m/s", read=lambda memory: memory)},
+        period=PERIOD,
+    )
 
 
 class Axis:
@@ -116,10 +133,11 @@ def test_a_stop_of_the_guard_ends_the_run_at_rest() -> None:
     assert report.stopped is not None
     assert report.stopped.cause == "late"
     robot = Axis()
-    report = run(robot, abort=lambda: robot.now > 100.3)
+    report = run(robot, approach(), abort=lambda: robot.now > 100.3)
     assert report.stopped is not None
     assert report.stopped.cause == "abort"
-    assert report.state < 0  # the law was told
+    assert report.state.snapshot.state == "halted"
+    assert [(one.source, one.label) for one in report.state.log] == [("go", "abort")]
     assert robot.velocity == 0
     assert robot.calls[-2:] == ["write", "stop"]
 

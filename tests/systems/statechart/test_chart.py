@@ -167,6 +167,31 @@ def test_rejects(names: list[str], ways: str, options: dict[str, Any], message: 
     assert (start, end.strip()) == ("", message)
 
 
+def test_an_abort_is_a_transition_like_any_other_and_ends_them_all() -> None:
+    states = [noting("a"), noting("b"), noting("end", outcome="failed")]
+    ways = [on("x", "a", "b"), on("y", "b", "a"), on("z", "b", "end")]
+    chart = Chart(
+        "test",
+        states=states,
+        transitions=ways,
+        memory=(),
+        on_abort="b",
+        abort_action=lambda state, tick: (*tick.memory, f"abort of {state}"),
+    )
+    snapshot, record = chart.step(chart.start(), "x", 1.0, abort=True)
+    assert record == TransitionRecord(1.0, "a", "b", "abort", "x", ())
+    trace = ("a.entry", "a.exit", "abort of a", "b.entry", "b.during")
+    assert snapshot == Snapshot("b", 1.0, trace, True, True)
+    for abort in (False, True):
+        snapshot, record = chart.step(snapshot, "yz", 2.0, abort=abort)
+        assert record is None
+    assert snapshot == Snapshot("b", 1.0, (*trace, "b.during", "b.during"), True, True)
+    assert make_chart(states, *ways).on_abort == "end"
+    assert make_chart(states[:2], *ways[:2]).on_abort == "a"
+    with pytest.raises(ChartError, match="on_abort names 'c', valid states: a, b, end"):
+        Chart("test", states=states, transitions=ways, memory=(), on_abort="c")
+
+
 @st.composite
 def charts(draw: st.DrawFn) -> TraceChart:
     """Draw a ring of states, so that each can be reached and left, with more ways across it."""
