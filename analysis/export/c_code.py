@@ -80,7 +80,8 @@ class LawInC:
         }
         for causality, some in signals.items():
             for name, signal in some.items():
-                begin = start[name] if causality == "output" else None
+                missing = self.form.missing.get(name, 0.0)
+                begin = start[name] if causality == "output" else [missing] * signal.size
                 for i, unit in enumerate(signal.units):
                     yield Element(
                         name=name if signal.size == 1 else f"{name}[{i + 1}]",
@@ -88,7 +89,7 @@ class LawInC:
                         causality=causality,
                         unit=unit,
                         meaning=self.form.about.get(name, ""),
-                        start=float(begin[i] if begin else self.form.missing.get(name, 0.0)),
+                        start=float(begin[i]),
                         flag=f"has_{name}" if signal.optional else "",
                     )
 
@@ -118,6 +119,7 @@ class LawInC:
             "name": self.name,
             "NAME": self.name.upper(),
             "law": self.law,
+            "params": self.law.params,
             "size": next(iter(self.law.inputs.values())).size,
             "constant": self._constant,
         }

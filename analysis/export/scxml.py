@@ -2,7 +2,7 @@
 
 W3C, State Chart XML (SCXML), 2015. The documents hold no expressions: what has been measured is
 judged by the law, which raises one event in a tick in which it takes a transition, and none in any
-other. Time is the law's too.
+other: what keeps a state is no event. Time is the law's too, and that an abort is the last event.
 """
 
 import re
@@ -16,7 +16,6 @@ from chamfer.systems.statechart.chart import ANY, Chart, State, TransitionRecord
 
 _WORDS: Final = {"<=": " at most ", ">=": " at least ", "<": " below ", ">": " above "}
 _SYMBOL: Final = re.compile("|".join(_WORDS))
-_TIMED_OUT: Final = "timed out"
 
 
 def scxml(chart: Chart[Any, Any]) -> str:
@@ -68,14 +67,14 @@ def _events(chart: Chart[Any, Any], state: State[Any, Any]) -> dict[tuple[str, s
 
     One label names one event wherever it stands, but for where it leads to several states.
     """
-    slugs = {
-        (way.label, way.target): _slug(way.label)
-        for way in chart.transitions
-        if way.source == state.name
-        or (way.source == ANY and way.target != state.name and state.outcome is None)
-    }
+    if state.outcome is not None:
+        return {}
+    slugs = {("abort", chart.on_abort): "abort"}  # before all others
+    for one in chart.transitions:
+        if one.source == state.name or (one.source == ANY and one.target != state.name):
+            slugs.setdefault((one.label, one.target), _slug(one.label))
     if state.timeout is not None and state.on_timeout is not None:
-        slugs.setdefault((f"after {state.timeout:g} s", state.on_timeout), _slug(_TIMED_OUT))
+        slugs.setdefault((f"after {state.timeout:g} s", state.on_timeout), "timed-out")
     targets = Counter(slug for slug, _ in {(slug, way[1]) for way, slug in slugs.items()})
     events, leads = dict[tuple[str, str], str](), dict[str, str]()
     for way, slug in slugs.items():

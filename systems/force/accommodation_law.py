@@ -103,11 +103,14 @@ class AccommodationParams:
 
     @property
     def mobility(self) -> Array:
-        """``D^-1`` at the reference point of wrenches and velocities, shape (6, 6)."""
+        """``D^-1`` at the reference point of wrenches and velocities, shape (6, 6).
+
+        Sums go from the first to the last, here and in the law, so that C has the same bits.
+        """
         x, y, z = self.centre
         moved = np.eye(6)  # the velocity at the reference point of one at the centre
         moved[3:, :3] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
-        matrix: Array = moved @ np.diag(1.0 / np.array(self.damping)) @ moved.T
+        matrix: Array = ((moved / np.array(self.damping))[:, None] * moved).sum(axis=2)
         return matrix
 
 
@@ -159,7 +162,8 @@ class AccommodationLaw(
         """Return the state after a step."""
         command, wrench, damping = observation
         own = () if damping is None else tuple(damping.tolist())
-        return AccommodationCommand(command + self._mobility(own) @ wrench, command)
+        perturbation = (self._mobility(own) * wrench).sum(axis=1, initial=0.0)
+        return AccommodationCommand(command + perturbation, command)
 
     def command(self, state: AccommodationCommand) -> AccommodationCommand:
         """Return the velocity, and the command that it was computed of."""
