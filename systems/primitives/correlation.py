@@ -17,12 +17,14 @@ Eq. (1) is for a command that is a pure dither and for a motion without bias: a 
 sum|g|, and so does noise, and both lower C though nothing obstructs. :class:`Phasors` keep of both
 signals only what has the dither's frequency: with
 
-    F = sum f e^(-2 pi i k / N),  G = sum g e^(-2 pi i k / N)
+    F = integral of f d(e^(-2 pi i t)),  G = integral of g d(e^(-2 pi i t))
 
-over a whole cycle, C is (pi^2 / 8) Re(F G*) / (|F| |G|), what eq. (1) gives for the two sines
-alone, and the ratio of the amplitudes is |G| / |F|. A mean of f or g adds nothing to them, white
-noise of one sample with the standard deviation s adds s sqrt(N) to |G|, against N / 2 times the
-amplitude, and a g that drifts by d over the cycle adds d N / (2 pi).
+over a whole cycle, t from 0 to 1, C is (pi^2 / 8) Re(F G*) / (|F| |G|), what eq. (1) gives for the
+two sines alone, and the ratio of the amplitudes is |G| / |F|. A sample stands for the time since
+the one before. So a mean of f or g adds nothing, whenever the samples come and however many are
+missing: the cycle counts time. Of N samples, white noise with the standard deviation s adds
+s sqrt(N) to |G|, against N / 2 times the amplitude, and a g that drifts by d over the cycle
+adds d N / (2 pi), all times 2 pi / N.
 """
 
 import cmath
@@ -55,16 +57,13 @@ class Correlation(NamedTuple):
 class Phasors(NamedTuple):
     """What a cycle of a dither has summed up so far of both signals at the dither's frequency."""
 
-    samples: int = 0
     command: complex = 0j
     motion: complex = 0j
 
-    def add(self, command: float, motion: float, cycle: int) -> "Phasors":
-        """Return the sums with one more sample of f and g, of ``cycle`` in a whole cycle."""
-        turn = cmath.exp(-2j * math.pi * self.samples / cycle)
-        return Phasors(
-            self.samples + 1, self.command + command * turn, self.motion + motion * turn
-        )
+    def add(self, command: float, motion: float, begin: float, end: float) -> "Phasors":
+        """Return the sums with f and g from ``begin`` to ``end``, shares of the cycle."""
+        turn = cmath.exp(-2j * math.pi * end) - cmath.exp(-2j * math.pi * begin)
+        return Phasors(self.command + command * turn, self.motion + motion * turn)
 
     def correlation(self) -> Correlation:
         """Return what the cycle shows; its bias is left out, and so 0."""

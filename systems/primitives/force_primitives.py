@@ -33,7 +33,7 @@ AxisName = Literal["x", "y", "z", "rx", "ry", "rz"]
 
 AXIS_NAMES: Final[tuple[AxisName, ...]] = ("rx", "ry", "rz", "x", "y", "z")  # as in a velocity
 # Ticks until what accommodation last perturbed is a primitive's own command: one until it is
-# perturbed, and one until that is sensed.
+# perturbed, and one until that is sensed. Where ticks are missing, more time passes.
 _LAG: Final = 2
 DIRECTIONS: Final = tuple(sign + name for name in AXIS_NAMES for sign in "-+")
 
@@ -158,11 +158,19 @@ class Stick(Directed):
         return Stepped(memory, velocity(self.direction, self.speed))
 
 
+class _Window(NamedTuple):
+    """What the correlation has seen of an axis."""
+
+    begin: float = 0.0  # s
+    sums: Phasors = Phasors()
+    below: int = 0  # windows in a row before that were below
+
+
 class _Watched(NamedTuple):
     """What the correlation has seen of every axis."""
 
-    sums: tuple[Phasors, ...]
-    below: tuple[int, ...]  # windows in a row that were below
+    windows: tuple[_Window, ...]
+    last: float = 0.0  # s, of the tick before
     skipped: int = 0  # ticks
 
 
@@ -170,13 +178,14 @@ class _Watched(NamedTuple):
 class Obstructed(Primitive):
     """Watches dithers by correlation, and by the companion test of their amplitude.
 
-    Both are taken at the dither's frequency alone, so that bias and noise matter little. Event:
-    ``hindered`` when in the last windows of every axis C or the ratio of the amplitudes,
-    which alone sees a stop on one side, was below its threshold.
+    Both are taken at the dither's frequency alone, so that bias and noise matter little. Windows
+    count time; one in which half a cycle or more was not seen begins anew. Event: ``hindered``
+    when in the last windows of every axis C or the ratio of the amplitudes, which alone sees a
+    stop on one side, was below its threshold.
     """
 
     axes: tuple[AxisName, ...] = ("x", "y")
-    samples: tuple[int, ...] = (100, 100)  # of each axis' window: one cycle of its dither
+    cycle: tuple[float, ...] = (1.0, 1.0)  # s, of each axis' dither: the length of a window
     threshold: float = 0.8  # of C; free is pi^2/8; assumed
     amplitude_threshold: float = 0.4  # of their ratio; friction alone can leave 0.5; assumed
     windows: int = 2  # in a row; assumed
@@ -185,8 +194,8 @@ class Obstructed(Primitive):
 
     def __post_init__(self) -> None:
         _require_axes(self.axes)
-        if len(self.samples) != len(self.axes) or not all(n >= 4 for n in self.samples):
-            raise ParameterError("samples", self.samples, "a whole number >= 4 for each axis")
+        if len(self.cycle) != len(self.axes) or not all(0 < t < math.inf for t in self.cycle):
+            raise ParameterError("cycle", self.cycle, "a finite number > 0 for each axis")
         require_not_negative(self, "threshold", "amplitude_threshold")
         require_whole(self, "windows")
 
@@ -197,25 +206,40 @@ class Obstructed(Primitive):
 
     def begin(self, sensed: Observation) -> _Watched:
         """Forget all windows before."""
-        return _Watched((Phasors(),) * len(self.axes), (0,) * len(self.axes))
+        return _Watched((_Window(),) * len(self.axes))
 
     def step(self, sensed: Observation, memory: _Watched, time: float) -> Stepped:
         """Take a sample of every axis."""
         if memory.skipped < _LAG:
-            return Stepped(memory._replace(skipped=memory.skipped + 1))
-        all_sums, below = [], []
-        for axis, samples, sums, count in zip(
-            self.axes, self.samples, memory.sums, memory.below, strict=True
-        ):
-            index = AXIS_NAMES.index(axis)
-            added = sums.add(sensed.perturbed[index], sensed.motion[index], samples)
-            if added.samples >= samples:
-                count = count + 1 if self._low(added.correlation()) else 0
-                added = Phasors()
-            all_sums.append(added)
-            below.append(count)
-        watched = _Watched(tuple(all_sums), tuple(below), memory.skipped)
-        return Stepped(watched, STILL, "hindered" if min(below) >= self.windows else None)
+            begun = (_Window(time),) * len(self.axes)
+            return Stepped(_Watched(begun, time, memory.skipped + 1))
+        windows = tuple(
+            self._seen(window, cycle, AXIS_NAMES.index(axis), sensed, memory.last, time)
+            for window, cycle, axis in zip(memory.windows, self.cycle, self.axes, strict=True)
+        )
+        hindered = min(window.below for window in windows) >= self.windows
+        watched = _Watched(windows, time, memory.skipped)
+        return Stepped(watched, STILL, "hindered" if hindered else None)
+
+    def _seen(
+        self,
+        window: _Window,
+        cycle: float,
+        index: int,
+        sensed: Observation,
+        last: float,
+        time: float,
+    ) -> _Window:
+        """Return the window with a sample, which stands for the time since the last one, s."""
+        if time - last >= cycle / 2:
+            return _Window(time)
+        pair = sensed.perturbed[index], sensed.motion[index]
+        before, now = (last - window.begin) / cycle, (time - window.begin) / cycle
+        if time < window.begin + cycle - TIME_TOLERANCE:
+            return window._replace(sums=window.sums.add(*pair, before, now))
+        low = self._low(window.sums.add(*pair, before, 1.0).correlation())
+        rest = Phasors().add(*pair, 0.0, now - 1.0)
+        return _Window(window.begin + cycle, rest, window.below + 1 if low else 0)
 
     def _low(self, found: Correlation) -> bool:
         return found.value < self.threshold or found.amplitude_ratio < self.amplitude_threshold

@@ -82,7 +82,10 @@ class Primitive:
         return {}
 
     def begin(self, sensed: Observation) -> object:
-        """Return the memory at the tick at which it begins; by default nothing."""
+        """Return the memory at the tick at which it begins; by default nothing.
+
+        ``sensed.perturbed`` is here the skill's command before the state before ended.
+        """
         return None
 
     def step(self, sensed: Observation, memory: Any, time: float) -> Stepped:

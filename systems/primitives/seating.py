@@ -66,7 +66,8 @@ class Seat(Directed):
     Window by window it compares the means of place and force. Where the force rises as against
     something stiffer than ``stiffness``, nothing moves, and the command grows; where it moves, the
     command falls to a little more than what that takes. The way is the one at the begin, and what
-    moved since: what the wrist gives by is left out as far as its stiffness is not known.
+    moved since: what the wrist gives by is left out as far as its stiffness is not known. Windows
+    begin at multiples of their length, whichever ticks are missing.
 
     Events: ``done`` where nothing moves any more, far enough, and the force is ``rise`` times
     that of the sliding before: the end stop. ``jammed`` where nothing moves, though pushed with
@@ -157,7 +158,10 @@ class Seat(Directed):
 
     def _judged(self, memory: _Pushing, time: float) -> tuple[_Pushing, Event | None]:
         place, force = memory.place / memory.samples, memory.force / memory.samples
-        fresh = memory._replace(since=time, place=0.0, force=0.0, samples=0, last=(place, force))
+        passed = self.window * ((time - memory.since + TIME_TOLERANCE) // self.window)
+        fresh = memory._replace(
+            since=memory.since + passed, place=0.0, force=0.0, samples=0, last=(place, force)
+        )
         if memory.last is None:
             return fresh._replace(moved=place - memory.start, proof=(place, force)), None
         way, rise = place - memory.last[0], force - memory.last[1]
@@ -271,7 +275,7 @@ class Press(Directed):
     WORD: ClassVar[str] = "press"
 
     def begin(self, sensed: Observation) -> float:
-        """Remember what accommodation perturbed last: the command of the state before."""
+        """Remember the command of the state before."""
         return along(self.direction, sensed.perturbed)
 
     def step(self, sensed: Observation, memory: float, time: float) -> Stepped:

@@ -42,7 +42,7 @@ from chamfer.systems.statechart.chart_law import ChartLaw, MachineOutput, number
 from chamfer.systems.statechart.state_machine import StateMachine
 
 _TICKS = 4  # that a cycle of a dither takes at least
-_ROUNDING = 1e-6  # samples
+_ROUNDING = 1e-6  # ticks
 _SIZE: Final = 6
 
 
@@ -87,15 +87,15 @@ def check_timing(skill: Skill, period: float) -> None:
                     f"{where}: the frequency of {dither.label} is {dither.frequency:g} Hz, "
                     f"allowed: at most {fastest:g} Hz, a quarter of the ticks"
                 )
-        for watch, axis, samples in _watched(state):
+        for watch, axis, cycle in _watched(state):
             for dither in _dithers(state):
-                cycle = 1 / (dither.frequency * period)  # samples
-                if AXIS_NAMES[dither.index] == axis and abs(samples - cycle) > 0.5 + _ROUNDING:
+                off = abs(cycle - 1 / dither.frequency)
+                if AXIS_NAMES[dither.index] == axis and off > (0.5 + _ROUNDING) * period:
                     raise ChartError(
-                        f"{where}: the windows of {watch.label} are {samples} samples along "
-                        f"{axis}, allowed: a cycle of {dither.label}, {cycle:.4g}"
+                        f"{where}: the windows of {watch.label} are {cycle:.4g} s along {axis}, "
+                        f"allowed: a cycle of {dither.label}, {1 / dither.frequency:.4g} s"
                     )
-            needed = watch.windows * samples * period
+            needed = watch.windows * cycle
             if needed >= state.timeout:
                 raise ChartError(
                     f"{where}: the timeout is {state.timeout:g} s, "
@@ -203,18 +203,19 @@ def _dithers(state: SkillState) -> Iterator[Dither]:
     return (one for one in state.run if isinstance(one, Dither))
 
 
-def _watched(state: SkillState) -> Iterator[tuple[Obstructed, str, int]]:
-    """Yield each test for obstruction with an axis and the samples of its windows there."""
+def _watched(state: SkillState) -> Iterator[tuple[Obstructed, str, float]]:
+    """Yield each test for obstruction with an axis and how long its windows are there, s."""
     for one in state.run:
         if isinstance(one, Obstructed):
-            for axis, samples in zip(one.axes, one.samples, strict=True):
-                yield one, axis, samples
+            for axis, cycle in zip(one.axes, one.cycle, strict=True):
+                yield one, axis, cycle
 
 
 class SkillMemory(NamedTuple):
     """What a skill remembers."""
 
     velocity: Vector = STILL  # V_cmd, rad/s above m/s
+    ran: Vector = STILL  # V_cmd while the primitives still ran, without an event
     event: Event | None = None
     memories: tuple[object, ...] = ()  # of the primitives that run
     closed: bool = False  # the gripper
@@ -279,6 +280,8 @@ def _chart_state(state: SkillState) -> State[Observation, SkillMemory]:
         if state.from_mark:
             assert mark is not None  # as the skill was checked
             begin = mark
+        # However many ticks ago the state before has ended.
+        begin = begin._replace(perturbed=memory.ran)
         return memory._replace(
             mark=mark,
             event=None,
@@ -304,6 +307,7 @@ def _chart_state(state: SkillState) -> State[Observation, SkillMemory]:
         return tick.memory._replace(
             # What has ended commands nothing more, also in the tick before it is left.
             velocity=STILL if event is not None else total,
+            ran=tick.memory.ran if event is not None else total,
             event=event,
             memories=tuple(one.memory for one in stepped),
         )

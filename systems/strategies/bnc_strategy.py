@@ -19,7 +19,7 @@ from chamfer.systems.primitives.position_primitives import Way
 from chamfer.systems.primitives.seating import Press, Seat
 from chamfer.systems.primitives.skill import DONE, Retry, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
-from chamfer.systems.strategies.face_and_search import PlugInsertionParams, pull_test, windows
+from chamfer.systems.strategies.face_and_search import PlugInsertionParams, cycles, pull_test
 
 Turn = Literal["-rz", "+rz"]
 
@@ -103,7 +103,7 @@ class BncConnectorSkillParams(PlugInsertionParams):
             return SkillState(
                 name=name,
                 from_mark=True,
-                run=[*of.searching, Obstructed(samples=windows(*of.search, period=period))],
+                run=[*of.searching, Obstructed(cycle=cycles(*of.search, period=period))],
                 on={"lost": "to the studs", "hindered": "to the studs", "done": otherwise},
                 timeout=2 * of.search[0].duration,
             )

@@ -21,10 +21,10 @@ from chamfer.systems.primitives.skill import DONE, Retry, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Axis, Dither
 from chamfer.systems.strategies.face_and_search import (
     PlugInsertionParams,
+    cycles,
     pull_test,
     settled,
     up,
-    windows,
 )
 
 _ACROSS: Final[tuple[Axis, ...]] = ("x", "y")
@@ -97,7 +97,7 @@ class DConnectorSkillParams(PlugInsertionParams):
             return Way(least=least, beside=rim)
 
         def watched(dithers: tuple[Dither, ...], threshold: float) -> Obstructed:
-            return Obstructed(samples=windows(*dithers, period=period), threshold=threshold)
+            return Obstructed(cycle=cycles(*dithers, period=period), threshold=threshold)
 
         return (
             *self.feel_face(

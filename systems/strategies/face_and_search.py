@@ -232,9 +232,9 @@ def settled(hold: Stick, amplitude: float, cycles: float, then: str) -> SkillSta
     return SkillState(name="settle", run=[hold, *turns], on={"done": then}, timeout=2 * cycles)
 
 
-def windows(*dithers: Dither, period: float) -> tuple[int, ...]:
-    """Return the samples of a cycle of each dither, between which a period passes, s."""
-    return tuple(round(1 / (dither.frequency * period)) for dither in dithers)
+def cycles(*dithers: Dither, period: float) -> tuple[float, ...]:
+    """Return how long a cycle of each dither is, s, in whole periods."""
+    return tuple(round(1 / (dither.frequency * period)) * period for dither in dithers)
 
 
 def up(way: float, duration: float) -> MoveDx:

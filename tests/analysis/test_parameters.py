@@ -138,7 +138,7 @@ SERIES = """
     AccommodationParams: damping>0 stiffness>=0; AlignmentComparisonScenario:
     closed_loop>0 small_lateral>0 small_rotational>0; AlignmentScenario: initial_error; Circle:
     centre; ConnectorScenario: initial_error; JointFrictionParams: coulomb>=0 viscous>=0;
-    LissajousScenario: repeats>0; MoveDx: displacement; Obstructed: samples>0; Parabola:
+    LissajousScenario: repeats>0; MoveDx: displacement; Obstructed: cycle>0; Parabola:
     coefficients; PlantFamily: stiffness>0; Sphere: centre; VisionPrimitivesScenario:
     map_focal>0 map_angle>=0; VisionServoScenario: start target; Wave: amplitudes wavelengths>0;
     WristParams: stiffness>0

@@ -32,9 +32,9 @@ def sine(samples: int) -> Array:
 
 
 def by_phasors(command: Array, motion: Array) -> Correlation:
-    total = Phasors()
-    for f, g in zip(command, motion, strict=True):
-        total = total.add(f, g, len(command))
+    total, ends = Phasors(), np.linspace(0, 1, len(command) + 1).tolist()
+    for f, g, begin, end in zip(command, motion, ends, ends[1:], strict=False):
+        total = total.add(f, g, begin, end)
     return total.correlation()
 
 

@@ -119,13 +119,15 @@ def dithered(
 
 N: Final = 100
 WAVE: Final = np.cos(2 * math.pi * np.arange(8 * N) / N)
-ONE = Obstructed(axes=("x",), samples=(N,))
+ONE = Obstructed(axes=("x",), cycle=(N * PERIOD,))
 
 
 def test_a_lagging_dither_is_hindered_after_its_windows() -> None:
     def lagging(degrees: float, windows: int) -> int | None:
         motion = np.cos(2 * math.pi * np.arange(8 * N) / N - math.radians(degrees))
-        return dithered(Obstructed(axes=("x",), samples=(N,), windows=windows), WAVE, motion)
+        return dithered(
+            Obstructed(axes=("x",), cycle=(N * PERIOD,), windows=windows), WAVE, motion
+        )
 
     # C = (pi^2 / 8) cos(lag) is 0.8 at 49.6 degrees.
     assert lagging(48.5, 2) is None
@@ -136,11 +138,11 @@ def test_a_lagging_dither_is_hindered_after_its_windows() -> None:
 
 def test_a_stop_on_one_side_is_seen_by_the_amplitude_alone() -> None:
     one_sided = np.maximum(WAVE, 0.0)
-    blind = Obstructed(axes=("x",), samples=(N,), amplitude_threshold=0.0)
+    blind = Obstructed(axes=("x",), cycle=(N * PERIOD,), amplitude_threshold=0.0)
     assert dithered(blind, WAVE, one_sided) is None  # its C is that of a free dither
-    seeing = Obstructed(axes=("x",), samples=(N,), amplitude_threshold=0.51)
+    seeing = Obstructed(axes=("x",), cycle=(N * PERIOD,), amplitude_threshold=0.51)
     assert dithered(seeing, WAVE, one_sided) == 2 * N
-    strict = Obstructed(axes=("x",), samples=(N,), amplitude_threshold=0.51, threshold=0.0)
+    strict = Obstructed(axes=("x",), cycle=(N * PERIOD,), amplitude_threshold=0.51, threshold=0.0)
     assert dithered(strict, WAVE, one_sided) == 2 * N
 
 
@@ -150,6 +152,37 @@ def test_bias_and_noise_hinder_nothing_and_hide_nothing(seed: int) -> None:
     assert correlation(WAVE[:N], (WAVE + noise)[:N]).value < ONE.threshold  # as eq. (1) says
     assert dithered(ONE, WAVE, WAVE + noise) is None
     assert dithered(ONE, WAVE, 0.15 * WAVE + noise) == 2 * N
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_windows_count_time_where_ticks_are_missing_early_or_late(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    times = PERIOD * (np.arange(8 * N) + random.uniform(-0.5, 0.5, 8 * N))
+    times = np.append(0.0, times[(times > 0) & (random.random(8 * N) > 0.2)])
+
+    def hindered(ratio: float) -> float | None:
+        """Seconds until it is, with a bias that is larger than the dither."""
+        memory = ONE.begin(sensed())
+        for time in times.tolist():
+            wave = math.cos(2 * math.pi * time)
+            felt = sensed(perturbed=six(x=wave), motion=six(x=ratio * wave + 2.0))
+            stepped = ONE.step(felt, memory, time)
+            memory = stepped.memory
+            if stepped.event is not None:
+                return time
+        return None
+
+    assert hindered(0.45) is None
+    assert hindered(0.35) == pytest.approx(2.0, abs=5 * PERIOD)
+
+
+def test_a_window_begins_anew_after_a_pause() -> None:
+    memory = ONE.begin(sensed())
+    held = sensed(perturbed=six(x=1.0), motion=six(x=1.0))  # no dither, not a hindered one
+    for time in (0.0, 0.01, 0.52, 3.0, 6.0, 6.49):
+        stepped = ONE.step(held, memory, time)
+        memory = stepped.memory
+        assert stepped.event is None, time
 
 
 @given(

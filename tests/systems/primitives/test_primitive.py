@@ -80,7 +80,7 @@ seat = partial(Seat, limit=115.0)
     ("kind", "values", "message"),
     [
         (Obstructed, {"axes": ("w",)}, "axes is ('w',), allowed: one or more of rx, ry, rz, x, y"),
-        (Obstructed, {"samples": (100, 3)}, "samples is (100, 3), allowed: a whole number >= 4 f"),
+        (Obstructed, {"cycle": (1.0, 0.0)}, "cycle is (1.0, 0.0), allowed: a finite number > 0 f"),
         (Level, {"axes": ("rz",)}, "axes is ('rz',), allowed: one or more of rx, ry"),
         (Way, {"least": 0.002, "most": 0.001}, "most is 0.001, allowed: a number > least, 0.002"),
         (Held, {"weight": 0.1, "time": math.inf}, "time is inf, allowed: a finite number, for a"),

@@ -157,6 +157,20 @@ def test_the_speed_does_not_grow_without_bound_where_no_force_is_felt() -> None:
     assert stepped.velocity == (0, 0, 0, 0, 0, -0.05)
 
 
+def test_windows_begin_at_multiples_of_their_length_whichever_ticks_are_missing() -> None:
+    seat = Seat(limit=60.0, window=0.08)
+    still = Observation(STILL, STILL, wrench=(0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    memory: object = seat.begin(still)
+    raised, before = [], seat.speed
+    for tick in (0, 3, 9, 12, 16, 20, 25, 31, 32, 60, 64):
+        stepped = seat.step(still, memory, tick * PERIOD)
+        memory, speed = stepped.memory, -stepped.velocity[5]
+        if speed > before:
+            raised.append(tick)
+        before = speed
+    assert raised == [16, 25, 32, 60, 64]
+
+
 def test_a_press_goes_on_with_what_was_commanded_last() -> None:
     press = Press(direction="-rz")
     before = Observation(

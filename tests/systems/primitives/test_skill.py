@@ -124,7 +124,8 @@ def test_the_first_event_decides_and_nothing_moves_in_its_tick() -> None:
     found.tick()
     assert (found.state, found.memory.event) == ("next", None)
     assert found.memory.velocity == moving
-    assert found.memory.memories == ((NOTHING, 1),)  # begun anew
+    # Begun anew, with what was commanded last while something ran.
+    assert found.memory.memories == ((NOTHING._replace(perturbed=(3.0,) * 6), 1),)
 
 
 @pytest.mark.parametrize("answer", [{"timed out": "next"}, {"timed out": Retry("next")}, {}])
@@ -306,7 +307,7 @@ def test_the_block_shows_what_its_ports_get_and_gives_the_commands() -> None:
         carriage=(0.0,) * 6,
         motion=(1.0,) * 6,
         wrench=(2.0,) * 6,
-        perturbed=(3.0,) * 6,
+        perturbed=STILL,  # as it begins, the skill's own command before
         cross_section=(9.0,) * CROSS_SECTION_SIZE,
         spread=(0.5,) * 6,
     )

@@ -168,7 +168,7 @@ def test_a_dither_is_not_too_fast_for_the_ticks() -> None:
 @pytest.mark.parametrize(("frequency", "samples"), [(0.6, 167), (0.6, 166), (0.675, 148)])
 def test_windows_are_a_cycle_of_the_dither(frequency: float, samples: int) -> None:
     def timed(count: int, dithers: Sequence[Dither]) -> None:
-        watch = Obstructed(axes=("x",), samples=(count,))
+        watch = Obstructed(axes=("x",), cycle=(count * PERIOD,))
         check_timing(skill(state("go", *dithers, watch, on={"hindered": DONE})), PERIOD)
 
     dither = Dither(axis="x", frequency=frequency)
@@ -180,8 +180,8 @@ def test_windows_are_a_cycle_of_the_dither(frequency: float, samples: int) -> No
         with pytest.raises(ChartError) as refused:
             timed(count, [other, dither])
         assert str(refused.value) == (
-            f"skill 'test': 'go': the windows of corr x are {count} samples along x, "
-            f"allowed: a cycle of ldither x, {cycle:.4g}"
+            f"skill 'test': 'go': the windows of corr x are {count * PERIOD:.4g} s along "
+            f"x, allowed: a cycle of ldither x, {cycle * PERIOD:.4g} s"
         )
 
 
@@ -239,7 +239,7 @@ def test_states_and_retries_refuse_what_they_can_not_mean() -> None:
 
 
 def test_obstruction_is_looked_for_where_there_is_a_dither() -> None:
-    watch = Obstructed(axes=("x", "y"), samples=(50, 50))
+    watch = Obstructed(axes=("x", "y"), cycle=(0.5, 0.5))
     turn = Dither(kind="rotary", axis="y")  # is no dither along y
     with pytest.raises(ChartError, match="corr x, y watches y, but no dither is run"):
         make_skill_chart(skill(state("go", SHAKE, turn, watch, on={"hindered": DONE})))

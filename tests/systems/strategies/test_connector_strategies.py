@@ -205,8 +205,8 @@ def test_d_depths_count_from_the_face_of_the_believed_connector() -> None:
 def test_d_dithers_are_watched_over_whole_cycles() -> None:
     params = DConnectorSkillParams(search_frequency=0.8)
     skill = params.make_skill(D, period=0.005)
-    for state, cycles in (("search", (250, 214)), ("verify", (286, 286))):
-        assert primitive_of(skill, state, Obstructed).samples == cycles
+    for state, cycle in (("search", (1.25, 1.07)), ("verify", (1.43, 1.43))):
+        assert primitive_of(skill, state, Obstructed).cycle == pytest.approx(cycle)
     assert primitive_of(skill, "verify", Obstructed).threshold == D_PARAMS.verify_threshold
     twist = [
         one
