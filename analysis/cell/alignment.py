@@ -86,7 +86,8 @@ from chamfer.systems.cameras.camera_image import Image, add_noise, shaded
 from chamfer.systems.cameras.software_camera import between, render, render_moving
 from chamfer.systems.pose import POSE_NAMES, pose_from_vector
 from chamfer.systems.vision.cell_error import AXES
-from chamfer.systems.vision.part_detection import Detection, detect_parts
+from chamfer.systems.vision.detections import Detection
+from chamfer.systems.vision.part_detection import detect_parts
 
 _CHANNELS: Final = ("red", "green", "blue")
 

@@ -38,8 +38,9 @@ from chamfer.models.peg.peg_and_hole import OF_CONTACT, ColouredParts
 from chamfer.models.validation import ParameterError, require_not_negative, require_same
 from chamfer.systems.cameras.camera_image import Image
 from chamfer.systems.cameras.vtk_camera import missing_graphics
+from chamfer.systems.vision.detections import Status
 from chamfer.systems.vision.part_appearance import appearances
-from chamfer.systems.vision.part_detection import Status, detect_parts
+from chamfer.systems.vision.part_detection import detect_parts
 
 Array = NDArray[np.float64]
 

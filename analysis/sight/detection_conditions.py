@@ -45,8 +45,9 @@ from chamfer.models.validation import (
     require_same,
 )
 from chamfer.systems.cameras.camera_image import Image, add_noise
+from chamfer.systems.vision.detections import Detection, Status
 from chamfer.systems.vision.part_appearance import Appearance, appearances
-from chamfer.systems.vision.part_detection import Detection, Status, detect_parts
+from chamfer.systems.vision.part_detection import detect_parts
 
 Array = NDArray[np.float64]
 

@@ -23,8 +23,9 @@ from chamfer.systems.cameras.scene import SceneStyle
 from chamfer.systems.cameras.software_camera import render
 from chamfer.systems.cameras.vtk_camera import VtkCamera
 from chamfer.systems.pose import pose_vector
+from chamfer.systems.vision.detections import Detection, Status
 from chamfer.systems.vision.part_appearance import appearances
-from chamfer.systems.vision.part_detection import Detection, Status, detect_parts
+from chamfer.systems.vision.part_detection import detect_parts
 from chamfer.systems.vision.part_detector import alignment_error
 from chamfer.systems.vision.two_plane_stereo import PartInSpace, locate, metric_error
 

@@ -24,7 +24,7 @@ from chamfer.models.validation import require_between, require_not_negative
 from chamfer.systems.cameras.camera_image import FrameGrabberParams, Image
 from chamfer.systems.cameras.scene import SceneStyle
 from chamfer.systems.cameras.software_camera import render
-from chamfer.systems.vision.part_detection import Detection
+from chamfer.systems.vision.detections import Detection
 
 
 @dataclass(frozen=True, kw_only=True)

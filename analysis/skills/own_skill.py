@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Final, Literal, get_args
+from typing import Final, Literal, get_args
 
 from matplotlib.figure import Figure
 from pydrake.geometry import Meshcat
@@ -11,14 +11,14 @@ from pydrake.systems.framework import Diagram
 
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
-from chamfer.analysis.scenario.plain_data import plain_data, structured
-from chamfer.analysis.scenario.scenario_yaml import block, parse_value, read_mapping
+from chamfer.analysis.scenario.scenario_yaml import parse_value
 from chamfer.analysis.skills.connector_insertion import (
     insertion_figures,
     insertion_outcome,
     replay_insertion,
     run_to_end,
 )
+from chamfer.analysis.skills.skill_file import read_skill, skill_of, skill_text
 from chamfer.diagrams.skills.connector_loop import make_connector_diagram
 from chamfer.diagrams.skills.connector_scenario import (
     BNC_CONNECTOR,
@@ -37,9 +37,8 @@ from chamfer.diagrams.skills.connector_sight import ResolvedSightSettings
 from chamfer.models.arms.wrist import WristParams
 from chamfer.models.connectors.mesh_connector import MeshConnector
 from chamfer.models.validation import ParameterError, require_one_of
-from chamfer.systems.primitives.primitive import Primitive
-from chamfer.systems.primitives.skill import PRIMITIVES, Skill
-from chamfer.systems.primitives.skill_machine import check_forces, check_timing, make_skill_chart
+from chamfer.systems.primitives.skill import Skill
+from chamfer.systems.primitives.skill_chart import check_forces, check_timing
 from chamfer.systems.statechart.chart import ChartError
 
 PartName = Literal["d-connector", "bnc-connector", "peg", "rj45-connector", "own"]
@@ -145,34 +144,3 @@ def figures(scenario: ResolvedOwnSkillScenario, outcome: Outcome) -> Mapping[str
     done = outcome.metrics["done"]
     ended = "done" if done.value else f"not done: {done.note or 'out of time'}"
     return insertion_figures(scenario.make_skill(), scenario.insertion.connector, outcome, ended)
-
-
-Primitives = Mapping[str, type[Primitive]]
-
-
-def read_skill(path: Path, primitives: Primitives = PRIMITIVES) -> Skill:
-    """Return the skill that a YAML file holds, checked; it may name the ``primitives``.
-
-    Raises:
-        UserError: If the file can't be read, or holds no skill that can be run.
-    """
-    try:
-        return skill_of(read_mapping(path, "skill fields"), primitives)
-    except UserError as error:
-        text = str(error)
-        raise UserError(text if text.startswith(str(path)) else f"{path}: {text}") from error
-
-
-def skill_of(plain: Mapping[Any, Any], primitives: Primitives = PRIMITIVES) -> Skill:
-    """Return the skill that plain data stands for, checked as by :func:`read_skill`."""
-    skill: Skill = structured(plain, Skill, named={Primitive: primitives})
-    try:
-        make_skill_chart(skill)
-    except ChartError as error:
-        raise UserError(str(error)) from error
-    return skill
-
-
-def skill_text(skill: Skill, primitives: Primitives = PRIMITIVES) -> str:
-    """Return the YAML that :func:`read_skill` reads as an equal skill."""
-    return block(plain_data(skill, named={Primitive: primitives}, omit_defaults=True))

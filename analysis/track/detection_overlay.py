@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.track.frame_source import silenced, utf8_path
 from chamfer.systems.cameras.camera_image import Image
-from chamfer.systems.vision.part_detection import Detection, Status
+from chamfer.systems.vision.detections import Detection, Status
 from chamfer.systems.vision.part_detector import alignment_error
 
 Array = NDArray[np.float64]

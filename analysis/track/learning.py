@@ -30,8 +30,9 @@ from chamfer.analysis.track.detection_overlay import (
 from chamfer.analysis.track.frame_source import open_recording
 from chamfer.analysis.track.track_files import FOLDER, write_picture
 from chamfer.systems.cameras.camera_image import Image
+from chamfer.systems.vision.detections import Detection, Status
 from chamfer.systems.vision.part_appearance import HOLE_PART, PEG, Appearance
-from chamfer.systems.vision.part_detection import Detection, Status, detect, detect_parts
+from chamfer.systems.vision.part_detection import detect, detect_parts
 from chamfer.systems.vision.soft_edges import contrast
 
 Array = NDArray[np.float64]

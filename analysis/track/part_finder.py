@@ -15,16 +15,10 @@ from chamfer.models.cameras.camera import Camera
 from chamfer.models.cameras.camera_file import FramePose, read_camera
 from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.camera_image import Image
+from chamfer.systems.vision.detections import Detection, Status, pack_detections
 from chamfer.systems.vision.part_appearance import Appearance
-from chamfer.systems.vision.part_detection import (
-    ContinuityParams,
-    Detection,
-    LastSeen,
-    Status,
-    detect_parts,
-    follow,
-)
-from chamfer.systems.vision.part_detector import Undistortion, pack_detections
+from chamfer.systems.vision.part_detection import ContinuityParams, LastSeen, detect_parts, follow
+from chamfer.systems.vision.part_detector import Undistortion
 from chamfer.systems.vision.two_plane_stereo import PartInSpace, locate, metric_error, planes_angle
 
 Array = NDArray[np.float64]

@@ -22,7 +22,7 @@ from chamfer.analysis.track.detection_overlay import REASONS, Caption, LiveOverl
 from chamfer.analysis.track.frame_source import Frame
 from chamfer.analysis.track.part_finder import Sighting
 from chamfer.systems.cameras.camera_image import Image
-from chamfer.systems.vision.part_detection import Status
+from chamfer.systems.vision.detections import Status
 
 FOLDER: Final = "track"
 CSV, PARQUET, VIDEO = "detections.csv", "detections.parquet", "overlay.webm"

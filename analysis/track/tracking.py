@@ -39,8 +39,9 @@ from chamfer.analysis.track.part_finder import PartFinder, Sighting, read_camera
 from chamfer.analysis.track.track_files import FOLDER, FRAMES, STATUS, FrameFolder, TrackFiles
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.validation import ParameterError
+from chamfer.systems.vision.detections import Status
 from chamfer.systems.vision.part_appearance import HOLE_PART, PEG, Appearance
-from chamfer.systems.vision.part_detection import ContinuityParams, Status
+from chamfer.systems.vision.part_detection import ContinuityParams
 
 IMAGE_RATE: Final = 80.0  # Hz, section 4; images don't say how fast they were taken
 

@@ -21,7 +21,8 @@ from chamfer.systems.cameras.software_camera import render
 from chamfer.systems.force.tool_pose import compensate
 from chamfer.systems.pose import pose_from_vector, pose_vector
 from chamfer.systems.vision.cell_error import AXES, image_plane_error
-from chamfer.systems.vision.part_detection import Detection, detect_parts
+from chamfer.systems.vision.detections import Detection
+from chamfer.systems.vision.part_detection import detect_parts
 from chamfer.systems.vision.part_detector import alignment_error
 from chamfer.systems.vision.two_plane_stereo import locate, metric_error
 

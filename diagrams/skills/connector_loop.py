@@ -31,9 +31,10 @@ from chamfer.systems.force.accommodation import AccommodationController
 from chamfer.systems.force.arm_model import TruePose
 from chamfer.systems.ports import require_ports
 from chamfer.systems.primitives.carriage import DivergenceGuard, PartGripper, add_gripper
-from chamfer.systems.primitives.primitive import sensed_sizes
+from chamfer.systems.primitives.primitive import sensed_signals
 from chamfer.systems.primitives.skill import Skill
-from chamfer.systems.primitives.skill_machine import SkillMachine, check_forces
+from chamfer.systems.primitives.skill_chart import check_forces
+from chamfer.systems.primitives.skill_machine import SkillMachine
 from chamfer.systems.sensing.force_sensor import Tare
 from chamfer.systems.strategies.grasp_and_transport import PARTS
 
@@ -85,7 +86,7 @@ def make_connector_diagram(
         held = skill.held
         decides: LeafSystem = SkillMachine(skill, parts=PARTS, period=period)
     else:
-        inputs = sensed_sizes(PARTS)
+        inputs = {name: one.size for name, one in sensed_signals(PARTS).items()}
         del inputs["cross_section"]
         require_ports("skill", skill, inputs=inputs, outputs=_DECISIONS)
         held, decides = scenario.sight is None, skill

@@ -28,12 +28,13 @@ from chamfer.systems.contact.spring_constraint import (
 )
 from chamfer.systems.force.accommodation import AccommodationController
 from chamfer.systems.force.accommodation_law import AccommodationParams
-from chamfer.systems.primitives.correlation import (
+from chamfer.systems.primitives.correlator import (
     Correlator,
     CorrelatorParams,
     ResolvedCorrelatorParams,
 )
-from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx, TrajectoryPrimitive
+from chamfer.systems.primitives.trajectory_block import TrajectoryPrimitive
+from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
 
 
 def make_search_diagram(primitives: Sequence[MoveDx | Dither], *, step: float) -> Diagram:

@@ -13,8 +13,8 @@ from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
+from chamfer.models.rotation import rotation_matrix
 from chamfer.models.validation import (
     ParameterError,
     require_finite,
@@ -313,7 +313,7 @@ class Camera:
         return replace(
             self,
             focal=(focal_factor * self.focal[0], focal_factor * self.focal[1]),
-            R_WC=self.R_WC @ Rotation.from_rotvec(turn).as_matrix(),
+            R_WC=self.R_WC @ rotation_matrix(turn),
         )
 
 

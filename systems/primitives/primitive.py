@@ -7,8 +7,13 @@ action". The velocities of primitives that run together add; accommodation pertu
 from collections.abc import Mapping
 from typing import Any, ClassVar, Final, Literal, NamedTuple, TypeAlias, get_args
 
-from chamfer.systems.vision.cross_section import CROSS_SECTION_SIZE
-from chamfer.systems.vision.part_detector import DETECTION_SIZE
+from chamfer.systems.force.accommodation_law import VELOCITY, WRENCH
+from chamfer.systems.law import Signal
+from chamfer.systems.vision.detections import (
+    CROSS_SECTION_SIZE,
+    CROSS_SECTION_UNITS,
+    DETECTION_UNITS,
+)
 
 Vector: TypeAlias = tuple[float, ...]
 Event = Literal["done", "contact", "lost", "hindered", "jammed"]
@@ -16,6 +21,7 @@ Event = Literal["done", "contact", "lost", "hindered", "jammed"]
 EVENTS: Final[tuple[Event, ...]] = get_args(Event)
 STILL: Final[Vector] = (0.0,) * 6
 TICK: Final = 0.01  # s
+DISPLACEMENT: Final = ("rad",) * 3 + ("m",) * 3
 # m/s and rad/s, faster than arms are: what commands more was given in other units.
 FASTEST: Final = 3.0
 FASTEST_TURN: Final = 10.0
@@ -40,13 +46,20 @@ class Observation(NamedTuple):
     holding: Vector | None = None  # 1 while the gripper feels a part; None: it has no sensor
 
 
-def sensed_sizes(parts: int) -> dict[str, int]:
-    """Return the size of every port of :class:`Observation`, for cameras that see some parts."""
-    return dict.fromkeys(Observation._fields, len(STILL)) | {
-        "xz_detections": DETECTION_SIZE * parts,
-        "yz_detections": DETECTION_SIZE * parts,
-        "cross_section": CROSS_SECTION_SIZE,
-        "holding": 1,
+def sensed_signals(parts: int) -> dict[str, Signal]:
+    """Return what every field of :class:`Observation` is, for cameras that see some parts."""
+    size = len(STILL)
+    detections = Signal(len(DETECTION_UNITS) * parts, DETECTION_UNITS * parts, optional=True)
+    return {
+        "carriage": Signal(size, DISPLACEMENT),
+        "motion": Signal(size, VELOCITY),
+        "wrench": Signal(size, WRENCH),
+        "xz_detections": detections,
+        "yz_detections": detections,
+        "cross_section": Signal(CROSS_SECTION_SIZE, CROSS_SECTION_UNITS, optional=True),
+        "perturbed": Signal(size, VELOCITY),
+        "spread": Signal(size, WRENCH, optional=True),
+        "holding": Signal(optional=True),
     }
 
 

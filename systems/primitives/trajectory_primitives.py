@@ -10,9 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final, Literal
 
-import numpy as np
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
-
 from chamfer.models.validation import (
     ParameterError,
     require_finite,
@@ -219,27 +216,3 @@ class Spiral(_Timed):
         """Return the length of the spiral from the middle, m."""
         root = math.hypot(1.0, angle)
         return self._growth / 2 * (angle * root + math.asinh(angle))
-
-
-class TrajectoryPrimitive(LeafSystem):
-    """Gives the velocity of a trajectory primitive, or of several at once, from t = 0.
-
-    .. pydrake_system::
-
-        name: TrajectoryPrimitive
-        output_ports:
-        - velocity
-
-    ``velocity``, shape (6,), rad/s above m/s, is a continuous function of time: whoever samples it
-    holds it.
-    """
-
-    def __init__(self, *primitives: MoveDx | Dither) -> None:
-        super().__init__()
-
-        def calc(context: Context, vector: BasicVector) -> None:
-            time = context.get_time()
-            velocities = [STILL if one.done(time) else one.velocity(time) for one in primitives]
-            vector.SetFromVector(np.sum(velocities, axis=0))
-
-        self.DeclareVectorOutputPort("velocity", 6, calc, {self.time_ticket()})

@@ -13,9 +13,9 @@ from typing import ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from chamfer.models.cameras.camera import Camera
+from chamfer.models.rotation import rotation_matrix
 from chamfer.models.validation import (
     ParameterError,
     require_finite,
@@ -40,8 +40,7 @@ from chamfer.systems.primitives.visual_servoing import (
     limited,
     seen_part,
 )
-from chamfer.systems.vision.cross_section import CrossSection, unpack_cross_section
-from chamfer.systems.vision.part_detection import Detection, Status
+from chamfer.systems.vision.detections import CrossSection, Detection, Status, unpack_cross_section
 
 Array = NDArray[np.float64]
 View = Literal["xz", "yz"]
@@ -343,7 +342,7 @@ class FixedPointRotation(_Servoed):
         omega[self._normal] = max(-self.turn_speed, min(rate, self.turn_speed))
         about = np.zeros(3)
         about[self._normal] = turned
-        lever = Rotation.from_rotvec(about).apply(self.lever)
+        lever = rotation_matrix(about) @ self.lever
         velocity = np.concatenate([omega, -np.cross(omega, lever)])
         back = self.servoing.solve(self.jacobian(np.array(part.tip)), deviation)
         velocity[[3 + k for k in self._columns]] += back
@@ -397,7 +396,7 @@ class VisGrasp(_Servoed):
         to be right above the reference point.
         """
         camera = self.camera
-        R_CW = (Rotation.from_rotvec(turned).as_matrix() @ camera.R_WC).T
+        R_CW = (rotation_matrix(turned) @ camera.R_WC).T
         x, y = (pixel - camera.centre) / camera.focal
         fx, fy = camera.focal
         moves = np.array([[-fx, 0.0, fx * x], [0.0, -fy, fy * y]]) / self.depth

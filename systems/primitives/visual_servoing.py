@@ -19,8 +19,7 @@ from chamfer.models.cameras.camera import Camera
 from chamfer.models.validation import ParameterError, require_positive, require_whole
 from chamfer.systems.primitives.primitive import STILL, Event, Observation, Vector
 from chamfer.systems.statechart.chart import TIME_TOLERANCE
-from chamfer.systems.vision.part_detection import Detection
-from chamfer.systems.vision.part_detector import DETECTION_SIZE, unpack_detections
+from chamfer.systems.vision.detections import DETECTION_SIZE, Detection, unpack_detections
 
 Array = NDArray[np.float64]
 

@@ -10,9 +10,8 @@ and neither turns nor comes off any more.
 
 import math
 from dataclasses import dataclass, replace
-from typing import ClassVar, Final, Literal, get_args
+from typing import TYPE_CHECKING, ClassVar, Final, Literal, get_args
 
-from chamfer.models.connectors.bnc_connector import BncConnector
 from chamfer.models.validation import require_one_of
 from chamfer.systems.primitives.force_primitives import Obstructed, Stick
 from chamfer.systems.primitives.position_primitives import Way
@@ -20,6 +19,9 @@ from chamfer.systems.primitives.seating import Press, Seat
 from chamfer.systems.primitives.skill import DONE, Retry, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
 from chamfer.systems.strategies.face_and_search import PlugInsertionParams, cycles, pull_test
+
+if TYPE_CHECKING:  # it brings Drake along
+    from chamfer.models.connectors.bnc_connector import BncConnector
 
 Turn = Literal["-rz", "+rz"]
 
@@ -60,7 +62,7 @@ class BncConnectorSkillParams(PlugInsertionParams):
         super().__post_init__()
         require_one_of(self, "turn", get_args(Turn))
 
-    def states(self, connector: BncConnector, period: float) -> tuple[SkillState, ...]:
+    def states(self, connector: "BncConnector", period: float) -> tuple[SkillState, ...]:
         """Return the states from ``tare`` on."""
         stick = Stick(speed=self.maintained, threshold=self.drop)
         again = self.again

@@ -11,9 +11,8 @@ that is known, and how high the edge was beside its middle with it.
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
-from chamfer.models.connectors.d_connector import DConnector
 from chamfer.models.validation import require_not_negative
 from chamfer.systems.primitives.force_primitives import Hold, Level, Obstructed
 from chamfer.systems.primitives.position_primitives import Centre, Way
@@ -26,6 +25,9 @@ from chamfer.systems.strategies.face_and_search import (
     settled,
     up,
 )
+
+if TYPE_CHECKING:  # it brings Drake along
+    from chamfer.models.connectors.d_connector import DConnector
 
 _ACROSS: Final[tuple[Axis, ...]] = ("x", "y")
 _LYING: Final = (math.inf, 0.0, math.inf, math.inf, math.inf, 0.0)  # only ry and z give way
@@ -69,7 +71,7 @@ class DConnectorSkillParams(PlugInsertionParams):
         super().__post_init__()
         require_not_negative(self, *self.MAY_BE_ZERO)
 
-    def states(self, connector: DConnector, period: float) -> tuple[SkillState, ...]:
+    def states(self, connector: "DConnector", period: float) -> tuple[SkillState, ...]:
         """Return the states from ``tare`` on."""
         # Its narrow edge, which touches first.
         rim = (0.0, -(connector.plug_section.height / 2 + connector.lead_in))

@@ -8,9 +8,8 @@ the search by a tilted peg are not of the paper; their primitives are. All numbe
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
-from chamfer.models.connectors.connector import Connector
 from chamfer.models.validation import ParameterError, require_all_positive, require_whole
 from chamfer.systems.primitives.force_primitives import GuardedMove, Hold, Stick
 from chamfer.systems.primitives.position_primitives import Centre, Place, Way
@@ -18,6 +17,9 @@ from chamfer.systems.primitives.primitive import TICK, Primitive
 from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import Outcome, Retry, Skill, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx, lissajous
+
+if TYPE_CHECKING:  # it brings Drake along
+    from chamfer.models.connectors.connector import Connector
 
 Answers = Mapping[Outcome, str | Retry]
 
@@ -64,7 +66,7 @@ class FaceFeelingParams:
         require_whole(self, "retries")
 
     def make_skill(
-        self, connector: Connector, *, period: float = TICK, before: Sequence[SkillState] = ()
+        self, connector: "Connector", *, period: float = TICK, before: Sequence[SkillState] = ()
     ) -> Skill:
         """Return the skill, for a connector as it is believed to be.
 
@@ -92,7 +94,7 @@ class FaceFeelingParams:
         """Return a guarded move downwards."""
         return GuardedMove(speed=self.approach_speed, threshold=self.contact_force, limit=limit)
 
-    def seat(self, connector: Connector, **fields: Any) -> Seat:
+    def seat(self, connector: "Connector", **fields: Any) -> Seat:
         """Return a push with the forces of a connector, as it is believed to be."""
         force = connector.mating_force
         return Seat(limit=self.limit_share * force, free=self.free_share * force, **fields)

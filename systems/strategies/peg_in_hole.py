@@ -6,15 +6,17 @@ face, by the paper's two dithers or along a spiral, or with a peg that leans.
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal, get_args
+from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
-from chamfer.models.connectors.round_peg import RoundPeg
 from chamfer.models.validation import require_one_of, require_whole
 from chamfer.systems.primitives.force_primitives import Stick
 from chamfer.systems.primitives.primitive import Primitive
 from chamfer.systems.primitives.skill import DONE, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Dither, Spiral, lissajous
 from chamfer.systems.strategies.face_and_search import ALONG, TiltSearchParams, TouchParams
+
+if TYPE_CHECKING:  # it brings Drake along
+    from chamfer.models.connectors.round_peg import RoundPeg
 
 Search = Literal["dithers", "spiral", "tilt"]
 
@@ -70,7 +72,7 @@ class PegInHoleSkillParams(TouchParams):
             first=first, axis="y", repeats=self.repeats
         ), self.repeats / self.frequency
 
-    def states(self, connector: RoundPeg, period: float) -> tuple[SkillState, ...]:
+    def states(self, connector: "RoundPeg", period: float) -> tuple[SkillState, ...]:
         """Return the states from ``tare`` on."""
         depth = connector.mated_depth
         return (

@@ -7,14 +7,16 @@ the alignment by touch, and that the latch has to hold when the plug is pulled.
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
-from chamfer.models.connectors.rj45_connector import Rj45Connector
 from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.force_primitives import Stick
 from chamfer.systems.primitives.skill import DONE, SkillState
 from chamfer.systems.primitives.trajectory_primitives import MoveDx, Spiral
 from chamfer.systems.strategies.face_and_search import ALONG, TouchParams, pull_test, settled
+
+if TYPE_CHECKING:  # it brings Drake along
+    from chamfer.models.connectors.rj45_connector import Rj45Connector
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +44,7 @@ class Rj45ConnectorSkillParams(TouchParams):
         if not 1 < self.push_growth < math.inf:
             raise ParameterError("push_growth", self.push_growth, "a finite number > 1")
 
-    def states(self, connector: Rj45Connector, period: float) -> tuple[SkillState, ...]:
+    def states(self, connector: "Rj45Connector", period: float) -> tuple[SkillState, ...]:
         """Return the states from ``tare`` on."""
         stick = Stick(speed=self.maintained, threshold=self.drop)
         depth = connector.mated_depth

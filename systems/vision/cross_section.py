@@ -5,7 +5,6 @@ centroid and the principal axes, the soft edge gives how far the part reaches.
 """
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import cv2
@@ -14,47 +13,21 @@ from numpy.typing import NDArray
 
 from chamfer.models.peg.peg_and_hole import RED
 from chamfer.systems.cameras.camera_image import Image
-from chamfer.systems.vision.part_detection import Status
+from chamfer.systems.vision.detections import (
+    CROSS_SECTION_SIZE,
+    CrossSection,
+    Status,
+    pack_cross_section,
+)
 from chamfer.systems.vision.part_detector import ImageMeasurement
 from chamfer.systems.vision.soft_edges import contrast
 
 Array = NDArray[np.float64]
-Edges = tuple[float, float, float, float]
-
-CROSS_SECTION_SIZE: Final = 8
 
 _ROUND: Final = 1.02  # ratio of the principal axes' lengths; below, they have no direction
 _SOFT: Final = 2  # pixels, that the edge reaches beyond the binary image
 _AROUND: Final = np.ones((2 * _SOFT + 1, 2 * _SOFT + 1), np.uint8)
 _BESIDE: Final = (-1.0, 0.0, 1.0)  # pixels, of the lines on which an edge is measured
-_UNKNOWN: Final = (math.nan,) * 4
-
-
-@dataclass(frozen=True, kw_only=True)
-class CrossSection:
-    """What is seen of a cross-section; NaN for what is not known.
-
-    Pixel coordinates u to the right, v down, (0, 0) in the middle of the first pixel.
-    """
-
-    status: Status  # VALID, NO_IMAGE, NO_COLOUR, AT_BORDER or NO_CONTRAST
-    centroid: tuple[float, float] = (math.nan, math.nan)  # pixels
-    # rad, of the longer principal axis from u to v, > -pi/2, <= pi/2; NaN where none is longer.
-    angle: float = math.nan
-    # Pixels from the centroid to the edges: along the longer axis (u where none is) ahead and
-    # back, then along the axis a quarter turn further.
-    edges: Edges = _UNKNOWN
-
-    @property
-    def middle(self) -> tuple[float, float]:
-        """Half-way between the edges along both axes, pixels."""
-        ahead, back, right, left = self.edges
-        along, across = (ahead - back) / 2, (right - left) / 2
-        angle = self.angle if math.isfinite(self.angle) else 0.0
-        cos, sin = math.cos(angle), math.sin(angle)
-        u, v = self.centroid
-        return u + cos * along - sin * across, v + sin * along + cos * across
-
 
 _COLOUR: Final = np.array(RED, dtype=float)  # of the cross-section; assumed
 _AREA: Final = 200  # pixels, at least
@@ -127,19 +100,6 @@ def _edge(
     k = int(below[0])
     inner, outer = float(line[k - 1]), float(line[k])
     return float(away[k - 1]) + step * (inner - 0.5) / (inner - outer)
-
-
-def pack_cross_section(section: CrossSection) -> Array:
-    """Return a cross-section as a vector: status, centroid, angle and edges, shape (8,)."""
-    values = (section.status, *section.centroid, section.angle, *section.edges)
-    return np.array(values, dtype=float)
-
-
-def unpack_cross_section(vector: Array | tuple[float, ...]) -> CrossSection:
-    """Return the cross-section that :func:`pack_cross_section` made a vector of."""
-    status, u, v, angle, ahead, back, right, left = map(float, vector)
-    edges = ahead, back, right, left
-    return CrossSection(status=Status(int(status)), centroid=(u, v), angle=angle, edges=edges)
 
 
 class CrossSectionDetector(ImageMeasurement):

@@ -6,13 +6,13 @@ tip. Nothing here knows the camera: everything is in pixels, as in the paper, wi
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from chamfer.models.validation import ParameterError, require_positive
 from chamfer.systems.cameras.camera_image import Image
+from chamfer.systems.vision.detections import Detection, Status
 from chamfer.systems.vision.part_appearance import Appearance, Proportions, Range, agree
 from chamfer.systems.vision.part_edges import Axis, find_axis, find_end, is_the_parts, proportions
 from chamfer.systems.vision.part_masks import (
@@ -24,43 +24,6 @@ from chamfer.systems.vision.part_masks import (
     colours,
     median,
 )
-
-
-class Status(IntEnum):
-    """What was found of a part, or why it was not."""
-
-    VALID = 0  # tip and axis
-    OCCLUDED = 1  # the axis; no background is seen beyond the end, which may not be the part's
-    NO_IMAGE = 2  # no frame arrived
-    NO_COLOUR = 3  # not enough pixels of the part's colour together
-    AT_BORDER = 4  # the image ends before the part does
-    NOT_STRAIGHT = 5  # without two long straight edges
-    NO_CONTRAST = 6  # the background is too dark or too alike to measure edges
-    WRONG_SIZE = 7  # wider or narrower than the part can be
-    WRONG_SHAPE = 8  # longer or shorter than the part, or with another end
-    SHARED = 9  # its pixels are taken for the other part's, too
-    AMBIGUOUS = 10  # more than one thing looks like the part
-    JUMPED = 11  # too far from where the part was a moment ago
-    BLURRED = 12  # its edges are wider than the window in which they are measured
-
-    @property
-    def lost(self) -> bool:
-        """Whether nothing is known of the part."""
-        return self > Status.OCCLUDED
-
-
-@dataclass(frozen=True, kw_only=True)
-class Detection:
-    """Where a part is in an image; NaN for what was not found.
-
-    Pixel coordinates u to the right, v down, (0, 0) in the middle of the first pixel.
-    """
-
-    status: Status
-    tip: tuple[float, float] = (math.nan, math.nan)  # pixels, the middle of the end face
-    angle: float = math.nan  # rad, of the frame's x axis, from u to v
-    point: tuple[float, float] = (math.nan, math.nan)  # pixels, on the axis, in what was seen
-
 
 _SHARED: Final = 0.5  # of the smaller blob, in the other one
 _STRICTER: Final = (0, 40, 80)  # of 255, by which a part has to be more saturated, in turn

@@ -15,8 +15,16 @@ from pydrake.systems.sensors import ImageRgba8U
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.camera_image import Image, read_image
+from chamfer.systems.vision.detections import (
+    DETECTION_SIZE,
+    DETECTIONS_SIZE,
+    Detection,
+    Status,
+    pack_detections,
+    unpack_detections,
+)
 from chamfer.systems.vision.part_appearance import Appearance
-from chamfer.systems.vision.part_detection import Detection, Status, detect, detect_parts
+from chamfer.systems.vision.part_detection import detect, detect_parts
 
 Array = NDArray[np.float64]
 
@@ -100,29 +108,9 @@ class Undistortion:
         return straight.astype(np.uint8, copy=False)
 
 
-DETECTION_SIZE: Final = 6  # of one part
-DETECTIONS_SIZE: Final = 2 * DETECTION_SIZE  # of the peg, then of the hole part
 ERROR_SIZE: Final = 3
 
 _NOTHING: Final = Detection(status=Status.NO_IMAGE)
-
-
-def pack_detections(*parts: Detection) -> Array:
-    """Return the detections of n parts as a vector, shape (6 n,).
-
-    Of each part: status (the number of :class:`Status`), u and v of the tip in pixels, the axis'
-    angle in rad, u and v of a point on the axis in pixels.
-    """
-    values = [(part.status, *part.tip, part.angle, *part.point) for part in parts]
-    return np.array(values, dtype=float).ravel()
-
-
-def unpack_detections(detections: Array | Sequence[float]) -> tuple[Detection, ...]:
-    """Return the detections that :func:`pack_detections` put together, shape (6 n,)."""
-    return tuple(
-        Detection(status=Status(int(s)), tip=(tu, tv), angle=angle, point=(pu, pv))
-        for s, tu, tv, angle, pu, pv in np.reshape(detections, (-1, DETECTION_SIZE)).tolist()
-    )
 
 
 def alignment_error(peg: Detection, hole: Detection) -> Array:

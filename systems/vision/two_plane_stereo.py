@@ -15,8 +15,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.validation import ParameterError
-from chamfer.systems.vision.part_detection import Detection, Status
-from chamfer.systems.vision.part_detector import DETECTIONS_SIZE, unpack_detections
+from chamfer.systems.vision.detections import DETECTIONS_SIZE, Detection, Status, unpack_detections
 
 Array = NDArray[np.float64]
 

@@ -18,8 +18,8 @@ from chamfer.diagrams.cell.cell_vision import VIEWS, camera_placement
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.vtk_camera import missing_graphics
+from chamfer.systems.vision.detections import Detection, Status
 from chamfer.systems.vision.part_appearance import Appearance, appearances
-from chamfer.systems.vision.part_detection import Detection, Status
 
 CAMERA_ACCURACY = load(select(CATALOGUE.entries, ["camera-accuracy"])[0])
 

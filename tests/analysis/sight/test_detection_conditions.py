@@ -22,8 +22,8 @@ from chamfer.analysis.sight.detection_trials import detection_error
 from chamfer.analysis.sight.picture_conditions import CONDITIONS
 from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.camera_image import Image
+from chamfer.systems.vision.detections import Detection, Status
 from chamfer.systems.vision.part_appearance import Appearance
-from chamfer.systems.vision.part_detection import Detection, Status
 
 DETECTION_CONDITIONS = load(select(CATALOGUE.entries, ["detection-conditions"])[0])
 

@@ -22,8 +22,9 @@ from chamfer.models.cameras.camera import Camera, CameraPlacement
 from chamfer.models.peg.peg_and_hole import BLUE, RED, ColouredParts
 from chamfer.systems.cameras.camera_image import Image
 from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.vision.detections import Status
 from chamfer.systems.vision.part_appearance import appearances
-from chamfer.systems.vision.part_detection import Status, detect_parts
+from chamfer.systems.vision.part_detection import detect_parts
 
 SHAPES = ColouredParts()
 LOOKS = appearances(SHAPES, 0.0005)

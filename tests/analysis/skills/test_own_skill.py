@@ -12,14 +12,8 @@ from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import quiet
 from chamfer.analysis.scenario.scenario_io import make_scenario, unstructure
 from chamfer.analysis.scenario.scenario_yaml import parse_value
-from chamfer.analysis.skills.own_skill import (
-    OwnSkillScenario,
-    read_skill,
-    resolve_own_skill,
-    run,
-    skill_of,
-    skill_text,
-)
+from chamfer.analysis.skills.own_skill import OwnSkillScenario, resolve_own_skill, run
+from chamfer.analysis.skills.skill_file import read_skill, skill_of, skill_text
 from chamfer.diagrams.skills.connector_scenario import (
     BNC_CONNECTOR,
     D_CONNECTOR,

@@ -23,7 +23,7 @@ from chamfer.analysis.track.detection_overlay import (
     scale,
     sheet,
 )
-from chamfer.systems.vision.part_detection import Detection, Status
+from chamfer.systems.vision.detections import Detection, Status
 
 Array = np.ndarray
 NOTHING = Detection(status=Status.NO_COLOUR)

@@ -18,7 +18,8 @@ from chamfer.models.peg.peg_and_hole import Colour, ColouredParts
 from chamfer.systems.cameras.camera_image import add_noise
 from chamfer.systems.cameras.scene import SceneStyle
 from chamfer.systems.cameras.software_camera import render
-from chamfer.systems.vision.part_detection import Status, detect_parts
+from chamfer.systems.vision.detections import Status
+from chamfer.systems.vision.part_detection import detect_parts
 
 Array = np.ndarray
 CAMERA = CameraPlacement().camera

@@ -24,8 +24,9 @@ from chamfer.models.cameras.camera_file import (
 )
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.vision.detections import Status
 from chamfer.systems.vision.part_appearance import HOLE_PART, PEG
-from chamfer.systems.vision.part_detection import Status, detect_parts
+from chamfer.systems.vision.part_detection import detect_parts
 
 PARTS = ColouredParts()
 LENSES = ((-3.0, 1.0, 0.01, -0.005, 0.0), (2.0, 0.0, 0.0, 0.01, 0.0))

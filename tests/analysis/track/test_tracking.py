@@ -27,7 +27,7 @@ from chamfer.models.cameras.camera import CameraPlacement
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.systems.cameras.camera_image import add_noise
 from chamfer.systems.cameras.software_camera import render
-from chamfer.systems.vision.part_detection import Status
+from chamfer.systems.vision.detections import Status
 
 PARTS = ColouredParts()
 

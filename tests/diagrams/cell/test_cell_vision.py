@@ -37,8 +37,7 @@ from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.camera_image import FrameGrabberParams, Image, SensorParams
 from chamfer.systems.force.desired_pose import StoppableMotion
 from chamfer.systems.pose import pose_from_vector, pose_vector
-from chamfer.systems.vision.part_detection import Detection, Status
-from chamfer.systems.vision.part_detector import unpack_detections
+from chamfer.systems.vision.detections import Detection, Status, unpack_detections
 
 Array = np.ndarray
 

@@ -19,7 +19,7 @@ from chamfer.models.arms.wrist import WristParams, tip_pose
 from chamfer.models.connectors.d_connector import DConnector
 from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.force_primitives import Stick
-from chamfer.systems.primitives.primitive import sensed_sizes
+from chamfer.systems.primitives.primitive import sensed_signals
 from chamfer.systems.primitives.skill import DONE, Skill, SkillState
 from chamfer.systems.primitives.trajectory_primitives import MoveDx
 from chamfer.systems.sensing.force_sensor import WrenchSensorParams
@@ -260,7 +260,7 @@ class OwnSkill(LeafSystem):
 
     def __init__(self, *without: str) -> None:
         super().__init__()
-        sizes = sensed_sizes(PARTS)
+        sizes = {name: one.size for name, one in sensed_signals(PARTS).items()}
         for name in sizes.keys() - {"cross_section", *without}:
             self.DeclareVectorInputPort(name, sizes[name])
         held = {self.nothing_ticket()}

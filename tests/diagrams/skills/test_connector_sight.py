@@ -20,8 +20,8 @@ from chamfer.systems.cameras.camera_image import read_image
 from chamfer.systems.primitives.vision_primitives import VisTranslation
 from chamfer.systems.primitives.visual_servoing import Servoing, ServoingParams
 from chamfer.systems.strategies.grasp_and_transport import GRIPPER, PARTS, PLUG, PLUG_TOP, SOCKET
-from chamfer.systems.vision.part_detection import Detection, Status
-from chamfer.systems.vision.part_detector import PartsDetector, unpack_detections
+from chamfer.systems.vision.detections import Detection, Status, unpack_detections
+from chamfer.systems.vision.part_detector import PartsDetector
 
 SIGHT: Final = SightSettings()
 ALIGNED: Final = (0.0,) * 6

@@ -16,7 +16,8 @@ from chamfer.diagrams.skills.vision_servo import (
     view_of,
 )
 from chamfer.systems.cameras.camera_image import read_image
-from chamfer.systems.vision.part_detection import Status, detect
+from chamfer.systems.vision.detections import Status
+from chamfer.systems.vision.part_detection import detect
 
 
 @pytest.mark.parametrize("name", ["translation", "grasp"])

@@ -12,8 +12,9 @@ from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.systems.cameras import vtk_camera
 from chamfer.systems.cameras.vtk_camera import VtkCamera, missing_graphics
 from chamfer.systems.pose import pose_vector
+from chamfer.systems.vision.detections import Status
 from chamfer.systems.vision.part_appearance import appearances
-from chamfer.systems.vision.part_detection import Status, detect_parts
+from chamfer.systems.vision.part_detection import detect_parts
 
 PARTS = ColouredParts()
 LOOKS = appearances(PARTS)

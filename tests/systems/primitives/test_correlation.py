@@ -11,14 +11,8 @@ from numpy.typing import NDArray
 from pydrake.systems.analysis import Simulator
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.primitives.correlation import (
-    FREE,
-    Correlation,
-    Correlator,
-    Phasors,
-    ResolvedCorrelatorParams,
-    correlation,
-)
+from chamfer.systems.primitives.correlation import FREE, Correlation, Phasors, correlation
+from chamfer.systems.primitives.correlator import Correlator, ResolvedCorrelatorParams
 
 Array = NDArray[np.float64]
 

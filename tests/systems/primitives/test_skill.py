@@ -22,16 +22,11 @@ from chamfer.systems.primitives.primitive import (
     Vector,
 )
 from chamfer.systems.primitives.skill import DONE, FAILED, RETRACT, Retry, Skill, SkillState
-from chamfer.systems.primitives.skill_machine import (
-    SkillChart,
-    SkillMachine,
-    SkillMemory,
-    make_skill_chart,
-)
+from chamfer.systems.primitives.skill_chart import SkillChart, SkillMemory, make_skill_chart
+from chamfer.systems.primitives.skill_machine import SkillMachine
 from chamfer.systems.primitives.trajectory_primitives import MoveDx
 from chamfer.systems.statechart.chart import Snapshot, TransitionRecord
-from chamfer.systems.vision.cross_section import CROSS_SECTION_SIZE
-from chamfer.systems.vision.part_detector import DETECTION_SIZE
+from chamfer.systems.vision.detections import CROSS_SECTION_SIZE, DETECTION_SIZE
 
 PERIOD: Final = 0.1  # s
 NOTHING: Final = Observation(STILL, STILL, STILL)

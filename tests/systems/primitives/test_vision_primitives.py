@@ -18,8 +18,7 @@ from chamfer.systems.primitives.vision_primitives import (
     VisTranslation,
 )
 from chamfer.systems.primitives.visual_servoing import Servoing, StaticCameras
-from chamfer.systems.vision.part_detection import Detection, Status
-from chamfer.systems.vision.part_detector import pack_detections
+from chamfer.systems.vision.detections import Detection, Status, pack_detections
 
 Array = np.ndarray
 FRAME = 0.03  # s, three ticks

@@ -11,8 +11,7 @@ from chamfer.models.cameras.camera import CameraPlacement
 from chamfer.systems.primitives.primitive import STILL, Observation
 from chamfer.systems.primitives.vision_primitives import VisGrasp
 from chamfer.systems.primitives.visual_servoing import Servoing
-from chamfer.systems.vision.cross_section import CrossSection, pack_cross_section
-from chamfer.systems.vision.part_detection import Status
+from chamfer.systems.vision.detections import CrossSection, Status, pack_cross_section
 
 Array = np.ndarray
 FRAME = 0.03  # s, three ticks

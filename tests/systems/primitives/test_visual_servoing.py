@@ -18,8 +18,7 @@ from chamfer.systems.primitives.visual_servoing import (
     seen_part,
     slowest_root,
 )
-from chamfer.systems.vision.part_detection import Detection, Status
-from chamfer.systems.vision.part_detector import pack_detections
+from chamfer.systems.vision.detections import Detection, Status, pack_detections
 
 seeds = st.integers(0, 2**32 - 1)
 SENSED = Observation(STILL, STILL, STILL)

@@ -13,7 +13,7 @@ from chamfer.systems.primitives.position_primitives import Held, Place, Way
 from chamfer.systems.primitives.primitive import STILL, Observation, Vector
 from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import Outcome, Skill, SkillState
-from chamfer.systems.primitives.skill_machine import SkillMemory, make_skill_chart
+from chamfer.systems.primitives.skill_chart import SkillMemory, make_skill_chart
 from chamfer.systems.primitives.vision_primitives import VisTranslation
 from chamfer.systems.primitives.visual_servoing import Servoing, StaticCameras
 from chamfer.systems.statechart.chart import Snapshot, TransitionRecord
@@ -22,8 +22,7 @@ from chamfer.systems.strategies.grasp_and_transport import (
     ResolvedGraspAndTransportParams,
     make_grasp_and_transport,
 )
-from chamfer.systems.vision.part_detection import Detection, Status
-from chamfer.systems.vision.part_detector import pack_detections
+from chamfer.systems.vision.detections import Detection, Status, pack_detections
 
 PERIOD: Final = 0.05  # s, of the ticks, for long searches
 UNSEEN: Final = Detection(status=Status.NO_COLOUR)

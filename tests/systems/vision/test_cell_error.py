@@ -14,13 +14,8 @@ from chamfer.systems.vision.cell_error import (
     ImageClock,
     ImagePlaneError,
 )
-from chamfer.systems.vision.part_detection import (
-    ContinuityParams,
-    Detection,
-    LastSeen,
-    Status,
-    follow,
-)
+from chamfer.systems.vision.detections import Detection, Status
+from chamfer.systems.vision.part_detection import ContinuityParams, LastSeen, follow
 
 NOTHING = [math.nan] * 6
 SEEN = [70.0, -3.0, -4.0, 0.0, 0.02, -0.05]

@@ -15,14 +15,13 @@ from chamfer.models.peg.peg_and_hole import RED
 from chamfer.systems.cameras.camera_image import write_image
 from chamfer.systems.cameras.scene import Patch, SceneStyle, Shape
 from chamfer.systems.cameras.software_camera import paint_shapes
-from chamfer.systems.vision.cross_section import (
+from chamfer.systems.vision.cross_section import CrossSectionDetector, cross_section
+from chamfer.systems.vision.detections import (
     CrossSection,
-    CrossSectionDetector,
-    cross_section,
+    Status,
     pack_cross_section,
     unpack_cross_section,
 )
-from chamfer.systems.vision.part_detection import Status
 
 
 def drawn(polygon: np.ndarray, colour: Any = RED) -> np.ndarray:

@@ -15,8 +15,9 @@ from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.systems.cameras.camera_image import Image, add_noise
 from chamfer.systems.cameras.scene import SceneStyle
 from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.vision.detections import Detection, Status
 from chamfer.systems.vision.part_appearance import HOLE_PART, PEG, appearances
-from chamfer.systems.vision.part_detection import Detection, Status, detect, detect_parts
+from chamfer.systems.vision.part_detection import detect, detect_parts
 
 PARTS = ColouredParts()
 LOOKS = appearances(PARTS)

@@ -19,8 +19,9 @@ from chamfer.models.cameras.camera import CameraPlacement
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.systems.cameras.camera_image import Image, add_noise, write_image
 from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.vision.detections import Detection, Status, pack_detections, unpack_detections
 from chamfer.systems.vision.part_appearance import HOLE_PART, PEG, Appearance, appearances
-from chamfer.systems.vision.part_detection import Detection, Status, detect_parts
+from chamfer.systems.vision.part_detection import detect_parts
 from chamfer.systems.vision.part_detector import (
     ImageMeasurement,
     PartDetector,
@@ -28,8 +29,6 @@ from chamfer.systems.vision.part_detector import (
     Undistortion,
     alignment_error,
     measurement_spread,
-    pack_detections,
-    unpack_detections,
 )
 
 PARTS = ColouredParts()

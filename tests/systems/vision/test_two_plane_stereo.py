@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 from chamfer.models.cameras.camera import Camera, CameraPlacement
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.systems.cameras.software_camera import render
+from chamfer.systems.vision.detections import Detection, Status, pack_detections
 from chamfer.systems.vision.part_appearance import appearances
-from chamfer.systems.vision.part_detection import Detection, Status, detect_parts
-from chamfer.systems.vision.part_detector import pack_detections
+from chamfer.systems.vision.part_detection import detect_parts
 from chamfer.systems.vision.two_plane_stereo import (
     PartInSpace,
     TwoPlaneStereo,
