@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.geometry import Meshcat
-from pydrake.math import RollPitchYaw
+from pydrake.math import RollPitchYaw, RotationMatrix
 
 from chamfer.analysis.report.replay import record, set_stage
 from chamfer.analysis.scenario.experiment import Outcome, Table
@@ -75,7 +75,9 @@ def nugget_poses(scenario: ResolvedCrucibleChargingScenario, traces: Table) -> A
             low = _below(station, goal, gripped[last, 3:5]) + nugget.height
             fallen = gripped[last, 5] - GRAVITY / 2 * (time[last:] - time[last]) ** 2
             if goal.lies.tilt:
-                found[last + 1 :, i, :3] = RollPitchYaw(goal.lies.rotation).vector()
+                found[last + 1 :, i, :3] = RollPitchYaw(
+                    RotationMatrix(goal.lies.rotation)
+                ).vector()
             found[last:, i, 5] = np.minimum(gripped[last, 5], np.maximum(fallen, low))
     return found
 

@@ -19,7 +19,7 @@ from chamfer.models.arms.adept_wrist import ADEPT_WRIST, gripper_points
 from chamfer.models.charging.packing import LaidNugget, Nugget, PlanItem
 from chamfer.models.charging.station import Station
 from chamfer.models.surfaces.surface import locate
-from chamfer.systems.charging.charging_chart import ChargingMachine
+from chamfer.systems.charging.charging_machine import ChargingMachine
 from chamfer.systems.contact.arm_motion import CONTACT_SIGNALS
 from chamfer.systems.force.projection import unit
 

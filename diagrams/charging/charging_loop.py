@@ -20,7 +20,7 @@ from chamfer.diagrams.contact.sensing import (
     add_sensor,
 )
 from chamfer.systems.charging.along_wall import AlongWall
-from chamfer.systems.charging.charging_chart import ChargingMachine
+from chamfer.systems.charging.charging_machine import ChargingMachine
 from chamfer.systems.charging.crucible_world import (
     CutOff,
     FaultTrigger,

@@ -102,7 +102,7 @@ def make_charging_view(
     for one in laid:
         plant.RegisterVisualGeometry(
             plant.world_body(),
-            RigidTransform(one.rotation, np.array(one.middle)),
+            RigidTransform(RotationMatrix(one.rotation), np.array(one.middle)),
             Ellipsoid(*one.nugget.semi_axes),
             one.name,
             np.array(_LAID),

@@ -7,7 +7,6 @@ from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.math import RollPitchYaw, RotationMatrix
 
 from chamfer.models.charging.station import StationLayout
 from chamfer.models.surfaces.composed import Placed, Union
@@ -151,11 +150,15 @@ class LaidNugget:
     floor: float  # m, height on which the packing has it, as a cylinder about it
 
     @property
-    def rotation(self) -> RotationMatrix:
-        """How it lies, R_WN."""
-        turn = RotationMatrix.MakeZRotation
-        lean = RotationMatrix(RollPitchYaw(0.0, self.tilt, self.tilt_azimuth))
-        return lean @ turn(self.azimuth - self.tilt_azimuth)
+    def rotation(self) -> Array:
+        """How it lies, R_WN, shape (3, 3)."""
+        about_y, about_z, turn = self.tilt, self.tilt_azimuth, self.azimuth - self.tilt_azimuth
+        (c1, s1), (c2, s2), (c, s) = (
+            (math.cos(one), math.sin(one)) for one in (about_y, about_z, turn)
+        )
+        lean = np.array([[c2 * c1, -s2, c2 * s1], [s2 * c1, c2, s2 * s1], [-s1, 0.0, c1]])
+        turned: Array = lean @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        return turned
 
     def surface(self, upper: Nugget) -> Surface:
         """Return where the lowest point of a nugget that hangs over it stops.
@@ -167,12 +170,12 @@ class LaidNugget:
         return Placed(
             surface=Ellipsoid(semi_axes=self._summed(upper)),
             point=(x, y, z - upper.semi_axes[2]),
-            axes=tuple(map(tuple, self.rotation.matrix().tolist())),
+            axes=tuple(map(tuple, self.rotation.tolist())),
         )
 
     def height(self, place: tuple[float, float], upper: Nugget) -> float:
         """Return how high that surface is at a place, m; -inf beside it."""
-        R = self.rotation.matrix()
+        R = self.rotation
         form = R @ np.diag(np.power(self._summed(upper), -2.0)) @ R.T
         across = np.subtract(place, self.middle[:2])
         # form of (across, h) is 1

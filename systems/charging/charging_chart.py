@@ -8,11 +8,7 @@ pressed on.
 
 import math
 from collections.abc import Callable
-from functools import lru_cache
 from typing import Final
-
-import numpy as np
-from pydrake.systems.framework import Context
 
 from chamfer.systems.charging.charging_motions import ChargingMotions, Motion
 from chamfer.systems.charging.charging_params import (
@@ -26,12 +22,8 @@ from chamfer.systems.charging.charging_params import (
     ResolvedChargingParams,
 )
 from chamfer.systems.force.contact_detection_law import APPROACH, CONTACT, LOST
-from chamfer.systems.force.projection import position_selection
-from chamfer.systems.law import Signal
 from chamfer.systems.statechart.chart import ANY, TIME_TOLERANCE, Chart, State, Tick, Transition
-from chamfer.systems.statechart.chart_law import ChartLaw, MachineOutput
-from chamfer.systems.statechart.state_machine import StateMachine
-from chamfer.systems.trajectory.segment import COORDINATES, SIZE, Vector3, hold
+from chamfer.systems.trajectory.segment import hold
 
 ChargingTick = Tick[ChargingInputs, ChargingMemory]
 Guard = Callable[[ChargingTick], bool]
@@ -502,122 +494,3 @@ class _Actions:
         trouble = tick.memory.trouble
         stopped = self.stop(trouble or ChargingTrouble.ABORTED)(tick)
         return stopped._replace(trouble_at=tick.memory.trouble_at) if trouble else stopped
-
-
-_SIZES: Final = dict.fromkeys(ChargingInputs._fields, 1) | {
-    "endpoint_motion": 2 * COORDINATES,
-    "desired_position": COORDINATES,
-    "desired_velocity": COORDINATES,
-    "measured_force": 3,
-    "mean_force": 3,
-    "layer_normal": 3,
-}
-
-
-_OPTIONAL: Final = ("homed", "alive", "halt", "layer_normal")
-
-
-class ChargingMachine(StateMachine[ChargingInputs, ChargingMemory]):
-    """Charges a crucible, nugget by nugget.
-
-    .. pydrake_system::
-
-        name: ChargingMachine
-        input_ports:
-        - endpoint_motion
-        - desired_position
-        - desired_velocity
-        - progress
-        - measured_force
-        - mean_force
-        - held
-        - homed (optional)
-        - alive (optional)
-        - halt (optional)
-        - layer_normal (optional)
-        output_ports:
-        - segment
-        - hold
-        - mode
-        - desired_force
-        - selection
-        - grip
-        - tare
-        - below
-        - restart
-        - wall
-        - item
-        - finished
-        - trouble
-        - state
-
-    ``endpoint_motion``, shape (14,), by the encoders; ``desired_position``, ``desired_velocity``,
-    shape (7,) each, and ``progress``, size 1, what
-    :class:`chamfer.systems.trajectory.path_follower.PathFollower` gives; ``measured_force``, shape
-    (3,), N, of the nugget on its environment, world axes, tared, and ``mean_force``, shape (3,),
-    N, the mean of its last readings, by which contact is told. Size 1 each: ``held``, 1 with a
-    part in the gripper; ``homed``, 1 with the encoders' zeros known; ``alive``, 1 while the force
-    sensor works; ``halt``, 1 while the operator wants all to stand still. ``layer_normal``, shape
-    (3,), unit, of what lies below, as an observer estimates it.
-
-    ``segment``, shape (25,), and ``hold``, size 1, are for the path follower; ``mode``, size 1,
-    ``desired_force``, shape (7,), N, and ``selection``, shape (49,), for the hybrid controller.
-    ``below``, shape (3,), is the direction into what lies below that is taken for true; for the
-    observer ``restart``, size 1, is 1 while nothing is pressed on below, and ``wall``, shape (3,),
-    the direction into a wall that is pressed on meanwhile, else zeros.
-    Size 1 each: ``grip``, 1 to close the gripper; ``tare``, 1 while the force sensor's zero is
-    taken; ``item``, index in the plan; ``finished``, 1 done, 2 stopped, 0 before; ``trouble``,
-    :class:`chamfer.systems.charging.charging_params.ChargingTrouble`.
-
-    Args:
-        params: Speeds, forces, patience.
-        beliefs: Of the cell.
-    """
-
-    def __init__(self, params: ResolvedChargingParams, beliefs: ChargingBeliefs) -> None:
-        def number(read: Callable[[ChargingMemory], float]) -> MachineOutput[ChargingMemory]:
-            return MachineOutput(size=1, read=lambda memory: (float(read(memory)),))
-
-        ends = {DONE: 1.0, STOPPED: 2.0}
-        law = ChartLaw(
-            make_charging_chart(params, beliefs),
-            observation=ChargingInputs,
-            inputs={
-                name: Signal(size, optional=name in _OPTIONAL) for name, size in _SIZES.items()
-            },
-            outputs={
-                "segment": MachineOutput(size=SIZE, read=lambda memory: memory.segment.vector()),
-                "hold": number(lambda memory: memory.hold),
-                "mode": number(lambda memory: memory.mode),
-                "desired_force": MachineOutput(
-                    size=COORDINATES, read=lambda memory: memory.desired_force(params)
-                ),
-                "selection": MachineOutput(
-                    size=COORDINATES**2,
-                    read=lambda memory: _selection(memory.pressed),
-                ),
-                "grip": number(lambda memory: memory.grip),
-                "tare": number(lambda memory: tares(memory.at)),
-                "below": MachineOutput(size=3, read=lambda memory: memory.below),
-                "restart": number(lambda memory: not memory.on_layer),
-                "wall": MachineOutput(size=3, read=lambda memory: memory.wall),
-                "item": number(lambda memory: memory.item),
-                "finished": number(lambda memory: ends.get(memory.at, 0.0)),
-                "trouble": number(lambda memory: memory.trouble),
-            },
-            period=params.period,
-        )
-        super().__init__(law)
-
-    def reason(self, context: Context) -> str:
-        """Return what stopped the cycle, in words; "" if nothing did."""
-        return self.snapshot(context).memory.said()
-
-
-@lru_cache(maxsize=64)
-def _selection(pressed: tuple[Vector3, ...]) -> tuple[float, ...]:
-    """Return the position domain, row by row: all but the ways into what is pressed on."""
-    domain = np.eye(COORDINATES)
-    for normal in pressed:
-        domain = domain @ position_selection(np.array([*normal, *[0.0] * (COORDINATES - 3)]))
-    return tuple(domain.ravel().tolist())

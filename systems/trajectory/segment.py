@@ -15,6 +15,8 @@ SLEW: Final = 3  # in a given time over a via height, no acceleration at the end
 
 COORDINATES: Final = 7  # of the endpoint vector
 SIZE: Final = 25  # of the vector
+POSITION: Final = ("m",) * 3 + ("rad",) * 4  # units of the endpoint vector
+VELOCITY: Final = ("m/s",) * 3 + ("rad/s",) * 4
 
 
 class Segment(NamedTuple):
@@ -38,9 +40,17 @@ class Segment(NamedTuple):
     via_height: float = 0.0  # m, z at the middle of a slew
 
     def vector(self) -> tuple[float, ...]:
-        """Return the segment as numbers, shape (SIZE,)."""
+        """Return the segment as numbers, shape (SIZE,), in the units ``SEGMENT``."""
         head = (self.id, self.kind, *self.start, *self.goal, *self.centre)
         return (*head, *self[5:])
+
+
+SEGMENT: Final = (
+    *("", ""),
+    *POSITION,
+    *POSITION,
+    *("m", "m", "m", "rad", "m/s", "rad/s", "m/s^2", "s", "m"),
+)
 
 
 def segment_of(vector: tuple[float, ...]) -> Segment:

@@ -42,8 +42,8 @@ def test_a_nugget_comes_to_rest_where_it_touches_what_was_laid() -> None:
     rng = np.random.default_rng(0)
     points = rng.normal(size=(200_000, 3))
     points *= lower.nugget.semi_axes / np.linalg.norm(points, axis=1)[:, np.newaxis]
-    met = (points @ lower.rotation.matrix().T + lower.middle - upper.middle) @ (
-        upper.rotation.matrix() / upper.nugget.semi_axes
+    met = (points @ lower.rotation.T + lower.middle - upper.middle) @ (
+        upper.rotation / upper.nugget.semi_axes
     )
     assert np.linalg.norm(met, axis=1).min() == pytest.approx(1.0, abs=1e-3)
 

@@ -9,7 +9,7 @@ import pytest
 from chamfer.models.charging.packing import PlanItem, places
 from chamfer.models.charging.station import Station
 from chamfer.models.validation import ParameterError
-from chamfer.systems.charging.charging_chart import ChargingMachine
+from chamfer.systems.charging.charging_machine import ChargingMachine
 from chamfer.systems.charging.charging_params import (
     ON_BOTH,
     ON_LAYER,
