@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.models.validation import ParameterError, require_positive
-from chamfer.systems.robot.command_limits import Limits, Moving, Times
+from chamfer.systems.robot.command_limits import Limits, Moving, PoseLimits, Times
 
 Array = NDArray[np.float64]
 
 _ROUNDING: Final = 1e-9  # relative, of times
+_UNIT: Final = 0.01  # by which the length of a quaternion may differ from 1
 
 
 class Reading(NamedTuple):
@@ -114,8 +115,8 @@ class CommandGuard:
 
     def at_rest(self, state: GuardState) -> bool:
         """Return whether a stop has ended: nothing moves."""
-        still = (one.at_rest(state.moving[name]) for name, one in self._limits.items())
-        return state.stop is not None and all(still)
+        velocities = (one.velocity for one in state.moving.values())
+        return state.stop is not None and not any(v is not None and v.any() for v in velocities)
 
     def trouble(
         self, state: GuardState, reading: Reading, time: float, *, abort: bool = False
@@ -165,7 +166,8 @@ class CommandGuard:
             abort: Whether somebody wants it to stop.
         """
         params, fresh = self.params, reading.time > state.measured
-        asked = {name: _array((command or {}).get(name)) for name in params.limits}
+        given = command or {}
+        asked = {name: np.array(given[name]) if name in given else None for name in params.limits}
         stop = state.stop or self.trouble(state, reading, time, abort=abort)
         stop = stop or self._not_meant(asked, time)
         interventions = [] if stop is None or stop is state.stop else [stop]
@@ -201,11 +203,12 @@ class CommandGuard:
             value = asked[name]
             if value is None:
                 return Intervention(time, "command", name, math.nan, math.inf)
-            if not (np.isfinite(value).all() if limits is None else limits.meant(value)):
-                bad = value[~np.isfinite(value)]
-                return Intervention(time, "command", name, float([*bad, value.size][0]), math.inf)
+            if limits is not None and value.shape != (limits.size,):
+                return Intervention(time, "command", name, value.size, limits.size)
+            if not (finite := np.isfinite(value)).all():
+                return Intervention(time, "command", name, float(value[~finite][0]), math.inf)
+            if isinstance(limits, PoseLimits):
+                length = float(np.linalg.norm(value[:4]))
+                if abs(length - 1) > _UNIT:
+                    return Intervention(time, "command", name, length, 1.0)
         return None
-
-
-def _array(value: Array | None) -> Array | None:
-    return None if value is None else np.array(value, dtype=np.float64)

@@ -17,16 +17,16 @@ from chamfer.models.validation import ParameterError, require_numbers
 
 Array = NDArray[np.float64]
 Ranges: TypeAlias = Mapping[str, tuple[Array, Array]]  # by what an intervention calls it
+Held: TypeAlias = tuple[str, float, float]  # by what it is called, what was asked, what is sent
 
 _ROUNDING: Final = 1e-12  # of velocities, ways and efforts
-_UNIT: Final = 0.01  # by which the length of a quaternion may differ from 1
 
 
 class Moving(NamedTuple):
     """What is remembered of a command."""
 
     command: Array | None = None  # sent last
-    velocity: Array | None = None  # of it, of each axis; None: of no motion
+    velocity: Array | None = None  # of it, of each axis; of an effort, how far it is from rest
     place: Array | None = None  # the lowest and the highest to where velocities may have led
     asked: Array | None = None  # the place that was asked for
 
@@ -37,14 +37,6 @@ class Times(NamedTuple):
     elapsed: float  # since the step before, by the clock
     period: float  # between steps, as planned
     hold: float  # for which the robot may go on with what it was sent
-
-
-class Held(NamedTuple):
-    """A limit that a command was held to, and on which axis the most."""
-
-    cause: str  # of a motion velocity, workspace, acceleration, behind; of an effort effort, rate
-    asked: float
-    limit: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,38 +53,25 @@ class VelocityLimits:
     low: tuple[float, ...] = ()  # rad or m
     high: tuple[float, ...] = ()  # rad or m
     measured: str = ""
+    _starts: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         _require_positive(self, len(self.speed), "speed", "acceleration")
-        above = [low < high for low, high in zip(self.low, self.high, strict=False)]
-        if not (all(above) and len(above) == max(len(self.low), len(self.high)) <= self.axes):
-            allowed = f"numbers above low, {self.low}, of at most {self.axes} axes"
-            raise ParameterError("high", self.high, allowed)
-        if self.low and not self.measured:
+        require_numbers(self, min(len(self.low), len(self.speed)), "low", "high")
+        if not all(low < high for low, high in zip(self.low, self.high, strict=True)):
+            raise ParameterError("high", self.high, f"numbers above low, {self.low}")
+        if (self.low or self._starts) and not self.measured:
             raise ParameterError("measured", "", "the input that says where it is")
-
-    @property
-    def axes(self) -> int:
-        """Axes of the motion."""
-        return len(self.speed)
 
     @property
     def size(self) -> int:
         """Elements of the command."""
-        return self.axes
+        return len(self.speed)
 
     @property
     def stopping_time(self) -> float:
         """Time, s, that coming to rest takes at most, if steps came without end."""
         return float(np.divide(self.speed, self.acceleration).max())
-
-    def at_rest(self, moving: Moving) -> bool:
-        """Return whether nothing moves."""
-        return moving.velocity is None or not moving.velocity.any()
-
-    def meant(self, command: Array) -> bool:
-        """Return whether a command has its size, and finite numbers."""
-        return command.shape == (self.size,) and bool(np.isfinite(command).all())
 
     def step(
         self, moving: Moving, asked: Array | None, seen: Array | None, times: Times
@@ -138,10 +117,7 @@ class PositionLimits(VelocityLimits):
     much before or after its time it was sent.
     """
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not self.measured:
-            raise ParameterError("measured", "", "the input that says where it starts")
+    _starts: ClassVar[bool] = True
 
     def step(
         self, moving: Moving, asked: Array | None, seen: Array | None, times: Times
@@ -165,7 +141,7 @@ class PositionLimits(VelocityLimits):
         i = int((off := np.abs(velocity - direct) * period).argmax())
         if asked is not None and off[i] <= _ROUNDING:
             return Moving(asked, direct, None, asked), held
-        held = held or [Held("behind", float(direct[i]), float(velocity[i]))]
+        held = held or [("behind", float(direct[i]), float(velocity[i]))]
         return Moving(self._moved(place, velocity * period), velocity, None, asked), held
 
     def _way(self, place: Array, target: Array) -> Array:
@@ -191,12 +167,8 @@ class PoseLimits(PositionLimits):
         """Elements of the command."""
         return 7
 
-    def meant(self, command: Array) -> bool:
-        """Return whether a command is a pose."""
-        return super().meant(command) and abs(float(np.linalg.norm(command[:4])) - 1) < _UNIT
-
     def _way(self, place: Array, target: Array) -> Array:
-        q = _product(_unit(target[:4]), _unit(place[:4]) * [1, -1, -1, -1])
+        q = _product(target[:4], place[:4] * [1, -1, -1, -1])
         sine = float(np.linalg.norm(q[1:]))
         angle = 2 * float(np.arctan2(sine, abs(q[0])))
         turn = q[1:] * np.copysign(angle / sine if sine > 0 else 2.0, q[0])
@@ -205,7 +177,7 @@ class PoseLimits(PositionLimits):
     def _moved(self, place: Array, way: Array) -> Array:
         angle = float(np.linalg.norm(way[:3]))
         turn = np.array([np.cos(angle / 2), *(way[:3] * (0.5 * np.sinc(angle / (2 * np.pi))))])
-        return np.concatenate([_unit(_product(turn, _unit(place[:4]))), place[4:] + way[3:]])
+        return np.concatenate([_product(turn, place[:4]), place[4:] + way[3:]])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -237,14 +209,6 @@ class EffortLimits:
     def _rest(self) -> Array:
         return np.array(self.rest or (0.0,) * self.size)
 
-    def at_rest(self, moving: Moving) -> bool:
-        """Return whether the effort is that at rest."""
-        return moving.command is None or np.array_equal(moving.command, self._rest)
-
-    def meant(self, command: Array) -> bool:
-        """Return whether a command has its size, and finite numbers."""
-        return command.shape == (self.size,) and bool(np.isfinite(command).all())
-
     def step(
         self, moving: Moving, asked: Array | None, seen: Array | None, times: Times
     ) -> tuple[Moving, list[Held]]:
@@ -253,7 +217,7 @@ class EffortLimits:
         if moving.command is not None:
             ranges["rate"] = _around(moving.command, np.array(self.rate) * times.elapsed)
         effort, held = _held(self._rest if asked is None else asked, ranges)
-        return Moving(effort), held
+        return Moving(effort, effort - self._rest), held
 
 
 Limits: TypeAlias = VelocityLimits | EffortLimits
@@ -284,17 +248,14 @@ def _held(wanted: Array, ranges: Ranges) -> tuple[Array, list[Held]]:
         inside = np.clip(wanted, low, high)
         i = int((over := np.abs(wanted - inside)).argmax())
         if over[i] > _ROUNDING:
-            found.append(Held(cause, float(wanted[i]), float(inside[i])))
+            found.append((cause, float(wanted[i]), float(inside[i])))
             wanted = inside
     return wanted, found
 
 
-def _unit(quaternion: Array) -> Array:
-    unit: Array = quaternion / np.linalg.norm(quaternion)
-    return unit
-
-
 def _product(p: Array, q: Array) -> Array:
-    """Return the product of two quaternions."""
+    """Return the product of two quaternions, of length 1."""
     w = p[0] * q[0] - p[1:] @ q[1:]
-    return np.array([w, *(p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:]))])
+    product = np.array([w, *(p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:]))])
+    unit: Array = product / np.linalg.norm(product)
+    return unit

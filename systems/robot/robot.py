@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from types import FrameType
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ from chamfer.systems.robot.command_guard import CommandGuard, Intervention, Read
 from chamfer.systems.statechart.chart_law import ChartLaw
 
 Array = NDArray[np.float64]
+
+_ROUNDING: Final = 1e-9  # s
 
 
 class Robot(Protocol):
@@ -92,7 +94,7 @@ def run_controller(
     with _stopped_at_the_end(robot):
         start = clock()
         while True:
-            if (wait := start + tick * period - clock()) > 0:
+            if (wait := start + tick * period - clock()) > _ROUNDING:
                 sleep(wait)
             time = clock() - start
             late.append(time - tick * period)

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from chamfer.models.validation import ParameterError
 from chamfer.systems.robot.command_guard import (
@@ -250,10 +251,8 @@ def way(limits: Limits, start: Array, end: Array) -> Array:
     """Return the way of a step, of each axis."""
     if limits is not POSE:
         return end - start
-    (a, *u), (b, *v) = start[:4], end[:4]
-    w, turn = a * b + np.dot(u, v), a * np.array(v) - b * np.array(u) - np.cross(v, u)
-    turn *= 2 * math.atan2(np.linalg.norm(turn), abs(w)) / max(np.linalg.norm(turn), 1e-30)
-    return np.array([*(math.copysign(1, w) * turn), *(end - start)[4:]])
+    turns = [Rotation.from_quat(one[:4], scalar_first=True) for one in (start, end)]
+    return np.array([*(turns[1] * turns[0].inv()).as_rotvec(), *(end - start)[4:]])
 
 
 FAULTS = (

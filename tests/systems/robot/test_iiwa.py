@@ -1,6 +1,5 @@
 """The adapter against Drake's own driver of an iiwa: its messages, in memory."""
 
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,11 +16,13 @@ from pydrake.systems.lcm import LcmInterfaceSystem
 
 from chamfer.models.arms.wam import URDF
 from chamfer.models.validation import ParameterError
-from chamfer.systems.law import Law, Signal, vectors
+from chamfer.systems.law import Signal
 from chamfer.systems.robot.command_guard import CommandGuard, CommandGuardParams
 from chamfer.systems.robot.command_limits import EffortLimits, Limits, PositionLimits
 from chamfer.systems.robot.iiwa import Iiwa
 from chamfer.systems.robot.robot import RunReport, run_controller
+from chamfer.systems.statechart.chart import Chart, State, Tick
+from chamfer.systems.statechart.chart_law import ChartLaw, MachineOutput
 
 Array = NDArray[np.float64]
 
@@ -66,34 +67,25 @@ class Cabinet:
 
 
 class Seen(NamedTuple):
-    joint_position_measured: Array
-    joint_velocity_estimated: Array
+    joint_position_measured: tuple[float, ...]
+    joint_velocity_estimated: tuple[float, ...]
 
 
-class JointLaw(Law[None, Seen, Any]):
-    """Goes to the goal: by the place itself, or by a spring and a damper at each joint."""
+def law_of(command: str) -> ChartLaw[Seen, Array]:
+    """Return what goes to the goal: by the place, or by a spring and a damper at each joint."""
 
-    period = PERIOD
-    inputs: Mapping[str, Signal] = {
-        MEASURED: Signal(7, "rad"),
-        "joint_velocity_estimated": Signal(7, "rad/s"),
-    }
-
-    def __init__(self, command: str) -> None:
-        self.outputs = {command: Signal(7, "rad" if command == "joint_position" else "N m")}
-        self._command = NamedTuple("Command", [(command, Array)])  # type: ignore[misc]
-        self._torque = command == "joint_torque"
-
-    def start(self) -> None:
-        return None
-
-    def observe(self, values: Mapping[str, Any]) -> Seen:
-        return Seen(*vectors(self.inputs, values))  # type: ignore[arg-type]
-
-    def step(self, state: None, observation: Seen, time: float) -> tuple[None, Any]:
-        q, v = observation
+    def answer(tick: Tick[Seen, Array]) -> Array:
+        q, v = map(np.array, tick.inputs)
         torque = [60, 60, 40, 30, 5, 2, 0.2] * (GOAL - q) - [15, 15, 10, 7, 1, 0.3, 0.02] * v
-        return None, self._command(torque if self._torque else GOAL)
+        return GOAL if command == "joint_position" else torque
+
+    return ChartLaw(
+        Chart("law", states=[State(name="go", during=answer)], transitions=[], memory=GOAL),
+        observation=Seen,
+        inputs=dict.fromkeys(Seen._fields, Signal(7)),
+        outputs={command: MachineOutput(size=7, read=lambda memory: tuple(memory))},
+        period=PERIOD,
+    )
 
 
 def drive(cabinet: Cabinet, command: str, limits: Limits, robot: Iiwa | None = None) -> RunReport:
@@ -102,7 +94,7 @@ def drive(cabinet: Cabinet, command: str, limits: Limits, robot: Iiwa | None = N
         cabinet.sleep(PERIOD)
     return run_controller(
         robot,
-        JointLaw(command),
+        law_of(command),
         CommandGuard(
             CommandGuardParams(period=PERIOD, timeout=4 * PERIOD, limits={command: limits})
         ),
