@@ -15,6 +15,7 @@ files are named ``pid``. The template holds what C has to say of that law alone:
 import inspect
 import math
 import re
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -110,7 +111,8 @@ class LawInC:
             "export again.",
             "SPDX-License-Identifier: BSD-3-Clause",
         )
-        lines = (str(self.form.title), "", *map(_plain, self.origin), "", *text)
+        made = (line for one in self.origin for line in textwrap.wrap(_plain(one), _WIDTH - 3))
+        lines = (str(self.form.title), "", *made, "", *text)
         return "/* " + "\n".join(f"   {line}".rstrip() for line in lines).lstrip() + " */"
 
     @property

@@ -29,6 +29,7 @@ NARROW = AxisParams(dead_zone=0.01, large_error=0.12, increment=0.009, limit=0.0
 UNBOUND = AxisParams(dead_zone=0.5, large_error=0.5, increment=0.7, divider=3.0)
 BOUND = PidGains(proportional=0.6, integral=9.0, derivative=0.01, limit=1.0)
 FREE = PidGains(proportional=1.5, integral=0.3)
+CENTRE = (0.02, -0.01, 0.05)
 SOFT = (6.0, 8.0, math.inf, 1500.0, 2000.0, 1500.0)
 LAWS: dict[str, Any] = {
     "compensator": CompensatorLaw(CompensatorParams(axes=(NARROW,))),
@@ -37,7 +38,7 @@ LAWS: dict[str, Any] = {
     ),
     "PID of two axes": PidLaw(SampledPidParams(axes=(BOUND, FREE))),
     "accommodation": AccommodationLaw(AccommodationParams()),
-    "remote centre": AccommodationLaw(AccommodationParams(centre=(0.02, 0, 0.05), damping=SOFT)),
+    "remote centre": AccommodationLaw(AccommodationParams(centre=CENTRE, damping=SOFT)),
     "no bound": AccommodationLaw(AccommodationParams(allow_unstable=True)),
 }
 EDGES = {  # where an answer changes
