@@ -54,6 +54,10 @@ class Law(ABC, Generic[State, Observation, Command]):
     def step(self, state: State, observation: Observation, time: float) -> tuple[State, Command]:
         """Return the state after a step, and its command; the time is in s."""
 
+    def abort(self, state: State, observation: Observation, time: float) -> State:
+        """Return the state after a step in which the robot is stopped; a chart answers that."""
+        return state
+
     @abstractmethod
     def observe(self, values: Mapping[str, Sequence[float] | Array | None]) -> Observation:
         """Return what is seen, of vectors by name.

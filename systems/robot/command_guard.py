@@ -97,8 +97,9 @@ class CommandGuard:
     def __init__(self, params: CommandGuardParams) -> None:
         self.params = params
         self._limits = {name: one for name, one in params.limits.items() if one is not None}
-        self._needed = {one.measured for one in (*self._limits.values(), params.wrench) if one}
-        self._needed.discard("")
+        self._needed = {one.measured: one.reads for one in self._limits.values() if one.measured}
+        if params.wrench is not None:
+            self._needed[params.wrench.measured] = 6
 
     @property
     def stopping_time(self) -> float:
@@ -132,19 +133,20 @@ class CommandGuard:
             return Intervention(time, "late", "", time - state.time, timeout)
         if not reading.time > state.measured and not time - state.fresh <= longest:
             return Intervention(time, "stale", "", time - state.fresh, timeout)
-        for name in self._needed | reading.values.keys():
-            value = reading.values.get(name)
-            if value is None:
-                value = np.array([math.nan] if name in self._needed else [])
-            bad = value[~np.isfinite(value)]
-            if bad.size and (name in self._needed or name not in self.params.unchecked):
-                return Intervention(time, "input", name, float(bad[0]), math.inf)
+        for name, size in self._needed.items():
+            if (value := reading.values.get(name)) is None or value.size < size:
+                return Intervention(time, "input", name, 0 if value is None else value.size, size)
+        for name, value in reading.values.items():
+            if value is None or (name in self.params.unchecked and name not in self._needed):
+                continue
+            if not (finite := np.isfinite(value)).all():
+                return Intervention(time, "input", name, float(value[~finite][0]), math.inf)
         if (most := self.params.wrench) is not None:
             wrench = reading.values[most.measured]
             for name, part in (("torque", wrench[:3]), ("force", wrench[3:])):  # type: ignore[index]
-                size, limit = float(np.linalg.norm(part)), getattr(most, name)
-                if size > limit:
-                    return Intervention(time, name, most.measured, size, limit)
+                load, limit = float(np.linalg.norm(part)), getattr(most, name)
+                if load > limit:
+                    return Intervention(time, name, most.measured, load, limit)
         return None
 
     def step(

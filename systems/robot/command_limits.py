@@ -69,6 +69,11 @@ class VelocityLimits:
         return len(self.speed)
 
     @property
+    def reads(self) -> int:
+        """Elements of what is measured, at least."""
+        return self.size if self._starts else len(self.low)
+
+    @property
     def stopping_time(self) -> float:
         """Time, s, that coming to rest takes at most, if steps came without end."""
         return float(np.divide(self.speed, self.acceleration).max())
@@ -188,6 +193,7 @@ class EffortLimits:
     rate: tuple[float, ...]  # N m/s or N/s
     rest: tuple[float, ...] = ()  # N m or N; (): 0, for a robot that carries its own weight
     measured: ClassVar[str] = ""
+    reads: ClassVar[int] = 0
 
     def __post_init__(self) -> None:
         _require_positive(self, len(self.most), "most", "rate")

@@ -15,7 +15,6 @@ from chamfer.models.validation import ParameterError
 from chamfer.systems.law import Law
 from chamfer.systems.recording import Record
 from chamfer.systems.robot.command_guard import CommandGuard, Intervention, Reading
-from chamfer.systems.statechart.chart_law import ChartLaw
 
 Array = NDArray[np.float64]
 
@@ -65,7 +64,7 @@ def run_controller(
     The ticks are multiples of the period from the start, so that nothing adds up; one whose time
     is over when it would begin is left out. Whatever ends the run, the robot is stopped before
     anything else: at the end, at Ctrl-C or a termination, and at any error, which then goes on.
-    Once the guard stops, a chart is aborted, and the law asked no more.
+    Once the guard stops, the law is aborted, and asked no more.
 
     Args:
         robot: The robot.
@@ -110,13 +109,8 @@ def run_controller(
             if len(sent) == len(guard.params.limits):  # else it is not known yet where it is
                 robot.write(sent)
             interventions += found
-            if (
-                guarded.stop
-                and not before
-                and observation is not None
-                and isinstance(law, ChartLaw)
-            ):
-                state = law.update(state, observation, time, abort=True)
+            if guarded.stop and not before and observation is not None:
+                state = law.abort(state, observation, time)
             if guard.at_rest(guarded) or (not guarded.stop and until(state, time)):
                 break
             skipped = max(int((clock() - start) // period) - tick - 1, 0)

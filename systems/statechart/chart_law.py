@@ -93,9 +93,15 @@ class ChartLaw(HeldLaw[ChartState[Memory], Inputs, Any], Generic[Inputs, Memory]
     def update(
         self, state: ChartState[Memory], observation: Inputs, time: float, *, abort: bool = False
     ) -> ChartState[Memory]:
-        """Return where the chart is after a tick; from an abort it does not go on."""
+        """Return where the chart is after a tick."""
         snapshot, record = self.chart.step(state.snapshot, observation, time, abort=abort)
         return ChartState(snapshot, state.log if record is None else (*state.log, record))
+
+    def abort(
+        self, state: ChartState[Memory], observation: Inputs, time: float
+    ) -> ChartState[Memory]:
+        """Return where the chart is after a tick that aborts it, from where it does not go on."""
+        return self.update(state, observation, time, abort=True)
 
     def command(self, state: ChartState[Memory]) -> Any:
         """Return the outputs of a state, a named tuple."""

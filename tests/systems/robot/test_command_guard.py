@@ -130,6 +130,7 @@ def test_the_tool_slides_along_a_border_and_comes_back_from_outside() -> None:
         ("late", {"time": 0.08}),
         ("input", {"pose": HERE * [1, 1, 1, 1, 1, math.nan, 1]}),
         ("input", {"pose": None}),
+        ("input", {"wrench": np.zeros(3)}),
         ("input", {"anything": np.array([0.0, math.inf])}),
         ("force", {"wrench": np.array([0, 0, 0, 15.0, 15, 0])}),
         ("torque", {"wrench": np.array([0, 1.5, 1.5, 0, 0, 0])}),
