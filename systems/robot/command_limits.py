@@ -261,7 +261,14 @@ def _held(wanted: Array, ranges: Ranges) -> tuple[Array, list[Held]]:
 
 def _product(p: Array, q: Array) -> Array:
     """Return the product of two quaternions, of length 1."""
-    w = p[0] * q[0] - p[1:] @ q[1:]
-    product = np.array([w, *(p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:]))])
+    (a, b, c, d), (w, x, y, z) = p.tolist(), q.tolist()
+    product = np.array(
+        [
+            a * w - b * x - c * y - d * z,
+            a * x + b * w + c * z - d * y,
+            a * y - b * z + c * w + d * x,
+            a * z + b * y - c * x + d * w,
+        ]
+    )
     unit: Array = product / np.linalg.norm(product)
     return unit
