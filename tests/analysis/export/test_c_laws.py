@@ -20,10 +20,8 @@ from chamfer.systems.servo.compensator_law import AxisParams, CompensatorLaw, Co
 from chamfer.systems.servo.pid_law import PidGains, PidLaw, SampledPidParams
 
 COMPILER = shutil.which("gcc") or shutil.which("cc")
-OPTIONS = (
-    *("-std=c99", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-pedantic"),
-    *("-O2", "-ffp-contract=off", "-fPIC", "-shared"),
-)
+STRICT = "-std=c99 -Wall -Wextra -Werror -Wconversion -pedantic"
+LIBRARY = "-O2 -ffp-contract=off -fPIC -shared some.c -o some.so -lm"
 RUN = 500  # steps
 NARROW = AxisParams(dead_zone=0.01, large_error=0.12, increment=0.009, limit=0.05)
 UNBOUND = AxisParams(dead_zone=0.5, large_error=0.5, increment=0.7, divider=3.0)
@@ -46,7 +44,7 @@ EDGES = {  # where an answer changes
     "damping": [0.0, 0.8, 0.8 * (1 - 1e-9), 800.0, 900.0, 5000.0, math.inf],
     "valid": [0.0, 0.5, math.nextafter(0.5, 0), 1.0],
 }
-LONG = pytest.mark.slow
+GENERAL = ("three axes that end", "PID of two axes", "remote centre")
 
 
 def draw(signals: Mapping[str, Signal], random: Random) -> dict[str, list[float] | None]:
@@ -83,16 +81,14 @@ def bits(vectors: Iterable[Iterable[float]]) -> bytes:
     ("name", "steps"),
     [
         *((name, 3_000) for name in LAWS),
-        pytest.param("three axes that end", 100_000, marks=LONG),
-        pytest.param("PID of two axes", 100_000, marks=LONG),
-        pytest.param("remote centre", 100_000, marks=LONG),
+        *(pytest.param(name, 100_000, marks=pytest.mark.slow) for name in GENERAL),
     ],
 )
 def test_a_law_in_c_answers_to_the_last_bit(name: str, steps: int, tmp_path: Path) -> None:
     law = LAWS[name]
     for file, text in LawInC("some", "", law, ("tricky: */ /* ??/ \\",)).files().items():
         tmp_path.joinpath(file).write_text(text)
-    command = [str(COMPILER), *OPTIONS, "some.c", "-o", "some.so", "-lm"]
+    command = [str(COMPILER), *STRICT.split(), *LIBRARY.split()]
     subprocess.run(command, cwd=tmp_path, check=True)
     library = ctypes.CDLL(str(tmp_path / "some.so"))
     inputs, outputs = struct_of(law.inputs), struct_of(law.outputs)
