@@ -97,7 +97,13 @@ _tracking = partial(
 
 
 def _contact(
-    name: str, figure: str, summary: str, *reduced: str, run: str = "run_trials", module: str = ""
+    name: str,
+    figure: str,
+    summary: str,
+    *reduced: str,
+    run: str = "run_trials",
+    module: str = "",
+    loops: str = "",
 ) -> Entry:
     """Return a scenario of the hybrid loop that runs, is drawn and is resolved as all of them."""
     constant = name.replace("-", "_")
@@ -112,6 +118,7 @@ def _contact(
         plot="figures" if module else f"chamfer.analysis.contact.contact_figures:{constant}",
         diagram="chamfer.diagrams.contact.hybrid_loop:make_hybrid_diagram",
         charts="chamfer.analysis.contact.contact_runs:contact_charts",
+        loops=loops,
         reduced=reduced,
     )
 
@@ -201,6 +208,7 @@ CATALOGUE: Final = Catalogue(
             run="run_step",
             run_swept="run_step_compiled",
             plot="step_figures",
+            loops="make_step_loops",
         ),
         _servo(
             name="sinusoid-response",
@@ -210,6 +218,7 @@ CATALOGUE: Final = Catalogue(
             run="run_sinusoid",
             run_swept="run_sinusoid_compiled",
             plot="sinusoid_figures",
+            loops="make_sinusoid_loops",
         ),
         _servoing(
             name="vertical-tracking",
@@ -244,6 +253,7 @@ CATALOGUE: Final = Catalogue(
             module="chamfer.analysis.servo.fsm_stability",
             scenario="STABILITY",
             diagram="make_diagram",
+            loops="make_loops",
             reduced=("map.points=7", "map.trials=1", "map.settings=20"),
         ),
         _servoing_study(
@@ -380,6 +390,7 @@ CATALOGUE: Final = Catalogue(
             scenario="COMPARISON",
             resolve="resolve_comparison",
             diagram="make_diagram",
+            loops="make_loops",
             reduced=("trials=1", "duration=1.6"),
         ),
         _contact(
@@ -456,6 +467,7 @@ CATALOGUE: Final = Catalogue(
             *_SHORT,
             run="run_contention",
             module="chamfer.analysis.contact.wrist_contention",
+            loops="make_loops",
         ),
         _estimation(
             name="surface-estimation",

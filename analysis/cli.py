@@ -22,6 +22,7 @@ from chamfer.analysis.command.standard_streams import OutputError, discard_outpu
 from chamfer.analysis.command.view_command import add_view
 from chamfer.analysis.design.design_command import add_design
 from chamfer.analysis.export.export_command import add_export
+from chamfer.analysis.replay.replay_command import add_replay
 from chamfer.analysis.report.console import plain_warnings, say
 from chamfer.analysis.scenario.errors import ExperimentError, UserError
 from chamfer.analysis.scenario.experiment import (
@@ -139,6 +140,11 @@ def _parser() -> argparse.ArgumentParser:
 
     run = commands.add_parser("run", help="run experiments by name")
     run.add_argument("names", nargs="+", metavar="NAME", help="an experiment of `chamfer list`")
+    run.add_argument(
+        "--log",
+        action="store_true",
+        help="write what each controller saw and answered too, for `chamfer replay`",
+    )
     run.set_defaults(command=_run)
     sweep, design, compare = add_sweep(commands), add_design(commands), add_compare(commands)
 
@@ -170,9 +176,10 @@ def _parser() -> argparse.ArgumentParser:
 
     export, view = add_export(commands), add_view(commands)
     track, calibrate = add_track(commands), add_calibrate(commands)
-    for command in (run, sweep, design, diagram, export, view, track):
+    replay = add_replay(commands)
+    for command in (run, sweep, design, diagram, export, view, track, replay):
         _add_scenario(command)
-    for command in (run, sweep, design, reproduce, diagram, export, track, calibrate):
+    for command in (run, sweep, design, reproduce, diagram, export, track, calibrate, replay):
         _add_out(command)
     for command in (run, sweep, design, reproduce, view):
         _add_seed(command)
@@ -185,7 +192,8 @@ def _parser() -> argparse.ArgumentParser:
             help="end with status 1 if a specification is broken: a limit of the task, of an arm "
             "or of parts",
         )
-    for command in (listing, fields, run, sweep, design, compare, reproduce, track, calibrate):
+    told = (listing, fields, run, sweep, design, compare, reproduce, track, calibrate, replay)
+    for command in told:
         _add_json(command)
     return parser
 
@@ -305,7 +313,8 @@ def _session(
 
     out, fresh = arguments.out, arguments.fresh
     require_writable(out, [entry.name for entry in chosen], RESULT)
-    order = Order(catalogue=catalogue, out=out, seed=arguments.seed, fresh=fresh)
+    log = getattr(arguments, "log", False)
+    order = Order(catalogue=catalogue, out=out, seed=arguments.seed, fresh=fresh, log=log)
     with engines(arguments.workers or cores(), arguments.cluster) as (here, trials):
         yield Session(
             order=order,

@@ -88,6 +88,12 @@ class LawBlock(LeafSystem, Generic[State, Observation, Command]):
             self.DeclareInitializationDiscreteUpdateEvent(self._update_discrete)
         self.DeclarePeriodicDiscreteUpdateEvent(law.period, 0.0, self._update_discrete)
 
+    @property
+    def path(self) -> str:
+        """Where the block is in its diagram; a root without a name is left out."""
+        path: str = self.GetSystemPathname()
+        return path.strip(":").removeprefix("_::")
+
     def state(self, context: Context) -> State:
         """Return the law's state."""
         if not self._groups:

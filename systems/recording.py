@@ -65,6 +65,19 @@ class Records:
     def __len__(self) -> int:
         return len(self._numbers) // self._width
 
+    def __iter__(self) -> Iterator[Record]:
+        sides: dict[str, dict[str, Any]] = {"observation": {}, "command": {}}
+        for name, values, missing in self.vectors():
+            side, _, own = name.partition(".")
+            sides[side][own] = [
+                None if lacks else vector for vector, lacks in zip(values, missing, strict=True)
+            ]
+        for i, time in enumerate(self.times.tolist()):
+            yield Record(
+                time,
+                *({name: rows[i] for name, rows in side.items()} for side in sides.values()),
+            )
+
     @property
     def last(self) -> float:
         """The time of the last step, s."""
@@ -107,13 +120,12 @@ class Recorder:
             or record.time < records.last
             or (record.time == records.last and begins())
         ):
-            path = block.GetSystemPathname().strip(":").removeprefix("_::")  # an unnamed root
             records = self._current[block] = Records(law)
-            self.runs.setdefault(path, []).append(records)
+            self.runs.setdefault(block.path, []).append(records)
         records.append(record)
 
 
-_active: list[Recorder] = []
+_active: list[Recorder | None] = []
 
 
 def active() -> Recorder | None:
@@ -129,4 +141,14 @@ def recorded() -> Iterator[Recorder]:
     try:
         yield recorder
     finally:
-        _active.remove(recorder)
+        _active.pop()
+
+
+@contextmanager
+def unrecorded() -> Iterator[None]:
+    """Record no step while the block lasts: a loop is probed there, not run."""
+    _active.append(None)
+    try:
+        yield
+    finally:
+        _active.pop()

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 from chamfer.analysis.campaign.campaign import Campaign, running
 from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.command.controllers import LOG, controllers, forget_logs, log_files
 from chamfer.analysis.command.output_folder import require_writable
 from chamfer.analysis.report.atomic_write import write_text, written
 from chamfer.analysis.report.checks import Paper, Published, check, load_paper
+from chamfer.analysis.report.console import say
 from chamfer.analysis.report.results import (
     REPLAY,
     RESULT,
@@ -42,6 +44,7 @@ from chamfer.analysis.scenario.scenario_io import make_scenario, scenario_text, 
 from chamfer.analysis.scenario.scenario_overrides import overrides
 from chamfer.analysis.scenario.scenario_yaml import read_mapping
 from chamfer.models.validation import ParameterError
+from chamfer.systems.recording import Recorder, recorded
 
 if TYPE_CHECKING:
     from pydrake.geometry import Meshcat
@@ -50,6 +53,11 @@ if TYPE_CHECKING:
 # What parameters lead to that are beyond what numbers, memory or the integrator can do. Drake
 # raises RuntimeError, also where ports of different sizes are connected.
 _OF_NUMBERS: Final = (ValueError, ArithmeticError, MemoryError, RuntimeError)
+
+
+_WHY_NOT: Final = (
+    "it has none, is compiled, or its trials ran in others (--set trials=1 runs here)"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,9 +159,11 @@ def read_scenario(path: Path, experiment: str) -> Mapping[Any, Any]:
 
 
 def run(
-    job: Job, *, seed: int, out: Path, progress: Progress, campaign: Campaign
+    job: Job, *, seed: int, out: Path, progress: Progress, campaign: Campaign, log: bool = False
 ) -> dict[str, Any]:
     """Run an experiment, write its folder in ``out`` and return the result's document.
+
+    With ``log`` what its controllers saw and answered is written too.
 
     Raises:
         UserError: If a parameter turns out to be impossible only when it is used, or the folder
@@ -164,7 +174,8 @@ def run(
     experiment, scenario = job.experiment, job.scenario
     with named_failures(job.entry.name, job.overrides), running(campaign):
         started = time.perf_counter()
-        outcome = experiment.run(scenario, seed, progress)
+        with recorded() if log else nullcontext() as recorder:
+            outcome = experiment.run(scenario, seed, progress)
         wall_seconds = campaign.seconds + time.perf_counter() - started
         figures = experiment.plot(scenario, outcome)
         drawings = draw(job)
@@ -188,7 +199,9 @@ def run(
         ],
         "simulated_seconds": outcome.simulated_seconds,
         "wall_seconds": round(wall_seconds, 4),
-        "command": command_text("run", job.entry.name, job.overrides, seed=seed),
+        "command": command_text(
+            "run", job.entry.name, job.overrides, *(["--log"] if log else []), seed=seed
+        ),
         "figures": list(drawn := figure_files(figures)),
         "drawings": [name for name in drawings if name.endswith(".svg")],
     }
@@ -199,14 +212,34 @@ def run(
         **drawn,
         **drawings,
     }
+    if recorder is not None:
+        about = ("experiment", "seed", "overrides", "scenario_sha256", "versions")
+        logs = _logs(job, recorder, {name: document[name] for name in about})
+        document[LOG] = list(logs)
+        files |= logs
     if replay is not None:
         document["replay"] = REPLAY
         files[REPLAY] = replay
     folder = out / job.entry.name
+    old: dict[str, Any] = {}
+    with suppress(OSError, ValueError):
+        old = read_result(folder / RESULT)
     with written(folder):
         write_folder(folder, {**files, RESULT: json_text(document)})
+        forget_logs(folder, old, document)
     campaign.finish()
     return document
+
+
+def _logs(job: Job, recorder: Recorder, about: Mapping[str, Any]) -> dict[str, bytes]:
+    """Return the logs by file name, and say of which controllers there are none."""
+    known = controllers(job.experiment, job.scenario)
+    runs = {path: runs for path, runs in recorder.runs.items() if path in known}
+    if lacking := sorted(set(recorder.runs) - set(runs)):
+        say(f"{job.entry.name}: no log of {', '.join(lacking)}, drawn for a trial")
+    elif not runs:
+        say(f"{job.entry.name}: no log, no controller stepped in this process, maybe in others")
+    return log_files(runs, about)
 
 
 def finished(job: Job, *, seed: int, out: Path) -> dict[str, Any] | None:

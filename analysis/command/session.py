@@ -49,6 +49,7 @@ class Order:
     out: Path  # the folder of the results
     seed: int
     fresh: bool  # whether to run again what had ended before
+    log: bool = False  # whether to write what the controllers saw and answered
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +86,14 @@ class Session:
             # An experiment that prints must not spoil the JSON document.
             quiet = redirect_stdout(sys.stderr) if self.as_json else nullcontext()
             with quiet, TerminalProgress(label) as progress, closing(campaign):
-                result = run(job, seed=seed, out=out, progress=progress, campaign=campaign)
+                result = run(
+                    job,
+                    seed=seed,
+                    out=out,
+                    progress=progress,
+                    campaign=campaign,
+                    log=self.order.log,
+                )
             self._take(result)
             self._write_report()
         return self._end()

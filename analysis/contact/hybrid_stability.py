@@ -36,6 +36,7 @@ from chamfer.systems.force.hybrid_controller import (
 )
 from chamfer.systems.force.projection import position_selection
 from chamfer.systems.force.sampled_loop import NEUTRAL
+from chamfer.systems.recording import unrecorded
 
 HybridScenarioT = TypeVar("HybridScenarioT", bound=HybridScenario)
 
@@ -54,6 +55,7 @@ def smooth(scenario: HybridScenarioT) -> HybridScenarioT:
     )
 
 
+@unrecorded()
 def settled(diagram: Diagram, time: float) -> Context:
     """Return the diagram's context after a time, s."""
     simulator = Simulator(diagram)

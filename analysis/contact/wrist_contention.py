@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 from matplotlib.figure import Figure
+from pydrake.systems.framework import Diagram
 
 from chamfer.analysis.campaign.trial_metrics import prefixed
 from chamfer.analysis.contact.contact_figures import note_stability
@@ -19,6 +20,7 @@ from chamfer.analysis.drawing.figure_style import (
 )
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
 from chamfer.diagrams.contact.contact_scenarios import AdeptScenario
+from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram
 
 _WRIST = 3  # joint index
 
@@ -26,8 +28,7 @@ _WRIST = 3  # joint index
 def run_contention(scenario: AdeptScenario, seed: int, progress: Progress) -> Outcome:
     """Run the scenario as it is, and with the wrist's integrator off while in contact."""
     on = run_trials(scenario, seed, lambda done, doing="": progress(done / 2, doing))
-    held = replace(scenario, controller=replace(scenario.controller, held_integrators=(_WRIST,)))
-    off = run_trials(held, seed, lambda done, doing="": progress(0.5 + done / 2, doing))
+    off = run_trials(_held(scenario), seed, lambda done, doing="": progress(0.5 + done / 2, doing))
     ratio = _ratio(on.metrics["force.deviation"], off.metrics["force.deviation"])
     metrics = {**on.metrics, **prefixed("wrist_integrator_off", off.metrics)}
     metrics["force.deviation_ratio"] = ratio
@@ -39,6 +40,15 @@ def run_contention(scenario: AdeptScenario, seed: int, progress: Progress) -> Ou
         simulated_seconds=on.simulated_seconds + off.simulated_seconds,
         tables={"wrist_integrator_off": off.traces},
     )
+
+
+def _held(scenario: AdeptScenario) -> AdeptScenario:
+    return replace(scenario, controller=replace(scenario.controller, held_integrators=(_WRIST,)))
+
+
+def make_loops(scenario: AdeptScenario) -> tuple[Diagram, ...]:
+    """Return the loops as they are run."""
+    return make_hybrid_diagram(scenario), make_hybrid_diagram(_held(scenario))
 
 
 def _ratio(over: Metric, under: Metric) -> Metric:

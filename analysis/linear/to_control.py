@@ -24,6 +24,7 @@ from pydrake.systems.framework import (
 )
 
 from chamfer.models.validation import ParameterError
+from chamfer.systems.recording import unrecorded
 
 SEPARATOR: Final = "::"  # between the names of blocks and ports, as in Drake's own paths
 
@@ -178,6 +179,7 @@ class _Matrices(NamedTuple):
     D: Array
 
 
+@unrecorded()
 def to_control(
     system: System,
     *,

@@ -105,12 +105,14 @@ def write_folder(folder: Path, files: Mapping[str, str | bytes]) -> None:
 
     Args:
         folder: Made if it isn't there.
-        files: Their contents by name.
+        files: Their contents by name, which may be in a folder of theirs.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".unfinished-", dir=folder) as staging:
         for name, content in files.items():
             path = Path(staging, name)
+            path.parent.mkdir(exist_ok=True)
+            (folder / name).parent.mkdir(exist_ok=True)
             path.write_bytes(content.encode() if isinstance(content, str) else content)
         with locked(folder):
             for name in files:

@@ -34,6 +34,7 @@ from chamfer.diagrams.servo.servo_scenario import (
     CameraParams,
     FsmParams,
     PlantParams,
+    ResolvedServoScenario,
     SinusoidScenario,
     StepScenario,
     fsm_axis,
@@ -253,6 +254,10 @@ def _cycle_metrics(cycles: Mapping[str, Array]) -> dict[str, Metric]:
     }
 
 
+def _sinusoid(scenario: StepScenario) -> ResolvedServoScenario:
+    return resolve(SinusoidScenario(**vars(scenario) | {"desired": Sinusoid()}))
+
+
 def _criteria(scenario: StepScenario, seed: int) -> dict[str, Metric]:
     axis = fsm_axis(scenario, "position")
     metrics = {}
@@ -263,7 +268,7 @@ def _criteria(scenario: StepScenario, seed: int) -> dict[str, Metric]:
         metrics[f"{name}.gain"] = measured(
             properties.gain, "1/m", note=note, missing="no finite gain"
         )
-    sinusoid = resolve(SinusoidScenario(**vars(scenario) | {"desired": Sinusoid()}))
+    sinusoid = _sinusoid(scenario)
     every = round(sinusoid.fsm.period / sinusoid.step)
     traces = run_loops(sinusoid, ("fsm_compensation",), seed=seed).traces
     errors = (traces["desired_trajectory"] - traces["fsm_compensation.actual_trajectory"])[::every]
@@ -480,6 +485,11 @@ def oscillation(
 def make_diagram(scenario: StabilityScenario) -> Diagram:
     """Return the wiring, for the block diagram."""
     return make_servo_diagram(scenario.loop, loops=("fsm",))
+
+
+def make_loops(scenario: StabilityScenario) -> tuple[Diagram, ...]:
+    """Return the loop that Gore's criteria are checked with."""
+    return (make_servo_diagram(_sinusoid(scenario.loop), loops=("fsm_compensation",)),)
 
 
 def figures(scenario: StabilityScenario, outcome: Outcome) -> Mapping[str, Figure]:

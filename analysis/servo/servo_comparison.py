@@ -438,6 +438,11 @@ def make_diagram(scenario: ResolvedServoComparisonScenario) -> Diagram:
     return make_compared_diagram(scenario, "fsm")
 
 
+def make_loops(scenario: ResolvedServoComparisonScenario) -> tuple[Diagram, ...]:
+    """Return the loops of both controllers."""
+    return tuple(make_compared_diagram(scenario, controller) for controller in CONTROLLERS)
+
+
 def figures(scenario: ResolvedServoComparisonScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
     figure = new_figure(11.0, 10.0)

@@ -423,6 +423,16 @@ def make_diagram(scenario: ResolvedServoScenario) -> Diagram:
     return make_servo_diagram(scenario)
 
 
+def make_step_loops(scenario: ResolvedServoScenario) -> tuple[Diagram, ...]:
+    """Return all loops of Fig. 8."""
+    return (make_servo_diagram(scenario, loops=_STEP_LOOPS),)
+
+
+def make_sinusoid_loops(scenario: ResolvedServoScenario) -> tuple[Diagram, ...]:
+    """Return all loops of Fig. 9."""
+    return (make_servo_diagram(scenario, loops=_SINUSOID_LOOPS),)
+
+
 def make_charts(scenario: ResolvedServoScenario) -> tuple[Chart[Any, Any], ...]:
     """Return the state charts."""
     axis = scenario.axis

@@ -13,12 +13,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from chamfer.analysis.catalogue import CATALOGUE
+from chamfer.analysis.command.controllers import LOG, controllers, log_files
 from chamfer.analysis.command.running import Job, draw, prepare
+from chamfer.analysis.replay.replay_logs import replay_logs
 from chamfer.analysis.report.checks import check, load_paper
 from chamfer.analysis.report.results import defined_metrics
 from chamfer.analysis.report.traces import write_table
 from chamfer.analysis.scenario.experiment import Entry, Experiment, Metric, Outcome, Table
 from chamfer.analysis.scenario.scenario_io import make_scenario, scenario_text, unstructure
+from chamfer.systems.recording import Recorder, recorded
 
 # friction-remedies: so it is with the full dynamics, as in the thesis.
 pytestmark = pytest.mark.filterwarnings(
@@ -41,6 +44,8 @@ LEFT_OUT: Final = {
     *("crown", "bulk", "decoupling", "compensation", "soft_gripper", "all"),
     *("wait", "frozen_wait", "no_observer"),
 }
+# Their controllers are those of drawn trials or run in other processes, or there is none.
+NOT_LOGGED: Final = set()
 # Of the others two runs take seconds, or they run with other values what one of these does.
 QUICK: Final = {
     "adept-unknown-wall",
@@ -68,6 +73,7 @@ class Ran:
 
     job: Job
     outcome: Outcome
+    recorder: Recorder
     progress: list[tuple[float, str]]
     figures: Mapping[str, Figure]
 
@@ -87,13 +93,14 @@ def ran(request: pytest.FixtureRequest) -> Ran:
     entry: Entry = request.param
     (job,) = prepare([entry], settings=entry.reduced)
     told: list[tuple[float, str]] = []
-    outcome = job.experiment.run(
-        job.scenario, 0, lambda fraction, doing="": told.append((fraction, doing))
-    )
+    with recorded() as recorder:
+        outcome = job.experiment.run(
+            job.scenario, 0, lambda fraction, doing="": told.append((fraction, doing))
+        )
     figures = job.experiment.plot(job.scenario, outcome)
     for figure in figures.values():
         figure.draw_without_rendering()
-    return Ran(job=job, outcome=outcome, progress=told, figures=figures)
+    return Ran(job=job, outcome=outcome, recorder=recorder, progress=told, figures=figures)
 
 
 def test_the_catalogue_says_what_it_is(ran: Ran) -> None:
@@ -163,7 +170,7 @@ def test_progress_goes_on_to_the_end(ran: Ran) -> None:
     assert all(len(doing) < 40 for _, doing in ran.progress)
 
 
-def test_the_same_seed_gives_the_same_bytes(ran: Ran) -> None:
+def test_the_same_seed_gives_the_same_bytes_recorded_or_not(ran: Ran) -> None:
     again = ran.experiment.run(ran.job.scenario, 0, lambda fraction, doing="": None)
     first, second = _tables(ran.outcome), _tables(again)
     assert list(first) == list(second)
@@ -172,6 +179,20 @@ def test_the_same_seed_gives_the_same_bytes(ran: Ran) -> None:
             key: np.asarray(values).tobytes() for key, values in second[name].items()
         }
     assert _lasting(ran.outcome) == _lasting(again)
+
+
+def test_controllers_would_do_the_same_again(ran: Ran, tmp_path: Path) -> None:
+    known = controllers(ran.experiment, ran.job.scenario)
+    runs = {path: each for path, each in ran.recorder.runs.items() if path in known}
+    assert bool(runs) != (ran.job.entry.name in NOT_LOGGED)
+    (tmp_path / LOG).mkdir()
+    about = {"experiment": ran.job.entry.name, "overrides": list(ran.job.overrides)}
+    for name, content in log_files(runs, about).items():
+        (tmp_path / name).write_bytes(content)
+    if runs:
+        found = replay_logs(ran.job.entry, tmp_path / LOG).found
+        assert len(found) == sum(map(len, runs.values()))
+        assert {one.first for one in found.values()} == {None}
 
 
 def test_drawings_are_drawn(ran: Ran) -> None:

@@ -1,0 +1,66 @@
+"""An experiment's controllers, and the files of what they saw and answered in a run."""
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from pydrake.systems.framework import Diagram
+
+from chamfer.analysis.report.control_log import log_bytes, log_table
+from chamfer.analysis.scenario.experiment import Experiment
+from chamfer.systems.law_block import LawBlock
+from chamfer.systems.recording import AnyLaw, Records
+
+LOG: Final = "log"  # folder
+
+
+def controllers(experiment: Experiment[Any], scenario: Any) -> dict[str, list[AnyLaw]]:
+    """Return the laws of a resolved scenario's loops by the paths of their blocks.
+
+    A path has one law that is the same in every run, or one for each run in their order.
+    """
+    loops: Sequence[Diagram] = ()
+    if experiment.loops is not None:
+        loops = experiment.loops(scenario)
+    elif experiment.diagram is not None:
+        loops = (experiment.diagram(scenario),)
+    found: dict[str, list[AnyLaw]] = {}
+    for loop in loops:
+        for block in _blocks(loop):
+            found.setdefault(block.path, []).append(block.law)
+    return found
+
+
+def _blocks(diagram: Diagram) -> list[LawBlock[Any, Any, Any]]:
+    found = []
+    for system in diagram.GetSystems():
+        if isinstance(system, LawBlock):
+            found.append(system)
+        elif isinstance(system, Diagram):
+            found += _blocks(system)
+    return found
+
+
+def log_files(runs: Mapping[str, Sequence[Records]], about: Mapping[str, Any]) -> dict[str, bytes]:
+    """Return a file for each run of each controller, by its name in an experiment's folder.
+
+    It is called after the controller's path, with a number where there were several runs.
+    """
+    roots = {path.partition("::")[0] for path in runs if "::" in path}
+    bare = f"{roots.pop()}::" if len(roots) == 1 else ""
+    files = {}
+    for path, each in runs.items():
+        parts = path.removeprefix(bare).split("::")
+        stem = ".".join(re.sub(r"[^\w]+", "-", part).strip("-") for part in parts)
+        for i, records in enumerate(each):
+            which = {**about, "controller": path, "run": str(i + 1)}
+            name = f"{stem}-{i + 1}" if len(each) > 1 else stem
+            files[f"{LOG}/{name}.parquet"] = log_bytes(log_table(records.law, records, which))
+    return files
+
+
+def forget_logs(folder: Path, old: Mapping[str, Any], new: Mapping[str, Any]) -> None:
+    """Remove the logs that a result had and the one in its place has not."""
+    for name in set(old.get(LOG, [])) - set(new.get(LOG, [])):
+        (folder / name).unlink(missing_ok=True)

@@ -1,0 +1,1 @@
+"""Logs fed to the same controllers again: what they would do."""
