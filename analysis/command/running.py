@@ -238,7 +238,9 @@ def _logs(job: Job, recorder: Recorder, about: Mapping[str, Any]) -> dict[str, b
     if lacking := sorted(set(recorder.runs) - set(runs)):
         say(f"{job.entry.name}: no log of {', '.join(lacking)}, drawn for a trial")
     elif not runs:
-        say(f"{job.entry.name}: no log, no controller stepped in this process, maybe in others")
+        say(
+            f"{job.entry.name}: no log, its controllers are continuous or compiled, or it has none"
+        )
     return log_files(runs, about)
 
 

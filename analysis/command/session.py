@@ -26,7 +26,7 @@ from chamfer.analysis.campaign.campaign import Campaign, TrialsWantedError, runn
 from chamfer.analysis.campaign.cluster import engines
 from chamfer.analysis.campaign.progress import TerminalProgress, duration
 from chamfer.analysis.campaign.trial_store import TRIALS
-from chamfer.analysis.campaign.workers import Engine, LostError, StartError, cores
+from chamfer.analysis.campaign.workers import Engine, Here, LostError, StartError, cores
 from chamfer.analysis.command.running import Job, finished, prepare, run
 from chamfer.analysis.report.atomic_write import write_text, written
 from chamfer.analysis.report.check_text import TABLE, counts, counts_text, kept, results_table
@@ -82,7 +82,12 @@ class Session:
         for i, job in enumerate(jobs):
             name = job.entry.name
             label = name if len(jobs) == 1 else f"[{i + 1}/{len(jobs)}] {name}"
-            campaign = self._campaign(name, fresh=self.order.fresh)
+            log = self.order.log and bool(job.entry.diagram or job.entry.loops)
+            if log != self.order.log:
+                say(f"{name}: no log, it has no controllers of its own")
+            campaign = self._campaign(name, fresh=self.order.fresh or log)
+            if log:
+                campaign.engine = Here()  # laws are recorded in this process alone
             # An experiment that prints must not spoil the JSON document.
             quiet = redirect_stdout(sys.stderr) if self.as_json else nullcontext()
             with quiet, TerminalProgress(label) as progress, closing(campaign):
@@ -92,7 +97,7 @@ class Session:
                     out=out,
                     progress=progress,
                     campaign=campaign,
-                    log=self.order.log,
+                    log=log,
                 )
             self._take(result)
             self._write_report()
