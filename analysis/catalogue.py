@@ -733,6 +733,7 @@ CATALOGUE: Final = Catalogue(
             module="chamfer.analysis.skills.vision_trials",
             scenario="VISION_PRIMITIVES",
             diagram="make_diagram",
+            loops="make_loops",
             reduced=("trials=1", "map_focal=[1.0]", "map_angle=[0.0]"),
         ),
         _connector(

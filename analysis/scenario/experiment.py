@@ -94,8 +94,8 @@ class Experiment(Generic[Scenario]):
     # the same, to 1e-12, by a way that is faster for the many points of a sweep
     run_swept: Callable[[Any, int, Progress], Outcome] | None = None
     diagram: Callable[[Any], "Diagram"] | None = None  # the wiring, for the block diagram
-    # every loop that a run simulates here, in its order, if they are more than the diagram: once
-    # a path of controllers that are the same in all of them
+    # the loops that a run simulates, in its order, if they aren't the diagram's alone; none if
+    # its controllers are drawn
     loops: Callable[[Any], Sequence["Diagram"]] | None = None
     charts: Callable[[Any], Sequence["Chart[Any, Any]"]] | None = None  # its state charts
     replay: Callable[[Any, Outcome, "Meshcat"], None] | None = None  # shows the run in 3-D

@@ -465,6 +465,11 @@ def make_diagram(scenario: VisionPrimitivesScenario) -> Diagram:
     return make_vision_servo_diagram(trial_of(scenario, 0, VisionTask("translation", 0)))
 
 
+def make_loops(scenario: VisionPrimitivesScenario) -> tuple[Diagram, ...]:
+    """Return none: what a trial's primitive believes of the cameras is drawn."""
+    return ()
+
+
 _COURSE: Final[Style] = {"color": "#1b4f9c", "linewidth": 0.7, "alpha": 0.6}
 _SHADES: Final = ListedColormap(["#f3d3c8", "#f5ead0", "#d4e3f3"])  # none, some, all settle
 _LEAST: Final = 1e-2  # mm or mrad, below which the panels show nothing

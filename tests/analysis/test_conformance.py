@@ -44,8 +44,16 @@ LEFT_OUT: Final = {
     *("crown", "bulk", "decoupling", "compensation", "soft_gripper", "all"),
     *("wait", "frozen_wait", "no_observer"),
 }
-# Their controllers are those of drawn trials or run in other processes, or there is none.
-NOT_LOGGED: Final = set()
+# Their loops have laws whose parameters are drawn for each trial, or none.
+NOT_LOGGED: Final = {
+    *("jamming-diagram", "peg-insertion", "wedging-diagram", "insertion-map", "lissajous"),
+    *("plant-identification", "camera-accuracy", "detection-conditions", "repeatability"),
+    *("design-accuracy", "insertion-repeatability", "calibration-accuracy", "hybrid-stability"),
+    *("contact-convergence", "friction-remedies", "observer-model-error", "charging-campaign"),
+    *("observer-comparison", "sensing-sensitivity", "vision-primitives"),
+    *("peg-skill-success", "d-connector-success", "bnc-connector-success"),
+    *("rj45-connector-success", "d-connector-ablation", "bnc-connector-ablation"),
+}
 # Of the others two runs take seconds, or they run with other values what one of these does.
 QUICK: Final = {
     "adept-unknown-wall",
