@@ -7,7 +7,7 @@ that one step hands to the next. The same law runs in a diagram, in a
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Generic, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
@@ -39,9 +39,10 @@ class Law(ABC, Generic[State, Observation, Command]):
     """What a controller decides once a ``period``, s.
 
     ``inputs`` and ``outputs`` have a :class:`Signal` for each field of the named tuples that are
-    observed and commanded, in their order.
+    observed and commanded, in their order; ``observation`` is the former's class.
     """
 
+    observation: Callable[..., Observation]
     period: float
     inputs: Mapping[str, Signal]
     outputs: Mapping[str, Signal]
@@ -58,13 +59,16 @@ class Law(ABC, Generic[State, Observation, Command]):
         """Return the state after a step in which the robot is stopped; a chart answers that."""
         return state
 
-    @abstractmethod
     def observe(self, values: Mapping[str, Sequence[float] | Array | None]) -> Observation:
         """Return what is seen, of vectors by name.
+
+        They are copies, so that a state may hold them though a robot writes its next reading
+        there.
 
         Raises:
             ParameterError: If one is missing, has another size, or is not finite and has to be.
         """
+        return self.observation(*vectors(self.inputs, values))
 
 
 class HeldLaw(Law[State, Observation, Command]):
@@ -87,10 +91,7 @@ class HeldLaw(Law[State, Observation, Command]):
 def vectors(
     inputs: Mapping[str, Signal], values: Mapping[str, Sequence[float] | Array | None]
 ) -> list[Array | None]:
-    """Return the vectors of an observation, checked, in the order of the inputs.
-
-    They are copies, so that a state may hold them though a robot writes its next reading there.
-    """
+    """Return the vectors of an observation, checked copies, in the order of the inputs."""
     return [_checked(name, signal, values.get(name)) for name, signal in inputs.items()]
 
 

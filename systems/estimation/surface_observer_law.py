@@ -1,6 +1,5 @@
 """The observer of an unknown surface's normal (Fig. 5-1)."""
 
-from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from chamfer.systems.estimation.normal_filter import (
     Sample,
     tangential_deviation,
 )
-from chamfer.systems.law import HeldLaw, Signal, vectors
+from chamfer.systems.law import HeldLaw, Signal
 
 Array = NDArray[np.float64]
 
@@ -61,6 +60,8 @@ class ObserverState(NamedTuple):
 class SurfaceObserverLaw(HeldLaw[ObserverState, ObserverObservation, ObserverCommand]):
     """See :class:`chamfer.systems.estimation.surface_observer.SurfaceObserver`."""
 
+    observation = ObserverObservation
+
     def __init__(self, params: ResolvedSurfaceObserverParams, initial_normal: Array) -> None:
         d = len(params.stiffness)
         normal = np.asarray(initial_normal, dtype=np.float64)
@@ -92,10 +93,6 @@ class SurfaceObserverLaw(HeldLaw[ObserverState, ObserverObservation, ObserverCom
     def start(self) -> ObserverState:
         """Return the state before the first sample."""
         return self._start
-
-    def observe(self, values: Mapping[str, Sequence[float] | Array | None]) -> ObserverObservation:
-        """Return what the law sees, of vectors by name."""
-        return ObserverObservation(*vectors(self.inputs, values))  # type: ignore[arg-type]
 
     def update(
         self, state: ObserverState, observation: ObserverObservation, time: float

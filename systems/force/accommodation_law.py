@@ -19,7 +19,6 @@ compliance, which may be remote: a lateral force at the tip then turns the tool 
 """
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Final, NamedTuple
@@ -28,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.models.validation import ParameterError, require_numbers, require_positive
-from chamfer.systems.law import HeldLaw, Signal, vectors
+from chamfer.systems.law import HeldLaw, Signal
 
 Array = NDArray[np.float64]
 
@@ -134,6 +133,8 @@ class AccommodationLaw(
 ):
     """See :class:`chamfer.systems.force.accommodation.AccommodationController`."""
 
+    observation = AccommodationObservation
+
     def __init__(self, params: AccommodationParams) -> None:
         self.params = params
         self.period = params.period
@@ -149,12 +150,6 @@ class AccommodationLaw(
     def start(self) -> AccommodationCommand:
         """Return the state before the first step."""
         return AccommodationCommand(np.zeros(len(AXES)), np.zeros(len(AXES)))
-
-    def observe(
-        self, values: Mapping[str, Sequence[float] | Array | None]
-    ) -> AccommodationObservation:
-        """Return what the law sees, of vectors by name."""
-        return AccommodationObservation(*vectors(self.inputs, values))  # type: ignore[arg-type]
 
     def update(
         self, state: AccommodationCommand, observation: AccommodationObservation, time: float

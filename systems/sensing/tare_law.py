@@ -1,14 +1,13 @@
 """The zero of a force sensor, and how much its readings scatter about it."""
 
 import math
-from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.law import Law, Signal, vectors
+from chamfer.systems.law import Law, Signal
 
 Array = NDArray[np.float64]
 
@@ -41,6 +40,8 @@ class TareLaw(Law[TareState, TareObservation, TareCommand]):
     What is taken off is the mean of the readings before this one.
     """
 
+    observation = TareObservation
+
     def __init__(self, *, period: float, size: int = 3) -> None:
         if not 0 < period < math.inf:
             raise ParameterError("period", period, "a finite number > 0")
@@ -53,10 +54,6 @@ class TareLaw(Law[TareState, TareObservation, TareCommand]):
         """Return the state before the first reading."""
         size = self.inputs["force"].size
         return TareState(np.zeros(size), np.zeros(size), np.zeros(2))
-
-    def observe(self, values: Mapping[str, Sequence[float] | Array | None]) -> TareObservation:
-        """Return what the law sees, of vectors by name."""
-        return TareObservation(*vectors(self.inputs, values))  # type: ignore[arg-type]
 
     def step(
         self, state: TareState, observation: TareObservation, time: float

@@ -1,7 +1,6 @@
 """Whether a compensation makes the error that it measures grow instead of shrink."""
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -9,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.models.validation import ParameterError, require_positive
-from chamfer.systems.law import Law, Signal, vectors
+from chamfer.systems.law import Law, Signal
 
 Array = NDArray[np.float64]
 
@@ -76,6 +75,8 @@ class DivergenceLaw(Law[DivergenceState, DivergenceObservation, DivergenceComman
     The command is that of the frames before, so that it does not wait for this one's.
     """
 
+    observation = DivergenceObservation
+
     def __init__(self, params: DivergenceParams) -> None:
         self.params = params
         self.period = params.period
@@ -91,12 +92,6 @@ class DivergenceLaw(Law[DivergenceState, DivergenceObservation, DivergenceComman
         """Return the state before the first frame."""
         unknown = np.full(len(self.params.watched), math.nan)
         return DivergenceState(unknown, np.zeros(1), np.zeros(1))
-
-    def observe(
-        self, values: Mapping[str, Sequence[float] | Array | None]
-    ) -> DivergenceObservation:
-        """Return what the law sees, of vectors by name."""
-        return DivergenceObservation(*vectors(self.inputs, values))  # type: ignore[arg-type]
 
     def step(
         self, state: DivergenceState, observation: DivergenceObservation, time: float

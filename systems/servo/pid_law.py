@@ -1,7 +1,7 @@
 """PID control of a compensation from a sampled error: the baseline for the state machine."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.models.validation import ParameterError, known, require_not_negative, require_positive
-from chamfer.systems.law import HeldLaw, Signal, vectors
+from chamfer.systems.law import HeldLaw, Signal
 
 Array = NDArray[np.float64]
 
@@ -99,6 +99,8 @@ class PidCommand(NamedTuple):
 class PidLaw(HeldLaw[PidState, PidObservation, PidCommand]):
     """A PID law an axis; see :class:`chamfer.systems.servo.sampled_pid.SampledPid`."""
 
+    observation = PidObservation
+
     def __init__(self, params: SampledPidParams) -> None:
         size = len(params.axes)
         self.params = params
@@ -113,10 +115,6 @@ class PidLaw(HeldLaw[PidState, PidObservation, PidCommand]):
         """Return the state before the first step."""
         size = len(self.params.axes)
         return PidState(np.zeros(size), np.zeros(size), np.full(size, math.nan))
-
-    def observe(self, values: Mapping[str, Sequence[float] | Array | None]) -> PidObservation:
-        """Return what the law sees, of vectors by name."""
-        return PidObservation(*vectors(self.inputs, values))  # type: ignore[arg-type]
 
     def update(self, state: PidState, observation: PidObservation, time: float) -> PidState:
         """Return the state after a sample."""

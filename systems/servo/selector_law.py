@@ -1,14 +1,13 @@
 """What of a measured error a controller is to compensate."""
 
 import math
-from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.law import Law, Signal, vectors
+from chamfer.systems.law import Law, Signal
 
 Array = NDArray[np.float64]
 
@@ -34,6 +33,8 @@ class SelectorLaw(Law[None, SelectorObservation, SelectorCommand]):
     It remembers nothing: all that it gives is of what it reads.
     """
 
+    observation = SelectorObservation
+
     def __init__(self, size: int, *, period: float = 1 / 80) -> None:
         if not (math.isfinite(size) and size >= 1):
             raise ParameterError("size", size, "a whole number >= 1")
@@ -45,10 +46,6 @@ class SelectorLaw(Law[None, SelectorObservation, SelectorCommand]):
 
     def start(self) -> None:
         """Return the state, of which there is none."""
-
-    def observe(self, values: Mapping[str, Sequence[float] | Array | None]) -> SelectorObservation:
-        """Return what the law sees, of vectors by name."""
-        return SelectorObservation(*vectors(self.inputs, values))  # type: ignore[arg-type]
 
     def step(
         self, state: None, observation: SelectorObservation, time: float

@@ -72,7 +72,7 @@ class ChartLaw(HeldLaw[ChartState[Memory], Inputs, Any], Generic[Inputs, Memory]
         for name, signal in {**self.inputs, **self.outputs}.items():
             if signal.size < 1:
                 raise ParameterError(f"size of {name}", signal.size, "a whole number >= 1")
-        self._observation: Any = observation
+        self.observation = observation
         self._command: Any = namedtuple("Command", self.outputs)  # type: ignore[misc]
         self._reads = tuple(one.read for one in outputs.values())
         self._index = {name: float(i) for i, name in enumerate(chart.state_names)}
@@ -87,8 +87,7 @@ class ChartLaw(HeldLaw[ChartState[Memory], Inputs, Any], Generic[Inputs, Memory]
         """Return what the chart sees, of vectors by name."""
         seen = vectors(self.inputs, values)
         read = [None if one is None else tuple(one.tolist()) for one in seen]
-        observation: Inputs = self._observation(*read)
-        return observation
+        return self.observation(*read)
 
     def update(
         self, state: ChartState[Memory], observation: Inputs, time: float, *, abort: bool = False
