@@ -161,11 +161,11 @@ def test_windows_count_time_where_ticks_are_missing_early_or_late(seed: int) -> 
     times = np.append(0.0, times[(times > 0) & (random.random(8 * N) > 0.2)])
 
     def hindered(ratio: float) -> float | None:
-        """Seconds until it is, with a bias that is larger than the dither."""
+        """Seconds until it is, with a bias many times the dither."""
         memory = ONE.begin(sensed())
         for time in times.tolist():
             wave = math.cos(2 * math.pi * time)
-            felt = sensed(perturbed=six(x=wave), motion=six(x=ratio * wave + 2.0))
+            felt = sensed(perturbed=six(x=wave), motion=six(x=ratio * wave + 20.0))
             stepped = ONE.step(felt, memory, time)
             memory = stepped.memory
             if stepped.event is not None:
@@ -178,7 +178,7 @@ def test_windows_count_time_where_ticks_are_missing_early_or_late(seed: int) -> 
 
 def test_a_window_begins_anew_after_a_pause() -> None:
     memory = ONE.begin(sensed())
-    held = sensed(perturbed=six(x=1.0), motion=six(x=1.0))  # no dither, not a hindered one
+    held = sensed(perturbed=six(x=1.0), motion=six(x=-1.0))  # against it, if it were a dither
     for time in (0.0, 0.01, 0.52, 3.0, 6.0, 6.49):
         stepped = ONE.step(held, memory, time)
         memory = stepped.memory
