@@ -30,7 +30,7 @@ from chamfer.analysis.drawing.figure_style import (
 )
 from chamfer.analysis.scenario.experiment import Outcome, Table
 from chamfer.diagrams.charging.charging_scenario import ResolvedCrucibleChargingScenario
-from chamfer.systems.charging.charging_chart import DONE, HALTED, STOPPED, ChargingChart
+from chamfer.systems.charging.charging_law import DONE, HALTED, STOPPED, ChargingChart
 from chamfer.systems.force.contact_detection_law import LOST
 from chamfer.systems.statechart.chart import ANY
 

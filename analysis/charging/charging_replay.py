@@ -75,9 +75,8 @@ def nugget_poses(scenario: ResolvedCrucibleChargingScenario, traces: Table) -> A
             low = _below(station, goal, gripped[last, 3:5]) + nugget.height
             fallen = gripped[last, 5] - GRAVITY / 2 * (time[last:] - time[last]) ** 2
             if goal.lies.tilt:
-                found[last + 1 :, i, :3] = RollPitchYaw(
-                    RotationMatrix(goal.lies.rotation)
-                ).vector()
+                lying = RollPitchYaw(RotationMatrix(goal.lies.rotation))
+                found[last + 1 :, i, :3] = lying.vector()
             found[last:, i, 5] = np.minimum(gripped[last, 5], np.maximum(fallen, low))
     return found
 

@@ -11,7 +11,7 @@ from chamfer.systems.primitives.force_primitives import Level, Obstructed
 from chamfer.systems.primitives.position_primitives import Centre, Held
 from chamfer.systems.primitives.primitive import Primitive
 from chamfer.systems.primitives.skill import Outcome, Retry, Skill, SkillState
-from chamfer.systems.primitives.skill_chart import targets
+from chamfer.systems.primitives.skill_law import targets
 from chamfer.systems.primitives.trajectory_primitives import MoveDx
 
 SkillChange = Callable[[Skill], Skill]

@@ -34,7 +34,7 @@ from chamfer.diagrams.skills.connector_scenario import (
 from chamfer.diagrams.skills.connector_view import make_connector_view
 from chamfer.models.connectors.connector import Connector
 from chamfer.systems.primitives.skill import Skill
-from chamfer.systems.primitives.skill_chart import make_skill_chart
+from chamfer.systems.primitives.skill_law import make_skill_chart
 from chamfer.systems.statechart.chart import Chart
 
 Array = NDArray[np.float64]

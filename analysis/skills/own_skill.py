@@ -38,7 +38,7 @@ from chamfer.models.arms.wrist import WristParams
 from chamfer.models.connectors.mesh_connector import MeshConnector
 from chamfer.models.validation import ParameterError, require_one_of
 from chamfer.systems.primitives.skill import Skill
-from chamfer.systems.primitives.skill_chart import check_forces, check_timing
+from chamfer.systems.primitives.skill_law import check_forces, check_timing
 from chamfer.systems.statechart.chart import ChartError
 
 PartName = Literal["d-connector", "bnc-connector", "peg", "rj45-connector", "own"]

@@ -9,7 +9,7 @@ from chamfer.analysis.scenario.plain_data import plain_data, structured
 from chamfer.analysis.scenario.scenario_yaml import block, read_mapping
 from chamfer.systems.primitives.primitive import Primitive
 from chamfer.systems.primitives.skill import PRIMITIVES, Skill
-from chamfer.systems.primitives.skill_chart import make_skill_chart
+from chamfer.systems.primitives.skill_law import make_skill_chart
 from chamfer.systems.statechart.chart import ChartError
 
 Primitives = Mapping[str, type[Primitive]]

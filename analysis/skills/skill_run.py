@@ -3,7 +3,7 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, NamedTuple, TypeAlias
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +14,10 @@ from chamfer.analysis.scenario.experiment import Progress, Table, column
 from chamfer.diagrams.skills.connector_loop import LOADS, make_connector_diagram
 from chamfer.diagrams.skills.connector_scenario import ResolvedConnectorScenario
 from chamfer.models.arms.wrist import tip_pose
-from chamfer.systems.primitives.primitive import Observation
 from chamfer.systems.primitives.skill import DONE, FAILED, RETRACT, Skill
-from chamfer.systems.primitives.skill_chart import SkillMemory
+from chamfer.systems.primitives.skill_machine import SkillMachine
 from chamfer.systems.statechart.chart import TransitionRecord
-from chamfer.systems.statechart.state_machine import StateMachine
 
-SkillBlock: TypeAlias = StateMachine[Observation, SkillMemory]
 Array = NDArray[np.float64]
 Traces = dict[str, Array]
 Ended = Literal["done", "failed", "running"]
@@ -61,7 +58,7 @@ class SkillResult:
 
 
 def run_skill(
-    skill: Skill | SkillBlock,
+    skill: Skill | SkillMachine,
     scenario: ResolvedConnectorScenario,
     *,
     seed: int = 0,
@@ -70,12 +67,11 @@ def run_skill(
 ) -> SkillResult:
     """Simulate a skill until it has ended, or the scenario's duration is over.
 
-    It may be a block that runs its chart. The seed is that of the sensors' noise. A controller
-    takes the place of accommodation, see
+    The seed is that of the sensors' noise. A controller takes the place of accommodation, see
     :func:`chamfer.diagrams.skills.connector_loop.make_connector_diagram`.
     """
     diagram = make_connector_diagram(scenario, skill, controller=controller)
-    machine: SkillBlock = diagram.GetSubsystemByName("skill")
+    machine: SkillMachine = diagram.GetSubsystemByName("skill")
     ends = {state.name for state in machine.chart.states if state.outcome is not None}
 
     def ended(root: Context) -> bool:

@@ -59,7 +59,7 @@ from chamfer.models.validation import (
     require_positive,
     within,
 )
-from chamfer.systems.charging.charging_chart import (
+from chamfer.systems.charging.charging_law import (
     DONE,
     MODE_OF,
     STOPPED,

@@ -33,7 +33,7 @@ from chamfer.systems.ports import require_ports
 from chamfer.systems.primitives.carriage import DivergenceGuard, PartGripper, add_gripper
 from chamfer.systems.primitives.primitive import sensed_signals
 from chamfer.systems.primitives.skill import Skill
-from chamfer.systems.primitives.skill_chart import check_forces
+from chamfer.systems.primitives.skill_law import check_forces
 from chamfer.systems.primitives.skill_machine import SkillMachine
 from chamfer.systems.sensing.force_sensor import Tare
 from chamfer.systems.strategies.grasp_and_transport import PARTS

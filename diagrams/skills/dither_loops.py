@@ -28,12 +28,12 @@ from chamfer.systems.contact.spring_constraint import (
 )
 from chamfer.systems.force.accommodation import AccommodationController
 from chamfer.systems.force.accommodation_law import AccommodationParams
-from chamfer.systems.primitives.correlator import (
+from chamfer.systems.primitives.dither_blocks import (
     Correlator,
     CorrelatorParams,
     ResolvedCorrelatorParams,
+    TrajectoryPrimitive,
 )
-from chamfer.systems.primitives.trajectory_block import TrajectoryPrimitive
 from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
 
 

@@ -152,10 +152,8 @@ class LaidNugget:
     @property
     def rotation(self) -> Array:
         """How it lies, R_WN, shape (3, 3)."""
-        about_y, about_z, turn = self.tilt, self.tilt_azimuth, self.azimuth - self.tilt_azimuth
-        (c1, s1), (c2, s2), (c, s) = (
-            (math.cos(one), math.sin(one)) for one in (about_y, about_z, turn)
-        )
+        angles = self.tilt, self.tilt_azimuth, self.azimuth - self.tilt_azimuth
+        (c1, c2, c), (s1, s2, s) = map(math.cos, angles), map(math.sin, angles)
         lean = np.array([[c2 * c1, -s2, c2 * s1], [s2 * c1, c2, s2 * s1], [-s1, 0.0, c1]])
         turned: Array = lean @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         return turned

@@ -63,10 +63,6 @@ class ChargingMachine(StateMachine[ChargingInputs, ChargingMemory]):
     Size 1 each: ``grip``, 1 to close the gripper; ``tare``, 1 while the force sensor's zero is
     taken; ``item``, index in the plan; ``finished``, 1 done, 2 stopped, 0 before; ``trouble``,
     :class:`chamfer.systems.charging.charging_params.ChargingTrouble`.
-
-    Args:
-        params: Speeds, forces, patience.
-        beliefs: Of the cell.
     """
 
     def __init__(self, params: ResolvedChargingParams, beliefs: ChargingBeliefs) -> None:

@@ -73,7 +73,7 @@ _MOST_SPEED: Final = 0.10  # m/s, towards the wall, section 1.1.2
 
 @dataclass(frozen=True, kw_only=True)
 class ChargingParams:
-    """Parameters of :class:`chamfer.systems.charging.charging_chart.ChargingMachine`."""
+    """Parameters of :class:`chamfer.systems.charging.charging_law.ChargingLaw`."""
 
     descend_speed: float = 0.15  # m/s, onto the nugget in the feeder; section 1.1.2
     lift_speed: float = 0.15  # m/s, with the nugget out of the feeder; section 1.1.2

@@ -21,10 +21,9 @@ signals only what has the dither's frequency: with
 
 over a whole cycle, t from 0 to 1, C is (pi^2 / 8) Re(F G*) / (|F| |G|), what eq. (1) gives for the
 two sines alone, and the ratio of the amplitudes is |G| / |F|. A sample stands for the time since
-the one before. So a mean of f or g adds nothing, whenever the samples come and however many are
-missing: the cycle counts time. Of N samples, white noise with the standard deviation s adds
-s sqrt(N) to |G|, against N / 2 times the amplitude, and a g that drifts by d over the cycle
-adds d N / (2 pi), all times 2 pi / N.
+the one before: a mean of f or g adds nothing, whichever samples are late or missing. White noise
+of N samples with the standard deviation s adds 2 pi s / sqrt(N) to |G|, against pi times the
+amplitude, and a g that drifts by d over the cycle adds d.
 """
 
 import cmath

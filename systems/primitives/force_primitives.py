@@ -28,6 +28,7 @@ from chamfer.systems.primitives.primitive import (
 )
 from chamfer.systems.statechart.chart import TIME_TOLERANCE
 
+_Pair = tuple[float, float]
 Direction = Literal["-x", "+x", "-y", "+y", "-z", "+z", "-rx", "+rx", "-ry", "+ry", "-rz", "+rz"]
 AxisName = Literal["x", "y", "z", "rx", "ry", "rz"]
 
@@ -178,10 +179,10 @@ class _Watched(NamedTuple):
 class Obstructed(Primitive):
     """Watches dithers by correlation, and by the companion test of their amplitude.
 
-    Both are taken at the dither's frequency alone, so that bias and noise matter little. Windows
-    count time; one in which half a cycle or more was not seen begins anew. Event: ``hindered``
-    when in the last windows of every axis C or the ratio of the amplitudes, which alone sees a
-    stop on one side, was below its threshold.
+    Both are taken at the dither's frequency alone, so that bias and noise matter little. A window
+    in which half a cycle passes unseen begins anew. Event: ``hindered`` when in the last windows
+    of every axis C or the ratio of the amplitudes, which alone sees a stop on one side, was below
+    its threshold.
     """
 
     axes: tuple[AxisName, ...] = ("x", "y")
@@ -213,27 +214,20 @@ class Obstructed(Primitive):
         if memory.skipped < _LAG:
             begun = (_Window(time),) * len(self.axes)
             return Stepped(_Watched(begun, time, memory.skipped + 1))
-        windows = tuple(
-            self._seen(window, cycle, AXIS_NAMES.index(axis), sensed, memory.last, time)
-            for window, cycle, axis in zip(memory.windows, self.cycle, self.axes, strict=True)
-        )
+        windows = []
+        for axis, cycle, window in zip(self.axes, self.cycle, memory.windows, strict=True):
+            i = AXIS_NAMES.index(axis)
+            pair = sensed.perturbed[i], sensed.motion[i]
+            windows.append(self._seen(window, cycle, pair, (memory.last, time)))
+        watched = _Watched(tuple(windows), time, memory.skipped)
         hindered = min(window.below for window in windows) >= self.windows
-        watched = _Watched(windows, time, memory.skipped)
         return Stepped(watched, STILL, "hindered" if hindered else None)
 
-    def _seen(
-        self,
-        window: _Window,
-        cycle: float,
-        index: int,
-        sensed: Observation,
-        last: float,
-        time: float,
-    ) -> _Window:
-        """Return the window with a sample, which stands for the time since the last one, s."""
+    def _seen(self, window: _Window, cycle: float, pair: _Pair, span: _Pair) -> _Window:
+        """Return the window with a sample of f and g, which stands for a time from and to, s."""
+        last, time = span
         if time - last >= cycle / 2:
             return _Window(time)
-        pair = sensed.perturbed[index], sensed.motion[index]
         before, now = (last - window.begin) / cycle, (time - window.begin) / cycle
         if time < window.begin + cycle - TIME_TOLERANCE:
             return window._replace(sums=window.sums.add(*pair, before, now))

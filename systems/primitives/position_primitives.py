@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from chamfer.models.rotation import rotation_matrix
 from chamfer.models.validation import (
@@ -166,20 +165,14 @@ class Way(Directed):
 
     def _way(self, start: Vector, now: Vector) -> float:
         x, y = self.beside
-        then, upright = _orientation(start), _orientation(now)
+        then, upright = (  # as :func:`chamfer.models.arms.wrist.tip_pose` has it
+            np.linalg.multi_dot([*map(rotation_matrix, np.diag(one[:3]))]) for one in (start, now)
+        )
         axis = then @ upright[2]  # of the plug where it began, which is Z now
         height = -(axis[0] * x + axis[1] * y) / axis[2]
         moved = [here - there for here, there in zip(now, start, strict=True)]
         moved[5] -= height
         return along(self.direction, tuple(moved))
-
-
-def _orientation(displacement: Vector) -> NDArray[np.float64]:
-    """Return that of the tip, shape (3, 3), as :func:`chamfer.models.arms.wrist.tip_pose` does."""
-    about_x, about_y, about_z = (
-        rotation_matrix(np.where(axis, displacement[:3], 0.0)) for axis in np.eye(3)
-    )
-    return about_x @ about_y @ about_z
 
 
 class _Weighed(NamedTuple):

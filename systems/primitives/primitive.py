@@ -95,10 +95,7 @@ class Primitive:
         return {}
 
     def begin(self, sensed: Observation) -> object:
-        """Return the memory at the tick at which it begins; by default nothing.
-
-        ``sensed.perturbed`` is here the skill's command before the state before ended.
-        """
+        """Return the memory at its first tick; ``perturbed`` is what was commanded until then."""
         return None
 
     def step(self, sensed: Observation, memory: Any, time: float) -> Stepped:

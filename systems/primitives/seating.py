@@ -158,10 +158,9 @@ class Seat(Directed):
 
     def _judged(self, memory: _Pushing, time: float) -> tuple[_Pushing, Event | None]:
         place, force = memory.place / memory.samples, memory.force / memory.samples
-        passed = self.window * ((time - memory.since + TIME_TOLERANCE) // self.window)
-        fresh = memory._replace(
-            since=memory.since + passed, place=0.0, force=0.0, samples=0, last=(place, force)
-        )
+        windows = (time - memory.since + TIME_TOLERANCE) // self.window
+        since = memory.since + windows * self.window
+        fresh = memory._replace(since=since, place=0.0, force=0.0, samples=0, last=(place, force))
         if memory.last is None:
             return fresh._replace(moved=place - memory.start, proof=(place, force)), None
         way, rise = place - memory.last[0], force - memory.last[1]

@@ -2,8 +2,7 @@
 
 from chamfer.systems.primitives.primitive import Observation
 from chamfer.systems.primitives.skill import Skill
-from chamfer.systems.primitives.skill_chart import SkillMemory
-from chamfer.systems.primitives.skill_law import SkillLaw
+from chamfer.systems.primitives.skill_law import SkillLaw, SkillMemory
 from chamfer.systems.statechart.state_machine import StateMachine
 
 
@@ -37,14 +36,7 @@ class SkillMachine(StateMachine[Observation, SkillMemory]):
     ``damping``, shape (6,), that of accommodation, 0 where it is its own; the others have size 1:
     ``closed`` says whether the gripper is told to be closed; ``looks`` triggers the cameras;
     ``tares`` is 1 while the force sensor takes its zero; ``retries`` is how often something was
-    tried again; ``state`` the index of the chart's state.
-
-    ``parts`` is how many parts each camera looks for; the period, s, is between two ticks.
-
-    Raises:
-        ChartError: At construction if the skill can't be run.
-        ParameterError: At construction if the period is not allowed; in a run, while the skill
-            has not ended, if ``carriage``, ``motion``, ``wrench`` or ``perturbed`` is not finite.
+    tried again; ``state`` the index of the chart's state. All else is said of the law.
     """
 
     def __init__(self, skill: Skill, *, parts: int, period: float) -> None:

@@ -45,12 +45,7 @@ class Segment(NamedTuple):
         return (*head, *self[5:])
 
 
-SEGMENT: Final = (
-    *("", ""),
-    *POSITION,
-    *POSITION,
-    *("m", "m", "m", "rad", "m/s", "rad/s", "m/s^2", "s", "m"),
-)
+SEGMENT: Final = ("", "", *POSITION * 2, *["m"] * 3, "rad", "m/s", "rad/s", "m/s^2", "s", "m")
 
 
 def segment_of(vector: tuple[float, ...]) -> Segment:

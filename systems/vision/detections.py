@@ -1,8 +1,4 @@
-"""What is seen in an image, as values and as the vectors that ports and logs hold.
-
-Where it comes from, and how, is the detectors' matter: whoever only reads it needs neither them
-nor images.
-"""
+"""What is seen in an image, as values and as the vectors that ports and logs hold."""
 
 import math
 from collections.abc import Sequence
@@ -14,15 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Edges = tuple[float, float, float, float]
 
 DETECTION_SIZE: Final = 6  # of one part
 DETECTIONS_SIZE: Final = 2 * DETECTION_SIZE  # of the peg, then of the hole part
 CROSS_SECTION_SIZE: Final = 8
 DETECTION_UNITS: Final = ("", "pixels", "pixels", "rad", "pixels", "pixels")
 CROSS_SECTION_UNITS: Final = ("", "pixels", "pixels", "rad", *("pixels",) * 4)
-
-_UNKNOWN: Final = (math.nan,) * 4
 
 
 class Status(IntEnum):
@@ -92,7 +85,7 @@ class CrossSection:
     angle: float = math.nan
     # Pixels from the centroid to the edges: along the longer axis (u where none is) ahead and
     # back, then along the axis a quarter turn further.
-    edges: Edges = _UNKNOWN
+    edges: tuple[float, float, float, float] = (math.nan,) * 4
 
     @property
     def middle(self) -> tuple[float, float]:

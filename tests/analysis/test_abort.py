@@ -11,7 +11,7 @@ from chamfer.systems.charging.charging_params import ChargingInputs, ChargingMem
 from chamfer.systems.force.contact_detection_law import Inputs as ContactInputs
 from chamfer.systems.force.contact_detection_law import Memory as ContactMemory
 from chamfer.systems.primitives.primitive import STILL, Observation
-from chamfer.systems.primitives.skill_chart import SkillMemory
+from chamfer.systems.primitives.skill_law import SkillMemory
 from chamfer.systems.servo.compensator_law import (
     AxisMemory,
     CompensatorInputs,

@@ -15,7 +15,7 @@ from chamfer.analysis.skills.connector_campaign import (
 from chamfer.systems.primitives.force_primitives import Level, Obstructed
 from chamfer.systems.primitives.position_primitives import Centre, Held
 from chamfer.systems.primitives.skill import Skill
-from chamfer.systems.primitives.skill_chart import check_timing, make_skill_chart
+from chamfer.systems.primitives.skill_law import check_timing, make_skill_chart
 
 D, BNC = resolve_campaign(D_ABLATION), resolve_campaign(BNC_ABLATION)
 PERIOD = 0.01  # s

@@ -16,7 +16,7 @@ from chamfer.diagrams.skills.dither_loops import (
 )
 from chamfer.systems.contact.spring_constraint import SpringConstraintParams
 from chamfer.systems.force.accommodation_law import AccommodationParams
-from chamfer.systems.primitives.correlator import CorrelatorParams
+from chamfer.systems.primitives.dither_blocks import CorrelatorParams
 from chamfer.systems.primitives.trajectory_primitives import Dither
 
 PERIOD = 1 / 128  # s, binary, so that the ticks' times are exact

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from chamfer.models.charging.packing import ItemKind, PlanItem, places
 from chamfer.models.charging.station import Station
-from chamfer.systems.charging.charging_chart import (
+from chamfer.systems.charging.charging_law import (
     AWAY,
     BRAKE,
     DONE,

@@ -12,7 +12,7 @@ from pydrake.systems.analysis import Simulator
 
 from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.correlation import FREE, Correlation, Phasors, correlation
-from chamfer.systems.primitives.correlator import Correlator, ResolvedCorrelatorParams
+from chamfer.systems.primitives.dither_blocks import Correlator, ResolvedCorrelatorParams
 
 Array = NDArray[np.float64]
 

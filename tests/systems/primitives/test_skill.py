@@ -22,7 +22,7 @@ from chamfer.systems.primitives.primitive import (
     Vector,
 )
 from chamfer.systems.primitives.skill import DONE, FAILED, RETRACT, Retry, Skill, SkillState
-from chamfer.systems.primitives.skill_chart import SkillChart, SkillMemory, make_skill_chart
+from chamfer.systems.primitives.skill_law import SkillChart, SkillMemory, make_skill_chart
 from chamfer.systems.primitives.skill_machine import SkillMachine
 from chamfer.systems.primitives.trajectory_primitives import MoveDx
 from chamfer.systems.statechart.chart import Snapshot, TransitionRecord

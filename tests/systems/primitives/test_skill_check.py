@@ -12,7 +12,7 @@ from chamfer.systems.primitives.force_primitives import GuardedMove, Obstructed,
 from chamfer.systems.primitives.primitive import Primitive
 from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import DONE, FAILED, RETRACT, Retry, Skill, SkillState
-from chamfer.systems.primitives.skill_chart import check_forces, check_timing, make_skill_chart
+from chamfer.systems.primitives.skill_law import check_forces, check_timing, make_skill_chart
 from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
 from chamfer.systems.statechart.chart import ChartError
 

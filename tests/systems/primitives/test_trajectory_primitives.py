@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import cumulative_simpson
 
+from chamfer.systems.primitives.dither_blocks import TrajectoryPrimitive
 from chamfer.systems.primitives.primitive import STILL, Observation
-from chamfer.systems.primitives.trajectory_block import TrajectoryPrimitive
 from chamfer.systems.primitives.trajectory_primitives import (
     Axis,
     Dither,

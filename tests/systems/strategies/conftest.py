@@ -13,7 +13,7 @@ from chamfer.systems.primitives.position_primitives import Held, Place, Way
 from chamfer.systems.primitives.primitive import STILL, Observation, Vector
 from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import Outcome, Skill, SkillState
-from chamfer.systems.primitives.skill_chart import SkillMemory, make_skill_chart
+from chamfer.systems.primitives.skill_law import SkillMemory, make_skill_chart
 from chamfer.systems.primitives.vision_primitives import VisTranslation
 from chamfer.systems.primitives.visual_servoing import Servoing, StaticCameras
 from chamfer.systems.statechart.chart import Snapshot, TransitionRecord

@@ -15,7 +15,7 @@ from chamfer.systems.primitives.position_primitives import Way
 from chamfer.systems.primitives.primitive import STILL, Primitive
 from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import DONE, FAILED, RETRACT, Retry, Skill
-from chamfer.systems.primitives.skill_chart import targets
+from chamfer.systems.primitives.skill_law import targets
 from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
 from chamfer.systems.strategies.bnc_strategy import BncConnectorSkillParams
 from chamfer.systems.strategies.d_strategy import DConnectorSkillParams
