@@ -106,13 +106,20 @@ def test_a_place_that_jumps_is_reached_without_overrunning_it() -> None:
     assert run.step(moved).tobytes() == moved.tobytes()
 
 
-def test_the_tool_slides_along_a_border_and_comes_back_from_outside() -> None:
-    run, place = Run(VELOCITY), HERE.copy()
-    for _ in range(150):
-        velocity = run.step([0, 0, 0, 0.2, 0.05, 0], pose=place.copy())
-        place[4:] += velocity[3:] * PERIOD
-    assert 0.099 < place[4] <= 0.1
-    assert velocity[4] == 0.05
+@pytest.mark.parametrize(("step", "fresh"), [(PERIOD, 1), (0.5 * TIMEOUT, 2)])
+def test_the_tool_slides_along_a_border_and_comes_back_from_outside(
+    step: float, fresh: int
+) -> None:
+    run, place, seen = Run(VELOCITY), HERE.copy(), HERE
+    for k in range(150):
+        if k % fresh == 0:
+            seen = place.copy()
+        time, measured = k * step, (k - k % fresh) * step
+        velocity = run.step([0, 0, 0, 0.2, 0.01, 0], pose=seen, time=time, measured=measured)
+        place[4:] += velocity[3:] * step
+        assert place[4] <= 0.1
+    assert place[4] > 0.099
+    assert velocity[4] == 0.01
     assert set(run.causes) == {"workspace", "acceleration"}
     run = Run(VELOCITY)
     outside = HERE + np.eye(7)[4] * 0.5
@@ -161,10 +168,26 @@ def test_it_stops(cause: str, told: dict[str, Any]) -> None:
 def test_nothing_new_is_borne_for_the_timeout_and_no_longer() -> None:
     run = Run(VELOCITY)
     for _ in range(4):
-        run.step(np.zeros(6), measured=7.0)
-    assert run.state.stop is None
+        assert run.step([0, 0, 0, 0, 0.01, 0], measured=7.0)[4] == 0.01
     run.step(np.zeros(6), measured=7.0)
     assert run.causes == ["stale"]
+
+
+def test_where_the_tool_may_not_have_gone_by_a_fast_clock_is_not_counted_on() -> None:
+    run, place = Run(VELOCITY), HERE + np.eye(7)[4] * -0.1  # at the border
+    told = {"pose": place, "measured": 1.0}
+    sent = [run.step([0, 0, 0, v, 0, 0], **told)[3] for v in (5e-3, 5e-3, -1e-3)]
+    assert sent == [5e-3, 5e-3, 0]
+
+
+def test_an_effort_stops_at_rest_in_the_time_that_is_said() -> None:
+    limits = replace(TORQUES, rest=(0.0, -1.0))
+    assert guard_of(limits).stopping_time == pytest.approx(6 / 50 + TIMEOUT)
+    run = Run(replace(TORQUES, rest=()))
+    assert run.step([10.0, 1.0]).tolist() == [10, 1]
+    sent = np.array([run.step([10.0, 1.0], abort=True) for _ in range(5)])
+    assert sent == pytest.approx(np.array([[8, 0.5], [6, 0], [4, 0], [2, 0], [0, 0]]))
+    assert run.guard.at_rest(run.state)
 
 
 @pytest.mark.parametrize(
