@@ -140,6 +140,7 @@ class Campaign:
     processors: tuple[str, ...]  # the types of processors that trials run on
     # Where they run; None: they are wanted of whoever has one, by a TrialsWantedError.
     engine: Engine | None = None
+    here: bool = False  # whether they run in this process, one after the other
     fresh: bool = False  # whether to forget what the file has
     failures: dict[bytes, Failure] = field(default_factory=dict)  # why trials failed, by key
     seconds: float = 0.0  # that the experiment took before
@@ -215,6 +216,10 @@ class Campaign:
         missing: Mapping[bytes, Task],
         progress: Progress,
     ) -> dict[bytes, bytes | Failure]:
+        if self.here:
+            each = {key: attempt(function, task).outcome for key, task in missing.items()}
+            self.failures |= {key: one for key, one in each.items() if isinstance(one, Failure)}
+            return each
         if self.engine is None:
             raise TrialsWantedError(function, tasks)
         kept = len(tasks) - len(missing)

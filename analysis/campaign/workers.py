@@ -65,30 +65,6 @@ class Engine(Protocol):
         """End all calls at once."""
 
 
-class Here:
-    """An engine that is this process: calls run at once, one after the other."""
-
-    exact = True
-
-    def __init__(self) -> None:
-        self.processors: tuple[str, ...] = (processor(),)
-
-    def capacity(self) -> int:
-        """Return how many calls run at once."""
-        return 1
-
-    def submit(
-        self, function: Callable[..., Result], *arguments: object, limit: float | None = None
-    ) -> Future[Result]:
-        """Call a function, whatever the limit, see :class:`Engine`."""
-        future: Future[Result] = Future()
-        future.set_result(function(*arguments))
-        return future
-
-    def close(self) -> None:
-        """Do nothing: no call is running."""
-
-
 def cores() -> int:
     """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):

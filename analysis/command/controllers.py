@@ -26,19 +26,13 @@ def controllers(experiment: Experiment[Any], scenario: Any) -> dict[str, list[An
     elif experiment.diagram is not None:
         loops = (experiment.diagram(scenario),)
     found: dict[str, list[AnyLaw]] = {}
-    for loop in loops:
-        for block in _blocks(loop):
-            found.setdefault(block.path, []).append(block.law)
-    return found
-
-
-def _blocks(diagram: Diagram) -> list[LawBlock[Any, Any, Any]]:
-    found = []
-    for system in diagram.GetSystems():
-        if isinstance(system, LawBlock):
-            found.append(system)
-        elif isinstance(system, Diagram):
-            found += _blocks(system)
+    within = list(loops)
+    while within:
+        for system in within.pop(0).GetSystems():
+            if isinstance(system, LawBlock):
+                found.setdefault(system.path, []).append(system.law)
+            elif isinstance(system, Diagram):
+                within.append(system)
     return found
 
 
@@ -54,7 +48,7 @@ def log_files(runs: Mapping[str, Sequence[Records]], about: Mapping[str, Any]) -
         parts = path.removeprefix(bare).split("::")
         stem = ".".join(re.sub(r"[^\w]+", "-", part).strip("-") for part in parts)
         for i, records in enumerate(each):
-            which = {**about, "controller": path, "run": str(i + 1)}
+            which = {**about, "controller": path, "run": i + 1}
             name = f"{stem}-{i + 1}" if len(each) > 1 else stem
             files[f"{LOG}/{name}.parquet"] = log_bytes(log_table(records.law, records, which))
     return files

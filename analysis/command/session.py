@@ -26,7 +26,7 @@ from chamfer.analysis.campaign.campaign import Campaign, TrialsWantedError, runn
 from chamfer.analysis.campaign.cluster import engines
 from chamfer.analysis.campaign.progress import TerminalProgress, duration
 from chamfer.analysis.campaign.trial_store import TRIALS
-from chamfer.analysis.campaign.workers import Engine, Here, LostError, StartError, cores
+from chamfer.analysis.campaign.workers import Engine, LostError, StartError, cores
 from chamfer.analysis.command.running import Job, finished, prepare, run
 from chamfer.analysis.report.atomic_write import write_text, written
 from chamfer.analysis.report.check_text import TABLE, counts, counts_text, kept, results_table
@@ -85,9 +85,7 @@ class Session:
             log = self.order.log and bool(job.entry.diagram or job.entry.loops)
             if log != self.order.log:
                 say(f"{name}: no log, it has no controllers of its own")
-            campaign = self._campaign(name, fresh=self.order.fresh or log)
-            if log:
-                campaign.engine = Here()  # laws are recorded in this process alone
+            campaign = self._campaign(name, fresh=self.order.fresh or log, here=log)
             # An experiment that prints must not spoil the JSON document.
             quiet = redirect_stdout(sys.stderr) if self.as_json else nullcontext()
             with quiet, TerminalProgress(label) as progress, closing(campaign):
@@ -125,9 +123,11 @@ class Session:
         self._write_table()
         return self._end()
 
-    def _campaign(self, name: str, *, fresh: bool) -> Campaign:
-        path, processors = self.order.out / name / TRIALS, self.trials.processors
-        return Campaign(path=path, processors=processors, engine=self.trials, fresh=fresh)
+    def _campaign(self, name: str, *, fresh: bool, here: bool = False) -> Campaign:
+        path, engine = self.order.out / name / TRIALS, self.trials
+        return Campaign(
+            path=path, processors=engine.processors, engine=engine, here=here, fresh=fresh
+        )
 
     def _side_by_side(self, headway: "_Headway") -> Generator[Ended]:
         """Yield what becomes of each experiment when it has ended."""

@@ -1,12 +1,17 @@
 """The command ``chamfer replay``: what a controller would have done with what a log saw."""
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
 from chamfer.analysis.scenario.experiment import Catalogue, select
 
 FOLDER: Final = "replay"
+_SIDES: Final = ("logged", "replayed")
+_OPEN_LOOP: Final = (
+    "open loop: what follows a difference is not what the controller would have met"
+)
 
 
 def add_replay(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentParser:
@@ -36,25 +41,49 @@ def add_replay(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
 
 def _replay(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     from chamfer.analysis.command.output_folder import require_writable
-    from chamfer.analysis.replay.replay_logs import replay_files, replay_logs, replay_text
+    from chamfer.analysis.replay.replay import replay_logs
+    from chamfer.analysis.replay.replay_figure import replay_figure, side_by_side
     from chamfer.analysis.report.atomic_write import written
-    from chamfer.analysis.report.results import RESULT, json_text, write_folder
+    from chamfer.analysis.report.results import RESULT, figure_files, json_text, write_folder
+    from chamfer.analysis.report.traces import table_bytes
 
     (entry,) = select(catalogue.entries, [arguments.name])
-    replays = replay_logs(
+    document, found = replay_logs(
         entry,
         arguments.log,
         controller=arguments.controller,
         file=arguments.scenario,
         settings=arguments.settings,
     )
-    document, files = replay_files(replays)
+    drawn = figure_files({name: replay_figure(one) for name, one in found.items()})
+    document["figures"] = list(drawn)
+    tables = {name: side_by_side(one) for name, one in found.items()}
+    files = {f"{name}.parquet": table_bytes(one, infinite=True) for name, one in tables.items()}
     require_writable(arguments.out, [entry.name])
     folder = arguments.out / entry.name / FOLDER
     with written(folder):
-        write_folder(folder, {**files, RESULT: json_text(document)})
+        folder.parent.mkdir(exist_ok=True)
+        write_folder(folder, {**files, **drawn, RESULT: json_text(document)})
+    differ = document["metrics"]["replay.mismatches"]["value"]
     if arguments.json:
         print(json_text({**document, "folder": str(folder)}), end="")
     else:
-        print("\n".join([*replay_text(document), f"figures and tables: {folder}"]))
-    return 1 if arguments.strict and document["metrics"]["replay.mismatches"]["value"] else 0
+        said = [*map(_line, document["controllers"]), *([_OPEN_LOOP] if differ else [])]
+        print("\n".join([*said, f"figures and tables: {folder}"]))
+    return 1 if arguments.strict and differ else 0
+
+
+def _line(found: Mapping[str, Any]) -> str:
+    """Return what a controller's replay found, in a line."""
+    first, said = found["first_difference"], "none differs"
+    if found["mismatches"] is None:
+        said = "no commands in the log"
+    elif first is not None:
+        logged, replayed = (f"{first[one]} {first['unit']}".rstrip() for one in _SIDES)
+        said = f"{found['mismatches']} differ, first at {first['time']:.9g} s: "
+        said += f"{first['column']} is {logged} in the log, {replayed} replayed"
+        if "logged_state" in first:
+            said += (
+                f"; state {first['logged_state']} in the log, {first['replayed_state']} replayed"
+            )
+    return f"{found['controller']} ({found['log']}): {found['steps']} steps, {said}"

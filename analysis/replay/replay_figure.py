@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from chamfer.analysis.drawing.figure_kit import BESIDE, shade, state_visits, time_axes
 from chamfer.analysis.drawing.figure_style import PUBLISHED, Style, dress, legend, new_figure
-from chamfer.analysis.replay.replay import STATE, Output, Replay
+from chamfer.analysis.replay.replay import Output, Replay
 
 _MOST: Final = 6  # outputs that are drawn, those that differ before others
 _COLOURS: Final = ("#1b4f9c", "#e07b00", "#2e7d32", "#7a0060", "#00838f", "#6d4c41")
@@ -26,7 +26,7 @@ def replay_figure(found: Replay) -> Figure:
 
     Behind them are the visits to the replayed states, and where an output differs.
     """
-    state = next((one for one in found.outputs if one.name == STATE and found.states), None)
+    state = found.state
     others = [one for one in found.outputs if one is not state]
     moving = sorted(filter(_moves, others), key=lambda one: not one.differs.any())[:_MOST]
     drawn = [one for one in others if any(one is other for other in moving)] or others[:1]
@@ -40,8 +40,8 @@ def replay_figure(found: Replay) -> Figure:
     panels = time_axes(figure, found.times, heights, visits=visits)
     for axes, one in zip(panels, drawn, strict=True):
         shade(axes, found.times, one.differs.any(axis=1), "", _DIFFERS)
-        if found.first is not None:
-            axes.axvline(found.first.time, **PUBLISHED)
+        if found.differs.any():
+            axes.axvline(found.times[np.argmax(found.differs)], **PUBLISHED)
         _draw(axes, found.times, one, visited if one is state else None)
     if state is not None:
         panels[0].set_yticks(range(len(visited)), [found.states[i] for i in visited], fontsize=7)
@@ -60,22 +60,17 @@ def _moves(one: Output) -> bool:
 
 def _visited(found: Replay, state: Output) -> list[int]:
     """Return the indices of the replayed and the logged states, in order."""
-    both = (state.replayed,) if state.logged is None else (state.replayed, state.logged)
-    indices = np.unique(np.concatenate(both))
+    indices = np.unique(np.concatenate([state.replayed, state.logged]))
     return [int(index) for index in indices if 0 <= index < len(found.states)]
 
 
 def _draw(axes: Axes, times: NDArray[np.float64], one: Output, states: list[int] | None) -> None:
     for i, replayed in enumerate(one.replayed.T):
         colour = _COLOURS[i % len(_COLOURS)]
-        for values, style in (
-            (None if one.logged is None else one.logged[:, i], _LOGGED),
-            (replayed, _REPLAYED),
-        ):
-            if values is not None:
-                rows = values if states is None else np.searchsorted(states, values)
-                label = f"[{i}]" if style is _REPLAYED and one.replayed.shape[1] > 1 else None
-                axes.plot(times, rows, color=colour, label=label, **style)
+        for values, style in ((one.logged[:, i], _LOGGED), (replayed, _REPLAYED)):
+            rows = values if states is None else np.searchsorted(states, values)
+            label = f"[{i}]" if style is _REPLAYED and one.replayed.shape[1] > 1 else None
+            axes.plot(times, rows, color=colour, label=label, **style)
     title, unit = one.name.removeprefix("command."), ", ".join(dict.fromkeys(one.units))
     dress(axes, title=title, x="", y=unit)
     if one.replayed.shape[1] > 1:
@@ -87,7 +82,7 @@ def _key(figure: Figure, found: Replay) -> None:
     if found.compared:
         lines.insert(0, Line2D([], [], color=_COLOURS[0], label="log", **_LOGGED))
     patches = []
-    if found.first is not None:
+    if found.differs.any():
         lines.append(Line2D([], [], label="first difference", **PUBLISHED))
         patches.append(Patch(label="differs", **_DIFFERS))
     figure.legend(
@@ -97,3 +92,13 @@ def _key(figure: Figure, found: Replay) -> None:
         fontsize=8,
         edgecolor="none",
     )
+
+
+def side_by_side(found: Replay) -> dict[str, NDArray[np.float64]]:
+    """Return a table of what was commanded, NaN where it is not logged, and what would be."""
+    columns = {"time": found.times}
+    for one in found.outputs:
+        for i, pair in enumerate(zip(one.logged.T, one.replayed.T, strict=True)):
+            name = f"{one.name.removeprefix('command.')}[{i}]"
+            columns |= {f"logged.{name}": pair[0], f"replayed.{name}": pair[1]}
+    return columns

@@ -17,14 +17,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.systems.law import Signal
 from chamfer.systems.recording import AnyLaw, Record, Records, signals
 
 TIME: Final = "time"
 SECOND: Final = "s"
+_SIDES: Final = ("observation.", "command.")
 
 
 def units(law: AnyLaw) -> dict[str, str]:
@@ -44,7 +43,7 @@ def log_table(
     Args:
         law: Whose inputs and outputs are the columns.
         records: Its steps in order.
-        about: What the log is of; the table's metadata.
+        about: What the log is of; the table's metadata, texts or else JSON.
     """
     kept = records if isinstance(records, Records) else Records(law, records)
     columns = [pa.array(kept.times)]
@@ -104,97 +103,85 @@ def _read_csv(path: Path) -> pa.Table:
     return pa.Table.from_arrays(table.columns, schema=pa.schema(fields))
 
 
-def about_log(table: pa.Table) -> dict[str, Any]:
-    """Return what a log says that it is of, nothing of a robot's."""
+def about_log(table: pa.Table, path: Path) -> dict[str, Any]:
+    """Return the experiment, controller, run and overrides that a log says that it is of.
+
+    Raises:
+        UserError: If they can't be.
+    """
     metadata = {
-        name.decode(): value.decode() for name, value in (table.schema.metadata or {}).items()
+        name.decode(): text.decode() for name, text in (table.schema.metadata or {}).items()
     }
-    known = {
-        name: metadata[name]
-        for name in ("experiment", "controller", "scenario_sha256")
-        if name in metadata
-    }
-    return known | {
-        name: json.loads(metadata[name]) for name in ("run", "overrides") if name in metadata
-    }
+    about: dict[str, Any] = {name: metadata.get(name) for name in ("experiment", "controller")}
+    try:
+        run, made = (json.loads(metadata.get(name, "null")) for name in ("run", "overrides"))
+        return about | {"run": int(run or 1), "overrides": [str(one) for one in made or ()]}
+    except (ValueError, TypeError) as error:
+        raise UserError(f"{path} has no run or overrides in its metadata: {error}") from error
 
 
 def log_records(law: AnyLaw, table: pa.Table, path: Path) -> Records:
-    """Return the steps of a log as what a law reads and gives; commands may be missing.
+    """Return the steps of a log as a law sees them.
+
+    Commands and optional inputs may be missing. A controller may step twice at its first time.
 
     Raises:
         UserError: If it has no rows, lacks a column, has one that is none of the law's, in another
             unit or without one, a time that does not ascend, or a number that is missing or not
             finite where it has to be; it names the column.
     """
-    expected = units(law)
+    known = units(law)
     for name in table.column_names:
-        if name.startswith(("observation.", "command.")) and name not in expected:
-            raise UserError(f"{path}: column {name} is none of {', '.join(expected)}")
+        if name.startswith(_SIDES) and name not in known:
+            raise UserError(f"{path}: column {name} is none of {', '.join(known)}")
     if not len(table):
         raise UserError(f"{path} has no rows")
-    times, _ = _column(table, TIME, SECOND, path)
-    gaps = np.diff(times)
-    # A controller may step twice before the time begins.
-    wrong = ~(gaps > 0) & ~((gaps == 0) & (np.arange(len(gaps)) == 0))
-    if not np.isfinite(times).all() or wrong.any():
-        row = int(np.argmax(wrong)) + 1 if wrong.any() else int(np.argmin(np.isfinite(times)))
+    times = _column(table, TIME, SECOND, path, required=True, finite=True)
+    gaps = np.diff(times.data)
+    back = np.flatnonzero(np.append(gaps[:1] < 0, gaps[1:] <= 0))
+    if len(back):
+        row = int(back[0]) + 1
         raise UserError(f"{path}: time is {times[row]} s in row {row + 1}, must ascend")
-    vectors = {
-        name: _vectors(table, name, signal, times, path) for name, signal in signals(law).items()
-    }
-    sides = ("observation.", "command.")
+    vectors = {}
+    for name, signal in signals(law).items():
+        required = name.startswith(_SIDES[0]) and not signal.optional
+        columns = [
+            _column(table, f"{name}[{i}]", unit, path, required=required, finite=signal.finite)
+            for i, unit in enumerate(signal.units)
+        ]
+        lacks = np.ma.getmaskarray(np.ma.column_stack(columns)).any(axis=1)
+        rows = np.column_stack([one.data for one in columns])
+        vectors[name] = [None if none else row for none, row in zip(lacks, rows, strict=True)]
     records = Records(law)
     for i, time in enumerate(times.tolist()):
         seen, given = (
-            {
-                name.removeprefix(side): None if missing[i] else values[i]
-                for name, (values, missing) in vectors.items()
-                if name.startswith(side)
-            }
-            for side in sides
+            {name.removeprefix(side): one[i] for name, one in vectors.items() if side in name}
+            for side in _SIDES
         )
         records.append(Record(time, seen, given))
     return records
 
 
-def _vectors(
-    table: pa.Table, name: str, signal: Signal, times: NDArray[np.float64], path: Path
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return a signal's vectors, and where there is none."""
-    names = [f"{name}[{i}]" for i in range(signal.size)]
-    needed = name.startswith("observation.") and not signal.optional
-    if not needed and not set(names) & set(table.column_names):
-        return np.full((len(times), signal.size), np.nan), np.ones(len(times), dtype=np.bool_)
-    columns = [_column(table, *one, path) for one in zip(names, signal.units, strict=True)]
-    missing = columns[0][1]
-    for one, (values, lacks) in zip(names, columns, strict=True):
-        bad = lacks if needed else lacks != missing
-        if signal.finite:
-            bad = bad | ~(np.isfinite(values) | lacks)
-        if bad.any():
-            row = int(np.argmax(bad))
-            found = "missing" if lacks[row] else values[row]
-            raise UserError(f"{path}: {one} is {found} at {times[row]} s, must be a number")
-    return np.column_stack([values for values, _ in columns]), missing
-
-
 def _column(
-    table: pa.Table, name: str, unit: str, path: Path
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return a column's numbers, and where they are missing."""
+    table: pa.Table, name: str, unit: str, path: Path, *, required: bool, finite: bool
+) -> Any:
+    """Return a column as a masked array."""
     if name not in table.column_names:
-        raise UserError(f"{path} has no column {name}{f', in {unit}' if unit else ''}")
-    found = (table.field(name).metadata or {}).get(b"unit", b"").decode()
-    if found != unit:
-        said = f"in {found!r}" if found else "without a unit"
-        raise UserError(
-            f"{path}: {name} is {said}, must be in {unit!r}"
-            if unit
-            else f"{path}: {name} is {said}, must be without a unit"
-        )
+        if required:
+            raise UserError(f"{path} has no column {name}{f', in {unit}' if unit else ''}")
+        return np.ma.array(np.zeros(len(table)), mask=True)
+    own = (table.field(name).metadata or {}).get(b"unit", b"").decode()
+    if own != unit:
+        found, allowed = (f"in {one}" if one else "without a unit" for one in (own, unit))
+        raise UserError(f"{path}: {name} is {found}, must be {allowed}")
     try:
         values = table[name].cast(pa.float64())
     except pa.ArrowException as error:
         raise UserError(f"{path}: {name} is {table.field(name).type}, must be numbers") from error
-    return values.to_numpy(), values.is_null().to_numpy()
+    missing, numbers = values.is_null().to_numpy(), values.to_numpy()
+    wrong = np.asarray((required & missing) | (finite & ~missing & ~np.isfinite(numbers)))
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        value = "missing" if missing[row] else numbers[row]
+        raise UserError(f"{path}: {name} is {value} in row {row + 1}, must be a number")
+    return np.ma.array(numbers, mask=missing)
