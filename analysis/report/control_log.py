@@ -149,7 +149,7 @@ def log_records(law: AnyLaw, table: pa.Table, path: Path) -> Records:
             _column(table, f"{name}[{i}]", unit, path, required=required, finite=signal.finite)
             for i, unit in enumerate(signal.units)
         ]
-        lacks = np.ma.getmaskarray(np.ma.column_stack(columns)).any(axis=1)
+        lacks = np.logical_or.reduce([np.ma.getmaskarray(one) for one in columns])
         rows = np.column_stack([one.data for one in columns])
         vectors[name] = [None if none else row for none, row in zip(lacks, rows, strict=True)]
     records = Records(law)
