@@ -54,7 +54,6 @@ class LawInC:
     """A law that can be written in C."""
 
     name: str  # of its functions and files
-    path: str  # of its block in the diagram
     law: Any
     origin: tuple[str, ...] = ()  # lines on what it is made of, for the head of each file
 
@@ -121,7 +120,7 @@ class LawInC:
             "name": self.name,
             "NAME": self.name.upper(),
             "law": self.law,
-            "params": self.law.params,
+            "params": getattr(self.law, "params", None),
             "size": next(iter(self.law.inputs.values())).size,
             "constant": self._constant,
         }
@@ -156,8 +155,8 @@ def laws_in_c(diagram: "System", origin: Sequence[str] = ()) -> list[LawInC]:
         path = template_of(block.law)
         if path is not None:
             name = unique(path.name.removesuffix("_law.c.jinja"), taken, "_")
-            where = block.GetSystemPathname().strip(":")
-            found.append(LawInC(name, where, block.law, (*origin, f"Block: {where}")))
+            where = f"Block: {block.GetSystemPathname().strip(':')}"
+            found.append(LawInC(name, block.law, (*origin, where)))
     return found
 
 
@@ -171,8 +170,11 @@ def blocks(system: "System") -> "Iterator[LawBlock[Any, Any, Any]]":
 
 def template_of(law: Any) -> Path | None:
     """Return the template in C that stands beside a law, None if there is none."""
-    path = Path(inspect.getfile(type(law))).with_suffix(".c.jinja")
-    return path if isinstance(law, HeldLaw) and path.exists() else None
+    file = getattr(inspect.getmodule(type(law)), "__file__", None)
+    if file is None or not isinstance(law, HeldLaw):
+        return None
+    path = Path(file).with_suffix(".c.jinja")
+    return path if path.exists() else None
 
 
 def in_c(value: Any) -> str:

@@ -86,7 +86,7 @@ def bits(vectors: Iterable[Iterable[float]]) -> bytes:
 )
 def test_a_law_in_c_answers_to_the_last_bit(name: str, steps: int, tmp_path: Path) -> None:
     law = LAWS[name]
-    for file, text in LawInC("some", "", law, ("tricky: */ /* ??/ \\",)).files().items():
+    for file, text in LawInC("some", law, ("tricky: */ /* ??/ \\",)).files().items():
         tmp_path.joinpath(file).write_text(text)
     command = [str(COMPILER), *STRICT.split(), *LIBRARY.split()]
     subprocess.run(command, cwd=tmp_path, check=True)

@@ -28,7 +28,7 @@ from chamfer.systems.vision.measured_error import seen
 SCENARIO = resolve(STEP)
 PERIOD = SCENARIO.fsm.period
 AXIS = fsm_axis(SCENARIO, "position")
-LAW = LawInC("compensator", "fsm", CompensatorLaw(CompensatorParams(axes=(AXIS,), period=PERIOD)))
+LAW = LawInC("compensator", CompensatorLaw(CompensatorParams(axes=(AXIS,), period=PERIOD)))
 ERROR, VALID, DESIRED, COMPENSATION = 0, 1, 2, 3  # references
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="there is no C compiler")
