@@ -21,7 +21,6 @@ from chamfer.analysis.insertion.insertion_runs import jamming_loads, median, ons
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.scenario.experiment import Metric, Progress, Table, column
 from chamfer.diagrams.insertion.insertion import (
-    TASK,
     ResolvedInsertionScenario,
     make_insertion_diagram,
     task_params,
@@ -31,6 +30,7 @@ from chamfer.models.peg_theory.fed_insertion import FeedVerdict, predict_feed
 from chamfer.models.peg_theory.wedging import jamming_level
 from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, ContactState
 from chamfer.systems.statechart.chart import Chart, TransitionRecord
+from chamfer.systems.strategies.insertion_controller import TASK
 from chamfer.systems.strategies.insertion_law import STOPPED, WORDS, make_insertion_chart
 from chamfer.systems.strategies.insertion_task import InsertionTask
 

@@ -172,17 +172,23 @@ def export_alignment(
     compensation: OutputPort,
 ) -> None:
     """Export what shows an alignment, and let the watch stop the motions."""
+    for motion in motions.values():
+        if motion.stop is not None:
+            builder.Connect(watch.GetOutputPort("stop"), motion.stop)
+    export_cell(builder, cell, error)
+    builder.ExportOutput(watch.GetOutputPort("diverged"), "diverged")
+    builder.ExportOutput(compensation, "compensation")
+
+
+def export_cell(builder: DiagramBuilder, cell: WorkCell, error: CellError) -> None:
+    """Export what arms and cameras do and measure."""
     for arm in ARMS:
         builder.ExportOutput(cell.true_poses[arm], f"{arm}.true_pose")
         builder.ExportOutput(cell.tool_poses[arm], f"{arm}.tool_pose")
         for name in ("encoders", "saturated") if arm in cell.arms else ():
             builder.ExportOutput(getattr(cell.arms[arm], name), f"{arm}.{name}")
-        if (stop := motions[arm].stop) is not None:
-            builder.Connect(watch.GetOutputPort("stop"), stop)
     for name in ("error", "valid", "age", "blind"):
         builder.ExportOutput(error.GetOutputPort(name), name)
-    builder.ExportOutput(watch.GetOutputPort("diverged"), "diverged")
-    builder.ExportOutput(compensation, "compensation")
 
 
 def _add_motion(
@@ -230,12 +236,18 @@ def add_controller(
         sizes = {"error": len(AXES), "valid": 1}
         require_ports("controller", own, inputs=sizes, outputs={"compensation": len(AXES)})
         return builder.AddNamedSystem("own controller", own)
+    params = compensation_params(scenario)
+    if isinstance(params, CompensatorParams):
+        return builder.AddNamedSystem("trajectory compensator", TrajectoryCompensator(params))
+    return builder.AddNamedSystem("PID", SampledPid(params))
+
+
+def compensation_params(scenario: AlignmentScenario) -> CompensatorParams | SampledPidParams:
+    """Return the parameters of what makes compensation of the measured error."""
     period = scenario.cameras.frames.period
     if scenario.controller.kind == "fsm":
-        fsm = CompensatorParams(axes=scenario.compensator.axes, period=period)
-        return builder.AddNamedSystem("trajectory compensator", TrajectoryCompensator(fsm))
-    pid = SampledPidParams(axes=scenario.pid.axes, period=period)
-    return builder.AddNamedSystem("PID", SampledPid(pid))
+        return CompensatorParams(axes=scenario.compensator.axes, period=period)
+    return SampledPidParams(axes=scenario.pid.axes, period=period)
 
 
 def add_command(

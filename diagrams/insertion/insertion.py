@@ -10,12 +10,16 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, Syste
 from pydrake.systems.primitives import Adder
 
 from chamfer.diagrams.cell.alignment import (
+    SHARES,
     DesiredMotion,
     add_command,
     add_controller,
     add_divergence_watch,
     add_sight,
+    compensation_params,
+    divergence_params,
     export_alignment,
+    export_cell,
     start_poses,
 )
 from chamfer.diagrams.cell.alignment import resolve_as as resolve_alignment_as
@@ -39,9 +43,17 @@ from chamfer.models.peg.bore_contact import (
 from chamfer.models.peg.peg_and_hole import SEATED, ColouredParts, Peg
 from chamfer.models.peg.support import OpenSupport, Support
 from chamfer.models.validation import ParameterError, require_positive
+from chamfer.systems.contact.peg_hole_contact_monitor import PegHoleContactMonitor
 from chamfer.systems.force.desired_pose import FeedOffset
 from chamfer.systems.force.impedance_controller import SpringForce
+from chamfer.systems.force.tool_pose import StraightMotion
+from chamfer.systems.pose import pose_vector
 from chamfer.systems.servo.measurement_selector import MeasurementSelector
+from chamfer.systems.strategies.insertion_controller import (
+    TASK,
+    InsertionController,
+    InsertionControllerParams,
+)
 from chamfer.systems.strategies.insertion_decision import DecisionParams, InsertionRegion
 from chamfer.systems.strategies.insertion_law import (
     InsertionTaskParams,
@@ -49,7 +61,7 @@ from chamfer.systems.strategies.insertion_law import (
     ResolvedInsertParams,
 )
 from chamfer.systems.strategies.insertion_task import InsertionTask
-from chamfer.systems.vision.cell_error import AXES
+from chamfer.systems.vision.cell_error import AXES, CellError
 
 FEED_SPEED: Final = 0.02  # m/s, of the feed; assumed
 _IN: Final = 0.9  # of the peg's length, that goes in at most
@@ -158,9 +170,6 @@ def resolve_as(kind: type[ResolvedT], scenario: InsertionScenario) -> ResolvedT:
     return resolved
 
 
-TASK = "insertion task"
-
-
 def region_of(scenario: ResolvedInsertionScenario) -> InsertionRegion:
     """Return the errors with which the peg finds its hole and does not wedge, as is believed."""
     return _region(scenario.parts, scenario.wedging_support)
@@ -209,20 +218,10 @@ def make_insertion_diagram(
             that :func:`chamfer.diagrams.cell.alignment.make_alignment_diagram` names.
         arm_controllers: Of each arm likewise in the place of its impedance law.
     """
-    params, there = task_params(scenario), scenario.there
+    params = task_params(scenario)
     builder = DiagramBuilder()
     connect = builder.Connect
-    cell, contact = add_cell_in_contact(
-        builder,
-        scenario,
-        there.parts,
-        seated_depth=SEATED * params.target,
-        material=scenario.contact,
-        start=start_poses(scenario),
-        add_parts=partial(add_part_shapes, there),
-        controllers=arm_controllers,
-    )
-    motions, error = add_sight(builder, scenario, cell, there.parts)
+    cell, contact, motions, error = _add_cell(builder, scenario, arm_controllers)
     gate = builder.AddNamedSystem(
         "measurement selector",
         MeasurementSelector(len(AXES), period=scenario.cameras.frames.period),
@@ -259,6 +258,102 @@ def make_insertion_diagram(
     diagram = builder.Build()
     diagram.set_name("Insertion by sight")
     return diagram
+
+
+def _add_cell(
+    builder: DiagramBuilder,
+    scenario: ResolvedInsertionScenario,
+    arm_controllers: Mapping[ArmName, System] | None = None,
+) -> tuple[WorkCell, PegHoleContactMonitor, dict[ArmName, DesiredMotion], CellError]:
+    """Add what there is of the cell, and what is measured."""
+    there = scenario.there
+    cell, contact = add_cell_in_contact(
+        builder,
+        scenario,
+        there.parts,
+        seated_depth=SEATED * task_params(scenario).target,
+        material=scenario.contact,
+        start=start_poses(scenario),
+        add_parts=partial(add_part_shapes, there),
+        controllers=arm_controllers,
+    )
+    return cell, contact, *add_sight(builder, scenario, cell, there.parts)
+
+
+def controller_of(scenario: ResolvedInsertionScenario) -> InsertionController:
+    """Return all of the diagram's controllers but the arms' own as one law, the same to the bit.
+
+    It needs no Drake, and runs beside a robot as well.
+    """
+    shares = SHARES[scenario.compensated]
+    motion = None
+    if scenario.moves:
+        start = start_poses(scenario)["peg"].translation()
+        end = scenario.nominal_pose("peg").translation()
+        motion = StraightMotion(start, end, scenario.motion_time)
+    return InsertionController(
+        InsertionControllerParams(
+            task=task_params(scenario),
+            watch=divergence_params(scenario),
+            compensator=compensation_params(scenario),
+            stiffness=scenario.impedance.stiffness,
+            R_WH=scenario.hole_axes.matrix(),
+            peg_pose=pose_vector(scenario.nominal_pose("peg")),
+            hole_pose=pose_vector(scenario.nominal_pose("hole")),
+            motion=motion,
+            initial_error=scenario.initial_error,
+            peg_share=shares["peg"],
+            hole_share=shares["hole"] if "hole" in scenario.arms else None,
+            **{f"{arm}_joints": getattr(scenario, arm).arm.num_joints for arm in ARMS},
+        )
+    )
+
+
+def make_insertion_robot(scenario: ResolvedInsertionScenario, controller: System) -> Diagram:
+    """Return the diagram with one block for all that :func:`controller_of` has.
+
+    Its outputs are those of :func:`make_insertion_diagram`.
+
+    Args:
+        scenario: Resolved.
+        controller: Has the ports of :class:`InsertionController`; it may be the robot's end of a
+            connection.
+    """
+    builder = DiagramBuilder()
+    connect = builder.Connect
+    # First, so that at each instant it hears of what was before any other block has drawn images.
+    builder.AddNamedSystem("controller", controller)
+    cell, contact, motions, error = _add_cell(builder, scenario)
+    for name in ("error", "valid", "blind"):
+        connect(error.GetOutputPort(name), controller.GetInputPort(name))
+    for arm, ports in cell.arms.items():
+        connect(ports.tool_pose, controller.GetInputPort(f"{arm}_tool_pose"))
+        connect(ports.saturated, controller.GetInputPort(f"{arm}_saturated"))
+        connect(controller.GetOutputPort(f"{arm}_pose"), ports.desired_pose)
+    connect(controller.GetOutputPort("peg_velocity"), cell.arms["peg"].desired_velocity)
+    export_cell(builder, cell, error)
+    for arm in ARMS:
+        builder.ExportOutput(motions[arm].pose, f"{arm}.desired_pose")
+    for name, port in _SAID.items():
+        builder.ExportOutput(controller.GetOutputPort(port), name)
+    export_contact(builder, contact)
+    diagram = builder.Build()
+    diagram.set_name("Insertion by sight, by a robot")
+    return diagram
+
+
+_SAID: Final = {
+    "peg.command": "peg_command",
+    "hole.command": "hole_pose",
+    "measured": "errors",
+    **{
+        name: name
+        for name in (
+            *("compensation", "diverged", "feed", "attempts", "sensed_force", "sensed_depth"),
+            *("trouble", "state"),
+        )
+    },
+}
 
 
 def _add_advance(

@@ -28,7 +28,6 @@ from chamfer.diagrams.insertion.blind_feed import (
 )
 from chamfer.diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
 from chamfer.diagrams.insertion.insertion import (
-    TASK,
     InsertionScenario,
     make_insertion_diagram,
     resolve,
@@ -44,6 +43,7 @@ from chamfer.models.peg.peg_and_hole import ColouredParts, PegAndHole
 from chamfer.models.peg.support import OpenSupport
 from chamfer.systems.contact.peg_hole_contact_monitor import ContactState
 from chamfer.systems.pose import pose_vector
+from chamfer.systems.strategies.insertion_controller import TASK
 from chamfer.systems.strategies.insertion_law import InsertParams
 
 FIXTURE = replace(HOLE_ARM, kind="fixture")

@@ -1,0 +1,216 @@
+"""All that an insertion has between cameras, encoders and arms, as one law."""
+
+import math
+from collections import namedtuple
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chamfer.systems.force.tool_pose import (
+    POSE,
+    StraightMotion,
+    advance_of,
+    advanced,
+    compensate,
+    feed_velocity,
+    share_of_compensation,
+    spring_force,
+)
+from chamfer.systems.law import HeldLaw, Signal, vectors
+from chamfer.systems.recording import AnyLaw, Record
+from chamfer.systems.servo.compensator_law import CompensatorLaw, CompensatorParams
+from chamfer.systems.servo.divergence_law import DivergenceLaw, DivergenceParams, DivergenceState
+from chamfer.systems.servo.pid_law import PidLaw, SampledPidParams
+from chamfer.systems.servo.selector_law import SelectorLaw
+from chamfer.systems.statechart.chart_law import ChartState
+from chamfer.systems.strategies.insertion_law import (
+    InsertionLaw,
+    InsertionMemory,
+    InsertionTaskParams,
+)
+
+Array = NDArray[np.float64]
+
+SELECTOR, WATCH, TASK = "measurement selector", "divergence watch", "insertion task"
+
+
+@dataclass(frozen=True, kw_only=True)
+class InsertionControllerParams:
+    """Parameters of :class:`InsertionController`; poses are quaternion and position, m, (7,)."""
+
+    task: InsertionTaskParams
+    watch: DivergenceParams
+    compensator: CompensatorParams | SampledPidParams
+    stiffness: tuple[float, float, float]  # N/m, of the peg's arm along its command's axes
+    R_WH: Array  # axes of the errors, x into the hole
+    peg_pose: Array  # that the peg should have at the gap
+    hole_pose: Array  # that the hole should have, or has, on a fixture
+    motion: StraightMotion | None = None  # of the peg to the gap; None: it is there
+    initial_error: tuple[float, ...] = (0.0,) * 6  # m and rad, of the peg's commanded pose
+    peg_share: float = 0.5  # of the compensation
+    hole_share: float | None = -0.5  # None: the hole is on a fixture
+    peg_joints: int = 7
+    hole_joints: int = 7
+
+
+class ControllerState(NamedTuple):
+    """What one step hands to the next."""
+
+    watch: DivergenceState
+    compensator: Any
+    task: ChartState[InsertionMemory]
+    stopped: float = math.inf  # s, when the desired motion was
+    time: float = 0.0  # s, of the step
+
+
+class ControllerObservation(NamedTuple):
+    """What cameras and encoders measure."""
+
+    error: Array  # pixels and rad
+    valid: Array
+    blind: Array
+    peg_tool_pose: Array
+    hole_tool_pose: Array | None  # None: on a fixture
+    peg_saturated: Array
+    hole_saturated: Array | None
+
+
+class InsertionController(HeldLaw[ControllerState, ControllerObservation, Any]):
+    """The compensation by sight and the task's chart, and what they make the arms do.
+
+    It reads what :func:`chamfer.diagrams.insertion.insertion.make_insertion_diagram` measures by
+    cameras and encoders, and gives ``peg_pose`` and ``hole_pose``, (7,), quaternion w, x, y, z and
+    position, m, and ``peg_velocity``, (6,), rad/s and m/s, at which the peg's pose goes on until
+    the next step; the hole's does not. The rest says how it goes: ``peg_command``, the pose
+    before the feed, ``compensation``, m and rad, ``diverged``, and what the task says.
+    """
+
+    def __init__(self, params: InsertionControllerParams) -> None:
+        self.params = params
+        self.period = period = params.task.period
+        joints = {"peg_joints": params.peg_joints, "hole_joints": params.hole_joints}
+        self.task = InsertionLaw(params.task, **joints)
+        self.selector, self.watch = SelectorLaw(6, period=period), DivergenceLaw(params.watch)
+        self.compensator: HeldLaw[Any, Any, Any]
+        if isinstance(params.compensator, SampledPidParams):
+            self.compensation, self.compensator = "PID", PidLaw(params.compensator)
+        else:
+            self.compensation = "trajectory compensator"
+            self.compensator = CompensatorLaw(params.compensator)
+        seen, told, pose = self.task.inputs, self.task.outputs, POSE._replace(finite=True)
+        self.inputs = {
+            **{name: seen[name] for name in ("error", "valid", "blind")},
+            "peg_tool_pose": pose,
+            "hole_tool_pose": pose._replace(optional=True),
+            **{name: seen[name] for name in ("peg_saturated", "hole_saturated")},
+        }
+        self.outputs = {
+            "peg_pose": POSE,
+            "peg_velocity": Signal(6, ("rad/s",) * 3 + ("m/s",) * 3),
+            "hole_pose": POSE,
+            "peg_command": POSE,
+            "compensation": seen["compensation"],
+            "diverged": Signal(),
+            **{name: signal for name, signal in told.items() if name != "compensates"},
+        }
+        self._command: Any = namedtuple("Command", self.outputs)  # type: ignore[misc]
+        self._shares = {
+            name: share_of_compensation(share, params.R_WH)
+            for name, share in (("peg", params.peg_share), ("hole", params.hole_share))
+            if share is not None
+        }
+        self._error = None
+        if any(params.initial_error):
+            self._error = share_of_compensation(1.0, params.R_WH) @ np.array(params.initial_error)
+
+    @property
+    def laws(self) -> dict[str, AnyLaw]:
+        """The laws in it, by the names of their blocks in the diagram."""
+        return {
+            SELECTOR: self.selector,
+            WATCH: self.watch,
+            self.compensation: self.compensator,
+            TASK: self.task,
+        }
+
+    def start(self) -> ControllerState:
+        """Return the state before the first step."""
+        return ControllerState(self.watch.start(), self.compensator.start(), self.task.start())
+
+    def observe(
+        self, values: Mapping[str, Sequence[float] | Array | None]
+    ) -> ControllerObservation:
+        """Return what is measured, of vectors by name."""
+        return ControllerObservation(*vectors(self.inputs, values))  # type: ignore[arg-type]
+
+    def update(
+        self, state: ControllerState, observation: ControllerObservation, time: float
+    ) -> ControllerState:
+        """Return the state after a step."""
+        return self.steps(state, observation, time)[0]
+
+    def steps(
+        self, state: ControllerState, seen: ControllerObservation, time: float
+    ) -> tuple[ControllerState, dict[str, Record]]:
+        """Return the state after a step, and what each of the laws saw and answered in it.
+
+        All step at once: each sees what the others held before.
+        """
+        records: dict[str, Record] = {}
+
+        def step(name: str, before: Any, values: Mapping[str, Any]) -> tuple[Any, Any]:
+            law = self.laws[name]
+            after, command = law.step(before, law.observe(values), time)
+            records[name] = Record(time, values, command._asdict())
+            return after, command
+
+        held = self.command(state._replace(time=time))
+        opened = self.task.command(state.task).compensates
+        measured = {"error": seen.error, "valid": seen.valid}
+        _, through = step(SELECTOR, None, {**measured, "open": opened})
+        watch, told = step(WATCH, state.watch, {**through._asdict(), "blind": seen.blind})
+        compensated = {"error": through.error, "valid": told.valid}
+        compensator, _ = step(self.compensation, state.compensator, compensated)
+        hole = self.params.hole_pose if seen.hole_tool_pose is None else seen.hole_tool_pose
+        springs = np.array(self.params.stiffness)
+        of_task = {
+            **measured,
+            "blind": seen.blind,
+            "diverged": told.diverged,
+            "compensation": held.compensation,
+            "force": spring_force(springs, held.peg_pose, seen.peg_tool_pose, hole),
+            "advance": [advance_of(seen.peg_tool_pose, hole)],
+            "peg_saturated": seen.peg_saturated,
+            "hole_saturated": seen.hole_saturated,
+        }
+        task, _ = step(TASK, state.task, of_task)
+        stopped = min(state.stopped, time) if told.stop[0] >= 0.5 else state.stopped
+        return ControllerState(watch, compensator, task, stopped, time), records
+
+    def command(self, state: ControllerState) -> Any:
+        """Return what is commanded at the time of a state, a named tuple."""
+        params, told = self.params, self.task.command(state.task)._asdict()
+        compensation = np.array(self.compensator.command(state.compensator).compensation)
+        pose, hole, velocity = params.peg_pose, params.hole_pose, np.zeros(6)
+        if params.motion is not None:
+            position, velocity[3:] = params.motion.at(state.time, state.stopped)
+            pose = np.concatenate([pose[:4], position])
+        if self._error is not None:
+            pose = compensate(pose, self._error)
+        pose = compensate(pose, self._shares["peg"] @ compensation)
+        if "hole" in self._shares:
+            hole = compensate(hole, self._shares["hole"] @ compensation)
+        feed = np.array(told["feed"])
+        del told["compensates"]
+        return self._command(
+            peg_pose=advanced(pose, hole, feed, state.time),
+            peg_velocity=velocity + feed_velocity(hole, feed),
+            hole_pose=hole,
+            peg_command=pose,
+            compensation=compensation,
+            diverged=state.watch.diverged,
+            **told,
+        )
