@@ -21,6 +21,7 @@ from chamfer.analysis.command.fields_command import add_fields
 from chamfer.analysis.command.standard_streams import OutputError, discard_output, prepare_streams
 from chamfer.analysis.command.view_command import add_view
 from chamfer.analysis.design.design_command import add_design
+from chamfer.analysis.drive.drive_command import add_drive
 from chamfer.analysis.export.export_command import add_export
 from chamfer.analysis.replay.replay_command import add_replay
 from chamfer.analysis.report.console import plain_warnings, say
@@ -147,6 +148,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     run.set_defaults(command=_run)
     sweep, design, compare = add_sweep(commands), add_design(commands), add_compare(commands)
+    drive = add_drive(commands)
 
     reproduce = commands.add_parser(
         "reproduce",
@@ -177,11 +179,12 @@ def _parser() -> argparse.ArgumentParser:
     export, view = add_export(commands), add_view(commands)
     track, calibrate = add_track(commands), add_calibrate(commands)
     replay = add_replay(commands)
-    for command in (run, sweep, design, diagram, export, view, track, replay):
+    for command in (run, sweep, design, drive, diagram, export, view, track, replay):
         _add_scenario(command)
-    for command in (run, sweep, design, reproduce, diagram, export, track, calibrate, replay):
+    results = (run, sweep, design, drive, reproduce, track, calibrate, replay)
+    for command in (*results, diagram, export):
         _add_out(command)
-    for command in (run, sweep, design, reproduce, view):
+    for command in (run, sweep, design, drive, reproduce, view):
         _add_seed(command)
     for command in (run, sweep, design, reproduce):
         _add_trials(command)
@@ -192,8 +195,7 @@ def _parser() -> argparse.ArgumentParser:
             help="end with status 1 if a specification is broken: a limit of the task, of an arm "
             "or of parts",
         )
-    told = (listing, fields, run, sweep, design, compare, reproduce, track, calibrate, replay)
-    for command in told:
+    for command in (*results, listing, fields, compare):
         _add_json(command)
     return parser
 

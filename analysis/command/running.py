@@ -69,6 +69,8 @@ class Job:
     overrides: tuple[str, ...]  # path=value, the fewest that make it from the default scenario
     scenario: Any  # resolved
     paper: Paper
+    command: str = "run"  # that runs it
+    options: tuple[str, ...] = ()  # of that command, but for --log
 
     @property
     def published(self) -> list[Published]:
@@ -172,6 +174,7 @@ def run(
         TrialsWantedError: If there are trials to run that the campaign can't.
     """
     experiment, scenario = job.experiment, job.scenario
+    options = job.options or (("--log",) if log else ())
     with named_failures(job.entry.name, job.overrides), running(campaign):
         started = time.perf_counter()
         with recorded() if log else nullcontext() as recorder:
@@ -199,9 +202,7 @@ def run(
         ],
         "simulated_seconds": outcome.simulated_seconds,
         "wall_seconds": round(wall_seconds, 4),
-        "command": command_text(
-            "run", job.entry.name, job.overrides, *(["--log"] if log else []), seed=seed
-        ),
+        "command": command_text(job.command, job.entry.name, job.overrides, *options, seed=seed),
         "figures": list(drawn := figure_files(figures)),
         "drawings": [name for name in drawings if name.endswith(".svg")],
     }

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -29,7 +29,7 @@ from chamfer.models.peg.peg_and_hole import SEATED, PegAndHole
 from chamfer.models.peg_theory.fed_insertion import FeedVerdict, predict_feed
 from chamfer.models.peg_theory.wedging import jamming_level
 from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, ContactState
-from chamfer.systems.statechart.chart import Chart, TransitionRecord
+from chamfer.systems.statechart.chart import Chart, Snapshot, TransitionRecord
 from chamfer.systems.strategies.insertion_controller import TASK
 from chamfer.systems.strategies.insertion_law import STOPPED, WORDS, make_insertion_chart
 from chamfer.systems.strategies.insertion_task import InsertionTask
@@ -103,25 +103,15 @@ def run_cell_insertion(
     *,
     until_advance: bool = False,
 ) -> CellInsertion:
-    """Simulate a resolved scenario until its task has ended, or until the peg first advances.
-
-    Columns beside those of :func:`chamfer.analysis.cell.alignment_runs.alignment_traces`: of the
-    true contact ``contact_state``, ``depth`` m, ``loss`` W, in the mouth's frame the force of the
-    hole on the peg ``force_x``, ``force_y``, ``force_z``, N, and its moment about the mouth,
-    ``moment_x``, ... N m, ``normal_<feature>`` N; of the task ``task_state``, ``attempts``,
-    ``trouble``, ``feed`` m, ``sensed_depth`` m, ``sensed_x``, ... N, and of its last decision
-    ``measured_lateral`` m, ``measured_rotational`` rad and their uncertainties.
-    """
+    """Simulate a resolved scenario until its task has ended, or until the peg first advances."""
     diagram = make_insertion_diagram(scenario)
     task: InsertionTask = diagram.GetSubsystemByName(TASK)
 
     def ended(root: Context) -> bool:
-        context = task.GetMyContextFromRoot(root)
-        state, entered_at, *_ = task.snapshot(context)
-        since = context.get_time() - entered_at
-        if until_advance and state == "insert":
-            return bool(since >= scenario.insert.pause)
-        return task.chart.state(state).outcome is not None and bool(since > _AFTER)
+        snapshot, now = task.snapshot(task.GetMyContextFromRoot(root)), root.get_time()
+        if until_advance and snapshot.state == "insert":
+            return bool(now - snapshot.entered_at >= scenario.insert.pause)
+        return is_over(task.chart, snapshot, now)
 
     started = time.process_time()
     run = simulate(
@@ -133,8 +123,34 @@ def run_cell_insertion(
         ended=ended,
     )
     cpu = time.process_time() - started
-    outputs = run.outputs
-    traces = alignment_traces(scenario, run.time, outputs)
+    assert run.final is not None
+    path = task.transitions(task.GetMyContextFromRoot(run.final))
+    return cell_insertion(scenario, run.time, run.outputs, task.chart, path, cpu)
+
+
+def is_over(chart: Chart[Any, Any], snapshot: Snapshot[Any], now: float) -> bool:
+    """Return whether the chart has ended, and what it left moving too; the time is in s."""
+    return chart.state(snapshot.state).outcome is not None and now - snapshot.entered_at > _AFTER
+
+
+def cell_insertion(
+    scenario: ResolvedInsertionScenario,
+    moments: Array,
+    outputs: Mapping[str, Array],
+    chart: Chart[Any, Any],
+    path: tuple[TransitionRecord, ...],
+    cpu_seconds: float,
+) -> CellInsertion:
+    """Return a run of its outputs, a row a time, s.
+
+    Columns beside those of :func:`chamfer.analysis.cell.alignment_runs.alignment_traces`: of the
+    true contact ``contact_state``, ``depth`` m, ``loss`` W, in the mouth's frame the force of the
+    hole on the peg ``force_x``, ``force_y``, ``force_z``, N, and its moment about the mouth,
+    ``moment_x``, ... N m, ``normal_<feature>`` N; of the task ``task_state``, ``attempts``,
+    ``trouble``, ``feed`` m, ``sensed_depth`` m, ``sensed_x``, ... N, and of its last decision
+    ``measured_lateral`` m, ``measured_rotational`` rad and their uncertainties.
+    """
+    traces = alignment_traces(scenario, moments, outputs)
     for name in ("state", "depth", "loss"):
         traces["contact_state" if name == "state" else name] = outputs[f"contact.{name}"]
     for i, axis in enumerate("xyz"):
@@ -153,9 +169,7 @@ def run_cell_insertion(
     for i, name in enumerate(("lateral", "rotational")):
         traces[f"measured_{name}"] = outputs["measured"][:, i]
         traces[f"measured_{name}_uncertainty"] = outputs["measured"][:, 2 + i]
-    assert run.final is not None
-    context = task.GetMyContextFromRoot(run.final)
-    return CellInsertion(traces, task.transitions(context), task.chart.state_names, cpu)
+    return CellInsertion(traces, path, chart.state_names, cpu_seconds)
 
 
 def force_medians(traces: Table, step: float) -> tuple[Array, Array]:

@@ -88,7 +88,11 @@ def run(scenario: ResolvedInsertionScenario, seed: int, progress: Progress) -> O
         # The task ends long before its time is up: the time is what tells.
         progress(fraction, doing or f"{fraction * scenario.duration:.0f} s of the task")
 
-    done = run_cell_insertion(scenario, seed, told)
+    return outcome_of(scenario, run_cell_insertion(scenario, seed, told), seed)
+
+
+def outcome_of(scenario: ResolvedInsertionScenario, done: CellInsertion, seed: int) -> Outcome:
+    """Return what a run measured; the seed is that of its pictures."""
     time, touch = done.traces["time"], touch_row(done)
     last, before = len(time) - 1, row_before(time, scenario.begin)
     moments = {"before": before, "touch": last if touch is None else touch, "end": last}

@@ -38,6 +38,7 @@ def simulate(
     seed: int = 0,
     progress: Progress | None = None,
     ended: Callable[[Context], bool] | None = None,
+    rate: float = 0.0,
 ) -> Run:
     """Simulate a system from its default state and log its vector outputs.
 
@@ -52,6 +53,7 @@ def simulate(
         progress: Told how far the run is.
         ended: Asked, with the root's context, between log entries whether the run is over before
             its duration is.
+        rate: How many seconds are simulated in one at most; 0: as many as can be.
 
     Raises:
         ParameterError: If the run would be too long to be stored, or an output is not finite,
@@ -68,7 +70,7 @@ def simulate(
         if progress is not None:
             progress(1.0)
     else:
-        time, rows, final = _step(system, ports, duration, step, seed, progress, ended)
+        time, rows, final = _step(system, ports, duration, step, seed, progress, ended, rate)
     outputs = {}
     first = 0
     for port in ports:
@@ -101,6 +103,7 @@ def _step(
     seed: int,
     progress: Progress | None,
     ended: Callable[[Context], bool] | None,
+    rate: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], Context]:
     builder = DiagramBuilder()
     builder.AddSystem(system)
@@ -112,6 +115,7 @@ def _step(
     context = root.CreateDefaultContext()
     root.SetRandomContext(context, RandomGenerator(seed))
     simulator = Simulator(root, context)
+    simulator.set_target_realtime_rate(rate)
     simulator.Initialize()
     count = _SLICES if ended is None else max(1, math.ceil(duration / (_LOOKS * step)))
     for i in range(count):

@@ -63,6 +63,7 @@ from chamfer.systems.strategies.insertion_law import (
 from chamfer.systems.strategies.insertion_task import InsertionTask
 from chamfer.systems.vision.cell_error import AXES, CellError
 
+INSERTION: Final = "Insertion by sight"  # the diagram's name
 FEED_SPEED: Final = 0.02  # m/s, of the feed; assumed
 _IN: Final = 0.9  # of the peg's length, that goes in at most
 
@@ -256,7 +257,7 @@ def make_insertion_diagram(
         builder.ExportOutput(task.GetOutputPort(name), name)
     export_contact(builder, contact)
     diagram = builder.Build()
-    diagram.set_name("Insertion by sight")
+    diagram.set_name(INSERTION)
     return diagram
 
 

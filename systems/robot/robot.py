@@ -1,5 +1,6 @@
 """Runs a law on a robot, at a fixed rate, with a guard around what is commanded."""
 
+import gc
 import signal
 import time as clocks
 from collections.abc import Callable, Iterator, Mapping
@@ -90,7 +91,7 @@ def run_controller(
             raise ParameterError(f"limits of {name}", limits, f"those of {sizes}")
     state, guarded, observation = law.start(), guard.start(), None
     late, interventions, tick, missed = list[float](), list[Intervention](), 0, 0
-    with _stopped_at_the_end(robot):
+    with _stopped_at_the_end(robot), _nothing_to_collect():
         start = clock()
         while True:
             if (wait := start + tick * period - clock()) > _ROUNDING:
@@ -124,6 +125,17 @@ def run_controller(
         stopped=guarded.stop,
         state=state,
     )
+
+
+@contextmanager
+def _nothing_to_collect() -> Iterator[None]:
+    """Keep what there is out of Python's garbage collection, which would pause ticks by 0.3 s."""
+    gc.collect()
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
 
 
 @contextmanager

@@ -190,6 +190,14 @@ class InsertionController(HeldLaw[ControllerState, ControllerObservation, Any]):
         stopped = min(state.stopped, time) if told.stop[0] >= 0.5 else state.stopped
         return ControllerState(watch, compensator, task, stopped, time), records
 
+    def abort(
+        self, state: ControllerState, observation: ControllerObservation, time: float
+    ) -> ControllerState:
+        """Return the state after a step that aborts the task."""
+        after, records = self.steps(state, observation, time)
+        seen = self.task.observe(records[TASK].observation)
+        return after._replace(task=self.task.abort(state.task, seen, time))
+
     def command(self, state: ControllerState) -> Any:
         """Return what is commanded at the time of a state, a named tuple."""
         params, told = self.params, self.task.command(state.task)._asdict()

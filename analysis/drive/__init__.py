@@ -1,0 +1,1 @@
+"""A controller in its own process drives a robot."""

@@ -1,0 +1,178 @@
+"""An insertion whose controller runs in this process, and whose robot in another one."""
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+
+from chamfer.analysis.campaign.trial_metrics import metrics_of
+from chamfer.analysis.cell.alignment_runs import row_before
+from chamfer.analysis.insertion.cell_runs import (
+    CellInsertion,
+    cell_insertion,
+    force_medians,
+    is_over,
+)
+from chamfer.analysis.insertion.insertion import outcome_of
+from chamfer.analysis.report.check_text import number
+from chamfer.analysis.scenario.errors import ExperimentError
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
+from chamfer.analysis.scenario.scenario_io import unstructure
+from chamfer.diagrams.insertion.insertion import (
+    INSERTION,
+    ResolvedInsertionScenario,
+    controller_of,
+)
+from chamfer.systems.recording import Record, Records, active
+from chamfer.systems.robot.command_guard import CommandGuard, CommandGuardParams, Intervention
+from chamfer.systems.robot.command_limits import PoseLimits, VelocityLimits
+from chamfer.systems.robot.link import LinkError, process
+from chamfer.systems.robot.robot import run_controller
+from chamfer.systems.robot.simulated_robot import SimulatedRobot
+from chamfer.systems.strategies.insertion_controller import ControllerState, InsertionController
+
+_ROBOT: Final = "chamfer.analysis.drive.simulated_insertion"  # the module of its process
+_WAITS: Final = 0.5  # of a period, for which the robot waits for an answer
+_PERIODS: Final = 4  # that the robot goes on without a command, and the controller without news
+_SPEED: Final = 0.05  # m/s, of a tool along an axis; assumed, more if it is fed faster
+_TURN: Final = 0.5  # rad/s, likewise about it; assumed
+_MARGIN: Final = 0.05  # m, of the workspace around where the peg is to go; assumed
+
+
+def guard_params(scenario: ResolvedInsertionScenario) -> CommandGuardParams:
+    """Return what may be commanded: poses around the hole, at no more than twice the feed."""
+    period, speed = scenario.cameras.frames.period, max(_SPEED, 2 * scenario.insert.speed)
+    # Within a period a tool may begin or end to move: compensations are steps.
+    motion: dict[str, Any] = {
+        "speed": (*(_TURN,) * 3, *(speed,) * 3),
+        "acceleration": (*(_TURN / period,) * 3, *(speed / period,) * 3),
+    }
+    mouth, offset = np.array(scenario.mouth), math.hypot(*scenario.start_offset)
+    reach = scenario.gap + scenario.insert.feed + offset + _MARGIN
+    room: dict[str, Any] = {"low": tuple(mouth - reach), "high": tuple(mouth + reach)}
+    return CommandGuardParams(
+        period=period,
+        timeout=_PERIODS * period,
+        limits={
+            **dict.fromkeys(controller_of(scenario).outputs),
+            "peg_velocity": VelocityLimits(**motion),
+            **{
+                f"{arm}_pose": PoseLimits(**motion, **room, measured=f"{arm}_pose")
+                for arm in scenario.arms
+            },
+        },
+    )
+
+
+def drive(
+    scenario: ResolvedInsertionScenario, seed: int, progress: Progress, *, rate: float | None
+) -> Outcome:
+    """Insert the peg once, by a robot in another process.
+
+    What the controllers saw and answered is recorded as in a diagram, if anything records.
+
+    Args:
+        scenario: Resolved.
+        seed: Of all randomness of the robot.
+        progress: Told how far it is.
+        rate: Seconds that the robot simulates in one; None: it steps when it is told to.
+
+    Raises:
+        ExperimentError: If the robot ends or does not answer, or the guard stops it.
+    """
+    law, guard = controller_of(scenario), CommandGuard(guard_params(scenario))
+    records = list[Record]()
+    order = {
+        "scenario": unstructure(scenario),
+        "seed": seed,
+        "rate": rate,
+        "waits": None if rate is None else _WAITS * law.period / rate,
+        "timeout": guard.params.timeout,
+    }
+
+    def until(state: ControllerState, now: float) -> bool:
+        task = state.task.snapshot
+        progress(now / scenario.duration, f"{now:.0f} s of the task, {task.state}")
+        return is_over(law.task.chart, task, now) or now >= scenario.duration - law.period
+
+    progress(0.0, "the robot starts")
+    try:
+        with process(_ROBOT, order) as link:
+            robot = SimulatedRobot(link, period=law.period)
+            ways: dict[str, Any] = {"clock": robot.clock, "sleep": robot.sleep}
+            began = time.monotonic()
+            report = run_controller(robot, law, guard, until=until, log=records.append, **ways)
+            seconds = time.monotonic() - began
+            truth = robot.log()
+    except LinkError as error:
+        raise ExperimentError(f"the simulated robot {error}") from error
+    if report.stopped is not None:
+        raise ExperimentError(f"the robot was stopped: {_text(report.stopped)}")
+    _record(law, records)
+    path, moments = report.state.task.log, truth.pop("time")
+    done = cell_insertion(scenario, moments, truth, law.task.chart, path, seconds)
+    outcome = outcome_of(scenario, done, seed)
+    changed = "; ".join(map(_text, report.interventions))
+    late = np.array(robot.answers)
+    missed = int(np.sum(late > (math.inf if rate is None else order["waits"])))
+    pace = "it steps when it is told to" if rate is None else f"{rate:g} at most"
+    answered = "of real time, from a measurement until it is answered"
+    driven = metrics_of(
+        {
+            "force.seating": (_seating(scenario, done), "N", "of the contact as the feed ends"),
+            "real_time_factor": (robot.pace, "", f"of the robot, {pace}"),
+            "lateness.median": (float(np.median(late)), "s", answered),
+            "lateness.p99": (float(np.percentile(late, 99)), "s", answered),
+            "lateness.largest": (float(late.max()), "s", answered),
+            "ticks": (float(report.ticks), ""),
+            "ticks.missed": (float(missed), "", "answered too late for the robot's period"),
+            "interventions": (float(len(report.interventions)), "", changed),
+        }
+    )
+    return replace(outcome, metrics=_answered({**outcome.metrics, **driven}, rate))
+
+
+def _seating(scenario: ResolvedInsertionScenario, done: CellInsertion) -> float | None:
+    """Return the force of the contact when the last feed ended, N."""
+    if (ended := done.entered("check")) is None:
+        return None
+    row = row_before(done.traces["time"], ended)
+    return math.hypot(*(one[row] for one in force_medians(done.traces, scenario.step)))
+
+
+def _answered(metrics: dict[str, Metric], rate: float | None) -> dict[str, Metric]:
+    """Return the metrics with what the run comes to."""
+    said = {name: number(metric.value) for name, metric in metrics.items()}
+    median, p99, largest = (
+        f"{1e3 * (metrics[f'lateness.{name}'].value or 0):.1f}"
+        for name in ("median", "p99", "largest")
+    )
+    text = (
+        f"{metrics['seated.said'].note}: largest force {said['force.contact']} N, at the end of "
+        f"the feed {said['force.seating']} N. The controller answered {said['ticks']} "
+        f"measurements within {median} ms (median), {p99} ms (99 %) and {largest} ms (largest), "
+        f"{said['ticks.missed']} too late for the robot, which ran at "
+        f"{said['real_time_factor']} of real time. The guard changed "
+        f"{said['interventions']} commands."
+    )
+    return {**metrics, "answer": Metric(value=metrics["seated.said"].value, unit="", note=text)}
+
+
+def _record(law: InsertionController, records: Sequence[Record]) -> None:
+    """Give what each law saw and answered to whoever records, under its block's path."""
+    if (recorder := active()) is None:
+        return
+    state, kept = law.start(), {name: Records(one) for name, one in law.laws.items()}
+    for record in records:
+        state, each = law.steps(state, law.observe(record.observation), record.time)
+        for name, one in each.items():
+            kept[name].append(one)
+    recorder.runs |= {f"{INSERTION}::{name}": [each] for name, each in kept.items()}
+
+
+def _text(one: Intervention) -> str:
+    of = f" of {one.name}" if one.name else ""
+    return f"{one.cause}{of}, {one.value:.4g}, allowed {one.limit:.4g}, at {one.time:.4g} s"

@@ -1,0 +1,90 @@
+"""The insertion's controller as one law: what the diagram's blocks answer, and it, to the bit."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from pydrake.common import RandomGenerator
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from chamfer.diagrams.cell.alignment_scenario import ControllerChoice
+from chamfer.diagrams.cell.work_cell import HOLE_ARM
+from chamfer.diagrams.insertion.insertion import (
+    InsertionScenario,
+    controller_of,
+    make_insertion_diagram,
+    resolve,
+)
+from chamfer.models.validation import ParameterError
+from chamfer.systems.law_block import LawBlock
+from chamfer.systems.recording import Records, recorded
+from chamfer.systems.strategies.insertion_law import InsertParams
+
+QUICK = InsertionScenario(
+    begin=0.2,
+    gap=0.01,
+    initial_error=(0.0, 0.001, -0.001, 0.0, 0.01, -0.01),
+    insert=InsertParams(depth=0.015, speed=0.06, rest=0.05),
+)
+MOVES = replace(QUICK, start_offset=(-0.01, 0.0, 0.0), motion_time=0.3)
+SCENARIOS = {
+    "two arms": QUICK,
+    "pid": replace(QUICK, controller=ControllerChoice(kind="pid")),
+    "fixture, moves": replace(MOVES, hole=replace(HOLE_ARM, kind="fixture")),
+}
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_over_an_insertion_it_answers_what_the_diagrams_blocks_do(name: str) -> None:
+    scenario = resolve(SCENARIOS[name])
+    law, cell = controller_of(scenario), make_insertion_diagram(scenario)
+    builder = DiagramBuilder()
+    builder.AddNamedSystem("cell", cell)
+    beside = builder.AddNamedSystem("beside", LawBlock(law))
+    seen = {one: one for one in ("error", "valid", "blind")} | {
+        f"{arm}_{one}": f"{arm}.{one}"
+        for arm in scenario.arms
+        for one in ("tool_pose", "saturated")
+    }
+    for port, measured in seen.items():
+        builder.Connect(cell.GetOutputPort(measured), beside.GetInputPort(port))
+    root = builder.Build()
+    simulator = Simulator(root)
+    context = simulator.get_mutable_context()
+    root.SetRandomContext(context, RandomGenerator(0))
+    arm = cell.GetSubsystemByName("peg impedance control")
+    told: Any = {one: arm.GetInputPort(f"desired_{one}") for one in ("pose", "velocity")}
+    with recorded() as recorder:
+        for k in range(96):
+            simulator.AdvanceTo(0.0125 * k + 0.002 * (k % 5))
+            state = beside.state(beside.GetMyContextFromRoot(context))
+            now = law.command(state._replace(time=context.get_time()))
+            for one, port in told.items():
+                commanded = port.Eval(arm.GetMyContextFromRoot(context))
+                np.testing.assert_array_equal(getattr(now, f"peg_{one}"), commanded)
+    runs = {path.rpartition("::")[2]: records for path, (records,) in recorder.runs.items()}
+    state, kept = law.start(), {one: Records(part) for one, part in law.laws.items()}
+    vectors = {one: (rows, lacks) for one, rows, lacks in runs["beside"].vectors()}
+    for i, time in enumerate(runs["beside"].times.tolist()):
+        values = {}
+        for one in law.inputs:
+            rows, lacks = vectors[f"observation.{one}"]
+            values[one] = None if lacks[i] else rows[i]
+        state, each = law.steps(state, law.observe(values), time)
+        for one, record in each.items():
+            kept[one].append(record)
+    assert state.task.snapshot.state == "seated"
+    for one, records in kept.items():
+        pairs = zip(records.vectors(), runs[one].vectors(), strict=True)
+        for (signal, mine, _), (_, theirs, _) in pairs:
+            np.testing.assert_array_equal(mine, theirs, err_msg=f"{one}: {signal}")
+
+
+def test_a_pose_that_is_not_finite_is_refused_before_anything_moves() -> None:
+    law = controller_of(resolve(QUICK))
+    pose = [1.0, 0, 0, 0, 0, 0, 0]
+    values = {"error": [0.0] * 6, "valid": [1.0], "blind": [0.0], "peg_saturated": [0.0] * 7}
+    with pytest.raises(ParameterError, match=r"peg_tool_pose is .*nan.*, allowed: finite"):
+        law.observe({**values, "peg_tool_pose": [*pose[:6], float("nan")]})
