@@ -36,7 +36,7 @@ class SkillMachine(StateMachine[Observation, SkillMemory]):
     ``damping``, shape (6,), that of accommodation, 0 where it is its own; the others have size 1:
     ``closed`` says whether the gripper is told to be closed; ``looks`` triggers the cameras;
     ``tares`` is 1 while the force sensor takes its zero; ``retries`` is how often something was
-    tried again; ``state`` the index of the chart's state. All else is said of the law.
+    tried again; ``state`` the index of the chart's state. Errors are those of the law.
     """
 
     def __init__(self, skill: Skill, *, parts: int, period: float) -> None:
