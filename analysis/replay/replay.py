@@ -63,23 +63,31 @@ class Replay(NamedTuple):
         one = next(one for one in self.outputs if one.differs[row].any())
         i = int(np.argmax(one.differs[row]))
         first = {
-            "time": self.times[row],
+            "time": float(self.times[row]),
             "column": f"{one.name}[{i}]",
             "unit": one.units[i],
-            "logged": one.logged[row, i],
-            "replayed": one.replayed[row, i],
-        }
-        for which in ("logged", "replayed") if self.state is not None else ():
-            index = getattr(self.state, which)[row, 0]
-            known = 0 <= index < len(self.states)
-            first[f"{which}_state"] = self.states[int(index)] if known else None
-        plain = {
-            name: one.item() if isinstance(one, np.generic) else one for name, one in first.items()
+            "logged": float(one.logged[row, i]),
+            "replayed": float(one.replayed[row, i]),
         }
         return {
             **document,
             "mismatches": int(self.differs.sum()),
-            "first_difference": unstructure(plain),
+            "first_difference": unstructure(first),
+            "states_differ": self._states_differ(),
+        }
+
+    def _states_differ(self) -> dict[str, Any] | None:
+        """Return when a chart is first in another state than in the log, and in which ones."""
+        if self.state is None or not self.state.differs.any():
+            return None
+        row = int(np.argmax(self.state.differs))
+        both = {"logged": self.state.logged, "replayed": self.state.replayed}
+        return {
+            "time": float(self.times[row]),
+            **{
+                which: self.states[int(index)] if 0 <= index < len(self.states) else None
+                for which, index in ((name, one[row, 0]) for name, one in both.items())
+            },
         }
 
 

@@ -82,8 +82,7 @@ def _line(found: Mapping[str, Any]) -> str:
         logged, replayed = (f"{first[one]} {first['unit']}".rstrip() for one in _SIDES)
         said = f"{found['mismatches']} differ, first at {first['time']:.9g} s: "
         said += f"{first['column']} is {logged} in the log, {replayed} replayed"
-        if "logged_state" in first:
-            said += (
-                f"; state {first['logged_state']} in the log, {first['replayed_state']} replayed"
-            )
+        if states := found["states_differ"]:
+            said += f"; states differ from {states['time']:.9g} s: {states['logged']} in the log, "
+            said += f"{states['replayed']} replayed"
     return f"{found['controller']} ({found['log']}): {found['steps']} steps, {said}"

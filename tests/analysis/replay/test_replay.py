@@ -57,7 +57,8 @@ def test_another_threshold_says_when_it_first_differs_and_in_which_states(
     assert 0 < one["mismatches"] < 160
     assert found["metrics"]["replay.mismatches"]["value"] == one["mismatches"]
     first = one["first_difference"]
-    assert (first["logged_state"], first["replayed_state"]) == ("modify_compensation", "aligned")
+    states = {"logged": "modify_compensation", "replayed": "aligned"}
+    assert one["states_differ"] == {"time": first["time"], **states}
     assert first["time"] == found["metrics"]["replay.first_difference"]["value"]
     table = pd.read_parquet(tmp_path / "step-response" / "replay" / f"{FSM}.parquet")
     row = table[table["logged.state[0]"] != table["replayed.state[0]"]].iloc[0]
