@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 _ROUNDING: Final = 1e-9  # relative, of times
 _UNIT: Final = 0.01  # by which the length of a quaternion may differ from 1
+_MOST: Final = 1e9  # in any unit: what is more was not meant
 
 
 class Reading(NamedTuple):
@@ -97,9 +98,11 @@ class CommandGuard:
     def __init__(self, params: CommandGuardParams) -> None:
         self.params = params
         self._limits = {name: one for name, one in params.limits.items() if one is not None}
-        self._needed = {one.measured: one.reads for one in self._limits.values() if one.measured}
+        self._needed: list[tuple[str, int, Limits | None]] = [
+            (one.measured, one.reads, one) for one in self._limits.values() if one.measured
+        ]
         if params.wrench is not None:
-            self._needed[params.wrench.measured] = 6
+            self._needed.append((params.wrench.measured, 6, None))
 
     @property
     def stopping_time(self) -> float:
@@ -133,11 +136,11 @@ class CommandGuard:
             return Intervention(time, "late", "", time - state.time, timeout)
         if not reading.time > state.measured and not time - state.fresh <= longest:
             return Intervention(time, "stale", "", time - state.fresh, timeout)
-        for name, size in self._needed.items():
-            if (value := reading.values.get(name)) is None or value.size < size:
-                return Intervention(time, "input", name, 0 if value is None else value.size, size)
+        for name, size, limits in self._needed:
+            if fault := _fault(reading.values.get(name), size, limits):
+                return Intervention(time, "input", name, *fault)
         for name, value in reading.values.items():
-            if value is None or (name in self.params.unchecked and name not in self._needed):
+            if value is None or name in self.params.unchecked:
                 continue
             if not (finite := np.isfinite(value)).all():
                 return Intervention(time, "input", name, float(value[~finite][0]), math.inf)
@@ -203,14 +206,21 @@ class CommandGuard:
     def _not_meant(self, asked: Mapping[str, Array | None], time: float) -> Intervention | None:
         for name, limits in self.params.limits.items():
             value = asked[name]
-            if value is None:
-                return Intervention(time, "command", name, math.nan, math.inf)
-            if limits is not None and value.shape != (limits.size,):
-                return Intervention(time, "command", name, value.size, limits.size)
-            if not (finite := np.isfinite(value)).all():
-                return Intervention(time, "command", name, float(value[~finite][0]), math.inf)
-            if isinstance(limits, PoseLimits):
-                length = float(np.linalg.norm(value[:4]))
-                if abs(length - 1) > _UNIT:
-                    return Intervention(time, "command", name, length, 1.0)
+            size = limits.size if limits is not None else 0
+            if limits is not None and value is not None and value.shape != (size,):
+                return Intervention(time, "command", name, value.size, size)
+            if fault := _fault(value, size, limits):
+                return Intervention(time, "command", name, *fault)
         return None
+
+
+def _fault(value: Array | None, size: int, limits: Limits | None) -> tuple[float, float] | None:
+    """Return what of a vector can't be, and what would be allowed; None if it may be."""
+    if value is None or value.size < size:
+        return 0 if value is None else value.size, size
+    if not (meant := np.abs(value) <= _MOST).all():
+        return float(value[~meant][0]), _MOST
+    if isinstance(limits, PoseLimits):
+        length = float(np.linalg.norm(value[:4]))
+        return (length, 1.0) if abs(length - 1) > _UNIT else None
+    return None

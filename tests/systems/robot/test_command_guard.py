@@ -144,6 +144,7 @@ def test_the_tool_slides_along_a_border_and_comes_back_from_outside(
         ("command", {"asked": None}),
         ("command", {"asked": [0, 0, 0, 0.05, math.nan, 0]}),
         ("command", {"asked": [0.0] * 5}),
+        ("command", {"asked": [0, 0, 0, 0, 0, 1e300]}),
     ],
 )
 def test_it_stops(cause: str, told: dict[str, Any]) -> None:
@@ -163,6 +164,14 @@ def test_it_stops(cause: str, told: dict[str, Any]) -> None:
     assert not run.step(asked, time=3.0).any()  # until it is reset
     run.state = run.guard.reset(run.state)
     assert run.step(asked, time=4.0)[4] == pytest.approx(0.01)
+
+
+def test_a_pose_that_is_none_stops() -> None:
+    for told in ({"asked": 2 * HERE}, {"asked": HERE, "pose": np.zeros(7)}):
+        run = Run(POSE)
+        run.step(HERE)
+        assert run.step(**told).tolist() == HERE.tolist()  # type: ignore[arg-type]
+        assert run.causes == [("command", "input")["pose" in told]]
 
 
 def test_nothing_new_is_borne_for_the_timeout_and_no_longer() -> None:
