@@ -29,12 +29,8 @@ class Intervention(NamedTuple):
     """Where the guard changed a command, or why it stops.
 
     Causes of a change are ``velocity``, ``workspace``, ``acceleration`` and ``behind`` (a place
-    got away before, and is caught up with), with the velocity that was asked for and the one that
-    is sent, and ``effort`` and ``rate``, with the effort.
-    Causes of a stop are ``abort``, ``time`` (the clock does not go on), ``late`` (the step came
-    too late), ``stale`` (nothing new was measured for too long), ``input`` (missing or not
-    finite), ``torque`` and ``force`` (measured), and ``command`` (missing, of another size, not
-    finite, or no pose).
+    got away before), of which value and limit are velocities, and ``effort`` and ``rate``, of
+    which they are efforts. Any other is the cause of a stop.
     """
 
     time: float  # s
@@ -45,18 +41,6 @@ class Intervention(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class WrenchLimits:
-    """What the measured wrench may be; a robot that feels more is stopped."""
-
-    torque: float  # N m
-    force: float  # N
-    measured: str = "wrench"  # input, shape (6,), N m above N
-
-    def __post_init__(self) -> None:
-        require_positive(self, "torque", "force")
-
-
-@dataclass(frozen=True, kw_only=True)
 class CommandGuardParams:
     """Parameters of :class:`CommandGuard`."""
 
@@ -64,7 +48,9 @@ class CommandGuardParams:
     timeout: float  # s, longest without anything new, and between two steps
     limits: Mapping[str, Limits | None]
     # of each command that goes to the robot; None: it goes as it is, and is held in a stop
-    wrench: WrenchLimits | None = None  # None: is not looked at
+    torque: float = math.inf  # N m, of the measured wrench; what feels more is stopped
+    force: float = math.inf  # N, likewise
+    wrench: str = "wrench"  # input, shape (6,), N m above N, where torque or force is limited
     unchecked: tuple[str, ...] = ()  # inputs that may be not finite, such as a camera's errors
 
     def __post_init__(self) -> None:
@@ -73,6 +59,9 @@ class CommandGuardParams:
             raise ParameterError("timeout", self.timeout, f"at least the period, {self.period:g}")
         if not any(self.limits.values()):
             raise ParameterError("limits", dict(self.limits), "limits of at least one command")
+        for name in ("torque", "force"):
+            if not getattr(self, name) > 0:
+                raise ParameterError(name, getattr(self, name), "a number > 0, infinity for none")
 
 
 class GuardState(NamedTuple):
@@ -101,8 +90,8 @@ class CommandGuard:
         self._needed: list[tuple[str, int, Limits | None]] = [
             (one.measured, one.reads, one) for one in self._limits.values() if one.measured
         ]
-        if params.wrench is not None:
-            self._needed.append((params.wrench.measured, 6, None))
+        if min(params.torque, params.force) < math.inf:
+            self._needed.append((params.wrench, 6, None))
 
     @property
     def stopping_time(self) -> float:
@@ -144,12 +133,12 @@ class CommandGuard:
                 continue
             if not (finite := np.isfinite(value)).all():
                 return Intervention(time, "input", name, float(value[~finite][0]), math.inf)
-        if (most := self.params.wrench) is not None:
-            wrench = reading.values[most.measured]
-            for name, part in (("torque", wrench[:3]), ("force", wrench[3:])):  # type: ignore[index]
-                load, limit = float(np.linalg.norm(part)), getattr(most, name)
-                if load > limit:
-                    return Intervention(time, name, most.measured, load, limit)
+        params, wrench = self.params, reading.values.get(self.params.wrench)
+        if wrench is not None:
+            for cause, part in (("torque", wrench[:3]), ("force", wrench[3:])):
+                load, most = float(np.linalg.norm(part)), getattr(params, cause)
+                if load > most:
+                    return Intervention(time, cause, params.wrench, load, most)
         return None
 
     def step(
@@ -163,12 +152,8 @@ class CommandGuard:
     ) -> tuple[GuardState, Mapping[str, Array], tuple[Intervention, ...]]:
         """Return the state after a step, what may be sent, and why that is not what was asked.
 
-        Args:
-            state: The state before.
-            reading: What the robot measured last.
-            command: What the law answers, by name; None: nothing.
-            time: Time, s.
-            abort: Whether somebody wants it to stop.
+        The ``command`` is the law's answer by name, or None. What is sent lacks a place as long
+        as it is not known from where it starts.
         """
         params, fresh = self.params, reading.time > state.measured
         given = command or {}
@@ -205,8 +190,7 @@ class CommandGuard:
 
     def _not_meant(self, asked: Mapping[str, Array | None], time: float) -> Intervention | None:
         for name, limits in self.params.limits.items():
-            value = asked[name]
-            size = limits.size if limits is not None else 0
+            value, size = asked[name], 0 if limits is None else limits.size
             if limits is not None and value is not None and value.shape != (size,):
                 return Intervention(time, "command", name, value.size, size)
             if fault := _fault(value, size, limits):

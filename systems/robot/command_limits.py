@@ -83,11 +83,8 @@ class VelocityLimits:
     ) -> tuple[Moving, list[Held]]:
         """Return what is sent, and to what it was held.
 
-        Args:
-            moving: What was before.
-            asked: The command; None: come to rest.
-            seen: The input that is ``measured``; None: there is nothing new.
-            times: Of the step.
+        What is ``asked`` is None to come to rest, what is ``seen``, the input that is measured,
+        where nothing is new.
         """
         last = np.zeros(self.size) if moving.velocity is None else moving.velocity
         place = moving.place
@@ -261,14 +258,7 @@ def _held(wanted: Array, ranges: Ranges) -> tuple[Array, list[Held]]:
 
 def _product(p: Array, q: Array) -> Array:
     """Return the product of two quaternions, of length 1."""
-    (a, b, c, d), (w, x, y, z) = p.tolist(), q.tolist()
-    product = np.array(
-        [
-            a * w - b * x - c * y - d * z,
-            a * x + b * w + c * z - d * y,
-            a * y - b * z + c * w + d * x,
-            a * z + b * y - c * x + d * w,
-        ]
-    )
+    a, b, c, d = p.tolist()
+    product = np.array([[a, -b, -c, -d], [b, a, -d, c], [c, d, a, -b], [d, -c, b, a]]) @ q
     unit: Array = product / np.linalg.norm(product)
     return unit

@@ -28,10 +28,9 @@ _READ: Final = {  # by the name in the message; torques there have the sign agai
 class Iiwa:
     """An iiwa behind ``IIWA_STATUS`` and ``IIWA_COMMAND``.
 
-    What it reads has the names of :obj:`lcmt_iiwa_status`, shape (7,) each, torques with the sign
-    of actuators. It takes ``joint_position``, ``joint_torque``, which is added to the weight that
-    the arm carries itself, or both, as the application on its cabinet has it. A driver in torque
-    mode holds the arm after 50 ms without a command; one in position mode stays where it was told.
+    What it reads has the names of the status, shape (7,) each, torques with the sign of
+    actuators. It takes ``joint_position``, ``joint_torque``, which is added to the weight that the
+    arm carries itself, or both, as the application on its cabinet has it.
     """
 
     def __init__(self, lcm: DrakeLcmInterface, *, period: float = 0.005, prefix: str = "IIWA"):

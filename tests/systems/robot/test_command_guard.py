@@ -14,12 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.robot.command_guard import (
-    CommandGuard,
-    CommandGuardParams,
-    Reading,
-    WrenchLimits,
-)
+from chamfer.systems.robot.command_guard import CommandGuard, CommandGuardParams, Reading
 from chamfer.systems.robot.command_limits import (
     EffortLimits,
     Limits,
@@ -57,7 +52,8 @@ def guard_of(limits: Limits) -> CommandGuard:
             period=PERIOD,
             timeout=TIMEOUT,
             limits={"command": limits},
-            wrench=WrenchLimits(torque=2.0, force=20.0),
+            torque=2.0,
+            force=20.0,
             unchecked=("error",),
         )
     )
