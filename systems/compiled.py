@@ -3,12 +3,11 @@
 import hashlib
 import re
 from collections.abc import Callable
-from functools import cache
+from functools import cache, cached_property, update_wrapper
 from pathlib import Path
-from typing import Final, TypeVar, cast
+from typing import Any, Final, TypeVar, cast
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -18,21 +17,48 @@ _ROOT: Final = Path(__file__).parents[1]
 _FROM: Final = re.compile(r"^from ([\w.]+) import", re.MULTILINE)
 
 
+class _Compiled:
+    """A function that is compiled once it is called, or compiled into another one.
+
+    Numba takes a quarter of a second to import, which nothing that only holds a law has to wait
+    for.
+    """
+
+    def __init__(self, function: Callable[..., object]) -> None:
+        self._function = function
+        update_wrapper(self, function)
+
+    def __call__(self, *arguments: object) -> object:
+        return self._dispatcher(*arguments)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return getattr(self._dispatcher, name)  # also _numba_type_, what it is in another one
+
+    @cached_property
+    def _dispatcher(self) -> Any:
+        from numba import njit
+
+        function = self._function
+        name = function.__qualname__
+        function.__qualname__ = f"{name}{_stamp(Path(function.__code__.co_filename))}"
+        try:
+            return njit(cache=True)(function)
+        except RuntimeError:
+            return njit(function)
+        finally:
+            function.__qualname__ = name
+
+
 def compiled(function: Function) -> Function:
-    """Compile a function, and keep the result on disk where that can be written.
+    """Compile a function when it is first called, and keep the result where that can be written.
 
     What the function takes from other files, called functions, constants and types, is compiled
     into it, so these files are part of the name under which it is kept; so is its own, for Numba
     reads what it kept, with types that may be gone, before it looks whether that is still valid.
     """
-    name = function.__qualname__
-    function.__qualname__ = f"{name}{_stamp(Path(function.__code__.co_filename))}"
-    try:
-        return cast(Function, njit(cache=True)(function))
-    except RuntimeError:
-        return cast(Function, njit(function))
-    finally:
-        function.__qualname__ = name
+    return cast(Function, _Compiled(function))
 
 
 def _stamp(own: Path) -> str:
