@@ -126,7 +126,7 @@ def path_links(scenario: ResolvedDesignScenario) -> list[Link]:
     for one in path:
         settings: CellArmSettings = getattr(scenario, one.arm)
         push = scenario.insert.push * one.lever
-        shares = (np.abs(one.weight) + np.abs(push)) / impedance.limits(settings.arm)
+        shares = (np.abs(one.weight) + np.abs(push)) / impedance.limits(settings.arm.torque_limits)
         worst = int(np.argmax(shares))
         held.append((float(shares[worst]), settings.arm.joint_names[worst], where(one)))
     share, joint, place = max(held)

@@ -29,7 +29,7 @@ from chamfer.models.validation import (
     require_same,
 )
 from chamfer.systems.force.arm_model import Vector3
-from chamfer.systems.force.impedance_controller import ImpedanceControllerParams
+from chamfer.systems.force.impedance_law import ImpedanceControllerParams
 from chamfer.systems.force.tool_pose import compensate
 from chamfer.systems.pose import pose_from_vector, pose_vector
 from chamfer.systems.servo.compensator_law import AxisParams, OpenAxisParams

@@ -41,7 +41,7 @@ from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.plants.linear_response import free_response
 from chamfer.models.validation import ParameterError, within
 from chamfer.systems.cameras.camera_image import FrameGrabberParams
-from chamfer.systems.force.impedance_controller import ImpedanceController
+from chamfer.systems.force.impedance_controller import make_impedance_law
 from chamfer.systems.force.tool_pose import compensate
 from chamfer.systems.pose import pose_vector
 from chamfer.systems.servo.sampled_pid import designed_gains
@@ -133,13 +133,13 @@ class _ControlledArm:
         self._pose = pose_vector(scenario.nominal_pose(arm))
         self._posture = scenario.rest_posture(arm)
         model = getattr(scenario, arm).known_arm()
-        self._controller = ImpedanceController(model, self._posture, scenario.impedance)
+        self._law = make_impedance_law(model, self._posture, scenario.impedance)
         self._steps = round(scenario.impedance.period / scenario.step)
 
     def after(self, x: Array, compensation: Array) -> Array:
         """Return the state, shape (2 n,), a period later, with a compensation, m and rad, (6,)."""
         command = compensate(self._pose, compensation)
-        torque = self._controller.step(self._pose, x, command)[: len(self._posture)]
+        torque = self._law.torque(self._pose, x, command)[: len(self._posture)]
         self._plant.get_actuation_input_port().FixValue(self._context, torque)
         for _ in range(self._steps):
             self._plant.SetPositionsAndVelocities(self._context, x)

@@ -67,10 +67,8 @@ from chamfer.systems.force.arm_model import (
     Vector3,
     add_arm,
 )
-from chamfer.systems.force.impedance_controller import (
-    ImpedanceController,
-    ImpedanceControllerParams,
-)
+from chamfer.systems.force.impedance_controller import ImpedanceController
+from chamfer.systems.force.impedance_law import ImpedanceControllerParams
 from chamfer.systems.ports import require_ports
 from chamfer.systems.pose import POSE_SIZE, pose_vector
 
@@ -421,7 +419,7 @@ def resolve_arms(scenario: ScenarioT) -> ScenarioT:
     for arm in scenario.arms:
         settings: CellArmSettings = getattr(scenario, arm)
         with within("impedance"):
-            scenario.impedance.limits(settings.arm)
+            scenario.impedance.limits(settings.arm.torque_limits)
         posture = scenario.rest_posture(arm) if settings.near is None else settings.near
         filled[arm] = replace(
             settings,

@@ -29,7 +29,7 @@ from chamfer.diagrams.cell.work_cell import (
 from chamfer.diagrams.insertion.insertion import ResolvedInsertionScenario, task_params
 from chamfer.diagrams.servo.compiled_loop import compensate as fsm_step
 from chamfer.systems.compiled import compiled
-from chamfer.systems.force.impedance_controller import ImpedanceController
+from chamfer.systems.force.impedance_controller import make_impedance_law
 from chamfer.systems.force.tool_pose import compensate
 from chamfer.systems.pose import pose_vector
 from chamfer.systems.servo.divergence_law import TAKES_BACK
@@ -114,7 +114,7 @@ def arm_law(scenario: WorkCellScenario, arm: ArmName) -> ArmLaw:
     params = replace(scenario.impedance, torque_limits=(_NO_LIMIT,) * n)
     posture = scenario.rest_posture(arm)
     model = settings.known_arm()
-    controller = ImpedanceController(model, posture, params)
+    law = make_impedance_law(model, posture, params)
     pose = pose_vector(scenario.nominal_pose(arm))
     # Displacements have their part along the hole's axes first, spatial vectors that about them.
     axes = np.kron(np.eye(2), scenario.hole_axes.matrix())
@@ -123,7 +123,7 @@ def arm_law(scenario: WorkCellScenario, arm: ArmName) -> ArmLaw:
     def torque(q: Array, v: Array, command: Array, rate: Array) -> Array:
         encoders = np.concatenate([posture + q, v])
         to = compensate(pose, axes @ command)
-        found: Array = controller.step(pose, encoders, to, spatial @ rate)[:n]
+        found: Array = law.torque(pose, encoders, to, spatial @ rate)[:n]
         return found
 
     rest, still = np.zeros(n), np.zeros(6)
@@ -583,7 +583,7 @@ def _laws(scenario: ResolvedInsertionScenario) -> _Laws:
     alone, arms = arms_alone(scenario), scenario.arms
     laws = [arm_law(alone, arm) for arm in arms]
     shares = SHARES[scenario.compensated]
-    limits = [scenario.impedance.limits(getattr(scenario, arm).arm) for arm in arms]
+    limits = [scenario.impedance.limits(getattr(scenario, arm).arm.torque_limits) for arm in arms]
     padded = (
         _padded([getattr(law, name) for law in laws], *axes)
         for name, axes in zip(ArmLaw._fields, _OF_LAW, strict=True)

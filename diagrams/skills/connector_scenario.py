@@ -32,7 +32,7 @@ from chamfer.models.validation import (
 )
 from chamfer.systems.contact.arm_dynamics import GRAVITY
 from chamfer.systems.force.accommodation_law import AccommodationParams
-from chamfer.systems.force.impedance_controller import ImpedanceControllerParams
+from chamfer.systems.force.impedance_law import ImpedanceControllerParams
 from chamfer.systems.primitives.carriage import PartGripperParams
 from chamfer.systems.primitives.skill import Skill, SkillState
 from chamfer.systems.sensing.force_sensor import WrenchSensorParams

@@ -17,10 +17,8 @@ from pydrake.systems.primitives import LinearSystem, Multiplexer, PassThrough
 from chamfer.diagrams.cell.work_cell import CellArmSettings, add_simulated_arm, connect_arm
 from chamfer.models.arms.wrist import SIZE, tip_pose
 from chamfer.systems.force.arm_model import Placement, ToolForce, ToolParams
-from chamfer.systems.force.impedance_controller import (
-    ImpedanceController,
-    ImpedanceControllerParams,
-)
+from chamfer.systems.force.impedance_controller import ImpedanceController
+from chamfer.systems.force.impedance_law import ImpedanceControllerParams
 from chamfer.systems.primitives.carriage import CarriedPoses, PoseDisplacement, TrueMotion
 
 Array = NDArray[np.float64]

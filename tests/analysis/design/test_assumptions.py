@@ -14,7 +14,7 @@ from chamfer.diagrams.cell.work_cell import (
     resolve_arms,
 )
 from chamfer.systems.force.arm_model import Placement
-from chamfer.systems.force.impedance_controller import ImpedanceControllerParams
+from chamfer.systems.force.impedance_law import ImpedanceControllerParams
 
 FILE = Path(__file__).parents[2] / "models/arms/six_joints.urdf"
 PEG = replace(PEG_ARM, model=str(FILE), base=Placement(position=(-0.75, 0.0, 0.0)))

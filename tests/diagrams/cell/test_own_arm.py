@@ -25,7 +25,7 @@ from chamfer.diagrams.insertion.insertion import resolve as resolve_makers_arms
 from chamfer.models.arms.wam import DRY_FRICTION, POSTURE, URDF
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.arm_model import Placement
-from chamfer.systems.force.impedance_controller import ImpedanceControllerParams
+from chamfer.systems.force.impedance_law import ImpedanceControllerParams
 
 FILE = Path(__file__).parents[2] / "models/arms/six_joints.urdf"
 BASE = Placement(position=(-0.75, 0.0, 0.0))

@@ -34,10 +34,8 @@ from chamfer.models.arms import wam
 from chamfer.models.cameras.camera import View
 from chamfer.models.peg.support import Support
 from chamfer.systems.force.arm_model import Placement
-from chamfer.systems.force.impedance_controller import (
-    ImpedanceController,
-    ImpedanceControllerParams,
-)
+from chamfer.systems.force.impedance_controller import ImpedanceController
+from chamfer.systems.force.impedance_law import ImpedanceControllerParams
 from chamfer.systems.pose import pose_vector
 
 Array = np.ndarray
@@ -198,10 +196,10 @@ STIFFNESS = np.array([5.0] * 3 + [400.0] * 3)  # the default, N m/rad and N/m
 
 def response(controller: ImpedanceController, wrench: Array, time: float) -> Array:
     """Way of the second-order system with inertia, damping and stiffness at a step, (6,)."""
-    inverse = np.linalg.inv(controller.inertia)
+    inverse = np.linalg.inv(controller.law.inertia)
     A = np.zeros((13, 13))
     A[:6, 6:12] = np.eye(6)
-    A[6:12, :6], A[6:12, 6:12] = -inverse * STIFFNESS, -inverse @ controller.damping
+    A[6:12, :6], A[6:12, 6:12] = -inverse * STIFFNESS, -inverse @ controller.law.damping
     A[6:12, 12] = inverse @ wrench
     return np.asarray(expm(A * time)[:6, 12])
 
@@ -214,9 +212,9 @@ def test_step_response_is_that_of_the_effective_inertia(axis: int) -> None:
     cell.push(wrench)
     found, continuous, stepped = [], [], []
     x, v = np.zeros(6), np.zeros(6)
-    inverse = np.linalg.inv(cell.controller.inertia)
+    inverse = np.linalg.inv(cell.controller.law.inertia)
     for k in range(1, 801):
-        v = v + 0.001 * inverse @ (wrench - STIFFNESS * x - cell.controller.damping @ v)
+        v = v + 0.001 * inverse @ (wrench - STIFFNESS * x - cell.controller.law.damping @ v)
         x = x + 0.001 * v
         if k in (5, 10, 20, 50, 100, 200, 400, 800):
             cell.run(0.001 * k - 0.0002)

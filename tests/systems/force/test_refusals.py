@@ -27,11 +27,8 @@ from chamfer.systems.force.hybrid_controller import (
     HybridController,
     HybridControllerParams,
 )
-from chamfer.systems.force.impedance_controller import (
-    ImpedanceController,
-    ImpedanceControllerParams,
-    SpringForce,
-)
+from chamfer.systems.force.impedance_controller import ImpedanceController, SpringForce
+from chamfer.systems.force.impedance_law import ImpedanceControllerParams
 from chamfer.systems.force.selection import Selection
 from chamfer.systems.force.surface_motion import (
     GuardedMotionParams,
