@@ -12,6 +12,10 @@ from dataclasses import fields
 from reprlib import Repr
 from typing import Any, Final, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
 Value = TypeVar("Value")
 
 MOST_FRICTION: Final = 2.0  # of Coulomb's coefficients: more may be per cent or degrees
@@ -39,6 +43,17 @@ class ParameterError(ValueError):
 def shown(value: object) -> str:
     """Return a value as a message shows it, in at most a line."""
     return _SHOWN.repr(value)
+
+
+def finite(name: str, value: Array) -> Array:
+    """Return a vector if all of it is finite.
+
+    Raises:
+        ParameterError: If it is not; it stops what would hang or crash an integrator.
+    """
+    if not all(map(math.isfinite, value.tolist())):
+        raise ParameterError(name, value.tolist(), "finite numbers")
+    return value
 
 
 def known(name: str, value: Value | None) -> Value:

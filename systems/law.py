@@ -5,7 +5,6 @@ that one step hands to the next. The same law runs in a diagram, in a
 :class:`~chamfer.systems.law_block.LawBlock`, beside a robot, and on a log.
 """
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import Generic, NamedTuple, TypeAlias, TypeVar
@@ -13,7 +12,7 @@ from typing import Generic, NamedTuple, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.models.validation import ParameterError
+from chamfer.models.validation import ParameterError, finite
 
 State = TypeVar("State")
 Observation = TypeVar("Observation")
@@ -103,6 +102,4 @@ def _checked(name: str, signal: Signal, value: Sequence[float] | Array | None) -
     array = np.array(value, dtype=np.float64)
     if array.shape != (signal.size,):
         raise ParameterError(name, array.tolist(), f"{signal.size} numbers")
-    if signal.finite and not all(map(math.isfinite, array.tolist())):
-        raise ParameterError(name, array.tolist(), "finite numbers")
-    return array
+    return finite(name, array) if signal.finite else array

@@ -1,26 +1,14 @@
 """What comes in at a block's ports, and whether a user's own block has those that are wanted."""
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context, InputPort, PortDataType, System
 
-from chamfer.models.validation import ParameterError
+from chamfer.models.validation import ParameterError, finite
 
 Array = NDArray[np.float64]
-
-
-def finite(name: str, value: Array) -> Array:
-    """Return a vector if all of it is finite.
-
-    Raises:
-        ParameterError: If it is not; it stops what would hang or crash an integrator.
-    """
-    if not all(map(math.isfinite, value.tolist())):
-        raise ParameterError(name, value.tolist(), "finite numbers")
-    return value
 
 
 def finite_input(port: InputPort, context: Context) -> Array:

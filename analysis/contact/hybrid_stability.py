@@ -28,12 +28,8 @@ from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.surface import locate
 from chamfer.models.validation import ParameterError, within
 from chamfer.systems.force.contact_detection_law import CONTACT
-from chamfer.systems.force.hybrid_controller import (
-    HybridGains,
-    Law,
-    free_growth_rate,
-    stiffness_eigenvalues,
-)
+from chamfer.systems.force.hybrid_law import HybridGains, LawKind
+from chamfer.systems.force.hybrid_linear import free_growth_rate, stiffness_eigenvalues
 from chamfer.systems.force.projection import position_selection
 from chamfer.systems.force.sampled_loop import NEUTRAL
 from chamfer.systems.recording import unrecorded
@@ -155,7 +151,7 @@ def _no_poles(note: str) -> tuple[Table, Metric]:
     return none, Metric(value=None, unit="", note=note)
 
 
-CASES: Final[tuple[tuple[Elbow, Law], ...]] = (
+CASES: Final[tuple[tuple[Elbow, LawKind], ...]] = (
     ("negative", "inverse"),
     ("positive", "inverse"),
     ("positive", "projected"),
@@ -201,7 +197,9 @@ class HybridStabilityScenario:
         elbow, law = CASES[0]
         return {"chapter 2": self.loop(elbow, law), "late": self.loop(elbow, law, self.late)}
 
-    def loop(self, elbow: Elbow, law: Law, controller: HybridGains | None = None) -> PlanarLoop:
+    def loop(
+        self, elbow: Elbow, law: LawKind, controller: HybridGains | None = None
+    ) -> PlanarLoop:
         """Return the planar loop with an elbow, a law and gains, or its own; all filled in."""
         friction = replace(_PLANAR.arm.joint_friction, viscous=self.viscous)
         gains = _gains(controller or self.controller)

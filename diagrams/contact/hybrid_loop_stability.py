@@ -28,7 +28,7 @@ from chamfer.models.surfaces.surface import locate
 from chamfer.models.validation import ParameterError, known
 from chamfer.systems.contact.arm_dynamics import ArmState
 from chamfer.systems.force.contact_detection_law import APPROACH, CONTACT, LOST
-from chamfer.systems.force.hybrid_controller import Pose, linear_law
+from chamfer.systems.force.hybrid_linear import Pose, linear_law
 from chamfer.systems.force.projection import position_selection
 from chamfer.systems.force.sampled_loop import (
     NEUTRAL,

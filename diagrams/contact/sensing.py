@@ -15,7 +15,7 @@ from pydrake.systems.primitives import RandomSource
 
 from chamfer.models.validation import known, within
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.force.hybrid_controller import HybridControllerParams
+from chamfer.systems.force.hybrid_law import HybridControllerParams
 from chamfer.systems.sensing.computation_delay import ComputationDelay, require_within_period
 from chamfer.systems.sensing.encoders import EncoderParams, Encoders
 from chamfer.systems.sensing.force_sensor import (

@@ -29,14 +29,9 @@ from chamfer.models.arms.cartesian_manipulator import (
 from chamfer.models.validation import ParameterError, require_not_negative, within
 from chamfer.systems.contact.cartesian_manipulator import make_cartesian_manipulator
 from chamfer.systems.force.contact_detection_law import CONTACT
-from chamfer.systems.force.hybrid_controller import (
-    HybridController,
-    HybridControllerParams,
-    HybridGains,
-    Pose,
-    linear_law,
-    require_hybrid_ports,
-)
+from chamfer.systems.force.hybrid_controller import HybridController, require_hybrid_ports
+from chamfer.systems.force.hybrid_law import HybridControllerParams, HybridGains
+from chamfer.systems.force.hybrid_linear import Pose, linear_law
 from chamfer.systems.force.projection import position_selection
 from chamfer.systems.force.sampled_loop import NEUTRAL, Plant
 from chamfer.systems.force.surface_motion import SurfaceMotion, SurfaceMotionParams

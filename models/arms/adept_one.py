@@ -69,6 +69,7 @@ ADEPT_ONE = Arm(
     name="Adept One",
     urdf=Path(__file__).with_name("adept_one.urdf"),
     joint_names=("joint_1", "joint_2", "joint_3", "joint_4"),
+    prismatic=("joint_3",),
     coordinates=("x", "y", "z", "phi"),
     coordinate_units=("m", "m", "m", "rad"),
     endpoint=endpoint,

@@ -107,6 +107,7 @@ ADEPT_WRIST = Arm(
     name="Adept One with its wrist",
     urdf=Path(__file__).with_name("adept_wrist.urdf"),
     joint_names=tuple(f"joint_{i + 1}" for i in range(7)),
+    prismatic=("joint_3",),
     coordinates=("x", "y", "z", "yaw", "pitch", "roll", "lean"),
     coordinate_units=("m", "m", "m", "rad", "rad", "rad", "rad"),
     endpoint=endpoint,

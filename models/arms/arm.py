@@ -28,11 +28,17 @@ class Kinematics:
     coordinate_units: tuple[str, ...]
     endpoint: Callable[[NDArray[Any]], NDArray[Any]]  # q, shape (n,), to x, shape (m,)
     jacobian: Callable[[NDArray[Any]], NDArray[Any]]  # q to dx/dq, shape (m, n)
+    prismatic: tuple[str, ...] = ()  # names of the joints that slide
 
     @property
     def num_joints(self) -> int:
         """Number of joints n."""
         return len(self.joint_names)
+
+    @property
+    def joint_units(self) -> tuple[str, ...]:
+        """What q is in, joint by joint."""
+        return tuple("m" if name in self.prismatic else "rad" for name in self.joint_names)
 
     @property
     def num_coordinates(self) -> int:

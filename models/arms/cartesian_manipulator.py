@@ -79,6 +79,7 @@ def cartesian_kinematics(dimension: int) -> Kinematics:
     return Kinematics(
         name="Cartesian manipulator",
         joint_names=axes,
+        prismatic=axes,
         coordinates=axes,
         coordinate_units=("m",) * dimension,
         endpoint=endpoint,

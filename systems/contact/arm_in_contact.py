@@ -21,6 +21,7 @@ from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.surface import Surface, locate, proximity
 from chamfer.models.validation import (
     ParameterError,
+    finite,
     require_not_negative,
     require_numbers,
     require_positive,
@@ -44,7 +45,6 @@ from chamfer.systems.contact.arm_motion import (
     output_sizes,
 )
 from chamfer.systems.contact.stick_slip import Material
-from chamfer.systems.ports import finite
 
 Array = NDArray[np.float64]
 

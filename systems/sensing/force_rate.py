@@ -7,8 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem
 
-from chamfer.models.validation import ParameterError, require_not_negative, require_positive
-from chamfer.systems.ports import finite, finite_input
+from chamfer.models.validation import (
+    ParameterError,
+    finite,
+    require_not_negative,
+    require_positive,
+)
+from chamfer.systems.ports import finite_input
 
 Array = NDArray[np.float64]
 

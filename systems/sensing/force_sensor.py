@@ -10,6 +10,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 from chamfer.models.validation import (
     ParameterError,
+    finite,
     known,
     require_finite,
     require_not_negative,
@@ -18,7 +19,6 @@ from chamfer.models.validation import (
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
 from chamfer.systems.force.projection import unit
 from chamfer.systems.law_block import LawBlock
-from chamfer.systems.ports import finite
 from chamfer.systems.sensing.tare_law import TareCommand, TareLaw, TareObservation, TareState
 
 Array = NDArray[np.float64]

@@ -21,7 +21,7 @@ from chamfer.models.connectors.d_connector import DConnector
 from chamfer.models.surfaces.planes import RippledPlane
 from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.arm_in_contact import ArmInContactParams
-from chamfer.systems.force.hybrid_controller import HybridControllerParams
+from chamfer.systems.force.hybrid_law import HybridControllerParams
 from chamfer.systems.primitives.position_primitives import Centre
 from chamfer.systems.primitives.trajectory_primitives import Dither
 from chamfer.systems.servo.compensator_law import AxisParams, CompensatorParams

@@ -15,7 +15,7 @@ from chamfer.analysis.published.hybrid_force_position import PUBLISHED
 from chamfer.analysis.report.checks import check
 from chamfer.analysis.scenario.experiment import Outcome, quiet
 from chamfer.models.validation import ParameterError
-from chamfer.systems.force.hybrid_controller import free_growth_rate
+from chamfer.systems.force.hybrid_linear import free_growth_rate
 from chamfer.systems.force.projection import position_selection
 from chamfer.systems.force.sampled_loop import NEUTRAL
 

@@ -15,6 +15,7 @@ from pydrake.geometry import Box, Cylinder
 from pydrake.math import RollPitchYaw
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.multibody.tree import PrismaticJoint
 from pydrake.systems.framework import DiagramBuilder
 
 from chamfer.models.arms.adept_one import (
@@ -113,7 +114,10 @@ def test_names_and_sizes_agree(arm: Arm) -> None:
     assert arm.num_joints == arm.num_coordinates == len(arm.coordinate_units) == n
     assert plant.num_velocities() == plant.num_actuators() == n
     assert arm.joint_names == tuple(f"joint_{i + 1}" for i in range(n))
-    assert [plant.GetJointByName(name).position_start() for name in arm.joint_names] == [*range(n)]
+    joints = [plant.GetJointByName(name) for name in arm.joint_names]
+    assert [joint.position_start() for joint in joints] == [*range(n)]
+    slides = ["m" if isinstance(joint, PrismaticJoint) else "rad" for joint in joints]
+    assert list(arm.joint_units) == slides
     actuators = [plant.GetJointActuatorByName(f"{name}_motor") for name in arm.joint_names]
     assert [actuator.input_start() for actuator in actuators] == [*range(n)]
     assert [actuator.joint().name() for actuator in actuators] == list(arm.joint_names)

@@ -11,7 +11,8 @@ from pydrake.systems.analysis import Simulator
 from chamfer.models.arms.arm import Arm
 from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.force.hybrid_controller import HybridController, HybridControllerParams, Law
+from chamfer.systems.force.hybrid_controller import HybridController
+from chamfer.systems.force.hybrid_law import HybridControllerParams, LawKind
 
 Array = np.ndarray
 
@@ -111,7 +112,7 @@ def contact() -> Contact:
 def make_params() -> Callable[..., HybridControllerParams]:
     """Return a function that makes the parameters of a controller of the planar arm."""
 
-    def make(law: Law = "inverse", **changes: Any) -> HybridControllerParams:
+    def make(law: LawKind = "inverse", **changes: Any) -> HybridControllerParams:
         fields: dict[str, Any] = {
             "law": law,
             "stiffness": (400.0, 300.0),
@@ -132,7 +133,7 @@ def drive(
 ) -> Callable[..., Driven]:
     """Return a function that drives the planar arm's controller, given changes of parameters."""
 
-    def start(law: Law = "inverse", **changes: Any) -> Driven:
+    def start(law: LawKind = "inverse", **changes: Any) -> Driven:
         return hybrid(make_params(law, **changes), PLANAR_TWO_LINK, contact.q, None)
 
     return start

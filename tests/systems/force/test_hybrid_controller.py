@@ -14,16 +14,12 @@ from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.models.arms.puma_250 import PUMA_250
 from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.force.hybrid_controller import (
-    AccelerationFeedforward,
-    HybridController,
-    HybridControllerParams,
-    Law,
-)
+from chamfer.systems.force.hybrid_controller import AccelerationFeedforward, HybridController
+from chamfer.systems.force.hybrid_law import HybridControllerParams, LawKind
 
 Array = np.ndarray
 
-LAWS: tuple[Law, ...] = ("inverse", "transpose", "projected")
+LAWS: tuple[LawKind, ...] = ("inverse", "transpose", "projected")
 APPROACH, CONTACT, LOST = 0, 1, 2
 DOWN = np.array([0.0, -1.0])
 ALONG = np.diag([1.0, 0.0])  # P in contact
@@ -72,7 +68,7 @@ def test_selection_has_to_leave_the_force_a_direction(
     ],
 )
 def test_singular_pose(
-    make_params: Any, drive_arm: Any, law: Law, arm: Arm, q: tuple[float, ...], printed: str
+    make_params: Any, drive_arm: Any, law: LawKind, arm: Arm, q: tuple[float, ...], printed: str
 ) -> None:
     n = arm.num_joints
     gains = dict.fromkeys(("stiffness", "integral", "damping"), (9.0,) * n)
@@ -152,7 +148,7 @@ def regular_pose(arm: Arm, rng: np.random.Generator) -> Array:
 @pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.name)
 @settings(max_examples=12, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
-def test_laws_in_contact(drive_arm: Any, arm: Arm, law: Law, seed: int) -> None:
+def test_laws_in_contact(drive_arm: Any, arm: Arm, law: LawKind, seed: int) -> None:
     rng, n = np.random.default_rng(seed), arm.num_joints
     params = HybridControllerParams(
         law=law,
@@ -186,7 +182,7 @@ def test_laws_in_contact(drive_arm: Any, arm: Arm, law: Law, seed: int) -> None:
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_damping_of_the_force_domain(drive: Any, contact: Any, law: Law) -> None:
+def test_damping_of_the_force_domain(drive: Any, contact: Any, law: LawKind) -> None:
     velocity = np.linalg.solve(contact.J, [0.3, -0.2])  # of the tip, downwards and along
     moving = contact(encoders=np.concatenate([contact.q, velocity]))
     plain, damped = drive(law), drive(law, force_damping=50.0)
@@ -203,7 +199,7 @@ def test_damping_of_the_force_domain(drive: Any, contact: Any, law: Law) -> None
 @pytest.mark.parametrize("arm", [PUMA_250, ADEPT_ONE], ids=lambda arm: arm.name)
 @pytest.mark.parametrize("known", [False, True], ids=["", "gravity fed forward"])
 def test_full_dynamics_give_the_acceleration(
-    drive_arm: Any, arm: Arm, law: Law, known: bool
+    drive_arm: Any, arm: Arm, law: LawKind, known: bool
 ) -> None:
     rng, n = np.random.default_rng(11), arm.num_joints
     inertia = rng.uniform(0.5, 2.0, n)
@@ -231,7 +227,7 @@ def test_full_dynamics_give_the_acceleration(
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_damping_acts_on_the_error_of_the_rate(drive: Any, contact: Any, law: Law) -> None:
+def test_damping_acts_on_the_error_of_the_rate(drive: Any, contact: Any, law: LawKind) -> None:
     # At the desired velocity as at rest; across the surface none is desired, whatever is said.
     moving = np.concatenate([contact.q, np.linalg.solve(contact.J, [0.3, 0.0])])
     torque = [
@@ -259,7 +255,9 @@ EXACT = 1e-12
     ("before", "after"),
     [(APPROACH, CONTACT), (CONTACT, APPROACH), (LOST, CONTACT), (LOST, APPROACH)],
 )
-def test_torque_does_not_jump(drive: Any, contact: Any, law: Law, before: int, after: int) -> None:
+def test_torque_does_not_jump(
+    drive: Any, contact: Any, law: LawKind, before: int, after: int
+) -> None:
     driven = drive(law)
     selection = {APPROACH: FREE, CONTACT: ALONG, LOST: ALONG}
     driven.tick(**contact(selection=FREE, mode=APPROACH))
@@ -270,7 +268,7 @@ def test_torque_does_not_jump(drive: Any, contact: Any, law: Law, before: int, a
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_offset_stays_as_it_is_within_a_mode(drive: Any, contact: Any, law: Law) -> None:
+def test_offset_stays_as_it_is_within_a_mode(drive: Any, contact: Any, law: LawKind) -> None:
     # From tick to tick the torque changes by what the law without an offset changes.
     smooth, plain = drive(law), drive(law, bumpless=False)
     rng = np.random.default_rng(5)
@@ -296,7 +294,7 @@ def test_offset_stays_as_it_is_within_a_mode(drive: Any, contact: Any, law: Law)
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("away", [0.0, 0.3])  # m/s
 def test_push_is_let_go_and_a_bounce_is_damped(
-    drive: Any, contact: Any, law: Law, away: float
+    drive: Any, contact: Any, law: LawKind, away: float
 ) -> None:
     known = np.array([5.0, -3.0])
     driven = drive(law, creep_damping=70.0, feedforward_torque=tuple(known))
@@ -342,7 +340,7 @@ def test_force_integral_waits_for_contact(drive: Any, contact: Any) -> None:
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_loss_may_be_ignored(drive: Any, contact: Any, law: Law) -> None:
+def test_loss_may_be_ignored(drive: Any, contact: Any, law: LawKind) -> None:
     # As if it were contact.
     ignoring, touching = drive(law, loss_mode=False), drive(law)
     rng = np.random.default_rng(2)

@@ -15,11 +15,14 @@ from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
 from chamfer.models.arms.puma_250 import PUMA_250
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
 from chamfer.systems.force.contact_detection_law import APPROACH, CONTACT, LOST
-from chamfer.systems.force.hybrid_controller import (
-    HybridController,
+from chamfer.systems.force.hybrid_law import (
     HybridControllerParams,
+    HybridLaw,
     HybridMemory,
-    Law,
+    HybridObservation,
+    LawKind,
+)
+from chamfer.systems.force.hybrid_linear import (
     Pose,
     free_growth_rate,
     linear_law,
@@ -42,14 +45,14 @@ ARMS = (PLANAR_TWO_LINK, PUMA_250, ADEPT_ONE)
 DYNAMICS = {arm.name: ArmDynamics(arm) for arm in ARMS}
 for one in DYNAMICS.values():
     one.chain = one.chain._replace(gravity=np.zeros(3))
-LAWS: tuple[Law, ...] = ("inverse", "transpose", "projected")
+LAWS: tuple[LawKind, ...] = ("inverse", "transpose", "projected")
 ELBOWS: tuple[Elbow, ...] = ("negative", "positive")
 TOUCH = np.array([1.0, -1.5])  # m, the nominal contact point
 ALONG = np.diag([1.0, 0.0])
 FORCE = 15.0  # N
 
 
-def make_params(law: Law = "inverse", size: int = 2, **changes: Any) -> HybridControllerParams:
+def make_params(law: LawKind = "inverse", size: int = 2, **changes: Any) -> HybridControllerParams:
     """Return the gains of chapter 2."""
     fields: dict[str, Any] = {
         "stiffness": (400.0,) * size,
@@ -118,7 +121,7 @@ def test_projected_and_transpose_have_no_negative_eigenvalue(arm: Arm, seed: int
     ],
 )
 def test_growth_at_the_contact_point(
-    law: Law, elbow: Elbow, rate: float, tolerance: float
+    law: LawKind, elbow: Elbow, rate: float, tolerance: float
 ) -> None:
     params = make_params(law, period=1e-5)  # as in continuous time
     found = free_growth_rate(*planar(TOUCH, elbow), ALONG, params, np.ones(2))
@@ -132,13 +135,13 @@ def ahead(P: Array) -> Array:
 
 
 def linearised(arm: Arm, q0: Array, P: Array, params: HybridControllerParams, mode: int) -> Array:
-    """Return the controller's response about a pose at rest, by differences of the block.
+    """Return the controller's response about a pose at rest, by differences of the law.
 
     Rows: the memory's integrals and push, and the torque; columns: the same memory, joint
     positions, velocities and the measured force.
     """
     n, dynamics = len(q0), DYNAMICS[arm.name]
-    block = HybridController(arm, params, dynamics=dynamics if params.full_dynamics else None)
+    law = HybridLaw(arm, params, dynamics=dynamics if params.full_dynamics else None)
     zero = np.zeros(n)
 
     def tick(z: Array) -> Array:
@@ -153,15 +156,11 @@ def linearised(arm: Arm, q0: Array, P: Array, params: HybridControllerParams, mo
             position_error=zero,
             force_error=zero,
         )
-        now = block.step(
-            memory,
-            np.concatenate([q, v]),
-            arm.endpoint(q0),
-            FORCE * ahead(P),
-            measured,
-            P.ravel(),
-            np.array([float(mode)]),
+        x, pushed = arm.endpoint(q0), FORCE * ahead(P)
+        seen = HybridObservation(
+            np.concatenate([q, v]), x, pushed, measured, P.ravel(), memory.mode
         )
+        now = law.update(memory, seen, 0.0)
         return np.concatenate([now.position_integral, now.force_integral, now.creep, now.torque])
 
     rest = np.zeros(n)
@@ -189,7 +188,9 @@ def turning(arm: Arm, q: Array, force: Array) -> Array:
     ids=lambda value: {True: "full dynamics", False: ""}.get(value, value),
 )
 @pytest.mark.parametrize("arm", ARMS, ids=lambda arm: arm.name)
-def test_linear_law_is_that_of_the_controller(arm: Arm, law: Law, full: bool, mode: int) -> None:
+def test_linear_law_is_that_of_the_controller(
+    arm: Arm, law: LawKind, full: bool, mode: int
+) -> None:
     q, mass, J, P = random_case(arm, 3)
     n = len(q)
     if mode == APPROACH:

@@ -22,11 +22,8 @@ from chamfer.systems.force.friction_compensation import (
     FrictionCompensation,
     FrictionCompensationParams,
 )
-from chamfer.systems.force.hybrid_controller import (
-    AccelerationFeedforward,
-    HybridController,
-    HybridControllerParams,
-)
+from chamfer.systems.force.hybrid_controller import AccelerationFeedforward, HybridController
+from chamfer.systems.force.hybrid_law import HybridControllerParams
 from chamfer.systems.force.impedance_controller import ImpedanceController, SpringForce
 from chamfer.systems.force.impedance_law import ImpedanceControllerParams
 from chamfer.systems.force.selection import Selection
