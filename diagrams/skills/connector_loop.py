@@ -28,6 +28,7 @@ from chamfer.models.arms.wrist import SIZE, WristParams, add_wrist, in_joint_ord
 from chamfer.models.connectors.connector import Connector, ContactMaterial, ConvexPiece, add_pieces
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.accommodation import AccommodationController
+from chamfer.systems.force.admittance import AdmittanceController
 from chamfer.systems.force.arm_model import TruePose
 from chamfer.systems.ports import require_ports
 from chamfer.systems.primitives.carriage import DivergenceGuard, PartGripper, add_gripper
@@ -91,7 +92,9 @@ def make_connector_diagram(
         require_ports("skill", skill, inputs=inputs, outputs=_DECISIONS)
         held, decides = scenario.sight is None, skill
     if controller is None:
-        controller = AccommodationController(scenario.accommodation)
+        gives = scenario.accommodation
+        block = AccommodationController if gives.is_accommodation else AdmittanceController
+        controller = block(gives)
     else:
         require_ports(
             "controller",

@@ -31,7 +31,7 @@ from chamfer.models.validation import (
     require_positive,
 )
 from chamfer.systems.contact.arm_dynamics import GRAVITY
-from chamfer.systems.force.accommodation_law import AccommodationParams
+from chamfer.systems.force.admittance_law import AdmittanceParams
 from chamfer.systems.force.impedance_law import ImpedanceControllerParams
 from chamfer.systems.primitives.carriage import PartGripperParams
 from chamfer.systems.primitives.skill import Skill, SkillState
@@ -88,7 +88,7 @@ class ConnectorScenario:
         stiffness=(4000.0, 4000.0, 4000.0), rotational_stiffness=(20.0, 20.0, 20.0)
     )  # of the WAM; assumed
     wrist: WristParams = WristParams()
-    accommodation: AccommodationParams = AccommodationParams(
+    accommodation: AdmittanceParams = AdmittanceParams(
         damping=(1.2, 1.2, 1.2, 800.0, 800.0, 800.0)
     )  # that turns readily; assumed
     believed_wrist: WristParams | None = None
@@ -113,6 +113,9 @@ class ConnectorScenario:
         require_numbers(self, SIZE, "initial_error")
         if self.obstacle is not None and not 0 < self.obstacle < math.inf:
             raise ParameterError("obstacle", self.obstacle, "a finite number > 0, or none")
+        if any(self.accommodation.spring):
+            allowed = "six times 0: what a skill pushes with is bounded by the damping alone"
+            raise ParameterError("accommodation.spring", self.accommodation.spring, allowed)
         stated, believed = self.accommodation.stiffness, self.believed_wrist or self.wrist
         pairs = zip(believed.stiffness, stated, strict=True)
         if not self.accommodation.allow_unstable and any(k > most for k, most in pairs):

@@ -21,13 +21,13 @@ compliance, which may be remote: a lateral force at the tip then turns the tool 
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Final, NamedTuple
+from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.models.validation import ParameterError, require_numbers, require_positive
-from chamfer.systems.law import HeldLaw, Signal
+from chamfer.systems.law import HeldLaw, Signal, State
 
 Array = NDArray[np.float64]
 
@@ -53,6 +53,8 @@ class AccommodationParams:
     centre: tuple[float, ...] = (0.0, 0.0, 0.0)  # m, of compliance, from the wrench's reference
     allow_unstable: bool = False  # True: run beyond the bound on kappa
 
+    _least: ClassVar[str] = f"k T / {MONOTONE:g}"
+
     def __post_init__(self) -> None:
         require_positive(self, "period")
         require_numbers(self, 3, "centre")
@@ -66,24 +68,26 @@ class AccommodationParams:
             raise ParameterError("stiffness", self.stiffness, "six finite numbers >= 0")
         if self.allow_unstable:
             return
-        for axis, damping, stiffness, kappa in zip(
-            AXES, self.damping, self.stiffness, self.kappa, strict=True
+        for axis, damping, stiffness, least in zip(
+            AXES, self.damping, self.stiffness, self.least_damping, strict=True
         ):
-            if not kappa <= MONOTONE * (1 + 1e-9):
-                least = stiffness * self.period / MONOTONE
+            if not least <= damping * (1 + 1e-9):
                 raise ParameterError(
                     f"damping of {axis}",
                     damping,
-                    f"at least k T / {MONOTONE:g} = {least:.4g} against a stiffness of "
+                    f"at least {self._least} = {least:.4g} against a stiffness of "
                     f"{stiffness:g}, or a more compliant wrist",
                 )
         if any(self.centre):
-            loop = self.period * self.mobility @ np.diag(self.stiffness)
-            largest = float(np.linalg.eigvals(loop).real.max())
-            if not largest <= MONOTONE * (1 + 1e-9):
-                found = f"the largest eigenvalue of T D^-1 K, here {largest:.3g}"
-                allowed = f"one with which {found}, is at most {MONOTONE:g}"
-                raise ParameterError("centre", self.centre, allowed)
+            self._require_centre()
+
+    def _require_centre(self) -> None:
+        loop = self.period * self.mobility @ np.diag(self.stiffness)
+        largest = float(np.linalg.eigvals(loop).real.max())
+        if not largest <= MONOTONE * (1 + 1e-9):
+            found = f"the largest eigenvalue of T D^-1 K, here {largest:.3g}"
+            allowed = f"one with which {found}, is at most {MONOTONE:g}"
+            raise ParameterError("centre", self.centre, allowed)
 
     def with_damping(self, set_to: tuple[float, ...]) -> "AccommodationParams":
         """Return these parameters with some of the dampings set, those that are not 0."""
@@ -93,24 +97,30 @@ class AccommodationParams:
         return replace(self, damping=damping)
 
     @property
-    def kappa(self) -> tuple[float, ...]:
-        """``k T / D`` of each axis, with the centre at the reference point."""
-        return tuple(
-            stiffness * self.period / damping
-            for stiffness, damping in zip(self.stiffness, self.damping, strict=True)
-        )
+    def least_damping(self) -> tuple[float, ...]:
+        """The damping of each axis from which on its force is monotone, with the centre at 0."""
+        return tuple(stiffness * self.period / MONOTONE for stiffness in self.stiffness)
 
     @property
     def mobility(self) -> Array:
-        """``D^-1`` at the reference point of wrenches and velocities, shape (6, 6).
+        """``D^-1`` at the reference point of wrenches and velocities, shape (6, 6)."""
+        return self._mobility_of(np.array(self.damping))
 
-        Sums go from the first to the last, here and in the law, so that C has the same bits.
+    def _mobility_of(self, damping: Array) -> Array:
+        """Return the inverse at the reference point of what is diagonal at the centre.
+
+        Sums go from the first to the last, here and in the laws, so that C has the same bits.
         """
-        x, y, z = self.centre
-        moved = np.eye(6)  # the velocity at the reference point of one at the centre
-        moved[3:, :3] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
-        matrix: Array = ((moved / np.array(self.damping))[:, None] * moved).sum(axis=2)
+        moved = self._moved(1.0)
+        matrix: Array = ((moved / damping)[:, None] * moved).sum(axis=2)
         return matrix
+
+    def _moved(self, sign: float) -> Array:
+        """Return the velocity at the reference point of one at the centre; -1: the opposite."""
+        x, y, z = (sign * one for one in self.centre)
+        moved = np.eye(6)
+        moved[3:, :3] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
+        return moved
 
 
 class AccommodationObservation(NamedTuple):
@@ -128,10 +138,14 @@ class AccommodationCommand(NamedTuple):
     perturbed: Array
 
 
-class AccommodationLaw(
-    HeldLaw[AccommodationCommand, AccommodationObservation, AccommodationCommand]
-):
-    """See :class:`chamfer.systems.force.accommodation.AccommodationController`."""
+def product(matrix: Array, vector: Array) -> Array:
+    """Return the product of a matrix and a vector, each sum from the first to the last."""
+    total: Array = (matrix * vector).sum(axis=1, initial=0.0)
+    return total
+
+
+class AccommodatingLaw(HeldLaw[State, AccommodationObservation, AccommodationCommand]):
+    """What gives way to a wrench: the signals that its laws have in common."""
 
     observation = AccommodationObservation
 
@@ -147,6 +161,14 @@ class AccommodationLaw(
         self.outputs = {"velocity": Signal(size, VELOCITY), "perturbed": Signal(size, VELOCITY)}
         self._mobility = lru_cache(maxsize=16)(lambda own: params.with_damping(own).mobility)
 
+    def mobility(self, damping: Array | None) -> Array:
+        """Return what makes a velocity of a wrench, with a damping that is set."""
+        return self._mobility(() if damping is None else tuple(damping.tolist()))
+
+
+class AccommodationLaw(AccommodatingLaw[AccommodationCommand]):
+    """See :class:`chamfer.systems.force.accommodation.AccommodationController`."""
+
     def start(self) -> AccommodationCommand:
         """Return the state before the first step."""
         return AccommodationCommand(np.zeros(len(AXES)), np.zeros(len(AXES)))
@@ -156,9 +178,7 @@ class AccommodationLaw(
     ) -> AccommodationCommand:
         """Return the state after a step."""
         command, wrench, damping = observation
-        own = () if damping is None else tuple(damping.tolist())
-        perturbation = (self._mobility(own) * wrench).sum(axis=1, initial=0.0)
-        return AccommodationCommand(command + perturbation, command)
+        return AccommodationCommand(command + product(self.mobility(damping), wrench), command)
 
     def command(self, state: AccommodationCommand) -> AccommodationCommand:
         """Return the velocity, and the command that it was computed of."""

@@ -94,7 +94,8 @@ class HybridController(LawBlock[HybridMemory, HybridObservation, HybridCommand])
         *,
         dynamics: ArmDynamics | None = None,
     ) -> None:
-        super().__init__(HybridLaw(arm, params, dynamics=dynamics))
+        known = None if dynamics is None else dynamics.evaluate
+        super().__init__(HybridLaw(arm, params, dynamics=known))
 
 
 def require_hybrid_ports(controller: System, arm: Kinematics) -> None:

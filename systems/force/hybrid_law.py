@@ -2,10 +2,10 @@
 
 import contextlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final, Literal, NamedTuple, Protocol
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from chamfer.models.validation import (
 )
 from chamfer.systems.force.contact_detection_law import APPROACH, LOST
 from chamfer.systems.force.projection import require_projection
-from chamfer.systems.law import HeldLaw, Signal, vectors
+from chamfer.systems.law import HeldLaw, Signal
 
 Array = NDArray[np.float64]
 LawKind = Literal["inverse", "transpose", "projected"]
@@ -139,34 +139,21 @@ class HybridCommand(NamedTuple):
     force_error: Array
 
 
-class EquationsOfMotion(Protocol):
-    """Mass matrix, shape (n, n), and bias, shape (n,): ``mass v' + bias = torque``."""
-
-    @property
-    def mass(self) -> Array:
-        """The mass matrix."""
-
-    @property
-    def bias(self) -> Array:
-        """Coriolis and centripetal less gravity torque."""
-
-
-class Dynamics(Protocol):
-    """What the full dynamics know of an arm."""
-
-    def evaluate(self, q: Array, v: Array) -> EquationsOfMotion:
-        """Return the equations of motion at joint positions and velocities, shape (n,)."""
-
-
 class HybridLaw(HeldLaw[HybridMemory, HybridObservation, HybridCommand]):
-    """See :class:`chamfer.systems.force.hybrid_controller.HybridController`."""
+    """See :class:`chamfer.systems.force.hybrid_controller.HybridController`.
+
+    ``dynamics``, of q and v, shape (n,), has ``mass``, shape (n, n), and ``bias``, shape (n,), of
+    ``mass v' + bias = torque``.
+    """
+
+    observation = HybridObservation
 
     def __init__(
         self,
         arm: Kinematics,
         params: HybridControllerParams,
         *,
-        dynamics: Dynamics | None = None,
+        dynamics: Callable[[Array, Array], Any] | None = None,
     ) -> None:
         n, m = arm.num_joints, arm.num_coordinates
         if (dynamics is not None) != params.full_dynamics:
@@ -209,10 +196,6 @@ class HybridLaw(HeldLaw[HybridMemory, HybridObservation, HybridCommand]):
             position_error=np.zeros(m),
             force_error=np.zeros(m),
         )
-
-    def observe(self, values: Mapping[str, Sequence[float] | Array | None]) -> HybridObservation:
-        """Return what the law sees, of vectors by name."""
-        return HybridObservation(*vectors(self.inputs, values))  # type: ignore[arg-type]
 
     def command(self, state: HybridMemory) -> HybridCommand:
         """Return torque and errors."""
@@ -273,7 +256,7 @@ class HybridLaw(HeldLaw[HybridMemory, HybridObservation, HybridCommand]):
         if params.law == "transpose":
             position = J.T @ position
         elif self._model is not None:
-            model = self._model.evaluate(q, v)
+            model = self._model(q, v)
             # Gravity at the start is in the constant estimate already.
             position = model.mass @ (position / self._inertia) + model.bias - self._known
         law = position + J.T @ force

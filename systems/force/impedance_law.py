@@ -4,7 +4,7 @@ Spatial vectors have their angular part first.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -15,7 +15,7 @@ from chamfer.models.validation import ParameterError, require_not_negative, requ
 from chamfer.systems.compiled import add_product, compiled, inverse
 from chamfer.systems.force.accommodation_law import VELOCITY
 from chamfer.systems.force.tool_pose import POSE
-from chamfer.systems.law import HeldLaw, Signal, vectors
+from chamfer.systems.law import HeldLaw, Signal
 
 Array = NDArray[np.float64]
 Vector3 = tuple[float, float, float]
@@ -313,6 +313,8 @@ class ImpedanceLaw(HeldLaw[ImpedanceCommand, ImpedanceObservation, ImpedanceComm
         limits: Largest torques of the joints, N m, shape (n,).
     """
 
+    observation = ImpedanceObservation
+
     def __init__(
         self,
         arm: Callable[[Array], KnownArm],
@@ -388,12 +390,6 @@ class ImpedanceLaw(HeldLaw[ImpedanceCommand, ImpedanceObservation, ImpedanceComm
     def start(self) -> ImpedanceCommand:
         """Return the state before the first step: at rest in the posture."""
         return self._start
-
-    def observe(
-        self, values: Mapping[str, Sequence[float] | Array | None]
-    ) -> ImpedanceObservation:
-        """Return what the law sees, of vectors by name."""
-        return ImpedanceObservation(*vectors(self.inputs, values))  # type: ignore[arg-type]
 
     def update(
         self, state: ImpedanceCommand, observation: ImpedanceObservation, time: float

@@ -135,7 +135,8 @@ BOUNDS = """
 """
 # Series of numbers that may not be empty, and what each of them is.
 SERIES = """
-    AccommodationParams: damping>0 stiffness>=0; AlignmentComparisonScenario:
+    AccommodationParams: damping>0 stiffness>=0; AdmittanceParams: inertia>=0 spring>=0;
+    AlignmentComparisonScenario:
     closed_loop>0 small_lateral>0 small_rotational>0; AlignmentScenario: initial_error; Circle:
     centre; ConnectorScenario: initial_error; JointFrictionParams: coulomb>=0 viscous>=0;
     LissajousScenario: repeats>0; MoveDx: displacement; Obstructed: cycle>0; Parabola:

@@ -14,6 +14,8 @@ from chamfer.systems.estimation.normal_filter import ResolvedSurfaceObserverPara
 from chamfer.systems.estimation.surface_observer import SurfaceObserver
 from chamfer.systems.force.accommodation import AccommodationController
 from chamfer.systems.force.accommodation_law import AccommodationParams
+from chamfer.systems.force.admittance import AdmittanceController
+from chamfer.systems.force.admittance_law import AdmittanceParams
 from chamfer.systems.force.arm_model import ArmModel, ToolParams
 from chamfer.systems.force.contact_detection import ContactDetection
 from chamfer.systems.force.contact_detection_law import ContactDetectionParams
@@ -37,6 +39,9 @@ Q = np.array([-1.2, -0.7])  # rad, of the planar arm
 TOOL = ToolParams(mass=0.3, centre_of_mass=(0.0, 0.0, 0.0), inertia=(1e-4, 1e-4, 1e-4))
 WATCH = DivergenceParams(watched=(Watched((0, 1), 1.0), Watched((2,), 1.0)), size=3, factor=3.0)
 REMOTE = AccommodationParams(centre=(0.005, 0.0, 0.01), damping=(4.0, 4.0, 4.0, 1e3, 1e3, 1e3))
+MASSIVE = AdmittanceParams(
+    damping=(4.0,) * 3 + (1e3,) * 3, inertia=(0.001,) * 3 + (0.5,) * 3, spring=(10.0,) * 6
+)
 TOUCH = ContactDetectionParams(detect=0.5, release=0.1, samples=2)
 FSM = CompensatorParams(axes=(AxisParams(dead_zone=0.1, large_error=1.0, increment=0.02),) * 2)
 PID = SampledPidParams(axes=(PidGains(proportional=1.0, integral=2.0, derivative=0.1),) * 2)
@@ -75,6 +80,10 @@ def about(q: np.ndarray) -> Callable[[Generator], Any]:
 BLOCKS: dict[str, tuple[LawBlock[Any, Any, Any], Draw]] = {
     "accommodation": (
         AccommodationController(REMOTE),
+        mostly(damping=lambda drawn: drawn.integers(0, 3, 6) * 4000.0),
+    ),
+    "admittance": (
+        AdmittanceController(MASSIVE),
         mostly(damping=lambda drawn: drawn.integers(0, 3, 6) * 4000.0),
     ),
     "compensator": (TrajectoryCompensator(FSM), mostly(valid=flag)),

@@ -143,6 +143,7 @@ TOUCH = Skill(
         {},
         {"damping": (2.0, 3.0, 4.0, 900.0, 1000.0, math.inf)},
         {"damping": (6.0, 6.0, 6.0, 2e3, 2e3, 2e3), "centre": (0.0, 0.0, -0.01)},
+        {"damping": (1.2,) * 3 + (900.0,) * 3, "inertia": (0.005,) * 3 + (1.0,) * 3},
     ],
 )
 def test_the_reference_is_the_command_and_what_accommodation_adds(changes: Any) -> None:
@@ -152,7 +153,8 @@ def test_the_reference_is_the_command_and_what_accommodation_adds(changes: Any) 
     found = simulate(diagram, duration=0.5, step=PERIOD, seed=2).outputs
     # A row of V_ref is what was computed at the tick of the row before.
     V_cmd, V_ref, wrench = (found[name] for name in ("V_cmd", "V_ref", "wrench"))
-    expected = V_cmd[:-1] + wrench[:-1] @ accommodation.mobility.T
+    pushed = wrench[:-1] + (V_ref[:-1] - V_cmd[:-1]) @ accommodation.momentum.T
+    expected = V_cmd[:-1] + pushed @ accommodation.mobility.T
     np.testing.assert_allclose(V_ref[1:], expected, atol=1e-15)
     assert wrench[:, 5].max() > 4.0  # it has touched
     assert np.ptp(V_cmd[:, 5]) > 0.0

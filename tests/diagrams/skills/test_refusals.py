@@ -8,10 +8,13 @@ from chamfer.diagrams.skills.connector_scenario import ConnectorScenario
 from chamfer.diagrams.skills.dither_loops import CorrelationScenario
 from chamfer.models.arms.wrist import WristParams
 from chamfer.models.validation import ParameterError
+from chamfer.systems.force.admittance_law import AdmittanceParams
 from chamfer.systems.primitives.trajectory_primitives import Dither
 
 STIFF = WristParams(stiffness=tuple(1.3 * k for k in WristParams().stiffness))
 UNSTABLE = f"stiffness is {STIFF.stiffness}, allowed: at most"
+
+SPRUNG = AdmittanceParams(stiffness=(0.0,) * 6, spring=(1.0,) * 6)
 
 
 @pytest.mark.parametrize(
@@ -20,6 +23,7 @@ UNSTABLE = f"stiffness is {STIFF.stiffness}, allowed: at most"
         # What is believed has to be stable, the truth need not.
         (ConnectorScenario, {"wrist": STIFF}, f"wrist.{UNSTABLE}"),
         (ConnectorScenario, {"believed_wrist": STIFF}, f"believed_wrist.{UNSTABLE}"),
+        (ConnectorScenario, {"accommodation": SPRUNG}, f"accommodation.spring is {SPRUNG.spring}"),
         (CorrelationScenario, {"dither": Dither(frequency=3.3)}, "dither.frequency is 3.3, allow"),
         (CorrelationScenario, {"dither": Dither(frequency=100 / 3)}, "dither.frequency is 33.3"),
     ],

@@ -165,19 +165,3 @@ def test_a_centre_too_far_is_refused_by_the_largest_eigenvalue() -> None:
         f"T D^-1 K, here {largest_eigenvalue(height):.3g}, is at most 0.25"
     )
     far(height, allow_unstable=True)
-
-
-def test_the_command_that_was_perturbed_is_held_beside_the_velocity() -> None:
-    block = AccommodationController(params())
-    simulator = Simulator(block)
-    context = simulator.get_mutable_context()
-    perturbed = block.GetOutputPort("perturbed")
-    block.GetInputPort("wrench").FixValue(context, np.full(6, 8.0))
-    for i, command in enumerate((np.arange(6.0), np.full(6, 0.5))):
-        block.GetInputPort("command").FixValue(context, command)
-        assert not np.array_equal(perturbed.Eval(context), command)
-        simulator.AdvanceTo(i * PERIOD)
-        simulator.AdvancePendingEvents()
-        np.testing.assert_array_equal(perturbed.Eval(context), command)
-        simulator.AdvanceTo((i + 0.5) * PERIOD)
-        np.testing.assert_array_equal(perturbed.Eval(context), command)

@@ -141,7 +141,7 @@ def linearised(arm: Arm, q0: Array, P: Array, params: HybridControllerParams, mo
     positions, velocities and the measured force.
     """
     n, dynamics = len(q0), DYNAMICS[arm.name]
-    law = HybridLaw(arm, params, dynamics=dynamics if params.full_dynamics else None)
+    law = HybridLaw(arm, params, dynamics=dynamics.evaluate if params.full_dynamics else None)
     zero = np.zeros(n)
 
     def tick(z: Array) -> Array:
