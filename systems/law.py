@@ -46,6 +46,13 @@ class Law(ABC, Generic[State, Observation, Command]):
     inputs: Mapping[str, Signal]
     outputs: Mapping[str, Signal]
 
+    def in_units(self, **units: str | tuple[str, ...]) -> None:
+        """Say what inputs and outputs of these names are in, of a law that takes any unit."""
+        self.inputs, self.outputs = (
+            {name: one._replace(unit=units.get(name, one.unit)) for name, one in signals.items()}
+            for signals in (self.inputs, self.outputs)
+        )
+
     @abstractmethod
     def start(self) -> State:
         """Return the state before the first step."""

@@ -34,7 +34,7 @@ from chamfer.systems.force.desired_pose import CompensatedPose, StoppableMotion
 from chamfer.systems.ports import require_ports
 from chamfer.systems.pose import pose_vector
 from chamfer.systems.servo.compensator import TrajectoryCompensator
-from chamfer.systems.servo.compensator_law import CompensatorParams
+from chamfer.systems.servo.compensator_law import COMPENSATES, CompensatorParams
 from chamfer.systems.servo.divergence_law import DivergenceParams, Watched
 from chamfer.systems.servo.divergence_watch import DivergenceWatch
 from chamfer.systems.servo.pid_law import SampledPidParams
@@ -53,6 +53,7 @@ SHARES: Final[dict[Compensated, dict[ArmName, float]]] = {
 
 # Dead zones, of the smallest error that may not grow by half: in ordinary runs others have become
 # as large as 11 while the arms were on their way.
+SEEN_IN: Final = ("pixel",) * 3 + ("rad",) * 3  # units of an error of AXES, as cameras see it
 _GROWS_FROM: Final = 10.0
 _WATCHED: Final = tuple(tuple(map(AXES.index, of)) for of in (("y", "z"), ("pitch", "yaw")))
 
@@ -224,6 +225,7 @@ def divergence_params(scenario: AlignmentScenario) -> DivergenceParams:
 def add_divergence_watch(builder: DiagramBuilder, scenario: AlignmentScenario) -> DivergenceWatch:
     """Add the watch of :func:`divergence_params`."""
     watch = DivergenceWatch(divergence_params(scenario))
+    watch.law.in_units(error=SEEN_IN)
     builder.AddNamedSystem("divergence watch", watch)
     return watch
 
@@ -237,9 +239,13 @@ def add_controller(
         require_ports("controller", own, inputs=sizes, outputs={"compensation": len(AXES)})
         return builder.AddNamedSystem("own controller", own)
     params = compensation_params(scenario)
+    block: TrajectoryCompensator | SampledPid
     if isinstance(params, CompensatorParams):
-        return builder.AddNamedSystem("trajectory compensator", TrajectoryCompensator(params))
-    return builder.AddNamedSystem("PID", SampledPid(params))
+        name, block = "trajectory compensator", TrajectoryCompensator(params)
+    else:
+        name, block = "PID", SampledPid(params)
+    block.law.in_units(error=SEEN_IN, **dict.fromkeys(COMPENSATES, ("m",) * 3 + ("rad",) * 3))
+    return builder.AddNamedSystem(name, block)
 
 
 def compensation_params(scenario: AlignmentScenario) -> CompensatorParams | SampledPidParams:

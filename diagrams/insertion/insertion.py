@@ -10,6 +10,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, Syste
 from pydrake.systems.primitives import Adder
 
 from chamfer.diagrams.cell.alignment import (
+    SEEN_IN,
     SHARES,
     DesiredMotion,
     add_command,
@@ -227,6 +228,7 @@ def make_insertion_diagram(
         "measurement selector",
         MeasurementSelector(len(AXES), period=scenario.cameras.frames.period),
     )
+    gate.law.in_units(error=SEEN_IN)
     watch = add_divergence_watch(builder, scenario)
     controller = add_controller(builder, scenario, controller)
     joints = {f"{arm}_joints": getattr(scenario, arm).arm.num_joints for arm in ARMS}

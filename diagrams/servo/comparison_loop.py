@@ -29,7 +29,7 @@ from chamfer.systems.exact_discretisation import discretise
 from chamfer.systems.ports import require_ports
 from chamfer.systems.servo.backlash import Backlash
 from chamfer.systems.servo.compensator import TrajectoryCompensator
-from chamfer.systems.servo.compensator_law import AxisParams, CompensatorParams
+from chamfer.systems.servo.compensator_law import COMPENSATES, AxisParams, CompensatorParams
 from chamfer.systems.servo.desired_trajectory import Step
 from chamfer.systems.servo.pid_law import PidGains, SampledPidParams
 from chamfer.systems.servo.sampled_pid import SampledPid
@@ -211,8 +211,10 @@ def make_compared_diagram(
         law = controller
     elif kind == "fsm":
         law = TrajectoryCompensator(CompensatorParams(axes=(scenario.fsm,), period=period))
+        law.law.in_units(error="m", **dict.fromkeys(COMPENSATES, "m"))
     else:
         law = SampledPid(SampledPidParams(axes=(scenario.pid,), period=period))
+        law.law.in_units(error="m", compensation="m")
     law = builder.AddNamedSystem(f"controller {kind.upper()}", law)
     plant = builder.AddNamedSystem(
         "plant", discretise(make_linear_plant(model.state_space()), step)

@@ -23,7 +23,7 @@ from chamfer.models.validation import ParameterError
 from chamfer.systems.exact_discretisation import discretise
 from chamfer.systems.ports import require_ports
 from chamfer.systems.servo.compensator import TrajectoryCompensator
-from chamfer.systems.servo.compensator_law import CompensatorParams
+from chamfer.systems.servo.compensator_law import COMPENSATES, CompensatorParams
 from chamfer.systems.servo.desired_trajectory import make_desired_trajectory
 from chamfer.systems.servo.pid import make_pid
 from chamfer.systems.servo.pid_law import PidGains, SampledPidParams
@@ -98,6 +98,7 @@ def make_servo_diagram(
         elif loop.controller != "FSM":
             gains, plant = camera_pid(scenario, name)
             law = SampledPid(SampledPidParams(axes=(gains,), period=scenario.fsm.period))
+            law.law.in_units(error="m", compensation=_unit(form))
             diagram = _wire("FSM", scenario, form, law, step=step, plant=plant)
         else:
             ahead = loop.feedforward
@@ -111,6 +112,11 @@ def make_servo_diagram(
     servo = builder.Build()
     servo.set_name("PID and FSM trajectory compensation")
     return servo
+
+
+def _unit(form: Form) -> str:
+    """Return what a plant is commanded in."""
+    return "m" if form == "position" else "N"
 
 
 def make_pid_loop(
@@ -200,9 +206,9 @@ def _wire(
     else:
         vision = add_measured_error(builder, scenario.measurement)
         axis = fsm_axis(scenario, form)
-        law = own or TrajectoryCompensator(
-            CompensatorParams(axes=(axis,), period=scenario.fsm.period)
-        )
+        fsm = TrajectoryCompensator(CompensatorParams(axes=(axis,), period=scenario.fsm.period))
+        fsm.law.in_units(error="m", **dict.fromkeys(COMPENSATES, _unit(form)))
+        law = own or fsm
     builder.AddNamedSystem("controller" if own else f"controller {kind}", law)
     plant = builder.AddNamedSystem("plant", linear(plant or make_plant(scenario.plant, form)))
     if kind == "PID" and own is None:

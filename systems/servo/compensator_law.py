@@ -11,7 +11,7 @@ products alone, so that chart, compiled loop, design and benchmarks all call the
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from chamfer.models.validation import ParameterError, known, require_positive
 from chamfer.systems.law import Signal
@@ -271,10 +271,14 @@ def make_compensator_chart(params: CompensatorParams) -> CompensatorChart:
     )
 
 
+COMPENSATES: Final = ("compensation", "command", "increment", "desired_trajectory")
+
+
 class CompensatorLaw(ChartLaw[CompensatorInputs, CompensatorMemory]):
     """The trajectory compensator; its inputs and outputs are those of the block.
 
-    Without units: an axis' error may be in m, rad or pixels, its compensation in m, rad or N.
+    It has no units until it is told: an axis' error may be in m, rad or pixels, its compensation,
+    and what else :data:`COMPENSATES`, in m, rad or N.
     """
 
     def __init__(self, params: CompensatorParams) -> None:

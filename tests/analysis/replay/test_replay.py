@@ -13,8 +13,8 @@ from chamfer.analysis.cli import main
 
 FSM = "FSM-loop.controller-FSM"
 COLUMNS = [
-    *("time (s)", "observation.error[0]", "observation.valid[0]"),
-    *("observation.desired_trajectory[0]", "command.compensation[0]", "command.state[0]"),
+    *("time (s)", "observation.error[0] (m)", "observation.valid[0]"),
+    *("observation.desired_trajectory[0] (m)", "command.compensation[0] (m)", "command.state[0]"),
 ]
 
 
@@ -74,7 +74,7 @@ def test_another_threshold_says_when_it_first_differs_and_in_which_states(
 def robot(ran: Path, tmp_path: Path, change: Callable[[pd.DataFrame], pd.DataFrame]) -> Path:
     """Write what a robot's log may be: CSV, with units in the titles."""
     table = pq.read_table(ran / "log" / f"{FSM}.parquet").to_pandas()
-    table = table.rename(columns={"time": "time (s)"})[COLUMNS]
+    table = table.rename(columns={name.partition(" ")[0]: name for name in COLUMNS})[COLUMNS]
     path = tmp_path / "robot.csv"
     change(table).to_csv(path, index=False)
     return path
@@ -110,12 +110,12 @@ def test_a_robots_log_may_lack_commands_and_optional_inputs(ran: Path, tmp_path:
             "time is without a unit, must be in s",
         ),
         (
-            lambda table: table.drop(columns="observation.error[0]"),
-            "has no column observation.error[0]",
+            lambda table: table.drop(columns="observation.error[0] (m)"),
+            "has no column observation.error[0], in m",
         ),
         (lambda table: table[::-1], "s in row 2, must ascend"),
         (
-            lambda table: table.assign(**{"observation.error[0]": [None, *[1.0] * 159]}),
+            lambda table: table.assign(**{"observation.error[0] (m)": [None, *[1.0] * 159]}),
             "observation.error[0] is missing in row 1, must be a number",
         ),
         (
