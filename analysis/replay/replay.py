@@ -81,14 +81,21 @@ class Replay(NamedTuple):
         if self.state is None or not self.state.differs.any():
             return None
         row = int(np.argmax(self.state.differs))
-        both = {"logged": self.state.logged, "replayed": self.state.replayed}
+        was, now = self.state.logged[row, 0], self.state.replayed[row, 0]
         return {
             "time": float(self.times[row]),
-            **{
-                which: self.states[int(index)] if 0 <= index < len(self.states) else None
-                for which, index in ((name, one[row, 0]) for name, one in both.items())
-            },
+            "logged": dict(enumerate(self.states)).get(was, f"{was}"),
+            "replayed": self.states[int(now)],
         }
+
+    def side_by_side(self) -> dict[str, Array]:
+        """Return a table of what was commanded, NaN where it is not logged, and what would be."""
+        columns = {"time": self.times}
+        for one in self.outputs:
+            for i, (was, now) in enumerate(zip(one.logged.T, one.replayed.T, strict=True)):
+                name = f"{one.name.partition('.')[2]}[{i}]"
+                columns |= {f"logged.{name}": was, f"replayed.{name}": now}
+        return columns
 
 
 def replay(controller: str, law: AnyLaw, logged: Records) -> Replay:

@@ -42,7 +42,7 @@ def add_replay(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
 def _replay(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     from chamfer.analysis.command.output_folder import require_writable
     from chamfer.analysis.replay.replay import replay_logs
-    from chamfer.analysis.replay.replay_figure import replay_figure, side_by_side
+    from chamfer.analysis.replay.replay_figure import replay_figure
     from chamfer.analysis.report.atomic_write import written
     from chamfer.analysis.report.results import RESULT, figure_files, json_text, write_folder
     from chamfer.analysis.report.traces import table_bytes
@@ -57,7 +57,7 @@ def _replay(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     )
     drawn = figure_files({name: replay_figure(one) for name, one in found.items()})
     document["figures"] = list(drawn)
-    tables = {name: side_by_side(one) for name, one in found.items()}
+    tables = {name: one.side_by_side() for name, one in found.items()}
     files = {f"{name}.parquet": table_bytes(one, infinite=True) for name, one in tables.items()}
     require_writable(arguments.out, [entry.name])
     folder = arguments.out / entry.name / FOLDER

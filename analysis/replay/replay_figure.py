@@ -3,11 +3,9 @@
 from typing import Final
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from chamfer.analysis.drawing.figure_kit import BESIDE, shade, state_visits, time_axes
 from chamfer.analysis.drawing.figure_style import PUBLISHED, Style, dress, legend, new_figure
@@ -26,79 +24,56 @@ def replay_figure(found: Replay) -> Figure:
 
     Behind them are the visits to the replayed states, and where an output differs.
     """
-    state = found.state
-    others = [one for one in found.outputs if one is not state]
-    moving = sorted(filter(_moves, others), key=lambda one: not one.differs.any())[:_MOST]
-    drawn = [one for one in others if any(one is other for other in moving)] or others[:1]
-    visited: list[int] = []
-    visits = []
+    state, times, differs = found.state, found.times, found.differs.any()
+    elements = {one.name: _moving(one) for one in found.outputs if one is not state}
+    moving = [one for one in found.outputs if elements.get(one.name)]
+    moving.sort(key=lambda one: not one.differs.any())
+    drawn, heights, visits = moving[:_MOST], [1.0] * len(moving[:_MOST]), []
+    if state is not None or not drawn:
+        drawn.insert(0, state or found.outputs[0])
+        heights.insert(0, 1.0)
     if state is not None:
-        drawn, visited = [state, *drawn], _visited(found, state)
-        visits = state_visits(found.times, state.replayed[:, 0], found.states)
-    heights = [max(1.0, _A_STATE * len(visited)) if one is state else 1.0 for one in drawn]
+        indices = np.unique(np.concatenate([state.replayed, state.logged]))
+        visited = [int(one) for one in indices if 0 <= one < len(found.states)]
+        heights[0] = max(1.0, _A_STATE * len(visited))
+        visits = state_visits(times, state.replayed[:, 0], found.states)
     figure = new_figure(11.0, 1.2 + 1.4 * sum(heights))
-    panels = time_axes(figure, found.times, heights, visits=visits)
-    for axes, one in zip(panels, drawn, strict=True):
-        shade(axes, found.times, one.differs.any(axis=1), "", _DIFFERS)
-        if found.differs.any():
-            axes.axvline(found.times[np.argmax(found.differs)], **PUBLISHED)
-        _draw(axes, found.times, one, visited if one is state else None)
-    if state is not None:
-        panels[0].set_yticks(range(len(visited)), [found.states[i] for i in visited], fontsize=7)
-    panels[-1].set_xlabel("time / s")
+    for axes, one in zip(time_axes(figure, times, heights, visits=visits), drawn, strict=True):
+        shade(axes, times, one.differs.any(axis=1), "", _DIFFERS)
+        if differs:
+            axes.axvline(times[np.argmax(found.differs)], **PUBLISHED)
+        shown = elements.get(one.name) or [0]
+        for n, i in enumerate(shown):
+            for values, style in ((one.logged[:, i], _LOGGED), (one.replayed[:, i], _REPLAYED)):
+                known = np.isfinite(values)
+                rows = np.searchsorted(visited, values) if one is state else values
+                label = f"[{i}]" if style is _REPLAYED else None
+                look = {"color": _COLOURS[n % len(_COLOURS)], "label": label, **style}
+                axes.plot(times, np.where(known, rows, np.nan), **look)
+        unit = ", ".join(dict.fromkeys(one.units[i] for i in shown))
+        last = one is drawn[-1]
+        dress(axes, title=one.name.partition(".")[2], x="time / s" if last else "", y=unit)
+        if one is state:
+            axes.set_yticks(range(len(visited)), [found.states[i] for i in visited], fontsize=7)
+        elif one.replayed.shape[1] > 1:
+            legend(axes, ncols=2 + len(shown) // 12, **BESIDE)
     left = len(found.outputs) - len(drawn)
-    rest = f"; {left} more outputs, not drawn" if left else ""
-    figure.suptitle(f"{found.controller}{rest}", fontsize=10)
-    _key(figure, found)
+    figure.suptitle(
+        f"{found.controller}{f'; {left} more, not drawn' if left else ''}", fontsize=10
+    )
+    key = [
+        *([Line2D([], [], label="log", **_LOGGED)] if found.compared else []),
+        Line2D([], [], label="replayed", **_REPLAYED),
+        *([Line2D([], [], label="first difference", **PUBLISHED)] if differs else []),
+        *([Patch(label="differs", **_DIFFERS)] if differs else []),
+    ]
+    below: Style = {"loc": "outside lower center", "fontsize": 8, "edgecolor": "none"}
+    figure.legend(handles=key, ncols=len(key), **below)
     return figure
 
 
-def _moves(one: Output) -> bool:
+def _moving(one: Output) -> list[int]:
+    """Return the elements that are not constant, or differ from the log."""
     values = np.nan_to_num(one.replayed)
-    return bool((values != values[0]).any() or one.differs.any())
-
-
-def _visited(found: Replay, state: Output) -> list[int]:
-    """Return the indices of the replayed and the logged states, in order."""
-    indices = np.unique(np.concatenate([state.replayed, state.logged]))
-    return [int(index) for index in indices if 0 <= index < len(found.states)]
-
-
-def _draw(axes: Axes, times: NDArray[np.float64], one: Output, states: list[int] | None) -> None:
-    for i, replayed in enumerate(one.replayed.T):
-        colour = _COLOURS[i % len(_COLOURS)]
-        for values, style in ((one.logged[:, i], _LOGGED), (replayed, _REPLAYED)):
-            rows = values if states is None else np.searchsorted(states, values)
-            label = f"[{i}]" if style is _REPLAYED and one.replayed.shape[1] > 1 else None
-            axes.plot(times, rows, color=colour, label=label, **style)
-    title, unit = one.name.removeprefix("command."), ", ".join(dict.fromkeys(one.units))
-    dress(axes, title=title, x="", y=unit)
-    if one.replayed.shape[1] > 1:
-        legend(axes, ncols=2, **BESIDE)
-
-
-def _key(figure: Figure, found: Replay) -> None:
-    lines = [Line2D([], [], color=_COLOURS[0], label="replayed", **_REPLAYED)]
-    if found.compared:
-        lines.insert(0, Line2D([], [], color=_COLOURS[0], label="log", **_LOGGED))
-    patches = []
-    if found.differs.any():
-        lines.append(Line2D([], [], label="first difference", **PUBLISHED))
-        patches.append(Patch(label="differs", **_DIFFERS))
-    figure.legend(
-        handles=[*lines, *patches],
-        loc="outside lower center",
-        ncols=4,
-        fontsize=8,
-        edgecolor="none",
-    )
-
-
-def side_by_side(found: Replay) -> dict[str, NDArray[np.float64]]:
-    """Return a table of what was commanded, NaN where it is not logged, and what would be."""
-    columns = {"time": found.times}
-    for one in found.outputs:
-        for i, pair in enumerate(zip(one.logged.T, one.replayed.T, strict=True)):
-            name = f"{one.name.removeprefix('command.')}[{i}]"
-            columns |= {f"logged.{name}": pair[0], f"replayed.{name}": pair[1]}
-    return columns
+    moves = (values != values[0]).any(axis=0) | one.differs.any(axis=0)
+    return [int(i) for i in np.flatnonzero(moves)]
