@@ -15,6 +15,7 @@ import pytest
 
 from chamfer.analysis.export.c_code import LawInC
 from chamfer.systems.force.accommodation_law import AccommodationLaw, AccommodationParams
+from chamfer.systems.force.admittance_law import AdmittanceLaw, AdmittanceParams
 from chamfer.systems.law import Signal
 from chamfer.systems.servo.compensator_law import AxisParams, CompensatorLaw, CompensatorParams
 from chamfer.systems.servo.pid_law import PidGains, PidLaw, SampledPidParams
@@ -27,24 +28,25 @@ NARROW = AxisParams(dead_zone=0.01, large_error=0.12, increment=0.009, limit=0.0
 UNBOUND = AxisParams(dead_zone=0.5, large_error=0.5, increment=0.7, divider=3.0)
 BOUND = PidGains(proportional=0.6, integral=9.0, derivative=0.01, limit=1.0)
 FREE = PidGains(proportional=1.5, integral=0.3)
+THREE, END = (NARROW, UNBOUND, NARROW), 0.0125 * (RUN - 20)
+HEAVY: Any = {"inertia": (0.01, 0.02, 0, 1, 2, 3), "spring": (0, 5, 6, 100, 0, 300)}
 CENTRE = (0.02, -0.01, 0.05)
 SOFT = (6.0, 8.0, math.inf, 1500.0, 2000.0, 1500.0)
 LAWS: dict[str, Any] = {
     "compensator": CompensatorLaw(CompensatorParams(axes=(NARROW,))),
-    "three axes that end": CompensatorLaw(
-        CompensatorParams(axes=(NARROW, UNBOUND, NARROW), end_time=0.0125 * (RUN - 20))
-    ),
+    "three axes that end": CompensatorLaw(CompensatorParams(axes=THREE, end_time=END)),
     "PID of two axes": PidLaw(SampledPidParams(axes=(BOUND, FREE))),
     "accommodation": AccommodationLaw(AccommodationParams()),
     "remote centre": AccommodationLaw(AccommodationParams(centre=CENTRE, damping=SOFT)),
-    "no bound": AccommodationLaw(AccommodationParams(allow_unstable=True)),
+    "admittance": AdmittanceLaw(AdmittanceParams(damping=SOFT, **HEAVY)),
+    "remote mass": AdmittanceLaw(AdmittanceParams(centre=CENTRE, allow_unstable=True, **HEAVY)),
 }
 EDGES = {  # where an answer changes
     "error": [0.01, 0.12, 0.5, math.nextafter(0.01, 0), math.nextafter(0.12, 0), 0.0, 1e308],
     "damping": [0.0, 0.8, 0.8 * (1 - 1e-9), 800.0, 900.0, 5000.0, math.inf],
     "valid": [0.0, 0.5, math.nextafter(0.5, 0), 1.0],
 }
-GENERAL = ("three axes that end", "PID of two axes", "remote centre")
+GENERAL = ("three axes that end", "PID of two axes", "remote centre", "admittance")
 
 
 def draw(signals: Mapping[str, Signal], random: Random) -> dict[str, list[float] | None]:
