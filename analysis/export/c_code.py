@@ -6,7 +6,7 @@ files are named ``pid``. The template holds what C has to say of that law alone:
 - ``title``: one sentence on the law.
 - ``dimension``: the name of the first input's size, which others have too.
 - ``scalars``: signals of one element that are no arrays.
-- ``about``: what inputs and outputs are, after a unit where the law's signal has none.
+- ``about``: what inputs and outputs are, beside their units.
 - ``missing``: what may be given for an optional input instead of nothing, 0 by default.
 - ``refusals``: the statuses but OK that a step returns, each with what is wrong.
 - ``state()``: the members of the state. ``code()``: constants and functions.
