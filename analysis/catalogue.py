@@ -554,6 +554,7 @@ CATALOGUE: Final = Catalogue(
             resolve="chamfer.diagrams.contact.hybrid_loop_stability:resolve",
             run="run_recovery",
             diagram="chamfer.diagrams.contact.hybrid_loop:make_hybrid_diagram",
+            loops="make_loops",
             charts="chamfer.analysis.contact.contact_runs:contact_charts",
             reduced=("task.speed=1", "task.kick_time=2.2", "measure_after=2", "duration=3"),
         ),

@@ -18,7 +18,8 @@ LOG: Final = "log"  # folder
 def controllers(experiment: Experiment[Any], scenario: Any) -> dict[str, list[AnyLaw]]:
     """Return the laws of a resolved scenario's loops by the paths of their blocks.
 
-    A path has one law that is the same in every run, or one for each run in their order.
+    A path has one law that is the same in every run, or several in their order, for as many runs
+    each.
     """
     loops: Sequence[Diagram] = ()
     if experiment.loops is not None:
@@ -48,7 +49,7 @@ def log_files(runs: Mapping[str, Sequence[Records]], about: Mapping[str, Any]) -
         parts = path.removeprefix(bare).split("::")
         stem = ".".join(re.sub(r"[^\w]+", "-", part).strip("-") for part in parts)
         for i, records in enumerate(each):
-            which = {**about, "controller": path, "run": i + 1}
+            which = {**about, "controller": path, "run": i + 1, "runs": len(each)}
             name = f"{stem}-{i + 1}" if len(each) > 1 else stem
             files[f"{LOG}/{name}.parquet"] = log_bytes(log_table(records.law, records, which))
     return files

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
+from pydrake.systems.framework import Diagram
 
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_metrics import over_trials
@@ -25,6 +26,7 @@ from chamfer.analysis.drawing.figure_style import (
 )
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.diagrams.contact.contact_scenarios import PlanarLoop
+from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram
 from chamfer.diagrams.contact.hybrid_loop_stability import stability
 from chamfer.models.surfaces.damage import SAFE_SPEED
 
@@ -40,13 +42,22 @@ class RecoveryRun(NamedTuple):
     scenario: PlanarLoop
 
 
-def run_recovery(scenario: PlanarLoop, seed: int, progress: Progress) -> Outcome:
-    """Run the blow with and without the loss mode, and the bounces over the force integral."""
-    tasks = [
+def _tasks(scenario: PlanarLoop) -> list[RecoveryRun]:
+    return [
         RecoveryRun("with_loss_mode", scenario),
         RecoveryRun("without_loss_mode", _without(scenario)),
         *(RecoveryRun(f"bounces_at_{gain:g}", _first_contact(scenario, gain)) for gain in _GAINS),
     ]
+
+
+def make_loops(scenario: PlanarLoop) -> list[Diagram]:
+    """Return the loops as they are run."""
+    return [make_hybrid_diagram(task.scenario) for task in _tasks(scenario)]
+
+
+def run_recovery(scenario: PlanarLoop, seed: int, progress: Progress) -> Outcome:
+    """Run the blow with and without the loss mode, and the bounces over the force integral."""
+    tasks = _tasks(scenario)
     finished = run_each(partial(_run_task, seed), tasks, progress)
     runs = finished.split([task.name for task in tasks], lambda task: task.name)
     with_mode, without, *first_contacts = (table_of(one.rows[0]) for one in runs.values())

@@ -210,7 +210,7 @@ def _law(
         raise UserError(f"{path} doesn't say whose log it is, --controller has to: {names}")
     ends = [name for name in known if name.endswith(f"::{wanted}")]
     name = ends[0] if len(ends) == 1 else valid_name("controller", wanted, known)
-    laws, run = known[name], about["run"]
-    if len(laws) > 1 and not 1 <= run <= len(laws):
-        raise UserError(f"{path} is of run {run} of {name}, which has {len(laws)}")
-    return name, laws[run - 1 if len(laws) > 1 else 0]
+    laws, run, runs = known[name], about["run"], about["runs"]
+    if not 1 <= run <= runs or (runs > 1 and runs % len(laws)):
+        raise UserError(f"{path} is of run {run} of {runs} of {name}, which has {len(laws)} laws")
+    return name, laws[(run - 1) * len(laws) // runs]

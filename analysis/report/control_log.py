@@ -104,7 +104,7 @@ def _read_csv(path: Path) -> pa.Table:
 
 
 def about_log(table: pa.Table, path: Path) -> dict[str, Any]:
-    """Return the experiment, controller, run and overrides that a log says that it is of.
+    """Return the experiment, controller, run, runs and overrides that a log says it is of.
 
     Raises:
         UserError: If they can't be.
@@ -114,8 +114,9 @@ def about_log(table: pa.Table, path: Path) -> dict[str, Any]:
     }
     about: dict[str, Any] = {name: metadata.get(name) for name in ("experiment", "controller")}
     try:
-        run, made = (json.loads(metadata.get(name, "null")) for name in ("run", "overrides"))
-        return about | {"run": int(run or 1), "overrides": [str(one) for one in made or ()]}
+        about |= {name: int(metadata.get(name, 1)) for name in ("run", "runs")}
+        made = json.loads(metadata.get("overrides", "[]"))
+        return about | {"overrides": [str(one) for one in made]}
     except (ValueError, TypeError) as error:
         raise UserError(f"{path} has no run or overrides in its metadata: {error}") from error
 
