@@ -1,7 +1,7 @@
 """The block that runs a law in a Drake diagram."""
 
 from collections.abc import Mapping
-from typing import Any, Final, Generic, Literal, NamedTuple
+from typing import Any, Final, Generic, Literal, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,11 @@ from pydrake.systems.framework import (
 )
 from pydrake.systems.framework import State as DrakeState
 
-from chamfer.systems.law import Command, HeldLaw, Law, Observation, State
+from chamfer.systems.law import HeldLaw, Law
 from chamfer.systems.recording import Record, active
 
 Array = NDArray[np.float64]
+LawT = TypeVar("LawT", bound=Law[Any, Any, Any])
 Updates = Literal["unrestricted", "discrete"]
 
 
@@ -32,7 +33,7 @@ class Frozen(NamedTuple):
         return self
 
 
-class LawBlock(LeafSystem, Generic[State, Observation, Command]):
+class LawBlock(LeafSystem, Generic[LawT]):
     """Runs a :class:`~chamfer.systems.law.Law` once a period.
 
     .. pydrake_system::
@@ -59,7 +60,7 @@ class LawBlock(LeafSystem, Generic[State, Observation, Command]):
 
     def __init__(
         self,
-        law: Law[State, Observation, Command],
+        law: LawT,
         *,
         updates: Updates = "unrestricted",
         at_start: bool = False,
@@ -94,16 +95,14 @@ class LawBlock(LeafSystem, Generic[State, Observation, Command]):
         path: str = self.GetSystemPathname()
         return path.strip(":").removeprefix("_::")
 
-    def state(self, context: Context) -> State:
+    def state(self, context: Context) -> Any:
         """Return the law's state."""
         if not self._groups:
-            held: State = self._frozen(context).state
-            return held
+            return self._frozen(context).state
         values = context.get_discrete_state()
-        found: State = self._kind(*(values.value(group) for group in self._groups.values()))
-        return found
+        return self._kind(*(values.value(group) for group in self._groups.values()))
 
-    def observation(self, context: Context) -> Observation:
+    def observation(self, context: Context) -> Any:
         """Return what the law sees at the inputs."""
         return self.law.observe(self._values(context))
 
@@ -130,14 +129,11 @@ class LawBlock(LeafSystem, Generic[State, Observation, Command]):
         frozen: Frozen = context.get_abstract_state(self._held).get_value()
         return frozen
 
-    def _command(self, context: Context) -> Command:
+    def _command(self, context: Context) -> Any:
         law = self.law
         if not isinstance(law, HeldLaw):
             return law.step(self.state(context), self.observation(context), context.get_time())[1]
-        command: Command = (
-            law.command(self.state(context)) if self._groups else self._frozen(context).command
-        )
-        return command
+        return law.command(self.state(context)) if self._groups else self._frozen(context).command
 
     def _values(self, context: Context) -> Mapping[str, Array | None]:
         inputs = self.law.inputs
@@ -148,12 +144,11 @@ class LawBlock(LeafSystem, Generic[State, Observation, Command]):
             for name, port in self._inputs.items()
         }
 
-    def _step(self, context: Context) -> tuple[State, Command]:
+    def _step(self, context: Context) -> tuple[Any, Any]:
         state, values, time = self.state(context), self._values(context), context.get_time()
         stepped = self.law.step(state, self.law.observe(values), time)
         if (recorder := active()) is not None:
-            answer: Any = stepped[1]
-            record = Record(time, values, answer._asdict())
+            record = Record(time, values, stepped[1]._asdict())
             recorder.note(self, self.law, record, begins=lambda: self._is_start(state))
         return stepped
 

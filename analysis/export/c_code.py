@@ -160,7 +160,7 @@ def laws_in_c(diagram: "System", origin: Sequence[str] = ()) -> list[LawInC]:
     return found
 
 
-def blocks(system: "System") -> "Iterator[LawBlock[Any, Any, Any]]":
+def blocks(system: "System") -> "Iterator[LawBlock[Any]]":
     """Yield the blocks of laws in a diagram, and in those inside it."""
     if isinstance(system, LawBlock):
         yield system

@@ -8,9 +8,6 @@ from chamfer.models.surfaces.surface import Surface, normal
 from chamfer.models.validation import ParameterError
 from chamfer.systems.estimation.normal_filter import ResolvedSurfaceObserverParams
 from chamfer.systems.estimation.surface_observer_law import (
-    ObserverCommand,
-    ObserverObservation,
-    ObserverState,
     SurfaceObserverLaw,
 )
 from chamfer.systems.force.contact_detection_law import CONTACT
@@ -19,7 +16,7 @@ from chamfer.systems.law_block import LawBlock
 Array = NDArray[np.float64]
 
 
-class SurfaceObserver(LawBlock[ObserverState, ObserverObservation, ObserverCommand]):
+class SurfaceObserver(LawBlock[SurfaceObserverLaw]):
     """Estimates the normal of the surface that a compliant gripper slides on.
 
     .. pydrake_system::

@@ -1,17 +1,13 @@
 """Accommodation, or damping control, as a block (section 3.2)."""
 
 from chamfer.systems.force.accommodation_law import (
-    AccommodationCommand,
     AccommodationLaw,
-    AccommodationObservation,
     AccommodationParams,
 )
 from chamfer.systems.law_block import LawBlock
 
 
-class AccommodationController(
-    LawBlock[AccommodationCommand, AccommodationObservation, AccommodationCommand]
-):
+class AccommodationController(LawBlock[AccommodationLaw]):
     """Perturbs a commanded velocity in proportion to the wrench, ``V_ref = V_cmd + D^-1 F``.
 
     .. pydrake_system::

@@ -1,13 +1,10 @@
 """Admittance as a block: a commanded motion that gives way as a mass on spring and damper."""
 
-from chamfer.systems.force.accommodation_law import AccommodationCommand, AccommodationObservation
-from chamfer.systems.force.admittance_law import AdmittanceLaw, AdmittanceParams, AdmittanceState
+from chamfer.systems.force.admittance_law import AdmittanceLaw, AdmittanceParams
 from chamfer.systems.law_block import LawBlock
 
 
-class AdmittanceController(
-    LawBlock[AdmittanceState, AccommodationObservation, AccommodationCommand]
-):
+class AdmittanceController(LawBlock[AdmittanceLaw]):
     """Makes of a commanded velocity and a wrench the motion of a mass on spring and damper.
 
     .. pydrake_system::

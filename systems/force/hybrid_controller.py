@@ -12,11 +12,8 @@ from chamfer.models.arms.arm import Kinematics
 from chamfer.models.validation import ParameterError, finite
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
 from chamfer.systems.force.hybrid_law import (
-    HybridCommand,
     HybridControllerParams,
     HybridLaw,
-    HybridMemory,
-    HybridObservation,
 )
 from chamfer.systems.law_block import LawBlock
 from chamfer.systems.ports import require_ports
@@ -24,7 +21,7 @@ from chamfer.systems.ports import require_ports
 Array = NDArray[np.float64]
 
 
-class HybridController(LawBlock[HybridMemory, HybridObservation, HybridCommand]):
+class HybridController(LawBlock[HybridLaw]):
     """Position control in the domain P, force control in the domain F = I - P.
 
     .. pydrake_system::

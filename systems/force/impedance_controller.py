@@ -9,10 +9,8 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.arm_model import ArmModel, Vector3
 from chamfer.systems.force.impedance_law import (
-    ImpedanceCommand,
     ImpedanceControllerParams,
     ImpedanceLaw,
-    ImpedanceObservation,
     KnownArm,
 )
 from chamfer.systems.force.tool_pose import advance_of, spring_force
@@ -37,7 +35,7 @@ def make_impedance_law(
     return ImpedanceLaw(known, q, params, limits=params.limits(model.arm.torque_limits))
 
 
-class ImpedanceController(LawBlock[ImpedanceCommand, ImpedanceObservation, ImpedanceCommand]):
+class ImpedanceController(LawBlock[ImpedanceLaw]):
     """Makes the tool behave as a mass on springs and dampers anchored at a desired pose, eq. (1).
 
     .. pydrake_system::
@@ -82,8 +80,6 @@ class ImpedanceController(LawBlock[ImpedanceCommand, ImpedanceObservation, Imped
             to a singularity, or a mode is unstable at this period; in a run if an input is not
             finite or a quaternion is zero.
     """
-
-    law: ImpedanceLaw
 
     def __init__(self, model: ArmModel, posture: Array, params: ImpedanceControllerParams) -> None:
         # A MultibodyPlant with sampled outputs has made its step of the same instant before: no

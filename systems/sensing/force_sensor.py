@@ -19,7 +19,7 @@ from chamfer.models.validation import (
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
 from chamfer.systems.force.projection import unit
 from chamfer.systems.law_block import LawBlock
-from chamfer.systems.sensing.tare_law import TareCommand, TareLaw, TareObservation, TareState
+from chamfer.systems.sensing.tare_law import TareLaw
 
 Array = NDArray[np.float64]
 Matrix6 = tuple[tuple[float, ...], ...]
@@ -401,7 +401,7 @@ class ForceInWorld(LeafSystem):
         )
 
 
-class Tare(LawBlock[TareState, TareObservation, TareCommand]):
+class Tare(LawBlock[TareLaw]):
     """Takes off what the sensor read, on average, while it was told to take its zero.
 
     .. pydrake_system::

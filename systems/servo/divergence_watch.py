@@ -2,15 +2,12 @@
 
 from chamfer.systems.law_block import LawBlock
 from chamfer.systems.servo.divergence_law import (
-    DivergenceCommand,
     DivergenceLaw,
-    DivergenceObservation,
     DivergenceParams,
-    DivergenceState,
 )
 
 
-class DivergenceWatch(LawBlock[DivergenceState, DivergenceObservation, DivergenceCommand]):
+class DivergenceWatch(LawBlock[DivergenceLaw]):
     """Stops a compensation for good once the measured error has grown beyond its start.
 
     .. pydrake_system::

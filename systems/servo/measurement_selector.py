@@ -1,10 +1,10 @@
 """What of a measured error a controller is to compensate, as a block."""
 
 from chamfer.systems.law_block import LawBlock
-from chamfer.systems.servo.selector_law import SelectorCommand, SelectorLaw, SelectorObservation
+from chamfer.systems.servo.selector_law import SelectorLaw
 
 
-class MeasurementSelector(LawBlock[None, SelectorObservation, SelectorCommand]):
+class MeasurementSelector(LawBlock[SelectorLaw]):
     """Lets a measured error through to a controller, or holds it back.
 
     .. pydrake_system::

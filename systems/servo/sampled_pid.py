@@ -9,17 +9,14 @@ from chamfer.models.validation import ParameterError
 from chamfer.systems.law_block import LawBlock
 from chamfer.systems.servo.pid_law import (
     OpenPidGains,
-    PidCommand,
     PidGains,
     PidLaw,
-    PidObservation,
-    PidState,
     SampledPidParams,
 )
 from chamfer.systems.servo.settling import SettlingPlant
 
 
-class SampledPid(LawBlock[PidState, PidObservation, PidCommand]):
+class SampledPid(LawBlock[PidLaw]):
     """Turns a sampled error into a compensation, each axis with a PID law of its own.
 
     .. pydrake_system::

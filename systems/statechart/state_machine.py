@@ -1,15 +1,15 @@
 """The state machine block: runs a chart inside a Drake diagram."""
 
-from typing import Any, Generic
+from typing import Generic
 
 from pydrake.systems.framework import Context
 
 from chamfer.systems.law_block import LawBlock
 from chamfer.systems.statechart.chart import Inputs, Memory, Snapshot, TransitionRecord
-from chamfer.systems.statechart.chart_law import ChartLaw, ChartState
+from chamfer.systems.statechart.chart_law import ChartLaw
 
 
-class StateMachine(LawBlock[ChartState[Memory], Inputs, Any], Generic[Inputs, Memory]):
+class StateMachine(LawBlock[ChartLaw[Inputs, Memory]], Generic[Inputs, Memory]):
     """Runs a chart at a fixed period.
 
     .. pydrake_system::
@@ -27,16 +27,16 @@ class StateMachine(LawBlock[ChartState[Memory], Inputs, Any], Generic[Inputs, Me
     Abstract state: the chart's snapshot and the log of the transitions taken.
     """
 
-    law: ChartLaw[Inputs, Memory]
-
     def __init__(self, law: ChartLaw[Inputs, Memory]) -> None:
         super().__init__(law)
         self.chart = law.chart
 
     def snapshot(self, context: Context) -> Snapshot[Memory]:
         """Return where the chart is: state, time of entry and memory."""
-        return self.state(context).snapshot
+        snapshot: Snapshot[Memory] = self.state(context).snapshot
+        return snapshot
 
     def transitions(self, context: Context) -> tuple[TransitionRecord, ...]:
         """Return every transition taken so far, oldest first."""
-        return self.state(context).log
+        log: tuple[TransitionRecord, ...] = self.state(context).log
+        return log

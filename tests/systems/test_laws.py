@@ -77,7 +77,7 @@ def about(q: np.ndarray) -> Callable[[Generator], Any]:
     return lambda drawn: np.append(q, 0 * q) + drawn.normal(0.0, 0.1, 2 * len(q))
 
 
-BLOCKS: dict[str, tuple[LawBlock[Any, Any, Any], Draw]] = {
+BLOCKS: dict[str, tuple[LawBlock[Any], Draw]] = {
     "accommodation": (
         AccommodationController(REMOTE),
         mostly(damping=lambda drawn: drawn.integers(0, 3, 6) * 4000.0),
