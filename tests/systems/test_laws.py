@@ -1,6 +1,10 @@
 """A law that is stepped by hand gives what its block gives in a diagram, to the bit."""
 
+import subprocess
+import sys
+import tomllib
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -139,3 +143,15 @@ def test_a_law_is_its_block(name: str) -> None:
         for one in law.outputs:
             found = block.GetOutputPort(one).Eval(context).tolist()
             assert found == np.asarray(getattr(command, one)).tolist(), (k, one)
+
+
+def test_laws_are_there_at_once() -> None:
+    settings = tomllib.loads(Path(__file__).parents[2].joinpath("pyproject.toml").read_text())
+    contracts = settings["tool"]["importlinter"]["contracts"]
+    (laws,) = (one for one in contracts if one["name"] == "laws know no Drake")
+    heavy = {"pydrake", "scipy", "cv2", "numba", "matplotlib"}
+    code = f"import sys, {', '.join(laws['source_modules'])}; print({heavy} & set(sys.modules))"
+    found = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert found.stdout == "set()\n"
