@@ -109,6 +109,8 @@ def drive(
             truth = robot.log()
     except LinkError as error:
         raise ExperimentError(f"the simulated robot {error}") from error
+    except SystemExit as error:  # of a termination, which ends commands as Ctrl-C does
+        raise KeyboardInterrupt from error
     if report.stopped is not None:
         raise ExperimentError(f"the robot was stopped: {_text(report.stopped)}")
     _record(law, records)

@@ -3,6 +3,7 @@
 import json
 import os
 import secrets
+import select
 import socket
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from typing import Any, Final
 _HOST: Final = "127.0.0.1"
 _MOST: Final = 1 << 28  # bytes of a message
 _ENDING: Final = 5.0  # s, that a process may take to end
+_STARTING: Final = 60.0  # s, likewise to begin
 _FAILED: Final = "failed"
 
 Message = Mapping[str, Any]
@@ -80,6 +82,8 @@ def process(module: str, order: Message) -> Iterator[Link]:
             try:
                 child.stdin.write(json.dumps({**order, "key": key}).encode() + b"\n")
                 child.stdin.flush()
+                if not select.select([child.stdout], [], [], _STARTING)[0]:
+                    raise LinkError(f"does not begin for {_STARTING:g} s")
                 connection = Client((_HOST, int(child.stdout.readline())), authkey=key.encode())
             except (ValueError, OSError) as error:
                 raise LinkError("has ended before it began") from error
