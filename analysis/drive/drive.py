@@ -19,7 +19,7 @@ from chamfer.analysis.insertion.cell_runs import (
 from chamfer.analysis.insertion.insertion import outcome_of
 from chamfer.analysis.report.check_text import number
 from chamfer.analysis.scenario.errors import ExperimentError
-from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
+from chamfer.analysis.scenario.experiment import Outcome, Progress
 from chamfer.analysis.scenario.scenario_io import unstructure
 from chamfer.diagrams.insertion.insertion import (
     INSERTION,
@@ -35,7 +35,7 @@ from chamfer.systems.robot.simulated_robot import SimulatedRobot
 from chamfer.systems.strategies.insertion_controller import ControllerState, InsertionController
 
 _ROBOT: Final = "chamfer.analysis.drive.simulated_insertion"  # the module of its process
-_WAITS: Final = 0.5  # of a period, for which the robot waits for an answer
+_WAITS: Final = 0.8  # of a period, for which the robot waits for an answer
 _PERIODS: Final = 4  # that the robot goes on without a command, and the controller without news
 _SPEED: Final = 0.05  # m/s, of a tool along an axis; assumed, more if it is fed faster
 _TURN: Final = 0.5  # rad/s, likewise about it; assumed
@@ -122,19 +122,30 @@ def drive(
     missed = int(np.sum(late > (math.inf if rate is None else order["waits"])))
     pace = "it steps when it is told to" if rate is None else f"{rate:g} at most"
     answered = "of real time, from a measurement until it is answered"
+    median, p99, largest = np.percentile(late, [50, 99, 100]).tolist()
+    seating, note = _seating(scenario, done), outcome.metrics["seated.said"].note
+    peak = outcome.metrics["force.contact"].value
+    said = (
+        f"{note}: largest force {number(peak)} N, as the feed ends {number(seating)} N. The robot "
+        f"ran at {robot.pace:.2f} of real time. Of {report.ticks} measurements half were answered "
+        f"within {1e3 * median:.1f} ms, 99 % within {1e3 * p99:.1f} ms, all within "
+        f"{1e3 * largest:.1f} ms; {missed} too late for the robot. The guard changed "
+        f"{len(report.interventions)} commands."
+    )
     driven = metrics_of(
         {
-            "force.seating": (_seating(scenario, done), "N", "of the contact as the feed ends"),
+            "force.seating": (seating, "N", "of the contact as the feed ends"),
             "real_time_factor": (robot.pace, "", f"of the robot, {pace}"),
-            "lateness.median": (float(np.median(late)), "s", answered),
-            "lateness.p99": (float(np.percentile(late, 99)), "s", answered),
-            "lateness.largest": (float(late.max()), "s", answered),
+            "lateness.median": (median, "s", answered),
+            "lateness.p99": (p99, "s", answered),
+            "lateness.largest": (largest, "s", answered),
             "ticks": (float(report.ticks), ""),
             "ticks.missed": (float(missed), "", "answered too late for the robot's period"),
             "interventions": (float(len(report.interventions)), "", changed),
+            "answer": (outcome.metrics["seated"].value, "", said),
         }
     )
-    return replace(outcome, metrics=_answered({**outcome.metrics, **driven}, rate))
+    return replace(outcome, metrics={**outcome.metrics, **driven})
 
 
 def _seating(scenario: ResolvedInsertionScenario, done: CellInsertion) -> float | None:
@@ -143,24 +154,6 @@ def _seating(scenario: ResolvedInsertionScenario, done: CellInsertion) -> float 
         return None
     row = row_before(done.traces["time"], ended)
     return math.hypot(*(one[row] for one in force_medians(done.traces, scenario.step)))
-
-
-def _answered(metrics: dict[str, Metric], rate: float | None) -> dict[str, Metric]:
-    """Return the metrics with what the run comes to."""
-    said = {name: number(metric.value) for name, metric in metrics.items()}
-    median, p99, largest = (
-        f"{1e3 * (metrics[f'lateness.{name}'].value or 0):.1f}"
-        for name in ("median", "p99", "largest")
-    )
-    text = (
-        f"{metrics['seated.said'].note}: largest force {said['force.contact']} N, at the end of "
-        f"the feed {said['force.seating']} N. The controller answered {said['ticks']} "
-        f"measurements within {median} ms (median), {p99} ms (99 %) and {largest} ms (largest), "
-        f"{said['ticks.missed']} too late for the robot, which ran at "
-        f"{said['real_time_factor']} of real time. The guard changed "
-        f"{said['interventions']} commands."
-    )
-    return {**metrics, "answer": Metric(value=metrics["seated.said"].value, unit="", note=text)}
 
 
 def _record(law: InsertionController, records: Sequence[Record]) -> None:

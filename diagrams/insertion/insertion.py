@@ -337,26 +337,18 @@ def make_insertion_robot(scenario: ResolvedInsertionScenario, controller: System
     export_cell(builder, cell, error)
     for arm in ARMS:
         builder.ExportOutput(motions[arm].pose, f"{arm}.desired_pose")
-    for name, port in _SAID.items():
-        builder.ExportOutput(controller.GetOutputPort(port), name)
+    for i in range(controller.num_output_ports()):
+        name = (port := controller.get_output_port(i)).get_name()
+        if name not in ("peg_pose", "peg_velocity"):
+            builder.ExportOutput(port, _NAMES.get(name, name))
     export_contact(builder, contact)
     diagram = builder.Build()
     diagram.set_name("Insertion by sight, by a robot")
     return diagram
 
 
-_SAID: Final = {
-    "peg.command": "peg_command",
-    "hole.command": "hole_pose",
-    "measured": "errors",
-    **{
-        name: name
-        for name in (
-            *("compensation", "diverged", "feed", "attempts", "sensed_force", "sensed_depth"),
-            *("trouble", "state"),
-        )
-    },
-}
+# What the controller says, by its names, where the diagram has others.
+_NAMES: Final = {"peg_command": "peg.command", "hole_pose": "hole.command", "errors": "measured"}
 
 
 def _add_advance(

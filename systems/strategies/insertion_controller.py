@@ -21,7 +21,7 @@ from chamfer.systems.force.tool_pose import (
 )
 from chamfer.systems.law import HeldLaw, Signal, vectors
 from chamfer.systems.recording import AnyLaw, Record
-from chamfer.systems.servo.compensator_law import CompensatorLaw, CompensatorParams
+from chamfer.systems.servo.compensator_law import COMPENSATES, CompensatorLaw, CompensatorParams
 from chamfer.systems.servo.divergence_law import DivergenceLaw, DivergenceParams, DivergenceState
 from chamfer.systems.servo.pid_law import PidLaw, SampledPidParams
 from chamfer.systems.servo.selector_law import SelectorLaw
@@ -101,6 +101,9 @@ class InsertionController(HeldLaw[ControllerState, ControllerObservation, Any]):
             self.compensation = "trajectory compensator"
             self.compensator = CompensatorLaw(params.compensator)
         seen, told, pose = self.task.inputs, self.task.outputs, POSE._replace(finite=True)
+        compensated = dict.fromkeys(COMPENSATES, seen["compensation"].unit)
+        for law in (self.selector, self.watch, self.compensator):
+            law.in_units(error=seen["error"].unit, **compensated)
         self.inputs = {
             **{name: seen[name] for name in ("error", "valid", "blind")},
             "peg_tool_pose": pose,

@@ -78,19 +78,19 @@ def places(*answers: Any, times: tuple[float, ...]) -> list[tuple[float, float]]
     return found
 
 
-def test_a_pose_goes_on_until_nothing_was_heard_for_too_long() -> None:
-    found = places(at(0.0, 0.5), times=(0.005, 0.015, 0.025))
-    assert found == [(0.505, 1.0), (0.515, 1.0), (0.52, 0.0)]
-
-
-def test_what_comes_late_counts_from_the_next_period_as_of_its_time() -> None:
-    found = places(None, at(0.0, 0.5), at(0.01, 0.7), times=(0.005, 0.015))
-    assert found == [(0.0, 0.0), (0.705, 1.0)]
-
-
-def test_told_to_stop_it_stays_where_it_is() -> None:
-    found = places(at(0.0, 0.5), {"stop": []}, {"end": []}, times=(0.005, 0.015))
-    assert found == [(0.505, 1.0), (0.51, 0.0)]
+@pytest.mark.parametrize(
+    ("answers", "times", "expected"),
+    [
+        # It goes on until nothing was heard for too long.
+        ([at(0.0, 0.5)], (0.005, 0.015, 0.025), [(0.505, 1.0), (0.515, 1.0), (0.52, 0.0)]),
+        # What comes late counts from the next period on, as of its time.
+        ([None, at(0.0, 0.5), at(0.01, 0.7)], (0.005, 0.015), [(0.0, 0.0), (0.705, 1.0)]),
+        # Told to stop it stays where it is.
+        ([at(0.0, 0.5), {"stop": []}, {"end": []}], (0.005, 0.015), [(0.505, 1.0), (0.51, 0.0)]),
+    ],
+)
+def test_a_robot_does_what_it_heard_last(answers: Any, times: Any, expected: Any) -> None:
+    assert places(*answers, times=times) == expected
 
 
 @pytest.fixture
@@ -142,11 +142,3 @@ def test_a_robot_that_is_not_there_is_told(
     with pytest.raises(LinkError, match=said), process(serve(lines), {}) as link:
         SimulatedRobot(link, period=0.01).clock()
     assert time.monotonic() - began < 10
-
-
-def test_a_process_that_does_not_start_is_told() -> None:
-    with (
-        pytest.raises(LinkError, match="has ended before it began"),
-        process("no_such_module", {}),
-    ):
-        pass
