@@ -173,6 +173,8 @@ def replay_logs(
             name, law = _law(known, controller, about[one], one)
             if controller is None or len(logs) == 1 or about[one]["controller"] in (None, name):
                 found[one.stem] = replay(name, law, log_records(law, log, one))
+    if not found:
+        raise UserError(f"{path} has no log of {controller}")
     documents = [{"log": name, **one.document()} for name, one in found.items()]
     compared = [one for one in documents if one["mismatches"] is not None]
     differ = sum(one["mismatches"] for one in compared)

@@ -149,6 +149,7 @@ def test_what_does_not_fit_is_refused_in_a_line(
         ("step-response", "", (), "has no logs, files that end with .parquet or .csv"),
         ("step-response", "traces.parquet", (), "doesn't say whose log it is, --controller has"),
         ("step-response", "log", ("--controller", "pid"), "unknown controller 'pid'"),
+        ("plant-identification", "traces.parquet", (), "it has no controllers of its own"),
         ("step-response", "log", ("--set", "fsm.period=0"), "fsm.period is 0.0, allowed:"),
     ],
 )
