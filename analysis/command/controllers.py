@@ -21,13 +21,12 @@ def controllers(experiment: Experiment[Any], scenario: Any) -> dict[str, list[An
     A path has one law that is the same in every run, or several in their order, for as many runs
     each.
     """
-    loops: Sequence[Diagram] = ()
+    within: list[Diagram] = []
     if experiment.loops is not None:
-        loops = experiment.loops(scenario)
+        within += experiment.loops(scenario)
     elif experiment.diagram is not None:
-        loops = (experiment.diagram(scenario),)
+        within.append(experiment.diagram(scenario))
     found: dict[str, list[AnyLaw]] = {}
-    within = list(loops)
     while within:
         for system in within.pop(0).GetSystems():
             if isinstance(system, LawBlock):

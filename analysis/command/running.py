@@ -55,11 +55,6 @@ if TYPE_CHECKING:
 _OF_NUMBERS: Final = (ValueError, ArithmeticError, MemoryError, RuntimeError)
 
 
-_WHY_NOT: Final = (
-    "it has none, is compiled, or its trials ran in others (--set trials=1 runs here)"
-)
-
-
 @dataclass(frozen=True, kw_only=True)
 class Job:
     """An experiment with everything that is known before it runs."""
@@ -239,9 +234,7 @@ def _logs(job: Job, recorder: Recorder, about: Mapping[str, Any]) -> dict[str, b
     if lacking := sorted(set(recorder.runs) - set(runs)):
         say(f"{job.entry.name}: no log of {', '.join(lacking)}, drawn for a trial")
     elif not runs:
-        say(
-            f"{job.entry.name}: no log, its controllers are continuous or compiled, or it has none"
-        )
+        say(f"{job.entry.name}: no log, no controller of its loops is sampled here")
     return log_files(runs, about)
 
 

@@ -85,7 +85,8 @@ class Session:
             log = self.order.log and bool(job.entry.diagram or job.entry.loops)
             if log != self.order.log:
                 say(f"{name}: no log, it has no controllers of its own")
-            campaign = self._campaign(name, fresh=self.order.fresh or log, here=log)
+            campaign = self._campaign(name, fresh=self.order.fresh or log)
+            campaign.here = log
             # An experiment that prints must not spoil the JSON document.
             quiet = redirect_stdout(sys.stderr) if self.as_json else nullcontext()
             with quiet, TerminalProgress(label) as progress, closing(campaign):
@@ -123,11 +124,9 @@ class Session:
         self._write_table()
         return self._end()
 
-    def _campaign(self, name: str, *, fresh: bool, here: bool = False) -> Campaign:
-        path, engine = self.order.out / name / TRIALS, self.trials
-        return Campaign(
-            path=path, processors=engine.processors, engine=engine, here=here, fresh=fresh
-        )
+    def _campaign(self, name: str, *, fresh: bool) -> Campaign:
+        path, processors = self.order.out / name / TRIALS, self.trials.processors
+        return Campaign(path=path, processors=processors, engine=self.trials, fresh=fresh)
 
     def _side_by_side(self, headway: "_Headway") -> Generator[Ended]:
         """Yield what becomes of each experiment when it has ended."""
