@@ -48,9 +48,8 @@ def _export(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
         if not files:
             others = {"c": "c, fmu", "scxml": "scxml", "mermaid": "mermaid"}
             there = ", ".join(text for name, text in others.items() if _FORMATS[name](job))
-            raise UserError(
-                f"nothing to export as {arguments.format}, there is: {there or 'nothing'}"
-            )
+            instead = f" as {arguments.format}, there is: {there}" if there else ""
+            raise UserError(f"has nothing to export{instead}")
     require_writable(arguments.out, [job.entry.name])
     folder = arguments.out / job.entry.name / "export"
     with written(folder):

@@ -38,9 +38,9 @@ def test_every_format_is_written_and_its_paths_are_printed(
 @pytest.mark.parametrize(
     ("name", "format_", "why"),
     [
-        ("peg-insertion", "c", "peg-insertion: nothing to export as c, there is: mermaid"),
+        ("peg-insertion", "c", "peg-insertion: has nothing to export as c, there is: mermaid"),
         ("planar-hold", "fmu", "nothing to export as fmu, there is: scxml, mermaid"),
-        ("design-accuracy", "mermaid", "nothing to export as mermaid, there is: nothing"),
+        ("design-accuracy", "mermaid", "design-accuracy: has nothing to export"),
         ("step-response", "matlab", "'matlab' (choose from 'c', 'fmu', 'scxml', 'mermaid')"),
     ],
 )
