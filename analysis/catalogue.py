@@ -360,6 +360,7 @@ CATALOGUE: Final = Catalogue(
             scenario="COMPARISON",
             resolve="resolve",
             diagram="chamfer.diagrams.cell.alignment:make_alignment_diagram",
+            loops="make_loops",
             reduced=("trials=2", "begin=0.2", "compensation_time=0.6"),
         ),
         _servoing_study(

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from pydrake.systems.framework import Diagram
 
 from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_metrics import mean_interval, metrics_of, prefixed
@@ -33,6 +34,7 @@ from chamfer.analysis.cell.alignment_runs import (
 from chamfer.analysis.drawing.figure_style import LOOPS, PUBLISHED, dress, legend, new_figure
 from chamfer.analysis.published.fsm_work_cell import MEAN_ERROR
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
+from chamfer.diagrams.cell.alignment import make_alignment_diagram
 from chamfer.diagrams.cell.alignment_scenario import (
     ControllerChoice,
     ControllerKind,
@@ -120,6 +122,11 @@ def _with_both(scenario: _Resolved) -> dict[ControllerKind, _Resolved]:
     return {
         kind: replace(scenario, controller=ControllerChoice(kind=kind)) for kind in CONTROLLERS
     }
+
+
+def make_loops(scenario: _Resolved) -> list[Diagram]:
+    """Return the loops of both controllers."""
+    return [make_alignment_diagram(one) for one in _with_both(scenario).values()]
 
 
 def _without_numbers(scenario: _Resolved) -> _Resolved:

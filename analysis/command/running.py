@@ -232,7 +232,7 @@ def _logs(job: Job, recorder: Recorder, about: Mapping[str, Any]) -> dict[str, b
     known = controllers(job.experiment, job.scenario)
     runs = {path: runs for path, runs in recorder.runs.items() if path in known}
     if lacking := sorted(set(recorder.runs) - set(runs)):
-        say(f"{job.entry.name}: no log of {', '.join(lacking)}, drawn for a trial")
+        say(f"{job.entry.name}: no log of {', '.join(lacking)}, drawn for a trial or compared")
     elif not runs:
         say(f"{job.entry.name}: no log, no controller of its loops is sampled here")
     return log_files(runs, about)
