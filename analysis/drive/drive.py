@@ -43,14 +43,16 @@ _MARGIN: Final = 0.05  # m, of the workspace around where the peg is to go; assu
 
 
 def guard_params(scenario: ResolvedInsertionScenario) -> CommandGuardParams:
-    """Return what may be commanded: poses around the hole, at no more than twice the feed."""
-    period, speed = scenario.cameras.frames.period, max(_SPEED, 2 * scenario.insert.speed)
+    """Return what may be commanded: poses around the hole, at twice the speed that is meant."""
+    period, offset = scenario.cameras.frames.period, math.hypot(*scenario.start_offset)
+    # The feed, and the cubic motion to the gap at its fastest.
+    speed = max(_SPEED, 2 * scenario.insert.speed, 3 * offset / scenario.motion_time)
     # Within a period a tool may begin or end to move: compensations are steps.
     motion: dict[str, Any] = {
         "speed": (*(_TURN,) * 3, *(speed,) * 3),
         "acceleration": (*(_TURN / period,) * 3, *(speed / period,) * 3),
     }
-    mouth, offset = np.array(scenario.mouth), math.hypot(*scenario.start_offset)
+    mouth = np.array(scenario.mouth)
     reach = scenario.gap + scenario.insert.feed + offset + _MARGIN
     room: dict[str, Any] = {"low": tuple(mouth - reach), "high": tuple(mouth + reach)}
     return CommandGuardParams(
