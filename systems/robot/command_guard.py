@@ -8,8 +8,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.models.validation import ParameterError, require_positive
-from chamfer.systems.robot.command_limits import Limits, Moving, PoseLimits, Times
+from chamfer.models.validation import ParameterError, require_between, require_positive
+from chamfer.systems.robot.command_limits import Limits, Moving, PoseLimits, PositionLimits
 
 Array = NDArray[np.float64]
 
@@ -48,20 +48,17 @@ class CommandGuardParams:
     timeout: float  # s, longest without anything new, and between two steps
     limits: Mapping[str, Limits | None]
     # of each command that goes to the robot; None: it goes as it is, and is held in a stop
-    torque: float = math.inf  # N m, of the measured wrench; what feels more is stopped
+    torque: float = math.inf  # N m, of the input wrench, N m above N; what feels more is stopped
     force: float = math.inf  # N, likewise
-    wrench: str = "wrench"  # input, shape (6,), N m above N, where torque or force is limited
     unchecked: tuple[str, ...] = ()  # inputs that may be not finite, such as a camera's errors
 
     def __post_init__(self) -> None:
         require_positive(self, "period", "timeout")
+        require_between(self, 1e-9, math.inf, "torque", "force")
         if self.timeout < self.period:
             raise ParameterError("timeout", self.timeout, f"at least the period, {self.period:g}")
         if not any(self.limits.values()):
             raise ParameterError("limits", dict(self.limits), "limits of at least one command")
-        for name in ("torque", "force"):
-            if not getattr(self, name) > 0:
-                raise ParameterError(name, getattr(self, name), "a number > 0, infinity for none")
 
 
 class GuardState(NamedTuple):
@@ -86,17 +83,17 @@ class CommandGuard:
 
     def __init__(self, params: CommandGuardParams) -> None:
         self.params = params
-        self._limits = {name: one for name, one in params.limits.items() if one is not None}
+        self._limits = [one for one in params.limits.values() if one is not None]
         self._needed: list[tuple[str, int, Limits | None]] = [
-            (one.measured, one.reads, one) for one in self._limits.values() if one.measured
+            (one.measured, one.reads, one) for one in self._limits if one.measured
         ]
         if min(params.torque, params.force) < math.inf:
-            self._needed.append((params.wrench, 6, None))
+            self._needed.append(("wrench", 6, None))
 
     @property
     def stopping_time(self) -> float:
         """Time, s, from the cause of a stop until nothing moves, at most."""
-        return max(one.stopping_time for one in self._limits.values()) + self.params.timeout
+        return max(one.stopping_time for one in self._limits) + self.params.timeout
 
     def start(self) -> GuardState:
         """Return the state before the first step."""
@@ -108,37 +105,37 @@ class CommandGuard:
 
     def at_rest(self, state: GuardState) -> bool:
         """Return whether a stop has ended: nothing moves."""
-        velocities = (one.velocity for one in state.moving.values())
-        return state.stop is not None and not any(v is not None and v.any() for v in velocities)
+        return state.stop is not None and not any(
+            one.velocity.any() for one in state.moving.values()
+        )
 
     def trouble(
         self, state: GuardState, reading: Reading, time: float, *, abort: bool = False
     ) -> Intervention | None:
         """Return why the robot has to stop whatever is commanded; None: it has not to."""
-        timeout = self.params.timeout
-        longest = timeout * (1 + _ROUNDING)
+        params, values = self.params, reading.values
+        longest = params.timeout * (1 + _ROUNDING)
         if abort:
             return Intervention(time, "abort", "", 1.0, 0.0)
         if not math.isfinite(time) or time <= state.time:
             return Intervention(time, "time", "", time, state.time)
         if time - state.time > longest:
-            return Intervention(time, "late", "", time - state.time, timeout)
+            return Intervention(time, "late", "", time - state.time, params.timeout)
         if not reading.time > state.measured and not time - state.fresh <= longest:
-            return Intervention(time, "stale", "", time - state.fresh, timeout)
+            return Intervention(time, "stale", "", time - state.fresh, params.timeout)
         for name, size, limits in self._needed:
-            if fault := _fault(reading.values.get(name), size, limits):
+            if fault := _fault(values.get(name), limits, size):
                 return Intervention(time, "input", name, *fault)
-        for name, value in reading.values.items():
-            if value is None or name in self.params.unchecked:
+        for name, value in values.items():
+            if value is None or name in params.unchecked:
                 continue
             if not (finite := np.isfinite(value)).all():
                 return Intervention(time, "input", name, float(value[~finite][0]), math.inf)
-        params, wrench = self.params, reading.values.get(self.params.wrench)
-        if wrench is not None:
-            for cause, part in (("torque", wrench[:3]), ("force", wrench[3:])):
-                load, most = float(np.linalg.norm(part)), getattr(params, cause)
+        if (wrench := values.get("wrench")) is not None:
+            for cause, axes in ("torque", wrench[:3]), ("force", wrench[3:]):
+                load, most = float(np.linalg.norm(axes)), getattr(params, cause)
                 if load > most:
-                    return Intervention(time, cause, params.wrench, load, most)
+                    return Intervention(time, cause, "wrench", load, most)
         return None
 
     def step(
@@ -156,27 +153,23 @@ class CommandGuard:
         as it is not known from where it starts.
         """
         params, fresh = self.params, reading.time > state.measured
-        given = command or {}
-        asked = {name: np.array(given[name]) if name in given else None for name in params.limits}
+        asked = {name: np.array(one).ravel() for name, one in (command or {}).items()}
         stop = state.stop or self.trouble(state, reading, time, abort=abort)
         stop = stop or self._not_meant(asked, time)
-        interventions = [] if stop is None or stop is state.stop else [stop]
+        interventions = [stop] if stop and not state.stop else []
         # Where there was no step before, or the clock can't be believed, it took the period.
-        known = math.isfinite(time) and time > state.time
-        elapsed = time - state.time if known else params.period
-        times = Times(elapsed, params.period, params.timeout)
-        moving = dict[str, Moving]()
+        elapsed = time - state.time if state.time < time < math.inf else params.period
+        moving = dict(state.moving)
         for name, limits in params.limits.items():
             wanted = None if stop else asked[name]
-            if limits is None:
-                moving[name] = state.moving[name] if wanted is None else Moving(wanted)
-                continue
-            seen = reading.values.get(limits.measured) if fresh else None
-            if seen is not None and not np.isfinite(seen).all():
-                seen = None
-            moving[name], held = limits.step(state.moving[name], wanted, seen, times)
-            if not stop:
-                interventions += [Intervention(time, one[0], name, *one[1:]) for one in held]
+            if limits is not None:
+                seen = reading.values.get(limits.measured) if fresh and not stop else None
+                hold = params.period if isinstance(limits, PositionLimits) else params.timeout
+                moving[name], held = limits.step(moving[name], wanted, seen, elapsed, hold)
+                if not stop:
+                    interventions += [Intervention(time, one[0], name, *one[1:]) for one in held]
+            elif wanted is not None:
+                moving[name] = Moving(wanted)
         now = time if math.isfinite(time) else state.time + elapsed
         changed = GuardState(
             moving=moving,
@@ -188,20 +181,20 @@ class CommandGuard:
         sent = {name: one.command for name, one in moving.items() if one.command is not None}
         return changed, sent, tuple(interventions)
 
-    def _not_meant(self, asked: Mapping[str, Array | None], time: float) -> Intervention | None:
+    def _not_meant(self, asked: Mapping[str, Array], time: float) -> Intervention | None:
         for name, limits in self.params.limits.items():
-            value, size = asked[name], 0 if limits is None else limits.size
-            if limits is not None and value is not None and value.shape != (size,):
-                return Intervention(time, "command", name, value.size, size)
-            if fault := _fault(value, size, limits):
+            sizes = (limits.size, limits.size) if limits else (0,)
+            if fault := _fault(asked.get(name), limits, *sizes):
                 return Intervention(time, "command", name, *fault)
         return None
 
 
-def _fault(value: Array | None, size: int, limits: Limits | None) -> tuple[float, float] | None:
+def _fault(
+    value: Array | None, limits: Limits | None, least: int, most: float = math.inf
+) -> tuple[float, float] | None:
     """Return what of a vector can't be, and what would be allowed; None if it may be."""
-    if value is None or value.size < size:
-        return 0 if value is None else value.size, size
+    if value is None or not least <= value.size <= most:
+        return 0 if value is None else value.size, least
     if not (meant := np.abs(value) <= _MOST).all():
         return float(value[~meant][0]), _MOST
     if isinstance(limits, PoseLimits):

@@ -6,7 +6,6 @@ last, so that a velocity v towards a border at the distance d has to satisfy
 v^2 / (2 a) + v T <= d, with the acceleration a.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple, TypeAlias
 
@@ -16,7 +15,6 @@ from numpy.typing import NDArray
 from chamfer.models.validation import ParameterError, require_numbers
 
 Array = NDArray[np.float64]
-Ranges: TypeAlias = Mapping[str, tuple[Array, Array]]  # by what an intervention calls it
 Held: TypeAlias = tuple[str, float, float]  # by what it is called, what was asked, what is sent
 
 _ROUNDING: Final = 1e-12  # of velocities, ways and efforts
@@ -26,17 +24,9 @@ class Moving(NamedTuple):
     """What is remembered of a command."""
 
     command: Array | None = None  # sent last
-    velocity: Array | None = None  # of it, of each axis; of an effort, how far it is from rest
-    place: Array | None = None  # the lowest and the highest to where velocities may have led
+    velocity: Array = np.zeros(1)  # of it, of each axis; of an effort, how far it is from rest
+    room: Array = np.full((2, 1), np.inf)  # of each axis, to the lower and the upper border
     asked: Array | None = None  # the place that was asked for
-
-
-class Times(NamedTuple):
-    """Times of a step, s."""
-
-    elapsed: float  # since the step before, by the clock
-    period: float  # between steps, as planned
-    hold: float  # for which the robot may go on with what it was sent
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,14 +43,13 @@ class VelocityLimits:
     low: tuple[float, ...] = ()  # rad or m
     high: tuple[float, ...] = ()  # rad or m
     measured: str = ""
-    _starts: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         _require_positive(self, len(self.speed), "speed", "acceleration")
         require_numbers(self, min(len(self.low), len(self.speed)), "low", "high")
         if not all(low < high for low, high in zip(self.low, self.high, strict=True)):
             raise ParameterError("high", self.high, f"numbers above low, {self.low}")
-        if (self.low or self._starts) and not self.measured:
+        if self.reads and not self.measured:
             raise ParameterError("measured", "", "the input that says where it is")
 
     @property
@@ -71,7 +60,7 @@ class VelocityLimits:
     @property
     def reads(self) -> int:
         """Elements of what is measured, at least."""
-        return self.size if self._starts else len(self.low)
+        return len(self.low)
 
     @property
     def stopping_time(self) -> float:
@@ -79,72 +68,67 @@ class VelocityLimits:
         return float(np.divide(self.speed, self.acceleration).max())
 
     def step(
-        self, moving: Moving, asked: Array | None, seen: Array | None, times: Times
+        self, moving: Moving, asked: Array | None, seen: Array | None, elapsed: float, hold: float
     ) -> tuple[Moving, list[Held]]:
         """Return what is sent, and to what it was held.
 
         What is ``asked`` is None to come to rest, what is ``seen``, the input that is measured,
-        where nothing is new.
+        where nothing is new. The robot may go on for a time, to ``hold``, with what it is sent.
         """
-        last = np.zeros(self.size) if moving.velocity is None else moving.velocity
-        place = moving.place
-        if seen is not None and self.low:
-            place = np.array([seen[-len(self.low) :]] * 2)
-        elif place is not None:
-            way = last[-len(self.low) :] * times.elapsed
-            place = place + np.array([np.minimum(way, 0), np.maximum(way, 0)])
-        wanted = np.zeros(self.size) if asked is None else asked
-        velocity, held = _held(wanted, self._ranges(last, place, times.elapsed, times.hold))
-        return Moving(velocity, velocity, place), held
+        if seen is not None:
+            room = self._room(seen)
+        else:  # it may have gone on, or not: clocks may be fast
+            way = moving.velocity * elapsed
+            room = moving.room - np.maximum([-way, way], 0)
+        acceleration = np.array(self.acceleration)
+        down, up = _braked(room, acceleration, hold)
+        velocity, held = _held(
+            np.zeros(len(self.speed)) if asked is None else asked,
+            velocity=_around(0.0, self.speed),
+            workspace=(-down, up),
+            acceleration=_around(moving.velocity, acceleration * elapsed),
+        )
+        return Moving(velocity, velocity, room), held
 
-    def _ranges(self, last: Array, place: Array | None, elapsed: float, hold: float) -> Ranges:
-        """Return what a velocity may be; without a known place it leads nowhere."""
-        ranges = {"velocity": _around(0.0, self.speed)}
-        if borders := len(self.low):
-            low, high = _around(0.0, np.full(len(last), np.inf))
-            braking, room = np.array(self.acceleration)[-borders:], np.zeros((2, borders))
-            if place is not None:
-                room = np.array([place[0] - self.low, self.high - place[1]])
-            low[-borders:], high[-borders:] = _braked(room, braking, hold) * [[-1], [1]]
-            ranges["workspace"] = low, high
-        ranges["acceleration"] = _around(last, np.array(self.acceleration) * elapsed)
-        return ranges
+    def _room(self, place: Array) -> Array:
+        free = (np.inf,) * (len(self.speed) - len(self.low))
+        here = place[len(place) - len(self.low) :]
+        return np.array([[*free, *(here - self.low)], [*free, *(self.high - here)]])
 
 
 @dataclass(frozen=True, kw_only=True)
 class PositionLimits(VelocityLimits):
     """Of positions of joints, rad or m, that start from what is ``measured``.
 
-    Their velocity is the way of a step over the period: robots take a place a period, however
-    much before or after its time it was sent.
+    They are held as velocities are, those of the ways of a step over the period: robots take a
+    place a period, however much before or after its time it was sent.
     """
 
-    _starts: ClassVar[bool] = True
+    @property
+    def reads(self) -> int:
+        """Elements of what is measured, at least."""
+        return self.size
 
     def step(
-        self, moving: Moving, asked: Array | None, seen: Array | None, times: Times
+        self, moving: Moving, asked: Array | None, seen: Array | None, elapsed: float, hold: float
     ) -> tuple[Moving, list[Held]]:
         """Return what is sent, and to what it was held; nothing before it is known where it is."""
-        period, axes = times.period, len(self.speed)
         place = seen if moving.command is None else moving.command
         if place is None:
             return moving, []
-        last = np.zeros(axes) if moving.velocity is None else moving.velocity
-        wanted = direct = np.zeros(axes) if asked is None else self._way(place, asked) / period
-        if asked is not None and moving.asked is not None and moving.asked is not place:
-            # It got away from what is asked for: that is caught up with, and not overrun.
-            way, braking = self._way(place, moving.asked), np.array(self.acceleration)
-            near = np.abs(way) <= braking * period**2 / 2
-            speed = np.where(near, np.abs(way) / period, _braked(np.abs(way), braking, period))
-            wanted = self._way(moving.asked, asked) / period + np.sign(way) * speed
-        border = np.array([place[-len(self.low) :]] * 2)
-        elapsed = max(period, times.elapsed)
-        velocity, held = _held(wanted, self._ranges(last, border, elapsed, period))
-        i = int((off := np.abs(velocity - direct) * period).argmax())
-        if asked is not None and off[i] <= _ROUNDING:
-            return Moving(asked, direct, None, asked), held
-        held = held or [("behind", float(direct[i]), float(velocity[i]))]
-        return Moving(self._moved(place, velocity * period), velocity, None, asked), held
+        wanted, behind = None, list[Held]()
+        if asked is not None:
+            # From what was asked for it may be away: that is caught up with, and not overrun.
+            target = place if moving.asked is None else moving.asked
+            way, braking = np.abs(self._way(place, target)), np.array(self.acceleration)
+            speed = _braked(way, braking, hold)
+            speed[way <= braking * hold**2 / 2] = np.inf  # it is there with this step
+            leading = _around(self._way(target, asked) / hold, speed)
+            wanted, behind = _held(self._way(place, asked) / hold, behind=leading)
+        moved, held = super().step(moving, wanted, place, max(hold, elapsed), hold)
+        through = asked is not None and not behind + held
+        command = asked if through else self._moved(place, moved.velocity * hold)
+        return Moving(command, moved.velocity, asked=asked), behind + held
 
     def _way(self, place: Array, target: Array) -> Array:
         return target - place
@@ -162,7 +146,7 @@ class PoseLimits(PositionLimits):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _require_positive(self, 6, "speed", "acceleration")
+        require_numbers(self, 6, "speed")
 
     @property
     def size(self) -> int:
@@ -184,7 +168,7 @@ class PoseLimits(PositionLimits):
 
 @dataclass(frozen=True, kw_only=True)
 class EffortLimits:
-    """Of joint torques, or a wrench. In a stop it goes to that at ``rest``."""
+    """Of joint torques, or a wrench. It starts from that at ``rest``, and stops there."""
 
     most: tuple[float, ...]  # N m or N, largest size
     rate: tuple[float, ...]  # N m/s or N/s
@@ -195,7 +179,7 @@ class EffortLimits:
     def __post_init__(self) -> None:
         _require_positive(self, len(self.most), "most", "rate")
         require_numbers(self, len(self.rest and self.most), "rest")
-        if any(abs(one) > most for one, most in zip(self.rest, self.most, strict=False)):
+        if np.any(np.abs(self._rest) > self.most):
             raise ParameterError("rest", self.rest, f"sizes of at most {self.most}")
 
     @property
@@ -206,20 +190,21 @@ class EffortLimits:
     @property
     def stopping_time(self) -> float:
         """Time, s, from the largest effort to rest."""
-        return float(((np.array(self.most) + np.abs(self._rest)) / self.rate).max())
+        return float(((self.most + np.abs(self._rest)) / self.rate).max())
 
     @property
     def _rest(self) -> Array:
         return np.array(self.rest or (0.0,) * self.size)
 
     def step(
-        self, moving: Moving, asked: Array | None, seen: Array | None, times: Times
+        self, moving: Moving, asked: Array | None, seen: Array | None, elapsed: float, hold: float
     ) -> tuple[Moving, list[Held]]:
         """Return what is sent, and to what it was held."""
-        ranges = {"effort": _around(0.0, self.most)}
-        if moving.command is not None:
-            ranges["rate"] = _around(moving.command, np.array(self.rate) * times.elapsed)
-        effort, held = _held(self._rest if asked is None else asked, ranges)
+        effort, held = _held(
+            self._rest if asked is None else asked,
+            effort=_around(0.0, self.most),
+            rate=_around(self._rest + moving.velocity, np.array(self.rate) * elapsed),
+        )
         return Moving(effort, effort - self._rest), held
 
 
@@ -244,7 +229,7 @@ def _braked(distance: Array, braking: Array, hold: float) -> Array:
     return velocity
 
 
-def _held(wanted: Array, ranges: Ranges) -> tuple[Array, list[Held]]:
+def _held(wanted: Array, **ranges: tuple[Array, Array]) -> tuple[Array, list[Held]]:
     """Return what is wanted, held to one range after the other, and to which it was."""
     found = []
     for cause, (low, high) in ranges.items():

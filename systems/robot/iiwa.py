@@ -14,7 +14,6 @@ from chamfer.systems.robot.command_guard import Reading
 Array = NDArray[np.float64]
 
 JOINTS: Final = 7
-POSITION, TORQUE = "joint_position", "joint_torque"  # commands: rad, N m
 _READ: Final = {  # by the name in the message; torques there have the sign against the actuators'
     "joint_position_measured": 1.0,  # rad
     "joint_velocity_estimated": 1.0,  # rad/s, filtered by the driver
@@ -33,11 +32,10 @@ class Iiwa:
     arm carries itself, or both, as the application on its cabinet has it.
     """
 
-    def __init__(self, lcm: DrakeLcmInterface, *, period: float = 0.005, prefix: str = "IIWA"):
-        self.period = period
-        self._lcm, self._channel = lcm, f"{prefix}_COMMAND"
-        self._status = Subscriber(lcm, f"{prefix}_STATUS", lcmt_iiwa_status)
-        self._sent: Mapping[str, Array] = {}
+    def __init__(self, lcm: DrakeLcmInterface, *, period: float = 0.005) -> None:
+        self.period, self._lcm = period, lcm
+        self._status = Subscriber(lcm, "IIWA_STATUS", lcmt_iiwa_status)
+        self._sent = lcmt_iiwa_command()
 
     @property
     def ready(self) -> bool:
@@ -57,27 +55,27 @@ class Iiwa:
         self._lcm.HandleSubscriptions(0)
         message = self._status.message
         if message.num_joints != JOINTS:
-            raise ParameterError(
-                "num_joints", message.num_joints, f"{JOINTS}, of an iiwa's status"
-            )
+            raise ParameterError("num_joints", message.num_joints, f"{JOINTS}, of a status")
         values = {name: sign * np.array(getattr(message, name)) for name, sign in _READ.items()}
         return Reading(message.utime * 1e-6, values)
 
     def write(self, command: Mapping[str, Array]) -> None:
-        """Send positions, torques, or both."""
-        message = lcmt_iiwa_command()
-        message.utime = self._status.message.utime
-        if POSITION in command:
+        """Send positions, rad, torques, N m, or both."""
+        message = self._sent = lcmt_iiwa_command()
+        if "joint_position" in command:
             message.num_joints = JOINTS
-            message.joint_position = command[POSITION].tolist()
-        if TORQUE in command:
+            message.joint_position = command["joint_position"].tolist()
+        if "joint_torque" in command:
             message.num_torques = JOINTS
-            message.joint_torque = command[TORQUE].tolist()
-        self._lcm.Publish(self._channel, message.encode())
-        self._sent = command
+            message.joint_torque = command["joint_torque"].tolist()
+        self._publish()
 
     def stop(self) -> None:
         """Stay where it was sent last, and take the torque away."""
-        if self._sent:
-            still = np.zeros(JOINTS)
-            self.write({name: still if name == TORQUE else q for name, q in self._sent.items()})
+        self._sent.joint_torque = [0.0] * self._sent.num_torques
+        if self._sent.num_joints or self._sent.num_torques:
+            self._publish()
+
+    def _publish(self) -> None:
+        self._sent.utime = self._status.message.utime
+        self._lcm.Publish("IIWA_COMMAND", self._sent.encode())

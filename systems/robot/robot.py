@@ -4,7 +4,7 @@ import gc
 import signal
 import time as clocks
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from types import FrameType
 from typing import Any, Final, Protocol
@@ -91,7 +91,10 @@ def run_controller(
             raise ParameterError(f"limits of {name}", limits, f"those of {sizes}")
     state, guarded, observation = law.start(), guard.start(), None
     late, interventions, tick, missed = list[float](), list[Intervention](), 0, 0
-    with _stopped_at_the_end(robot), _nothing_to_collect():
+    with _stopped_at_the_end(robot), ExitStack() as afterwards:
+        gc.collect()
+        gc.freeze()  # to look through all that there is would pause ticks by 0.3 s
+        afterwards.callback(gc.unfreeze)
         start = clock()
         while True:
             if (wait := start + tick * period - clock()) > _ROUNDING:
@@ -116,26 +119,15 @@ def run_controller(
                 break
             skipped = max(int((clock() - start) // period) - tick - 1, 0)
             tick, missed = tick + 1 + skipped, missed + skipped
-    parts = np.percentile(late, [50, 99, 100])
+    median, p99, largest = np.percentile(late, [50, 99, 100]).tolist()
     return RunReport(
         ticks=len(late),
         missed=missed,
-        lateness=dict(zip(("median", "99 %", "largest"), map(float, parts), strict=True)),
+        lateness={"median": median, "99 %": p99, "largest": largest},
         interventions=tuple(interventions),
         stopped=guarded.stop,
         state=state,
     )
-
-
-@contextmanager
-def _nothing_to_collect() -> Iterator[None]:
-    """Keep what there is out of Python's garbage collection, which would pause ticks by 0.3 s."""
-    gc.collect()
-    gc.freeze()
-    try:
-        yield
-    finally:
-        gc.unfreeze()
 
 
 @contextmanager
@@ -155,15 +147,14 @@ def _stopped_at_the_end(robot: Robot) -> Iterator[None]:
         with suppress(ValueError):  # not the main thread, to which signals go
             for one in (signal.SIGINT, signal.SIGTERM):
                 handled[one] = signal.signal(one, interrupt)
+        yield
+        robot.stop()
+    except BaseException as error:
         try:
-            yield
             robot.stop()
-        except BaseException as error:
-            try:
-                robot.stop()
-            except Exception as trouble:
-                error.add_note(f"the robot could not be stopped: {trouble!r}")
-            raise
+        except Exception as trouble:
+            error.add_note(f"the robot could not be stopped: {trouble!r}")
+        raise
     finally:
         for number, handler in handled.items():
             signal.signal(number, handler)
