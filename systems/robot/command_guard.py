@@ -176,7 +176,7 @@ class CommandGuard:
             stop=stop,
             time=now,
             measured=reading.time if fresh else state.measured,
-            fresh=now if fresh or math.isnan(state.fresh) else state.fresh,
+            fresh=now if fresh else state.fresh,
         )
         sent = {name: one.command for name, one in moving.items() if one.command is not None}
         return changed, sent, tuple(interventions)

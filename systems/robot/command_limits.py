@@ -120,11 +120,12 @@ class PositionLimits(VelocityLimits):
         if asked is not None:
             # From what was asked for it may be away: that is caught up with, and not overrun.
             target = place if moving.asked is None else moving.asked
-            way, braking = np.abs(self._way(place, target)), np.array(self.acceleration)
-            speed = _braked(way, braking, hold)
-            speed[way <= braking * hold**2 / 2] = np.inf  # it is there with this step
-            leading = _around(self._way(target, asked) / hold, speed)
-            wanted, behind = _held(self._way(place, asked) / hold, behind=leading)
+            way = np.abs(self._way(place, target))
+            speed = _braked(way, np.array(self.acceleration), hold)
+            wanted, behind = _held(
+                self._way(place, asked) / hold,
+                behind=_around(self._way(target, asked) / hold, speed),
+            )
         moved, held = super().step(moving, wanted, place, max(hold, elapsed), hold)
         through = asked is not None and not behind + held
         command = asked if through else self._moved(place, moved.velocity * hold)

@@ -15,7 +15,7 @@ from chamfer.models.validation import ParameterError
 from chamfer.systems.law import Signal
 from chamfer.systems.recording import Record
 from chamfer.systems.robot.command_guard import CommandGuard, CommandGuardParams, Reading
-from chamfer.systems.robot.command_limits import VelocityLimits
+from chamfer.systems.robot.command_limits import PositionLimits, VelocityLimits
 from chamfer.systems.robot.robot import RunReport, run_controller
 from chamfer.systems.statechart.chart import Chart, State, Transition
 from chamfer.systems.statechart.chart_law import ChartLaw, MachineOutput
@@ -87,9 +87,9 @@ def guard(**changes: Any) -> CommandGuard:
 
 
 def run(robot: Axis, law: Any = None, **options: Any) -> RunReport:
-    until = options.pop("until", lambda state, time: time > 0.495)
+    defaults = {"guard": guard(), "until": lambda state, time: time > 0.495}
     clocks = {"clock": robot.clock, "sleep": robot.sleep}
-    return run_controller(robot, law or make_law(), guard(), until=until, **clocks | options)
+    return run_controller(robot, law or make_law(), **defaults | clocks | options)
 
 
 def test_ticks_are_multiples_of_the_period_and_late_ones_are_counted() -> None:
@@ -107,10 +107,6 @@ def test_ticks_are_multiples_of_the_period_and_late_ones_are_counted() -> None:
 
 
 def test_a_stop_of_the_guard_ends_the_run_at_rest() -> None:
-    robot = Axis(t20=0.5)
-    report = run(robot)
-    assert report.stopped is not None
-    assert report.stopped.cause == "late"
     robot = Axis()
     report = run(robot, abort=lambda: robot.now > 100.3)
     assert report.stopped is not None
@@ -119,6 +115,9 @@ def test_a_stop_of_the_guard_ends_the_run_at_rest() -> None:
     assert [(one.source, one.label) for one in report.state.log] == [("go", "abort")]
     assert robot.velocity == 0
     assert robot.calls[-2:] == ["write", "stop"]
+    robot, places = Axis(), PositionLimits(speed=(0.1,), acceleration=(1.0,), measured="place")
+    run(robot, guard=guard(limits={"velocity": places}), abort=lambda: True)
+    assert robot.calls == ["read", "stop"]  # it was never known from where it starts
 
 
 @pytest.mark.parametrize("broken", ["read", "write", "step", "stop"])
