@@ -153,7 +153,8 @@ class CommandGuard:
         as it is not known from where it starts.
         """
         params, fresh = self.params, reading.time > state.measured
-        asked = {name: np.array(one).ravel() for name, one in (command or {}).items()}
+        given = command or {}
+        asked = {name: np.array(given[name]).ravel() for name in params.limits if name in given}
         stop = state.stop or self.trouble(state, reading, time, abort=abort)
         stop = stop or self._not_meant(asked, time)
         interventions = [stop] if stop and not state.stop else []
