@@ -21,7 +21,7 @@ from chamfer.analysis.command.fields_command import add_fields
 from chamfer.analysis.command.standard_streams import OutputError, discard_output, prepare_streams
 from chamfer.analysis.command.view_command import add_view
 from chamfer.analysis.design.design_command import add_design
-from chamfer.analysis.drive.drive_command import add_drive
+from chamfer.analysis.drive.drive_command import add_drive, driven
 from chamfer.analysis.export.export_command import add_export
 from chamfer.analysis.replay.replay_command import add_replay
 from chamfer.analysis.report.console import plain_warnings, say
@@ -149,6 +149,7 @@ def _parser() -> argparse.ArgumentParser:
     run.set_defaults(command=_run)
     sweep, design, compare = add_sweep(commands), add_design(commands), add_compare(commands)
     drive = add_drive(commands)
+    drive.set_defaults(command=_run)
 
     reproduce = commands.add_parser(
         "reproduce",
@@ -285,6 +286,9 @@ def _run(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     jobs = prepare(
         chosen, file=arguments.scenario, settings=arguments.settings, catalogue=catalogue
     )
+    if "robot" in arguments:
+        jobs = [driven(job, arguments) for job in jobs]
+        arguments.out /= "drive"
     with _session(arguments, chosen, catalogue) as session:
         return session.run_all(jobs)
 

@@ -42,7 +42,7 @@ _TURN: Final = 0.5  # rad/s, likewise about it; assumed
 _MARGIN: Final = 0.05  # m, of the workspace around where the peg is to go; assumed
 
 
-def guard_params(scenario: ResolvedInsertionScenario) -> CommandGuardParams:
+def _guard(scenario: ResolvedInsertionScenario, law: InsertionController) -> CommandGuard:
     """Return what may be commanded: poses around the hole, at twice the speed that is meant."""
     period, offset = scenario.cameras.frames.period, math.hypot(*scenario.start_offset)
     # The feed, and the cubic motion to the gap at its fastest.
@@ -55,18 +55,13 @@ def guard_params(scenario: ResolvedInsertionScenario) -> CommandGuardParams:
     mouth = np.array(scenario.mouth)
     reach = scenario.gap + scenario.insert.feed + offset + _MARGIN
     room: dict[str, Any] = {"low": tuple(mouth - reach), "high": tuple(mouth + reach)}
-    return CommandGuardParams(
-        period=period,
-        timeout=_PERIODS * period,
-        limits={
-            **dict.fromkeys(controller_of(scenario).outputs),
-            "peg_velocity": VelocityLimits(**motion),
-            **{
-                f"{arm}_pose": PoseLimits(**motion, **room, measured=f"{arm}_pose")
-                for arm in scenario.arms
-            },
-        },
-    )
+    limits: dict[str, Any] = dict.fromkeys(law.outputs)
+    limits["peg_velocity"] = VelocityLimits(**motion)
+    for arm in scenario.arms:
+        name = f"{arm}_pose"
+        limits[name] = PoseLimits(**motion, **room, measured=name)
+    timeout = _PERIODS * period
+    return CommandGuard(CommandGuardParams(period=period, timeout=timeout, limits=limits))
 
 
 def drive(
@@ -85,8 +80,8 @@ def drive(
     Raises:
         ExperimentError: If the robot ends or does not answer, or the guard stops it.
     """
-    law, guard = controller_of(scenario), CommandGuard(guard_params(scenario))
-    records = list[Record]()
+    law, records = controller_of(scenario), list[Record]()
+    guard = _guard(scenario, law)
     order = {
         "scenario": unstructure(scenario),
         "seed": seed,
@@ -116,34 +111,32 @@ def drive(
     if report.stopped is not None:
         raise ExperimentError(f"the robot was stopped: {_text(report.stopped)}")
     _record(law, records)
-    path, moments = report.state.task.log, truth.pop("time")
-    done = cell_insertion(scenario, moments, truth, law.task.chart, path, seconds)
+    done = cell_insertion(
+        scenario, truth.pop("time"), truth, law.task.chart, report.state.task.log, seconds
+    )
     outcome = outcome_of(scenario, done, seed)
-    changed = "; ".join(map(_text, report.interventions))
     late = np.array(robot.answers)
-    missed = int(np.sum(late > (math.inf if rate is None else order["waits"])))
-    pace = "it steps when it is told to" if rate is None else f"{rate:g} at most"
-    answered = "of real time, from a measurement until it is answered"
-    median, p99, largest = np.percentile(late, [50, 99, 100]).tolist()
+    shares = {"median": 50, "p99": 99, "largest": 100}
+    lateness = {name: float(np.percentile(late, share)) for name, share in shares.items()}
+    missed = 0 if rate is None else int(np.sum(late > order["waits"]))
     seating, note = _seating(scenario, done), outcome.metrics["seated.said"].note
-    peak = outcome.metrics["force.contact"].value
+    peak, changes = outcome.metrics["force.contact"].value, len(report.interventions)
     said = (
         f"{note}: largest force {number(peak)} N, as the feed ends {number(seating)} N. The robot "
         f"ran at {robot.pace:.2f} of real time. Of {report.ticks} measurements half were answered "
-        f"within {1e3 * median:.1f} ms, 99 % within {1e3 * p99:.1f} ms, all within "
-        f"{1e3 * largest:.1f} ms; {missed} too late for the robot. The guard changed "
-        f"{len(report.interventions)} commands."
+        f"within {1e3 * lateness['median']:.1f} ms, 99 % within {1e3 * lateness['p99']:.1f} ms, "
+        f"all within {1e3 * lateness['largest']:.1f} ms; {missed} too late for the robot. The "
+        f"guard changed {changes} commands."
     )
+    answered = "of real time, from a measurement until it is answered"
     driven = metrics_of(
         {
             "force.seating": (seating, "N", "of the contact as the feed ends"),
-            "real_time_factor": (robot.pace, "", f"of the robot, {pace}"),
-            "lateness.median": (median, "s", answered),
-            "lateness.p99": (p99, "s", answered),
-            "lateness.largest": (largest, "s", answered),
+            "real_time_factor": (robot.pace, "", "of the robot"),
+            **{f"lateness.{name}": (one, "s", answered) for name, one in lateness.items()},
             "ticks": (float(report.ticks), ""),
             "ticks.missed": (float(missed), "", "answered too late for the robot's period"),
-            "interventions": (float(len(report.interventions)), "", changed),
+            "interventions": (float(changes), "", "; ".join(map(_text, report.interventions))),
             "answer": (outcome.metrics["seated"].value, "", said),
         }
     )

@@ -26,12 +26,9 @@ def main() -> None:
     with suppress(LinkError):  # then nobody is there to be told
         try:
             _warm_up(scenario)
-            link.receive(None)  # until it is to begin
+            waits, timeout = order["waits"], order["timeout"]
             controller = RemoteController(
-                controller_of(scenario),
-                link,
-                waits=order["waits"],
-                timeout=order["timeout"],
+                controller_of(scenario), link, waits=waits, timeout=timeout
             )
             run = simulate(
                 make_insertion_robot(scenario, controller),

@@ -120,8 +120,8 @@ def make_alignment_diagram(
         controllers=arm_controllers,
     )
     motions, error = add_sight(builder, scenario, cell)
-    watch = add_divergence_watch(builder, scenario)
-    controller = add_controller(builder, scenario, controller)
+    watch = builder.AddSystem(make_divergence_watch(scenario))
+    controller = builder.AddSystem(make_controller(scenario, controller))
     for name in ("error", "valid", "blind"):
         connect(error.GetOutputPort(name), watch.GetInputPort(name))
     connect(error.GetOutputPort("error"), controller.GetInputPort("error"))
@@ -176,14 +176,20 @@ def export_alignment(
     for motion in motions.values():
         if motion.stop is not None:
             builder.Connect(watch.GetOutputPort("stop"), motion.stop)
-    export_cell(builder, cell, error)
+    export_cell(builder, cell, motions, error)
     builder.ExportOutput(watch.GetOutputPort("diverged"), "diverged")
     builder.ExportOutput(compensation, "compensation")
 
 
-def export_cell(builder: DiagramBuilder, cell: WorkCell, error: CellError) -> None:
-    """Export what arms and cameras do and measure."""
+def export_cell(
+    builder: DiagramBuilder,
+    cell: WorkCell,
+    motions: dict[ArmName, DesiredMotion],
+    error: CellError,
+) -> None:
+    """Export what arms and cameras should do, do and measure."""
     for arm in ARMS:
+        builder.ExportOutput(motions[arm].pose, f"{arm}.desired_pose")
         builder.ExportOutput(cell.true_poses[arm], f"{arm}.true_pose")
         builder.ExportOutput(cell.tool_poses[arm], f"{arm}.tool_pose")
         for name in ("encoders", "saturated") if arm in cell.arms else ():
@@ -222,38 +228,32 @@ def divergence_params(scenario: AlignmentScenario) -> DivergenceParams:
     )
 
 
-def add_divergence_watch(builder: DiagramBuilder, scenario: AlignmentScenario) -> DivergenceWatch:
-    """Add the watch of :func:`divergence_params`."""
+def make_divergence_watch(scenario: AlignmentScenario) -> DivergenceWatch:
+    """Return the watch of :func:`divergence_params`, named."""
     watch = DivergenceWatch(divergence_params(scenario))
+    watch.set_name("divergence watch")
     watch.law.in_units(error=SEEN_IN)
-    builder.AddNamedSystem("divergence watch", watch)
     return watch
 
 
-def add_controller(
-    builder: DiagramBuilder, scenario: AlignmentScenario, own: System | None = None
-) -> System:
-    """Add what makes compensation of the measured error: a user's own, or the scenario's."""
+def make_controller(scenario: AlignmentScenario, own: System | None = None) -> System:
+    """Return what makes compensation of the error, named: a user's own, or the scenario's."""
     if own is not None:
         sizes = {"error": len(AXES), "valid": 1}
         require_ports("controller", own, inputs=sizes, outputs={"compensation": len(AXES)})
-        return builder.AddNamedSystem("own controller", own)
-    params = compensation_params(scenario)
-    block: TrajectoryCompensator | SampledPid
-    if isinstance(params, CompensatorParams):
-        name, block = "trajectory compensator", TrajectoryCompensator(params)
-    else:
-        name, block = "PID", SampledPid(params)
-    block.law.in_units(error=SEEN_IN, **dict.fromkeys(COMPENSATES, ("m",) * 3 + ("rad",) * 3))
-    return builder.AddNamedSystem(name, block)
-
-
-def compensation_params(scenario: AlignmentScenario) -> CompensatorParams | SampledPidParams:
-    """Return the parameters of what makes compensation of the measured error."""
+        own.set_name("own controller")
+        return own
     period = scenario.cameras.frames.period
+    block: TrajectoryCompensator | SampledPid
     if scenario.controller.kind == "fsm":
-        return CompensatorParams(axes=scenario.compensator.axes, period=period)
-    return SampledPidParams(axes=scenario.pid.axes, period=period)
+        fsm = CompensatorParams(axes=scenario.compensator.axes, period=period)
+        block = TrajectoryCompensator(fsm)
+        block.set_name("trajectory compensator")
+    else:
+        block = SampledPid(SampledPidParams(axes=scenario.pid.axes, period=period))
+        block.set_name("PID")
+    block.law.in_units(error=SEEN_IN, **dict.fromkeys(COMPENSATES, ("m",) * 3 + ("rad",) * 3))
+    return block
 
 
 def add_command(
@@ -282,6 +282,5 @@ def add_command(
         desired = add("peg kinematic error", 1.0, error.get_output_port())
     if arm in scenario.arms:
         desired = add(f"{arm} command", SHARES[scenario.compensated][arm], compensation)
-    builder.ExportOutput(motion.pose, f"{arm}.desired_pose")
     builder.ExportOutput(desired, f"{arm}.command")
     return desired

@@ -4,8 +4,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
-from typing import ClassVar, Final, Self, TypeVar
+from typing import Any, ClassVar, Final, Self, TypeVar
 
+import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import Adder
 
@@ -14,13 +15,11 @@ from chamfer.diagrams.cell.alignment import (
     SHARES,
     DesiredMotion,
     add_command,
-    add_controller,
-    add_divergence_watch,
     add_sight,
-    compensation_params,
-    divergence_params,
     export_alignment,
     export_cell,
+    make_controller,
+    make_divergence_watch,
     start_poses,
 )
 from chamfer.diagrams.cell.alignment import resolve_as as resolve_alignment_as
@@ -49,6 +48,7 @@ from chamfer.systems.force.desired_pose import FeedOffset
 from chamfer.systems.force.impedance_controller import SpringForce
 from chamfer.systems.force.tool_pose import StraightMotion
 from chamfer.systems.pose import pose_vector
+from chamfer.systems.servo.divergence_watch import DivergenceWatch
 from chamfer.systems.servo.measurement_selector import MeasurementSelector
 from chamfer.systems.strategies.insertion_controller import (
     TASK,
@@ -220,19 +220,10 @@ def make_insertion_diagram(
             that :func:`chamfer.diagrams.cell.alignment.make_alignment_diagram` names.
         arm_controllers: Of each arm likewise in the place of its impedance law.
     """
-    params = task_params(scenario)
     builder = DiagramBuilder()
     connect = builder.Connect
     cell, contact, motions, error = _add_cell(builder, scenario, arm_controllers)
-    gate = builder.AddNamedSystem(
-        "measurement selector",
-        MeasurementSelector(len(AXES), period=scenario.cameras.frames.period),
-    )
-    gate.law.in_units(error=SEEN_IN)
-    watch = add_divergence_watch(builder, scenario)
-    controller = add_controller(builder, scenario, controller)
-    joints = {f"{arm}_joints": getattr(scenario, arm).arm.num_joints for arm in ARMS}
-    task = builder.AddNamedSystem(TASK, InsertionTask(params, **joints))
+    gate, watch, controller, task = map(builder.AddSystem, _deciding(scenario, controller))
     for name in ("error", "valid"):
         connect(error.GetOutputPort(name), gate.GetInputPort(name))
         connect(error.GetOutputPort(name), task.GetInputPort(name))
@@ -254,12 +245,19 @@ def make_insertion_diagram(
     for arm, ports in cell.arms.items():
         connect(ports.saturated, task.GetInputPort(f"{arm}_saturated"))
     export_alignment(builder, cell, motions, error, watch, compensation)
+    return _built(builder, task, contact, INSERTION)
+
+
+def _built(
+    builder: DiagramBuilder, task: System, contact: PegHoleContactMonitor, name: str
+) -> Diagram:
+    """Export what the task says and what is true of the contact, and return the diagram."""
     builder.ExportOutput(task.GetOutputPort("errors"), "measured")
-    for name in ("feed", "attempts", "sensed_force", "sensed_depth", "trouble", "state"):
-        builder.ExportOutput(task.GetOutputPort(name), name)
+    for told in ("feed", "attempts", "sensed_force", "sensed_depth", "trouble", "state"):
+        builder.ExportOutput(task.GetOutputPort(told), told)
     export_contact(builder, contact)
     diagram = builder.Build()
-    diagram.set_name(INSERTION)
+    diagram.set_name(name)
     return diagram
 
 
@@ -283,32 +281,41 @@ def _add_cell(
     return cell, contact, *add_sight(builder, scenario, cell, there.parts)
 
 
+def _deciding(
+    scenario: ResolvedInsertionScenario, own: System | None = None
+) -> tuple[MeasurementSelector, DivergenceWatch, Any, InsertionTask]:
+    """Return the blocks that decide, named; the compensation may be a user's own."""
+    gate = MeasurementSelector(len(AXES), period=scenario.cameras.frames.period)
+    gate.set_name("measurement selector")
+    gate.law.in_units(error=SEEN_IN)
+    joints = {f"{arm}_joints": getattr(scenario, arm).arm.num_joints for arm in ARMS}
+    task = InsertionTask(task_params(scenario), **joints)
+    task.set_name(TASK)
+    return gate, make_divergence_watch(scenario), make_controller(scenario, own), task
+
+
 def controller_of(scenario: ResolvedInsertionScenario) -> InsertionController:
     """Return all of the diagram's controllers but the arms' own as one law, the same to the bit.
 
     It needs no Drake, and runs beside a robot as well.
     """
-    shares = SHARES[scenario.compensated]
+    peg, hole = map(scenario.nominal_pose, ARMS)
     motion = None
     if scenario.moves:
         start = start_poses(scenario)["peg"].translation()
-        end = scenario.nominal_pose("peg").translation()
-        motion = StraightMotion(start, end, scenario.motion_time)
+        motion = StraightMotion(start, peg.translation(), scenario.motion_time)
+    shares = SHARES[scenario.compensated]
+    params = InsertionControllerParams(
+        stiffness=np.array(scenario.impedance.stiffness),
+        R_WH=scenario.hole_axes.matrix(),
+        peg_pose=pose_vector(peg),
+        hole_pose=pose_vector(hole),
+        shares={arm: shares[arm] for arm in scenario.arms},
+        motion=motion,
+        initial_error=scenario.initial_error,
+    )
     return InsertionController(
-        InsertionControllerParams(
-            task=task_params(scenario),
-            watch=divergence_params(scenario),
-            compensator=compensation_params(scenario),
-            stiffness=scenario.impedance.stiffness,
-            R_WH=scenario.hole_axes.matrix(),
-            peg_pose=pose_vector(scenario.nominal_pose("peg")),
-            hole_pose=pose_vector(scenario.nominal_pose("hole")),
-            motion=motion,
-            initial_error=scenario.initial_error,
-            peg_share=shares["peg"],
-            hole_share=shares["hole"] if "hole" in scenario.arms else None,
-            **{f"{arm}_joints": getattr(scenario, arm).arm.num_joints for arm in ARMS},
-        )
+        params, {block.get_name(): block.law for block in _deciding(scenario)}
     )
 
 
@@ -334,21 +341,19 @@ def make_insertion_robot(scenario: ResolvedInsertionScenario, controller: System
         connect(ports.saturated, controller.GetInputPort(f"{arm}_saturated"))
         connect(controller.GetOutputPort(f"{arm}_pose"), ports.desired_pose)
     connect(controller.GetOutputPort("peg_velocity"), cell.arms["peg"].desired_velocity)
-    export_cell(builder, cell, error)
-    for arm in ARMS:
-        builder.ExportOutput(motions[arm].pose, f"{arm}.desired_pose")
-    for i in range(controller.num_output_ports()):
-        name = (port := controller.get_output_port(i)).get_name()
-        if name not in ("peg_pose", "peg_velocity"):
-            builder.ExportOutput(port, _NAMES.get(name, name))
-    export_contact(builder, contact)
-    diagram = builder.Build()
-    diagram.set_name("Insertion by sight, by a robot")
-    return diagram
+    export_cell(builder, cell, motions, error)
+    for name, exported in _TOLD.items():
+        builder.ExportOutput(controller.GetOutputPort(name), exported)
+    return _built(builder, controller, contact, "Insertion by sight, by a robot")
 
 
-# What the controller says, by its names, where the diagram has others.
-_NAMES: Final = {"peg_command": "peg.command", "hole_pose": "hole.command", "errors": "measured"}
+# What the controller says beside the task, and what the diagram calls it.
+_TOLD: Final = {
+    "peg_command": "peg.command",
+    "hole_pose": "hole.command",
+    "diverged": "diverged",
+    "compensation": "compensation",
+}
 
 
 def _add_advance(

@@ -1,8 +1,8 @@
 """A simulated robot's end of the connection to its controller, as a block."""
 
 import time
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,20 +10,10 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
 from chamfer.systems.law import HeldLaw, vectors
+from chamfer.systems.law_block import Frozen
 from chamfer.systems.robot.link import Link
 
 Array = NDArray[np.float64]
-_POSE, _VELOCITY = "_pose", "_velocity"
-
-
-class _Told(NamedTuple):
-    """A command in a context, and the time, s, of which it is."""
-
-    time: float
-    command: Mapping[str, Array]
-
-    def __deepcopy__(self, memo: object) -> "_Told":
-        return self
 
 
 class RemoteController(LeafSystem):
@@ -41,9 +31,10 @@ class RemoteController(LeafSystem):
     take, and ``waits`` for the answer, s in real time, or None, for ever; an answer that comes
     later counts from the next period on. ``<name>_pose``, (7,), goes on with the linear part of
     ``<name>_velocity``, (6,), for at most the ``timeout``, s, and then stays where it is, as it
-    does once the controller says ``stop``. Before the first answer the law's start counts.
+    does once the controller says ``stop``, and nothing more is heard. Before the first answer
+    the law's start counts.
 
-    Abstract state: the last command.
+    Abstract state: the last command, and the time, s, of which it is.
     """
 
     def __init__(
@@ -51,13 +42,15 @@ class RemoteController(LeafSystem):
     ) -> None:
         super().__init__()
         self._law, self._link, self._waits, self._timeout = law, link, waits, timeout
-        self.ended = False  # the controller wants no more
+        self.ended = False  # the controller said stop
+        moved = [name.removesuffix("_velocity") for name in law.outputs if "_velocity" in name]
+        self._moved = {f"{name}_velocity": f"{name}_pose" for name in moved}
         self._seen = {
             name: self.DeclareVectorInputPort(name, signal.size)
             for name, signal in law.inputs.items()
         }
         first = {name: np.array(one) for name, one in law.command(law.start())._asdict().items()}
-        self._told = self.DeclareAbstractState(Value[object](_Told(0.0, first)))
+        self._told = self.DeclareAbstractState(Value[object](Frozen(0.0, first)))
         depends = {self.time_ticket(), self.abstract_state_ticket(self._told)}
         for name, signal in law.outputs.items():
             self.DeclareVectorOutputPort(name, signal.size, self._calc(name), depends)
@@ -71,34 +64,29 @@ class RemoteController(LeafSystem):
 
     def _now(self, context: Context) -> dict[str, Array]:
         """Return what is commanded at this time."""
-        told: _Told = context.get_abstract_state(self._told).get_value()
-        since, command = context.get_time() - told.time, dict(told.command)
-        for name in [one for one in command if one.endswith(_VELOCITY)]:
-            pose = name.removesuffix(_VELOCITY) + _POSE
-            way = min(since, self._timeout) * command[name][3:]
+        told: Frozen = context.get_abstract_state(self._told).get_value()
+        since, command = context.get_time() - told.state, dict(told.command)
+        for velocity, pose in self._moved.items():
+            way = min(since, self._timeout) * command[velocity][3:]
             command[pose] = np.concatenate([command[pose][:4], command[pose][4:] + way])
             if since > self._timeout:
-                command[name] = np.zeros(6)
+                command[velocity] = np.zeros(6)
         return command
 
     def _exchange(self, context: Context, state: State) -> None:
         now, command = context.get_time(), self._now(context)
         seen = {n: port.Eval(context) for n, port in self._seen.items() if port.HasValue(context)}
-        seen |= {name: one for name, one in command.items() if name.endswith(_POSE)}
+        seen |= {name: one for name, one in command.items() if name.endswith("_pose")}
         named = {name: one.tolist() for name, one in seen.items()}
         self._link.send({"time": [now], "sent": [time.monotonic()], **named})
-        wait = 0.0 if self.ended else self._waits
-        while (message := self._link.receive(wait)) is not None:
-            self.ended |= "end" in message
-            if "stop" in message:
-                still = {name: np.zeros(6) for name in command if name.endswith(_VELOCITY)}
-                told = _Told(now, {**command, **still})
-            elif "time" in message:
-                answer: Any = vectors(self._law.outputs, message)
-                told = _Told(message["time"][0], dict(zip(command, answer, strict=True)))
+        while not self.ended and (message := self._link.receive(self._waits)) is not None:
+            self.ended = "stop" in message
+            if self.ended:
+                told = Frozen(now, command | dict.fromkeys(self._moved, np.zeros(6)))
             else:
-                break
+                answer: Any = vectors(self._law.outputs, message)
+                told = Frozen(message["time"][0], dict(zip(command, answer, strict=True)))
             state.get_mutable_abstract_state().get_mutable_value(self._told).set_value(told)
             # An answer to what was measured before is no answer to this.
-            if told.time >= now:
+            if told.state >= now:
                 break

@@ -21,9 +21,8 @@ _STARTING: Final = 120.0  # s, likewise at the start, where it compiles, and at 
 class SimulatedRobot:
     """Reads what the robot measures, and tells it what to do.
 
-    Its clock is the robot's, which tells the time with each measurement, and begins when the
-    clock is read first. ``answers`` are the times, s, that real time took from each measurement
-    to the command that answers it.
+    Its clock is the robot's, which tells the time with each measurement. ``answers`` are the
+    times, s, that real time took from each measurement to the command that answers it.
     """
 
     def __init__(self, link: Link, *, period: float) -> None:
@@ -41,8 +40,7 @@ class SimulatedRobot:
     def clock(self) -> float:
         """Return the robot's time, s, when it measured last."""
         if not self._reading.values:
-            self._link.send({"start": []})
-            self._take(self._message(_STARTING))
+            self._take(_STARTING)
             self._began = self._sent
         return self._reading.time
 
@@ -52,10 +50,10 @@ class SimulatedRobot:
         Raises:
             LinkError: If it does not come, or the robot has ended.
         """
-        self._take(self._message(_PATIENCE))
+        self._take(_PATIENCE)
 
-    def _take(self, message: Message) -> None:
-        values = {name: np.array(one) for name, one in message.items()}
+    def _take(self, patience: float) -> None:
+        values = {name: np.array(one) for name, one in self._message(patience).items()}
         self._sent, at = float(values.pop("sent")[0]), float(values.pop("time")[0])
         self._reading = Reading(at, values)
 
@@ -70,13 +68,12 @@ class SimulatedRobot:
         self.answers.append(time.monotonic() - self._sent)
 
     def stop(self) -> None:
-        """Let the robot stay where it is."""
+        """Let the robot stay where it is, which ends the simulation."""
         with suppress(LinkError):  # then it is nowhere
             self._link.send({"stop": []})
 
     def log(self) -> dict[str, Array]:
-        """End the simulation and return what was true at each of its steps, by name."""
-        self._link.send({"end": []})
+        """Return what was true at each step of a simulation that was stopped, by name."""
         while "log" not in (message := self._message(_STARTING)):
             pass
         return {name: np.array(one) for name, one in message.items() if name != "log"}

@@ -2,7 +2,7 @@
 
 import math
 from collections import namedtuple
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -19,41 +19,28 @@ from chamfer.systems.force.tool_pose import (
     share_of_compensation,
     spring_force,
 )
-from chamfer.systems.law import HeldLaw, Signal, vectors
-from chamfer.systems.recording import AnyLaw, Record
-from chamfer.systems.servo.compensator_law import COMPENSATES, CompensatorLaw, CompensatorParams
-from chamfer.systems.servo.divergence_law import DivergenceLaw, DivergenceParams, DivergenceState
-from chamfer.systems.servo.pid_law import PidLaw, SampledPidParams
-from chamfer.systems.servo.selector_law import SelectorLaw
+from chamfer.systems.law import HeldLaw, Signal
+from chamfer.systems.recording import Record
+from chamfer.systems.servo.divergence_law import DivergenceState
 from chamfer.systems.statechart.chart_law import ChartState
-from chamfer.systems.strategies.insertion_law import (
-    InsertionLaw,
-    InsertionMemory,
-    InsertionTaskParams,
-)
+from chamfer.systems.strategies.insertion_law import InsertionMemory
 
 Array = NDArray[np.float64]
 
-SELECTOR, WATCH, TASK = "measurement selector", "divergence watch", "insertion task"
+TASK = "insertion task"
 
 
 @dataclass(frozen=True, kw_only=True)
 class InsertionControllerParams:
     """Parameters of :class:`InsertionController`; poses are quaternion and position, m, (7,)."""
 
-    task: InsertionTaskParams
-    watch: DivergenceParams
-    compensator: CompensatorParams | SampledPidParams
-    stiffness: tuple[float, float, float]  # N/m, of the peg's arm along its command's axes
+    stiffness: Array  # N/m, (3,), of the peg's arm along its command's axes
     R_WH: Array  # axes of the errors, x into the hole
     peg_pose: Array  # that the peg should have at the gap
     hole_pose: Array  # that the hole should have, or has, on a fixture
+    shares: Mapping[str, float]  # of the compensation, by arm; without "hole" it is on a fixture
     motion: StraightMotion | None = None  # of the peg to the gap; None: it is there
     initial_error: tuple[float, ...] = (0.0,) * 6  # m and rad, of the peg's commanded pose
-    peg_share: float = 0.5  # of the compensation
-    hole_share: float | None = -0.5  # None: the hole is on a fixture
-    peg_joints: int = 7
-    hole_joints: int = 7
 
 
 class ControllerState(NamedTuple):
@@ -72,10 +59,10 @@ class ControllerObservation(NamedTuple):
     error: Array  # pixels and rad
     valid: Array
     blind: Array
-    peg_tool_pose: Array
-    hole_tool_pose: Array | None  # None: on a fixture
     peg_saturated: Array
-    hole_saturated: Array | None
+    hole_saturated: Array | None  # None: on a fixture
+    peg_tool_pose: Array
+    hole_tool_pose: Array | None
 
 
 class InsertionController(HeldLaw[ControllerState, ControllerObservation, Any]):
@@ -86,30 +73,20 @@ class InsertionController(HeldLaw[ControllerState, ControllerObservation, Any]):
     position, m, and ``peg_velocity``, (6,), rad/s and m/s, at which the peg's pose goes on until
     the next step; the hole's does not. The rest says how it goes: ``peg_command``, the pose
     before the feed, ``compensation``, m and rad, ``diverged``, and what the task says.
+
+    Its ``laws`` are those of the measurement selector, the divergence watch, the compensation and
+    the task, in this order, by the names of their blocks in the diagram.
     """
 
-    def __init__(self, params: InsertionControllerParams) -> None:
-        self.params = params
-        self.period = period = params.task.period
-        joints = {"peg_joints": params.peg_joints, "hole_joints": params.hole_joints}
-        self.task = InsertionLaw(params.task, **joints)
-        self.selector, self.watch = SelectorLaw(6, period=period), DivergenceLaw(params.watch)
-        self.compensator: HeldLaw[Any, Any, Any]
-        if isinstance(params.compensator, SampledPidParams):
-            self.compensation, self.compensator = "PID", PidLaw(params.compensator)
-        else:
-            self.compensation = "trajectory compensator"
-            self.compensator = CompensatorLaw(params.compensator)
+    observation = ControllerObservation
+
+    def __init__(self, params: InsertionControllerParams, laws: Mapping[str, Any]) -> None:
+        self.params, self.laws = params, laws
+        _, self.watch, self.compensator, self.task = laws.values()
+        self.period = self.task.period
         seen, told, pose = self.task.inputs, self.task.outputs, POSE._replace(finite=True)
-        compensated = dict.fromkeys(COMPENSATES, seen["compensation"].unit)
-        for law in (self.selector, self.watch, self.compensator):
-            law.in_units(error=seen["error"].unit, **compensated)
-        self.inputs = {
-            **{name: seen[name] for name in ("error", "valid", "blind")},
-            "peg_tool_pose": pose,
-            "hole_tool_pose": pose._replace(optional=True),
-            **{name: seen[name] for name in ("peg_saturated", "hole_saturated")},
-        }
+        measured = {"peg_tool_pose": pose, "hole_tool_pose": pose._replace(optional=True)}
+        self.inputs = {one: (seen | measured)[one] for one in ControllerObservation._fields}
         self.outputs = {
             "peg_pose": POSE,
             "peg_velocity": Signal(6, ("rad/s",) * 3 + ("m/s",) * 3),
@@ -121,33 +98,15 @@ class InsertionController(HeldLaw[ControllerState, ControllerObservation, Any]):
         }
         self._command: Any = namedtuple("Command", self.outputs)  # type: ignore[misc]
         self._shares = {
-            name: share_of_compensation(share, params.R_WH)
-            for name, share in (("peg", params.peg_share), ("hole", params.hole_share))
-            if share is not None
+            arm: share_of_compensation(share, params.R_WH) for arm, share in params.shares.items()
         }
         self._error = None
         if any(params.initial_error):
             self._error = share_of_compensation(1.0, params.R_WH) @ np.array(params.initial_error)
 
-    @property
-    def laws(self) -> dict[str, AnyLaw]:
-        """The laws in it, by the names of their blocks in the diagram."""
-        return {
-            SELECTOR: self.selector,
-            WATCH: self.watch,
-            self.compensation: self.compensator,
-            TASK: self.task,
-        }
-
     def start(self) -> ControllerState:
         """Return the state before the first step."""
         return ControllerState(self.watch.start(), self.compensator.start(), self.task.start())
-
-    def observe(
-        self, values: Mapping[str, Sequence[float] | Array | None]
-    ) -> ControllerObservation:
-        """Return what is measured, of vectors by name."""
-        return ControllerObservation(*vectors(self.inputs, values))  # type: ignore[arg-type]
 
     def update(
         self, state: ControllerState, observation: ControllerObservation, time: float
@@ -170,26 +129,23 @@ class InsertionController(HeldLaw[ControllerState, ControllerObservation, Any]):
             records[name] = Record(time, values, command._asdict())
             return after, command
 
-        held = self.command(state._replace(time=time))
-        opened = self.task.command(state.task).compensates
-        measured = {"error": seen.error, "valid": seen.valid}
-        _, through = step(SELECTOR, None, {**measured, "open": opened})
-        watch, told = step(WATCH, state.watch, {**through._asdict(), "blind": seen.blind})
-        compensated = {"error": through.error, "valid": told.valid}
-        compensator, _ = step(self.compensation, state.compensator, compensated)
+        selecting, watching, compensating, inserting = self.laws
+        held, measured = self.command(state._replace(time=time)), seen._asdict()
         hole = self.params.hole_pose if seen.hole_tool_pose is None else seen.hole_tool_pose
-        springs = np.array(self.params.stiffness)
+        opened = self.task.command(state.task).compensates
+        _, through = step(selecting, None, {**measured, "open": opened})
+        watch, told = step(watching, state.watch, {**measured, **through._asdict()})
+        compensated = {"error": through.error, "valid": told.valid}
+        compensator, _ = step(compensating, state.compensator, compensated)
+        pushed = self.params.stiffness, held.peg_pose, seen.peg_tool_pose, hole
         of_task = {
             **measured,
-            "blind": seen.blind,
             "diverged": told.diverged,
             "compensation": held.compensation,
-            "force": spring_force(springs, held.peg_pose, seen.peg_tool_pose, hole),
+            "force": spring_force(*pushed),
             "advance": [advance_of(seen.peg_tool_pose, hole)],
-            "peg_saturated": seen.peg_saturated,
-            "hole_saturated": seen.hole_saturated,
         }
-        task, _ = step(TASK, state.task, of_task)
+        task, _ = step(inserting, state.task, of_task)
         stopped = min(state.stopped, time) if told.stop[0] >= 0.5 else state.stopped
         return ControllerState(watch, compensator, task, stopped, time), records
 

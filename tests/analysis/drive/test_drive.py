@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -31,18 +30,10 @@ def of_this_tree(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(ROOT / "src"))
 
 
-@pytest.mark.parametrize(
-    ("arguments", "allowed"),
-    [
-        (["alignment", "--robot", "simulated"], "choose from '?insertion"),
-        (["insertion", "--robot", "ur5"], "choose from '?simulated"),
-        (["insertion"], "required: --robot"),
-        (["insertion", "--robot", "simulated", "--rate", "2"], "allowed: a number > 0 and <= 1"),
-    ],
-)
-def test_what_cannot_be_driven_is_refused(arguments: Any, allowed: str, capsys: Any) -> None:
-    assert main(["drive", *arguments]) == 2
-    assert re.search(allowed, capsys.readouterr().err)
+@pytest.mark.parametrize("rate", ["2", "0", "nan", "fast"])
+def test_a_rate_that_no_robot_keeps_is_refused(rate: str, capsys: Any) -> None:
+    assert main([*DRIVE, "--rate", rate]) == 2
+    assert "allowed: a number > 0 and <= 1, or lockstep" in capsys.readouterr().err
 
 
 def test_step_by_step_the_robot_does_what_the_diagram_does(tmp_path: Path, capsys: Any) -> None:

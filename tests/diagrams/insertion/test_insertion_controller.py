@@ -65,16 +65,11 @@ def test_over_an_insertion_it_answers_what_the_diagrams_blocks_do(name: str) -> 
                 commanded = port.Eval(arm.GetMyContextFromRoot(context))
                 np.testing.assert_array_equal(getattr(now, f"peg_{one}"), commanded)
     runs = {path.rpartition("::")[2]: records for path, (records,) in recorder.runs.items()}
-    state, kept = law.start(), {one: Records(part) for one, part in law.laws.items()}
-    vectors = {one: (rows, lacks) for one, rows, lacks in runs["beside"].vectors()}
-    for i, time in enumerate(runs["beside"].times.tolist()):
-        values = {}
-        for one in law.inputs:
-            rows, lacks = vectors[f"observation.{one}"]
-            values[one] = None if lacks[i] else rows[i]
-        state, each = law.steps(state, law.observe(values), time)
-        for one, record in each.items():
-            kept[one].append(record)
+    state, kept = law.start(), {one: Records(each) for one, each in law.laws.items()}
+    for record in runs["beside"]:
+        state, each = law.steps(state, law.observe(record.observation), record.time)
+        for one, part in each.items():
+            kept[one].append(part)
     assert state.task.snapshot.state == "seated"
     for one, records in kept.items():
         pairs = zip(records.vectors(), runs[one].vectors(), strict=True)
