@@ -163,13 +163,12 @@ def test_it_stops(cause: str, told: dict[str, Any]) -> None:
 
 def test_a_pose_turns_the_shorter_way_about_the_world_s_axes() -> None:
     draws = np.random.default_rng(0).normal(size=(20, 2, 7))
-    limits = PoseLimits(speed=(1.0,) * 6, acceleration=(1.0,) * 6)
     for place, target in draws:
         place[:4], target[:4] = (one[:4] / np.linalg.norm(one[:4]) for one in (place, target))
         start, end = (Rotation.from_quat(one[[1, 2, 3, 0]]) for one in (place, target))
-        way = limits._way(place, target)
+        way = POSE._way(place, target)
         assert way[:3] == pytest.approx((end * start.inv()).as_rotvec(), abs=1e-9)
-        reached = limits._moved(place, way)
+        reached = POSE._moved(place, way)
         assert abs(reached[:4] @ target[:4]) == pytest.approx(1.0, abs=1e-12)
         assert reached[4:] == pytest.approx(target[4:], abs=1e-12)
 
