@@ -7,7 +7,7 @@ that one step hands to the next. The same law runs in a diagram, in a
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import Generic, NamedTuple, TypeAlias, TypeVar
+from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,15 +78,18 @@ class Law(ABC, Generic[State, Observation, Command]):
 
 
 class HeldLaw(Law[State, Observation, Command]):
-    """A law whose command is a function of its state, and held until the next step."""
+    """A law whose command is a function of its state, and held until the next step.
+
+    By default it is the state itself, among whose fields are then those of the ``outputs``.
+    """
 
     @abstractmethod
     def update(self, state: State, observation: Observation, time: float) -> State:
         """Return the state after a step."""
 
-    @abstractmethod
-    def command(self, state: State) -> Command:
+    def command(self, state: State) -> Any:
         """Return what is commanded in a state."""
+        return state
 
     def step(self, state: State, observation: Observation, time: float) -> tuple[State, Command]:
         """Return the state after a step, and its command; the time is in s."""

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any, Final, Generic, Literal, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import Value
 from pydrake.systems.framework import (
     BasicVector,
@@ -15,10 +14,9 @@ from pydrake.systems.framework import (
 )
 from pydrake.systems.framework import State as DrakeState
 
-from chamfer.systems.law import HeldLaw, Law
+from chamfer.systems.law import Array, HeldLaw, Law
 from chamfer.systems.recording import Record, active
 
-Array = NDArray[np.float64]
 LawT = TypeVar("LawT", bound=Law[Any, Any, Any])
 Updates = Literal["unrestricted", "discrete"]
 

@@ -1,19 +1,15 @@
 """The observer of an unknown surface's normal as a block, and what it is given (Fig. 5-1)."""
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem
 
 from chamfer.models.surfaces.surface import Surface, normal
 from chamfer.models.validation import ParameterError
 from chamfer.systems.estimation.normal_filter import ResolvedSurfaceObserverParams
-from chamfer.systems.estimation.surface_observer_law import (
-    SurfaceObserverLaw,
-)
+from chamfer.systems.estimation.surface_observer_law import SurfaceObserverLaw
 from chamfer.systems.force.contact_detection_law import CONTACT
+from chamfer.systems.law import Array
 from chamfer.systems.law_block import LawBlock
-
-Array = NDArray[np.float64]
 
 
 class SurfaceObserver(LawBlock[SurfaceObserverLaw]):

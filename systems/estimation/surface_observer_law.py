@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from chamfer.models.validation import ParameterError
 from chamfer.systems.estimation.contact_frame_filter import ContactFrameFilter
@@ -16,9 +15,7 @@ from chamfer.systems.estimation.normal_filter import (
     Sample,
     tangential_deviation,
 )
-from chamfer.systems.law import HeldLaw, Signal
-
-Array = NDArray[np.float64]
+from chamfer.systems.law import Array, HeldLaw, Signal
 
 
 def make_filter(params: ResolvedSurfaceObserverParams) -> NormalFilter:
@@ -38,26 +35,17 @@ class ObserverObservation(NamedTuple):
     restart: Array | None
 
 
-class ObserverCommand(NamedTuple):
-    """What the law gives."""
+class ObserverState(NamedTuple):
+    """What one sample hands to the next: the filter's memory, and what is given of it."""
 
+    memory: Array
     normal: Array  # (d,)
     covariance: Array  # (d * d,)
     deviation: Array  # (1,), rad
     status: Array  # (1,)
 
 
-class ObserverState(NamedTuple):
-    """What one sample hands to the next: the filter's memory, and what is given of it."""
-
-    memory: Array
-    normal: Array
-    covariance: Array
-    deviation: Array
-    status: Array
-
-
-class SurfaceObserverLaw(HeldLaw[ObserverState, ObserverObservation, ObserverCommand]):
+class SurfaceObserverLaw(HeldLaw[ObserverState, ObserverObservation, ObserverState]):
     """See :class:`chamfer.systems.estimation.surface_observer.SurfaceObserver`."""
 
     observation = ObserverObservation
@@ -111,10 +99,6 @@ class SurfaceObserverLaw(HeldLaw[ObserverState, ObserverObservation, ObserverCom
         # The sensor gives the gripper's force on the surface, the observer uses the opposite.
         sample = Sample(-force, -rate, motion[:d], motion[d:], predicted)
         return _state(self._filter.update(state.memory, sample))
-
-    def command(self, state: ObserverState) -> ObserverCommand:
-        """Return the estimate, without the memory."""
-        return ObserverCommand(*state[1:])
 
 
 def _state(estimate: Estimate) -> ObserverState:

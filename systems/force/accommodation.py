@@ -1,9 +1,6 @@
 """Accommodation, or damping control, as a block (section 3.2)."""
 
-from chamfer.systems.force.accommodation_law import (
-    AccommodationLaw,
-    AccommodationParams,
-)
+from chamfer.systems.force.accommodation_law import AccommodationLaw, AccommodationParams
 from chamfer.systems.law_block import LawBlock
 
 

@@ -24,12 +24,9 @@ from functools import lru_cache
 from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from chamfer.models.validation import ParameterError, require_numbers, require_positive
-from chamfer.systems.law import HeldLaw, Signal, State
-
-Array = NDArray[np.float64]
+from chamfer.systems.law import Array, HeldLaw, Signal, State
 
 AXES: Final = ("rx", "ry", "rz", "x", "y", "z")  # of velocities and wrenches, angular above
 MONOTONE: Final = 0.25  # kappa, with one sample of delay
@@ -131,8 +128,8 @@ class AccommodationObservation(NamedTuple):
     damping: Array | None
 
 
-class AccommodationCommand(NamedTuple):
-    """What the law gives, shape (6,) each; its state is the same."""
+class AccommodationState(NamedTuple):
+    """What one step hands to the next, and what the law gives, shape (6,) each."""
 
     velocity: Array
     perturbed: Array
@@ -144,7 +141,7 @@ def product(matrix: Array, vector: Array) -> Array:
     return total
 
 
-class AccommodatingLaw(HeldLaw[State, AccommodationObservation, AccommodationCommand]):
+class AccommodatingLaw(HeldLaw[State, AccommodationObservation, State]):
     """What gives way to a wrench: the signals that its laws have in common."""
 
     observation = AccommodationObservation
@@ -166,20 +163,16 @@ class AccommodatingLaw(HeldLaw[State, AccommodationObservation, AccommodationCom
         return self._mobility(() if damping is None else tuple(damping.tolist()))
 
 
-class AccommodationLaw(AccommodatingLaw[AccommodationCommand]):
+class AccommodationLaw(AccommodatingLaw[AccommodationState]):
     """See :class:`chamfer.systems.force.accommodation.AccommodationController`."""
 
-    def start(self) -> AccommodationCommand:
+    def start(self) -> AccommodationState:
         """Return the state before the first step."""
-        return AccommodationCommand(np.zeros(len(AXES)), np.zeros(len(AXES)))
+        return AccommodationState(np.zeros(len(AXES)), np.zeros(len(AXES)))
 
     def update(
-        self, state: AccommodationCommand, observation: AccommodationObservation, time: float
-    ) -> AccommodationCommand:
+        self, state: AccommodationState, observation: AccommodationObservation, time: float
+    ) -> AccommodationState:
         """Return the state after a step."""
         command, wrench, damping = observation
-        return AccommodationCommand(command + product(self.mobility(damping), wrench), command)
-
-    def command(self, state: AccommodationCommand) -> AccommodationCommand:
-        """Return the velocity, and the command that it was computed of."""
-        return state
+        return AccommodationState(command + product(self.mobility(damping), wrench), command)

@@ -32,19 +32,16 @@ from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.accommodation_law import (
     AXES,
     AccommodatingLaw,
-    AccommodationCommand,
     AccommodationObservation,
     AccommodationParams,
     product,
 )
-
-Array = NDArray[np.float64]
+from chamfer.systems.law import Array
 
 _NOTHING: Final = (0.0,) * len(AXES)
 _REAL: Final = 1e-6  # imaginary part of a double pole, by rounding
@@ -146,7 +143,3 @@ class AdmittanceLaw(AccommodatingLaw[AdmittanceState]):
         velocity = command + product(self.mobility(damping), wrench + pull)
         displacement = state.displacement + self.period * (velocity - command)
         return AdmittanceState(velocity, command, displacement)
-
-    def command(self, state: AdmittanceState) -> AccommodationCommand:
-        """Return the velocity, and the command that it was computed of."""
-        return AccommodationCommand(state.velocity, state.perturbed)

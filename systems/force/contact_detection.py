@@ -1,17 +1,13 @@
 """Contact detection by the measured force, as a block."""
 
-import numpy as np
-from numpy.typing import NDArray
-
 from chamfer.systems.force.contact_detection_law import (
     ContactDetectionLaw,
     ContactDetectionParams,
     Inputs,
     Memory,
 )
+from chamfer.systems.law import Array
 from chamfer.systems.statechart.state_machine import StateMachine
-
-Array = NDArray[np.float64]
 
 
 class ContactDetection(StateMachine[Inputs, Memory]):

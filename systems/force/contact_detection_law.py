@@ -11,16 +11,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, NamedTuple, TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
 from chamfer.models.validation import ParameterError, known, require_not_negative, require_positive
 from chamfer.systems.force.projection import unit
-from chamfer.systems.law import Signal
+from chamfer.systems.law import Array, Signal
 from chamfer.systems.statechart.chart import Chart, State, Tick, Transition
 from chamfer.systems.statechart.chart_law import ChartLaw, MachineOutput
-
-Array = NDArray[np.float64]
 
 APPROACH: Final = 0  # indices of the states, what the port ``state`` carries
 CONTACT: Final = 1

@@ -4,21 +4,15 @@ import contextlib
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.framework import Context, LeafSystem, System
 from pydrake.systems.framework import State as DrakeState
 
 from chamfer.models.arms.arm import Kinematics
 from chamfer.models.validation import ParameterError, finite
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
-from chamfer.systems.force.hybrid_law import (
-    HybridControllerParams,
-    HybridLaw,
-)
+from chamfer.systems.force.hybrid_law import HybridControllerParams, HybridLaw
 from chamfer.systems.law_block import LawBlock
 from chamfer.systems.ports import require_ports
-
-Array = NDArray[np.float64]
 
 
 class HybridController(LawBlock[HybridLaw]):

@@ -8,7 +8,6 @@ from functools import lru_cache
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from chamfer.models.arms.arm import Kinematics
 from chamfer.models.validation import (
@@ -21,9 +20,8 @@ from chamfer.models.validation import (
 )
 from chamfer.systems.force.contact_detection_law import APPROACH, LOST
 from chamfer.systems.force.projection import require_projection
-from chamfer.systems.law import HeldLaw, Signal
+from chamfer.systems.law import Array, HeldLaw, Signal
 
-Array = NDArray[np.float64]
 LawKind = Literal["inverse", "transpose", "projected"]
 Gain = float | tuple[float, ...]  # one a joint or coordinate, or one number for all of them
 
@@ -131,15 +129,7 @@ class HybridObservation(NamedTuple):
     desired_velocity: Array | None = None
 
 
-class HybridCommand(NamedTuple):
-    """What the law gives."""
-
-    torque: Array
-    position_error: Array
-    force_error: Array
-
-
-class HybridLaw(HeldLaw[HybridMemory, HybridObservation, HybridCommand]):
+class HybridLaw(HeldLaw[HybridMemory, HybridObservation, HybridMemory]):
     """See :class:`chamfer.systems.force.hybrid_controller.HybridController`.
 
     ``dynamics``, of q and v, shape (n,), has ``mass``, shape (n, n), and ``bias``, shape (n,), of
@@ -196,10 +186,6 @@ class HybridLaw(HeldLaw[HybridMemory, HybridObservation, HybridCommand]):
             position_error=np.zeros(m),
             force_error=np.zeros(m),
         )
-
-    def command(self, state: HybridMemory) -> HybridCommand:
-        """Return torque and errors."""
-        return HybridCommand(state.torque, state.position_error, state.force_error)
 
     def update(
         self, state: HybridMemory, observation: HybridObservation, time: float

@@ -3,21 +3,15 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.arm_model import ArmModel, Vector3
-from chamfer.systems.force.impedance_law import (
-    ImpedanceControllerParams,
-    ImpedanceLaw,
-    KnownArm,
-)
+from chamfer.systems.force.impedance_law import ImpedanceControllerParams, ImpedanceLaw, KnownArm
 from chamfer.systems.force.tool_pose import advance_of, spring_force
+from chamfer.systems.law import Array
 from chamfer.systems.law_block import LawBlock
 from chamfer.systems.pose import POSE_SIZE
-
-Array = NDArray[np.float64]
 
 
 def make_impedance_law(

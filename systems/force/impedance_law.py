@@ -9,15 +9,13 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from chamfer.models.validation import ParameterError, require_not_negative, require_positive
 from chamfer.systems.compiled import add_product, compiled, inverse
 from chamfer.systems.force.accommodation_law import VELOCITY
 from chamfer.systems.force.tool_pose import POSE
-from chamfer.systems.law import HeldLaw, Signal
+from chamfer.systems.law import Array, HeldLaw, Signal
 
-Array = NDArray[np.float64]
 Vector3 = tuple[float, float, float]
 
 
@@ -295,15 +293,15 @@ class ImpedanceObservation(NamedTuple):
     desired_velocity: Array | None
 
 
-class ImpedanceCommand(NamedTuple):
-    """What the law gives; its state is the same."""
+class ImpedanceState(NamedTuple):
+    """What one step hands to the next, and what the law gives."""
 
     torque: Array
     tool_pose: Array
     saturated: Array
 
 
-class ImpedanceLaw(HeldLaw[ImpedanceCommand, ImpedanceObservation, ImpedanceCommand]):
+class ImpedanceLaw(HeldLaw[ImpedanceState, ImpedanceObservation, ImpedanceState]):
     """See :class:`chamfer.systems.force.impedance_controller.ImpedanceController`.
 
     Args:
@@ -342,7 +340,7 @@ class ImpedanceLaw(HeldLaw[ImpedanceCommand, ImpedanceObservation, ImpedanceComm
         self._design(rest)
         quaternion = _quaternion(rest.pose)
         quaternion = -quaternion if quaternion[0] < 0 else quaternion
-        self._start = ImpedanceCommand(
+        self._start = ImpedanceState(
             np.clip(rest.gravity, -limits, limits),
             np.concatenate([quaternion, rest.pose[:, 3]]),
             np.zeros(n),
@@ -387,22 +385,18 @@ class ImpedanceLaw(HeldLaw[ImpedanceCommand, ImpedanceObservation, ImpedanceComm
         for frequency in frequencies.tolist():
             _require_stable(params, "null_damping_ratio", frequency, frequency / slowest)
 
-    def start(self) -> ImpedanceCommand:
+    def start(self) -> ImpedanceState:
         """Return the state before the first step: at rest in the posture."""
         return self._start
 
     def update(
-        self, state: ImpedanceCommand, observation: ImpedanceObservation, time: float
-    ) -> ImpedanceCommand:
+        self, state: ImpedanceState, observation: ImpedanceObservation, time: float
+    ) -> ImpedanceState:
         """Return the state after a step."""
         encoders, pose, velocity = observation
         rate = _STILL if velocity is None else velocity
         result, n = self.torque(state.tool_pose, encoders, pose, rate), len(self.posture)
-        return ImpedanceCommand(result[:n], result[n : n + 7], result[n + 7 :])
-
-    def command(self, state: ImpedanceCommand) -> ImpedanceCommand:
-        """Return torque, tool pose and saturation."""
-        return state
+        return ImpedanceState(result[:n], result[n : n + 7], result[n + 7 :])
 
     def torque(
         self,

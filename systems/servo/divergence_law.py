@@ -5,12 +5,9 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from chamfer.models.validation import ParameterError, require_positive
-from chamfer.systems.law import Law, Signal
-
-Array = NDArray[np.float64]
+from chamfer.systems.law import Array, Law, Signal
 
 TAKES_BACK: Final = 0.25  # of a frame that says that an error has grown, one that does not
 

@@ -1,10 +1,7 @@
 """The watch that stops a compensation which makes its error grow, as a block."""
 
 from chamfer.systems.law_block import LawBlock
-from chamfer.systems.servo.divergence_law import (
-    DivergenceLaw,
-    DivergenceParams,
-)
+from chamfer.systems.servo.divergence_law import DivergenceLaw, DivergenceParams
 
 
 class DivergenceWatch(LawBlock[DivergenceLaw]):

@@ -6,12 +6,9 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from chamfer.models.validation import ParameterError, known, require_not_negative, require_positive
-from chamfer.systems.law import HeldLaw, Signal
-
-Array = NDArray[np.float64]
+from chamfer.systems.law import Array, HeldLaw, Signal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,13 +87,7 @@ class PidObservation(NamedTuple):
     valid: Array | None
 
 
-class PidCommand(NamedTuple):
-    """What the law gives."""
-
-    compensation: Array
-
-
-class PidLaw(HeldLaw[PidState, PidObservation, PidCommand]):
+class PidLaw(HeldLaw[PidState, PidObservation, PidState]):
     """A PID law an axis; see :class:`chamfer.systems.servo.sampled_pid.SampledPid`."""
 
     observation = PidObservation
@@ -124,7 +115,3 @@ class PidLaw(HeldLaw[PidState, PidObservation, PidCommand]):
             return state._replace(last=np.full_like(error, math.nan))
         total, integral = pid_step(state.integral, state.last, error, self._gains, self.period)
         return PidState(total, integral, error)
-
-    def command(self, state: PidState) -> PidCommand:
-        """Return the compensation."""
-        return PidCommand(state.compensation)

@@ -7,12 +7,7 @@ import numpy as np
 
 from chamfer.models.validation import ParameterError
 from chamfer.systems.law_block import LawBlock
-from chamfer.systems.servo.pid_law import (
-    OpenPidGains,
-    PidGains,
-    PidLaw,
-    SampledPidParams,
-)
+from chamfer.systems.servo.pid_law import OpenPidGains, PidGains, PidLaw, SampledPidParams
 from chamfer.systems.servo.settling import SettlingPlant
 
 

@@ -4,12 +4,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.law import Law, Signal
-
-Array = NDArray[np.float64]
+from chamfer.systems.law import Array, Law, Signal
 
 
 class SelectorObservation(NamedTuple):
