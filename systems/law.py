@@ -5,6 +5,7 @@ that one step hands to the next. The same law runs in a diagram, in a
 :class:`~chamfer.systems.law_block.LawBlock`, beside a robot, and on a log.
 """
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
@@ -18,6 +19,7 @@ State = TypeVar("State")
 Observation = TypeVar("Observation")
 Command = TypeVar("Command")
 Array: TypeAlias = NDArray[np.float64]
+Vectors: TypeAlias = Mapping[str, Sequence[float] | Array | None]  # by name, None where missing
 
 
 class Signal(NamedTuple):
@@ -35,16 +37,32 @@ class Signal(NamedTuple):
 
 
 class Law(ABC, Generic[State, Observation, Command]):
-    """What a controller decides once a ``period``, s.
+    """What a controller decides once a ``period``, s, from a ``start``, its first state, on.
 
     ``inputs`` and ``outputs`` have a :class:`Signal` for each field of the named tuples that are
     observed and commanded, in their order; ``observation`` is the former's class.
+
+    Raises:
+        ParameterError: If the period or a size is not positive.
     """
 
     observation: Callable[..., Observation]
-    period: float
-    inputs: Mapping[str, Signal]
-    outputs: Mapping[str, Signal]
+
+    def __init__(
+        self,
+        *,
+        period: float,
+        inputs: Mapping[str, Signal],
+        outputs: Mapping[str, Signal],
+        start: State,
+    ) -> None:
+        if not 0 < period < math.inf:
+            raise ParameterError("period", period, "a finite number > 0")
+        for name, signal in (*inputs.items(), *outputs.items()):
+            if signal.size < 1:
+                raise ParameterError(f"size of {name}", signal.size, "a whole number >= 1")
+        self.period, self.inputs, self.outputs = period, inputs, outputs
+        self._start = start
 
     def in_units(self, **units: str | tuple[str, ...]) -> None:
         """Say what inputs and outputs of these names are in, of a law that takes any unit."""
@@ -53,9 +71,9 @@ class Law(ABC, Generic[State, Observation, Command]):
             for signals in (self.inputs, self.outputs)
         )
 
-    @abstractmethod
     def start(self) -> State:
         """Return the state before the first step."""
+        return self._start
 
     @abstractmethod
     def step(self, state: State, observation: Observation, time: float) -> tuple[State, Command]:
@@ -65,7 +83,7 @@ class Law(ABC, Generic[State, Observation, Command]):
         """Return the state after a step in which the robot is stopped; a chart answers that."""
         return state
 
-    def observe(self, values: Mapping[str, Sequence[float] | Array | None]) -> Observation:
+    def observe(self, values: Vectors) -> Observation:
         """Return what is seen, of vectors by name.
 
         They are copies, so that a state may hold them though a robot writes its next reading
@@ -97,9 +115,7 @@ class HeldLaw(Law[State, Observation, Command]):
         return state, self.command(state)
 
 
-def vectors(
-    inputs: Mapping[str, Signal], values: Mapping[str, Sequence[float] | Array | None]
-) -> list[Array | None]:
+def vectors(inputs: Mapping[str, Signal], values: Vectors) -> list[Array | None]:
     """Return the vectors of an observation, checked copies, in the order of the inputs."""
     return [_checked(name, signal, values.get(name)) for name, signal in inputs.items()]
 

@@ -59,28 +59,26 @@ class SurfaceObserverLaw(HeldLaw[ObserverState, ObserverObservation, ObserverSta
             raise ParameterError("initial_normal", normal.tolist(), allowed)
         normal = normal / length
         self.params = params
-        self.period = params.period
-        self.inputs = {
-            "measured_force": Signal(d, "N", finite=True),
-            "measured_force_rate": Signal(d, "N/s", finite=True),
-            "nominal_motion": Signal(2 * d, ("m",) * d + ("m/s",) * d, finite=True),
-            "predicted_normal": Signal(d, optional=True, finite=True),
-            "restart": Signal(optional=True),
-        }
-        self.outputs = {
-            "normal": Signal(d),
-            "covariance": Signal(d * d),
-            "deviation": Signal(1, "rad"),
-            "status": Signal(),
-        }
         self._filter = make_filter(params)
         P = params.initial_deviation**2 * np.eye(d)
         memory = self._filter.start(normal)
-        self._start = _state(Estimate(memory, normal, P, NormalStatus.NO_CONTACT))
-
-    def start(self) -> ObserverState:
-        """Return the state before the first sample."""
-        return self._start
+        super().__init__(
+            period=params.period,
+            inputs={
+                "measured_force": Signal(d, "N", finite=True),
+                "measured_force_rate": Signal(d, "N/s", finite=True),
+                "nominal_motion": Signal(2 * d, ("m",) * d + ("m/s",) * d, finite=True),
+                "predicted_normal": Signal(d, optional=True, finite=True),
+                "restart": Signal(optional=True),
+            },
+            outputs={
+                "normal": Signal(d),
+                "covariance": Signal(d * d),
+                "deviation": Signal(1, "rad"),
+                "status": Signal(),
+            },
+            start=_state(Estimate(memory, normal, P, NormalStatus.NO_CONTACT)),
+        )
 
     def update(
         self, state: ObserverState, observation: ObserverObservation, time: float

@@ -146,16 +146,19 @@ class AccommodatingLaw(HeldLaw[State, AccommodationObservation, State]):
 
     observation = AccommodationObservation
 
-    def __init__(self, params: AccommodationParams) -> None:
-        self.params = params
-        self.period = params.period
+    def __init__(self, params: AccommodationParams, start: State) -> None:
         size = len(AXES)
-        self.inputs = {
-            "command": Signal(size, VELOCITY, finite=True),
-            "wrench": Signal(size, WRENCH, finite=True),
-            "damping": Signal(size, DAMPING, optional=True),
-        }
-        self.outputs = {"velocity": Signal(size, VELOCITY), "perturbed": Signal(size, VELOCITY)}
+        super().__init__(
+            period=params.period,
+            inputs={
+                "command": Signal(size, VELOCITY, finite=True),
+                "wrench": Signal(size, WRENCH, finite=True),
+                "damping": Signal(size, DAMPING, optional=True),
+            },
+            outputs={"velocity": Signal(size, VELOCITY), "perturbed": Signal(size, VELOCITY)},
+            start=start,
+        )
+        self.params = params
         self._mobility = lru_cache(maxsize=16)(lambda own: params.with_damping(own).mobility)
 
     def mobility(self, damping: Array | None) -> Array:
@@ -166,9 +169,8 @@ class AccommodatingLaw(HeldLaw[State, AccommodationObservation, State]):
 class AccommodationLaw(AccommodatingLaw[AccommodationState]):
     """See :class:`chamfer.systems.force.accommodation.AccommodationController`."""
 
-    def start(self) -> AccommodationState:
-        """Return the state before the first step."""
-        return AccommodationState(np.zeros(len(AXES)), np.zeros(len(AXES)))
+    def __init__(self, params: AccommodationParams) -> None:
+        super().__init__(params, AccommodationState(*np.zeros((2, len(AXES)))))
 
     def update(
         self, state: AccommodationState, observation: AccommodationObservation, time: float

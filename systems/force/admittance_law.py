@@ -126,12 +126,8 @@ class AdmittanceLaw(AccommodatingLaw[AdmittanceState]):
     """See :class:`chamfer.systems.force.admittance.AdmittanceController`."""
 
     def __init__(self, params: AdmittanceParams) -> None:
-        super().__init__(params)
+        super().__init__(params, AdmittanceState(*np.zeros((3, len(AXES)))))
         self._momentum, self._restoring = params.momentum, params.restoring
-
-    def start(self) -> AdmittanceState:
-        """Return the state before the first step, at rest."""
-        return AdmittanceState(*np.zeros((3, len(AXES))))
 
     def update(
         self, state: AdmittanceState, observation: AccommodationObservation, time: float

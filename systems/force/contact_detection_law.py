@@ -15,7 +15,7 @@ from chamfer.models.validation import ParameterError, known, require_not_negativ
 from chamfer.systems.force.projection import unit
 from chamfer.systems.law import Array, Signal
 from chamfer.systems.statechart.chart import Chart, State, Tick, Transition
-from chamfer.systems.statechart.chart_law import ChartLaw, MachineOutput
+from chamfer.systems.statechart.chart_law import ChartLaw, number
 
 APPROACH: Final = 0  # indices of the states, what the port ``state`` carries
 CONTACT: Final = 1
@@ -137,13 +137,10 @@ class ContactDetectionLaw(ChartLaw[Inputs, Memory]):
     """See :class:`chamfer.systems.force.contact_detection.ContactDetection`."""
 
     def __init__(self, params: ContactDetectionParams, direction: Array, *, period: float) -> None:
-        shown: MachineOutput[Memory] = MachineOutput(
-            unit="s", read=lambda memory: (memory.contact_time,)
-        )
         super().__init__(
             make_contact_chart(params, direction),
             observation=Inputs,
             inputs={"measured_force": Signal(len(direction), "N")},
-            outputs={"contact_time": shown},
+            outputs={"contact_time": number("contact_time", "s")},
             period=period,
         )

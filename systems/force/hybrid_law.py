@@ -151,40 +151,38 @@ class HybridLaw(HeldLaw[HybridMemory, HybridObservation, HybridMemory]):
                 "full_dynamics", params.full_dynamics, "true with a model, false without one"
             )
         self._arm, self.params, self._model = arm, params, dynamics
-        self.period = params.period
         self._gains = params.for_joints(n)
         self._inertia = np.array(known("inertia", params.inertia)) if dynamics else np.ones(n)
         feedforward = known("feedforward_torque", params.feedforward_torque)
         self._known = np.array(feedforward or [0.0] * n)
         joints, x = arm.joint_units, arm.coordinate_units
         force, rates = efforts(x), tuple(f"{unit}/s" for unit in (*joints, *x))
-        self.inputs = {
-            "encoders": Signal(2 * n, (*joints, *rates[:n]), finite=True),
-            "desired_position": Signal(m, x, finite=True),
-            "desired_force": Signal(m, force, finite=True),
-            "measured_force": Signal(m, force, finite=True),
-            "selection": Signal(m * m, finite=True),
-            "mode": Signal(finite=True),
-            "desired_velocity": Signal(m, rates[n:], optional=True, finite=True),
-        }
-        self.outputs = {
-            "torque": Signal(n, efforts(joints)),
-            "position_error": Signal(m, x),
-            "force_error": Signal(m, force),
-        }
-
-    def start(self) -> HybridMemory:
-        """Return the memory before the first step."""
-        n, m = self._arm.num_joints, self._arm.num_coordinates
-        return HybridMemory(
-            torque=self._known,
-            position_integral=np.zeros(n),
-            force_integral=np.zeros(m),
-            offset=np.zeros(n),
-            creep=np.zeros(1),
-            mode=np.zeros(1),
-            position_error=np.zeros(m),
-            force_error=np.zeros(m),
+        super().__init__(
+            period=params.period,
+            inputs={
+                "encoders": Signal(2 * n, (*joints, *rates[:n]), finite=True),
+                "desired_position": Signal(m, x, finite=True),
+                "desired_force": Signal(m, force, finite=True),
+                "measured_force": Signal(m, force, finite=True),
+                "selection": Signal(m * m, finite=True),
+                "mode": Signal(finite=True),
+                "desired_velocity": Signal(m, rates[n:], optional=True, finite=True),
+            },
+            outputs={
+                "torque": Signal(n, efforts(joints)),
+                "position_error": Signal(m, x),
+                "force_error": Signal(m, force),
+            },
+            start=HybridMemory(
+                torque=self._known,
+                position_integral=np.zeros(n),
+                force_integral=np.zeros(m),
+                offset=np.zeros(n),
+                creep=np.zeros(1),
+                mode=np.zeros(1),
+                position_error=np.zeros(m),
+                force_error=np.zeros(m),
+            ),
         )
 
     def update(

@@ -323,27 +323,25 @@ class ImpedanceLaw(HeldLaw[ImpedanceState, ImpedanceObservation, ImpedanceState]
     ) -> None:
         n = len(posture)
         self._arm, self.params, self._limits = arm, params, limits
-        self.period = params.period
         self.posture = np.array(posture, dtype=np.float64)  # rad, shape (n,)
         self._stiffness = np.array([*params.rotational_stiffness, *params.stiffness])
-        self.inputs = {
-            "encoders": Signal(2 * n, ("rad",) * n + ("rad/s",) * n, finite=True),
-            "desired_pose": POSE._replace(finite=True),
-            "desired_velocity": Signal(6, VELOCITY, optional=True, finite=True),
-        }
-        self.outputs = {
-            "torque": Signal(n, "N m"),
-            "tool_pose": POSE,
-            "saturated": Signal(n),
-        }
         rest = arm(self.posture)
         self._design(rest)
         quaternion = _quaternion(rest.pose)
         quaternion = -quaternion if quaternion[0] < 0 else quaternion
-        self._start = ImpedanceState(
-            np.clip(rest.gravity, -limits, limits),
-            np.concatenate([quaternion, rest.pose[:, 3]]),
-            np.zeros(n),
+        super().__init__(
+            period=params.period,
+            inputs={
+                "encoders": Signal(2 * n, ("rad",) * n + ("rad/s",) * n, finite=True),
+                "desired_pose": POSE._replace(finite=True),
+                "desired_velocity": Signal(6, VELOCITY, optional=True, finite=True),
+            },
+            outputs={"torque": Signal(n, "N m"), "tool_pose": POSE, "saturated": Signal(n)},
+            start=ImpedanceState(
+                np.clip(rest.gravity, -limits, limits),
+                np.concatenate([quaternion, rest.pose[:, 3]]),
+                np.zeros(n),
+            ),
         )
 
     def _design(self, rest: KnownArm) -> None:
@@ -384,10 +382,6 @@ class ImpedanceLaw(HeldLaw[ImpedanceState, ImpedanceObservation, ImpedanceState]
             return
         for frequency in frequencies.tolist():
             _require_stable(params, "null_damping_ratio", frequency, frequency / slowest)
-
-    def start(self) -> ImpedanceState:
-        """Return the state before the first step: at rest in the posture."""
-        return self._start
 
     def update(
         self, state: ImpedanceState, observation: ImpedanceObservation, time: float

@@ -1,11 +1,9 @@
 """The zero of a force sensor, and how much its readings scatter about it."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
-from chamfer.models.validation import ParameterError
 from chamfer.systems.law import Array, Law, Signal
 
 
@@ -40,17 +38,13 @@ class TareLaw(Law[TareState, TareObservation, TareCommand]):
     observation = TareObservation
 
     def __init__(self, *, period: float, size: int = 3) -> None:
-        if not 0 < period < math.inf:
-            raise ParameterError("period", period, "a finite number > 0")
-        self.period = period
         unit = ("N m",) * 3 + ("N",) * 3 if size == 6 else "N"
-        self.inputs = {"force": Signal(size, unit, finite=True), "tare": Signal()}
-        self.outputs = {"tared_force": Signal(size, unit), "spread": Signal(size, unit)}
-
-    def start(self) -> TareState:
-        """Return the state before the first reading."""
-        size = self.inputs["force"].size
-        return TareState(np.zeros(size), np.zeros(size), np.zeros(2))
+        super().__init__(
+            period=period,
+            inputs={"force": Signal(size, unit, finite=True), "tare": Signal()},
+            outputs={"tared_force": Signal(size, unit), "spread": Signal(size, unit)},
+            start=TareState(np.zeros(size), np.zeros(size), np.zeros(2)),
+        )
 
     def step(
         self, state: TareState, observation: TareObservation, time: float

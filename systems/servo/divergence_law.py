@@ -75,20 +75,19 @@ class DivergenceLaw(Law[DivergenceState, DivergenceObservation, DivergenceComman
     observation = DivergenceObservation
 
     def __init__(self, params: DivergenceParams) -> None:
+        unknown = np.full(len(params.watched), math.nan)
+        super().__init__(
+            period=params.period,
+            # Axes of an error have units of their own, that of a cell pixels and rad.
+            inputs={
+                "error": Signal(params.size),
+                "valid": Signal(),
+                "blind": Signal(optional=True),
+            },
+            outputs={"valid": Signal(), "diverged": Signal(), "stop": Signal()},
+            start=DivergenceState(unknown, np.zeros(1), np.zeros(1)),
+        )
         self.params = params
-        self.period = params.period
-        # Axes of an error have units of their own, that of a cell pixels and rad.
-        self.inputs = {
-            "error": Signal(params.size),
-            "valid": Signal(),
-            "blind": Signal(optional=True),
-        }
-        self.outputs = {"valid": Signal(), "diverged": Signal(), "stop": Signal()}
-
-    def start(self) -> DivergenceState:
-        """Return the state before the first frame."""
-        unknown = np.full(len(self.params.watched), math.nan)
-        return DivergenceState(unknown, np.zeros(1), np.zeros(1))
 
     def step(
         self, state: DivergenceState, observation: DivergenceObservation, time: float

@@ -94,18 +94,16 @@ class PidLaw(HeldLaw[PidState, PidObservation, PidState]):
 
     def __init__(self, params: SampledPidParams) -> None:
         size = len(params.axes)
+        super().__init__(
+            period=params.period,
+            inputs={"error": Signal(size), "valid": Signal(optional=True)},
+            outputs={"compensation": Signal(size)},
+            start=PidState(np.zeros(size), np.zeros(size), np.full(size, math.nan)),
+        )
         self.params = params
-        self.period = params.period
-        self.inputs = {"error": Signal(size), "valid": Signal(optional=True)}
-        self.outputs = {"compensation": Signal(size)}
         self._gains = np.array(
             [(one.proportional, one.integral, one.derivative, one.limit) for one in params.axes]
         ).T
-
-    def start(self) -> PidState:
-        """Return the state before the first step."""
-        size = len(self.params.axes)
-        return PidState(np.zeros(size), np.zeros(size), np.full(size, math.nan))
 
     def update(self, state: PidState, observation: PidObservation, time: float) -> PidState:
         """Return the state after a sample."""

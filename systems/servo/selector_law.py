@@ -1,11 +1,9 @@
 """What of a measured error a controller is to compensate."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
-from chamfer.models.validation import ParameterError
 from chamfer.systems.law import Array, Law, Signal
 
 
@@ -33,16 +31,12 @@ class SelectorLaw(Law[None, SelectorObservation, SelectorCommand]):
     observation = SelectorObservation
 
     def __init__(self, size: int, *, period: float = 1 / 80) -> None:
-        if not (math.isfinite(size) and size >= 1):
-            raise ParameterError("size", size, "a whole number >= 1")
-        if not 0 < period < math.inf:
-            raise ParameterError("period", period, "a finite number > 0")
-        self.period = period
-        self.inputs = {"error": Signal(size), "valid": Signal(), "open": Signal(2)}
-        self.outputs = {"error": Signal(size), "valid": Signal()}
-
-    def start(self) -> None:
-        """Return the state, of which there is none."""
+        super().__init__(
+            period=period,
+            inputs={"error": Signal(size), "valid": Signal(), "open": Signal(2)},
+            outputs={"error": Signal(size), "valid": Signal()},
+            start=None,
+        )
 
     def step(
         self, state: None, observation: SelectorObservation, time: float

@@ -1,16 +1,12 @@
 """A state chart as a law: what it reads, and what of its memory it commands."""
 
-import math
 from collections import namedtuple
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from chamfer.models.validation import ParameterError
-from chamfer.systems.law import HeldLaw, Signal, vectors
+from chamfer.systems.law import HeldLaw, Signal, Vectors, vectors
 from chamfer.systems.statechart.chart import Chart, Inputs, Memory, Snapshot, TransitionRecord
 
 
@@ -55,35 +51,25 @@ class ChartLaw(HeldLaw[ChartState[Memory], Inputs, Any], Generic[Inputs, Memory]
         outputs: Mapping[str, MachineOutput[Memory]],
         period: float,
     ) -> None:
-        if not (math.isfinite(period) and period > 0):
-            raise ParameterError("period", period, "a finite number > 0")
         fields: tuple[str, ...] = getattr(observation, "_fields", ())
         if set(fields) != set(inputs):
             raise ParameterError("inputs", list(inputs), f"one for each of {', '.join(fields)}")
         if "state" in outputs:
             raise ParameterError("outputs", list(outputs), "names other than state")
+        given = {name: Signal(one.size, one.unit) for name, one in outputs.items()}
+        super().__init__(
+            period=period,
+            inputs={name: inputs[name] for name in fields},
+            outputs={**given, "state": Signal()},
+            start=ChartState(chart.start()),
+        )
         self.chart = chart
-        self.period = period
-        self.inputs = {name: inputs[name] for name in fields}
-        self.outputs = {
-            **{name: Signal(one.size, one.unit) for name, one in outputs.items()},
-            "state": Signal(),
-        }
-        for name, signal in {**self.inputs, **self.outputs}.items():
-            if signal.size < 1:
-                raise ParameterError(f"size of {name}", signal.size, "a whole number >= 1")
         self.observation = observation
         self._command: Any = namedtuple("Command", self.outputs)  # type: ignore[misc]
         self._reads = tuple(one.read for one in outputs.values())
         self._index = {name: float(i) for i, name in enumerate(chart.state_names)}
 
-    def start(self) -> ChartState[Memory]:
-        """Return the state before the first step."""
-        return ChartState(self.chart.start())
-
-    def observe(
-        self, values: Mapping[str, Sequence[float] | NDArray[np.float64] | None]
-    ) -> Inputs:
+    def observe(self, values: Vectors) -> Inputs:
         """Return what the chart sees, of vectors by name."""
         seen = vectors(self.inputs, values)
         read = [None if one is None else tuple(one.tolist()) for one in seen]

@@ -12,7 +12,6 @@ from chamfer.models.validation import ParameterError
 from chamfer.systems.servo.backlash import Backlash
 from chamfer.systems.servo.compensator_law import AxisParams, CompensatorParams
 from chamfer.systems.servo.divergence_law import DivergenceParams, Watched
-from chamfer.systems.servo.measurement_selector import MeasurementSelector
 from chamfer.systems.servo.pid_law import SampledPidParams
 from chamfer.systems.servo.sampled_pid import tuned_gains
 from chamfer.systems.servo.settling import SettlingPlant
@@ -39,7 +38,6 @@ NOT_POSITIVE = (0.0, -1.0, math.nan, math.inf)
         (SampledPidParams, {}, "axes", ((),), "at least one axis"),
         (tuned_gains, TUNED, "closed_loop period", NOT_POSITIVE, "a finite number > 0"),
         (SettlingTask, TASK, "tolerance", (0.0, 3e-4, 0.03), ""),
-        (MeasurementSelector, {}, "size", (0,), "a whole number >= 1"),
         (Backlash, {"period": 0.1}, "half_width", (-1.0, math.nan), ""),
     ],
 )
