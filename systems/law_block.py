@@ -100,10 +100,6 @@ class LawBlock(LeafSystem, Generic[LawT]):
         values = context.get_discrete_state()
         return self._kind(*(values.value(group) for group in self._groups.values()))
 
-    def observation(self, context: Context) -> Any:
-        """Return what the law sees at the inputs."""
-        return self.law.observe(self._values(context))
-
     def _declare_outputs(self) -> None:
         law = self.law
         tickets: set[DependencyTicket] = (
@@ -130,7 +126,8 @@ class LawBlock(LeafSystem, Generic[LawT]):
     def _command(self, context: Context) -> Any:
         law = self.law
         if not isinstance(law, HeldLaw):
-            return law.step(self.state(context), self.observation(context), context.get_time())[1]
+            seen = law.observe(self._values(context))
+            return law.step(self.state(context), seen, context.get_time())[1]
         return law.command(self.state(context)) if self._groups else self._frozen(context).command
 
     def _values(self, context: Context) -> Mapping[str, Array | None]:
