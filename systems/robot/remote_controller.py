@@ -1,7 +1,6 @@
 """A simulated robot's end of the connection to its controller, as a block."""
 
 import time
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -53,14 +52,12 @@ class RemoteController(LeafSystem):
         self._told = self.DeclareAbstractState(Value[object](Frozen(0.0, first)))
         depends = {self.time_ticket(), self.abstract_state_ticket(self._told)}
         for name, signal in law.outputs.items():
-            self.DeclareVectorOutputPort(name, signal.size, self._calc(name), depends)
+
+            def calc(context: Context, vector: BasicVector, name: str = name) -> None:
+                vector.SetFromVector(self._now(context)[name])
+
+            self.DeclareVectorOutputPort(name, signal.size, calc, depends)
         self.DeclarePeriodicUnrestrictedUpdateEvent(law.period, 0.0, self._exchange)
-
-    def _calc(self, name: str) -> Callable[[Context, BasicVector], None]:
-        def calc(context: Context, vector: BasicVector) -> None:
-            vector.SetFromVector(self._now(context)[name])
-
-        return calc
 
     def _now(self, context: Context) -> dict[str, Array]:
         """Return what is commanded at this time."""

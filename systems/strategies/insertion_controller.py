@@ -84,7 +84,7 @@ class InsertionController(HeldLaw[ControllerState, ControllerObservation, Any]):
         self.params, self.laws = params, laws
         _, self.watch, self.compensator, self.task = laws.values()
         self.period = self.task.period
-        seen, told, pose = self.task.inputs, self.task.outputs, POSE._replace(finite=True)
+        seen, pose = self.task.inputs, POSE._replace(finite=True)
         measured = {"peg_tool_pose": pose, "hole_tool_pose": pose._replace(optional=True)}
         self.inputs = {one: (seen | measured)[one] for one in ControllerObservation._fields}
         self.outputs = {
@@ -94,7 +94,7 @@ class InsertionController(HeldLaw[ControllerState, ControllerObservation, Any]):
             "peg_command": POSE,
             "compensation": seen["compensation"],
             "diverged": Signal(),
-            **{name: signal for name, signal in told.items() if name != "compensates"},
+            **self.task.outputs,
         }
         self._command: Any = namedtuple("Command", self.outputs)  # type: ignore[misc]
         self._shares = {
@@ -132,8 +132,7 @@ class InsertionController(HeldLaw[ControllerState, ControllerObservation, Any]):
         selecting, watching, compensating, inserting = self.laws
         held, measured = self.command(state._replace(time=time)), seen._asdict()
         hole = self.params.hole_pose if seen.hole_tool_pose is None else seen.hole_tool_pose
-        opened = self.task.command(state.task).compensates
-        _, through = step(selecting, None, {**measured, "open": opened})
+        _, through = step(selecting, None, {**measured, "open": held.compensates})
         watch, told = step(watching, state.watch, {**measured, **through._asdict()})
         compensated = {"error": through.error, "valid": told.valid}
         compensator, _ = step(compensating, state.compensator, compensated)
@@ -159,7 +158,7 @@ class InsertionController(HeldLaw[ControllerState, ControllerObservation, Any]):
 
     def command(self, state: ControllerState) -> Any:
         """Return what is commanded at the time of a state, a named tuple."""
-        params, told = self.params, self.task.command(state.task)._asdict()
+        params, told = self.params, self.task.command(state.task)
         compensation = np.array(self.compensator.command(state.compensator).compensation)
         pose, hole, velocity = params.peg_pose, params.hole_pose, np.zeros(6)
         if params.motion is not None:
@@ -170,8 +169,7 @@ class InsertionController(HeldLaw[ControllerState, ControllerObservation, Any]):
         pose = compensate(pose, self._shares["peg"] @ compensation)
         if "hole" in self._shares:
             hole = compensate(hole, self._shares["hole"] @ compensation)
-        feed = np.array(told["feed"])
-        del told["compensates"]
+        feed = np.array(told.feed)
         return self._command(
             peg_pose=advanced(pose, hole, feed, state.time),
             peg_velocity=velocity + feed_velocity(hole, feed),
@@ -179,5 +177,5 @@ class InsertionController(HeldLaw[ControllerState, ControllerObservation, Any]):
             peg_command=pose,
             compensation=compensation,
             diverged=state.watch.diverged,
-            **told,
+            **told._asdict(),
         )

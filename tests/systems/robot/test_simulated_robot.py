@@ -1,6 +1,5 @@
 """A simulated robot's end of its connection, and who may talk to it."""
 
-import textwrap
 import time
 from multiprocessing import AuthenticationError
 from multiprocessing.connection import Client
@@ -99,7 +98,7 @@ def serve(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 
     def make(lines: str) -> str:
         text = "from chamfer.systems.robot.link import served\norder, link = served()\n"
-        (tmp_path / "other_side.py").write_text(text + textwrap.dedent(lines))
+        (tmp_path / "other_side.py").write_text(text + lines)
         return "other_side"
 
     root = Path(__file__).parents[3]
