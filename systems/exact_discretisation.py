@@ -38,14 +38,15 @@ def is_linear(system: System) -> bool:
     if states.num_abstract_states() or not states.num_continuous_states():
         return False
     return bool(states.num_continuous_states() == states.num_total_states()) and all(
-        isinstance(block, _LINEAR_BLOCKS) for block in _blocks(system)
+        isinstance(block, _LINEAR_BLOCKS) for block in blocks(system)
     )
 
 
-def _blocks(system: System) -> Iterator[System]:
+def blocks(system: System) -> Iterator[System]:
+    """Yield the blocks of a system that have none inside."""
     if isinstance(system, Diagram):
         for inner in system.GetSystems():
-            yield from _blocks(inner)
+            yield from blocks(inner)
     else:
         yield system
 

@@ -66,12 +66,12 @@ class LawBlock(LeafSystem, Generic[LawT]):
         super().__init__()
         self.law = law
         self.period = law.period
+        self.at_start = at_start
         self._inputs = {
             name: self.DeclareVectorInputPort(name, signal.size)
             for name, signal in law.inputs.items()
         }
         start: Any = law.start()
-        self._start: Final = start
         self._kind: Final = type(start)
         self._groups = {
             name: self.DeclareDiscreteState(value) for name, value in _arrays(start).items()
@@ -140,18 +140,11 @@ class LawBlock(LeafSystem, Generic[LawT]):
         }
 
     def _step(self, context: Context) -> tuple[Any, Any]:
-        state, values, time = self.state(context), self._values(context), context.get_time()
-        stepped = self.law.step(state, self.law.observe(values), time)
+        values, time = self._values(context), context.get_time()
+        stepped = self.law.step(self.state(context), self.law.observe(values), time)
         if (recorder := active()) is not None:
-            record = Record(time, values, stepped[1]._asdict())
-            recorder.note(self, self.law, record, begins=lambda: self._is_start(state))
+            recorder.note(self, Record(time, values, stepped[1]._asdict()))
         return stepped
-
-    def _is_start(self, state: Any) -> bool:
-        if not self._groups:
-            return state is self._start
-        pairs = zip(state, self._start, strict=True)
-        return all(np.array_equal(one, first, equal_nan=True) for one, first in pairs)
 
     def _update(self, context: Context, changed: DrakeState) -> None:
         state, command = self._step(context)

@@ -2,15 +2,12 @@
 
 import math
 from array import array
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from itertools import chain
+from itertools import islice
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from chamfer.systems.law import Law, Signal
+from chamfer.systems.law import Law
 
 AnyLaw = Law[Any, Any, Any]
 
@@ -23,82 +20,39 @@ class Record(NamedTuple):
     command: Mapping[str, Any]
 
 
-def signals(law: AnyLaw) -> dict[str, Signal]:
-    """Return what a law reads and gives by their names in a log: ``observation.error``."""
-    named = {f"observation.{name}": signal for name, signal in law.inputs.items()}
-    return named | {f"command.{name}": signal for name, signal in law.outputs.items()}
-
-
 class Records:
     """The steps of one run of a law, in order, at 8 bytes a number."""
 
-    def __init__(self, law: AnyLaw, records: Iterable[Record] = ()) -> None:
+    def __init__(self, law: AnyLaw) -> None:
         self.law = law
-        self._sizes = {name: one.size for name, one in signals(law).items()}
-        self._missing = {name: array("q") for name in signals(law)}
-        self._width = 1 + sum(self._sizes.values())
-        self._numbers = array("d")
-        for record in records:
-            self.append(record)
+        self.last = -math.inf  # s, of the last step
+        self._numbers = array(
+            "d"
+        )  # of each step its time, of each vector if it is missing, and it
 
     def append(self, record: Record) -> None:
-        """Keep a step.
-
-        Raises:
-            ValueError: If a vector has another size than its signal.
-        """
-        row = [record.time]
-        seen = map(record.observation.get, self.law.inputs)
-        answered = map(record.command.get, self.law.outputs)
-        vectors = zip(self._sizes.items(), chain(seen, answered), strict=True)
-        for (name, size), value in vectors:
-            if value is None:
-                self._missing[name].append(len(self))
-                row += [math.nan] * size
-            else:
-                numbers = value.tolist() if isinstance(value, np.ndarray) else value
-                if len(numbers) != size:
-                    raise ValueError(f"{name} is {numbers}, must be {size} numbers")
-                row += numbers
-        self._numbers.extend(row)
-
-    def __len__(self) -> int:
-        return len(self._numbers) // self._width
+        """Keep a step; its vectors have the sizes of the law's signals."""
+        self.last = record.time
+        self._numbers.append(record.time)
+        for side, signals in zip(record[1:], (self.law.inputs, self.law.outputs), strict=True):
+            for name, signal in signals.items():
+                value = side.get(name)
+                self._numbers.append(value is None)
+                self._numbers.extend([math.nan] * signal.size if value is None else value)
 
     def __iter__(self) -> Iterator[Record]:
-        sides: dict[str, dict[str, Any]] = {"observation": {}, "command": {}}
-        for name, values, missing in self.vectors():
-            side, _, own = name.partition(".")
-            sides[side][own] = [
-                None if lacks else vector for vector, lacks in zip(values, missing, strict=True)
-            ]
-        for i, time in enumerate(self.times.tolist()):
-            yield Record(
-                time,
-                *({name: rows[i] for name, rows in side.items()} for side in sides.values()),
+        numbers = iter(self._numbers)
+        for time in numbers:
+            seen, answered = (
+                {name: _vector(numbers, signal.size) for name, signal in signals.items()}
+                for signals in (self.law.inputs, self.law.outputs)
             )
+            yield Record(time, seen, answered)
 
-    @property
-    def last(self) -> float:
-        """The time of the last step, s."""
-        return self._numbers[-self._width]
 
-    @property
-    def times(self) -> NDArray[np.float64]:
-        """The times of the steps, s."""
-        return np.array(self._numbers[:: self._width])
-
-    def vectors(self) -> Iterator[tuple[str, NDArray[np.float64], NDArray[np.bool_]]]:
-        """Yield each signal's name in a log, its vectors, a row a step, and where it is missing.
-
-        There its numbers are NaN.
-        """
-        table, first = np.array(self._numbers).reshape(-1, self._width), 1
-        for name, size in self._sizes.items():
-            lacks = np.zeros(len(self), dtype=np.bool_)
-            lacks[self._missing[name]] = True
-            yield name, table[:, first : first + size], lacks
-            first += size
+def _vector(numbers: Iterator[float], size: int) -> list[float] | None:
+    missing, *vector = islice(numbers, 1 + size)
+    return None if missing else vector
 
 
 class Recorder:
@@ -108,47 +62,39 @@ class Recorder:
         self.runs: dict[str, list[Records]] = {}
         self._current: dict[Any, Records] = {}  # by the block
 
-    def note(self, block: Any, law: AnyLaw, record: Record, *, begins: Callable[[], bool]) -> None:
+    def note(self, block: Any, record: Record) -> None:
         """Keep a step of a block's law.
 
-        A time that goes back begins another run, as does one that stays where ``begins`` tells
-        that the state was the first: a block may step twice at its start.
+        A time that does not ascend begins another run; a block that steps at its start too has
+        two steps at that time.
         """
         records = self._current.get(block)
         if (
             records is None
             or record.time < records.last
-            or (record.time == records.last and begins())
+            or (record.time == records.last and not block.at_start)
         ):
-            records = self._current[block] = Records(law)
+            records = self._current[block] = Records(block.law)
             self.runs.setdefault(block.path, []).append(records)
         records.append(record)
 
 
-_active: list[Recorder | None] = []
+_active: list[Recorder | None] = [None]
 
 
 def active() -> Recorder | None:
     """Return what records now, if anything does."""
-    return _active[-1] if _active else None
+    return _active[-1]
 
 
 @contextmanager
-def recorded() -> Iterator[Recorder]:
-    """Record every step of every law in this process while the block lasts."""
-    recorder = Recorder()
+def recording(recorder: Recorder | None) -> Iterator[Recorder | None]:
+    """Let a recorder keep every step of every law in this process while the block lasts.
+
+    With None no step is kept, as where a loop is probed and not run.
+    """
     _active.append(recorder)
     try:
         yield recorder
-    finally:
-        _active.pop()
-
-
-@contextmanager
-def unrecorded() -> Iterator[None]:
-    """Record no step while the block lasts: a loop is probed there, not run."""
-    _active.append(None)
-    try:
-        yield
     finally:
         _active.pop()

@@ -2,13 +2,13 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
-from pydrake.systems.framework import Diagram
-
-from chamfer.analysis.report.control_log import log_bytes, log_table
+from chamfer.analysis.report.control_log import log_bytes
 from chamfer.analysis.scenario.experiment import Experiment
+from chamfer.systems.exact_discretisation import blocks
 from chamfer.systems.law_block import LawBlock
 from chamfer.systems.recording import AnyLaw, Records
 
@@ -21,18 +21,14 @@ def controllers(experiment: Experiment[Any], scenario: Any) -> dict[str, list[An
     A path has one law that is the same in every run, or several in their order, for as many runs
     each.
     """
-    within: list[Diagram] = []
     if experiment.loops is not None:
-        within += experiment.loops(scenario)
-    elif experiment.diagram is not None:
-        within.append(experiment.diagram(scenario))
+        loops = experiment.loops(scenario)
+    else:
+        loops = [experiment.diagram(scenario)] if experiment.diagram is not None else []
     found: dict[str, list[AnyLaw]] = {}
-    while within:
-        for system in within.pop(0).GetSystems():
-            if isinstance(system, LawBlock):
-                found.setdefault(system.path, []).append(system.law)
-            elif isinstance(system, Diagram):
-                within.append(system)
+    for block in chain.from_iterable(map(blocks, loops)):
+        if isinstance(block, LawBlock):
+            found.setdefault(block.path, []).append(block.law)
     return found
 
 
@@ -50,7 +46,7 @@ def log_files(runs: Mapping[str, Sequence[Records]], about: Mapping[str, Any]) -
         for i, records in enumerate(each):
             which = {**about, "controller": path, "run": i + 1, "runs": len(each)}
             name = f"{stem}-{i + 1}" if len(each) > 1 else stem
-            files[f"{LOG}/{name}.parquet"] = log_bytes(log_table(records.law, records, which))
+            files[f"{LOG}/{name}.parquet"] = log_bytes(records, which)
     return files
 
 

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -44,7 +44,7 @@ from chamfer.analysis.scenario.scenario_io import make_scenario, scenario_text, 
 from chamfer.analysis.scenario.scenario_overrides import overrides
 from chamfer.analysis.scenario.scenario_yaml import read_mapping
 from chamfer.models.validation import ParameterError
-from chamfer.systems.recording import Recorder, recorded
+from chamfer.systems.recording import Recorder, recording
 
 if TYPE_CHECKING:
     from pydrake.geometry import Meshcat
@@ -172,7 +172,7 @@ def run(
     options = job.options or (("--log",) if log else ())
     with named_failures(job.entry.name, job.overrides), running(campaign):
         started = time.perf_counter()
-        with recorded() if log else nullcontext() as recorder:
+        with recording(recorder := Recorder() if log else None):
             outcome = experiment.run(scenario, seed, progress)
         wall_seconds = campaign.seconds + time.perf_counter() - started
         figures = experiment.plot(scenario, outcome)
@@ -231,10 +231,10 @@ def _logs(job: Job, recorder: Recorder, about: Mapping[str, Any]) -> dict[str, b
     """Return the logs by file name, and say of which controllers there are none."""
     known = controllers(job.experiment, job.scenario)
     runs = {path: runs for path, runs in recorder.runs.items() if path in known}
-    if lacking := sorted(set(recorder.runs) - set(runs)):
-        say(f"{job.entry.name}: no log of {', '.join(lacking)}, drawn for a trial or compared")
-    elif not runs:
-        say(f"{job.entry.name}: no log, no controller of its loops is sampled here")
+    lacking = sorted(set(recorder.runs) - set(runs))
+    if lacking or not runs:
+        names = ", ".join(lacking) or "any controller"
+        say(f"{job.entry.name}: no log of {names}, which its loops don't have as it ran")
     return log_files(runs, about)
 
 

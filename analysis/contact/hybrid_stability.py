@@ -32,7 +32,7 @@ from chamfer.systems.force.hybrid_law import HybridGains, LawKind
 from chamfer.systems.force.hybrid_linear import free_growth_rate, stiffness_eigenvalues
 from chamfer.systems.force.projection import position_selection
 from chamfer.systems.force.sampled_loop import NEUTRAL
-from chamfer.systems.recording import unrecorded
+from chamfer.systems.recording import recording
 
 HybridScenarioT = TypeVar("HybridScenarioT", bound=HybridScenario)
 
@@ -51,7 +51,7 @@ def smooth(scenario: HybridScenarioT) -> HybridScenarioT:
     )
 
 
-@unrecorded()
+@recording(None)
 def settled(diagram: Diagram, time: float) -> Context:
     """Return the diagram's context after a time, s."""
     simulator = Simulator(diagram)

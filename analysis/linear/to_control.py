@@ -24,7 +24,7 @@ from pydrake.systems.framework import (
 )
 
 from chamfer.models.validation import ParameterError
-from chamfer.systems.recording import unrecorded
+from chamfer.systems.recording import recording
 
 SEPARATOR: Final = "::"  # between the names of blocks and ports, as in Drake's own paths
 
@@ -179,7 +179,7 @@ class _Matrices(NamedTuple):
     D: Array
 
 
-@unrecorded()
+@recording(None)
 def to_control(
     system: System,
     *,

@@ -8,10 +8,6 @@ from typing import Any, Final
 from chamfer.analysis.scenario.experiment import Catalogue, select
 
 FOLDER: Final = "replay"
-_SIDES: Final = ("logged", "replayed")
-_OPEN_LOOP: Final = (
-    "open loop: what follows a difference is not what the controller would have met"
-)
 
 
 def add_replay(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentParser:
@@ -68,21 +64,24 @@ def _replay(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
     if arguments.json:
         print(json_text({**document, "folder": str(folder)}), end="")
     else:
-        said = [*map(_line, document["controllers"]), *([_OPEN_LOOP] if differ else [])]
-        print("\n".join([*said, f"figures and tables: {folder}"]))
+        print("\n".join(map(_line, document["controllers"])))
+        if differ:
+            print("open loop: after a difference the controller would have met something else")
+        print(f"figures and tables: {folder}")
     return 1 if arguments.strict and differ else 0
 
 
 def _line(found: Mapping[str, Any]) -> str:
     """Return what a controller's replay found, in a line."""
-    first, said = found["first_difference"], "none differs"
-    if found["mismatches"] is None:
-        said = "no commands in the log"
-    elif first is not None:
-        logged, replayed = (f"{first[one]} {first['unit']}".rstrip() for one in _SIDES)
-        said = f"{found['mismatches']} differ, first at {first['time']:.9g} s: "
-        said += f"{first['column']} is {logged} in the log, {replayed} replayed"
-        if states := found["states_differ"]:
-            said += f"; states differ from {states['time']:.9g} s: {states['logged']} in the log, "
-            said += f"{states['replayed']} replayed"
+    first, state = found["first_difference"], found["states_differ"]
+    said = "no commands in the log" if found["mismatches"] is None else "none differs"
+    if first:
+        said = f"{found['mismatches']} differ, first at {_told(first)}"
+    if state and state != first:
+        said += f"; states differ from {_told(state)}"
     return f"{found['controller']} ({found['log']}): {found['steps']} steps, {said}"
+
+
+def _told(one: Mapping[str, Any]) -> str:
+    logged, replayed = (f"{one[side]} {one['unit']}".rstrip() for side in ("logged", "replayed"))
+    return f"{one['time']:.9g} s: {one['column']} is {logged} in the log, {replayed} replayed"

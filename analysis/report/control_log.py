@@ -9,7 +9,7 @@ import csv
 import io
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,58 +19,57 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.systems.recording import AnyLaw, Record, Records, signals
+from chamfer.systems.law import Signal
+from chamfer.systems.recording import AnyLaw, Record, Records
 
-TIME: Final = "time"
-SECOND: Final = "s"
-_SIDES: Final = ("observation.", "command.")
-
-
-def units(law: AnyLaw) -> dict[str, str]:
-    """Return the unit of each column of a law's log by its name, in order."""
-    return {TIME: SECOND} | {
-        f"{name}[{i}]": unit
-        for name, signal in signals(law).items()
-        for i, unit in enumerate(signal.units)
-    }
+_SIDES: Final = ("observation", "command")
 
 
-def log_table(
-    law: AnyLaw, records: Records | Iterable[Record], about: Mapping[str, Any] | None = None
-) -> pa.Table:
-    """Return what a law saw and answered, as a table.
+def _signals(law: AnyLaw) -> list[tuple[str, str, Signal]]:
+    """Return the side, the name and what it is of each vector that a law reads and gives."""
+    sides = zip(_SIDES, (law.inputs, law.outputs), strict=True)
+    return [(side, *one) for side, signals in sides for one in signals.items()]
+
+
+def log_bytes(records: Records, about: Mapping[str, Any]) -> bytes:
+    """Return what a law saw and answered, as a file; the same steps give the same bytes.
 
     Args:
-        law: Whose inputs and outputs are the columns.
-        records: Its steps in order.
+        records: Its steps.
         about: What the log is of; the table's metadata, texts or else JSON.
     """
-    kept = records if isinstance(records, Records) else Records(law, records)
-    columns = [pa.array(kept.times)]
-    for _, vectors, missing in kept.vectors():
-        columns += [pa.array(column, mask=missing) for column in vectors.T]
+    steps = list(records)
+    units: dict[str, str] = {"time": "s"}
+    columns: list[list[float | None]] = [[one.time for one in steps]]
+    for side, name, signal in _signals(records.law):
+        vectors = [getattr(one, side)[name] for one in steps]
+        for i, unit in enumerate(signal.units):
+            units[f"{side}.{name}[{i}]"] = unit
+            columns.append([None if vector is None else vector[i] for vector in vectors])
     fields = [
-        pa.field(name, pa.float64(), metadata={"unit": unit}) for name, unit in units(law).items()
+        pa.field(name, pa.float64(), metadata={"unit": unit}) for name, unit in units.items()
     ]
     metadata = {
         name: value if isinstance(value, str) else json.dumps(value)
-        for name, value in (about or {}).items()
+        for name, value in about.items()
     }
-    return pa.Table.from_arrays(columns, schema=pa.schema(fields, metadata=metadata))
-
-
-def log_bytes(table: pa.Table) -> bytes:
-    """Return the table as a file; the same table gives the same bytes."""
+    table = pa.Table.from_arrays(
+        [pa.array(one, pa.float64()) for one in columns],
+        schema=pa.schema(fields, metadata=metadata),
+    )
     file = io.BytesIO()
     pq.write_table(table, file, compression="zstd")
     return file.getvalue()
 
 
-def read_log(path: Path) -> pa.Table:
-    """Return the table of a log, from Parquet, or CSV with units as ``observation.error[0] (m)``.
+def read_log(path: Path) -> tuple[pa.Table, dict[str, Any]]:
+    """Return a log, from Parquet, or CSV with units as ``observation.error[0] (m)``.
+
+    Returns:
+        Its table, and the experiment, controller, run, runs and overrides that it says it is of.
 
     Raises:
-        UserError: If it can't be read, or a column is there twice.
+        UserError: If it can't be read.
     """
     try:
         if path.suffix != ".csv":
@@ -78,99 +77,76 @@ def read_log(path: Path) -> pa.Table:
                 table = pq.read_table(file)
         else:
             table = _read_csv(path)
+        told = {
+            name.decode(): text.decode() for name, text in (table.schema.metadata or {}).items()
+        }
+        about: dict[str, Any] = {name: told.get(name) for name in ("experiment", "controller")}
+        about |= {name: int(told.get(name, 1)) for name in ("run", "runs")}
+        return table, about | {"overrides": json.loads(told.get("overrides", "[]"))}
     except (OSError, ValueError, pa.ArrowException) as error:
         reason = getattr(error, "strerror", None) or error
         raise UserError(f"{path} can't be read as a log: {reason}") from error
-    for name in table.column_names:
-        if table.column_names.count(name) > 1:
-            raise UserError(f"{path}: column {name} is there twice")
-    return table
 
 
 def _read_csv(path: Path) -> pa.Table:
     with path.open(encoding="utf-8-sig", newline="") as file:
         header = next(csv.reader(file), [])
+    titles = [one for one in header if re.match(r"(time|observation|command)\b", one)]
     options = pyarrow.csv.ConvertOptions(
-        column_types=dict.fromkeys(header, pa.float64()), null_values=[""]
+        include_columns=titles, column_types=dict.fromkeys(titles, pa.float64()), null_values=[""]
     )
     table = pyarrow.csv.read_csv(path, convert_options=options)
     fields = []
-    for title in header:
-        found = re.fullmatch(r"(.*?)\s*(?:\((.*)\))?\s*", title)
-        assert found is not None
-        unit = {} if found[2] is None else {"unit": found[2].strip()}
-        fields.append(pa.field(found[1], pa.float64(), metadata=unit))
+    for title in titles:
+        name, unit = re.findall(r"^(.*?)\s*(?:\((.*)\))?\s*$", title)[0]
+        fields.append(pa.field(name, pa.float64(), metadata={"unit": unit.strip()}))
     return pa.Table.from_arrays(table.columns, schema=pa.schema(fields))
 
 
-def about_log(table: pa.Table, path: Path) -> dict[str, Any]:
-    """Return the experiment, controller, run, runs and overrides that a log says it is of.
-
-    Raises:
-        UserError: If they can't be.
-    """
-    metadata = {
-        name.decode(): text.decode() for name, text in (table.schema.metadata or {}).items()
-    }
-    about: dict[str, Any] = {name: metadata.get(name) for name in ("experiment", "controller")}
-    try:
-        about |= {name: int(metadata.get(name, 1)) for name in ("run", "runs")}
-        made = json.loads(metadata.get("overrides", "[]"))
-        return about | {"overrides": [str(one) for one in made]}
-    except (ValueError, TypeError) as error:
-        raise UserError(f"{path} has no run or overrides in its metadata: {error}") from error
-
-
-def log_records(law: AnyLaw, table: pa.Table, path: Path) -> Records:
+def log_records(law: AnyLaw, table: pa.Table, path: Path) -> list[Record]:
     """Return the steps of a log as a law sees them.
 
     Commands and optional inputs may be missing. A controller may step twice at its first time.
 
     Raises:
-        UserError: If it has no rows, lacks a column, has one that is none of the law's, in another
-            unit or without one, a time that does not ascend, or a number that is missing or not
-            finite where it has to be; it names the column.
+        UserError: If it has no rows, lacks a column or has it twice, has one that is none of the
+            law's, in another unit or without one, a time that does not ascend, or a number that
+            is missing or not finite where it has to be; it names the column.
     """
-    known = units(law)
-    for name in table.column_names:
-        if name.startswith(_SIDES) and name not in known:
-            raise UserError(f"{path}: column {name} is none of {', '.join(known)}")
     if not len(table):
         raise UserError(f"{path} has no rows")
-    times = _column(table, TIME, SECOND, path, required=True, finite=True)
-    gaps = np.diff(times.data)
-    back = np.flatnonzero(np.append(gaps[:1] < 0, gaps[1:] <= 0))
-    if len(back):
-        row = int(back[0]) + 1
+    times = _column(table, "time", "s", Signal(finite=True), path)
+    back = np.diff(times) < 0
+    back[1:] |= np.diff(times)[1:] == 0
+    if back.any():
+        row = int(np.argmax(back)) + 1
         raise UserError(f"{path}: time is {times[row]} s in row {row + 1}, must ascend")
-    vectors = {}
-    for name, signal in signals(law).items():
-        required = name.startswith(_SIDES[0]) and not signal.optional
-        columns = [
-            _column(table, f"{name}[{i}]", unit, path, required=required, finite=signal.finite)
-            for i, unit in enumerate(signal.units)
-        ]
-        lacks = np.logical_or.reduce([np.ma.getmaskarray(one) for one in columns])
-        rows = np.column_stack([one.data for one in columns])
-        vectors[name] = [None if none else row for none, row in zip(lacks, rows, strict=True)]
-    records = Records(law)
-    for i, time in enumerate(times.tolist()):
-        seen, given = (
-            {name.removeprefix(side): one[i] for name, one in vectors.items() if side in name}
-            for side in _SIDES
-        )
-        records.append(Record(time, seen, given))
-    return records
+    known, sides = ["time"], {side: dict[str, list[Any]]() for side in _SIDES}
+    for side, name, signal in _signals(law):
+        names = [f"{side}.{name}[{i}]" for i in range(signal.size)]
+        units = zip(names, signal.units, strict=True)
+        vectors = np.ma.column_stack([_column(table, *one, signal, path) for one in units])
+        lacks = np.any(np.ma.getmaskarray(vectors), axis=1)
+        sides[side][name] = [None if lacks[i] else vectors.data[i] for i in range(len(times))]
+        known += names
+    for name in table.column_names:
+        if name.partition(".")[0] in _SIDES and name not in known:
+            raise UserError(f"{path}: column {name} is none of {', '.join(known)}")
+    return [
+        Record(time, *({name: one[i] for name, one in side.items()} for side in sides.values()))
+        for i, time in enumerate(times.tolist())
+    ]
 
 
-def _column(
-    table: pa.Table, name: str, unit: str, path: Path, *, required: bool, finite: bool
-) -> Any:
+def _column(table: pa.Table, name: str, unit: str, signal: Signal, path: Path) -> Any:
     """Return a column as a masked array."""
-    if name not in table.column_names:
-        if required:
-            raise UserError(f"{path} has no column {name}{f', in {unit}' if unit else ''}")
+    required = not (signal.optional or name.startswith("command."))
+    there = table.column_names.count(name)
+    if not there and not required:
         return np.ma.array(np.zeros(len(table)), mask=True)
+    if there != 1:
+        must = f"must have one{f', in {unit}' if unit else ''}"
+        raise UserError(f"{path} has {there or 'no'} columns {name}, {must}")
     own = (table.field(name).metadata or {}).get(b"unit", b"").decode()
     if own != unit:
         found, allowed = (f"in {one}" if one else "without a unit" for one in (own, unit))
@@ -180,7 +156,7 @@ def _column(
     except pa.ArrowException as error:
         raise UserError(f"{path}: {name} is {table.field(name).type}, must be numbers") from error
     missing, numbers = values.is_null().to_numpy(), values.to_numpy()
-    wrong = np.asarray((required & missing) | (finite & ~missing & ~np.isfinite(numbers)))
+    wrong = (required & missing) | (signal.finite & ~missing & ~np.isfinite(numbers))
     if wrong.any():
         row = int(np.argmax(wrong))
         value = "missing" if missing[row] else numbers[row]

@@ -21,7 +21,7 @@ from chamfer.analysis.report.results import defined_metrics
 from chamfer.analysis.report.traces import write_table
 from chamfer.analysis.scenario.experiment import Entry, Experiment, Metric, Outcome, Table
 from chamfer.analysis.scenario.scenario_io import make_scenario, scenario_text, unstructure
-from chamfer.systems.recording import Recorder, recorded
+from chamfer.systems.recording import Recorder, recording
 
 # friction-remedies: so it is with the full dynamics, as in the thesis.
 pytestmark = pytest.mark.filterwarnings(
@@ -101,7 +101,7 @@ def ran(request: pytest.FixtureRequest) -> Ran:
     entry: Entry = request.param
     (job,) = prepare([entry], settings=entry.reduced)
     told: list[tuple[float, str]] = []
-    with recorded() as recorder:
+    with recording(recorder := Recorder()):
         outcome = job.experiment.run(
             job.scenario, 0, lambda fraction, doing="": told.append((fraction, doing))
         )

@@ -19,7 +19,7 @@ from chamfer.diagrams.insertion.insertion import (
 )
 from chamfer.models.validation import ParameterError
 from chamfer.systems.law_block import LawBlock
-from chamfer.systems.recording import Records, recorded
+from chamfer.systems.recording import Recorder, Records, recording
 from chamfer.systems.strategies.insertion_law import InsertParams
 
 QUICK = InsertionScenario(
@@ -56,7 +56,7 @@ def test_over_an_insertion_it_answers_what_the_diagrams_blocks_do(name: str) -> 
     root.SetRandomContext(context, RandomGenerator(0))
     arm = cell.GetSubsystemByName("peg impedance control")
     told: Any = {one: arm.GetInputPort(f"desired_{one}") for one in ("pose", "velocity")}
-    with recorded() as recorder:
+    with recording(recorder := Recorder()):
         for k in range(96):
             simulator.AdvanceTo(0.0125 * k + 0.002 * (k % 5))
             state = beside.state(beside.GetMyContextFromRoot(context))
@@ -72,9 +72,8 @@ def test_over_an_insertion_it_answers_what_the_diagrams_blocks_do(name: str) -> 
             kept[one].append(part)
     assert state.task.snapshot.state == "seated"
     for one, records in kept.items():
-        pairs = zip(records.vectors(), runs[one].vectors(), strict=True)
-        for (signal, mine, _), (_, theirs, _) in pairs:
-            np.testing.assert_array_equal(mine, theirs, err_msg=f"{one}: {signal}")
+        for mine, theirs in zip(records, runs[one], strict=True):
+            np.testing.assert_equal(mine[1:], theirs[1:], err_msg=one)
 
 
 def test_a_pose_that_is_not_finite_is_refused_before_anything_moves() -> None:
