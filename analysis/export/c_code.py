@@ -26,6 +26,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from chamfer.analysis.drawing.graph import unique
 from chamfer.analysis.scenario.field_comments import field_comment
+from chamfer.systems.exact_discretisation import blocks
 from chamfer.systems.law import HeldLaw, Signal
 from chamfer.systems.law_block import LawBlock
 
@@ -152,20 +153,11 @@ def laws_in_c(diagram: "System", origin: Sequence[str] = ()) -> list[LawInC]:
     """Return the laws of a diagram's blocks that can be written in C."""
     found, taken = [], set[str]()
     for block in blocks(diagram):
-        path = template_of(block.law)
-        if path is not None:
+        if isinstance(block, LawBlock) and (path := template_of(block.law)) is not None:
             name = unique(path.name.removesuffix("_law.c.jinja"), taken, "_")
             where = f"Block: {block.GetSystemPathname().strip(':')}"
             found.append(LawInC(name, block.law, (*origin, where)))
     return found
-
-
-def blocks(system: "System") -> "Iterator[LawBlock[Any]]":
-    """Yield the blocks of laws in a diagram, and in those inside it."""
-    if isinstance(system, LawBlock):
-        yield system
-    for part in getattr(system, "GetSystems", list)():
-        yield from blocks(part)
 
 
 def template_of(law: Any) -> Path | None:

@@ -106,6 +106,23 @@ def test_ticks_are_multiples_of_the_period_and_late_ones_are_counted() -> None:
     assert robot.calls[-1] == "stop"
 
 
+def test_a_period_that_the_robots_own_clock_leaves_out_is_a_missed_tick() -> None:
+    class Pacing(Axis):
+        def sleep(self, time: float) -> None:
+            lost = abs(self.now - 100.2) < PERIOD / 2
+            super().sleep(PERIOD * (2 if lost else 1))
+
+        def read(self) -> Reading:
+            self.ticks.append(self.now - 100)
+            return Reading(self.now, {"place": np.array([self.place])})
+
+    robot = Pacing()
+    report = run(robot)
+    assert report.stopped is None
+    assert robot.ticks[20:23] == pytest.approx([0.20, 0.22, 0.23])
+    assert (report.ticks, report.missed) == (50, 1)
+
+
 def test_a_stop_of_the_guard_ends_the_run_at_rest() -> None:
     robot = Axis()
     report = run(robot, abort=lambda: robot.now > 100.3)
