@@ -139,6 +139,10 @@ def replay_logs(
     for one, (_, about) in logs.items():
         if about["experiment"] not in (None, entry.name):
             raise UserError(f"{one} is a log of {about['experiment']}, not of {entry.name}")
+    if len({one.stem for one in logs}) < len(logs):
+        raise UserError(f"{path} has two logs of one name, one as Parquet and one as CSV")
+    if file is None and len({str(about["overrides"]) for _, about in logs.values()}) > 1:
+        raise UserError(f"{path} has logs of several scenarios, each has to be replayed by itself")
     experiment = load(entry)
     scenario, resolve = experiment.default, experiment.resolve
     if file is None:

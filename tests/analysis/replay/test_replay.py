@@ -113,6 +113,22 @@ def test_a_log_of_something_else_is_refused(
     assert not (tmp_path / name).exists()
 
 
+def test_logs_that_would_be_taken_for_others_are_refused(
+    ran: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = ran / "log" / f"{FSM}.parquet"
+    table = pq.read_table(log)
+    arguments = ["replay", "step-response", str(tmp_path), "--out", str(tmp_path)]
+    (tmp_path / log.name).write_bytes(log.read_bytes())
+    pq.write_table(table.replace_schema_metadata({"overrides": "[]"}), tmp_path / "a.parquet")
+    assert main(arguments) == 2
+    assert "has logs of several scenarios" in capsys.readouterr().err
+    (tmp_path / "a.parquet").unlink()
+    table.to_pandas().to_csv(tmp_path / f"{FSM}.csv")
+    assert main(arguments) == 2
+    assert "has two logs of one name" in capsys.readouterr().err
+
+
 def test_a_run_has_the_logs_of_its_own_controllers_alone(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
