@@ -83,7 +83,7 @@ def read_log(path: Path) -> tuple[pa.Table, dict[str, Any]]:
         about: dict[str, Any] = {name: told.get(name) for name in ("experiment", "controller")}
         about |= {name: int(told.get(name, 1)) for name in ("run", "runs")}
         return table, about | {"overrides": json.loads(told.get("overrides", "[]"))}
-    except (OSError, ValueError, pa.ArrowException) as error:
+    except (OSError, ValueError, csv.Error, pa.ArrowException) as error:
         reason = getattr(error, "strerror", None) or error
         raise UserError(f"{path} can't be read as a log: {reason}") from error
 
