@@ -61,6 +61,8 @@ class Law(ABC, Generic[State, Observation, Command]):
         for name, signal in (*inputs.items(), *outputs.items()):
             if signal.size < 1:
                 raise ParameterError(f"size of {name}", signal.size, "a whole number >= 1")
+            if len(signal.units) != signal.size:
+                raise ParameterError(f"units of {name}", signal.units, f"one, or {signal.size}")
         self.period, self.inputs, self.outputs = period, inputs, outputs
         self._start = start
 

@@ -100,8 +100,12 @@ class CommandGuard:
         return GuardState(dict.fromkeys(self.params.limits, Moving()))
 
     def reset(self, state: GuardState) -> GuardState:
-        """Return the state in which a stop is over; what still moves goes on from there."""
-        return state._replace(stop=None, time=math.nan, fresh=math.nan)
+        """Return the state in which a stop is over; what still moves goes on from there.
+
+        What is at rest begins anew, from where the robot is: it may have been moved.
+        """
+        moving = self.start().moving if self.at_rest(state) else state.moving
+        return state._replace(moving=moving, stop=None, time=math.nan, fresh=math.nan)
 
     def at_rest(self, state: GuardState) -> bool:
         """Return whether a stop has ended: nothing moves."""

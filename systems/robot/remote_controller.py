@@ -10,7 +10,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
 from chamfer.systems.law import HeldLaw, vectors
 from chamfer.systems.law_block import Frozen
-from chamfer.systems.robot.link import Link
+from chamfer.systems.robot.link import Link, Message
 
 Array = NDArray[np.float64]
 
@@ -76,13 +76,18 @@ class RemoteController(LeafSystem):
         seen |= {name: one for name, one in command.items() if name.endswith("_pose")}
         named = {name: one.tolist() for name, one in seen.items()}
         self._link.send({"time": [now], "sent": [time.monotonic()], **named})
-        while not self.ended and (message := self._link.receive(self._waits)) is not None:
+        until = None if self._waits is None else time.monotonic() + self._waits
+
+        def answer() -> Message | None:
+            return self._link.receive(until and max(until - time.monotonic(), 0.0))
+
+        while not self.ended and (message := answer()) is not None:
             self.ended = "stop" in message
             if self.ended:
                 told = Frozen(now, command | dict.fromkeys(self._moved, np.zeros(6)))
             else:
-                answer: Any = vectors(self._law.outputs, message)
-                told = Frozen(message["time"][0], dict(zip(command, answer, strict=True)))
+                told_now: Any = vectors(self._law.outputs, message)
+                told = Frozen(message["time"][0], dict(zip(command, told_now, strict=True)))
             state.get_mutable_abstract_state().get_mutable_value(self._told).set_value(told)
             # An answer to what was measured before is no answer to this.
             if told.state >= now:

@@ -173,6 +173,10 @@ def test_log_holds_time_states_guards_and_inputs_oldest_first() -> None:
         ({"inputs": {"signal": Signal()}}, "inputs is .*, allowed: one for each of signal, req"),
         ({"inputs": {"signal": Signal(-1), "request": Signal()}}, "size of signal is -1, allowed"),
         (
+            {"inputs": {"signal": Signal(2, ("m",)), "request": Signal()}},
+            "units of signal is .*or 2",
+        ),
+        (
             {"outputs": {"pair": MachineOutput(size=0, read=lambda memory: ())}},
             "size of pair is 0, allowed: a whole number",
         ),
