@@ -25,7 +25,8 @@ def main() -> None:
     scenario = resolve_insertion(make_scenario(InsertionScenario(), given=order["scenario"]))
     with suppress(LinkError):  # then nobody is there to be told
         try:
-            _warm_up(scenario)
+            if order["rate"] is not None:
+                _warm_up(scenario)
             waits, timeout = order["waits"], order["timeout"]
             controller = RemoteController(
                 controller_of(scenario), link, waits=waits, timeout=timeout

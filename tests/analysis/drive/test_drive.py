@@ -75,37 +75,34 @@ def alive(process: int) -> bool:
         return False
 
 
-@pytest.mark.parametrize(
-    ("what", "status", "said"),
-    [
-        ("interrupt", 130, "interrupted"),
-        ("kill the robot", 1, "the simulated robot has ended"),
-        ("kill the controller", -9, ""),
-    ],
-)
-def test_whatever_ends_it_leaves_no_process_behind(
-    what: str, status: int, said: str, tmp_path: Path
-) -> None:
-    driving, robot = started("--out", str(tmp_path), "--rate", "0.05")
-    time.sleep(8.0)  # in the middle of it, or, on a slow machine, as the robot starts
-    if what == "kill the robot":
-        os.kill(robot, signal.SIGKILL)
-    else:
-        os.kill(driving.pid, signal.SIGINT if what == "interrupt" else signal.SIGKILL)
-    error = driving.communicate(timeout=30)[1].strip()
-    assert (driving.returncode, len(error.splitlines()) <= 1) == (status, True), error
-    assert said in error
-    end = time.monotonic() + 10
-    while alive(robot) and time.monotonic() < end:
-        time.sleep(0.05)
-    assert not alive(robot)
+ENDS = {  # what happens, the exit status, and what is said
+    "interrupt": (130, "interrupted"),
+    "kill the robot": (1, "the simulated robot has ended"),
+    "kill the controller": (-9, ""),
+}
+
+
+def test_whatever_ends_it_leaves_no_process_behind(tmp_path: Path) -> None:
+    all_started = {what: started("--out", str(tmp_path / what), "--rate", "0.05") for what in ENDS}
+    time.sleep(12.0)  # in the middle of it, or, on a slow machine, as the robot starts
+    for what, (driving, robot) in all_started.items():
+        killed = robot if what == "kill the robot" else driving.pid
+        os.kill(killed, signal.SIGINT if what == "interrupt" else signal.SIGKILL)
+    for what, (driving, robot) in all_started.items():
+        status, said = ENDS[what]
+        error = driving.communicate(timeout=30)[1].strip()
+        assert (driving.returncode, len(error.splitlines()) <= 1) == (status, True), error
+        assert said in error
+        end = time.monotonic() + 10
+        while alive(robot) and time.monotonic() < end:
+            time.sleep(0.05)
+        assert not alive(robot)
 
 
 @pytest.mark.slow
 def test_at_real_time_the_forces_are_those_of_the_diagram(tmp_path: Path) -> None:
-    words = ["insertion", "--out", str(tmp_path)]
-    assert main(["drive", *words, "--robot", "simulated", "--rate", "0.25"]) == 0
-    assert main(["run", *words]) == 0
+    assert main([*DRIVE, "--out", str(tmp_path), "--rate", "0.25"]) == 0
+    assert main(["run", "insertion", *QUICK, "--out", str(tmp_path)]) == 0
     driven, run = (
         json.loads((tmp_path / where / "insertion/result.json").read_text())["metrics"]
         for where in ("drive", ".")
