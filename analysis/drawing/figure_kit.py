@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 Visit = tuple[float, float, str]  # begin and end, s, and what is said of it
 
 BESIDE: Final[Style] = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}  # a legend's place
-_VISITS: Final = ("#ffffff", "#eceff4")  # behind curves, in turns
+VISITS: Final = ("#ffffff", "#eceff4")  # behind curves, in turns
 _STRIP: Final = ("#cfe0f5", "#f9dcb8")
 _BAD: Final = "#f3b6b6"
 _WRONG: Final = ("jammed", "timed out", "failed")  # ends of a visit's name
@@ -143,7 +143,7 @@ def time_axes(
     axes = drawn[-len(heights) :]
     for one in axes:
         for i, (begin, end, _) in enumerate(visits):
-            one.axvspan(begin, end, color=_VISITS[i % 2], linewidth=0, zorder=0)
+            one.axvspan(begin, end, color=VISITS[i % 2], linewidth=0, zorder=0)
     if strip:
         draw_strip(drawn[0], visits, float(time[-1]))
     axes[-1].set_xlim(float(time[0]), float(time[-1]))

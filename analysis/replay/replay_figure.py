@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from chamfer.analysis.drawing.figure_kit import BESIDE, shade, state_visits, time_axes
+from chamfer.analysis.drawing.figure_kit import BESIDE, VISITS, shade, state_visits, time_axes
 from chamfer.analysis.drawing.figure_style import Style, dress, legend, new_figure
 from chamfer.analysis.replay.replay import Output, Replay
 
@@ -52,6 +52,8 @@ def replay_figure(found: Replay) -> Figure:
         Line2D([], [], label="replayed", **_REPLAYED),
         Patch(label="differs", **_DIFFERS),
     ]
+    if visits:
+        key.append(Patch(label="every other state replayed", color=VISITS[1]))
     below: Style = {"loc": "outside lower center", "fontsize": 8, "edgecolor": "none"}
     figure.legend(handles=key, ncols=len(key), **below)
     return figure
