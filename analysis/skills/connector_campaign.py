@@ -45,7 +45,9 @@ from chamfer.analysis.skills.insertion_metrics import (
     INSERTION,
     InsertionVerdict,
     failure,
+    failure_columns,
     insertion_metrics,
+    peak,
     verdict,
 )
 from chamfer.analysis.skills.skill_run import AXES, run_skill
@@ -250,6 +252,8 @@ DRAWN: Final = (
     "wrist_stiffness",
     "obstacle",
 )
+_WHY: Final = ("reason.depth", "reason.force", "reason.tilt", "reason.time")
+_PEAK: Final = ("peak.depth", "peak.tilt")
 # What does not depend on the machine.
 MEASURED: Final = tuple(name for name in INSERTION if name != "real_time_factor")
 
@@ -259,7 +263,8 @@ def attempt(
 ) -> Row:
     """Run one of a seed's trials; it depends on its arguments alone, but for how fast it runs.
 
-    The row has what was drawn, what the run measured, the truth, and ``reason``, empty if none.
+    The row has what was drawn, what the run measured, the truth, why it failed (``reason``, empty
+    if it did not), and where the largest force was.
     """
     one = randomised(scenario, seed, trial)
     done = run_skill(change(one.make_skill()), one, seed=trial_seed(seed, trial))
@@ -268,7 +273,8 @@ def attempt(
         **_draws(one),
         **insertion_metrics(done, one.connector),
         **{name: float(value) for name, value in truth._asdict().items()},
-        "reason": failure(done, one.connector),
+        **failure_columns(failure(done, one.connector)),
+        **{f"peak.{name}": value for name, value in peak(done)._asdict().items()},
     }
 
 
@@ -459,12 +465,19 @@ def _pooled(attempts: Trials[int], name: str, pooled: Literal["largest", "mean"]
 
 
 def attempt_rows(attempts: Trials[int]) -> Table:
-    """Return a row for each trial: what was drawn, what it measured, the truth, and the reason."""
-    names = (*DRAWN, *MEASURED, *InsertionVerdict._fields)
+    """Return a row for each trial: what was drawn, what it measured, the truth, and why it failed.
+
+    ``reason`` is "<state>: <outcome>"; its depth, m, force, N, and tilt, rad, are true, its time
+    in s. ``peak`` is where the largest true force along the insertion was, likewise.
+    """
+    names = (*DRAWN, *MEASURED, *InsertionVerdict._fields, *_WHY, *_PEAK)
     return {
         "trial": column(attempts.tasks),
         **{name: attempts.column(name) for name in names},
-        "reason": np.array([row["reason"] for row in attempts.rows], dtype=np.str_),
+        **{
+            name: np.array([row[name] for row in attempts.rows], dtype=np.str_)
+            for name in ("reason", "reason.expected", "peak.state")
+        },
     }
 
 

@@ -1,5 +1,6 @@
 """Figs. 5 and 6: the D and the BNC connector are inserted, from sight to lock; other parts too."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
@@ -24,8 +25,8 @@ from chamfer.analysis.drawing.figure_style import (
     new_figure,
 )
 from chamfer.analysis.report.replay import record, set_stage
-from chamfer.analysis.scenario.experiment import Outcome, Progress, Table
-from chamfer.analysis.skills.insertion_metrics import INSERTION, failure, insertion_metrics
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table
+from chamfer.analysis.skills.insertion_metrics import INSERTION, failure, insertion_metrics, peak
 from chamfer.analysis.skills.skill_run import AXES, SkillResult, path_table, run_skill
 from chamfer.diagrams.skills.connector_scenario import (
     ResolvedConnectorScenario,
@@ -66,7 +67,12 @@ def run_to_end(
 def insertion_outcome(done: SkillResult, connector: Connector) -> Outcome:
     """Return what a run of a skill measured."""
     metrics = over_trials([insertion_metrics(done, connector)], INSERTION)
-    metrics["success"] = replace(metrics["success"], note=failure(done, connector))
+    at = peak(done)
+    where = f"in {at.state}, at {1e3 * at.depth:.1f} mm, {math.degrees(at.tilt):.1f} degrees"
+    metrics["force.peak"] = replace(metrics["force.peak"], note=where)
+    if failed := failure(done, connector):
+        metrics["success"] = replace(metrics["success"], note=failed.text)
+        metrics["answer"] = Metric(value=0.0, unit="", note=failed.text)
     metrics["real_time_factor"] = replace(metrics["real_time_factor"], note=SPEED)
     return Outcome(
         metrics=metrics,

@@ -42,7 +42,7 @@ def insertion_metrics(done: SkillResult, connector: Connector) -> Trial:
     depth = float(traces["depth"][-1])
     peak, torque = float(done.peaks[-1]), float(done.peaks[:3].max())
     return {
-        "success": float(not failure(done, connector)),
+        "success": float(failure(done, connector) is None),
         "duration": float(traces["time"][-1]),
         "depth": depth,
         "force.peak": peak,
@@ -55,20 +55,78 @@ def insertion_metrics(done: SkillResult, connector: Connector) -> Trial:
     }
 
 
-def failure(done: SkillResult, connector: Connector) -> str:
-    """Return why a run is no success; empty if it is one."""
+class Failure(NamedTuple):
+    """Why a run is no success, and what was true when it gave up."""
+
+    state: str  # in which it gave up
+    outcome: str  # of that state, such as "jammed"
+    depth: float  # m, true
+    mated: float  # m, depth of what is mated
+    force: float  # N, on the plug against its insertion, true
+    tilt: float  # rad, of the plug in the socket, true
+    time: float  # s
+    expected: str  # in place of the outcome, in words; may be empty
+
+    @property
+    def reason(self) -> str:
+        """The state and its outcome, by which runs are counted."""
+        return f"{self.state}: {self.outcome}"
+
+    @property
+    def text(self) -> str:
+        """All of it in one line."""
+        found = (
+            f"{self.reason} at {1e3 * self.depth:.1f} of {1e3 * self.mated:.1f} mm, "
+            f"{self.force:.0f} N, {math.degrees(self.tilt):.1f} degrees, after {self.time:.1f} s"
+        )
+        return f"{found}; expected {self.expected}" if self.expected else found
+
+
+def failure(done: SkillResult, connector: Connector) -> Failure | None:
+    """Return why a run is no success, with the truth in the simulation; None if it is one."""
+    state, outcome, expected = done.state, "still running", ""
+    row = len(done.traces["time"]) - 1
     if done.outcome == "failed":
-        return done.reason
-    if done.outcome == "running":
-        return f"{done.state}: still running after {done.traces['time'][-1]:g} s"
-    depth, turn = (float(done.traces[name][-1]) for name in ("depth", "turn"))
-    if is_mated(connector, depth, turn):
-        return ""
-    mated = f"mated is {1e3 * connector.mated_depth:.2f} mm"
-    if connector.mated_turn is not None:
-        turned = math.remainder(turn - connector.mated_turn, math.pi)
-        mated += f", it is turned {math.degrees(turned):.0f} degrees from there"
-    return f"said to be done {1e3 * depth:.2f} mm deep, {mated}"
+        state, _, outcome = done.reason.rpartition(": ")
+        expected = done.expected
+        row = next((_row(done, one) for one in done.path[::-1] if one.target == RETRACT), row)
+    names = ("depth", "turn", "true_wrench_z", "tilt", "time")
+    depth, turn, force, tilt, time = (float(done.traces[name][row]) for name in names)
+    if done.outcome == "done":
+        if is_mated(connector, depth, turn):
+            return None
+        state = done.path[-1].source
+        outcome, expected = "done but not mated", f"within {1e3 * MATED:g} mm"
+        if connector.mated_turn is not None:
+            turned = math.remainder(turn - connector.mated_turn, math.pi)
+            expected += f", it is turned {math.degrees(turned):.0f} degrees from there"
+    return Failure(state, outcome, depth, connector.mated_depth, force, tilt, time, expected)
+
+
+def failure_columns(found: Failure | None) -> dict[str, str | float | None]:
+    """Return a failure as a trial's row has it, None and empty without one."""
+    numbers = {name: getattr(found, name, None) for name in ("depth", "force", "tilt", "time")}
+    return {
+        "reason": found.reason if found else "",
+        "reason.expected": found.expected if found else "",
+        **{f"reason.{name}": value for name, value in numbers.items()},
+    }
+
+
+class Peak(NamedTuple):
+    """Where the largest true force along the insertion was."""
+
+    state: str
+    depth: float  # m, true
+    tilt: float  # rad, true
+
+
+def peak(done: SkillResult) -> Peak:
+    """Return where the largest true push or pull of a run was."""
+    at = done.peak_time
+    state = next((one.source for one in done.path if one.time >= at), done.state)
+    row = min(int(np.searchsorted(done.traces["time"], at - 1e-6)), len(done.traces["time"]) - 1)
+    return Peak(state, float(done.traces["depth"][row]), float(done.traces["tilt"][row]))
 
 
 def is_mated(connector: Connector, depth: float, turn: float) -> bool:

@@ -51,9 +51,11 @@ class SkillResult:
     outcome: Ended  # what the skill says of itself; running: the scenario's duration was over
     state: str  # in which it ended
     reason: str  # why it failed, "<state>: <outcome>"; empty if it did not
+    expected: str  # of that state, in words, in place of that outcome
     path: tuple[SkillStep, ...]  # the transitions that it took
     traces: Traces
     peaks: Array  # largest true load about and along each axis, N m above N, of all plant steps
+    peak_time: float  # s, of the largest one along the insertion
     wall_seconds: float
 
 
@@ -98,13 +100,17 @@ def run_skill(
     assert run.final is not None
     context = machine.GetMyContextFromRoot(run.final)
     last = machine.snapshot(context)
+    log = diagram.GetSubsystemByName(LOADS).FindLog(run.final)
+    loads = np.abs(log.data())
     return SkillResult(
         outcome=_ENDS.get(last.state, "running"),
         state=last.state,
         reason=last.memory.reason,
+        expected=last.memory.expected,
         path=tuple(_step(one, last.memory.reason) for one in machine.transitions(context)),
         traces=traces,
-        peaks=np.abs(diagram.GetSubsystemByName(LOADS).FindLog(run.final).data()).max(axis=1),
+        peaks=loads.max(axis=1),
+        peak_time=float(log.sample_times()[loads[-1].argmax()]),
         wall_seconds=wall,
     )
 

@@ -64,6 +64,18 @@ class SkillState:
             raise ParameterError("damping", given, "six numbers >= 0, infinity for stiff")
         object.__setattr__(self, "run", tuple(self.run))
 
+    def expected(self, outcome: Outcome) -> str:
+        """Return in words what it waited for, other than an outcome and what is tried again."""
+        waited = [
+            event
+            for event, answer in self.on.items()
+            if event not in (outcome, "timed out") and isinstance(answer, str)
+        ]
+        words = {event: text for one in self.run for event, text in one.expects.items()}
+        mark = ", from the mark" if self.from_mark else ""
+        told = [f"{event}: {words[event]}{mark}" for event in waited if event in words]
+        return "; or ".join(told or waited)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Skill:

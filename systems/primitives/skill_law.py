@@ -226,6 +226,7 @@ class SkillMemory(NamedTuple):
     retries: tuple[tuple[tuple[str, str], int], ...] = ()  # by state and outcome
     mark: Observation | None = None  # what was sensed where a state with ``marks`` began first
     reason: str = ""  # why it failed: the state and its outcome
+    expected: str = ""  # of that state, in words, in place of that outcome
 
     def tried(self, state: str, outcome: str) -> int:
         """Return how often a state's outcome was answered by trying again."""
@@ -356,7 +357,8 @@ def _transitions(state: SkillState) -> list[Transition[Observation, SkillMemory]
 
     def why(tick: _Tick) -> SkillMemory:
         outcome = tick.memory.event or "timed out"
-        return tick.memory._replace(reason=f"{state.name}: {outcome}")
+        reason = f"{state.name}: {outcome}"
+        return tick.memory._replace(reason=reason, expected=state.expected(outcome))
 
     found.append(
         Transition(source=state.name, target=RETRACT, label="otherwise", guard=ended, action=why)

@@ -295,8 +295,9 @@ def spoilt_arms() -> Values:
 
 def spoilt_plug() -> dict[str, Any]:
     """Return what a plug is that was pushed with 300 N and 9 N m."""
-    traces = {name: np.ones(2) for name in ("time", "depth", "turn", "retries")}
-    peaks, ended = np.array([9.0, 0, 0, 0, 0, 300.0]), {"outcome": "done", "state": "done"}
+    names = ("time", "depth", "turn", "tilt", "true_wrench_z", "retries")
+    traces = {name: np.ones(2) for name in names}
+    peaks, ended = np.array([9.0, 0, 0, 0, 0, 300.0]), {"outcome": "running", "state": "push"}
     done = SimpleNamespace(traces=traces, peaks=peaks, wall_seconds=1.0, **ended)
     return dict(insertion_metrics(done, DConnector()))  # type: ignore[arg-type]
 

@@ -10,8 +10,10 @@ import pytest
 from chamfer.analysis.skills.insertion_metrics import (
     INSERTION,
     failure,
+    failure_columns,
     insertion_metrics,
     is_mated,
+    peak,
     verdict,
 )
 from chamfer.analysis.skills.skill_run import SkillResult, SkillStep
@@ -23,6 +25,7 @@ from chamfer.systems.strategies.grasp_and_transport import GRASPING, TRANSPORT
 
 D, BNC = DConnector(), BncConnector()
 MATED = D.mated_depth
+STILL = ("turn", "tilt", "true_wrench_z")
 DONE = (("approach", "level", "contact"), ("verify", "done", "hindered"))
 
 
@@ -34,7 +37,7 @@ def inserted(*steps: tuple[str, str, str], depth: float = MATED, turn: float = 0
 def ended(*steps: tuple[str, str, str], depths: list[float], **traces: Any) -> SkillResult:
     """A run with a row per second; a step a second, from 1 s on: source, target, outcome."""
     n = len(depths)
-    rows: dict[str, Any] = {"holding": np.ones(n), "turn": np.zeros(n)}
+    rows: dict[str, Any] = {"holding": np.ones(n), **dict.fromkeys(STILL, np.zeros(n))}
     rows |= {name: np.array(values, dtype=float) for name, values in traces.items()}
     path = tuple(SkillStep(float(1 + i), *step, step[2]) for i, step in enumerate(steps))
     last, time = steps[-1][1], np.arange(n, dtype=float)
@@ -43,9 +46,11 @@ def ended(*steps: tuple[str, str, str], depths: list[float], **traces: Any) -> S
         outcome=last if last in ("done", "failed") else "running",  # type: ignore[arg-type]
         state=last,
         reason=failing[-1] if failing else "",
+        expected="done: a stop" if failing else "",
         path=path,
         traces={"time": time, "depth": np.array(depths), "retries": time / 2, **rows},
         peaks=np.array([0.1, 0.2, 0.0, 99.0, 0.0, 23.0]),
+        peak_time=1.502,
         wall_seconds=0.5,
     )
 
@@ -73,21 +78,55 @@ def test_metrics_of_a_run() -> None:
     [
         (inserted(), ""),
         (inserted(depth=MATED + 0.0004), ""),
-        (inserted(depth=0.0025), "said to be done 2.50 mm deep, mated is 5.60 mm"),
-        (inserted(depth=MATED + 0.0006), "said to be done 6.20 mm deep, mated is 5.60 mm"),
+        (inserted(depth=0.0025), "verify: done but not mated"),
+        (inserted(depth=MATED + 0.0006), "verify: done but not mated"),
         # A plug that is in by chance is no success of a skill that failed.
         (inserted(("push", "retract", "jammed"), ("retract", "failed", "over")), "push: jammed"),
-        (inserted(DONE[0]), "level: still running after 2 s"),
+        (inserted(DONE[0]), "level: still running"),
     ],
 )
 def test_why_a_run_is_no_success(done: SkillResult, reason: str) -> None:
-    assert failure(done, D) == reason
+    found = failure(done, D)
+    assert (found.reason if found else "") == reason
     assert insertion_metrics(done, D)["success"] == float(not reason)
 
 
 def test_a_bayonet_that_is_not_locked_is_no_success() -> None:
     said = failure(inserted(depth=BNC.mated_depth, turn=-0.6), BNC)
-    assert said.endswith("deep, mated is 7.26 mm, it is turned 56 degrees from there")
+    assert said is not None
+    assert said.expected == "within 0.5 mm, it is turned 56 degrees from there"
+
+
+def test_a_failure_says_what_was_true_when_it_gave_up() -> None:
+    true = {"tilt": [0.0, 0.068, 0.0], "true_wrench_z": [0.0, 12.3, 0.0]}
+    done = gave_up("push", "jammed", 0.001, **true)
+    said = failure(done, D)
+    assert said == ("push", "jammed", 0.001, MATED, 12.3, 0.068, 1.0, "done: a stop")
+    assert said is not None
+    assert said.text == (
+        "push: jammed at 1.0 of 5.6 mm, 12 N, 3.9 degrees, after 1.0 s; expected done: a stop"
+    )
+    assert failure_columns(said) == {
+        "reason": "push: jammed",
+        "reason.depth": 0.001,
+        "reason.force": 12.3,
+        "reason.tilt": 0.068,
+        "reason.time": 1.0,
+        "reason.expected": "done: a stop",
+    }
+    assert failure_columns(None) == {
+        **dict.fromkeys(failure_columns(said)),
+        "reason": "",
+        "reason.expected": "",
+    }
+
+
+def test_the_peak_is_of_the_state_that_was_left_after_it() -> None:
+    # The second step, from retract, is at 2 s; the peak at 1.502 s.
+    assert peak(gave_up("push", "jammed", 0.001, end=-0.02)) == ("retract", -0.02, 0.0)
+    early = replace(gave_up("push", "jammed", 0.001), peak_time=0.9)
+    assert peak(early) == ("push", 0.001, 0.0)
+    assert peak(replace(early, peak_time=3.0)).state == "failed"
 
 
 OUT = -0.03  # m, depth of a plug that was retracted

@@ -144,7 +144,7 @@ def test_a_file_is_run_and_its_text_is_kept(touch: str) -> None:
     found = run(scenario, 0, quiet).metrics
     assert (found["done"].value, found["done"].note) == (1.0, "")
     assert found["success"].value == 0.0  # it is not in
-    assert found["success"].note.startswith("said to be done")
+    assert found["success"].note.startswith("touch: done but not mated at ")
     assert 0.2 < found["duration"].value < 1.8
     again = make_scenario(OwnSkillScenario(), given=unstructure(scenario))
     assert resolve_own_skill(again) == scenario

@@ -12,6 +12,8 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
 from chamfer.models.validation import ParameterError
+from chamfer.systems.primitives.force_primitives import GuardedMove, Hold, Stick
+from chamfer.systems.primitives.position_primitives import Way
 from chamfer.systems.primitives.primitive import (
     EVENTS,
     STILL,
@@ -21,6 +23,7 @@ from chamfer.systems.primitives.primitive import (
     Stepped,
     Vector,
 )
+from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import DONE, FAILED, RETRACT, Retry, Skill, SkillState
 from chamfer.systems.primitives.skill_law import SkillChart, SkillMemory, make_skill_chart
 from chamfer.systems.primitives.skill_machine import SkillMachine
@@ -34,13 +37,13 @@ UP: Final = MoveDx(displacement=(0, 0, 0, 0, 0, 0.2), duration=2 * PERIOD)
 
 
 @dataclass(frozen=True)
-class Fake:
+class Fake(Primitive):
     """Moves steadily, keeps what it began from and counts; its event comes at a tick."""
 
     velocity: Vector = STILL
     event: Event | None = None
     at: int = 0
-    label: str = "fake"
+    label: str = "fake"  # type: ignore[misc]
     events: ClassVar[Mapping[Event, float]] = dict.fromkeys(EVENTS, 0.0)
 
     def begin(self, sensed: Observation) -> tuple[Observation, int]:
@@ -323,3 +326,29 @@ def test_the_block_shows_what_its_ports_get_and_gives_the_commands() -> None:
     assert names == ["go", "go", "go", "go", "again", "again", DONE]
     labels = [record.label for record in block.transitions(context)]
     assert labels == ["done, 1 times at most", "done"]
+
+
+@pytest.mark.parametrize(
+    ("run", "on", "outcome", "expected"),
+    [
+        (GuardedMove(limit=0.02), {"contact": "a"}, "lost", "contact: 4 N within 20 mm along -z"),
+        (Seat(), {"done": "a", "jammed": Retry("a")}, "timed out", "done: a stop after at least"),
+        (
+            Way(least=5.1e-3),
+            {"done": "a", "jammed": Retry("a")},
+            "jammed",
+            "done: at least 5.1 mm",
+        ),
+        (Way(direction="+rz", most=0.1), {"done": "a"}, "jammed", "at most 5.73 degrees along"),
+        (Stick(), {"lost": "a", "done": "a"}, "done", "lost: more than 1 mm along -z"),
+        (Hold(), {"done": "a", "contact": "b"}, "timed out", "done; or contact"),
+        (Way(), {"done": "a"}, "done", ""),
+    ],
+)
+def test_what_was_expected_in_place_of_an_outcome(
+    run: Primitive, on: Any, outcome: Any, expected: str
+) -> None:
+    assert expected in state("x", run, on=on).expected(outcome)
+    if expected:
+        marked = state("x", run, on=on, from_mark=True).expected(outcome)
+        assert marked.endswith(", from the mark") == (not isinstance(run, Hold))
