@@ -43,8 +43,8 @@ from chamfer.models.connectors.connector import (
     ConnectorPart,
     ContactMaterial,
     ConvexPiece,
-    PartsConnector,
     Range,
+    SprungConnector,
     block,
     prism,
     turns,
@@ -60,7 +60,7 @@ _BARREL_COLOUR: Final = np.array([0.8, 0.7, 0.4, 1.0])
 
 
 @dataclass(frozen=True, kw_only=True)
-class BncConnector(PartsConnector):
+class BncConnector(SprungConnector):
     """A BNC connector in contact; see the module for its shape.
 
     Pairs are the smallest and the largest dimension allowed. Nominal is their mean, worst what
@@ -206,11 +206,17 @@ class BncConnector(PartsConnector):
         world, length = plant.world_body(), self.socket_length
         _show(plant, world, X_WS, 2 * self.barrel_radius, -length, 0.0, _BARREL_COLOUR)
 
+    def spring_push(self, depth: Array) -> Array:
+        """Return the force of the spring against a plug in line, N; depth in m."""
+        bent = np.clip(depth - (self.overlap - self.spring_travel), 0.0, None)
+        force: Array = self.spring_force / self.spring_travel * bent
+        return force
+
     @property
     def _spring_material(self) -> ContactMaterial:
         """Of the insulator's spheres, whose softness is the spring."""
         stiffness = self.spring_force / (self.spring_travel * _SPRING_SPHERES)
-        return replace(self.material, stiffness=stiffness, dissipation=0.0)
+        return self.spring(stiffness)
 
     def plug_parts(self) -> list[ConnectorPart]:
         """Return what the sleeve and its spring touch with, in P."""

@@ -8,7 +8,7 @@ touches; the depth is how far P's origin is below S's.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import product
 from typing import ClassVar, Final, Literal, NamedTuple, Protocol, Self
 
@@ -223,6 +223,24 @@ class PartsConnector:
             named = [one._replace(name=f"{part.name}:{one.name}") for one in part.pieces]
             add_pieces(plant, body, X, named, part.material, part.rgba)
         let_touch(plant, self.PARTNERS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SprungConnector(PartsConnector):
+    """A connector of parts, some of which are springs: their contact is as soft as they are."""
+
+    spring_dissipation: float = 0.0
+    # s/m, of every spring, as Hunt and Crossley: what it takes depends on speed by that; assumed
+
+    MAY_BE_ZERO: ClassVar[Sequence[str]] = ("spring_dissipation",)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_not_negative(self, "spring_dissipation")
+
+    def spring(self, stiffness: float) -> ContactMaterial:
+        """Return the material of a spring of a stiffness, N/m; it rubs as all else does."""
+        return replace(self.material, stiffness=stiffness, dissipation=self.spring_dissipation)
 
 
 def let_touch(plant: MultibodyPlant, pairs: Sequence[tuple[str, str]]) -> None:

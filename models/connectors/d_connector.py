@@ -24,8 +24,8 @@ from chamfer.models.connectors.connector import (
     ConnectorPart,
     ContactMaterial,
     ConvexPiece,
-    PartsConnector,
     Range,
+    SprungConnector,
     at,
     box_corners,
     capsule,
@@ -111,7 +111,7 @@ def _unit(direction: Array) -> Array:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DConnector(PartsConnector):
+class DConnector(SprungConnector):
     """A plug and a socket; lengths from the reference table unless assumed."""
 
     plug_width: Range = (38.84e-3, 39.09e-3)  # m, of the shell, inside
@@ -143,7 +143,11 @@ class DConnector(PartsConnector):
         ("plug walls", "socket rim"),
         ("plug pins", "socket tines"),
     )
-    MAY_BE_ZERO: ClassVar[Sequence[str]] = ("pin_funnel", "side_angle")
+    MAY_BE_ZERO: ClassVar[Sequence[str]] = (
+        *SprungConnector.MAY_BE_ZERO,
+        "pin_funnel",
+        "side_angle",
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -277,7 +281,7 @@ class DConnector(PartsConnector):
     @property
     def _materials(self) -> tuple[ContactMaterial, ContactMaterial]:
         """Of shells, and of pins and tines: two pieces that touch are springs in series."""
-        return self.material, replace(self.material, stiffness=2 * self._tine_stiffness)
+        return self.material, self.spring(2 * self._tine_stiffness)
 
     @property
     def _pin_places(self) -> Array:

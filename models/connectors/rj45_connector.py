@@ -28,8 +28,8 @@ from chamfer.models.connectors.connector import (
     ConnectorPart,
     ContactMaterial,
     ConvexPiece,
-    PartsConnector,
     Range,
+    SprungConnector,
     at,
     block,
     box_corners,
@@ -48,7 +48,7 @@ _GOLD: Final = np.array([0.85, 0.65, 0.2, 1.0])
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rj45Connector(PartsConnector):
+class Rj45Connector(SprungConnector):
     """A plug and a jack; pairs are the smallest and the largest dimension allowed.
 
     The widths and heights are those of the miniature 8-position plug and jack, which are drawn in
@@ -234,8 +234,8 @@ class Rj45Connector(PartsConnector):
     @property
     def _materials(self) -> tuple[ContactMaterial, ContactMaterial, ContactMaterial]:
         """Of plug and jack, latch and contacts; two pieces that touch are springs in series."""
-        latch = replace(self.material, stiffness=2 * self._latch_stiffness)
-        return self.material, latch, replace(self.material, stiffness=self._contact_stiffness)
+        latch = self.spring(2 * self._latch_stiffness)
+        return self.material, latch, self.spring(self._contact_stiffness)
 
     @property
     def _side(self) -> float:

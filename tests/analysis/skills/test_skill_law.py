@@ -118,4 +118,4 @@ def test_a_skill_ends_as_before_where_ticks_are_missing_early_and_late(
     assert [one.label for one in found.path] == [one.label for one in usual.path]
     assert found.traces["time"][-1] <= 1.03 * usual.traces["time"][-1]
     for axes in (slice(0, 3), slice(3, 6)):  # torques, forces
-        assert found.peaks[axes].max() <= 1.03 * usual.peaks[axes].max()
+        assert found.peaks[axes].max() <= 1.05 * usual.peaks[axes].max()

@@ -44,7 +44,8 @@ def follow(connector, way, *, wrist=None, X_WS=None, X_TP=None, step=1e-3):
     path = PiecewisePolynomial.FirstOrderHold(times, np.array(points, float).T)
     desired = builder.AddSystem(TrajectorySource(path, 1))
     builder.Connect(desired.get_output_port(), plant.desired)
-    logs = [LogVectorOutput(port, builder, 1e-3) for port in (plant.wrench, plant.displacement)]
+    ports = plant.wrench, plant.displacement
+    logs = [LogVectorOutput(port, builder, step) for port in ports]
     simulator = Simulator(builder.Build())
     simulator.AdvanceTo(times[-1] + 1e-4)
     wrench, displacement = (log.FindLog(simulator.get_context()).data().copy() for log in logs)

@@ -13,6 +13,7 @@ from pydrake.multibody.plant import (
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
+from chamfer.models.arms.wrist import WristParams
 from chamfer.models.connectors.bnc_connector import BncConnector
 from chamfer.models.connectors.connector import ContactMaterial, ConvexPiece, add_pieces
 from chamfer.models.connectors.d_connector import DConnector, DSection
@@ -85,6 +86,59 @@ def test_only_partners_touch_and_what_is_no_part_is_touched_by_all(
     )
     expected = {frozenset((a, b)): plug[a] * socket[b] for a, b in kind.PARTNERS}
     assert found == expected | {frozenset((a, "obstacle")): count for a, count in plug.items()}
+
+
+SMOOTH = ContactMaterial(friction=1e-6)
+STIFF = WristParams(stiffness=(2e4, 2e4, 2e4, 2e9, 2e9, 2e9))  # it goes where it is sent
+# Depths, m, between which springs give way, and where the plug is along y for their closed form.
+SPRINGS: dict[Any, Any] = {
+    DConnector: (1.5e-3, 5.5e-3, lambda one: 0.0, DConnector.pin_force),
+    BncConnector: (4.5e-3, 8.3e-3, lambda one: 0.0, BncConnector.spring_push),
+    Rj45Connector: (
+        3.0e-3,
+        9.4e-3,
+        lambda one: -one.clearance[1],
+        Rj45Connector.insertion_force,
+    ),
+}
+
+
+def forces_at(follow: Any, kind: Any, speed: float, per_step: float, **fields: Any) -> Any:
+    """Depth, m, push and the closed form of a plug that goes in, N, by a way in a step, m."""
+    connector = kind(material=SMOOTH, **fields)
+    first, last, beside, law = SPRINGS[kind]
+    ends = [[0.0] * 4 + [beside(connector), -depth] for depth in (first, last)]
+    way = [(0.0, ends[0]), ((last - first) / speed, ends[1])]
+    run = follow(connector, way, wrist=STIFF, step=per_step / speed)
+    # It was at rest first, and is sent no further in the end.
+    rows = (run.depth > first + 5e-4) & (run.depth < last - 2e-5)
+    return run.depth[rows], run.push[rows], law(connector, run.depth[rows])
+
+
+@pytest.mark.parametrize("speed", [0.002, 0.02, 0.06, 0.12])
+@pytest.mark.parametrize("kind", SPRINGS)
+def test_springs_take_what_their_closed_form_says_at_any_speed(
+    follow: Any, kind: Any, speed: float
+) -> None:
+    errors = []
+    for per_step in (4e-6, 2e-6):
+        depth, push, law = forces_at(follow, kind, speed, per_step)
+        errors.append(np.abs(push - law).max() / np.abs(law).max())
+        given_back, expected = (np.trapezoid(np.clip(f, None, 0), depth) for f in (push, law))
+        assert given_back == pytest.approx(expected, rel=0.05, abs=1e-5)
+    assert errors[1] < 0.05
+    assert errors[1] < max(0.6 * errors[0], 1e-3)
+
+
+def test_springs_that_dissipate_give_less_back(follow: Any) -> None:
+    back = []
+    for dissipation in (0.0, 20.0):
+        depth, push, _ = forces_at(
+            follow, Rj45Connector, 0.06, 4e-6, spring_dissipation=dissipation
+        )
+        back.append(-np.trapezoid(np.clip(push, None, 0), depth))
+    assert back[0] > 3e-3  # J, of the latch behind its edge
+    assert back[1] < 0.5 * back[0]
 
 
 SECTION = {"width": 0.038, "height": 0.008, "corner_radius": 0.0026, "side_angle": 0.17}
