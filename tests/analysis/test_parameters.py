@@ -79,7 +79,8 @@ MAY_BE_ZERO = """
     exposure vignetting; ServoCameraParams: lost; ServoPlantParams: dead_time; Spread:
     joint_friction lateral link_mass payload rotational; SpreadParams: aside believed_mass
     bias joint_friction lying_tilt normal place size slip_friction surface_friction;
-    SpringConstraintParams: index stiffness; SprungConnector: spring_dissipation; StepSpread: step; SurfaceFriction: coefficient ripple;
+    SpringConstraintParams: index stiffness; SprungConnector:
+    spring_dissipation; StepSpread: step; SurfaceFriction: coefficient ripple;
     SurfaceObserverParams: force_noise force_rate_noise halt_speed initial_deviation rate_lag;
     SurfaceScenario: force_delay; TouchDetectionParams: release; TouchedSettings: damping;
     TrackingTask: depth; Unevenness: ripple; UnknownWallSettings: roll tilt; UnknownWallTask: wait;
