@@ -63,7 +63,7 @@ from chamfer.diagrams.skills.connector_scenario import (
 )
 from chamfer.diagrams.skills.connector_sight import ResolvedSightSettings, SightSettings
 from chamfer.diagrams.skills.vision_servo import CameraBelief
-from chamfer.models.validation import ParameterError, require_between, require_not_negative
+from chamfer.models.validation import ParameterError, known, require_between, require_not_negative
 from chamfer.systems.sensing.force_sensor import WrenchSensorParams
 from chamfer.systems.strategies.peg_in_hole import PegInHoleSkillParams, Search
 
@@ -84,6 +84,8 @@ class ScenarioSpread:
     torque_bias: float = 0.03  # N m, of the sensor about each axis
     friction: float = 0.5  # share, of what is believed of the connector's
     wrist_stiffness: float = 0.3  # share, of what is believed of all of the wrist's
+    wrist_centre: float = 0.002  # m, of the wrist's springs along the tool
+    sensor_origin: float = 0.002  # m, of where the sensor takes moments, along each axis
     mating_force: float = 2.0  # factor of the connector's own, either way, log-uniform
     tight: float = 0.5  # share of trials whose connector has the tightest fit allowed
     focal: float = 0.1  # share, of each camera's focal length, with sight
@@ -211,12 +213,16 @@ def randomised(scenario: S, seed: int, trial: int) -> S:
     if not deepest > _LEAST:
         allowed = f"less than {connector.mated_depth - _LEAST:.3g} m"
         raise ParameterError("spread.obstacle_short", spread.obstacle_short, allowed)
+    centre, *origin = off(spread.wrist_centre, *[spread.sensor_origin] * 3)
     wrist = replace(
-        scenario.wrist, stiffness=tuple((1 + stiffness) * k for k in scenario.wrist.stiffness)
+        scenario.wrist,
+        stiffness=tuple((1 + stiffness) * k for k in scenario.wrist.stiffness),
+        centre=scenario.wrist.centre + centre,
     )
+    origin = np.add(known("sensor.origin", scenario.sensor.origin), origin).tolist()
     changes: dict[str, Any] = {
         "initial_error": tuple(np.add(scenario.initial_error, error).tolist()),
-        "sensor": replace(scenario.sensor, bias=tuple(bias)),
+        "sensor": replace(scenario.sensor, bias=tuple(bias), origin=tuple(origin)),
         "connector": connector,
         "wrist": wrist,
     }
@@ -243,13 +249,15 @@ def _miscalibrated(
 
 
 # Of a trial: errors, rad and m; the true connector's friction and mating force, N, 1 if
-# it has the tightest fit, and depth of an obstacle, m; stiffness of the true wrist along z, N/m.
+# it has the tightest fit, and depth of an obstacle, m; of the true wrist the stiffness along z,
+# N/m, and how high its centre is, m.
 DRAWN: Final = (
     *(f"initial_{axis}" for axis in AXES),
     "friction",
     "mating_force",
     "tight",
     "wrist_stiffness",
+    "wrist_centre",
     "obstacle",
 )
 _WHY: Final = ("reason.depth", "reason.force", "reason.tilt", "reason.time")
@@ -286,6 +294,7 @@ def _draws(one: ResolvedCampaignScenario) -> dict[str, float | None]:
         "mating_force": one.connector.mating_force,
         "tight": float(one.connector.tolerance == "worst"),
         "wrist_stiffness": one.wrist.stiffness[-1],
+        "wrist_centre": one.wrist.centre,
         "obstacle": one.obstacle,
     }
 

@@ -39,6 +39,7 @@ from chamfer.models.connectors.mesh_connector import MeshConnector
 from chamfer.models.validation import ParameterError, require_one_of
 from chamfer.systems.primitives.skill import Skill
 from chamfer.systems.primitives.skill_law import check_forces, check_timing
+from chamfer.systems.sensing.force_sensor import WrenchSensorParams
 from chamfer.systems.statechart.chart import ChartError
 
 PartName = Literal["d-connector", "bnc-connector", "peg", "rj45-connector", "own"]
@@ -76,6 +77,7 @@ class ResolvedOwnSkillScenario(OwnSkillScenario):
     """A skill, a part, and all that both are run in; nothing is open but the strategy."""
 
     believed_wrist: WristParams
+    believed_sensor: WrenchSensorParams
     sight: ResolvedSightSettings | None
 
     @property

@@ -60,7 +60,7 @@ class ControllerSettings(HybridControllerParams):
 def ideal(sensor: Params) -> Params:
     """Return the sensor with what it leaves open as if there were nothing of it."""
     nothing = dict.fromkeys(missing(sensor, sensor), 0.0)
-    at_tip = {"position": (0.0, 0.0, 0.0)} if "position" in nothing else {}
+    at_tip = dict.fromkeys({"position", "origin"} & nothing.keys(), (0.0, 0.0, 0.0))
     return replace(sensor, **{**nothing, **at_tip})  # type: ignore[arg-type]
 
 

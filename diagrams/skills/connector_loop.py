@@ -17,16 +17,31 @@ from pydrake.multibody.plant import (
     DiscreteContactApproximation,
     MultibodyPlant,
 )
+from pydrake.symbolic import Jacobian, MakeVectorVariable
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, LeafSystem, OutputPort
-from pydrake.systems.primitives import Adder, LogVectorOutput, MatrixGain, Multiplexer, PassThrough
+from pydrake.systems.primitives import (
+    Adder,
+    LogVectorOutput,
+    MatrixGain,
+    Multiplexer,
+    PassThrough,
+    SymbolicVectorSystem,
+)
 
 from chamfer.diagrams.contact.sensing import add_sensor
 from chamfer.diagrams.skills.connector_scenario import ResolvedConnectorScenario
 from chamfer.diagrams.skills.connector_sight import add_sight
 from chamfer.diagrams.skills.robots import add_carriage, add_wam
-from chamfer.models.arms.wrist import SIZE, WristParams, add_wrist, in_joint_order
+from chamfer.models.arms.wrist import (
+    SIZE,
+    WristParams,
+    add_wrist,
+    along_tool,
+    in_joint_order,
+    moved,
+)
 from chamfer.models.connectors.connector import Connector, ContactMaterial, ConvexPiece, add_pieces
-from chamfer.models.validation import ParameterError
+from chamfer.models.validation import ParameterError, within
 from chamfer.systems.force.accommodation import AccommodationController
 from chamfer.systems.force.admittance import AdmittanceController
 from chamfer.systems.force.arm_model import TruePose
@@ -84,6 +99,9 @@ def make_connector_diagram(
     connector, period = scenario.connector, scenario.accommodation.period
     if isinstance(skill, Skill):
         check_forces(skill, scenario.accommodation.damping, connector)
+        for state in skill.states:
+            with within(f"skill {skill.name!r}: {state.name!r}"):
+                scenario.accommodation.with_damping(state.damping or ())
         held = skill.held
         decides: LeafSystem = SkillMachine(skill, parts=PARTS, period=period)
     else:
@@ -136,13 +154,15 @@ def make_connector_diagram(
     channels = add_sensor(
         builder, "", sensor, sensor.gauges, plant.wrench, step=scenario.step, period=period
     )
-    reading = builder.AddNamedSystem("wrist sensor's reading", MatrixGain(sensor.undoing))
+    reading = builder.AddNamedSystem(
+        "wrist sensor's reading", MatrixGain(scenario.believed_sensor.undoing)
+    )
     tare = builder.AddNamedSystem("tare", Tare(period=period, size=SIZE))
     wrench = tare.GetOutputPort("tared_force")
     tip = builder.AddNamedSystem("tip by encoders and stiffness", Adder(2, SIZE))
     given_way = builder.AddNamedSystem(
         "deflection of the wrist",
-        MatrixGain(np.diag(1 / np.array(scenario.believed_wrist.stiffness))),
+        MatrixGain(scenario.believed_wrist.compliance),
     )
     connect(channels, reading.get_input_port())
     connect(reading.get_output_port(), tare.GetInputPort("force"))
@@ -208,7 +228,7 @@ class ConnectorPlant(NamedTuple):
 
     plant: MultibodyPlant
     desired: InputPort  # displacement of the tip, rad above m, and its rate, shape (12,)
-    wrench: OutputPort  # of the tool on the wrist's springs, N m above N, shape (6,)
+    wrench: OutputPort  # of the tool on the wrist's springs, about the tip, N m above N, (6,)
     displacement: OutputPort  # of the tip and its rate, shape (12,); for logs alone
     plug_pose: OutputPort  # of the tool's frame, shape (7,); for cameras and logs alone
 
@@ -242,8 +262,9 @@ def add_connector_plant(
     if obstacle is not None:
         _add_obstacle(plant, X_WS, obstacle)
     plant.Finalize()
+    centre = wrist.centre
     if start is not None:
-        plant.SetDefaultPositions(held.instance, in_joint_order() @ start)
+        plant.SetDefaultPositions(held.instance, in_joint_order() @ moved(start, centre))
     # Forces of what is desired, above what is.
     both = builder.AddNamedSystem("set-points and joints", Multiplexer([2 * SIZE, 2 * SIZE]))
     drive, springs = (
@@ -260,17 +281,50 @@ def add_connector_plant(
     connect(drive.get_output_port(), plant.get_actuation_input_port(held.instance))
     connect(both.get_output_port(), springs.get_input_port())
     connect(springs.get_output_port(), wrench.get_input_port())
-    displacement = builder.AddNamedSystem("tip", MatrixGain(in_joint_order(2).T))
-    builder.Connect(plant.get_state_output_port(held.instance), displacement.get_input_port())
+    name = "centre of the wrist" if centre else "tip"
+    joints = builder.AddNamedSystem(name, MatrixGain(in_joint_order(2).T))
+    connect(plant.get_state_output_port(held.instance), joints.get_input_port())
+    desired, felt = both.get_input_port(0), wrench.get_output_port()
+    displacement = joints.get_output_port()
+    if centre:
+        from_tip = builder.AddNamedSystem("desired centre", _moved_by(centre))
+        to_tip = builder.AddNamedSystem("tip", _moved_by(-centre))
+        lever = builder.AddNamedSystem("tip and wrench", Multiplexer([2 * SIZE, SIZE]))
+        about_tip = builder.AddNamedSystem("wrench about the tip", _about_tip(centre))
+        connect(from_tip.get_output_port(), desired)
+        connect(displacement, to_tip.get_input_port())
+        connect(displacement, lever.get_input_port(0))
+        connect(felt, lever.get_input_port(1))
+        connect(lever.get_output_port(), about_tip.get_input_port())
+        desired, felt = from_tip.get_input_port(), about_tip.get_output_port()
+        displacement = to_tip.get_output_port()
     pose = builder.AddNamedSystem("true pose", TruePose(held.body.index()))
     builder.Connect(plant.get_body_poses_output_port(), pose.get_input_port())
     return ConnectorPlant(
         plant,
-        both.get_input_port(0),
-        wrench.get_output_port(),
-        displacement.get_output_port(),
+        desired,
+        felt,
+        displacement,
         pose.get_output_port(),
     )
+
+
+def _moved_by(height: float) -> SymbolicVectorSystem:
+    """Return the block of :func:`moved`, with the rate below the displacement, shape (12,)."""
+    x = MakeVectorVariable(2 * SIZE, "x")
+    with np.errstate(invalid="ignore"):  # to NumPy an expression is no number
+        place = moved(x[:SIZE], height)
+        rate = Jacobian(place, x[:SIZE]) @ x[SIZE:]
+    return SymbolicVectorSystem(input=x, output=np.concatenate([place, rate]))
+
+
+def _about_tip(centre: float) -> SymbolicVectorSystem:
+    """Return the block that takes a wrench, below displacement and rate, from a centre, m."""
+    x = MakeVectorVariable(3 * SIZE, "x")
+    force = x[-3:]
+    with np.errstate(invalid="ignore"):
+        torque = x[2 * SIZE : -3] + np.cross(centre * along_tool(x), force)
+    return SymbolicVectorSystem(input=x, output=np.concatenate([torque, force]))
 
 
 def add_weight(

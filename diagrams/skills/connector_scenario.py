@@ -51,6 +51,7 @@ StrategyParams = (
     | Rj45ConnectorSkillParams
 )
 
+_BELIEVED: Final = ("origin", "cross_talk", "decoupling")  # of a sensor
 _NO_CROSS_TALK: Final = tuple(map(tuple, np.eye(6).tolist()))
 # A calibrated six-axis sensor of 200 N: noise with a standard deviation of 0.5 N and 0.01 N m,
 # forces leak into each other by 1 %; the numbers are those at the tool's tip. All is assumed.
@@ -73,7 +74,7 @@ SENSING: Final[Mapping[Sensing, WrenchSensorParams]] = {
             (2e-4, 2e-4, 2e-4, 0.01, 1.0, 0.01),
             (2e-4, 2e-4, 2e-4, 0.01, 0.01, 1.0),
         ),
-        position=(0.0, 0.0, 0.0),
+        origin=(0.0, 0.0, 0.0),
     ),
 }
 
@@ -90,12 +91,14 @@ class ConnectorScenario:
     wrist: WristParams = WristParams()
     accommodation: AdmittanceParams = AdmittanceParams(
         damping=(1.2, 1.2, 1.2, 800.0, 800.0, 800.0)
-    )  # that turns readily; assumed
+    )  # that turns readily; assumed. Raised where the wrist, seen from the tip, needs more
     believed_wrist: WristParams | None = None
     # as the skill and accommodation take it to be; None: as it truly is
     sensing: Sensing = "ideal"  # what the sensor leaves open: ideal, or realistic
     sensor: WrenchSensorParams = WrenchSensorParams(noise=0.17)
     # at the wrist; where its fields are None, ``sensing`` says them
+    believed_sensor: WrenchSensorParams | None = None
+    # origin, cross_talk and decoupling, as the skill takes them to be; None: as they truly are
     gripper: PartGripperParams = PartGripperParams()
     initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     # rad above m, pose of the plug in the gripper over the one it is taken to have
@@ -116,6 +119,11 @@ class ConnectorScenario:
         if any(self.accommodation.spring):
             allowed = "six times 0: what a skill pushes with is bounded by the damping alone"
             raise ParameterError("accommodation.spring", self.accommodation.spring, allowed)
+        for one in fields(WrenchSensorParams) if self.believed_sensor else ():
+            value = getattr(self.believed_sensor, one.name)
+            if one.name not in _BELIEVED and value != one.default:
+                allowed = f"left open: {', '.join(_BELIEVED)} alone are believed"
+                raise ParameterError(f"believed_sensor.{one.name}", value, allowed)
         stated, believed = self.accommodation.stiffness, self.believed_wrist or self.wrist
         pairs = zip(believed.stiffness, stated, strict=True)
         if not self.accommodation.allow_unstable and any(k > most for k, most in pairs):
@@ -198,6 +206,7 @@ class ResolvedConnectorScenario(ConnectorScenario):
 
     connector: Connector
     believed_wrist: WristParams
+    believed_sensor: WrenchSensorParams
     sight: ResolvedSightSettings | None
 
     @property
@@ -277,7 +286,17 @@ def resolved_fields(scenario: ConnectorScenario, **given: Any) -> dict[str, Any]
         top = float(connector.plug_outline[:, 2].max())
         found["sight"] = sight.resolved(top=top, weight=weight)
     left_open = missing(scenario.sensor, SENSING[scenario.sensing])
+    sensor = replace(scenario.sensor, **left_open)  # type: ignore[arg-type]
+    believes = scenario.believed_sensor or sensor
+    wrist = scenario.believed_wrist or scenario.wrist
     return found | {
-        "believed_wrist": scenario.believed_wrist or scenario.wrist,
-        "sensor": replace(scenario.sensor, **left_open),  # type: ignore[arg-type]
+        "accommodation": scenario.accommodation.against(wrist.tip_stiffness),
+        "believed_wrist": wrist,
+        "sensor": sensor,
+        "believed_sensor": WrenchSensorParams(
+            **{
+                name: getattr(sensor if getattr(believes, name) is None else believes, name)
+                for name in _BELIEVED
+            }
+        ),
     }

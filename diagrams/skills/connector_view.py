@@ -3,6 +3,7 @@
 It is no part of a control loop. Whoever has displacements sets positions and publishes.
 """
 
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -48,7 +49,7 @@ def make_connector_view(scenario: ResolvedConnectorScenario, meshcat: Meshcat) -
     """Build plug, socket and gripper, and what draws them."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
-    held = add_wrist(plant, plant.world_frame(), scenario.wrist)
+    held = add_wrist(plant, plant.world_frame(), replace(scenario.wrist, centre=0.0))
     scenario.connector.add_plug(plant, held.body, scenario.plug_in_tool)
     scenario.connector.add_socket(plant, RigidTransform())
     instance = plant.AddModelInstance("gripper")

@@ -1,7 +1,8 @@
-"""A compliant wrist or gripper: six springs about the tip of the tool, a remote centre.
+"""A compliant wrist or gripper: six springs at its centre, at the tool's tip or above it.
 
 Three prismatic joints along the axes of what carries it, then three revolute ones about x, y and
-z, whose origin is the tool's tip. Springs and dampers act on the joints as torques and forces.
+z, whose origin is the centre. Springs and dampers act on the joints as torques and forces. At the
+tip the centre is remote: a force there moves the tip and does not turn it.
 
 In a plant with the step h they are implicit: what acts is the law at the step's end,
 
@@ -14,13 +15,14 @@ adds none to the tool, and no spring is too stiff for the step, whatever the ine
 
 import math
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RigidTransform, RotationMatrix, cos, sin
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
+    FixedOffsetFrame,
     Frame,
     ModelInstanceIndex,
     PrismaticJoint,
@@ -30,7 +32,12 @@ from pydrake.multibody.tree import (
     SpatialInertia,
 )
 
-from chamfer.models.validation import ParameterError, require_not_negative, require_positive
+from chamfer.models.validation import (
+    ParameterError,
+    require_finite,
+    require_not_negative,
+    require_positive,
+)
 
 Array = NDArray[np.float64]
 
@@ -38,6 +45,7 @@ SIZE: Final = 6  # of displacements and wrenches, angular above linear
 # Joints from what carries the wrist to the tool, and the place of each in a displacement.
 _JOINTS: Final = (("x", 3), ("y", 4), ("z", 5), ("rx", 0), ("ry", 1), ("rz", 2))
 ORDER: Final = tuple(index for _, index in _JOINTS)
+_SHARED: Final = 0.75  # s of WristParams.tip_stiffness
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +53,8 @@ class WristParams:
     """Parameters of the wrist and of what it carries; the paper prints none."""
 
     stiffness: tuple[float, ...] = (20.0, 20.0, 20.0, 2e4, 2e4, 2e4)
-    # N m/rad and N/m, about and along x, y, z; assumed
+    # N m/rad and N/m, about and along x, y, z, at the centre; assumed
+    centre: float = 0.0  # m, above the tip; assumed
     damping_ratio: float = 0.7  # of the tool on each spring; assumed
     mass: float = 0.3  # kg, of fingers and plug; assumed
     inertia: float = 4e-4  # kg m^2, about every axis through the tip; assumed
@@ -54,6 +63,7 @@ class WristParams:
     def __post_init__(self) -> None:
         require_positive(self, "mass", "inertia", "damping_ratio")
         require_not_negative(self, "centre_of_mass")
+        require_finite(self, "centre")
         if len(self.stiffness) != SIZE or not all(0 < k < math.inf for k in self.stiffness):
             raise ParameterError("stiffness", self.stiffness, "six finite numbers > 0")
         least = 2 * self.mass * self.centre_of_mass**2  # so that a body can have what is left
@@ -63,11 +73,35 @@ class WristParams:
     @property
     def damping(self) -> tuple[float, ...]:
         """N m s/rad and N s/m, in the order of the stiffness."""
-        inertia = (self.inertia,) * 3 + (self.mass,) * 3
+        arm, own = self.centre_of_mass - self.centre, self.centre_of_mass
+        across = self.inertia + self.mass * (arm**2 - own**2)  # about the centre
+        inertia = (across, across, self.inertia) + (self.mass,) * 3
         return tuple(
             2 * self.damping_ratio * math.sqrt(k * m)
             for k, m in zip(self.stiffness, inertia, strict=True)
         )
+
+    @property
+    def compliance(self) -> Array:
+        """How the tip gives way to a wrench there, rad above m by N m above N, shape (6, 6)."""
+        to_tip = np.eye(SIZE)
+        to_tip[3:5, :2] = [[0.0, -self.centre], [self.centre, 0.0]]
+        matrix: Array = (to_tip / np.array(self.stiffness)) @ to_tip.T
+        return matrix
+
+    @property
+    def tip_stiffness(self) -> tuple[float, ...]:
+        """N m/rad and N/m: of uncoupled springs at the tip that are softer than it in no way.
+
+        Seen from the tip a lateral spring at the height c couples translation x and turn a,
+
+            k (x + c a)^2 <= (1 + s) k x^2 + (1 + 1/s) k c^2 a^2,  s = 3/4.
+        """
+        if not self.centre:
+            return self.stiffness
+        rx, ry, rz, x, y, z = self.stiffness
+        arm = (1 + 1 / _SHARED) * self.centre**2
+        return (rx + arm * y, ry + arm * x, rz, (1 + _SHARED) * x, (1 + _SHARED) * y, z)
 
     @property
     def law(self) -> Array:
@@ -92,8 +126,9 @@ class Wrist(NamedTuple):
 def add_wrist(plant: MultibodyPlant, carrier: Frame, params: WristParams) -> Wrist:
     """Add a wrist to a plant that has a step; weight is taken to be compensated.
 
-    At rest the tip's frame coincides with the carrier's. The actuation is
-    :meth:`WristParams.implicit_law` of what the joints lack.
+    At rest the tip's frame coincides with the carrier's. The joints' positions are a displacement
+    of the centre, :func:`moved`. The actuation is :meth:`WristParams.implicit_law` of what they
+    lack.
     """
     instance = plant.AddModelInstance("wrist")
     plant.set_gravity_enabled(instance, False)
@@ -105,7 +140,7 @@ def add_wrist(plant: MultibodyPlant, carrier: Frame, params: WristParams) -> Wri
     )
     step = plant.time_step()
     added = step * np.diag(params.implicit_law(step)[:, SIZE:])
-    parent, body = carrier, plant.world_body()
+    parent, body = _above(plant, carrier, params.centre, "centre at rest"), plant.world_body()
     for (name, index), given in zip(_JOINTS, added.tolist(), strict=True):
         last = index == ORDER[-1]
         body = plant.AddRigidBody(
@@ -115,10 +150,31 @@ def add_wrist(plant: MultibodyPlant, carrier: Frame, params: WristParams) -> Wri
         )
         axis = np.eye(3)[index % 3]
         kind = RevoluteJoint if index < 3 else PrismaticJoint
-        joint = plant.AddJoint(kind(name, parent, body.body_frame(), axis))
+        child = body.body_frame()
+        if last:
+            child = _above(plant, child, params.centre, "centre")
+        joint = plant.AddJoint(kind(name, parent, child, axis))
         plant.AddJointActuator(name, joint).set_default_rotor_inertia(given)
         parent = body.body_frame()
     return Wrist(instance, body)
+
+
+def _above(plant: MultibodyPlant, frame: Frame, height: float, name: str) -> Frame:
+    if not height:
+        return frame
+    return plant.AddFrame(FixedOffsetFrame(name, frame, RigidTransform([0.0, 0.0, height])))
+
+
+def along_tool(displacement: Any) -> Array:
+    """Return the tool's z in the carrier's frame, shape (3,), numbers or expressions."""
+    rx, ry = displacement[:2]
+    return np.array([sin(ry), -sin(rx) * cos(ry), cos(rx) * cos(ry)])
+
+
+def moved(displacement: Any, height: float) -> Array:
+    """Return the displacement of the point that is higher in the tool, m, likewise, (6,)."""
+    off = along_tool(displacement) - np.array([0.0, 0.0, 1.0])
+    return np.concatenate([displacement[:3], displacement[3:] + height * off])
 
 
 def in_joint_order(size: int = 1) -> Array:

@@ -21,7 +21,7 @@ compliance, which may be remote: a lateral force at the tip then turns the tool 
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import ClassVar, Final, NamedTuple
+from typing import ClassVar, Final, NamedTuple, Self
 
 import numpy as np
 
@@ -92,6 +92,14 @@ class AccommodationParams:
             return self
         damping = tuple(new or own for new, own in zip(set_to, self.damping, strict=True))
         return replace(self, damping=damping)
+
+    def against(self, stiffness: tuple[float, ...]) -> Self:
+        """Return these parameters for a wrist that is so stiff, damped as much as that needs."""
+        stiffer = tuple(map(max, self.stiffness, stiffness))
+        found = replace(self, stiffness=stiffer, allow_unstable=True)
+        if not self.allow_unstable:
+            found = replace(found, damping=tuple(map(max, self.damping, found.least_damping)))
+        return replace(found, allow_unstable=self.allow_unstable)
 
     @property
     def least_damping(self) -> tuple[float, ...]:

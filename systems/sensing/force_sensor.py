@@ -124,9 +124,9 @@ class ForceSensorParams(ChannelParams):
         return undone[:3]
 
 
-def _require_place(position: tuple[float, ...] | None) -> None:
-    if not all(map(math.isfinite, position or ())):
-        raise ParameterError("position", position, "three finite numbers")
+def _require_place(place: tuple[float, ...] | None, name: str = "position") -> None:
+    if not all(map(math.isfinite, place or ())):
+        raise ParameterError(name, place, "three finite numbers")
 
 
 def _require_regular(cross_talk: Matrix6, allowed: str) -> None:
@@ -326,14 +326,15 @@ class WrenchSensorParams(ChannelParams):
     # 6 x 6, what each channel reads of all, in N and N m, ones on the diagonal; None: derived
     # from ``sensing``
     decoupling: bool = False  # True: the reading is multiplied by the inverse of the cross-talk
-    position: tuple[float, float, float] | None = None
-    # m, of the sensor's origin from the tool's tip; None: derived from ``sensing``
+    origin: tuple[float, float, float] | None = None
+    # m, where moments are taken, from the tool's tip in the world's axes; None: derived from
+    # ``sensing``
     radius: float = 0.02  # m, a moment's noise, bias, ... are the forces' times this; assumed
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "radius")
-        _require_place(self.position)
+        _require_place(self.origin, "origin")
         if self.cross_talk is not None:
             _require_regular(self.cross_talk, "a regular 6 x 6 matrix")
         if self.tare:
@@ -348,7 +349,7 @@ class WrenchSensorParams(ChannelParams):
     def _moved(self) -> Array:
         """Forces and moments at the sensor's origin of those at the tip, shape (6, 6)."""
         moved = np.eye(6)
-        moved[3:, :3] = -_cross(np.array(known("position", self.position)))
+        moved[3:, :3] = -_cross(np.array(known("origin", self.origin)))
         return moved
 
     @property

@@ -75,12 +75,12 @@ MAY_BE_ZERO = """
     amplitude_threshold threshold; OpenPidGains: derivative integral proportional; PegHoleGeometry:
     chamfer_width; PegInsertionScenario: tilt; PictureQuality: blur noise; Reach: angle distance;
     ScenarioSpread: camera_turn focal force_bias friction lateral obstacle_short obstacles
-    rotational tight torque_bias wrist_stiffness; SceneStyle: blur; Seat: harder; SensorParams:
-    exposure vignetting; ServoCameraParams: lost; ServoPlantParams: dead_time; Spread:
-    joint_friction lateral link_mass payload rotational; SpreadParams: aside believed_mass
-    bias joint_friction lying_tilt normal place size slip_friction surface_friction;
-    SpringConstraintParams: index stiffness; SprungConnector:
-    spring_dissipation; StepSpread: step; SurfaceFriction: coefficient ripple;
+    rotational sensor_origin tight torque_bias wrist_centre wrist_stiffness; SceneStyle: blur;
+    Seat: harder; SensorParams: exposure vignetting; ServoCameraParams: lost; ServoPlantParams:
+    dead_time; Spread: joint_friction lateral link_mass payload rotational; SpreadParams: aside
+    believed_mass bias joint_friction lying_tilt normal place size slip_friction surface_friction;
+    SpringConstraintParams: index stiffness; SprungConnector: spring_dissipation; StepSpread: step;
+    SurfaceFriction: coefficient ripple;
     SurfaceObserverParams: force_noise force_rate_noise halt_speed initial_deviation rate_lag;
     SurfaceScenario: force_delay; TouchDetectionParams: release; TouchedSettings: damping;
     TrackingTask: depth; Unevenness: ripple; UnknownWallSettings: roll tilt; UnknownWallTask: wait;
@@ -99,7 +99,7 @@ MAY_BE_NEGATIVE = """
     SpringConstraintParams: stop_at; StationLayout: bed_height; Step: amplitude; Support:
     centre_distance; SurfaceFriction: jump jump_at; SurfaceMotionParams: speed; Unevenness:
     tilt; ViewFrames: latency miss noise offset period; VisGrasp: angle; VisionServoSetup:
-    angle; Way: least
+    angle; Way: least; WristParams: centre
 """
 # Bounds: at them, a number is allowed or not, and beyond them it is not.
 BOUNDS = """

@@ -1,6 +1,7 @@
 """Wrist, gripper, joint friction and the Cartesian manipulator, and what they refuse."""
 
 import math
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -29,6 +30,7 @@ from chamfer.models.arms.wrist import (
     WristParams,
     add_wrist,
     in_joint_order,
+    moved,
     tip_displacement,
     tip_pose,
 )
@@ -46,22 +48,48 @@ PARAMS = WristParams(
 SIX = st.tuples(*[st.floats(-1.5, 1.5)] * 3, *[st.floats(-1, 1)] * 3)
 
 
-def wrist() -> tuple[MultibodyPlant, RigidBody]:
+def wrist(centre: float = 0.0) -> tuple[MultibodyPlant, RigidBody]:
     plant = MultibodyPlant(0.001)
-    held = add_wrist(plant, plant.world_frame(), PARAMS)
+    held = add_wrist(plant, plant.world_frame(), replace(PARAMS, centre=centre))
     plant.Finalize()
     assert plant.num_positions(held.instance) == SIZE
     return plant, held.body
 
 
 @settings(deadline=None, max_examples=30)
-@given(displacement=SIX)
-def test_the_joints_put_the_tip_where_its_pose_is(displacement: tuple[float, ...]) -> None:
-    plant, body = wrist()
+@given(displacement=SIX, centre=st.sampled_from([0.0, 0.06, -0.02]))
+def test_the_joints_put_the_tip_where_its_pose_is(
+    displacement: tuple[float, ...], centre: float
+) -> None:
+    plant, body = wrist(centre)
     context = plant.CreateDefaultContext()
     q = np.array(displacement)
-    plant.SetPositions(context, in_joint_order() @ q)
+    plant.SetPositions(context, in_joint_order() @ moved(q, centre))
     assert plant.EvalBodyPoseInWorld(context, body).IsNearlyEqualTo(tip_pose(q), 1e-9)
+    np.testing.assert_allclose(moved(moved(q, centre), -centre), q, atol=1e-12)
+
+
+def test_of_a_wrist_at_the_tip_nothing_is_moved() -> None:
+    q = np.linspace(-1.0, 1.0, SIZE)
+    np.testing.assert_array_equal(moved(q, 0.0), q)
+    np.testing.assert_array_equal(PARAMS.compliance, np.diag(1 / np.array(PARAMS.stiffness)))
+    assert PARAMS.tip_stiffness == PARAMS.stiffness
+
+
+@given(centre=st.floats(-0.2, 0.2))
+def test_the_tip_is_as_stiff_as_springs_at_the_centre_make_it(centre: float) -> None:
+    params = replace(PARAMS, centre=centre)
+    # What a small motion of the tip does at the centre.
+    at_centre = np.eye(SIZE)
+    at_centre[3, 1], at_centre[4, 0] = centre, -centre
+    stiffness = at_centre.T @ np.diag(PARAMS.stiffness) @ at_centre
+    np.testing.assert_allclose(params.compliance @ stiffness, np.eye(SIZE), atol=1e-9)
+    stiffer = np.diag(params.tip_stiffness) - stiffness
+    assert np.linalg.eigvalsh(stiffer).min() > -1e-6
+    # About the centre; about the tool's own axis it is the same.
+    across = 9e-4 + 0.4 * ((0.03 - centre) ** 2 - 0.03**2)
+    expected = [math.sqrt(k * J) for k, J in ((10, across), (20, across), (30, 9e-4))]
+    np.testing.assert_allclose(params.damping[:3], expected)
 
 
 @given(displacement=SIX)

@@ -253,24 +253,24 @@ def read_wrench(params: WrenchSensorParams, wrench: Any = WRENCH) -> Any:
 
 def six_axes(**fields: Any) -> WrenchSensorParams:
     return WrenchSensorParams(
-        **{**NOTHING, "cross_talk": UNCOUPLED, "position": (0.0,) * 3, **fields}
+        **{**NOTHING, "cross_talk": UNCOUPLED, "origin": (0.0,) * 3, **fields}
     )
 
 
-@pytest.mark.parametrize("position", [(0.0, 0.0, 0.0), (0.01, -0.02, 0.1)])
-def test_an_ideal_sensor_reads_the_wrench_at_the_tip(position: Any) -> None:
-    np.testing.assert_allclose(read_wrench(six_axes(position=position)), WRENCH, atol=1e-12)
-    decoupled = six_axes(position=position, cross_talk=COUPLED, decoupling=True)
+@pytest.mark.parametrize("origin", [(0.0, 0.0, 0.0), (0.01, -0.02, 0.1)])
+def test_an_ideal_sensor_reads_the_wrench_at_the_tip(origin: Any) -> None:
+    np.testing.assert_allclose(read_wrench(six_axes(origin=origin)), WRENCH, atol=1e-12)
+    decoupled = six_axes(origin=origin, cross_talk=COUPLED, decoupling=True)
     np.testing.assert_allclose(read_wrench(decoupled), WRENCH, atol=1e-12)
 
 
 def test_a_sensor_feels_moments_about_its_own_origin() -> None:
     p = np.array([0.01, -0.02, 0.1])
-    felt = -six_axes(position=tuple(p)).gauges.pick_up @ WRENCH
+    felt = -six_axes(origin=tuple(p)).gauges.pick_up @ WRENCH
     np.testing.assert_allclose(felt[:3], WRENCH[3:])
     np.testing.assert_allclose(felt[3:], WRENCH[:3] - np.cross(p, WRENCH[3:]))
     # So a force's bias is a moment at the tip.
-    off = read_wrench(six_axes(position=tuple(p), bias=(1.0, 2.0, 3.0, 0.0, 0.0, 0.0))) - WRENCH
+    off = read_wrench(six_axes(origin=tuple(p), bias=(1.0, 2.0, 3.0, 0.0, 0.0, 0.0))) - WRENCH
     np.testing.assert_allclose(off, [*np.cross(p, [1.0, 2.0, 3.0]), 1.0, 2.0, 3.0], atol=1e-12)
 
 

@@ -54,7 +54,7 @@ def wrist(**values: Any) -> Any:
 
 
 def six_axes(**values: Any) -> Any:
-    fine = {**NOTHING, "cross_talk": UNIT, "position": (0.0, 0.0, 0.0)}
+    fine = {**NOTHING, "cross_talk": UNIT, "origin": (0.0, 0.0, 0.0)}
     return WrenchSensorParams(**{**fine, **values})
 
 
@@ -87,7 +87,7 @@ def six_axes(**values: Any) -> Any:
         (wrist, {"radius": 0.1}, "radius is 0.1, allowed: 0.05 unless a 6 x 6 cross-talk is undo"),
         (LoadCellParams, {"axis": (0.0, 0.0, 0.0)}, "axis is [0.0, 0.0, 0.0], allowed: a finite "),
         (six_axes, {"cross_talk": ((1.0,) * 6,) * 6}, "cross_talk is ((1.0, 1.0, 1.0, 1.0, 1.0,"),
-        (six_axes, {"position": (0.0, 0.0, INF)}, "position is (0.0, 0.0, inf), allowed: three f"),
+        (six_axes, {"origin": (0.0, 0.0, INF)}, "origin is (0.0, 0.0, inf), allowed: three f"),
         (six_axes, {"tare": 0.1}, "tare is 0.1, allowed: 0: the skill takes the zero"),
         (six_axes, {"bias": (NAN,) * 6}, "bias is (nan, nan, nan, nan, nan, nan), allowed: fini"),
     ],
