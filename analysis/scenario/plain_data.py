@@ -126,6 +126,11 @@ def _refused(path: str, value: object, allowed: str) -> UserError:
 
 def _made(plain: Mapping[Any, Any], cls: Any, path: str, named: Named) -> Any:
     values = {}
+    short: Mapping[str, tuple[str, str]] = getattr(cls, "SHORT", {})
+    for name in short.keys() & plain.keys():
+        group, inner = short[name]
+        rest = {one: value for one, value in plain.items() if one != name}
+        plain = rest | {group: {**rest.get(group, {}), inner: plain[name]}}
     for field in fields(cls):
         here = joined(path, field.name)
         if field.name in plain:
@@ -134,7 +139,7 @@ def _made(plain: Mapping[Any, Any], cls: Any, path: str, named: Named) -> Any:
         elif default_of(field) is MISSING:
             raise UserError(f"{here} has to be given, it has no default")
     for name in sorted(map(str, plain.keys() - values.keys())):
-        valid = ", ".join(sorted(field.name for field in fields(cls)))
+        valid = ", ".join(sorted([*(field.name for field in fields(cls)), *short]))
         raise UserError(f"{joined(path, name)}: no such field, valid fields: {valid}")
     try:
         return cls(**values)

@@ -10,7 +10,8 @@ fields of it are given, the others are those of that other group, and not defaul
 
 A group may be given by the name of a preset, ``parts=factory-8mm``. Its dataclass says which there
 are: ``PRESETS: ClassVar[Mapping[str, Mapping[str, object]]]``, by name the fields that are not as
-by default.
+by default. A field of a group in a dataclass may have a short name there, ``connector.friction``:
+``SHORT: ClassVar[Mapping[str, tuple[str, str]]]``, by name the group and the field.
 """
 
 import hashlib

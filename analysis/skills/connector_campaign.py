@@ -56,14 +56,18 @@ from chamfer.diagrams.skills.connector_scenario import (
     ConnectorScenario,
     DConnectorScenario,
     PegScenario,
+    ResolvedConnectorScenario,
     ResolvedStrategyScenario,
     Rj45ConnectorScenario,
+    StandardConnector,
     StrategyScenario,
     resolved_fields,
 )
 from chamfer.diagrams.skills.connector_sight import ResolvedSightSettings, SightSettings
 from chamfer.diagrams.skills.vision_servo import CameraBelief
+from chamfer.models.connectors.mesh_connector import MeshConnector
 from chamfer.models.validation import ParameterError, known, require_between, require_not_negative
+from chamfer.systems.primitives.skill import Skill
 from chamfer.systems.sensing.force_sensor import WrenchSensorParams
 from chamfer.systems.strategies.peg_in_hole import PegInHoleSkillParams, Search
 
@@ -141,8 +145,26 @@ class PegCampaignScenario(PegScenario, CampaignScenario):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ResolvedCampaignScenario(ResolvedStrategyScenario, CampaignScenario):
-    """Many insertions of a part; nothing is open."""
+class ResolvedTrialsScenario(ResolvedConnectorScenario, CampaignScenario):
+    """Many insertions of any part; nothing is open."""
+
+    connector: StandardConnector | MeshConnector
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedCampaignScenario(ResolvedStrategyScenario, ResolvedTrialsScenario):
+    """Many insertions of a part by a strategy of its own; nothing is open."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedSkillScenario(ResolvedTrialsScenario):
+    """Many insertions of any part by a skill of one's own; nothing is open."""
+
+    skill: Skill
+
+    def make_skill(self) -> Skill:
+        """Return the skill."""
+        return self.skill
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,7 +194,7 @@ ROUND_PEG: Final = PegCampaignScenario(**_CAMPAIGN)
 D_ABLATION: Final = replace(D_CONNECTOR, trials=20)  # by each of the skills
 BNC_ABLATION: Final = replace(BNC_CONNECTOR, trials=20)
 
-S = TypeVar("S", bound=ResolvedCampaignScenario)
+S = TypeVar("S", bound=ResolvedTrialsScenario)
 
 
 def resolve_campaign(scenario: StrategyScenario) -> ResolvedCampaignScenario:
@@ -267,7 +289,7 @@ MEASURED: Final = tuple(name for name in INSERTION if name != "real_time_factor"
 
 
 def attempt(
-    scenario: ResolvedCampaignScenario, seed: int, trial: int, change: SkillChange = whole
+    scenario: ResolvedTrialsScenario, seed: int, trial: int, change: SkillChange = whole
 ) -> Row:
     """Run one of a seed's trials; it depends on its arguments alone, but for how fast it runs.
 
@@ -286,7 +308,7 @@ def attempt(
     }
 
 
-def _draws(one: ResolvedCampaignScenario) -> dict[str, float | None]:
+def _draws(one: ResolvedTrialsScenario) -> dict[str, float | None]:
     """Return what was drawn of a trial."""
     return {
         **{f"initial_{axis}": error for axis, error in zip(AXES, one.initial_error, strict=True)},
@@ -299,7 +321,7 @@ def _draws(one: ResolvedCampaignScenario) -> dict[str, float | None]:
     }
 
 
-def run_success(scenario: ResolvedCampaignScenario, seed: int, progress: Progress) -> Outcome:
+def run_success(scenario: ResolvedTrialsScenario, seed: int, progress: Progress) -> Outcome:
     """Grasp and insert the connector many times."""
     attempts = run_each(partial(attempt, scenario, seed), range(scenario.trials), progress)
     return Outcome(
@@ -309,7 +331,7 @@ def run_success(scenario: ResolvedCampaignScenario, seed: int, progress: Progres
     )
 
 
-def success_figures(scenario: ResolvedCampaignScenario, outcome: Outcome) -> Mapping[str, Figure]:
+def success_figures(scenario: ResolvedTrialsScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
     return {"success": plot_success(outcome, middle=scenario.initial_error)}
 
@@ -367,7 +389,7 @@ def search_figures(scenario: ResolvedPegCampaignScenario, outcome: Outcome) -> d
     return figures
 
 
-def ablated_skills(scenario: ResolvedCampaignScenario) -> tuple[str, ...]:
+def ablated_skills(scenario: ResolvedTrialsScenario) -> tuple[str, ...]:
     """Return the names of the skills that differ: the whole one, and what it can lack."""
     own = scenario.make_skill()
     blind = replace(scenario, sight=None).make_skill()
@@ -375,16 +397,21 @@ def ablated_skills(scenario: ResolvedCampaignScenario) -> tuple[str, ...]:
     return (*changed, WITHOUT_SIGHT) if own != blind else tuple(changed)
 
 
-def _by_skill(scenario: ResolvedCampaignScenario, seed: int, task: VariantTask) -> Row:
+def _by_skill(scenario: ResolvedTrialsScenario, seed: int, task: VariantTask) -> Row:
     name, trial = task
     if name == WITHOUT_SIGHT:
         return attempt(replace(scenario, sight=None), seed, trial)
     return attempt(scenario, seed, trial, CHANGES[name])
 
 
-def run_ablation(scenario: ResolvedCampaignScenario, seed: int, progress: Progress) -> Outcome:
-    """Insert the connector by every skill, in the same randomised scenarios."""
-    names = ablated_skills(scenario)
+def run_ablation(
+    scenario: ResolvedTrialsScenario,
+    seed: int,
+    progress: Progress,
+    skills: Sequence[str] | None = None,
+) -> Outcome:
+    """Insert the connector by skills, by default all, in the same randomised scenarios."""
+    names = skills or ablated_skills(scenario)
     attempts = attempt_each(partial(_by_skill, scenario, seed), names, scenario.trials, progress)
     metrics: dict[str, Metric] = {}
     for name, its in attempts.items():
@@ -398,9 +425,10 @@ def run_ablation(scenario: ResolvedCampaignScenario, seed: int, progress: Progre
     )
 
 
-def ablation_figures(scenario: ResolvedCampaignScenario, outcome: Outcome) -> dict[str, Figure]:
+def ablation_figures(scenario: ResolvedTrialsScenario, outcome: Outcome) -> dict[str, Figure]:
     """Return the figures by file name."""
-    return {"ablation": plot_ablation(outcome, ablated_skills(scenario))}
+    skills = dict.fromkeys(outcome.traces["skill"].tolist())
+    return {"ablation": plot_ablation(outcome, tuple(skills))}
 
 
 def _stacked(variant: str, attempts: Mapping[str, Trials[int]]) -> Table:

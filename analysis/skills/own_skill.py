@@ -2,16 +2,32 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Final, Literal, get_args
+from typing import Any, Final
 
+import numpy as np
 from matplotlib.figure import Figure
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram
 
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
-from chamfer.analysis.scenario.scenario_yaml import parse_value
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
+from chamfer.analysis.scenario.plain_data import plain_data, structured
+from chamfer.analysis.scenario.scenario_io import make_scenario
+from chamfer.analysis.scenario.scenario_yaml import parse_value, read_mapping
+from chamfer.analysis.skills.connector_campaign import (
+    CampaignScenario,
+    ResolvedCampaignScenario,
+    ResolvedSkillScenario,
+    ResolvedTrialsScenario,
+    ScenarioSpread,
+    ablated_skills,
+    ablation_figures,
+    run_ablation,
+    run_success,
+    success_figures,
+)
 from chamfer.analysis.skills.connector_insertion import (
     insertion_figures,
     insertion_outcome,
@@ -19,6 +35,7 @@ from chamfer.analysis.skills.connector_insertion import (
     run_to_end,
 )
 from chamfer.analysis.skills.skill_file import read_skill, skill_of, skill_text
+from chamfer.analysis.skills.skill_run import AXES
 from chamfer.diagrams.skills.connector_loop import make_connector_diagram
 from chamfer.diagrams.skills.connector_scenario import (
     BNC_CONNECTOR,
@@ -26,49 +43,55 @@ from chamfer.diagrams.skills.connector_scenario import (
     RJ45_CONNECTOR,
     ROUND_PEG,
     ConnectorScenario,
-    OwnPartScenario,
-    ResolvedConnectorScenario,
     StrategyScenario,
-    resolve,
-    resolve_own_part,
     resolved_fields,
 )
 from chamfer.diagrams.skills.connector_sight import ResolvedSightSettings
 from chamfer.models.arms.wrist import WristParams
 from chamfer.models.connectors.mesh_connector import MeshConnector
-from chamfer.models.validation import ParameterError, require_one_of
+from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.skill import Skill
 from chamfer.systems.primitives.skill_law import check_forces, check_timing
 from chamfer.systems.sensing.force_sensor import WrenchSensorParams
 from chamfer.systems.statechart.chart import ChartError
 
-PartName = Literal["d-connector", "bnc-connector", "peg", "rj45-connector", "own"]
-
-_PARTS: Final[Mapping[PartName, StrategyScenario]] = {
+_PARTS: Final[Mapping[str, StrategyScenario]] = {
     "d-connector": D_CONNECTOR,
     "bnc-connector": BNC_CONNECTOR,
     "peg": ROUND_PEG,
     "rj45-connector": RJ45_CONNECTOR,
 }
+_OWN: Final = "own"  # a part whose fields are all given
+_FILE: Final = ".yaml"  # of a part
 
 
 @dataclass(frozen=True, kw_only=True)
-class OwnSkillScenario(ConnectorScenario):
+class OwnSkillScenario(CampaignScenario):
     """A skill, a part, and all that both are run in."""
 
     skill: str | None = None
     # path of a YAML file, of which a run keeps the text; None: the part's own strategy
-    part: PartName = "d-connector"  # what is inserted; own: what the files of ``own`` hold
-    own: MeshConnector | None = None  # plug and socket of one's own; None: another part
+    part: str = "d-connector"
+    # what is inserted: d-connector, bnc-connector, peg, rj45-connector; own: the mesh files of
+    # ``connector``; or a path of a YAML file, .yaml, with the fields of a part of mesh files
+    connector: Mapping[str, Any] | None = None
+    # fields of the part that are not as it comes; None: all are
+    trials: int = 1  # insertions; 1: in the scenario itself, more: each in a randomised one
+    compared: tuple[str, ...] = ()
+    # skills beside the whole one, in the same randomised scenarios: without_tare and so on
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_one_of(self, "part", get_args(PartName))
-        if (self.part == "own") != (self.own is not None):
-            allowed = "the files of a part" if self.own is None else f"null with {self.part}"
-            raise ParameterError("own", self.own, allowed)
+        if self.part not in (*_PARTS, _OWN) and not self.part.endswith(_FILE):
+            allowed = f"{', '.join(_PARTS)}, {_OWN}, or a path that ends in {_FILE}"
+            raise ParameterError("part", self.part, allowed)
+        varied = [name for name in ("spread", "compared") if getattr(self, name) != _ONE[name]]
+        if self.trials == 1 and varied:
+            allowed = f"2 or more, for what {varied[0]} says"
+            raise ParameterError("trials", self.trials, allowed)
 
 
+_ONE: Final = {"spread": ScenarioSpread(), "compared": ()}
 OWN_SKILL: Final = OwnSkillScenario()
 
 
@@ -76,40 +99,73 @@ OWN_SKILL: Final = OwnSkillScenario()
 class ResolvedOwnSkillScenario(OwnSkillScenario):
     """A skill, a part, and all that both are run in; nothing is open but the strategy."""
 
+    connector: Mapping[str, Any]
     believed_wrist: WristParams
     believed_sensor: WrenchSensorParams
     sight: ResolvedSightSettings | None
 
-    @property
-    def insertion(self) -> ResolvedConnectorScenario:
-        """The part with all that it is run in."""
+    @cached_property
+    def insertion(self) -> ResolvedTrialsScenario:
+        """The part with its skill and all that both are run in."""
         common = {one.name: getattr(self, one.name) for one in fields(ConnectorScenario)}
-        if self.own is not None:
-            return resolve_own_part(OwnPartScenario(connector=self.own, **common))
-        return resolve(replace(_PARTS[self.part], **common))
+        trials: dict[str, Any] = {"spread": self.spread, "trials": self.trials}
+        connector = _connector(self.part, self.connector)
+        if self.skill is not None:
+            skill = _skill(self.skill)
+            return ResolvedSkillScenario(connector=connector, skill=skill, **common, **trials)
+        if self.part == _OWN:
+            return ResolvedTrialsScenario(connector=connector, **common, **trials)
+        own = replace(_PARTS[self.part], connector=connector, **common)
+        return ResolvedCampaignScenario(**resolved_fields(own), **trials)
 
     def make_skill(self) -> Skill:
         """Return the skill, out of its text or the part's own strategy."""
-        if self.skill is None:
-            return self.insertion.make_skill()
-        try:
-            plain = parse_value(self.skill)
-        except ValueError as error:
-            raise UserError(f"skill: {error}") from error
-        if not isinstance(plain, Mapping):
-            raise UserError("skill has several lines, allowed: a path, or the text of a skill")
-        return skill_of(plain)
+        return self.insertion.make_skill()
+
+
+def _skill(text: str) -> Skill:
+    try:
+        plain = parse_value(text)
+    except ValueError as error:
+        raise UserError(f"skill: {error}") from error
+    if not isinstance(plain, Mapping):
+        raise UserError("skill has several lines, allowed: a path, or the text of a skill")
+    return skill_of(plain)
+
+
+def _connector(part: str, given: Mapping[str, Any] | None) -> Any:
+    """Return a part with what is given of it."""
+    if part == _OWN:
+        return structured(given or {}, MeshConnector, path="connector")
+    try:
+        return make_scenario(_PARTS[part].connector, given=given)
+    except UserError as error:
+        raise UserError(f"connector.{error}") from error
+
+
+def _from_file(path: Path) -> dict[str, Any]:
+    """Return the fields of a part that a file holds, its mesh files beside it."""
+    given = read_mapping(path, "fields of a part")
+    return given | {
+        name: str(path.parent / given[name])
+        for name in ("plug", "socket")
+        if isinstance(given.get(name), str)
+    }
 
 
 def resolve_own_skill(scenario: OwnSkillScenario) -> ResolvedOwnSkillScenario:
-    """Put the text of a skill in the place of its file, check the skill, and leave nothing open.
+    """Put the texts of files in their places, check the skill, and leave nothing open.
 
     Raises:
-        UserError: If there is no such file, or it holds no skill that can be run.
+        UserError: If there is no such file, it holds no skill that can be run or no part, or a
+            field of the part doesn't exist; ParameterError if a value is not allowed.
     """
-    connector = scenario.own or _PARTS[scenario.part].connector
+    part, given = scenario.part, scenario.connector
+    if part.endswith(_FILE):
+        part, given = _OWN, _from_file(Path(part)) | dict(given or {})
+    connector = _connector(part, given)
     found = resolved_fields(scenario, connector=connector)
-    del found["connector"]
+    found |= {"part": part, "connector": plain_data(connector)}
     if scenario.skill is not None and "\n" not in scenario.skill:
         found["skill"] = skill_text(read_skill(Path(scenario.skill)))
     resolved = ResolvedOwnSkillScenario(**found)
@@ -119,12 +175,19 @@ def resolve_own_skill(scenario: OwnSkillScenario) -> ResolvedOwnSkillScenario:
         check_forces(skill, scenario.accommodation.damping, connector)
     except ChartError as error:
         raise UserError(str(error)) from error
+    if unknown := set(scenario.compared) - set(valid := ablated_skills(resolved.insertion)):
+        allowed = f"what this skill can lack: {', '.join(valid[1:])}"
+        raise ParameterError("compared", sorted(unknown)[0], allowed)
     return resolved
 
 
 def run(scenario: ResolvedOwnSkillScenario, seed: int, progress: Progress) -> Outcome:
-    """Run the skill once."""
+    """Run the skill once, or in as many randomised scenarios as there are trials."""
     insertion = scenario.insertion
+    if scenario.compared:
+        return run_ablation(insertion, seed, progress, ("whole", *scenario.compared))
+    if scenario.trials > 1:
+        return run_success(insertion, seed, progress)
     done = run_to_end(scenario.make_skill(), insertion, seed, progress)
     outcome = insertion_outcome(done, insertion.connector)
     ended = Metric(value=float(done.outcome == "done"), unit="", note=done.reason)
@@ -137,12 +200,22 @@ def make_diagram(scenario: ResolvedOwnSkillScenario) -> Diagram:
 
 
 def show_replay(scenario: ResolvedOwnSkillScenario, outcome: Outcome, meshcat: Meshcat) -> None:
-    """Show the run in three dimensions."""
+    """Show the run in three dimensions; of many trials where the plug begins."""
+    if scenario.trials > 1:
+        begin = {"time": column([0.0, 1.0])}
+        for name in ("plug", "carriage"):
+            start = scenario.insertion.start if name == "carriage" else scenario.insertion.resting
+            begin |= {f"{name}_{axis}": np.full(2, x) for axis, x in zip(AXES, start, strict=True)}
+        outcome = replace(outcome, traces=begin)
     replay_insertion(scenario.insertion, outcome, meshcat)
 
 
 def figures(scenario: ResolvedOwnSkillScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
+    if scenario.compared:
+        return ablation_figures(scenario.insertion, outcome)
+    if scenario.trials > 1:
+        return success_figures(scenario.insertion, outcome)
     done = outcome.metrics["done"]
     ended = "done" if done.value else f"not done: {done.note or 'out of time'}"
     return insertion_figures(scenario.make_skill(), scenario.insertion.connector, outcome, ended)

@@ -5,13 +5,13 @@ import math
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Final, Literal, NamedTuple, get_args
+from dataclasses import dataclass, replace
+from typing import Any, Final, Literal, NamedTuple, get_args, get_origin
 
 import numpy as np
 import scipy  # whose submodules are imported where they are used
 
-from chamfer.analysis.command.scenario_fields import leaves
+from chamfer.analysis.command.scenario_fields import Leaf, leaves
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import valid_name
 from chamfer.analysis.scenario.scenario_yaml import one_line, parse_value
@@ -101,7 +101,7 @@ def varied_fields(scenario: Any, vary: Mapping[str, Spec]) -> tuple[VariedField,
     known = {leaf.path: leaf for leaf in leaves(scenario)}
     found = []
     for path, spec in vary.items():
-        leaf = known[valid_name("field", path, known)]
+        leaf = _inside(path, known) or known[valid_name("field", path, known)]
         kinds = {leaf.kind, *get_args(leaf.kind)}
         if isinstance(spec, Drawn):
             if not kinds & {int, float}:
@@ -113,6 +113,15 @@ def varied_fields(scenario: Any, vary: Mapping[str, Spec]) -> tuple[VariedField,
         whole = int in kinds and float not in kinds
         found.append(VariedField(path, leaf.unit, leaf.meaning, whole, spec))
     return tuple(found)
+
+
+def _inside(path: str, known: Mapping[str, Leaf]) -> Leaf | None:
+    """Return what a path in a mapping stands for, whose fields only a run knows; else none."""
+    leaf = known.get(path.partition(".")[0])
+    if leaf is None or leaf.path == path:
+        return None
+    kinds = [get_origin(kind) for kind in (leaf.kind, *get_args(leaf.kind))]
+    return replace(leaf, path=path, kind=float) if Mapping in kinds else None
 
 
 def design_points(

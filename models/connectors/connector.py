@@ -7,7 +7,7 @@ touches; the depth is how far P's origin is below S's.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import product
 from typing import ClassVar, Final, Literal, NamedTuple, Protocol, Self
@@ -169,6 +169,7 @@ class PartsConnector:
     NAME: ClassVar[str]
     PARTNERS: ClassVar[Sequence[tuple[str, str]]]  # of the plug and of the socket, that touch
     MAY_BE_ZERO: ClassVar[Sequence[str]] = ()  # all other floats are positive
+    SHORT: ClassVar[Mapping[str, tuple[str, str]]] = {"friction": ("material", "friction")}
 
     def __post_init__(self) -> None:
         require_one_of(self, "tolerance", ("nominal", "worst"))

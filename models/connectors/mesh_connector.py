@@ -7,23 +7,22 @@ which is optional. The plug's file is in frame P, the socket's in frame S, as
 origins where the parts in line just touch.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.geometry import Convex
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import RigidBody
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
-from chamfer.models.connectors.connector import Array, ContactMaterial, ConvexPiece, add_pieces
-from chamfer.models.validation import ParameterError, require_all_positive
+from chamfer.models.connectors.connector import Array, ConnectorPart, ConvexPiece, SprungConnector
+from chamfer.models.connectors.quasi_static import insertion_force
+from chamfer.models.validation import ParameterError, require_not_negative, require_positive
 
 Triangles = NDArray[np.intp]
 
@@ -33,6 +32,7 @@ _LARGEST: Final = 1.0  # m, of a part: beyond it the unit is wrong
 # Of the convex hull's volume, that a convex solid may lack: what rounding in the file does.
 _ROUNDING: Final = 1e-3
 _FINEST: Final = 0.01  # concavity that CoACD takes
+_DEPTHS: Final = 200  # at which the force of an insertion in line is computed
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,23 +155,35 @@ def _triangles(
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeshConnector:
-    """A plug and a socket from two files."""
+class MeshConnector(SprungConnector):
+    """A plug and a socket from two files.
+
+    With the tightest fit all pieces but the springs have grown to all sides, each face by half of
+    ``tolerance_width`` across the insertion, so that the depths are as they were.
+    """
 
     plug: str  # path of the .obj file of the plug
     socket: str  # path of the .obj file of the socket
     unit: float = 0.001  # m, of the files' lengths
     mated_depth: float  # m, of a plug that is fully in
-    mating_force: float  # N, largest that the insertion of a plug in line takes
+    springs: Mapping[str, float] = field(default_factory=dict)
+    # N/m, stiffness of the objects that give way, such as latches and contacts, by name; two that
+    # touch each other are springs in series
+    seating_force: float | None = None
+    # N, with which a part without springs counts as pressed home; None: it has springs
+    tolerance_width: float = 0.0
+    # m, by which the width of a plug and that of a socket's opening are off at worst
     lead_in: float = 0.0005
     # m, depth up to which a plug beside its place still slides off sideways
-    largest_force: float = 100.0  # N, that plug and socket stand along any axis; assumed
-    largest_torque: float = 1.5  # N m, that they stand about any axis; assumed
     mass: float = 0.02  # kg, of the plug; assumed
-    material: ContactMaterial = ContactMaterial()  # of both
+
+    PARTNERS: ClassVar[Sequence[tuple[str, str]]] = (("plug", "socket"),)
+    MAY_BE_ZERO: ClassVar[Sequence[str]] = ("tolerance_width", *SprungConnector.MAY_BE_ZERO)
 
     def __post_init__(self) -> None:
-        require_all_positive(self)
+        super().__post_init__()
+        require_not_negative(self, "tolerance_width")
+        require_positive(self, "seating_force")
         for name in ("plug", "socket"):
             path = getattr(self, name)
             try:
@@ -184,6 +196,17 @@ class MeshConnector:
             if not size <= _LARGEST:
                 allowed = f"lengths for which {path} is at most {_LARGEST:g} m large, not {size:g}"
                 raise ParameterError("unit", self.unit, allowed)
+        names = [one.name for path in (self.plug, self.socket) for one in _solids(path)]
+        for name, stiffness in self.springs.items():
+            if name not in names:
+                allowed = f"names of objects: {', '.join(dict.fromkeys(names))}"
+                raise ParameterError("springs", name, allowed)
+            if not 0 < stiffness < self.material.stiffness:
+                allowed = f"above 0, below {self.material.stiffness:g}, material.stiffness"
+                raise ParameterError(f"springs.{name}", stiffness, allowed)
+        if (self.seating_force is None) == (not self.springs):
+            allowed = "null with springs" if self.springs else "a number, or springs"
+            raise ParameterError("seating_force", self.seating_force, allowed)
 
     @property
     def name(self) -> str:
@@ -200,32 +223,69 @@ class MeshConnector:
         """Likewise of the socket, in S."""
         return self.unit * _corners(_solids(self.socket))
 
-    @property
-    def mated_turn(self) -> None:
-        """It mates as it went in."""
+    @cached_property
+    def mating_force(self) -> float:
+        """Largest force that the insertion of a plug in line takes, N.
+
+        It is computed from the springs and friction, or is the force that presses the plug home.
+
+        Raises:
+            ParameterError: If the springs take none, or plug and socket overlap in line.
+        """
+        if self.seating_force is not None:
+            return self.seating_force
+        depth = np.linspace(0.0, self.mated_depth, _DEPTHS, endpoint=False)
+        force = float(insertion_force(self, depth).max())
+        if not 0 < force <= self.largest_force:
+            allowed = (
+                f"springs that a plug in line meets, with at most {self.largest_force:g} N: "
+                f"they and all that overlaps take {force:.3g} N"
+            )
+            raise ParameterError("springs", dict(self.springs), allowed)
+        return force
 
     def with_mating_force(self, force: float) -> "MeshConnector":
-        """Return the same parts with another mating force, N."""
-        return replace(self, mating_force=force)
+        """Return the same parts with stiffer springs, or pressed home with another force, N."""
+        if self.seating_force is not None:
+            return replace(self, seating_force=force)
+        share = force / self.mating_force
+        return replace(self, springs={name: share * k for name, k in self.springs.items()})
 
-    def add_plug(self, plant: MultibodyPlant, body: RigidBody, X_BP: RigidTransform) -> None:
-        """Add the plug to a body that holds it, X_BP its place there."""
-        add_pieces(plant, body, X_BP, self._pieces(self.plug), self.material, _PLUG_COLOUR)
+    def plug_parts(self) -> list[ConnectorPart]:
+        """Return the plug's pieces, in P."""
+        return self._parts("plug", self.plug, _PLUG_COLOUR)
 
-    def add_socket(self, plant: MultibodyPlant, X_WS: RigidTransform) -> None:
-        """Add the socket, fixed to the world."""
-        world = plant.world_body()
-        add_pieces(plant, world, X_WS, self._pieces(self.socket), self.material, _SOCKET_COLOUR)
+    def socket_parts(self) -> list[ConnectorPart]:
+        """Return the socket's pieces, in S."""
+        return self._parts("socket", self.socket, _SOCKET_COLOUR)
 
-    def _pieces(self, path: str) -> list[ConvexPiece]:
+    def _parts(self, name: str, path: str, colour: Array) -> list[ConnectorPart]:
         """Return the convex hull of each object, its origin in its middle."""
-        pieces = []
+        parts = []
+        grown = self.tolerance_width / 2 if self.tolerance == "worst" else 0.0
         for i, solid in enumerate(_solids(path)):
-            corners = self.unit * solid.corners
+            corners, material = self.unit * solid.corners, self.material
+            if stiffness := self.springs.get(solid.name):
+                # With what is hard it is a spring in series.
+                own = 1 / (1 / stiffness - 1 / material.stiffness)
+                material = self.spring(own)
+            elif grown:
+                corners = _grown(corners, grown)
             middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
             shape = Convex((corners - middle).T, solid.name)
-            pieces.append(ConvexPiece(f"{i} {solid.name}", shape, RigidTransform(middle)))
-        return pieces
+            piece = ConvexPiece(f"{i} {solid.name}", shape, RigidTransform(middle))
+            parts.append(ConnectorPart(name, [piece], material, colour))
+        return parts
+
+
+def _grown(corners: Array, by: float) -> Array:
+    """Return the corners of a convex piece whose faces have moved outwards, across z alone, m."""
+    hull = ConvexHull(corners)
+    faces = hull.equations.copy()
+    faces[:, 3] -= by * np.hypot(faces[:, 0], faces[:, 1])
+    within = HalfspaceIntersection(faces, corners.mean(axis=0)).intersections
+    found: Array = np.unique(within.round(10), axis=0)
+    return found
 
 
 @lru_cache(maxsize=8)

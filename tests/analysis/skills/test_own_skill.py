@@ -1,18 +1,28 @@
 """A skill of one's own: its file, and the experiment that runs it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import pytest
+from pydrake.geometry import Meshcat, MeshcatParams
 
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.analysis.scenario.experiment import quiet
 from chamfer.analysis.scenario.scenario_io import make_scenario, unstructure
 from chamfer.analysis.scenario.scenario_yaml import parse_value
-from chamfer.analysis.skills.own_skill import OwnSkillScenario, resolve_own_skill, run
+from chamfer.analysis.skills.connector_campaign import D_CONNECTOR as D_CAMPAIGN
+from chamfer.analysis.skills.connector_campaign import resolve_campaign
+from chamfer.analysis.skills.own_skill import (
+    OWN_SKILL,
+    OwnSkillScenario,
+    figures,
+    resolve_own_skill,
+    run,
+    show_replay,
+)
 from chamfer.analysis.skills.skill_file import read_skill, skill_of, skill_text
 from chamfer.diagrams.skills.connector_scenario import (
     BNC_CONNECTOR,
@@ -21,11 +31,12 @@ from chamfer.diagrams.skills.connector_scenario import (
     ROUND_PEG,
     resolve,
 )
-from chamfer.models.connectors.mesh_connector import MeshConnector, convex_hull, write_solids
+from chamfer.models.connectors.mesh_connector import convex_hull, write_solids
 from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.force_primitives import GuardedMove
 from chamfer.systems.primitives.skill import PRIMITIVES, Retry, Skill, SkillState
 from chamfer.systems.primitives.trajectory_primitives import MoveDx
+from chamfer.systems.sensing.force_sensor import WrenchSensorParams
 
 STATE = "states: [{name: a, run: [%s], on: %s, timeout: %s}]"
 TEXT = """
@@ -150,16 +161,77 @@ def test_a_file_is_run_and_its_text_is_kept(touch: str) -> None:
     assert resolve_own_skill(again) == scenario
 
 
-def test_a_part_of_ones_own(tmp_path: Path, touch: str) -> None:
+@pytest.fixture
+def block(tmp_path: Path) -> str:
+    """The path of a part: a block, and a floor that it is to touch."""
     for name, bottom, top in (("block", 0, 20), ("floor", -3, -2)):
         corners = np.array(list(product((-4, 4), (-4, 4), (bottom, top))), dtype=float)
         write_solids(tmp_path / f"{name}.obj", [convex_hull(name, corners)])
-    files = {"plug": str(tmp_path / "block.obj"), "socket": str(tmp_path / "floor.obj")}
-    given = {"part": "own", "own": {**files, "mated_depth": 0.002, "mating_force": 5.0}}
-    scenario = make_scenario(OwnSkillScenario(), given={**FAST, "skill": touch, **given})
-    found = run(resolve_own_skill(scenario), 0, quiet).metrics
+    files = "plug: block.obj\nsocket: floor.obj\n"
+    path = tmp_path / "block.yaml"
+    path.write_text(f"{files}mated_depth: 0.002\nseating_force: 5\n")
+    return str(path)
+
+
+def test_a_part_of_ones_own(block: str, touch: str) -> None:
+    scenario = make_scenario(OwnSkillScenario(), given={**FAST, "skill": touch, "part": block})
+    resolved = resolve_own_skill(scenario)
+    found = run(resolved, 0, quiet).metrics
     assert (found["done"].value, found["success"].value) == (1.0, 1.0)
     assert found["depth"].value == pytest.approx(0.002, abs=3e-4)
+    Path(block).unlink()  # all that it says is kept
+    again = make_scenario(OwnSkillScenario(), given=unstructure(resolved))
+    assert resolve_own_skill(again) == resolved
+
+
+def part_of(*settings: str) -> Any:
+    """What the settings make of a part."""
+    return resolve_own_skill(make_scenario(OWN_SKILL, settings=settings)).insertion.connector
+
+
+def test_fields_of_the_part_are_set() -> None:
+    bnc = part_of("part=bnc-connector", "connector.friction=0.4", "connector.spring_force=20")
+    usual = BNC_CONNECTOR.connector
+    rubbing = replace(usual.material, friction=0.4)
+    assert bnc == replace(usual, material=rubbing, spring_force=20.0)
+    assert make_scenario(D_CONNECTOR, settings=["connector.friction=0.4"]).connector == replace(
+        D_CONNECTOR.connector, material=rubbing
+    )
+    unknown = r"^connector\.spring_force: no such field, valid fields: contacts, friction, larg.*"
+    with pytest.raises(UserError, match=unknown):
+        part_of("connector.spring_force=20")
+    with pytest.raises(UserError, match=r"^connector\.plug has to be given, it has no default$"):
+        part_of("part=own")
+    with pytest.raises(UserError, match=r"^connector\.material\.friction is -1\.0, allowed: "):
+        part_of("connector.friction=-1")
+
+
+def test_a_part_goes_through_a_campaign_and_an_ablation(block: str, touch: str) -> None:
+    given = {**FAST, "skill": touch, "part": block, "trials": 2, "spread": {"obstacles": 0.0}}
+    scenario = resolve_own_skill(make_scenario(OWN_SKILL, given={**given, "duration": 1.5}))
+    outcome = run(scenario, 0, quiet)
+    assert len(set(outcome.traces["mating_force"].tolist())) == 2
+    assert outcome.metrics["success_rate"].value == 100.0
+    assert set(figures(scenario, outcome)) == {"success"}
+    show_replay(scenario, outcome, Meshcat(MeshcatParams(host="localhost")))
+
+
+def test_a_skill_is_compared_with_what_it_can_lack() -> None:
+    given = {**FAST, "duration": 0.1, "trials": 2, "compared": ["without_tare"]}
+    scenario = resolve_own_skill(make_scenario(OWN_SKILL, given=given))
+    outcome = run(scenario, 0, quiet)
+    assert outcome.traces["skill"].tolist() == ["whole"] * 2 + ["without_tare"] * 2
+    assert "without_tare.success_rate" in outcome.metrics
+    assert set(figures(scenario, outcome)) == {"ablation"}
+    with pytest.raises(ParameterError, match=r"^compared is 'without_spring', allowed: what this"):
+        resolve_own_skill(replace(OWN_SKILL, trials=2, compared=("without_spring",)))
+
+
+def test_a_campaign_is_that_of_the_part() -> None:
+    changes = {"trials": 3, "sensing": "realistic", "sensor": WrenchSensorParams(), "step": 0.002}
+    scenario = resolve_own_skill(replace(OWN_SKILL, **changes)).insertion
+    usual = resolve_campaign(replace(D_CAMPAIGN, sight=None, trials=3, duration=120.0))
+    assert scenario == usual
 
 
 def test_a_skill_that_can_t_be_run_is_refused_before_it_runs(tmp_path: Path, touch: str) -> None:
@@ -182,6 +254,6 @@ def test_a_part_without_a_strategy_needs_a_skill(tmp_path: Path) -> None:
     corners = np.array(list(product((-4, 4), (-4, 4), (0, 20))), dtype=float)
     write_solids(tmp_path / "block.obj", [convex_hull("block", corners)])
     path = str(tmp_path / "block.obj")
-    own = MeshConnector(plug=path, socket=path, mated_depth=0.002, mating_force=10.0)
+    own = {"plug": path, "socket": path, "mated_depth": 0.002, "seating_force": 10.0}
     with pytest.raises(ParameterError, match=r"^skill is None, allowed: a skill, block has no st"):
-        resolve_own_skill(OwnSkillScenario(part="own", own=own))
+        resolve_own_skill(OwnSkillScenario(part="own", connector=own))
