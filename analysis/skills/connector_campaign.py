@@ -304,7 +304,7 @@ def attempt(
         **insertion_metrics(done, one.connector),
         **{name: float(value) for name, value in truth._asdict().items()},
         **failure_columns(failure(done, one.connector)),
-        **{f"peak.{name}": value for name, value in peak(done)._asdict().items()},
+        **{f"peak.{name}": value for name, value in peak(done).items()},
     }
 
 

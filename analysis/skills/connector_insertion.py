@@ -68,7 +68,8 @@ def insertion_outcome(done: SkillResult, connector: Connector) -> Outcome:
     """Return what a run of a skill measured."""
     metrics = over_trials([insertion_metrics(done, connector)], INSERTION)
     at = peak(done)
-    where = f"in {at.state}, at {1e3 * at.depth:.1f} mm, {math.degrees(at.tilt):.1f} degrees"
+    at["depth"], at["tilt"] = 1e3 * at["depth"], math.degrees(at["tilt"])
+    where = "in {state}, at {depth:.1f} mm, {tilt:.1f} degrees".format(**at)
     metrics["force.peak"] = replace(metrics["force.peak"], note=where)
     if failed := failure(done, connector):
         metrics["success"] = replace(metrics["success"], note=failed.text)

@@ -1,12 +1,12 @@
 """What insertions measure, and what a skill says of them against the truth it does not see."""
 
 import math
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from chamfer.analysis.campaign.trial_metrics import Quantity, Trial
-from chamfer.analysis.skills.skill_run import SkillResult, SkillStep
+from chamfer.analysis.skills.skill_run import SkillResult
 from chamfer.models.connectors.connector import Connector
 from chamfer.systems.primitives.skill import RETRACT
 from chamfer.systems.strategies.grasp_and_transport import GRASPING, TRANSPORT
@@ -89,7 +89,7 @@ def failure(done: SkillResult, connector: Connector) -> Failure | None:
     if done.outcome == "failed":
         state, _, outcome = done.reason.rpartition(": ")
         expected = done.expected
-        row = next((_row(done, one) for one in done.path[::-1] if one.target == RETRACT), row)
+        row = next((_row(done, one.time) for one in done.path[::-1] if one.target == RETRACT), row)
     names = ("depth", "turn", "true_wrench_z", "tilt", "time")
     depth, turn, force, tilt, time = (float(done.traces[name][row]) for name in names)
     if done.outcome == "done":
@@ -113,20 +113,12 @@ def failure_columns(found: Failure | None) -> dict[str, str | float | None]:
     }
 
 
-class Peak(NamedTuple):
-    """Where the largest true force along the insertion was."""
-
-    state: str
-    depth: float  # m, true
-    tilt: float  # rad, true
-
-
-def peak(done: SkillResult) -> Peak:
-    """Return where the largest true push or pull of a run was."""
+def peak(done: SkillResult) -> dict[str, Any]:
+    """Return where the largest true force along the insertion was: state, depth, m, tilt, rad."""
     at = done.peak_time
     state = next((one.source for one in done.path if one.time >= at), done.state)
-    row = min(int(np.searchsorted(done.traces["time"], at - 1e-6)), len(done.traces["time"]) - 1)
-    return Peak(state, float(done.traces["depth"][row]), float(done.traces["tilt"][row]))
+    row = min(_row(done, at), len(done.traces["time"]) - 1)
+    return {"state": state, **{name: float(done.traces[name][row]) for name in ("depth", "tilt")}}
 
 
 def is_mated(connector: Connector, depth: float, turn: float) -> bool:
@@ -153,7 +145,7 @@ def verdict(done: SkillResult, connector: Connector) -> InsertionVerdict:
     depth, turn = done.traces["depth"], done.traces["turn"]
     mated = is_mated(connector, float(depth[-1]), float(turn[-1]))
     found = [one for one in done.path if one.outcome == "hindered"]
-    outside = [one for one in found if depth[_row(done, one)] < connector.lead_in]
+    outside = [one for one in found if depth[_row(done, one.time)] < connector.lead_in]
     return InsertionVerdict(
         mated=mated,
         false_done=done.outcome == "done" and not mated,
@@ -175,7 +167,7 @@ def _truthful(done: SkillResult, connector: Connector) -> bool:
     if not given_up:
         return False
     last = given_up[-1]
-    row = _row(done, last)
+    row = _row(done, last.time)
     depth, turn, held = (float(done.traces[name][row]) for name in ("depth", "turn", "holding"))
     if last.source in GRASPING:
         return held < 0.5
@@ -186,6 +178,6 @@ def _truthful(done: SkillResult, connector: Connector) -> bool:
     return held >= 0.5 and out and not is_mated(connector, depth, turn) and not jammed_outside
 
 
-def _row(done: SkillResult, step: SkillStep) -> int:
-    """Return the traces' row at which a state was left."""
-    return int(np.searchsorted(done.traces["time"], step.time - 1e-6))
+def _row(done: SkillResult, time: float) -> int:
+    """Return the traces' row at a time, s, such as when a state was left."""
+    return int(np.searchsorted(done.traces["time"], time - 1e-6))

@@ -5,14 +5,13 @@ from pathlib import Path
 from typing import Any
 
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.plain_data import plain_data, structured
+from chamfer.analysis.scenario.plain_data import plain_data
 from chamfer.analysis.scenario.scenario_yaml import block, read_mapping
+from chamfer.analysis.skills.skill_expansion import Primitives, SkillReader
 from chamfer.systems.primitives.primitive import Primitive
 from chamfer.systems.primitives.skill import PRIMITIVES, Skill
 from chamfer.systems.primitives.skill_law import make_skill_chart
 from chamfer.systems.statechart.chart import ChartError
-
-Primitives = Mapping[str, type[Primitive]]
 
 
 def read_skill(path: Path, primitives: Primitives = PRIMITIVES) -> Skill:
@@ -30,7 +29,7 @@ def read_skill(path: Path, primitives: Primitives = PRIMITIVES) -> Skill:
 
 def skill_of(plain: Mapping[Any, Any], primitives: Primitives = PRIMITIVES) -> Skill:
     """Return the skill that plain data stands for, checked as by :func:`read_skill`."""
-    skill: Skill = structured(plain, Skill, named={Primitive: primitives})
+    skill = SkillReader(primitives).skill(plain)
     try:
         make_skill_chart(skill)
     except ChartError as error:

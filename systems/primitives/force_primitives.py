@@ -64,11 +64,6 @@ def index_of(direction: Direction) -> int:
     return DIRECTIONS.index(direction) // 2
 
 
-def in_words(direction: Direction, size: float) -> str:
-    """Return a way along or about a direction, m or rad, as text in mm or degrees."""
-    return f"{1e3 * size:.3g} mm" if "r" not in direction else f"{math.degrees(size):.3g} degrees"
-
-
 def noise_of(sensed: Observation, index: int) -> float:
     """Return the standard deviation of an element of a wrench, as its zero was taken."""
     return 0.0 if sensed.spread is None else sensed.spread[index]
@@ -115,13 +110,6 @@ class GuardedMove(Directed):
         return {"contact": 0.0, "lost": self.limit / self.speed}
 
     @property
-    def expects(self) -> Mapping[Event, str]:
-        """What its contact takes."""
-        unit = "N m" if "r" in self.direction else "N"
-        way = in_words(self.direction, self.limit)
-        return {"contact": f"{self.threshold:.3g} {unit} within {way} along {self.direction}"}
-
-    @property
     def load(self) -> PrimitiveLoad:
         """How hard it pushes."""
         return PrimitiveLoad(self.direction, self.speed, self.threshold)
@@ -158,12 +146,6 @@ class Stick(Directed):
     def events(self) -> Mapping[Event, float]:
         """The events that it can have, each with the earliest time, s."""
         return {"lost": 0.0} if self.threshold < math.inf else {}
-
-    @property
-    def expects(self) -> Mapping[Event, str]:
-        """What it takes that contact is lost, which is how a search finds."""
-        way = in_words(self.direction, self.threshold)
-        return {"lost": f"more than {way} along {self.direction}"} if self.events else {}
 
     @property
     def load(self) -> PrimitiveLoad:

@@ -19,7 +19,7 @@ from chamfer.models.validation import (
     require_numbers,
     require_positive,
 )
-from chamfer.systems.primitives.force_primitives import Directed, along, in_words
+from chamfer.systems.primitives.force_primitives import Directed, along
 from chamfer.systems.primitives.primitive import (
     FASTEST,
     STILL,
@@ -147,13 +147,6 @@ class Way(Directed):
     def events(self) -> Mapping[Event, float]:
         """The events that it can have, each with the earliest time, s."""
         return {"done": self.wait + self.time, "jammed": self.wait + self.time}
-
-    @property
-    def expects(self) -> Mapping[Event, str]:
-        """What it takes to be done."""
-        least = f"at least {in_words(self.direction, self.least)}"
-        most = f", at most {in_words(self.direction, self.most)}" if self.most < math.inf else ""
-        return {"done": f"{least}{most} along {self.direction}"}
 
     def begin(self, sensed: Observation) -> _Averaged:
         """Remember where it begins."""

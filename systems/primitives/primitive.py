@@ -94,11 +94,6 @@ class Primitive:
         """
         return {}
 
-    @property
-    def expects(self) -> Mapping[Event, str]:
-        """What an event takes, in words, for whoever asks why it did not come. By default none."""
-        return {}
-
     def begin(self, sensed: Observation) -> object:
         """Return the memory at its first tick; ``perturbed`` is what was commanded until then."""
         return None

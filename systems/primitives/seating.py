@@ -18,13 +18,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Final, Literal, NamedTuple
 
 from chamfer.models.validation import ParameterError, require_all_positive, require_finite
-from chamfer.systems.primitives.force_primitives import (
-    Directed,
-    PrimitiveLoad,
-    along,
-    in_words,
-    velocity,
-)
+from chamfer.systems.primitives.force_primitives import Directed, PrimitiveLoad, along, velocity
 from chamfer.systems.primitives.primitive import STILL, Event, Observation, Stepped
 from chamfer.systems.statechart.chart import TIME_TOLERANCE
 
@@ -136,11 +130,6 @@ class Seat(Directed):
     def events(self) -> Mapping[Event, float]:
         """The events that it can have, each with the earliest time, s."""
         return {"done": 2 * self.window, "jammed": 2 * self.window}
-
-    @property
-    def expects(self) -> Mapping[Event, str]:
-        """What its end takes."""
-        return {"done": f"a stop after at least {in_words(self.direction, self.distance)}"}
 
     @property
     def load(self) -> PrimitiveLoad:

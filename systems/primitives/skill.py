@@ -5,9 +5,10 @@ primitives that it runs and what follows each of their events. A state without a
 event, or to the end of its time, fails: a failed skill retracts first, and says why it failed.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Final, Literal
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Final, Literal
 
 from chamfer.models.validation import ParameterError, require_whole
 from chamfer.systems.primitives.force_primitives import GuardedMove, Hold, Level, Obstructed, Stick
@@ -32,14 +33,28 @@ FAILED: Final = "failed"
 
 @dataclass(frozen=True)
 class Retry:
-    """What follows an outcome the first few times, and after that; then the skill fails."""
+    """What follows an outcome the first few times, and after that; then the skill fails.
+
+    Each of these times changes the state that is tried again, the one whose outcome it is: the
+    fields of its primitives that have the names of ``factors`` are multiplied by them once more.
+    """
 
     target: str
     at_most: int = 3
     then: "Retry | None" = None
+    factors: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         require_whole(self, "at_most")
+        for name, factor in self.factors.items():
+            if not 0 < factor < math.inf or factor == 1:
+                allowed = "a finite number > 0 other than 1, which does nothing"
+                raise ParameterError(f"factors.{name}", factor, allowed)
+
+    @property
+    def chain(self) -> "tuple[Retry, ...]":
+        """It, and what follows after it."""
+        return (self, *(self.then.chain if self.then else ()))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +79,18 @@ class SkillState:
             raise ParameterError("damping", given, "six numbers >= 0, infinity for stiff")
         object.__setattr__(self, "run", tuple(self.run))
 
+    def run_again(self, tried: Callable[[Outcome], int]) -> tuple[Primitive, ...]:
+        """Return what it runs, after it was tried again so often for each of its outcomes."""
+        run = tuple(self.run)
+        for outcome, answer in self.on.items():
+            left = tried(outcome) if isinstance(answer, Retry) else 0
+            for retry in answer.chain if isinstance(answer, Retry) else ():
+                times = min(left, retry.at_most)
+                left -= times
+                for name, factor in retry.factors.items():
+                    run = tuple(scaled(one, name, factor**times) for one in run)
+        return run
+
     def expected(self, outcome: Outcome) -> str:
         """Return in words what it waited for, other than an outcome and what is tried again."""
         waited = [
@@ -71,7 +98,9 @@ class SkillState:
             for event, answer in self.on.items()
             if event not in (outcome, "timed out") and isinstance(answer, str)
         ]
-        words = {event: text for one in self.run for event, text in one.expects.items()}
+        words: dict[str, str] = {}
+        for one in self.run:
+            words |= _expected(one)
         mark = ", from the mark" if self.from_mark else ""
         told = [f"{event}: {words[event]}{mark}" for event in waited if event in words]
         return "; or ".join(told or waited)
@@ -90,6 +119,41 @@ class Skill:
     def __post_init__(self) -> None:
         for name in ("states", "retract"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
+
+
+def _expected(primitive: Primitive) -> dict[str, str]:
+    """Return in words what events of a primitive take, of those that tell it."""
+
+    def words(size: float) -> str:
+        turns = "r" in getattr(primitive, "direction", "")
+        return f"{math.degrees(size):.3g} degrees" if turns else f"{1e3 * size:.3g} mm"
+
+    match primitive:
+        case GuardedMove(direction=way, threshold=force, limit=limit):
+            unit = "N m" if "r" in way else "N"
+            return {"contact": f"{force:.3g} {unit} within {words(limit)} along {way}"}
+        case Stick(direction=way, threshold=threshold) if threshold < math.inf:
+            return {"lost": f"more than {words(threshold)} along {way}"}
+        case Seat(distance=distance):
+            return {"done": f"a stop after at least {words(distance)}"}
+        case Way(direction=way, least=least, most=most):
+            bound = f", at most {words(most)}" if most < math.inf else ""
+            return {"done": f"at least {words(least)}{bound} along {way}"}
+    return {}
+
+
+def scaled(primitive: Primitive, name: str, factor: float) -> Primitive:
+    """Return a primitive with a field, and that of the primitives in it, times a factor."""
+    changes: dict[str, Any] = {}
+    for one in fields(primitive):  # type: ignore[arg-type]
+        value = getattr(primitive, one.name)
+        if isinstance(value, Primitive):
+            changes[one.name] = scaled(value, name, factor)
+        elif one.name == name and isinstance(value, float):
+            changes[name] = factor * value
+        elif one.name == name and isinstance(value, tuple):
+            changes[name] = tuple(factor * each for each in value)
+    return replace(primitive, **changes) if changes else primitive  # type: ignore[type-var]
 
 
 # All primitives by name, as a skill in a file names them.

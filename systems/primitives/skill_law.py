@@ -5,6 +5,7 @@ Each mistake of a skill is refused in one line before it runs.
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Final, NamedTuple
@@ -17,7 +18,14 @@ from chamfer.systems.primitives.force_primitives import (
     PrimitiveLoad,
     index_of,
 )
-from chamfer.systems.primitives.primitive import STILL, Event, Observation, Vector, sensed_signals
+from chamfer.systems.primitives.primitive import (
+    STILL,
+    Event,
+    Observation,
+    Primitive,
+    Vector,
+    sensed_signals,
+)
 from chamfer.systems.primitives.skill import (
     DONE,
     FAILED,
@@ -27,6 +35,7 @@ from chamfer.systems.primitives.skill import (
     Retry,
     Skill,
     SkillState,
+    scaled,
 )
 from chamfer.systems.primitives.trajectory_primitives import Dither
 from chamfer.systems.statechart.chart import (
@@ -45,12 +54,36 @@ if TYPE_CHECKING:  # it brings Drake along
 _TICKS = 4  # that a cycle of a dither takes at least
 _ROUNDING = 1e-6  # ticks
 _SIZE: Final = 6
+_MANY: Final = 10**9  # tries
 
 
 def _states_of(skill: Skill) -> Iterator[tuple[SkillState, str]]:
     """Yield all states that run something, each with what a message calls it."""
     for state in (*skill.states, _retract_of(skill)):
-        yield state, f"skill {skill.name!r}: {state.name!r}"
+        where = f"skill {skill.name!r}: {state.name!r}"
+        yield state, where
+        if any(one.factors for one in _retries(state)):
+            yield _last_try(state, where), f"{where}, in its last try"
+
+
+def _retries(state: SkillState) -> Iterator[Retry]:
+    return (one for it in state.on.values() if isinstance(it, Retry) for one in it.chain)
+
+
+def _last_try(state: SkillState, where: str) -> SkillState:
+    """Return a state as it is tried again the last time; what changes nothing is refused."""
+    try:
+        for name, by in (pair for one in _retries(state) for pair in one.factors.items()):
+            if all(scaled(one, name, by) == one for one in state.run):
+                items = [item for one in state.run for item in vars(one).items()]
+                numbers = sorted({name for name, size in items if isinstance(size, float)})
+                raise ChartError(
+                    f"{where} is tried again with {name} {by:g}x, which changes nothing, "
+                    f"allowed: {', '.join(numbers)}"
+                )
+        return replace(state, run=state.run_again(lambda _: _MANY))
+    except (ParameterError, OverflowError) as error:
+        raise ChartError(f"{where}, in its last try: {error}") from error
 
 
 def _check_skill(skill: Skill) -> None:
@@ -218,7 +251,8 @@ class SkillMemory(NamedTuple):
     velocity: Vector = STILL  # V_cmd, rad/s above m/s
     ran: Vector = STILL  # V_cmd while the primitives still ran, without an event
     event: Event | None = None
-    memories: tuple[object, ...] = ()  # of the primitives that run
+    run: tuple[Primitive, ...] = ()  # the primitives that run
+    memories: tuple[object, ...] = ()  # theirs
     closed: bool = False  # the gripper
     looks: bool = False  # the cameras
     tares: bool = False  # the force sensor
@@ -273,16 +307,16 @@ def make_skill_chart(skill: Skill) -> SkillChart:
 
 
 def _chart_state(state: SkillState) -> State[Observation, SkillMemory]:
-    run = tuple(state.run)
-
     def entry(tick: _Tick) -> SkillMemory:
         memory = tick.memory
         mark = memory.mark or (tick.inputs if state.marks else None)
         begin = mark if state.from_mark and mark is not None else tick.inputs
         begin = begin._replace(perturbed=memory.ran)  # however many ticks ago that was
+        run = state.run_again(partial(memory.tried, state.name))
         return memory._replace(
             mark=mark,
             event=None,
+            run=run,
             memories=tuple(primitive.begin(begin) for primitive in run),
             closed=memory.closed if state.grip is None else state.grip == "close",
             looks=state.looks,
@@ -298,7 +332,7 @@ def _chart_state(state: SkillState) -> State[Observation, SkillMemory]:
         time = tick.time_in_state
         stepped = [
             primitive.step(tick.inputs, memory, time)
-            for primitive, memory in zip(run, tick.memory.memories, strict=True)
+            for primitive, memory in zip(tick.memory.run, tick.memory.memories, strict=True)
         ]
         event = next((one.event for one in stepped if one.event is not None), None)
         total = tuple(sum(one.velocity[i] for one in stepped) for i in range(_SIZE))
@@ -310,7 +344,7 @@ def _chart_state(state: SkillState) -> State[Observation, SkillMemory]:
             memories=tuple(one.memory for one in stepped),
         )
 
-    labels = [primitive.label for primitive in run]
+    labels = [primitive.label for primitive in state.run]
     if state.grip is not None:
         labels.insert(0, f"grip {state.grip}")
     return State(name=state.name, entry=entry, during=during, note=", ".join(labels))
@@ -318,7 +352,7 @@ def _chart_state(state: SkillState) -> State[Observation, SkillMemory]:
 
 def _stop(tick: _Tick) -> SkillMemory:
     return tick.memory._replace(
-        velocity=STILL, event=None, memories=(), damping=STILL, looks=False, tares=False
+        velocity=STILL, event=None, run=(), memories=(), damping=STILL, looks=False, tares=False
     )
 
 
@@ -341,11 +375,12 @@ def _transitions(state: SkillState) -> list[Transition[Observation, SkillMemory]
         retry: Retry | None = answer
         while retry is not None:
             tries = range(first, first + retry.at_most)
+            changes = "".join(f", {name} {by:g}x" for name, by in retry.factors.items())
             found.append(
                 Transition(
                     source=state.name,
                     target=retry.target,
-                    label=f"{label}, {retry.at_most} times at most",
+                    label=f"{label}, {retry.at_most} times at most{changes}",
                     guard=_guard(state, outcome, tries),
                     action=partial(_counted, (state.name, outcome)),
                 )
@@ -358,7 +393,8 @@ def _transitions(state: SkillState) -> list[Transition[Observation, SkillMemory]
     def why(tick: _Tick) -> SkillMemory:
         outcome = tick.memory.event or "timed out"
         reason = f"{state.name}: {outcome}"
-        return tick.memory._replace(reason=reason, expected=state.expected(outcome))
+        expected = replace(state, run=tick.memory.run).expected(outcome)
+        return tick.memory._replace(reason=reason, expected=expected)
 
     found.append(
         Transition(source=state.name, target=RETRACT, label="otherwise", guard=ended, action=why)

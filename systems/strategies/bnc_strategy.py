@@ -80,7 +80,7 @@ class BncConnectorSkillParams(PlugInsertionParams):
             cycles=1.0,
         )
         compression = self.seat(
-            connector,
+            connector.mating_force,
             rise=self.rise,
             harder=self.harder,
             distance=connector.turning_depth - self.end,

@@ -132,7 +132,7 @@ class DConnectorSkillParams(PlugInsertionParams):
                 from_mark=True,
                 run=[
                     self.seat(
-                        connector,
+                        connector.mating_force,
                         # The tines' lead-in, by a way that a wrist that is not sure may falsify.
                         steep=(
                             connector.pin_depth - self.entry,

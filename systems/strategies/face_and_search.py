@@ -94,9 +94,8 @@ class FaceFeelingParams:
         """Return a guarded move downwards."""
         return GuardedMove(speed=self.approach_speed, threshold=self.contact_force, limit=limit)
 
-    def seat(self, connector: "Connector", **fields: Any) -> Seat:
-        """Return a push with the forces of a connector, as it is believed to be."""
-        force = connector.mating_force
+    def seat(self, force: float, **fields: Any) -> Seat:
+        """Return a push by a mating force, N, as it is believed to be."""
         return Seat(limit=self.limit_share * force, free=self.free_share * force, **fields)
 
     def feel_face(

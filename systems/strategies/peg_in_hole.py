@@ -50,16 +50,17 @@ class PegInHoleSkillParams(TouchParams):
         if self.search == "tilt":
             leaning = self.tilt.states(self, radius, found="insert")
             return (*self.laid_flat(then="lean"), *leaning)
+        return (*self.touched(search="search", found="insert"), self.along_face(found="insert"))
+
+    def along_face(self, *, found: str) -> SkillState:
+        """Return the state that searches for the hole along the face, from over it."""
         motions, time = self._along
-        return (
-            *self.touched(search="search", found="insert"),
-            SkillState(
-                name="search",
-                run=[Stick(speed=self.maintained, threshold=self.drop), *motions],
-                on={"lost": "insert", "done": self.again},
-                damping=ALONG,
-                timeout=2 * time,
-            ),
+        return SkillState(
+            name="search",
+            run=[Stick(speed=self.maintained, threshold=self.drop), *motions],
+            on={"lost": found, "done": self.again},
+            damping=ALONG,
+            timeout=2 * time,
         )
 
     @property
@@ -77,12 +78,16 @@ class PegInHoleSkillParams(TouchParams):
         depth = connector.mated_depth
         return (
             *self.to_hole(connector.peg_radius),
-            SkillState(
-                name="insert",
-                from_mark=True,
-                run=[self.seat(connector, speed=self.push_speed, distance=depth - self.end)],
-                on={"done": "depth", "jammed": self.again, "timed out": self.again},
-                timeout=5.0 + 2 * depth / self.push_speed,
-            ),
+            self.pushed(connector.mating_force, depth, then="depth"),
             self.at_depth(depth, DONE),
+        )
+
+    def pushed(self, force: float, depth: float, *, then: str) -> SkillState:
+        """Return the state that pushes to a depth, m, what takes a force of that size, N."""
+        return SkillState(
+            name="insert",
+            from_mark=True,
+            run=[self.seat(force, speed=self.push_speed, distance=depth - self.end)],
+            on={"done": then, "jammed": self.again, "timed out": self.again},
+            timeout=5.0 + 2 * depth / self.push_speed,
         )

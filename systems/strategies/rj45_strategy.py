@@ -65,7 +65,7 @@ class Rj45ConnectorSkillParams(TouchParams):
                 from_mark=True,
                 run=[
                     self.seat(
-                        connector,
+                        connector.mating_force,
                         speed=self.push_speed,
                         growth=self.push_growth,
                         still=self.push_still,

@@ -123,10 +123,14 @@ def test_a_failure_says_what_was_true_when_it_gave_up() -> None:
 
 def test_the_peak_is_of_the_state_that_was_left_after_it() -> None:
     # The second step, from retract, is at 2 s; the peak at 1.502 s.
-    assert peak(gave_up("push", "jammed", 0.001, end=-0.02)) == ("retract", -0.02, 0.0)
+    assert peak(gave_up("push", "jammed", 0.001, end=-0.02)) == {
+        "state": "retract",
+        "depth": -0.02,
+        "tilt": 0.0,
+    }
     early = replace(gave_up("push", "jammed", 0.001), peak_time=0.9)
-    assert peak(early) == ("push", 0.001, 0.0)
-    assert peak(replace(early, peak_time=3.0)).state == "failed"
+    assert peak(early) == {"state": "push", "depth": 0.001, "tilt": 0.0}
+    assert peak(replace(early, peak_time=3.0))["state"] == "failed"
 
 
 OUT = -0.03  # m, depth of a plug that was retracted

@@ -98,26 +98,26 @@ def test_ones_own_primitives_get_names() -> None:
         ("states: []", "skill 'x': 'retract' runs no primitive"),
         (
             STATE % ("{Seat: {sped: 3}}", "{}", 1),
-            "states[0].run[0].Seat.sped: no such field, valid fields: direction, ",
+            "state 'a': run[0].Seat.sped: no such field, valid fields: direction, ",
         ),
-        (STATE % ("{Pusch: {}}", "{}", 1), "states[0].run[0] is 'Pusch', allowed: "),
-        (STATE % ("Seat", "{}", 1), "states[0].run[0] is 'Seat', allowed: one of "),
-        (STATE % ("{Seat: {}, Stick: {}}", "{}", 1), "states[0].run[0] is {'Seat': {}, "),
+        (STATE % ("{Pusch: {}}", "{}", 1), "state 'a': run[0] is 'Pusch', allowed: "),
+        (STATE % ("Seat", "{}", 1), "state 'a': run[0] is 'Seat', allowed: one of "),
+        (STATE % ("{Seat: {}, Stick: {}}", "{}", 1), "state 'a': run[0] is {'Seat': {}, "),
         (
             STATE % ("{GuardedMove: {speed: -3}}", "{}", 1),
-            "states[0].run[0].GuardedMove.speed is -3.0, allowed: a finite number > 0",
+            "state 'a': run[0].GuardedMove.speed is -3.0, allowed: a finite number > 0",
         ),
         (
             STATE % ("{MoveDx: }", "{done: 5}", 1),
-            "states[0].on.done is 5, allowed: a text or a mapping of at_most, target, then",
+            "state 'a': on.done is 5, allowed: a text or a mapping of at_most, factors, targe",
         ),
         (
             STATE % ("{MoveDx: }", "{finished: done}", 1),
-            "states[0].on.finished is 'finished', allowed: done, contact, ",
+            "state 'a': on.finished is 'finished', allowed: done, contact, ",
         ),
         (
             STATE % ("{MoveDx: }", "{done: {target: done, at_most: 0}}", 3),
-            "states[0].on.done.at_most is 0, allowed: a whole number >= 1",
+            "state 'a': on.done.at_most is 0, allowed: a whole number >= 1",
         ),
         (
             STATE % ("{MoveDx: }", "{done: done}", ".nan") + "\nretract: [{MoveDx: }]",
@@ -242,7 +242,9 @@ def test_a_skill_that_can_t_be_run_is_refused_before_it_runs(tmp_path: Path, tou
     with pytest.raises(UserError, match=r"^skill: line 2: "):
         resolve_own_skill(OwnSkillScenario(skill="name: [\ntwo"))
     Path(touch).write_text(TEXT.replace("GuardedMove", "Jump"))
-    with pytest.raises(UserError, match=r"touch\.yaml: states\[0\]\.run\[0\] is 'Jump', allowed"):
+    with pytest.raises(
+        UserError, match=r"touch\.yaml: state 'touch': run\[0\] is 'Jump', allowed"
+    ):
         resolve_own_skill(OwnSkillScenario(skill=touch))
     fast = TEXT.replace("{direction: -z, threshold: 5}", "\n  - Dither: {frequency: 26}")
     Path(touch).write_text(fast)

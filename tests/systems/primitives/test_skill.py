@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Final
 
 import numpy as np
@@ -13,7 +13,7 @@ from pydrake.systems.primitives import LogVectorOutput
 
 from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.force_primitives import GuardedMove, Hold, Stick
-from chamfer.systems.primitives.position_primitives import Way
+from chamfer.systems.primitives.position_primitives import Centre, Way
 from chamfer.systems.primitives.primitive import (
     EVENTS,
     STILL,
@@ -27,8 +27,8 @@ from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import DONE, FAILED, RETRACT, Retry, Skill, SkillState
 from chamfer.systems.primitives.skill_law import SkillChart, SkillMemory, make_skill_chart
 from chamfer.systems.primitives.skill_machine import SkillMachine
-from chamfer.systems.primitives.trajectory_primitives import MoveDx
-from chamfer.systems.statechart.chart import Snapshot, TransitionRecord
+from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
+from chamfer.systems.statechart.chart import ChartError, Snapshot, TransitionRecord
 from chamfer.systems.vision.detections import CROSS_SECTION_SIZE, DETECTION_SIZE
 
 PERIOD: Final = 0.1  # s
@@ -352,3 +352,59 @@ def test_what_was_expected_in_place_of_an_outcome(
     if expected:
         marked = state("x", run, on=on, from_mark=True).expected(outcome)
         assert marked.endswith(", from the mark") == (not isinstance(run, Hold))
+
+
+def test_a_further_try_changes_the_state_that_is_tried_again() -> None:
+    retry = Retry("back", 2, Retry("back", 1), {"speed": 1.5, "gain": 2.0})
+    dither = Dither(amplitude=0.0)
+    kept = Centre(dither=replace(dither, frequency=2.0), gain=3.0)
+    found = ticks(
+        state("go", Stick(speed=0.01), kept, Fake(STILL, "lost"), on={"lost": retry}),
+        state("back", Fake(STILL, "done"), on={"done": "go", "lost": DONE}),
+    )
+    speeds, gains = [], []
+    while found.state != FAILED:
+        found.tick()
+        if found.state == "go":
+            stick, centre, _ = found.memory.run
+            assert isinstance(stick, Stick)
+            assert isinstance(centre, Centre)
+            speeds.append(stick.speed)
+            gains.append(centre.gain)
+            assert found.memory.velocity in (STILL, (0.0,) * 5 + (-stick.speed,))
+    assert speeds == pytest.approx([0.01, 0.015, 0.0225, 0.0225])
+    assert gains == pytest.approx([3.0, 6.0, 12.0, 12.0])
+    labels = [record.label for record in found.records if record.target == "back"]
+    assert labels[0] == "lost, 2 times at most, speed 1.5x, gain 2x"
+    assert labels[2] == "lost again, 1 times at most"
+
+
+@pytest.mark.parametrize(
+    ("factors", "message"),
+    [
+        ({"speed": 0.0}, "factors.speed is 0.0, allowed: a finite number > 0 other than 1"),
+        ({"speed": 1.0}, "factors.speed is 1.0, allowed: a finite number > 0 other than 1"),
+        ({"speed": math.inf}, "factors.speed is inf, allowed: a finite number > 0 other than 1"),
+    ],
+)
+def test_a_factor_that_does_nothing_is_refused(factors: Any, message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        Retry("a", factors=factors)
+
+
+@pytest.mark.parametrize(
+    ("run", "factors", "message"),
+    [
+        (
+            Stick(threshold=math.inf),
+            {"threshold": 2.0},
+            "changes nothing, allowed: speed, threshold",
+        ),
+        (Seat(free=50.0), {"limit": 0.9}, "in its last try: free is 50.0, allowed: a number > 0"),
+        (Stick(), {"speed": 1e200}, "in its last try: "),
+    ],
+)
+def test_a_last_try_has_to_be_possible(run: Any, factors: Any, message: str) -> None:
+    again = Retry("a", 3, factors=factors)
+    with pytest.raises(ChartError, match=message):
+        make_skill_chart(skill(state("a", run, on={"timed out": again})))
