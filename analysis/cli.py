@@ -25,13 +25,12 @@ from chamfer.analysis.drive.drive_command import add_drive, driven
 from chamfer.analysis.export.export_command import add_export
 from chamfer.analysis.replay.replay_command import add_replay
 from chamfer.analysis.report.console import plain_warnings, say
-from chamfer.analysis.scenario.errors import ExperimentError, UserError
+from chamfer.analysis.scenario.errors import ExperimentError, UserError, valid_name
 from chamfer.analysis.scenario.experiment import (
     Catalogue,
     Entry,
     select,
     valid_integer,
-    valid_name,
 )
 from chamfer.analysis.sweep.sweep_command import add_sweep
 from chamfer.analysis.track.track_command import add_track

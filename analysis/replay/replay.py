@@ -15,8 +15,8 @@ from chamfer.analysis.command.controllers import controllers
 from chamfer.analysis.command.running import given_scenario, named_failures
 from chamfer.analysis.report.control_log import log_records, read_log
 from chamfer.analysis.report.results import metric_document, versions
-from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.experiment import Entry, load, valid_name
+from chamfer.analysis.scenario.errors import UserError, valid_name
+from chamfer.analysis.scenario.experiment import Entry, load
 from chamfer.analysis.scenario.scenario_io import sha256, unstructure
 from chamfer.analysis.scenario.scenario_overrides import overrides
 from chamfer.systems.recording import AnyLaw, Record

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final, Generic, Protocol, TypeVar
 
-from chamfer.analysis.scenario.errors import UserError
+from chamfer.analysis.scenario.errors import UserError, valid_name
 
 if TYPE_CHECKING:
     import numpy as np
@@ -186,22 +186,6 @@ def column(values: "Sequence[float] | NDArray[Any]") -> "NDArray[np.float64]":
     import numpy as np  # listing experiments needs none
 
     return np.asarray(values, dtype=np.float64)
-
-
-def valid_name(kind: str, name: str, names: Mapping[str, Any]) -> str:
-    """Return the name if it is one of the names, and else say which are.
-
-    Raises:
-        UserError: If it is none of them.
-    """
-    if name in names:
-        return name
-    from difflib import get_close_matches
-
-    close = get_close_matches(name, names, n=1)
-    suggestion = f", did you mean {close[0]!r}?" if close else ","
-    valid = ", ".join(names) or "none"
-    raise UserError(f"unknown {kind} {name!r}{suggestion} valid names: {valid}")
 
 
 def valid_integer(option: str, text: str | None, low: int, high: int) -> int | None:

@@ -14,8 +14,7 @@ from fractions import Fraction
 from itertools import islice
 from typing import Any, Final, get_type_hints
 
-from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.experiment import valid_name
+from chamfer.analysis.scenario.errors import UserError, valid_name
 from chamfer.analysis.scenario.field_comments import field_comment
 from chamfer.analysis.scenario.plain_data import structured
 from chamfer.models.validation import ParameterError, shown
@@ -142,7 +141,7 @@ def _in_si(given: Any, cls: type, path: str = "") -> Any:
     kinds, changed = get_type_hints(cls), dict(given)
     for name in [one.name for one in fields(cls) if one.name in given]:
         if is_dataclass(kind := kinds[name]):
-            changed[name] = _in_si(given[name], kind, f"{path}{name}.")
+            changed[name] = _in_si(given[name], kind, f"{path}{name}.")  # type: ignore[arg-type]
         else:
             changed[name] = _number(given[name], _units(cls, name, given), f"{path}{name}")
     return changed

@@ -20,7 +20,7 @@ from chamfer.analysis.command.running import Job, prepare
 from chamfer.analysis.report.check_text import LIMIT
 from chamfer.analysis.report.checks import Published, check
 from chamfer.analysis.report.results import defined_metrics
-from chamfer.analysis.scenario.errors import ExperimentError, UserError
+from chamfer.analysis.scenario.errors import ExperimentError, UserError, valid_name
 from chamfer.analysis.scenario.experiment import (
     Catalogue,
     Entry,
@@ -29,7 +29,6 @@ from chamfer.analysis.scenario.experiment import (
     load,
     quiet,
     select,
-    valid_name,
 )
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.analysis.scenario.scenario_yaml import one_line

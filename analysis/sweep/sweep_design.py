@@ -12,8 +12,7 @@ import numpy as np
 import scipy  # whose submodules are imported where they are used
 
 from chamfer.analysis.command.scenario_fields import Leaf, leaves
-from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.experiment import valid_name
+from chamfer.analysis.scenario.errors import UserError, valid_name
 from chamfer.analysis.scenario.scenario_yaml import one_line, parse_value
 
 Design = Literal["grid", "sobol", "random"]
