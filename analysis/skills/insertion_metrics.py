@@ -26,6 +26,7 @@ INSERTION: Final = {
 }
 MATED: Final = 0.0005  # m, of the mated depth, within which a plug is in
 _LOCKED: Final = 0.3  # rad, of the mated turn, within which it is locked
+_TILTED: Final = 0.015  # rad, of a plug that is out of line; what lies on an obstacle is flatter
 _CLEAR: Final = 0.002  # m, over the socket's face, where a plug that is retracted is at least
 
 
@@ -161,20 +162,24 @@ def _truthful(done: SkillResult, connector: Connector) -> bool:
     A reason is a state and how it ended, which is where the skill gave up. Up to the lift it says
     that nothing is held, and in the transport that a part is held no more or seen no more. All
     else is said of a plug that is held, pulled out in the end, and not mated; what is jammed is at
-    least in the socket's mouth.
+    least in the socket's mouth, and what is tilted is out of line besides.
     """
     given_up = [one for one in done.path if one.target == RETRACT]
     if not given_up:
         return False
     last = given_up[-1]
     row = _row(done, last.time)
-    depth, turn, held = (float(done.traces[name][row]) for name in ("depth", "turn", "holding"))
+    depth, turn, held, tilt = (
+        float(done.traces[name][row]) for name in ("depth", "turn", "holding", "tilt")
+    )
     if last.source in GRASPING:
         return held < 0.5
     if last.source == TRANSPORT and last.outcome == "lost":
         return True
     out = float(done.traces["depth"][-1]) < -_CLEAR
-    jammed_outside = last.outcome == "jammed" and depth < 0
+    jammed_outside = last.outcome in ("jammed", "tilted") and depth < 0
+    if last.outcome == "tilted" and tilt < _TILTED:
+        return False
     return held >= 0.5 and out and not is_mated(connector, depth, turn) and not jammed_outside
 
 

@@ -16,7 +16,7 @@ from chamfer.systems.vision.detections import (
 )
 
 Vector: TypeAlias = tuple[float, ...]
-Event = Literal["done", "contact", "lost", "hindered", "jammed"]
+Event = Literal["done", "contact", "lost", "hindered", "jammed", "tilted"]
 
 EVENTS: Final[tuple[Event, ...]] = get_args(Event)
 STILL: Final[Vector] = (0.0,) * 6
@@ -74,8 +74,9 @@ class Stepped(NamedTuple):
 class Primitive:
     """A primitive: its parameters are its fields, everything that changes is in the memory.
 
-    ``lost`` is the event of a primitive whose target or contact is gone. The first primitive of
-    a state that has an event ends the state. One of one's own derives from it, and has a ``step``.
+    ``lost`` is the event of a primitive whose target or contact is gone, ``tilted`` that of one
+    that has jammed out of line. The first primitive of a state that has an event ends the state.
+    One of one's own derives from it, and has a ``step``.
     """
 
     WORD: ClassVar[str] = "primitive"

@@ -10,6 +10,10 @@ can't be told from a stop while the force rises. Where one may be it pushes a li
 back to the force before, and looks whether it is further at the *same* force: what the wrist gives
 by cancels there, whatever its stiffness, and friction holds what was gained. The first part of a
 lead-in moves too little even for that; there it pushes with what it has to, whatever it meets.
+
+What has jammed is out of line, or something is in its way. The wrench can't tell: where
+accommodation turns readily no torque is left of either, and the plug lies flat on what is in its
+way. How far it has turned since it was in line can.
 """
 
 import math
@@ -29,6 +33,7 @@ _MEAN: Final = 12
 _JUMP: Final = 4.0  # times what is no motion in a window: no creeping any more
 _SURE: Final = 2.0  # times what is no motion in a window: a proof that it moves
 _NEARLY: Final = 0.8  # of the force that is allowed, that is felt at least as it has jammed
+_SOFTER: Final = 2.0  # times, a lead-in at most that has given way to the force before
 _LITTLE: Final = 1.02  # by which a command may be beyond what its force allows
 
 _Phase = Literal["ramp", "before", "harder", "after"]
@@ -38,6 +43,7 @@ class _Pushing(NamedTuple):
     """What a ramp remembers; places in m or rad, forces in N or N m against the motion."""
 
     start: float  # place from which the way counts
+    turns: tuple[float, ...]  # rad, about x and y, from which a tilt counts
     speed: float  # commanded now, m/s or rad/s
     proved: float  # force at which it has moved, or that needs no proof
     since: float = 0.0  # s, when the window began
@@ -71,7 +77,8 @@ class Seat(Directed):
 
     Events: ``done`` where nothing moves any more, far enough, and the force is ``rise`` times
     that of the sliding before: the end stop. ``jammed`` where nothing moves, though pushed with
-    ``free`` and with ``share`` of all force at which it has moved, or with the limit.
+    ``free`` and with ``share`` of all force at which it has moved, or with the limit; ``tilted``
+    in its place if it has turned by more than ``tilt`` since its begin, or since the mark.
     """
 
     speed: float = 0.006  # m/s or rad/s, at first; its force is D times it; assumed
@@ -96,8 +103,11 @@ class Seat(Directed):
     # N or N m, that it pushes with there whether or not anything moves
     steepest: float = 2.7e6
     # N/m or N m/rad, of such a lead-in at most, at that force; the more it is pushed, the softer
-    # it is, by the square of the force; assumed
+    # it is, at first by the square of the force; assumed
     distance: float = 0.004  # m or rad, least way of what is seated
+    tilt: tuple[float, float] | None = None
+    # rad, about x and y, by which what is turned more is tilted: more than it may have been out of
+    # line at the begin; None: never said
 
     WORD: ClassVar[str] = "seat"
 
@@ -125,11 +135,14 @@ class Seat(Directed):
             raise ParameterError("through", self.through, allowed)
         if self.steep is not None and not (len(self.steep) == 2 and self.steep[0] < self.steep[1]):
             raise ParameterError("steep", self.steep, "two numbers, least < most; or none")
+        if self.tilt is not None and not (len(self.tilt) == 2 and min(self.tilt) > 0):
+            raise ParameterError("tilt", self.tilt, "two numbers > 0; or none")
 
     @property
     def events(self) -> Mapping[Event, float]:
         """The events that it can have, each with the earliest time, s."""
-        return {"done": 2 * self.window, "jammed": 2 * self.window}
+        found: dict[Event, float] = {"done": 2 * self.window, "jammed": 2 * self.window}
+        return found if self.tilt is None else {**found, "tilted": 2 * self.window}
 
     @property
     def load(self) -> PrimitiveLoad:
@@ -140,7 +153,7 @@ class Seat(Directed):
         """Remember where its way begins."""
         start = along(self.direction, sensed.carriage)
         proved = self.limit if self.free is None else self.free / self.share
-        return _Pushing(start, self.speed, proved)
+        return _Pushing(start, sensed.carriage[:2], self.speed, proved)
 
     def step(self, sensed: Observation, memory: _Pushing, time: float) -> Stepped:
         """Push; at the end of a window see what that did."""
@@ -153,6 +166,9 @@ class Seat(Directed):
         event: Event | None = None
         if time - memory.since >= self.window - TIME_TOLERANCE:
             memory, event = self._judged(memory, time)
+            if event == "jammed" and self.tilt is not None:
+                turned = zip(memory.turns, sensed.carriage[:2], self.tilt, strict=True)
+                event = "tilted" if any(abs(b - a) > c for a, b, c in turned) else event
         speed = velocity(self.direction, memory.speed)
         return Stepped(memory, STILL if event else speed, event)
 
@@ -248,7 +264,7 @@ class Seat(Directed):
             return looked._replace(phase="harder", speed=high), None
         harder, crept = self._most(memory), mean - memory.before
         assert self.through is not None
-        softer = (harder / self.through) ** 2
+        softer = min((harder / self.through) ** 2, _SOFTER)
         if crept < softer * (harder - memory.proved) / self.steepest:
             return memory, "jammed"
         # What has jumped needs no more for all that is known.

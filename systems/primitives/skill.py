@@ -1,8 +1,9 @@
 """What a skill is: states that run primitives, and what follows their events (section 4, Fig. 4).
 
 Source: Morrow, Nelson and Khosla. A skill is written as a list of states; each names the
-primitives that it runs and what follows each of their events. A state without an answer to an
-event, or to the end of its time, fails: a failed skill retracts first, and says why it failed.
+primitives that it runs and what follows each of their events. What is tilted has jammed: without
+an answer of its own it takes that of ``jammed``. A state without an answer to an event, or to the
+end of its time, fails: a failed skill retracts first, and says why it failed.
 """
 
 import math
@@ -23,7 +24,7 @@ from chamfer.systems.primitives.vision_primitives import (
     VisTranslation,
 )
 
-Outcome = Literal["done", "contact", "lost", "hindered", "jammed", "timed out"]
+Outcome = Literal["done", "contact", "lost", "hindered", "jammed", "tilted", "timed out"]
 
 OUTCOMES: Final[tuple[Outcome, ...]] = (*EVENTS, "timed out")
 DONE: Final = "done"
@@ -66,7 +67,7 @@ class SkillState:
     on: Mapping[Outcome, str | Retry]  # what follows; DONE ends the skill; all else fails
     timeout: float  # s
     grip: Literal["open", "close"] | None = None  # None: as it is
-    marks: bool = False  # where it begins for the first time is the skill's mark
+    marks: bool = False  # where it begins for the first time is the skill's mark from then on
     from_mark: bool = False  # ways count from the mark
     looks: bool = False  # whether the cameras are needed
     tares: bool = False  # whether the force sensor takes its zero meanwhile

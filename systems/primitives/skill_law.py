@@ -259,6 +259,7 @@ class SkillMemory(NamedTuple):
     damping: Vector = STILL  # of accommodation, 0: its own
     retries: tuple[tuple[tuple[str, str], int], ...] = ()  # by state and outcome
     mark: Observation | None = None  # what was sensed where a state with ``marks`` began first
+    marked: tuple[str, ...] = ()  # the states with ``marks`` that have begun
     reason: str = ""  # why it failed: the state and its outcome
     expected: str = ""  # of that state, in words, in place of that outcome
 
@@ -309,12 +310,14 @@ def make_skill_chart(skill: Skill) -> SkillChart:
 def _chart_state(state: SkillState) -> State[Observation, SkillMemory]:
     def entry(tick: _Tick) -> SkillMemory:
         memory = tick.memory
-        mark = memory.mark or (tick.inputs if state.marks else None)
+        marks = state.marks and state.name not in memory.marked
+        mark = tick.inputs if marks else memory.mark
         begin = mark if state.from_mark and mark is not None else tick.inputs
         begin = begin._replace(perturbed=memory.ran)  # however many ticks ago that was
         run = state.run_again(partial(memory.tried, state.name))
         return memory._replace(
             mark=mark,
+            marked=(*memory.marked, state.name) if marks else memory.marked,
             event=None,
             run=run,
             memories=tuple(primitive.begin(begin) for primitive in run),
@@ -409,6 +412,8 @@ def _guard(
 
     def guard(tick: _Tick) -> bool:
         event = tick.memory.event
+        if event == "tilted" and "tilted" not in state.on:
+            event = "jammed"
         ends = event is None and _late(state, tick) if outcome == "timed out" else event == outcome
         return ends and (tries is None or tick.memory.tried(state.name, outcome) in tries)
 

@@ -10,12 +10,13 @@ that is known, and how high the edge was beside its middle with it.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from chamfer.models.validation import require_not_negative
-from chamfer.systems.primitives.force_primitives import Hold, Level, Obstructed
+from chamfer.systems.primitives.force_primitives import Hold, Level, Obstructed, Stick
 from chamfer.systems.primitives.position_primitives import Centre, Way
+from chamfer.systems.primitives.seating import Press
 from chamfer.systems.primitives.skill import DONE, Retry, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Axis, Dither
 from chamfer.systems.strategies.face_and_search import (
@@ -37,12 +38,19 @@ _LYING: Final = (math.inf, 0.0, math.inf, math.inf, math.inf, 0.0)  # only ry an
 class DConnectorSkillParams(PlugInsertionParams):
     """Parameters of the insertion; all of them are assumed."""
 
+    limit_share: float = (
+        3.0  # of the believed mating force, at which a push that moves nothing ends
+    )
     drop: float = 0.0009  # m, below the face, of a shell that has dropped in
     beside: float = 0.004  # m, along y, of where the face is felt
+    tilted: tuple[float, float] = (0.09, 0.03)
+    # rad, since it lay on the face: about x it lay as it was grasped
+    level_limit: float = 0.1  # rad, about x and y, that it may be grasped wrongly
     level_time: float = 4.0  # s, in which the plug has to lie down on the socket's face
     search_press: float = 0.012  # m/s, towards the socket, while it is searched for
     search_frequency: float = 0.45  # Hz, of the search's slower dither
     search_repeats: int = 6  # cycles of it until the pattern repeats, N
+    wider: float = 1.45  # by which the rotary search is, with so many more cycles
     search_threshold: float = 0.8
     # of the correlation C, below it the search has ended; free is pi^2/8
     twist_amplitude: float = 0.06  # rad, of the rotary search's turn about z
@@ -52,10 +60,14 @@ class DConnectorSkillParams(PlugInsertionParams):
     settle_cycles: float = 1.0  # of the dithers that settle the plug
     entry: float = 0.0005  # m, that a plug may be short of its pins' first touch as it is pushed
     short: float = 0.00025  # m, that a mated plug may appear short of the mated depth
+    stop_stiffness: float = 2.2e4
+    # N/m, of an end stop at least: as soft it appears where the wrist has 45 % less than believed
+    lay_press: float = 0.008
+    # m/s, beyond what the end stop took, while what is not in line lies down there
+    lay_time: float = 3.0  # s, in which it has to
     push_dither: float = 0.0001  # m, along x while it pushes
     through_share: float = 1.02
     # of the believed mating force, that it pushes with where the tines begin to spread
-    back_off: float = 0.00075  # m, up, of a plug that has jammed
     pull_speed: float = 0.005  # m/s, of the pull that tests the retention
     pull_force: float = 2.5  # N, that the contacts have to hold
     pull_limit: float = 0.0005  # m, way after which the pull has found no hold
@@ -78,6 +90,11 @@ class DConnectorSkillParams(PlugInsertionParams):
         mated = connector.mated_depth - self.short
         again = self.again
         duration = self.search[0].duration
+        wide = replace(
+            self,
+            search_amplitude=self.wider * self.search_amplitude,
+            search_repeats=round(self.wider * self.search_repeats),
+        )
         twist = Dither(
             kind="rotary",
             axis="z",
@@ -101,10 +118,16 @@ class DConnectorSkillParams(PlugInsertionParams):
         def watched(dithers: tuple[Dither, ...], threshold: float) -> Obstructed:
             return Obstructed(cycle=cycles(*dithers, period=period), threshold=threshold)
 
+        laid = Level(limit=self.level_limit)
+        felt = self.feel_face(
+            replace(laid, axes=("ry",)),
+            timeout=self.level_time,
+            damping=_LYING,
+            then="search",
+        )
+        out = next(state for state in felt if state.name == "out")
         return (
-            *self.feel_face(
-                Level(axes=("ry",)), timeout=self.level_time, damping=_LYING, then="search"
-            ),
+            *felt,
             SkillState(
                 name="search",
                 from_mark=True,
@@ -119,14 +142,18 @@ class DConnectorSkillParams(PlugInsertionParams):
             SkillState(
                 name="rotary search",
                 from_mark=True,
-                run=[*self.searching, twist, Centre(dither=twist, gain=self.turn_gain)],
+                run=[*wide.searching, twist, Centre(dither=twist, gain=self.turn_gain)],
                 on={"lost": "settle", "done": again},
-                timeout=2 * duration,
+                timeout=2 * wide.search[0].duration,
             ),
             settled(self.hold, self.settle_amplitude, self.settle_cycles, then="feel"),
             self.at_least(
-                "feel", depth(connector.pin_depth - self.entry), {"done": "push", "jammed": again}
+                "feel",
+                depth(connector.pin_depth - self.entry),
+                {"done": "push", "jammed": Retry("over", self.retries)},
             ),
+            # What was no opening for the one search is none for it again.
+            replace(out, name="over", on={"done": "rotary search"}),
             SkillState(
                 name="push",
                 from_mark=True,
@@ -139,19 +166,33 @@ class DConnectorSkillParams(PlugInsertionParams):
                             connector.pin_depth + 1.5 * self.entry,
                         ),
                         through=self.through_share * connector.mating_force,
+                        stiffness=self.stop_stiffness,
                         # Where the contacts have spread. What the wrist gives by as they are
                         # overcome, which is not sure, may be missing in the way.
                         distance=(3 * connector.pin_depth + connector.mated_depth) / 4,
                     ),
                     Dither(axis="x", amplitude=self.push_dither, frequency=6.25, cycles=1000.0),
+                    self.upright,
                 ],
                 on={
-                    "done": "rest",
+                    "done": "lay",
                     "jammed": Retry("back off", 1, then=again),
+                    "tilted": Retry("loosen", 1, then=again),
                 },
                 timeout=30.0,
             ),
-            self.at_least("rest", depth(mated), {"done": "verify", "jammed": Retry("free", 1)}),
+            # What is not in line yet lies down at the bottom, or on what is in the way.
+            SkillState(
+                name="lay",
+                run=[Press(), Stick(speed=self.lay_press, threshold=math.inf), laid],
+                on={"done": "rest", "lost": "rest", "timed out": "rest"},
+                timeout=self.lay_time,
+            ),
+            self.at_least(
+                "rest",
+                depth(mated),
+                {"done": "verify", "jammed": Retry("free", 1, then=Retry("over", 1))},
+            ),
             SkillState(
                 name="back off",
                 run=[up(self.back_off, 0.2)],
@@ -170,6 +211,7 @@ class DConnectorSkillParams(PlugInsertionParams):
                 on={"done": "push"},
                 timeout=4.0,
             ),
+            *self.straightened("push"),
             SkillState(
                 name="verify",
                 run=[self.hold, *verify, watched(verify, self.verify_threshold)],

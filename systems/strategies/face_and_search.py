@@ -48,6 +48,11 @@ class FaceFeelingParams:
     free_share: float = 0.68
     # of the believed mating force, that it pushes with whether or not anything moves: 1.36 times
     # the true one if that is half of what is believed
+    tilted: tuple[float, float] = (0.09, 0.09)
+    # rad, about x and y since it lay on the face, of a plug that has jammed as it is out of line
+    straighten_amplitude: float = 0.02  # rad, of the dithers about x and y that straighten it
+    straighten_gain: float = 2.0  # 1/s, with which it is turned back to how it lay on the face
+    back_off: float = 0.00075  # m, up, of a plug that has jammed
     retries: int = 3  # how often a state is tried again
     out_speed: float = 0.1  # m/s, of a plug that is pulled out: D times it overcomes what holds it
     retract: float = 0.03  # m, back from the socket after a failure
@@ -96,7 +101,35 @@ class FaceFeelingParams:
 
     def seat(self, force: float, **fields: Any) -> Seat:
         """Return a push by a mating force, N, as it is believed to be."""
-        return Seat(limit=self.limit_share * force, free=self.free_share * force, **fields)
+        given = {"tilt": self.tilted, **fields}
+        return Seat(limit=self.limit_share * force, free=self.free_share * force, **given)
+
+    def straightened(self, then: str) -> tuple[SkillState, ...]:
+        """Return the states from ``loosen`` on that straighten a plug that is tilted.
+
+        It is backed off, rocked, and turned back to how it lay on the face.
+        """
+        rocks = Dither(kind="rotary", axis="x", amplitude=self.straighten_amplitude, cycles=2.0)
+        return (
+            SkillState(
+                name="loosen",
+                run=[up(self.back_off, 0.2)],
+                on={"done": "straighten"},
+                timeout=1.0,
+            ),
+            SkillState(
+                name="straighten",
+                from_mark=True,
+                run=[self.hold, rocks, replace(rocks, axis="y"), self.upright],
+                on={"done": then},
+                timeout=4.0,
+            ),
+        )
+
+    @property
+    def upright(self) -> Hold:
+        """Turns back to how it began, or lay on the face; softly, as the walls may want it."""
+        return Hold(axes=("rx", "ry"), gain=self.straighten_gain)
 
     def feel_face(
         self, *lie: Primitive, timeout: float, damping: tuple[float, ...], then: str
@@ -106,14 +139,26 @@ class FaceFeelingParams:
         There nothing can drop in: how high the plug is on it, with the force that is maintained,
         is the mark. They end over where the plug goes in, with a new zero of the force sensor.
         ``lie`` runs while the plug lies on the face, until it is done, for the timeout, s, at
-        most; the damping is that of accommodation on the face.
+        most; the damping is that of accommodation on the face. A plug that tips over is lifted,
+        turned back, and laid down once more.
         """
+        tips = any("lost" in one.events for one in lie)
+        found: Answers = {"done": "above"}
+        again = SkillState(
+            name="feel again",
+            from_mark=True,
+            run=[Place(), Hold(axes=("rx", "ry", "rz"))],
+            on={"done": "touch"},
+            timeout=3.0,
+            damping=STIFF,
+        )
         way = (0.0, 0.0, 0.0, 0.0, self.beside, 0.0)
         return (
             tare("tare", self.tare_time, "beside"),
             moved("beside", MoveDx(displacement=way, duration=0.5), "touch"),
             SkillState(
                 name="touch",
+                marks=tips,
                 run=[self.guarded(self.approach_limit)],
                 on={"contact": "lie"},
                 timeout=2 * self.approach_limit / self.approach_speed,
@@ -122,10 +167,11 @@ class FaceFeelingParams:
             SkillState(
                 name="lie",
                 run=[self.hold, *lie],
-                on={"done": "above"},
+                on={**found, "lost": Retry("feel again", 1)} if tips else found,
                 timeout=timeout,
                 damping=damping,
             ),
+            *([again] if tips else []),
             SkillState(
                 name="above",
                 marks=True,
@@ -253,6 +299,7 @@ class TouchParams(FaceFeelingParams):
     """
 
     maintained: float = 0.008  # m/s, towards the face, of what keeps contact
+    tilted: tuple[float, float] = (0.03, 0.03)  # rad, since it lay flat on the face
     lie_time: float = 4.0  # s, in which the plug lies down on the face
     entered: float = 0.001  # m, below the face, of a plug that went into its socket at once
     drop: float  # m, of a plug that has found its socket

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 from chamfer.models.validation import require_one_of, require_whole
 from chamfer.systems.primitives.force_primitives import Stick
 from chamfer.systems.primitives.primitive import Primitive
-from chamfer.systems.primitives.skill import DONE, SkillState
+from chamfer.systems.primitives.skill import DONE, Retry, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Dither, Spiral, lissajous
 from chamfer.systems.strategies.face_and_search import ALONG, TiltSearchParams, TouchParams
 
@@ -78,16 +78,22 @@ class PegInHoleSkillParams(TouchParams):
         depth = connector.mated_depth
         return (
             *self.to_hole(connector.peg_radius),
-            self.pushed(connector.mating_force, depth, then="depth"),
+            *self.pushed(connector.mating_force, depth, then="depth"),
             self.at_depth(depth, DONE),
         )
 
-    def pushed(self, force: float, depth: float, *, then: str) -> SkillState:
-        """Return the state that pushes to a depth, m, what takes a force of that size, N."""
-        return SkillState(
+    def pushed(self, force: float, depth: float, *, then: str) -> tuple[SkillState, ...]:
+        """Return the states that push to a depth, m, what takes a force of that size, N."""
+        insert = SkillState(
             name="insert",
             from_mark=True,
             run=[self.seat(force, speed=self.push_speed, distance=depth - self.end)],
-            on={"done": then, "jammed": self.again, "timed out": self.again},
+            on={
+                "done": then,
+                "jammed": self.again,
+                "tilted": Retry("loosen", 1, then=self.again),
+                "timed out": self.again,
+            },
             timeout=5.0 + 2 * depth / self.push_speed,
         )
+        return insert, *self.straightened("insert")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.force_primitives import Stick
-from chamfer.systems.primitives.skill import DONE, SkillState
+from chamfer.systems.primitives.skill import DONE, Retry, SkillState
 from chamfer.systems.primitives.trajectory_primitives import MoveDx, Spiral
 from chamfer.systems.strategies.face_and_search import ALONG, TouchParams, pull_test, settled
 
@@ -72,9 +72,15 @@ class Rj45ConnectorSkillParams(TouchParams):
                         distance=depth - self.end,
                     )
                 ],
-                on={"done": "depth", "jammed": again, "timed out": again},
+                on={
+                    "done": "depth",
+                    "jammed": again,
+                    "tilted": Retry("loosen", 1, then=again),
+                    "timed out": again,
+                },
                 timeout=10.0,
             ),
+            *self.straightened("push"),
             self.at_depth(depth, "pull"),
             pull_test(
                 {"contact": "rest", "lost": again},

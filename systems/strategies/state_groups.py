@@ -64,9 +64,10 @@ STATE_GROUPS: Final[Mapping[str, StateGroup]] = {
     "settle": StateGroup(Plug, "maintained settle_amplitude settle_cycles", "then", _settled),
     "push": StateGroup(
         Peg,
-        "limit_share free_share push_speed end retries",
+        "limit_share free_share push_speed end retries maintained tilted back_off "
+        "straighten_amplitude straighten_gain",
         "then",
-        lambda of, **given: [of.pushed(**given)],
+        lambda of, **given: of.pushed(**given),
         {"force": "N", "depth": "m"},
     ),
     "at-depth": StateGroup(

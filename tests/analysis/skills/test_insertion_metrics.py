@@ -191,6 +191,8 @@ def test_all_that_comes_before_the_transport_is_known() -> None:
         (gave_up("push", "jammed", 0.003), False),
         (gave_up("push", "jammed", MATED), True),  # it was in
         (gave_up("push", "jammed", -0.001), True),  # nothing was touched
+        (gave_up("push", "tilted", 0.003, tilt=[0, 0.014, 0]), True),  # it is in line
+        (gave_up("push", "tilted", 0.003, tilt=[0, 0.016, 0]), False),
         (gave_up("push", "jammed", 0.003, end=0.003), True),  # it was left there
         (gave_up("search", "done", 0.0), False),
         (gave_up("search", "done", 0.0, holding=[1, 0, 0]), True),  # of what was searched with?

@@ -147,6 +147,32 @@ def test_a_spring_is_pushed_to_its_end_though_it_gives_way_slowly(
     assert found.peak < max(1.5 * most, 9.5)
 
 
+@pytest.mark.parametrize(
+    ("turn", "tilt", "event"),
+    [
+        ((0.0, 0.031), (0.09, 0.03), "tilted"),
+        ((0.031, -0.029), (0.09, 0.03), "jammed"),
+        ((-0.091, 0.0), (0.09, 0.03), "tilted"),
+        ((0.5, 0.5), None, "jammed"),
+    ],
+)
+def test_what_has_jammed_is_tilted_if_it_has_turned_since_its_begin(
+    turn: tuple[float, float], tilt: Any, event: str
+) -> None:
+    """The wrench is the same: where accommodation turns readily it says nothing."""
+    push, there = seat(tilt=tilt, limit=30.0), (0.2, -0.1)
+    felt = Observation((*there, 0, 0, 0, 0), STILL, (0, 0, 0, 0, 0, 31.0))
+    memory: Any = push.begin(felt)
+    turned = felt._replace(carriage=tuple(map(sum, zip(there, turn, strict=True))) + (0.0,) * 4)
+    for i in range(1000):
+        stepped = push.step(turned, memory, i * PERIOD)
+        memory = stepped.memory
+        if stepped.event is not None:
+            break
+    assert stepped.event == event
+    assert ("tilted" in push.events) == (tilt is not None)
+
+
 def test_the_speed_does_not_grow_without_bound_where_no_force_is_felt() -> None:
     stuck, memory = Observation(carriage=STILL, motion=STILL, wrench=STILL), None
     one = seat(fastest=0.05)

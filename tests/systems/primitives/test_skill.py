@@ -165,9 +165,20 @@ def test_it_tries_again_as_often_as_it_may_then_it_fails(answer: Retry, path: li
     assert found.memory.tried("go", "lost") == len(path)
 
 
+def test_what_is_tilted_takes_the_answer_of_what_has_jammed_where_it_has_none() -> None:
+    for answers, then in (
+        ({"jammed": DONE}, DONE),
+        ({"jammed": DONE, "tilted": "other"}, "other"),
+    ):
+        go, other = (state(name, Fake(STILL, "tilted"), on=answers) for name in ("go", "other"))
+        found = ticks(go, *([other] if "tilted" in answers else [])).tick().tick()
+        assert found.state == then
+
+
 @pytest.mark.parametrize("event", EVENTS)
 def test_what_has_no_answer_fails_retracted_and_says_why(event: Event) -> None:
-    answers = {other: DONE for other in EVENTS if other != event}
+    unlike = {event, "jammed"} if event == "tilted" else {event}
+    answers = {other: DONE for other in EVENTS if other not in unlike}
     found = ticks(state("go", Fake((1.0,) * 6, event), on=answers)).tick()
     assert (found.state, found.memory.velocity) == ("go", STILL)
     found.tick()

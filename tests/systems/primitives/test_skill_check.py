@@ -73,7 +73,7 @@ GO: Final = state("go", Fake(), on={"done": DONE})
         (
             [state("go", Fake(), on={"finished": DONE})],
             "skill 'test': 'go' has an answer to 'finished', valid outcomes: done, contact, "
-            "lost, hindered, jammed, timed out",
+            "lost, hindered, jammed, tilted, timed out",
         ),
         (
             [state("go", Fake(), on={"done": DONE}, grip="closed")],

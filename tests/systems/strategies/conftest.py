@@ -116,7 +116,7 @@ def sensed_of(state: SkillState, outcome: Outcome, drive: Drive) -> tuple[Vector
         return STILL, {"holding": (0.0,)}
     if Level in kinds:
         if outcome == "lost":
-            return (0.06, 0.06, 0.0, 0.0, 0.0, 0.0), {}
+            return (0.11, 0.11, 0.0, 0.0, 0.0, 0.0), {}
         return STILL, {"wrench": (0.1, 0.1, 0, 0, 0, 0) if outcome == "timed out" else STILL}
     if GuardedMove in kinds:
         move = kinds[GuardedMove]
@@ -140,12 +140,17 @@ def moved(
     match primitive, outcome:
         case Place(), "done":
             return (0.0, 0.0, 0.0, *np.subtract(memory, carriage[3:]).tolist()), {}
-        case Seat(), "done" | "jammed" | "timed out":
+        case Seat(), "done" | "jammed" | "tilted" | "timed out":
             way = (1.01 if outcome == "done" else 0.99) * primitive.distance
             shift = memory.start + way - along(primitive.direction, carriage)
             against = velocity(primitive.direction, -1.01 * primitive.limit)
-            wrench = against if outcome == "jammed" else STILL
-            return velocity(primitive.direction, shift), {"wrench": wrench}
+            wrench = against if outcome in ("jammed", "tilted") else STILL
+            turned = np.subtract(memory.turns, carriage[:2])  # back to where its way begins
+            if outcome == "tilted":
+                turned += 1.01 * np.array(primitive.tilt)
+            return np.add(velocity(primitive.direction, shift), (*turned, 0, 0, 0, 0)), {
+                "wrench": wrench
+            }
         case Way(), "done" | "jammed":
             way = primitive.least + (1e-5 if outcome == "done" else -1e-5)
             start = along(primitive.direction, memory.start)

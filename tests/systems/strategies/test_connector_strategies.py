@@ -43,7 +43,7 @@ GRASP = [
 ]
 D_WAY = [
     *[("search", "lost"), ("settle", "done"), ("feel", "done"), ("push", "done")],
-    *[("rest", "done"), ("verify", "hindered"), ("pull", "contact")],
+    *[("lay", "done"), ("rest", "done"), ("verify", "hindered"), ("pull", "contact")],
 ]
 BNC_WAY = [
     *[("enter", "lost"), ("to the studs", "contact"), ("at the studs", "done")],
@@ -102,11 +102,11 @@ def primitive_of(skill: Skill, state: str, kind: type[Primitive]) -> Any:
 @pytest.mark.parametrize(
     ("params", "part", "way", "give_up", "told", "longest"),
     [
-        (D_PARAMS, D, D_WAY, "push", D_TOLD, 284.905),
+        (D_PARAMS, D, D_WAY, "push", D_TOLD, 312.238),
         (BNC_PARAMS, BNC, BNC_WAY, "compress", BNC_TOLD, 413.765),
-        (RJ45_PARAMS, RJ45, RJ45_WAY, "push", LAID_FLAT, 260.735),
-        (PEG_PARAMS, PEG, PEG_WAY, "insert", PEG_TOLD, 233.810),
-        (TILTING, PEG, TILT_WAY, "insert", {}, 209.656),
+        (RJ45_PARAMS, RJ45, RJ45_WAY, "push", LAID_FLAT, 265.735),
+        (PEG_PARAMS, PEG, PEG_WAY, "insert", PEG_TOLD, 238.810),
+        (TILTING, PEG, TILT_WAY, "insert", {}, 214.656),
     ],
 )
 def test_a_strategy_takes_its_recorded_way_and_leaves_every_state(
@@ -186,6 +186,33 @@ def test_d_retries_are_those_of_the_parameters(retries: int, make_drive: Any) ->
     assert drive.make("jammed") == RETRACT
     assert drive.memory.reason == "push: jammed"
     assert drive.end() == FAILED
+
+
+def test_d_what_is_tilted_is_straightened_before_it_is_pushed_again(make_drive: Any) -> None:
+    drive = held_d(make_drive, *TO_D_PUSH)
+    assert [drive.make(end) for end in ("tilted", "done", "done")] == [
+        "loosen",
+        "straighten",
+        "push",
+    ]
+    assert drive.make("tilted") == "out"
+    drive = held_d(make_drive, *TO_D_PUSH, retries=1)
+    for outcome in ("tilted", "done", "done", "tilted", *TO_D_PUSH[4:]):
+        drive.make(outcome)
+    assert drive.make("tilted") == RETRACT
+    assert drive.memory.reason.startswith("push: tilted")
+
+
+def test_d_a_lost_face_is_found_again_once(make_drive: Any) -> None:
+    drive = held_d(make_drive, *TO_D_PUSH[:3])
+    begun = drive.memory.mark.carriage
+    assert drive.make("lost") == "feel again"
+    assert drive.memory.velocity[1] == pytest.approx(-0.55)  # turned back
+    assert drive.make("done") == "touch"
+    np.testing.assert_allclose(drive.carriage[3:], begun[3:], atol=1e-9)
+    drive.make("contact")
+    assert drive.make("lost") == RETRACT
+    assert drive.memory.reason.startswith("lie: lost")
 
 
 def test_d_depths_count_from_the_face_of_the_believed_connector() -> None:
