@@ -198,7 +198,7 @@ class Seat(Directed):
                     moved=memory.moved + memory.crept,
                     crept=0.0,
                 )
-            return self._slid(fresh, way, force, sure), None
+            return self._slid(fresh, way, way / (since - memory.since), force, sure), None
         if memory.phase == "ramp":
             fresh = fresh._replace(crept=memory.crept + way)
         rested = memory.rested if memory.still else force
@@ -212,11 +212,13 @@ class Seat(Directed):
             return fresh, "done" if fresh.still > 1 else None
         return self._raised(fresh, force)
 
-    def _slid(self, memory: _Pushing, way: float, force: float, sure: bool) -> _Pushing:
-        """Return what follows a window in which it moved."""
+    def _slid(
+        self, memory: _Pushing, way: float, rate: float, force: float, sure: bool
+    ) -> _Pushing:
+        """Return what follows a window in which it moved by a way, m, at a rate, m/s."""
         # What is left of the command beside the motion is the force: a little more than that.
         begins = (memory.still > 0 and sure) or memory.sliding == 0
-        needed = self.share * (memory.speed - way / self.window)
+        needed = self.share * (memory.speed - rate)
         return memory._replace(
             speed=min(memory.speed, max(self.speed, needed)),
             moved=memory.moved + way,

@@ -58,7 +58,8 @@ class DConnectorSkillParams(PlugInsertionParams):
     turn_gain: float = 0.2  # 1/s, with which both searches keep the turn's middle
     settle_amplitude: float = 0.02  # rad, about x and y, of the dithers that settle the plug
     settle_cycles: float = 1.0  # of the dithers that settle the plug
-    entry: float = 0.0005  # m, that a plug may be short of its pins' first touch as it is pushed
+    entry: float = 0.0008
+    # m, that a plug may seem to be off its pins' first touch, as its tilt about x is not known yet
     short: float = 0.00025  # m, that a mated plug may appear short of the mated depth
     stop_stiffness: float = 2.2e4
     # N/m, of an end stop at least: as soft it appears where the wrist has 45 % less than believed
@@ -163,7 +164,7 @@ class DConnectorSkillParams(PlugInsertionParams):
                         # The tines' lead-in, by a way that a wrist that is not sure may falsify.
                         steep=(
                             connector.pin_depth - self.entry,
-                            connector.pin_depth + 1.5 * self.entry,
+                            connector.pin_depth + self.entry,
                         ),
                         through=self.through_share * connector.mating_force,
                         stiffness=self.stop_stiffness,

@@ -197,6 +197,24 @@ def test_windows_begin_at_multiples_of_their_length_whichever_ticks_are_missing(
     assert raised == [16, 25, 32, 60, 64]
 
 
+def test_what_moves_is_pushed_on_alike_whichever_ticks_are_missing() -> None:
+    """What moves half as fast as it is commanded: the rest of the command is the force."""
+
+    def commanded(ticks: tuple[int, ...]) -> float:
+        push = Seat(limit=60.0, window=0.08, speed=0.001)
+        memory: object = push.begin(Observation(STILL, STILL, STILL))
+        memory = memory._replace(speed=0.02)  # type: ignore[attr-defined]
+        for tick in ticks:
+            force, place = (0.0,) * 5 + (8.0,), (0.0,) * 5 + (-0.01 * PERIOD * tick,)
+            stepped = push.step(Observation(place, STILL, force), memory, tick * PERIOD)
+            memory = stepped.memory
+        return -stepped.velocity[5]
+
+    assert commanded(tuple(range(17))) == pytest.approx(1.35 * 0.01, rel=0.1)
+    assert commanded((0, 4, 8, 12, 16)) == pytest.approx(1.35 * 0.01, rel=0.3)
+    assert commanded((0, 8, 24)) == pytest.approx(1.35 * 0.01, rel=0.3)
+
+
 def test_a_press_goes_on_with_what_was_commanded_last() -> None:
     press = Press(direction="-rz")
     before = Observation(
