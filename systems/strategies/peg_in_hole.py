@@ -39,7 +39,7 @@ class PegInHoleSkillParams(TouchParams):
     out_speed: float = (
         0.04  # m/s, of a peg that is pulled out, which takes less than to push it in
     )
-    push_speed: float = 0.014  # m/s, of the push at first; D times it is its force at rest
+    push_speed: float = 0.011  # m/s, of the push at first; D times it is its force at rest
 
     NAME: ClassVar[str] = "peg in a hole"
 
