@@ -20,6 +20,7 @@ from chamfer.systems.primitives.seating import Press
 from chamfer.systems.primitives.skill import DONE, Retry, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Axis, Dither
 from chamfer.systems.strategies.face_and_search import (
+    UNTURNED,
     PlugInsertionParams,
     cycles,
     pull_test,
@@ -46,7 +47,7 @@ class DConnectorSkillParams(PlugInsertionParams):
     tilted: tuple[float, float] = (0.09, 0.03)
     # rad, since it lay on the face: about x it lay as it was grasped
     level_limit: float = 0.1  # rad, about x and y, that it may be grasped wrongly
-    level_time: float = 4.0  # s, in which the plug has to lie down on the socket's face
+    level_time: float = 20.0  # s, in which the plug has to lie down on the socket's face
     search_press: float = 0.012  # m/s, towards the socket, while it is searched for
     search_frequency: float = 0.45  # Hz, of the search's slower dither
     search_repeats: int = 6  # cycles of it until the pattern repeats, N
@@ -217,6 +218,7 @@ class DConnectorSkillParams(PlugInsertionParams):
                 name="verify",
                 run=[self.hold, *verify, watched(verify, self.verify_threshold)],
                 on={"hindered": "pull"},
+                damping=UNTURNED,  # or a wrist far above the tip gives way by turning
                 timeout=2 * verify[0].duration,
             ),
             pull_test(
