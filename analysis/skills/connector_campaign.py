@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.campaign import Trials, run_each
 from chamfer.analysis.campaign.trial_metrics import prefixed, rate, trial_seed
-from chamfer.analysis.campaign.trial_rows import Row
+from chamfer.analysis.campaign.trial_rows import Row, table_of, with_table
 from chamfer.analysis.drawing.figure_kit import (
     colour_bar,
     draw_cumulative,
@@ -41,6 +41,7 @@ from chamfer.analysis.drawing.figure_style import (
 )
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column
 from chamfer.analysis.skills.ablation import CHANGES, SkillChange, whole
+from chamfer.analysis.skills.connector_insertion import plot_failure
 from chamfer.analysis.skills.insertion_metrics import (
     INSERTION,
     InsertionVerdict,
@@ -68,6 +69,7 @@ from chamfer.diagrams.skills.vision_servo import CameraBelief
 from chamfer.models.connectors.mesh_connector import MeshConnector
 from chamfer.models.validation import ParameterError, known, require_between, require_not_negative
 from chamfer.systems.primitives.skill import Skill
+from chamfer.systems.primitives.skill_law import make_skill_chart
 from chamfer.systems.sensing.force_sensor import WrenchSensorParams
 from chamfer.systems.strategies.peg_in_hole import PegInHoleSkillParams, Search
 
@@ -284,6 +286,7 @@ DRAWN: Final = (
 )
 _WHY: Final = ("reason.depth", "reason.force", "reason.tilt", "reason.time")
 _PEAK: Final = ("peak.depth", "peak.tilt")
+_COURSE: Final = ("time", "depth", "true_wrench_z", "tilt", "state")  # of a failed trial
 # What does not depend on the machine.
 MEASURED: Final = tuple(name for name in INSERTION if name != "real_time_factor")
 
@@ -294,18 +297,20 @@ def attempt(
     """Run one of a seed's trials; it depends on its arguments alone, but for how fast it runs.
 
     The row has what was drawn, what the run measured, the truth, why it failed (``reason``, empty
-    if it did not), and where the largest force was.
+    if it did not), and where the largest force was; of a failed one also a table of its course.
     """
     one = randomised(scenario, seed, trial)
     done = run_skill(change(one.make_skill()), one, seed=trial_seed(seed, trial))
-    truth = verdict(done, one.connector)
-    return {
+    truth, why = verdict(done, one.connector), failure(done, one.connector)
+    course = {name: done.traces[name].astype(np.float32) for name in _COURSE if why}
+    row = {
         **_draws(one),
         **insertion_metrics(done, one.connector),
         **{name: float(value) for name, value in truth._asdict().items()},
-        **failure_columns(failure(done, one.connector)),
+        **failure_columns(why),
         **{f"peak.{name}": value for name, value in peak(done).items()},
     }
+    return with_table(row, course)
 
 
 def _draws(one: ResolvedTrialsScenario) -> dict[str, float | None]:
@@ -328,12 +333,40 @@ def run_success(scenario: ResolvedTrialsScenario, seed: int, progress: Progress)
         metrics=annotated(success_metrics(attempts)),
         traces=attempt_rows(attempts),
         simulated_seconds=math.fsum(attempts.column("duration")),
+        tables=median_failure(attempts),
     )
+
+
+def median_failure(attempts: Trials[int]) -> dict[str, Table]:
+    """Return the course of the failed trial whose time of failing is nearest to their median.
+
+    Trials with a free socket come first, as those with an obstacle are to fail.
+    """
+    trials = zip(attempts.tasks, attempts.rows, strict=True)
+    failed = [(trial, row) for trial, row in trials if row["reason"]]
+    failed = [one for one in failed if one[1]["obstacle"] is None] or failed
+    if not failed:
+        return {}
+    median = np.median([row["reason.time"] for _, row in failed])
+    trial, row = min(failed, key=lambda one: abs(one[1]["reason.time"] - median))
+    course = table_of(row)
+    return {"failure": {"trial": np.full(len(course["time"]), trial), **course}}
 
 
 def success_figures(scenario: ResolvedTrialsScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
-    return {"success": plot_success(outcome, middle=scenario.initial_error)}
+    figures = {"success": plot_success(outcome, middle=scenario.initial_error)}
+    if course := outcome.tables.get("failure"):
+        number = course["trial"][0]
+        (row,) = np.flatnonzero(outcome.traces["trial"] == number)
+        figures["failure"] = plot_failure(
+            course,
+            {name: values[row] for name, values in outcome.traces.items()},
+            title=f"Trial {number}, of those that fail the nearest to the median time",
+            states=make_skill_chart(scenario.make_skill()).state_names,
+            mated=scenario.connector.mated_depth,
+        )
+    return figures
 
 
 # A search or what a skill lacks, and the number of a trial.
@@ -513,7 +546,7 @@ def attempt_rows(attempts: Trials[int]) -> Table:
         **{name: attempts.column(name) for name in names},
         **{
             name: np.array([row[name] for row in attempts.rows], dtype=np.str_)
-            for name in ("reason", "reason.expected", "peak.state")
+            for name in ("reason", "reason.text", "peak.state")
         },
     }
 

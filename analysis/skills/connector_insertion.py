@@ -13,12 +13,13 @@ from pydrake.geometry import Meshcat
 
 from chamfer.analysis.campaign.trial_metrics import over_trials
 from chamfer.analysis.drawing.chart_path import plot_chart_path
-from chamfer.analysis.drawing.figure_kit import Visit, time_axes
+from chamfer.analysis.drawing.figure_kit import Visit, state_visits, time_axes
 from chamfer.analysis.drawing.figure_style import (
     DESIRED,
     FORCE,
     LIMIT,
     POSITION,
+    PUBLISHED,
     Style,
     dress,
     legend,
@@ -26,7 +27,12 @@ from chamfer.analysis.drawing.figure_style import (
 )
 from chamfer.analysis.report.replay import record, set_stage
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table
-from chamfer.analysis.skills.insertion_metrics import INSERTION, failure, insertion_metrics, peak
+from chamfer.analysis.skills.insertion_metrics import (
+    INSERTION,
+    failure,
+    insertion_metrics,
+    peak,
+)
 from chamfer.analysis.skills.skill_run import AXES, SkillResult, path_table, run_skill
 from chamfer.diagrams.skills.connector_scenario import (
     ResolvedConnectorScenario,
@@ -139,13 +145,37 @@ def plot_insertion(
         torque.plot(time, traces[f"wrench_{axis}"], **look)
     _dress(torque, "torque\nN m")
     beside = np.hypot(traces["lateral_x"], traces["lateral_y"]) > _BESIDE
-    deep = np.where(beside, np.nan, 1e3 * traces["depth"])
-    depth.plot(time, deep, label="depth, of a plug above its socket", **POSITION)
-    depth.axhline(1e3 * mated, label=f"mated, {1e3 * mated:.3g} mm", **LIMIT)
-    depth.axhline(0.0, **DESIRED | {"linewidth": 0.7})
-    depth.set_ylim(-8.0, 1e3 * max(mated, float(traces["depth"].max())) + 2.0)
+    deep = np.where(beside, np.nan, traces["depth"])
+    _draw_depth(depth, time, deep, mated, "depth, of a plug above its socket")
     _dress(depth, "depth\nmm", x="time / s")
     for axes in (force, torque, depth):
+        _legend(axes)
+    return figure
+
+
+def _draw_depth(axes: Axes, time: Array, deep: Array, mated: float, label: str) -> None:
+    axes.plot(time, 1e3 * deep, label=label, **POSITION)
+    axes.axhline(1e3 * mated, label=f"mated, {1e3 * mated:.3g} mm", **LIMIT)
+    axes.axhline(0.0, **DESIRED | {"linewidth": 0.7})
+    axes.set_ylim(-8.0, 1e3 * max(mated, float(np.nanmax(deep, initial=0.0))) + 2.0)
+
+
+def plot_failure(
+    course: Table, row: Mapping[str, Any], *, title: str, states: Sequence[str], mated: float
+) -> Figure:
+    """Draw states, depth, force and tilt over the time of a failed trial, with its row."""
+    figure, time = new_figure(12.0, 7.0), course["time"]
+    text = row["reason.text"].replace("; ", ";\n")
+    figure.suptitle(f"{title}\n{text}", fontsize=11, fontweight="bold")
+    visits = state_visits(time, course["state"], states)
+    depth, force, tilt = time_axes(figure, time, (1.2, 1.0, 0.7), visits=visits, strip=0.9)
+    _draw_depth(depth, time, course["depth"], mated, "true depth")
+    force.plot(time, course["true_wrench_z"], label="true force", **FORCE)
+    force.axhline(row["mating_force"], label=f"mating force, {row['mating_force']:.3g} N", **LIMIT)
+    tilt.plot(time, np.rad2deg(course["tilt"]), label="true tilt", **POSITION)
+    for axes, y in ((depth, "depth\nmm"), (force, "push\nN"), (tilt, "tilt\ndegrees")):
+        axes.axvline(row["reason.time"], label="gave up", **PUBLISHED)
+        _dress(axes, y, x="time / s" if axes is tilt else "")
         _legend(axes)
     return figure
 

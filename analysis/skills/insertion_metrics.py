@@ -109,7 +109,7 @@ def failure_columns(found: Failure | None) -> dict[str, str | float | None]:
     numbers = {name: getattr(found, name, None) for name in ("depth", "force", "tilt", "time")}
     return {
         "reason": found.reason if found else "",
-        "reason.expected": found.expected if found else "",
+        "reason.text": found.text if found else "",
         **{f"reason.{name}": value for name, value in numbers.items()},
     }
 

@@ -18,7 +18,6 @@ from chamfer.analysis.scenario.errors import UserError, valid_name
 from chamfer.analysis.scenario.field_comments import field_comment
 from chamfer.analysis.scenario.plain_data import structured
 from chamfer.models.validation import ParameterError, shown
-from chamfer.systems.primitives.position_primitives import Centre
 from chamfer.systems.primitives.primitive import Primitive
 from chamfer.systems.primitives.skill import Retry, Skill, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Axis, Dither, lissajous
@@ -27,7 +26,6 @@ from chamfer.systems.strategies.state_groups import STATE_GROUPS, StateGroup
 Primitives = Mapping[str, type[Primitive]]
 
 _LONGEST: Final = 200  # characters of an expression
-_LARGEST: Final = 10**300
 _MOST: Final = 500  # states
 
 
@@ -36,7 +34,7 @@ class Quantity:
     """A number with a unit: in SI units, and where base units have other sizes, which tells it."""
 
     text: str
-    values: tuple[Fraction, ...]
+    values: tuple[Fraction, Fraction]
 
     def __repr__(self) -> str:
         """Return its text."""
@@ -53,10 +51,6 @@ _UNITS: Final = {
     "deg": (Fraction(math.pi) / 180, Fraction(math.pi) / 180 * _BASES["rad"]),
     "Hz": (Fraction(1), Fraction(1, _BASES["s"])),
 }
-_WORD: Final = rf"(?:{'|'.join(sorted(_UNITS, key=len, reverse=True))})(?![A-Za-z])"
-_WORDS: Final = rf"{_WORD}(?: {_WORD})*"
-_NUMBER: Final = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]{1,2})?"
-_TOKEN: Final = re.compile(rf"({_NUMBER})(?: ?({_WORDS}(?:/{_WORDS})?|/{_WORDS}))?|\$(\w+)")
 _OPERATORS: Final[Mapping[type, Callable[[Fraction, Fraction], Fraction]]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -65,45 +59,36 @@ _OPERATORS: Final[Mapping[type, Callable[[Fraction, Fraction], Fraction]]] = {
 }
 
 
-def unit_of(text: str) -> tuple[Fraction, Fraction]:
-    """Return the values of a unit such as ``N m/rad``, 1 of no unit."""
-    first = second = Fraction(1)
-    for part, power in zip(text.split("/"), (1, -1), strict=False):
-        for word in part.split():
-            one, other = _UNITS.get(word, (Fraction(1), Fraction(1)))
-            first, second = first * one**power, second * other**power
-    return first, second
-
-
 def quantity(text: str, variables: Mapping[str, Any]) -> Quantity | None:
-    """Return what a text such as ``4 N`` or ``0.5 * $depth`` comes to, None if it is none."""
-    if len(text) > _LONGEST or not re.fullmatch(r"[-+*/() ]*", _TOKEN.sub("", text)):
+    """Return what a text such as ``4 N`` or ``0.5 * $depth`` comes to, None if it is none.
+
+    What stands side by side is a product: ``4 N / 2 mm`` is ``4 N / 2 * mm``.
+    """
+    if len(text) > _LONGEST or not re.search("[0-9$]", text):
         return None
-    names: dict[str, Any] = {}
+    known: dict[str, Any] = dict(_UNITS)
+    for name in re.findall(r"\$(\w+)", text):
+        value = _variable(name, variables)
+        known[f"_{name}"] = getattr(value, "values", (value, value))
+    source = re.sub(r"(?<=[\w.)]) (?=[A-Za-z$])", "*", text).replace("$", "_")
 
-    def named(match: re.Match[str]) -> str:
-        number, unit, variable = match.groups()
-        known = _variable(variable, variables) if variable else Fraction(number)
-        if isinstance(known, int | float | Fraction) and math.isfinite(known):
-            known = Quantity("", tuple(Fraction(known) * one for one in unit_of(unit or "")))
-        names[key := f"q{len(names)}"] = known
-        return key
-
-    def value(node: Any, way: int) -> Fraction:
+    def value_of(node: Any, way: int) -> Fraction:
         match node:
             case ast.BinOp(left, op, right):
-                return _OPERATORS[type(op)](value(left, way), value(right, way))
+                return _OPERATORS[type(op)](value_of(left, way), value_of(right, way))
             case ast.UnaryOp(ast.USub(), operand):
-                return -value(operand, way)
+                return -value_of(operand, way)
+            case ast.Constant(int() | float() as number):
+                return Fraction(repr(number))
             case ast.Name(name):
-                return names[name].values[way]  # type: ignore[no-any-return]
+                return Fraction(known[name][way])
         raise SyntaxError
 
     try:
-        tree = ast.parse(_TOKEN.sub(named, text).strip(), mode="eval").body
-        found = Quantity(text, (value(tree, 0), value(tree, 1)))
-        return found if abs(found.values[0]) < _LARGEST else None
-    except (SyntaxError, LookupError, AttributeError):  # of an operator, or what is no number
+        tree = ast.parse(source.strip(), mode="eval").body
+        found = Quantity(text, (value_of(tree, 0), value_of(tree, 1)))
+        return found if math.isfinite(float(found.values[0])) else None
+    except (SyntaxError, LookupError, TypeError, ValueError, OverflowError):  # it is none
         return None
     except ZeroDivisionError as error:
         raise UserError(f"{text!r} divides by zero, allowed: other numbers") from error
@@ -172,29 +157,26 @@ def _number(value: Any, units: list[str], path: str) -> Any:
         value = found
     if not isinstance(value, Quantity):
         return value
-    size, other = value.values
-    if other != size * unit_of(unit)[1]:
+    (size, other), of = value.values, quantity(f"1 {unit}" if unit[:1] != "1" else unit, {})
+    if of is None or other != size * of.values[1]:
         raise UserError(f"{path} is {value}, allowed: {allowed}")
     return float(size) if unit or size.denominator > 1 else int(size)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Lissajous:
-    """Two dithers that cover an area, each with what keeps its middle."""
+    """Two dithers that cover an area."""
 
     axes: tuple[Axis, Axis] = ("x", "y")  # of the slower and of the faster one
     amplitude: float  # m, of each
     frequency: float  # Hz, of the slower one
     repeats: int  # cycles of it until the pattern repeats
-    centring: float = 0.0  # 1/s, with which the middle is kept; 0: not
 
     @property
-    def primitives(self) -> Iterable[Primitive]:
-        """The primitives that it stands for."""
+    def dithers(self) -> tuple[Dither, Dither]:
+        """The dithers that it stands for."""
         slow = Dither(axis=self.axes[0], amplitude=self.amplitude, frequency=self.frequency)
-        dithers = lissajous(first=slow, axis=self.axes[1], repeats=self.repeats)
-        kept = dithers if self.centring else ()
-        return *dithers, *(Centre(dither=one, gain=self.centring) for one in kept)
+        return lissajous(first=slow, axis=self.axes[1], repeats=self.repeats)
 
 
 class SkillReader:
@@ -267,7 +249,7 @@ class SkillReader:
                 }
             made = structured(plain, Primitive, path=place, named={Primitive: self._primitives})
             with _at(place):
-                found += made.primitives if isinstance(made, Lissajous) else [made]
+                found += made.dithers if isinstance(made, Lissajous) else [made]
         return tuple(found)
 
 
@@ -306,7 +288,7 @@ def _answer(plain: Any, path: str) -> Any:
         return plain
     changed, factors = dict(plain), {}
     for name in [name for name in plain if name not in {one.name for one in fields(Retry)}]:
-        found = re.fullmatch(rf"({_NUMBER})x", str(changed.pop(name)))
+        found = re.fullmatch(r"([0-9]+(?:\.[0-9]*)?)x", str(changed.pop(name)))
         if not found:
             known = "at_most, target, then, or a factor such as 1.2x"
             raise UserError(f"{path}.{name} is {shown(plain[name])}, allowed: {known}")

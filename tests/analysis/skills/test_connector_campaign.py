@@ -19,12 +19,15 @@ from chamfer.analysis.skills.connector_campaign import (
     ROUND_PEG,
     ResolvedCampaignScenario,
     ScenarioSpread,
+    median_failure,
     plot_searches,
     randomised,
     resolve_campaign,
     resolve_peg_campaign,
     run_searches,
+    run_success,
     search_figures,
+    success_figures,
     success_metrics,
 )
 from chamfer.analysis.skills.insertion_metrics import INSERTION, InsertionVerdict
@@ -223,3 +226,25 @@ def test_searches_are_compared_trial_by_trial() -> None:
     along, leaning = pairs.collections
     np.testing.assert_allclose(along.get_offsets(), [[10.0, 12.0], [20.0, 11.0]])
     np.testing.assert_allclose(leaning.get_offsets(), [[20.0, 14.0]])
+
+
+def test_the_failure_that_is_drawn_is_the_one_nearest_to_the_median_time() -> None:
+    found = run_success(replace(CUT, trials=3), 3, quiet)
+    assert found.traces["reason"].tolist() == ["reach: still running"] * 3
+    course = found.tables["failure"]
+    assert set(course["trial"]) == {0}  # all fail at once, the first is drawn
+    assert len(course["time"]) == len(course["state"]) == 31
+    depth, force, tilt = success_figures(CUT, found)["failure"].axes[1:]
+    assert [axes.get_ylabel() for axes in (depth, force, tilt)] == [
+        *("depth\nmm", "push\nN", "tilt\ndegrees")
+    ]
+    rows = [
+        {"reason": why, "reason.time": time, "obstacle": depth, "table.time": np.full(2, time)}
+        for why, time, depth in (
+            *(("", None, None), ("a: lost", 9.0, None), ("a: lost", 20.0, None)),
+            *(("b: done", 10.0, 0.003), ("a: lost", 11.0, None)),
+        )
+    ]
+    table = median_failure(Trials(tasks=tuple(range(5)), rows=tuple(rows)))["failure"]
+    assert (set(table["trial"]), set(table["time"])) == ({4}, {11.0})
+    assert median_failure(Trials(tasks=(0,), rows=(rows[0],))) == {}

@@ -112,12 +112,12 @@ def test_a_failure_says_what_was_true_when_it_gave_up() -> None:
         "reason.force": 12.3,
         "reason.tilt": 0.068,
         "reason.time": 1.0,
-        "reason.expected": "done: a stop",
+        "reason.text": said.text,
     }
     assert failure_columns(None) == {
         **dict.fromkeys(failure_columns(said)),
         "reason": "",
-        "reason.expected": "",
+        "reason.text": "",
     }
 
 
