@@ -16,7 +16,7 @@ from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.geometry import Convex
+from pydrake.geometry import Box, Convex, Shape, Sphere
 from pydrake.math import RigidTransform
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
@@ -167,8 +167,9 @@ class MeshConnector(SprungConnector):
     unit: float = 0.001  # m, of the files' lengths
     mated_depth: float  # m, of a plug that is fully in
     springs: Mapping[str, float] = field(default_factory=dict)
-    # N/m, stiffness of the objects that give way, such as latches and contacts, by name; two that
-    # touch each other are springs in series
+    # N/m, stiffness of the objects that give way, such as latches and contacts, by name; latch is
+    # each of "latch 0", "latch 1", as divided ones are called. Each is a ball in its middle, as
+    # wide as its smallest side, and has to stay so far out of what it touches
     seating_force: float | None = None
     # N, with which a part without springs counts as pressed home; None: it has springs
     tolerance_width: float = 0.0
@@ -196,7 +197,8 @@ class MeshConnector(SprungConnector):
             if not size <= _LARGEST:
                 allowed = f"lengths for which {path} is at most {_LARGEST:g} m large, not {size:g}"
                 raise ParameterError("unit", self.unit, allowed)
-        names = [one.name for path in (self.plug, self.socket) for one in _solids(path)]
+        solids = [*_solids(self.plug), *_solids(self.socket)]
+        names = [name for one in solids for name in _names(one)]
         for name, stiffness in self.springs.items():
             if name not in names:
                 allowed = f"names of objects: {', '.join(dict.fromkeys(names))}"
@@ -260,19 +262,23 @@ class MeshConnector(SprungConnector):
         return self._parts("socket", self.socket, _SOCKET_COLOUR)
 
     def _parts(self, name: str, path: str, colour: Array) -> list[ConnectorPart]:
-        """Return the convex hull of each object, its origin in its middle."""
+        """Return the convex hull of each object, its origin in its middle; springs are balls."""
         parts = []
         grown = self.tolerance_width / 2 if self.tolerance == "worst" else 0.0
         for i, solid in enumerate(_solids(path)):
             corners, material = self.unit * solid.corners, self.material
-            if stiffness := self.springs.get(solid.name):
-                # With what is hard it is a spring in series.
-                own = 1 / (1 / stiffness - 1 / material.stiffness)
-                material = self.spring(own)
-            elif grown:
+            found = [self.springs[one] for one in _names(solid) if one in self.springs]
+            if grown and not found:
                 corners = _grown(corners, grown)
-            middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
-            shape = Convex((corners - middle).T, solid.name)
+            low, high = corners.min(axis=0), corners.max(axis=0)
+            middle, size = (low + high) / 2, high - low
+            shape: Shape = Convex((corners - middle).T, solid.name)
+            if found:
+                shape = Sphere(size.min() / 2)
+                # With what is hard it is a spring in series.
+                material = self.spring(1 / (1 / found[0] - 1 / material.stiffness))
+            elif self.springs and len(corners) == 8 and _is_box(corners):
+                shape = Box(*size)  # deep in it a ball is exact, deep in a mesh it isn't
             piece = ConvexPiece(f"{i} {solid.name}", shape, RigidTransform(middle))
             parts.append(ConnectorPart(name, [piece], material, colour))
         return parts
@@ -295,6 +301,18 @@ def _solids(path: str) -> tuple[MeshSolid, ...]:
         if not solid.convex:
             raise ValueError(f"{solid.name!r} is not convex, divide it first")
     return solids
+
+
+def _is_box(corners: Array) -> bool:
+    """Return whether a convex piece is a box along the axes."""
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    return bool(np.isclose(np.where(corners > (low + high) / 2, high, low), corners).all())
+
+
+def _names(solid: MeshSolid) -> list[str]:
+    """Return what an object goes by: its name, and that without the number behind it."""
+    stem, _, number = solid.name.rpartition(" ")
+    return [solid.name, stem] if number.isdigit() else [solid.name]
 
 
 def _corners(solids: tuple[MeshSolid, ...]) -> Array:
