@@ -300,8 +300,9 @@ def attempt(
     if it did not), and where the largest force was; of a failed one also a table of its course.
     """
     one = randomised(scenario, seed, trial)
-    done = run_skill(change(one.make_skill()), one, seed=trial_seed(seed, trial))
-    truth, why = verdict(done, one.connector), failure(done, one.connector)
+    skill = change(one.make_skill())
+    done = run_skill(skill, one, seed=trial_seed(seed, trial))
+    truth, why = verdict(done, one.connector, skill), failure(done, one.connector)
     course = {name: done.traces[name].astype(np.float32) for name in _COURSE if why}
     row = {
         **_draws(one),

@@ -8,8 +8,8 @@ import numpy as np
 from chamfer.analysis.campaign.trial_metrics import Quantity, Trial
 from chamfer.analysis.skills.skill_run import SkillResult
 from chamfer.models.connectors.connector import Connector
-from chamfer.systems.primitives.skill import RETRACT
-from chamfer.systems.strategies.grasp_and_transport import GRASPING, TRANSPORT
+from chamfer.systems.primitives.position_primitives import Held
+from chamfer.systems.primitives.skill import RETRACT, Skill
 
 # What :func:`insertion_metrics` measures.
 INSERTION: Final = {
@@ -27,6 +27,8 @@ INSERTION: Final = {
 MATED: Final = 0.0005  # m, of the mated depth, within which a plug is in
 _LOCKED: Final = 0.3  # rad, of the mated turn, within which it is locked
 _TILTED: Final = 0.015  # rad, of a plug that is out of line; what lies on an obstacle is flatter
+_TOUCH: Final = 1.0  # N, with which a plug touches something at least
+_HELD: Final = 0.5  # between 0, nothing is in the gripper, and 1
 _CLEAR: Final = 0.002  # m, over the socket's face, where a plug that is retracted is at least
 
 
@@ -141,8 +143,8 @@ class InsertionVerdict(NamedTuple):
     false_reason: bool  # it failed, and not for the reason that it gives, or is not out
 
 
-def verdict(done: SkillResult, connector: Connector) -> InsertionVerdict:
-    """Return the truth about a run."""
+def verdict(done: SkillResult, connector: Connector, skill: Skill) -> InsertionVerdict:
+    """Return the truth about a run of a skill."""
     depth, turn = done.traces["depth"], done.traces["turn"]
     mated = is_mated(connector, float(depth[-1]), float(turn[-1]))
     found = [one for one in done.path if one.outcome == "hindered"]
@@ -152,35 +154,35 @@ def verdict(done: SkillResult, connector: Connector) -> InsertionVerdict:
         false_done=done.outcome == "done" and not mated,
         hindered=len(found),
         false_hindered=len(outside),
-        false_reason=done.outcome == "failed" and not _truthful(done, connector),
+        false_reason=done.outcome == "failed" and not _truthful(done, connector, skill),
     )
 
 
-def _truthful(done: SkillResult, connector: Connector) -> bool:
+def _truthful(done: SkillResult, connector: Connector, skill: Skill) -> bool:
     """Return whether a skill failed for its reason, and is out of the socket.
 
-    A reason is a state and how it ended, which is where the skill gave up. Up to the lift it says
-    that nothing is held, and in the transport that a part is held no more or seen no more. All
-    else is said of a plug that is held, pulled out in the end, and not mated; what is jammed is at
-    least in the socket's mouth, and what is tilted is out of line besides.
+    A reason is a state and how it ended, which is where the skill gave up. A grip that is lost is
+    told from the truth, a part that is seen no more is not. All else is said of a plug that was
+    never held, or is held, not mated, and pulled out in the end; what is jammed touches something,
+    and what is tilted is out of line besides.
     """
     given_up = [one for one in done.path if one.target == RETRACT]
     if not given_up:
         return False
     last = given_up[-1]
     row = _row(done, last.time)
-    depth, turn, held, tilt = (
-        float(done.traces[name][row]) for name in ("depth", "turn", "holding", "tilt")
-    )
-    if last.source in GRASPING:
-        return held < 0.5
-    if last.source == TRANSPORT and last.outcome == "lost":
-        return True
-    out = float(done.traces["depth"][-1]) < -_CLEAR
-    jammed_outside = last.outcome in ("jammed", "tilted") and depth < 0
+    depth, turn, tilt = (float(done.traces[name][row]) for name in ("depth", "turn", "tilt"))
+    held = done.traces["holding"][: row + 1] >= _HELD
+    state = next(one for one in skill.states if one.name == last.source)
+    if last.outcome == "lost" and any(isinstance(one, Held) for one in state.run):
+        return state.looks or not held[-1]
+    force = [done.traces[f"true_wrench_{axis}"][row] for axis in "xyz"]
+    if last.outcome in ("jammed", "tilted") and np.linalg.norm(force) < _TOUCH:
+        return False
     if last.outcome == "tilted" and tilt < _TILTED:
         return False
-    return held >= 0.5 and out and not is_mated(connector, depth, turn) and not jammed_outside
+    out = float(done.traces["depth"][-1]) < -_CLEAR
+    return not held.any() or bool(held[-1] and out and not is_mated(connector, depth, turn))
 
 
 def _row(done: SkillResult, time: float) -> int:

@@ -32,16 +32,6 @@ GRASP: Final = "grasp"  # the state in which the gripper closes
 TRANSPORT: Final = "transport"  # the last one
 # Where the fingers close again, one after the other.
 _AROUND: Final = ((0, 0, 1), (0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0))
-# The states before the transport: one that fails has nothing in the gripper.
-GRASPING: Final = (
-    "reach",
-    "close in",
-    "zero",
-    GRASP,
-    *(f"around {i + 1}" for i in range(len(_AROUND))),
-    "lift",
-    "weigh",
-)
 
 
 @dataclass(frozen=True, kw_only=True)
