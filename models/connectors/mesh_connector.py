@@ -197,8 +197,8 @@ class MeshConnector(SprungConnector):
             if not size <= _LARGEST:
                 allowed = f"lengths for which {path} is at most {_LARGEST:g} m large, not {size:g}"
                 raise ParameterError("unit", self.unit, allowed)
-        solids = [*_solids(self.plug), *_solids(self.socket)]
-        names = [name for one in solids for name in _names(one)]
+        objects = [*_solids(self.plug), *_solids(self.socket)]
+        names = [name for one in objects for name in _names(one)]
         for name, stiffness in self.springs.items():
             if name not in names:
                 allowed = f"names of objects: {', '.join(dict.fromkeys(names))}"
