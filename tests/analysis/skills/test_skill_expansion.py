@@ -1,6 +1,7 @@
 """What a skill file says in short is what is written out, and mistakes are told in a line."""
 
 import math
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Final
@@ -17,7 +18,8 @@ from chamfer.models.connectors.round_peg import RoundPeg
 from chamfer.systems.primitives.force_primitives import GuardedMove, Stick
 from chamfer.systems.primitives.primitive import TICK
 from chamfer.systems.primitives.skill import Retry, Skill
-from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx, lissajous
+from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx, Spiral, lissajous
+from chamfer.systems.strategies.face_and_search import TiltSearchParams
 from chamfer.systems.strategies.peg_in_hole import PegInHoleSkillParams
 from chamfer.systems.strategies.state_groups import STATE_GROUPS
 
@@ -122,12 +124,24 @@ states:
     assert skill(text).states == PegInHoleSkillParams(search="tilt").states(peg, TICK)
 
 
-def test_every_group_makes_states() -> None:
-    for name, group in STATE_GROUPS.items():
-        given = dict.fromkeys(group.sizes, 0.01) | dict.fromkeys(group.exits.split(), "x")
-        made = group.make(group.params(), **given)  # type: ignore[call-arg]
-        assert made, name
-        assert set(group.fields.split()) <= set(vars(group.params()))  # type: ignore[call-arg]
+@pytest.mark.parametrize("name", STATE_GROUPS)
+def test_the_arguments_of_a_group_are_those_that_matter(name: str) -> None:
+    group = STATE_GROUPS[name]
+    given = dict.fromkeys(group.sizes, 0.01) | dict.fromkeys(group.exits.split(), "x")
+
+    def more(value: Any) -> Any:
+        if isinstance(value, Spiral | TiltSearchParams):
+            return replace(value, speed=0.007)
+        if isinstance(value, tuple):
+            return tuple(map(more, value))
+        return value + 1 if isinstance(value, int) else 1.01 * value
+
+    params: Any = group.params()  # type: ignore[call-arg]
+    numbers = {key: value for key, value in vars(params).items() if not isinstance(value, str)}
+    changed = {key: replace(params, **{key: more(value)}) for key, value in numbers.items()}
+    usual = group.make(params, **given)
+    matter = {key for key, one in changed.items() if group.make(one, **given) != usual}
+    assert matter == set(group.fields.split())
 
 
 TAP: Final = """
