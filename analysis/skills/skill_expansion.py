@@ -134,7 +134,10 @@ def _in_si(given: Any, cls: type, path: str = "") -> Any:
 
 def _units(cls: type, name: str, given: Mapping[str, Any]) -> list[str]:
     """Return the unit of a field's number, or of those of the first and the second half."""
-    units = re.split(" (?:above|and) ", field_comment(cls, name).unit)
+    try:
+        units = re.split(" (?:above|and) ", field_comment(cls, name).unit)
+    except (OSError, TypeError):  # one's own, whose source is not in a file
+        return [""]
     linear, _, rotary = units[0].partition(" or ")
     of = given.get("dither", given)
     turns = isinstance(of, Mapping) and (

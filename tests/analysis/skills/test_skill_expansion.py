@@ -1,7 +1,7 @@
 """What a skill file says in short is what is written out, and mistakes are told in a line."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Final
@@ -17,7 +17,7 @@ from chamfer.analysis.skills.skill_file import read_skill, skill_of, skill_text
 from chamfer.models.connectors.round_peg import RoundPeg
 from chamfer.systems.primitives.force_primitives import GuardedMove, Stick
 from chamfer.systems.primitives.primitive import TICK
-from chamfer.systems.primitives.skill import Retry, Skill
+from chamfer.systems.primitives.skill import PRIMITIVES, Retry, Skill
 from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx, Spiral, lissajous
 from chamfer.systems.strategies.face_and_search import TiltSearchParams
 from chamfer.systems.strategies.peg_in_hole import PegInHoleSkillParams
@@ -102,6 +102,14 @@ def test_a_lissajous_figure_is_two_dithers() -> None:
     dithers = lissajous(first=first, axis="x", repeats=5)
     fields = "axes: [y, x], amplitude: 2 mm, frequency: 0.6 Hz, repeats: 5"
     assert one(f"{{Lissajous: {{{fields}}}}}") == dithers
+
+
+def test_a_primitive_needs_no_source() -> None:
+    known: dict[str, Any] = {"Dither": Dither, "dataclass": dataclass}
+    exec("@dataclass(frozen=True, kw_only=True)\nclass Mine(Dither):\n    size: float", known)
+    plain = parse_value("name: x\n" + MOVE % "Mine: {size: 3}" + UP)
+    primitives = {**PRIMITIVES, "Mine": known["Mine"]}
+    assert skill_of(plain, primitives).states[0].run == (known["Mine"](size=3.0),)
 
 
 def test_groups_are_the_strategies_own_states() -> None:

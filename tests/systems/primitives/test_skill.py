@@ -391,19 +391,6 @@ def test_a_further_try_changes_the_state_that_is_tried_again() -> None:
 
 
 @pytest.mark.parametrize(
-    ("factors", "message"),
-    [
-        ({"speed": 0.0}, "factors.speed is 0.0, allowed: a finite number > 0 other than 1"),
-        ({"speed": 1.0}, "factors.speed is 1.0, allowed: a finite number > 0 other than 1"),
-        ({"speed": math.inf}, "factors.speed is inf, allowed: a finite number > 0 other than 1"),
-    ],
-)
-def test_a_factor_that_does_nothing_is_refused(factors: Any, message: str) -> None:
-    with pytest.raises(ParameterError, match=message):
-        Retry("a", factors=factors)
-
-
-@pytest.mark.parametrize(
     ("run", "factors", "message"),
     [
         (
