@@ -330,40 +330,42 @@ def _draws(one: ResolvedTrialsScenario) -> dict[str, float | None]:
 def run_success(scenario: ResolvedTrialsScenario, seed: int, progress: Progress) -> Outcome:
     """Grasp and insert the connector many times."""
     attempts = run_each(partial(attempt, scenario, seed), range(scenario.trials), progress)
+    metrics, tables = annotated(success_metrics(attempts)), dict[str, Table]()
+    if (i := median_failure(attempts.rows)) is not None:
+        trial, row = attempts.tasks[i], attempts.rows[i]
+        nearest = f"trial {trial}, of those that fail the nearest to the median time"
+        note = f"{nearest}: {row['reason.text']}"
+        metrics["answer"] = Metric(value=None, unit="", note=note)
+        course = table_of(row)
+        tables["failure"] = {"trial": np.full(len(course["time"]), trial), **course}
     return Outcome(
-        metrics=annotated(success_metrics(attempts)),
+        metrics=metrics,
         traces=attempt_rows(attempts),
         simulated_seconds=math.fsum(attempts.column("duration")),
-        tables=median_failure(attempts),
+        tables=tables,
     )
 
 
-def median_failure(attempts: Trials[int]) -> dict[str, Table]:
-    """Return the course of the failed trial whose time of failing is nearest to their median.
+def median_failure(rows: Sequence[Row]) -> int | None:
+    """Return which of the trials that fail does so nearest to their median time, if any fails.
 
     Trials with a free socket come first, as those with an obstacle are to fail.
     """
-    trials = zip(attempts.tasks, attempts.rows, strict=True)
-    failed = [(trial, row) for trial, row in trials if row["reason"]]
-    failed = [one for one in failed if one[1]["obstacle"] is None] or failed
-    if not failed:
-        return {}
-    median = np.median([row["reason.time"] for _, row in failed])
-    trial, row = min(failed, key=lambda one: abs(one[1]["reason.time"] - median))
-    course = table_of(row)
-    return {"failure": {"trial": np.full(len(course["time"]), trial), **course}}
+    failed = [i for i, row in enumerate(rows) if row["reason"]]
+    failed = [i for i in failed if rows[i]["obstacle"] is None] or failed
+    median = np.median([rows[i]["reason.time"] for i in failed]) if failed else 0.0
+    return min(failed, key=lambda i: abs(rows[i]["reason.time"] - median), default=None)
 
 
 def success_figures(scenario: ResolvedTrialsScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
     figures = {"success": plot_success(outcome, middle=scenario.initial_error)}
     if course := outcome.tables.get("failure"):
-        number = course["trial"][0]
-        (row,) = np.flatnonzero(outcome.traces["trial"] == number)
+        (row,) = np.flatnonzero(outcome.traces["trial"] == course["trial"][0])
         figures["failure"] = plot_failure(
             course,
             {name: values[row] for name, values in outcome.traces.items()},
-            title=f"Trial {number}, of those that fail the nearest to the median time",
+            title=outcome.metrics["answer"].note,
             states=make_skill_chart(scenario.make_skill()).state_names,
             mated=scenario.connector.mated_depth,
         )

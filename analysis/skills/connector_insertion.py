@@ -165,8 +165,8 @@ def plot_failure(
 ) -> Figure:
     """Draw states, depth, force and tilt over the time of a failed trial, with its row."""
     figure, time = new_figure(12.0, 7.0), course["time"]
-    text = row["reason.text"].replace("; ", ";\n")
-    figure.suptitle(f"{title}\n{text}", fontsize=11, fontweight="bold")
+    lines = title.replace(": ", ":\n", 1).replace("; ", ";\n")
+    figure.suptitle(lines, fontsize=11, fontweight="bold")
     visits = state_visits(time, course["state"], states)
     depth, force, tilt = time_axes(figure, time, (1.2, 1.0, 0.7), visits=visits, strip=0.9)
     _draw_depth(depth, time, course["depth"], mated, "true depth")
