@@ -53,6 +53,11 @@ def along(direction: Direction, values: Vector) -> float:
     return -value if direction[0] == "-" else value
 
 
+def out_of_line(start: Vector, now: Vector, most: tuple[float, float]) -> bool:
+    """Return whether a displacement is turned from another by more, rad about x and y."""
+    return any(abs(now[i] - start[i]) > most[i] for i in range(2))
+
+
 def velocity(direction: Direction, speed: float) -> Vector:
     """Return the velocity, six elements, of a speed in a direction, m/s or rad/s."""
     index, way = index_of(direction), -speed if direction[0] == "-" else speed

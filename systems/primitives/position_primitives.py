@@ -19,7 +19,7 @@ from chamfer.models.validation import (
     require_numbers,
     require_positive,
 )
-from chamfer.systems.primitives.force_primitives import Directed, along
+from chamfer.systems.primitives.force_primitives import Directed, along, out_of_line
 from chamfer.systems.primitives.primitive import (
     FASTEST,
     STILL,
@@ -121,7 +121,8 @@ class _Averaged(NamedTuple):
 class Way(Directed):
     """Looks, at rest, how far it is from where it began.
 
-    It waits, then takes the mean. Events: ``done`` if that is between the bounds, else ``jammed``.
+    It waits, then takes the mean. Events: ``tilted`` if it has turned by more than ``tilt``, else
+    ``done`` if the mean is between the bounds, else ``jammed``.
     From the mark, with the force that was there then, what is not known of the wrist's stiffness
     cancels. Of a plug that touched the face with a point beside its tip, and is in line by now,
     the turn since then gives how high that point was.
@@ -130,6 +131,9 @@ class Way(Directed):
     least: float = 0.001  # m or rad
     most: float = math.inf  # m or rad
     beside: tuple[float, float] = (0.0, 0.0)  # m, along x and y: from the tip to what touched
+    edge: float = 0.0
+    # m, along x: half of an edge of which one end touched; the other, lower, hung beside the face
+    tilt: tuple[float, float] | None = None  # rad, about x and y, that are no tilt; None: any
     wait: float = 0.2  # s, until what moves has settled; assumed
     time: float = 0.2  # s, of the mean; assumed
 
@@ -142,11 +146,13 @@ class Way(Directed):
         if not self.most > self.least:
             raise ParameterError("most", self.most, f"a number > least, {self.least:g}")
         require_numbers(self, 2, "beside")
+        require_not_negative(self, "edge")
 
     @property
     def events(self) -> Mapping[Event, float]:
         """The events that it can have, each with the earliest time, s."""
-        return {"done": self.wait + self.time, "jammed": self.wait + self.time}
+        names: tuple[Event, ...] = ("done", "jammed", *(() if self.tilt is None else ("tilted",)))
+        return dict.fromkeys(names, self.wait + self.time)
 
     def begin(self, sensed: Observation) -> _Averaged:
         """Remember where it begins."""
@@ -161,6 +167,8 @@ class Way(Directed):
         if time < self.wait + self.time - TIME_TOLERANCE:
             return Stepped(taken)
         mean = taken.sum / taken.samples
+        if self.tilt is not None and out_of_line(memory.start, sensed.carriage, self.tilt):
+            return Stepped(taken, STILL, "tilted")
         return Stepped(taken, STILL, "done" if self.least <= mean <= self.most else "jammed")
 
     def _way(self, start: Vector, now: Vector) -> float:
@@ -169,7 +177,7 @@ class Way(Directed):
             np.linalg.multi_dot([*map(rotation_matrix, np.diag(one[:3]))]) for one in (start, now)
         )
         axis = then @ upright[2]  # of the plug where it began, which is Z now
-        height = -(axis[0] * x + axis[1] * y) / axis[2]
+        height = (abs(axis[0]) * self.edge - axis[0] * x - axis[1] * y) / axis[2]
         moved = [here - there for here, there in zip(now, start, strict=True)]
         moved[5] -= height
         return along(self.direction, tuple(moved))

@@ -22,7 +22,13 @@ from dataclasses import dataclass
 from typing import ClassVar, Final, Literal, NamedTuple
 
 from chamfer.models.validation import ParameterError, require_all_positive, require_finite
-from chamfer.systems.primitives.force_primitives import Directed, PrimitiveLoad, along, velocity
+from chamfer.systems.primitives.force_primitives import (
+    Directed,
+    PrimitiveLoad,
+    along,
+    out_of_line,
+    velocity,
+)
 from chamfer.systems.primitives.primitive import STILL, Event, Observation, Stepped
 from chamfer.systems.statechart.chart import TIME_TOLERANCE
 
@@ -167,8 +173,8 @@ class Seat(Directed):
         if time - memory.since >= self.window - TIME_TOLERANCE:
             memory, event = self._judged(memory, time)
             if event == "jammed" and self.tilt is not None:
-                turned = zip(memory.turns, sensed.carriage[:2], self.tilt, strict=True)
-                event = "tilted" if any(abs(b - a) > c for a, b, c in turned) else event
+                tilted = out_of_line(memory.turns, sensed.carriage, self.tilt)
+                event = "tilted" if tilted else event
         speed = velocity(self.direction, memory.speed)
         return Stepped(memory, STILL if event else speed, event)
 

@@ -43,7 +43,7 @@ class DConnectorSkillParams(PlugInsertionParams):
         3.0  # of the believed mating force, at which a push that moves nothing ends
     )
     drop: float = 0.0009  # m, below the face, of a shell that has dropped in
-    beside: float = 0.004  # m, along y, of where the face is felt
+    beside: float = 0.0047  # m, along y, of where the face is felt: the edge over its middle
     tilted: tuple[float, float] = (0.09, 0.03)
     # rad, since it lay on the face: about x it lay as it was grasped
     level_limit: float = 0.1  # rad, about x and y, that it may be grasped wrongly
@@ -64,7 +64,7 @@ class DConnectorSkillParams(PlugInsertionParams):
     short: float = 0.00025  # m, that a mated plug may appear short of the mated depth
     stop_stiffness: float = 2.2e4
     # N/m, of an end stop at least: as soft it appears where the wrist has 45 % less than believed
-    lay_press: float = 0.008
+    lay_press: float = 0.01
     # m/s, beyond what the end stop took, while what is not in line lies down there
     lay_time: float = 3.0  # s, in which it has to
     push_dither: float = 0.0001  # m, along x while it pushes
@@ -89,6 +89,7 @@ class DConnectorSkillParams(PlugInsertionParams):
         """Return the states from ``tare`` on."""
         # Its narrow edge, which touches first.
         rim = (0.0, -(connector.plug_section.height / 2 + connector.lead_in))
+        edge = float(connector.plug_section.grown(connector.lead_in).edges[2, :, 0].max())
         mated = connector.mated_depth - self.short
         again = self.again
         duration = self.search[0].duration
@@ -115,7 +116,7 @@ class DConnectorSkillParams(PlugInsertionParams):
         )
 
         def depth(least: float) -> Way:
-            return Way(least=least, beside=rim)
+            return Way(least=least, beside=rim, edge=edge)
 
         def watched(dithers: tuple[Dither, ...], threshold: float) -> Obstructed:
             return Obstructed(cycle=cycles(*dithers, period=period), threshold=threshold)
@@ -151,7 +152,7 @@ class DConnectorSkillParams(PlugInsertionParams):
             settled(self.hold, self.settle_amplitude, self.settle_cycles, then="feel"),
             self.at_least(
                 "feel",
-                depth(connector.pin_depth - self.entry),
+                replace(depth(connector.pin_depth - self.entry), tilt=self.tilted),
                 {"done": "push", "jammed": Retry("over", self.retries)},
             ),
             # What was no opening for the one search is none for it again.
@@ -193,7 +194,7 @@ class DConnectorSkillParams(PlugInsertionParams):
             self.at_least(
                 "rest",
                 depth(mated),
-                {"done": "verify", "jammed": Retry("free", 1, then=Retry("over", 1))},
+                {"done": "verify", "jammed": Retry("free", 1)},
             ),
             SkillState(
                 name="back off",

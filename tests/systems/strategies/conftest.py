@@ -155,7 +155,8 @@ def moved(
             way = primitive.least + (1e-5 if outcome == "done" else -1e-5)
             start = along(primitive.direction, memory.start)
             shift = start + way - along(primitive.direction, carriage)
-            return velocity(primitive.direction, shift), {}
+            turned = np.subtract(memory.start[:2], carriage[:2]) if primitive.tilt else (0.0, 0.0)
+            return np.add(velocity(primitive.direction, shift), (*turned, 0, 0, 0, 0)), {}
         case Stick(), "lost":
             shift = memory + 1.01 * primitive.threshold - along(primitive.direction, carriage)
             return velocity(primitive.direction, shift), {}
