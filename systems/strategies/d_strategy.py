@@ -42,7 +42,8 @@ class DConnectorSkillParams(PlugInsertionParams):
     limit_share: float = (
         3.0  # of the believed mating force, at which a push that moves nothing ends
     )
-    drop: float = 0.0009  # m, below the face, of a shell that has dropped in
+    drop: float = 0.0013
+    # m, below the face, of a shell that has dropped in; one that hooks in and tilts is less deep
     beside: float = 0.0047  # m, along y, of where the face is felt: the edge over its middle
     tilted: tuple[float, float] = (0.09, 0.03)
     # rad, since it lay on the face: about x it lay as it was grasped
