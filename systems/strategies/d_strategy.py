@@ -25,6 +25,7 @@ from chamfer.systems.strategies.face_and_search import (
     cycles,
     pull_test,
     settled,
+    straightened,
     up,
 )
 
@@ -58,7 +59,7 @@ class DConnectorSkillParams(PlugInsertionParams):
     twist_amplitude: float = 0.06  # rad, of the rotary search's turn about z
     twist_frequency: float = 0.12  # Hz, of the rotary search's turn about z
     turn_gain: float = 0.2  # 1/s, with which both searches keep the turn's middle
-    settle_amplitude: float = 0.02  # rad, about x and y, of the dithers that settle the plug
+    settle_amplitude: float = 0.02  # rad, about x and y, of dithers that settle or straighten it
     settle_cycles: float = 1.0  # of the dithers that settle the plug
     entry: float = 0.0008
     # m, that a plug may seem to be off its pins' first touch, as its tilt about x is not known yet
@@ -68,6 +69,7 @@ class DConnectorSkillParams(PlugInsertionParams):
     lay_press: float = 0.01
     # m/s, beyond what the end stop took, while what is not in line lies down there
     lay_time: float = 3.0  # s, in which it has to
+    back_off: float = 0.00075  # m, up, of a plug that has jammed
     push_dither: float = 0.0001  # m, along x while it pushes
     through_share: float = 1.02
     # of the believed mating force, that it pushes with where the tines begin to spread
@@ -215,7 +217,9 @@ class DConnectorSkillParams(PlugInsertionParams):
                 on={"done": "push"},
                 timeout=4.0,
             ),
-            *self.straightened("push"),
+            *straightened(
+                self, amplitude=self.settle_amplitude, back_off=self.back_off, then="push"
+            ),
             SkillState(
                 name="verify",
                 run=[self.hold, *verify, watched(verify, self.verify_threshold)],

@@ -50,11 +50,9 @@ class FaceFeelingParams:
     # the true one if that is half of what is believed
     tilted: tuple[float, float] = (0.09, 0.09)
     # rad, about x and y since it lay on the face, of a plug that has jammed as it is out of line
-    straighten_amplitude: float = 0.02  # rad, of the dithers about x and y that straighten it
     straighten_gain: float = 5.0
     # 1/s, with which it is turned back to how it lay on the face, and kept so as it is pulled out:
     # a sensor whose place is off by 3 mm makes 0.1 N m of 40 N
-    back_off: float = 0.00075  # m, up, of a plug that has jammed
     retries: int = 3  # how often a state is tried again
     out_speed: float = 0.1  # m/s, of a plug that is pulled out: D times it overcomes what holds it
     retract: float = 0.03  # m, back from the socket after a failure
@@ -107,28 +105,6 @@ class FaceFeelingParams:
         """Return a push by a mating force, N, as it is believed to be."""
         given = {"tilt": self.tilted, **fields}
         return Seat(limit=self.limit_share * force, free=self.free_share * force, **given)
-
-    def straightened(self, then: str) -> tuple[SkillState, ...]:
-        """Return the states from ``loosen`` on that straighten a plug that is tilted.
-
-        It is backed off, rocked, and turned back to how it lay on the face.
-        """
-        rocks = Dither(kind="rotary", axis="x", amplitude=self.straighten_amplitude, cycles=2.0)
-        return (
-            SkillState(
-                name="loosen",
-                run=[up(self.back_off, 0.2)],
-                on={"done": "straighten"},
-                timeout=1.0,
-            ),
-            SkillState(
-                name="straighten",
-                from_mark=True,
-                run=[self.hold, rocks, replace(rocks, axis="y"), self.upright],
-                on={"done": then},
-                timeout=4.0,
-            ),
-        )
 
     @property
     def upright(self) -> Hold:
@@ -263,6 +239,27 @@ def moved(name: str, motion: MoveDx, then: str) -> SkillState:
     )
 
 
+def straightened(
+    of: FaceFeelingParams, *, amplitude: float, back_off: float, then: str
+) -> tuple[SkillState, ...]:
+    """Return the states from ``loosen`` on that straighten a plug that is tilted.
+
+    It is backed off by a way, m, rocked by an amplitude, rad, and turned back to how it lay on the
+    face.
+    """
+    rocks = Dither(kind="rotary", axis="x", amplitude=amplitude, cycles=2.0)
+    return (
+        SkillState(name="loosen", run=[up(back_off, 0.2)], on={"done": "straighten"}, timeout=1.0),
+        SkillState(
+            name="straighten",
+            from_mark=True,
+            run=[of.hold, rocks, replace(rocks, axis="y"), of.upright],
+            on={"done": then},
+            timeout=4.0,
+        ),
+    )
+
+
 def pull_test(
     on: Answers,
     *,
@@ -305,6 +302,8 @@ class TouchParams(FaceFeelingParams):
     maintained: float = 0.008  # m/s, towards the face, of what keeps contact
     tilted: tuple[float, float] = (0.03, 0.03)  # rad, since it lay flat on the face
     lie_time: float = 4.0  # s, in which the plug lies down on the face
+    straighten_amplitude: float = 0.02  # rad, of the dithers about x and y that straighten it
+    back_off: float = 0.00075  # m, up, of a plug that has jammed out of line
     entered: float = 0.001  # m, below the face, of a plug that went into its socket at once
     drop: float  # m, of a plug that has found its socket
     push_speed: float  # m/s, of the push at first; D times it is its force at rest
@@ -315,6 +314,11 @@ class TouchParams(FaceFeelingParams):
         """Return the states from ``tare`` on until the plug is flat, above its socket."""
         lies = MoveDx(duration=self.lie_time)
         return self.feel_face(lies, timeout=2 * self.lie_time, damping=_LYING, then=then)
+
+    def straightened(self, then: str) -> tuple[SkillState, ...]:
+        """Return the states from ``loosen`` on that straighten a plug that is tilted."""
+        amplitude, back_off = self.straighten_amplitude, self.back_off
+        return straightened(self, amplitude=amplitude, back_off=back_off, then=then)
 
     def at_depth(self, depth: float, then: str) -> SkillState:
         """Return the state that looks how deep a plug at rest is, m."""
