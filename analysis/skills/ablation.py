@@ -66,18 +66,7 @@ def without_grip_check(skill: Skill) -> Skill:
             return one
         return MoveDx(duration=one.wait + one.time) if "done" in one.events else None
 
-    blind = _instead(skill, change)
-    return _reachable(
-        replace(
-            blind,
-            states=[
-                replace(state, on=_without(state.on, "lost"))
-                if any(isinstance(one, Held) for one in before.run)
-                else state
-                for before, state in zip(skill.states, blind.states, strict=True)
-            ],
-        )
-    )
+    return _instead(skill, change)
 
 
 def without_rotary_search(skill: Skill) -> Skill:
@@ -109,12 +98,16 @@ CHANGES: Final[Mapping[str, SkillChange]] = {
 
 
 def _instead(skill: Skill, change: Callable[[Primitive], Primitive | None]) -> Skill:
-    """Return a skill with other primitives, None for none."""
-    states = [
-        replace(state, run=[new for one in state.run if (new := change(one)) is not None])
-        for state in skill.states
-    ]
-    return replace(skill, states=states)
+    """Return a skill with other primitives, None for none, without what only the others led to."""
+
+    def changed(state: SkillState) -> SkillState:
+        run = [new for one in state.run if (new := change(one)) is not None]
+        gone = {event for one in state.run for event in one.events}
+        gone -= {event for one in run for event in one.events}
+        on = {outcome: then for outcome, then in state.on.items() if outcome not in gone}
+        return replace(state, run=run, on=on)
+
+    return _reachable(replace(skill, states=[changed(state) for state in skill.states]))
 
 
 def _without(on: Mapping[Outcome, str | Retry], outcome: Outcome) -> dict[Outcome, str | Retry]:
