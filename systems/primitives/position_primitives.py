@@ -7,6 +7,7 @@ began, or the skill's mark.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from operator import mul
 from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
@@ -23,6 +24,7 @@ from chamfer.systems.primitives.force_primitives import Directed, along, out_of_
 from chamfer.systems.primitives.primitive import (
     FASTEST,
     STILL,
+    TICK,
     Event,
     Observation,
     Primitive,
@@ -40,11 +42,18 @@ _GAIN: Final = 6.0  # 1/s, with which the end of a way is approached
 
 @dataclass(frozen=True, kw_only=True)
 class Place(Primitive):
-    """Goes straight to a place, given from where it begins. Event: ``done`` when it is there."""
+    """Goes straight to a place, given from where it begins.
+
+    Under damping control what holds the tool is pulled with D times the speed at most: one that
+    grows slowly is a force that grows until it gives way. Events: ``done`` when it is there;
+    ``contact`` when what opposes the way reaches the threshold.
+    """
 
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, along x, y and z
     speed: float = 0.02  # m/s, at most; assumed
     tolerance: float = 0.0002  # m, more than the noise of what is measured; assumed
+    acceleration: float = math.inf  # m/s^2, with which the speed that is allowed grows
+    threshold: float = math.inf  # N, against the way; infinity: none
 
     WORD: ClassVar[str] = "place"
 
@@ -52,11 +61,14 @@ class Place(Primitive):
         require_positive(self, "tolerance")
         require_positive(self, "speed", most=FASTEST, unit="m/s")
         require_numbers(self, 3, "offset")
+        for name in ("acceleration", "threshold"):
+            if not getattr(self, name) > 0:
+                raise ParameterError(name, getattr(self, name), "a number > 0, infinity for none")
 
     @property
     def events(self) -> Mapping[Event, float]:
         """The events that it can have, each with the earliest time, s."""
-        return {"done": 0.0}
+        return {"done": 0.0} | ({"contact": 0.0} if self.threshold < math.inf else {})
 
     def begin(self, sensed: Observation) -> Vector:
         """Remember where to go."""
@@ -71,7 +83,10 @@ class Place(Primitive):
         if distance <= self.tolerance:
             # Every state lasts a tick, also this one where it begins at its end.
             return Stepped(memory, STILL, "done" if time > 0 else None)
-        rate = min(_GAIN, self.speed / distance)
+        if -sum(map(mul, sensed.wrench[_LINEAR], left)) >= self.threshold * distance:
+            return Stepped(memory, STILL, "contact")
+        speed = min(self.speed, self.acceleration * max(time, TICK))
+        rate = min(_GAIN, speed / distance)
         return Stepped(memory, (0.0, 0.0, 0.0, *(rate * way for way in left)))
 
 

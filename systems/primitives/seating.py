@@ -37,7 +37,6 @@ _SETTLING: Final = 3
 _LAGGING: Final = 2  # in which the force of a command that fell may still be more than its own
 _MEAN: Final = 12
 _JUMP: Final = 4.0  # times what is no motion in a window: no creeping any more
-_SURE: Final = 2.0  # times what is no motion in a window: a proof that it moves
 _NEARLY: Final = 0.8  # of the force that is allowed, that is felt at least as it has jammed
 _SOFTER: Final = 2.0  # times, a lead-in at most that has given way to the force before
 _LITTLE: Final = 1.02  # by which a command may be beyond what its force allows
@@ -62,7 +61,7 @@ class _Pushing(NamedTuple):
     crept: float = 0.0  # way since then in windows in which it did not seem to move
     sliding: float = 0.0  # least force of the windows in which it moved last
     still: int = 0  # windows in a row in which nothing moved
-    rested: float = 0.0  # force in the first of them
+    rested: float = 0.0  # force in the first of all since it moved for sure
     damping: float = 0.0  # largest force over speed that was felt while nothing moved
     phase: _Phase = "ramp"
     windows: int = 0  # of the phase
@@ -99,6 +98,7 @@ class Seat(Directed):
     harder: float = 0.0
     # of the force with which it came to rest, that the end stop holds too: more than 1 where a
     # spring opposes the motion, which stops at any depth; 0: not asked
+    sure: float = 2.0  # times what is no motion: a proof that it moves; assumed
     limit: float = 60.0  # N or N m, against the motion: jammed
     free: float | None = None
     # N or N m, up to which it pushes whether or not anything moves; None: the limit
@@ -121,7 +121,7 @@ class Seat(Directed):
         super().__post_init__()
         require_finite(self, "distance")
         require_all_positive(self, "distance", "harder")
-        for name in ("growth", "rise", "share"):
+        for name in ("growth", "rise", "share", "sure"):
             if not 1 < getattr(self, name) < math.inf:
                 raise ParameterError(name, getattr(self, name), "a finite number > 1")
         if not 0 <= self.harder < self.share:
@@ -189,14 +189,16 @@ class Seat(Directed):
         # A wrist that is stiffer than believed seems to move as the force falls.
         falling = memory.phase == "after" and memory.windows < _SETTLING
         none = max(self.still, rise / self.stiffness)
-        seems = sure = way > _SURE * none
+        seems = sure = way > self.sure * none
         if memory.phase == "ramp":
             assert memory.proof is not None
             # A spring gives way so slowly that only many windows together show it.
             far, more = place - memory.proof[0], abs(force - memory.proof[1])
-            sure = sure or far > _SURE * max(self.still, more / self.stiffness)
+            sure = sure or far > self.sure * max(self.still, more / self.stiffness)
             seems = sure or way > none
         if seems and not falling:
+            if force >= self.limit:  # nor does it push harder where it seems to move on and on
+                return fresh, "jammed"
             if sure:
                 fresh = fresh._replace(
                     proved=max(memory.proved, min(force, self.limit)),
@@ -207,13 +209,12 @@ class Seat(Directed):
             return self._slid(fresh, way, way / (since - memory.since), force, sure), None
         if memory.phase == "ramp":
             fresh = fresh._replace(crept=memory.crept + way)
-        rested = memory.rested if memory.still else force
-        fresh = fresh._replace(still=memory.still + 1, rested=rested)
+        fresh = fresh._replace(still=memory.still + 1, rested=memory.rested or force)
         if fresh.still > _LAGGING and not falling:
             fresh = fresh._replace(damping=max(memory.damping, force / memory.speed))
         if memory.phase != "ramp":
             return self._looked(fresh, place)
-        stopped = force >= max(self.rise * memory.sliding, self.harder * rested)
+        stopped = force >= max(self.rise * memory.sliding, self.harder * fresh.rested)
         if memory.moved >= self.distance and stopped:
             return fresh, "done" if fresh.still > 1 else None
         return self._raised(fresh, force)
@@ -230,6 +231,7 @@ class Seat(Directed):
             moved=memory.moved + way,
             sliding=force if begins else min(force, memory.sliding),
             still=0,
+            rested=0.0 if sure else memory.rested,
             phase="ramp",
         )
 
@@ -293,13 +295,19 @@ class Seat(Directed):
 
 @dataclass(frozen=True, kw_only=True)
 class Press(Directed):
-    """Goes on with the velocity that was commanded before it began; it has no event."""
+    """Goes on with a share of the velocity that was commanded before it began; it has no event."""
+
+    share: float = 1.0  # of that velocity
 
     WORD: ClassVar[str] = "press"
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_all_positive(self)
+
     def begin(self, sensed: Observation) -> float:
         """Remember the command of the state before."""
-        return along(self.direction, sensed.perturbed)
+        return self.share * along(self.direction, sensed.perturbed)
 
     def step(self, sensed: Observation, memory: float, time: float) -> Stepped:
         """Command it on."""

@@ -12,19 +12,26 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Final, Literal, get_args
 
-from chamfer.models.validation import require_one_of
-from chamfer.systems.primitives.force_primitives import Obstructed, Stick
-from chamfer.systems.primitives.position_primitives import Way
+from chamfer.models.validation import require_one_of, require_whole
+from chamfer.systems.primitives.force_primitives import GuardedMove, Obstructed, Stick
+from chamfer.systems.primitives.position_primitives import Place, Way
 from chamfer.systems.primitives.seating import Press, Seat
 from chamfer.systems.primitives.skill import DONE, Retry, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
-from chamfer.systems.strategies.face_and_search import PlugInsertionParams, cycles, pull_test
+from chamfer.systems.strategies.face_and_search import (
+    PlugInsertionParams,
+    cycles,
+    pull_test,
+    settled,
+)
 
 if TYPE_CHECKING:  # it brings Drake along
     from chamfer.models.connectors.bnc_connector import BncConnector
 
 Turn = Literal["-rz", "+rz"]
 
+_LEVEL: Final = (0.0, 0.0, 0.0, 0.0, 0.0, math.inf)  # damping, as the next
+_LONG: Final = 20.0  # s, that a push may take
 _RESTING: Final = (math.inf, math.inf, math.inf, math.inf, math.inf, 0.0)  # damping
 
 
@@ -35,11 +42,22 @@ class BncConnectorSkillParams(PlugInsertionParams):
     drop: float = 0.001  # m, of a sleeve over the barrel, or with its slots over the studs
     stud_limit: float = 0.005  # m, of the push to the studs; beyond they are in the slots
     beside: float = 0.006  # m, along y, of where the face is felt
-    out_speed: float = 0.03  # m/s, of a sleeve that is pulled off
+    limit_share: float = 3.4  # a push that only the wrist seems to move ends there
+    free_share: float = 0.5  # the spring gives way from its first touch on
+    out_force: float = 6.5  # N, with which a sleeve that is not locked comes off
+    unlock_share: float = 1.25
+    # of the believed mating force, that a sleeve to be unlocked is pushed with, moved or not: the
+    # spring lifts one in its detents with most of its force
     face_time: float = 0.3  # s, in which the sleeve comes to rest on the face
     face: float = 0.0007  # m, by which depths from the face, felt tilted, are unsure
     end: float = 0.0005  # m, before the turning depth, from which on a stop counts as the end
-    search_press: float = 0.007  # m/s, towards the socket, while it is searched for
+    shake_amplitude: float = 0.025
+    # rad, about z, of the dither that takes the bore's friction off the push; within the slots
+    shake_frequency: float = 4.0  # Hz, of it
+    settle_amplitude: float = 0.03  # rad, about x and y, of the dithers that straighten a sleeve
+    settle_cycles: float = 2.0  # of them
+    settles: int = 2  # times that a push which has jammed is tried again after them
+    search_press: float = 0.005  # m/s, towards the socket, while it is searched for
     search_frequency: float = 0.3  # Hz, of the search's slower dither
     search_repeats: int = 6  # cycles of it until the pattern repeats, N
     search_amplitude: float = 0.0026  # m, of each dither of the search
@@ -50,22 +68,36 @@ class BncConnectorSkillParams(PlugInsertionParams):
     turn_speed: float = 0.25  # rad/s, of the turn that locks; its torque at rest is D times it
     turn_torque: float = 0.34  # N m, at which the turn is jammed
     turn_distance: float = 1.2  # rad, least angle of the turn
+    rise_time: float = 0.8  # s, in which a released sleeve rises into the detents
+    back_torque: float = 0.08  # N m, that a sleeve in its detents holds as it is turned back
+    back_speed: float = 0.15  # rad/s, of that turn
+    back_limit: float = 0.25  # rad, way after which turning back has found no hold
     pull_speed: float = 0.008  # m/s, of the pull that tests the lock
     pull_force: float = 4.5  # N, that the detents have to hold
     pull_limit: float = 0.0015  # m, way after which the pull has found no hold
     harder: float = 1.1  # of the force with which the spring stops a push, at the end stop
     rise: float = 1.2  # of the force at the end stop over that of the spring before it
+    stop_stiffness: float = 2.2e4
+    # N/m, of the end stop at least, as a wrist that is much softer than believed makes it appear
+    surely: float = 1.2  # of the compliance of that: a spring gives way by more
+    turn_press: float = 0.85  # of the command at the end stop, that it is turned with
 
     NAME: ClassVar[str] = "BNC connector"
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_one_of(self, "turn", get_args(Turn))
+        require_whole(self, "settles")
+
+    def pulled(self, place: Place) -> Place:
+        """Return the way to a place that ends where the sleeve is still held."""
+        return replace(super().pulled(place), threshold=self.out_force)
 
     def states(self, connector: "BncConnector", period: float) -> tuple[SkillState, ...]:
         """Return the states from ``tare`` on."""
         stick = Stick(speed=self.maintained, threshold=self.drop)
-        again = self.again
+        again = Retry("off", self.retries)
+        back: Turn = "+rz" if self.turn == "-rz" else "-rz"
         unlock = "compress again"  # always, so that what fails in the end comes off the barrel
         wide = replace(
             self,
@@ -83,12 +115,25 @@ class BncConnectorSkillParams(PlugInsertionParams):
             connector.mating_force,
             rise=self.rise,
             harder=self.harder,
+            stiffness=self.stop_stiffness,
+            sure=self.surely,
             distance=connector.turning_depth - self.end,
+        )
+        shaking = Dither(
+            kind="rotary",
+            axis="z",
+            amplitude=self.shake_amplitude,
+            frequency=self.shake_frequency,
+            cycles=_LONG * self.shake_frequency,
         )
         rim = (0.0, -(connector.bore_radius + connector.lead_in))
 
         def depth(least: float, *, most: float = math.inf) -> Way:
             return Way(least=least, most=most, beside=rim)
+
+        def rocked(name: str, then: str) -> SkillState:
+            cycles = self.settle_cycles
+            return replace(settled(self.hold, self.settle_amplitude, cycles, then), name=name)
 
         def turned(direction: Turn) -> Seat:
             return Seat(
@@ -111,9 +156,13 @@ class BncConnectorSkillParams(PlugInsertionParams):
             )
 
         click = connector.turning_depth - connector.mated_depth
+        lifted = self.unlock_share * connector.mating_force
         return (
             *self.feel_face(
-                MoveDx(duration=self.face_time), timeout=1.0, damping=_RESTING, then="enter"
+                MoveDx(duration=self.face_time),
+                timeout=1.0,
+                damping=_RESTING,
+                then="enter",
             ),
             searches("enter", self, "enter wide"),
             searches("enter wide", wide, again),
@@ -126,8 +175,9 @@ class BncConnectorSkillParams(PlugInsertionParams):
             self.at_least(
                 "at the studs",
                 depth(connector.setback - self.drop),
-                {"done": "feel", "jammed": again},
+                {"done": "feel", "jammed": Retry("straighten", self.settles, again)},
             ),
+            rocked("straighten", then="to the studs"),
             self.at_least(
                 "feel",
                 # Deeper than the studs is one whose slots they are in.
@@ -143,28 +193,42 @@ class BncConnectorSkillParams(PlugInsertionParams):
             SkillState(
                 name="compress",
                 from_mark=True,
-                run=[compression],
-                on={"done": "turn", "jammed": again, "timed out": again},
-                timeout=20.0,
+                run=[compression, shaking],
+                on={
+                    "done": "turn",
+                    "jammed": Retry("settle", self.settles, again),
+                    "tilted": Retry("settle", self.settles, again),
+                    "timed out": again,
+                },
+                timeout=_LONG,
             ),
+            # A sleeve that leans wedges itself on the barrel, the harder the push the firmer.
+            rocked("settle", then="compress"),
             SkillState(
                 name="turn",
-                run=[Press(), turned(self.turn)],
+                run=[Press(share=self.turn_press), turned(self.turn)],
                 on={"done": "click", "jammed": "turn back"},
                 timeout=2 * math.pi / self.turn_speed,
             ),
             SkillState(
                 name="click",
+                run=[MoveDx(duration=self.rise_time)],
+                on={"done": "turns back"},
+                timeout=2 * self.rise_time,
+            ),
+            SkillState(
+                name="turns back",
                 run=[
-                    Way(
-                        direction="+z",
-                        least=0.6 * click,
-                        most=click + connector.slot - 2 * connector.stud_radius + 2 * self.face,
-                        wait=0.6,
+                    GuardedMove(
+                        direction=back,
+                        speed=self.back_speed,
+                        threshold=self.back_torque,
+                        limit=self.back_limit,
                     )
                 ],
-                on={"done": "depth", "jammed": unlock},
-                timeout=1.5,
+                on={"contact": "depth", "lost": unlock},
+                timeout=2 * self.back_limit / self.back_speed,
+                damping=_LEVEL,  # the studs' round sides would lift it out
             ),
             SkillState(
                 name="depth",
@@ -183,20 +247,27 @@ class BncConnectorSkillParams(PlugInsertionParams):
                 force=self.pull_force,
                 limit=self.pull_limit,
             ),
+            # Straight off the barrel, first: aside it would only rub.
+            SkillState(
+                name="off",
+                run=[self.pulled(Place(offset=(0.0, 0.0, connector.overlap)))],
+                on={"done": "out", "contact": Retry(unlock, self.retries)},
+                timeout=4.0,
+            ),
             # Out of the detents, or of where the turn has jammed: as it was locked, backwards.
             SkillState(
                 name="compress again",
-                run=[replace(compression, distance=0.6 * click)],
+                run=[replace(compression, distance=0.6 * click, free=lifted, tilt=None)],
                 on={
                     "done": "turn back",
                     "jammed": "turn back",
                     "timed out": Retry("turn back", self.retries),
                 },
-                timeout=20.0,
+                timeout=_LONG,
             ),
             SkillState(
                 name="turn back",
-                run=[Press(), turned("+rz" if self.turn == "-rz" else "-rz")],
+                run=[Press(share=self.turn_press), turned(back)],
                 on={"done": again, "jammed": again},
                 timeout=2 * math.pi / self.turn_speed,
             ),

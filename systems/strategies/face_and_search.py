@@ -55,6 +55,8 @@ class FaceFeelingParams:
     # a sensor whose place is off by 3 mm makes 0.1 N m of 40 N
     retries: int = 3  # how often a state is tried again
     out_speed: float = 0.1  # m/s, of a plug that is pulled out: D times it overcomes what holds it
+    out_acceleration: float = 0.05
+    # m/s^2, of that: the pull grows by D times it in a second, until the plug comes off
     retract: float = 0.03  # m, back from the socket after a failure
 
     NAME: ClassVar[str]  # of the skill
@@ -112,7 +114,11 @@ class FaceFeelingParams:
         return Hold(axes=("rx", "ry"), gain=self.straighten_gain)
 
     def feel_face(
-        self, *lie: Primitive, timeout: float, damping: tuple[float, ...], then: str
+        self,
+        *lie: Primitive,
+        timeout: float,
+        damping: tuple[float, ...],
+        then: str,
     ) -> tuple[SkillState, ...]:
         """Return the states from ``tare`` on that feel the face, beside where the plug goes in.
 
@@ -164,7 +170,7 @@ class FaceFeelingParams:
             SkillState(
                 name="out",
                 from_mark=True,
-                run=[replace(self._above, speed=self.out_speed), self.upright],
+                run=[self.pulled(self._above), self.upright],
                 on={"done": "tare again"},
                 timeout=3.0,
             ),
@@ -185,7 +191,11 @@ class FaceFeelingParams:
     @property
     def out(self) -> Place:
         """Pulls the plug out of the socket, and away from it."""
-        return Place(offset=(0.0, 0.0, self.retract), speed=self.out_speed)
+        return self.pulled(Place(offset=(0.0, 0.0, self.retract)))
+
+    def pulled(self, place: Place) -> Place:
+        """Return the way to a place with no more force than comes off."""
+        return replace(place, speed=self.out_speed, acceleration=self.out_acceleration)
 
 
 @dataclass(frozen=True, kw_only=True)

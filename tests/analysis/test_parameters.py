@@ -44,6 +44,7 @@ INFINITE = {
     *(f"{kind}.limit" for kind in ("AxisParams", "OpenAxisParams", "OpenPidGains")),
     *("CompensatorParams.end_time", "DivergenceParams.factor"),
     *("Held.time", "Stick.threshold", "Way.most"),
+    *("Place.acceleration", "Place.threshold"),
 }
 
 # Class and fields that may be 0, and those that may also be -1; all others are to be above 0.

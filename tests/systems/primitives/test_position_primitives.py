@@ -50,6 +50,17 @@ def followed(
     return places, steps
 
 
+def test_a_pull_to_a_place_grows_and_ends_where_the_tool_is_held() -> None:
+    place = Place(offset=(0.003, 0.0, 0.004), speed=0.02, acceleration=0.05, threshold=5.0)
+    memory = place.begin(at())
+    speeds = [np.linalg.norm(place.step(at(), memory, t).velocity) for t in (0.1, 0.3, 0.4, 1.0)]
+    np.testing.assert_allclose(speeds, [0.005, 0.015, 0.02, 0.02])
+    # By what opposes the way, not by what is across or along it.
+    for against, event in ((4.9, None), (5.1, "contact"), (-9.0, None)):
+        held = at()._replace(wrench=six(x=-0.6 * against - 8.0, z=-0.8 * against + 6.0))
+        assert place.step(held, memory, 1.0).event == event
+
+
 def test_a_place_is_reached_straight_and_no_faster_than_allowed() -> None:
     place = Place(offset=(0.006, 0.0, 0.008), speed=0.02, tolerance=1e-4)
     start = six(rx=0.1, x=0.5, y=-0.2, z=0.3)

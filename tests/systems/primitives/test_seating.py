@@ -7,8 +7,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import pytest
 
+from chamfer.models.connectors.bnc_connector import BncConnector
 from chamfer.systems.primitives.primitive import STILL, Observation
 from chamfer.systems.primitives.seating import Press, Seat
+from chamfer.systems.strategies.bnc_strategy import BncConnectorSkillParams
 
 PERIOD: Final = 0.01  # s
 DAMPING: Final = 800.0  # N s/m
@@ -222,3 +224,44 @@ def test_a_press_goes_on_with_what_was_commanded_last() -> None:
     )
     stepped = press.step(before._replace(perturbed=STILL), press.begin(before), 1.0)
     assert (stepped.velocity, stepped.event) == ((0, 0, -0.3, 0, 0, 0), None)
+
+
+@pytest.mark.parametrize("most", [5.0, 13.0, 30.0])
+@pytest.mark.parametrize("wrist", [0.58, 1.0, 1.4])
+def test_a_spring_is_told_from_its_stop_by_a_wrist_much_softer_or_stiffer(
+    most: float, wrist: float
+) -> None:
+    params = BncConnectorSkillParams()
+    push = params.seat(
+        BncConnector().mating_force,
+        rise=params.rise,
+        harder=params.harder,
+        stiffness=params.stop_stiffness,
+        sure=params.surely,
+        distance=0.002,
+    )
+    for seed in range(3):
+        found = pushed(
+            push,
+            lambda depth: most * depth / 0.003,
+            end=0.003,
+            wrist=wrist * WRIST,
+            noise=0.2,
+            seed=seed,
+        )
+        assert (found.event, found.depth) == ("done", 0.003)
+        assert found.peak < 1.5 * most
+
+
+def test_what_seems_to_move_on_and_on_is_pushed_with_the_limit_at_most() -> None:
+    # A wrist so soft that a stop seems to give way as a spring does.
+    found = pushed(seat(limit=30.0), lambda depth: 0.0, end=0.001, wrist=0.3 * WRIST)
+    assert found.event == "jammed"
+    assert found.peak < 1.25 * 30.0
+
+
+def test_a_press_goes_on_with_its_share() -> None:
+    sensed = Observation(carriage=STILL, motion=STILL, wrench=STILL, perturbed=(*[0.0] * 5, -0.02))
+    press = Press(share=0.85)
+    stepped = press.step(sensed, press.begin(sensed), 0.0)
+    assert stepped.velocity == pytest.approx((0, 0, 0, 0, 0, -0.017))
