@@ -68,7 +68,8 @@ class Place(Primitive):
     @property
     def events(self) -> Mapping[Event, float]:
         """The events that it can have, each with the earliest time, s."""
-        return {"done": 0.0} | ({"contact": 0.0} if self.threshold < math.inf else {})
+        found: dict[Event, float] = {"done": 0.0}
+        return found if self.threshold == math.inf else {**found, "contact": 0.0}
 
     def begin(self, sensed: Observation) -> Vector:
         """Remember where to go."""
