@@ -45,7 +45,6 @@ SIZE: Final = 6  # of displacements and wrenches, angular above linear
 # Joints from what carries the wrist to the tool, and the place of each in a displacement.
 _JOINTS: Final = (("x", 3), ("y", 4), ("z", 5), ("rx", 0), ("ry", 1), ("rz", 2))
 ORDER: Final = tuple(index for _, index in _JOINTS)
-_SHARED: Final = 0.75  # s of WristParams.tip_stiffness
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,17 +90,18 @@ class WristParams:
 
     @property
     def tip_stiffness(self) -> tuple[float, ...]:
-        """N m/rad and N/m: of uncoupled springs at the tip that are softer than it in no way.
+        """N m/rad and N/m: what each axis of accommodation has to be damped against at the tip.
 
-        Seen from the tip a lateral spring at the height c couples translation x and turn a,
+        Seen from there a lateral spring at the height c opposes way x and turn a together,
 
-            k (x + c a)^2 <= (1 + s) k x^2 + (1 + 1/s) k c^2 a^2,  s = 3/4.
+            k (x + c a)^2 <= 2 k x^2 + 2 k c^2 a^2.
+
+        With half of that on each axis, a damping with which each by itself is monotone, kappa of
+        1/4 at most, has all six at 1/2 at most together: stable with a tip that nothing can move.
         """
-        if not self.centre:
-            return self.stiffness
         rx, ry, rz, x, y, z = self.stiffness
-        arm = (1 + 1 / _SHARED) * self.centre**2
-        return (rx + arm * y, ry + arm * x, rz, (1 + _SHARED) * x, (1 + _SHARED) * y, z)
+        arm = self.centre**2
+        return (max(rx, rx / 2 + arm * y), max(ry, ry / 2 + arm * x), rz, x, y, z)
 
     @property
     def law(self) -> Array:

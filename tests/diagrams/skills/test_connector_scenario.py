@@ -8,6 +8,7 @@ import pytest
 
 from chamfer.analysis.skills.insertion_metrics import insertion_metrics
 from chamfer.analysis.skills.skill_run import SkillResult, run_skill
+from chamfer.diagrams.skills.connector_loop import make_connector_diagram
 from chamfer.diagrams.skills.connector_scenario import (
     BNC_CONNECTOR,
     D_CONNECTOR,
@@ -19,7 +20,11 @@ from chamfer.diagrams.skills.connector_scenario import (
 )
 from chamfer.diagrams.skills.connector_sight import SightSettings
 from chamfer.models.connectors.d_connector import DConnector
+from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.position_primitives import Held
+from chamfer.systems.primitives.skill import DONE, Skill, SkillState
+from chamfer.systems.primitives.trajectory_primitives import MoveDx
+from chamfer.systems.sensing.force_sensor import WrenchSensorParams
 
 SIGHT: Final = SightSettings()
 
@@ -121,11 +126,65 @@ def test_a_connector_is_inserted(written: Any, robot: Any, most: float) -> None:
     assert 0.95 < (metrics["force.peak_share"] or 0.0) < most
 
 
+def lifted(written: Any, centre: float, **fields: Any) -> Any:
+    """The part in a wrist whose springs are so high above the tip, m."""
+    return replace(written, wrist=replace(written.wrist, centre=centre), **fields)
+
+
+@pytest.mark.parametrize("centre", [0.03, 0.06, 0.1, -0.06])
+def test_accommodation_is_stable_with_the_wrist_as_it_is_seen_from_the_tip(centre: float) -> None:
+    found = resolve(lifted(D_CONNECTOR, centre))
+    stiffness = np.linalg.inv(found.wrist.compliance)
+    given = found.accommodation
+    loop = given.period * given.mobility @ stiffness
+    # With a sample of delay it is stable below 1.
+    assert np.linalg.eigvals(loop).real.max() <= 0.5 + 1e-9
+    # What can't turn needs no more than before.
+    assert given.damping[2:] == D_CONNECTOR.accommodation.damping[2:]
+    assert resolve(found) == found
+    believed = lifted(D_CONNECTOR, centre, believed_wrist=D_CONNECTOR.wrist)
+    assert resolve(believed).accommodation == D_CONNECTOR.accommodation
+    bold = replace(D_CONNECTOR.accommodation, allow_unstable=True)
+    unstable = resolve(lifted(D_CONNECTOR, centre, accommodation=bold)).accommodation
+    assert unstable.damping == bold.damping
+
+
+def test_a_state_that_turns_too_readily_for_the_wrist_is_refused() -> None:
+    scenario = resolve(lifted(D_CONNECTOR, 0.1, sight=None))
+    wait = MoveDx(duration=0.1)
+    state = SkillState(
+        name="turn", run=[wait], on={"done": DONE}, timeout=1.0, damping=(2.0, *(0.0,) * 5)
+    )
+    skill = Skill(name="mine", states=[state], retract=[wait], held=True)
+    with pytest.raises(ParameterError) as refused:
+        make_connector_diagram(scenario, skill)
+    expected = "skill 'mine': 'turn'.damping of rx is 2.0, allowed: at least "
+    assert str(refused.value).startswith(expected)
+
+
+def test_what_a_sensor_is_believed_to_be_takes_its_reading_to_the_tip() -> None:
+    high = replace(D_CONNECTOR.sensor, origin=(0.0, 0.0, 0.06))
+    true = resolve(replace(D_CONNECTOR, sensor=high))
+    read = -true.sensor.gauges.pick_up @ np.arange(1.0, 7.0)
+    np.testing.assert_allclose(true.believed_sensor.undoing @ read, np.arange(1.0, 7.0))
+    wrong = WrenchSensorParams(origin=(0.0, 0.0, 0.0))
+    found = resolve(replace(D_CONNECTOR, sensor=high, believed_sensor=wrong))
+    assert found.believed_sensor.cross_talk == found.sensor.cross_talk
+    torque = np.cross([0.0, 0.0, -0.06], [4.0, 5.0, 6.0])  # of the force at the tip
+    expected = [*np.array([1.0, 2.0, 3.0]) + torque, 4.0, 5.0, 6.0]
+    np.testing.assert_allclose(found.believed_sensor.undoing @ read, expected)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("written", [D_CONNECTOR, RJ45_CONNECTOR, ROUND_PEG])
-def test_a_plug_that_is_stopped_short_is_not_taken_for_mated(written: Any) -> None:
+@pytest.mark.parametrize(
+    ("written", "centre"),
+    [(D_CONNECTOR, 0.0), (RJ45_CONNECTOR, 0.0), (ROUND_PEG, 0.0), (D_CONNECTOR, 0.06)],
+)
+def test_a_plug_that_is_stopped_short_is_not_taken_for_mated(written: Any, centre: float) -> None:
     depth = written.connector.mated_depth - 5e-4
-    found = inserted(replace(written, sight=None, obstacle=depth, step=0.002, duration=240.0))
+    held = {"sight": None, "obstacle": depth, "step": 0.002, "duration": 240.0}
+    # Nobody knows that the springs are higher than at the tip.
+    found = inserted(lifted(written, centre, believed_wrist=written.wrist, **held))
     assert found.outcome == "failed"
     assert found.reason.endswith("jammed")
     assert [target for _, target in path(found)[-2:]] == ["retract", "failed"]

