@@ -1,5 +1,6 @@
 """A skill of one's own, out of a YAML file, run with any part (Fig. 4)."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -12,7 +13,14 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram
 
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
+from chamfer.analysis.scenario.experiment import (
+    Metric,
+    Outcome,
+    Progress,
+    Table,
+    column,
+    measured,
+)
 from chamfer.analysis.scenario.plain_data import plain_data, structured
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.analysis.scenario.scenario_yaml import parse_value, read_mapping
@@ -34,6 +42,7 @@ from chamfer.analysis.skills.connector_insertion import (
     replay_insertion,
     run_to_end,
 )
+from chamfer.analysis.skills.insertion_metrics import MATED
 from chamfer.analysis.skills.skill_file import read_skill, skill_of, skill_text
 from chamfer.analysis.skills.skill_run import AXES
 from chamfer.diagrams.skills.connector_loop import make_connector_diagram
@@ -48,6 +57,7 @@ from chamfer.diagrams.skills.connector_scenario import (
 )
 from chamfer.diagrams.skills.connector_sight import ResolvedSightSettings
 from chamfer.models.arms.wrist import WristParams
+from chamfer.models.connectors.connector import Connector
 from chamfer.models.connectors.mesh_connector import MeshConnector
 from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.skill import Skill
@@ -191,7 +201,26 @@ def run(scenario: ResolvedOwnSkillScenario, seed: int, progress: Progress) -> Ou
     done = run_to_end(scenario.make_skill(), insertion, seed, progress)
     outcome = insertion_outcome(done, insertion.connector)
     ended = Metric(value=float(done.outcome == "done"), unit="", note=done.reason)
-    return replace(outcome, metrics={"done": ended, **outcome.metrics})
+    forces = _mating_force(outcome.traces, insertion.connector)
+    return replace(outcome, metrics={"done": ended, **outcome.metrics, **forces})
+
+
+def _mating_force(traces: Table, connector: Connector) -> dict[str, Metric]:
+    """Return the force that a plug in line takes, and that of this one on the same way."""
+    depth = traces["depth"]
+    on_its_way = (depth > connector.lead_in) & (depth < connector.mated_depth - MATED)
+    most = float(traces["true_wrench_z"][on_its_way].max(initial=-math.inf))
+    return {
+        "mating_force.computed": Metric(
+            value=connector.mating_force, unit="N", note="of a plug in line, slowly"
+        ),
+        "mating_force.measured": measured(
+            most,
+            "N",
+            note="largest push between the lead-in and the mated depth",
+            missing="it never was that deep",
+        ),
+    }
 
 
 def make_diagram(scenario: ResolvedOwnSkillScenario) -> Diagram:
