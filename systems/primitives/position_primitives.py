@@ -163,6 +163,8 @@ class Way(Directed):
             raise ParameterError("most", self.most, f"a number > least, {self.least:g}")
         require_numbers(self, 2, "beside")
         require_not_negative(self, "edge")
+        if self.tilt is not None:
+            require_numbers(self, 2, "tilt")
 
     @property
     def events(self) -> Mapping[Event, float]:

@@ -10,7 +10,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
-from chamfer.models.validation import ParameterError, require_all_positive, require_whole
+from chamfer.models.validation import (
+    ParameterError,
+    require_all_positive,
+    require_numbers,
+    require_whole,
+)
 from chamfer.systems.primitives.force_primitives import GuardedMove, Hold, Stick
 from chamfer.systems.primitives.position_primitives import Centre, Place, Way
 from chamfer.systems.primitives.primitive import TICK, Primitive
@@ -70,6 +75,7 @@ class FaceFeelingParams:
         if not self.free_share <= self.limit_share:
             allowed = f"at most limit_share, {self.limit_share:g}"
             raise ParameterError("free_share", self.free_share, allowed)
+        require_numbers(self, 2, "tilted")
         require_whole(self, "retries")
 
     def make_skill(

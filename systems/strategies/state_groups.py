@@ -12,7 +12,9 @@ from chamfer.systems.strategies.peg_in_hole import Search
 from chamfer.systems.strategies.rj45_strategy import Rj45ConnectorSkillParams as Plug
 
 _DOWN: Final = "approach_speed contact_force clearance maintained "
-_FACE: Final = f"{_DOWN} tare_time approach_limit beside out_speed straighten_gain lie_time "
+_FACE: Final = (
+    f"{_DOWN} tare_time approach_limit beside out_speed out_acceleration straighten_gain lie_time "
+)
 _SEARCH: Final = "maintained drop retries "
 
 

@@ -86,7 +86,7 @@ MAY_BE_ZERO = """
     SurfaceScenario: force_delay; TouchDetectionParams: release; TouchedSettings: damping;
     TrackingTask: depth; Unevenness: ripple; UnknownWallSettings: roll tilt; UnknownWallTask: wait;
     VisionPrimitivesScenario: focal_error orientation_error; WristParams: centre_of_mass;
-    _Compared: moved
+    Way: edge; _Compared: moved
 """
 MAY_BE_NEGATIVE = """
     AxisSensorParams: bias; BlindFeedScenario: lateral; CameraModel: roll; CameraSettings:
@@ -114,7 +114,7 @@ BOUNDS = """
     near<0.03; ColouredParts: chamfer_angle<pi/2 peg_chamfer_angle<pi/2; ConditionsCameras:
     noise<=60; ConditionsScenario: pictures<=10000; ContactMaterial: friction<=2;
     CorrelatorParams: samples>=4; CrucibleWallSettings: lean<=0.2; DConnector: side_angle<pi/4
-    lead_in<0.00259 pin_depth<0.0056; DConnectorSkillParams: limit_share>=1 free_share<=2.5;
+    lead_in<0.00259 pin_depth<0.0056; DConnectorSkillParams: limit_share>=1 free_share<=3;
     DecisionParams: margin<1 frames>=2 frames<=1000; DivergenceParams: factor>1; DrawnCameras:
     aspect<=0.5; DrawnCells: draws<=10000; FixedPointRotation: angle<pi/2; FrameGrabberParams:
     latency<=100 noise<=60 miss<=1 period>=0.0001 period<=1; GuardedMove: speed<=3;
