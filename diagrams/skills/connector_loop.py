@@ -330,7 +330,7 @@ def _about_tip(centre: float) -> SymbolicVectorSystem:
 def add_weight(
     builder: DiagramBuilder, added: ConnectorPlant, mass: float, held: OutputPort
 ) -> OutputPort:
-    """Let the tool carry the weight of a plug, its mass in kg, at the tip while ``held`` is 1.
+    """Let the wrist carry the weight of a plug, mass in kg, at its centre while ``held`` is 1.
 
     Return the wrench of what the plug touches, N m above N, (6,): the wrist's, less the weight.
     """

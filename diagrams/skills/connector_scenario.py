@@ -109,6 +109,8 @@ class ConnectorScenario:
     step: float = 0.001  # s, of the plant
     duration: float = 120.0  # s, after which a run ends at the latest
 
+    LIKE: ClassVar[Mapping[str, str]] = {"believed_wrist": "wrist"}
+
     def __post_init__(self) -> None:
         require_one_of(self, "robot", get_args(RobotName))
         require_one_of(self, "sensing", get_args(Sensing))
@@ -143,7 +145,10 @@ class StrategyScenario(ConnectorScenario):
     # as the skill takes it to be; None: as it is
     skill: StrategyParams
 
-    LIKE: ClassVar[Mapping[str, str]] = {"believed_connector": "connector"}
+    LIKE: ClassVar[Mapping[str, str]] = {
+        **ConnectorScenario.LIKE,
+        "believed_connector": "connector",
+    }
 
 
 @dataclass(frozen=True, kw_only=True)
