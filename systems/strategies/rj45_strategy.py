@@ -7,16 +7,18 @@ the alignment by touch, and that the latch has to hold when the plug is pulled.
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.force_primitives import Stick
 from chamfer.systems.primitives.skill import DONE, Retry, SkillState
-from chamfer.systems.primitives.trajectory_primitives import MoveDx, Spiral
+from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx, Spiral
 from chamfer.systems.strategies.face_and_search import ALONG, TouchParams, pull_test, settled
 
 if TYPE_CHECKING:  # it brings Drake along
     from chamfer.models.connectors.rj45_connector import Rj45Connector
+
+_LONG: Final = 10.0  # s, that a push may take
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,8 +32,15 @@ class Rj45ConnectorSkillParams(TouchParams):
     settle_amplitude: float = 0.01  # rad, about x and y, of the dithers that settle the plug
     settle_cycles: float = 2.0  # of the dithers that settle the plug
     push_speed: float = 0.008  # m/s, of the push at first; D times it is its force at rest
+    shake_amplitude: float = 0.01  # rad, about x and y, of dithers that ease the push
+    shake_frequency: float = 4.0  # Hz, of the one about x
     push_growth: float = 1.1  # of the push's speed, per window in which nothing moves
     push_still: float = 2e-5  # m, per window: less is no motion; a latch's ramp gives way slowly
+    limit_share: float = 3.4  # as a push that only the wrist seems to move ends there
+    contacts_share: float = 1.05
+    # of the believed mating force, that it pushes with where the contacts are bent, moved or not:
+    # those of a plug that takes much more than believed
+    around: float = 0.0007  # m, from the depth of the contacts, where that may be
     pull_speed: float = 0.006  # m/s, of the pull that tests the latch
     pull_force: float = 4.0  # N, that the latch has to hold
     pull_limit: float = 0.001  # m, way after which the pull has found no hold
@@ -47,8 +56,21 @@ class Rj45ConnectorSkillParams(TouchParams):
     def states(self, connector: "Rj45Connector", period: float) -> tuple[SkillState, ...]:
         """Return the states from ``tare`` on."""
         stick = Stick(speed=self.maintained, threshold=self.drop)
-        depth = connector.mated_depth
+        depth, contacts = connector.mated_depth, connector.contact_depth
         again = self.again
+        shaking = [
+            Dither(
+                kind="rotary",
+                axis=axis,
+                amplitude=self.shake_amplitude,
+                frequency=frequency,
+                cycles=_LONG * frequency,
+            )
+            for axis, frequency in (
+                ("x", self.shake_frequency),
+                ("y", 1.25 * self.shake_frequency),
+            )
+        ]
 
         return (
             *self.touched(search="search", found="settle"),
@@ -70,7 +92,10 @@ class Rj45ConnectorSkillParams(TouchParams):
                         growth=self.push_growth,
                         still=self.push_still,
                         distance=depth - self.end,
-                    )
+                        steep=(contacts - self.around, contacts + self.around),
+                        through=self.contacts_share * connector.mating_force,
+                    ),
+                    *shaking,
                 ],
                 on={
                     "done": "depth",
@@ -78,7 +103,7 @@ class Rj45ConnectorSkillParams(TouchParams):
                     "tilted": Retry("loosen", 1, then=again),
                     "timed out": again,
                 },
-                timeout=10.0,
+                timeout=_LONG,
             ),
             *self.straightened("push"),
             self.at_depth(depth, "pull"),
