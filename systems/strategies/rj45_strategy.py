@@ -6,7 +6,7 @@ the alignment by touch, and that the latch has to hold when the plug is pulled.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from chamfer.models.validation import ParameterError
@@ -58,19 +58,13 @@ class Rj45ConnectorSkillParams(TouchParams):
         stick = Stick(speed=self.maintained, threshold=self.drop)
         depth, contacts = connector.mated_depth, connector.contact_depth
         again = self.again
-        shaking = [
-            Dither(
-                kind="rotary",
-                axis=axis,
-                amplitude=self.shake_amplitude,
-                frequency=frequency,
-                cycles=_LONG * frequency,
-            )
-            for axis, frequency in (
-                ("x", self.shake_frequency),
-                ("y", 1.25 * self.shake_frequency),
-            )
-        ]
+        rocks = Dither(
+            kind="rotary",
+            axis="x",
+            amplitude=self.shake_amplitude,
+            frequency=self.shake_frequency,
+            cycles=_LONG * self.shake_frequency,
+        )
 
         return (
             *self.touched(search="search", found="settle"),
@@ -95,7 +89,8 @@ class Rj45ConnectorSkillParams(TouchParams):
                         steep=(contacts - self.around, contacts + self.around),
                         through=self.contacts_share * connector.mating_force,
                     ),
-                    *shaking,
+                    rocks,
+                    replace(rocks, axis="y", frequency=1.25 * self.shake_frequency),
                 ],
                 on={
                     "done": "depth",
