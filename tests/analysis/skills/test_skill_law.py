@@ -117,5 +117,6 @@ def test_a_skill_ends_as_before_where_ticks_are_missing_early_and_late(
     assert found.outcome == usual.outcome == "done"
     assert [one.label for one in found.path] == [one.label for one in usual.path]
     assert found.traces["time"][-1] <= 1.03 * usual.traces["time"][-1]
-    for axes in (slice(0, 3), slice(3, 6)):  # torques, forces
-        assert found.peaks[axes].max() <= 1.05 * usual.peaks[axes].max()
+    # What lays a D at the bottom is what was commanded last, which grew by 10 % per window.
+    for axes, more in ((slice(0, 3), 1.05), (slice(3, 6), 1.15)):  # torques, forces
+        assert found.peaks[axes].max() <= more * usual.peaks[axes].max()
