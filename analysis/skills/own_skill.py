@@ -153,14 +153,19 @@ def _connector(part: str, given: Mapping[str, Any] | None) -> Any:
         raise UserError(f"connector.{error}") from error
 
 
-def _from_file(path: Path) -> dict[str, Any]:
-    """Return the fields of a part that a file holds, its mesh files beside it."""
-    given = read_mapping(path, "fields of a part")
-    return given | {
-        name: str(path.parent / given[name])
-        for name in ("plug", "socket")
-        if isinstance(given.get(name), str)
-    }
+def _from_file(path: Path, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of a part that a file holds, its mesh files beside it, and those given."""
+    found = read_mapping(path, "fields of a part")
+    for name in ("plug", "socket"):
+        if isinstance(found.get(name), str):
+            found[name] = str(path.parent / found[name])
+    for name, value in given.items():
+        inner = found.get(name)
+        if isinstance(inner, Mapping) and isinstance(value, Mapping):
+            found[name] = {**inner, **value}
+        else:
+            found[name] = value
+    return found
 
 
 def resolve_own_skill(scenario: OwnSkillScenario) -> ResolvedOwnSkillScenario:
@@ -172,7 +177,7 @@ def resolve_own_skill(scenario: OwnSkillScenario) -> ResolvedOwnSkillScenario:
     """
     part, given = scenario.part, scenario.connector
     if part.endswith(_FILE):
-        part, given = _OWN, _from_file(Path(part)) | dict(given or {})
+        part, given = _OWN, _from_file(Path(part), given or {})
     connector = _connector(part, given)
     found = resolved_fields(scenario, connector=connector)
     found |= {"part": part, "connector": plain_data(connector)}

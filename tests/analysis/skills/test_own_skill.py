@@ -184,6 +184,9 @@ def test_a_part_of_ones_own(block: str, touch: str) -> None:
     assert resolve_own_skill(again) == resolved
 
 
+PARTS: Final = Path(__file__).parents[3] / "docs" / "parts"
+
+
 def part_of(*settings: str) -> Any:
     """What the settings make of a part."""
     return resolve_own_skill(make_scenario(OWN_SKILL, settings=settings)).insertion.connector
@@ -200,6 +203,10 @@ def test_fields_of_the_part_are_set() -> None:
     unknown = r"^connector\.spring_force: no such field, valid fields: contacts, friction, larg.*"
     with pytest.raises(UserError, match=unknown):
         part_of("connector.spring_force=20")
+    usb = part_of(
+        f"part={PARTS}/usb-a.yaml", f"skill={PARTS}/usb-a-skill.yaml", "connector.springs.grip=1e4"
+    )
+    assert usb.springs == {"grip": 1e4, "contact": 12000}
     with pytest.raises(UserError, match=r"^connector\.plug has to be given, it has no default$"):
         part_of("part=own")
     with pytest.raises(UserError, match=r"^connector\.material\.friction is -1\.0, allowed: "):
