@@ -57,7 +57,7 @@ class BncConnectorSkillParams(PlugInsertionParams):
     settle_amplitude: float = 0.03  # rad, about x and y, of the dithers that straighten a sleeve
     settle_cycles: float = 2.0  # of them
     settles: int = 2  # times that a push which has jammed is tried again after them
-    search_press: float = 0.005  # m/s, towards the socket, while it is searched for
+    search_press: float = 0.007  # m/s, towards the socket, while it is searched for
     search_frequency: float = 0.3  # Hz, of the search's slower dither
     search_repeats: int = 6  # cycles of it until the pattern repeats, N
     search_amplitude: float = 0.0026  # m, of each dither of the search
