@@ -5,8 +5,8 @@ figure's transitions and all numbers are reconstructed.
 
 The face is felt first, beside the opening, where the plug can't drop in: with the narrow edge of
 its rim on the face it is laid level along its long axis, and how high it is then is the mark, from
-which all depths count. Along the short axis it stays as it was grasped; once it is in the socket
-that is known, and how high the edge was beside its middle with it.
+which all depths count. Along the short axis it stays as it was grasped until it lies at the bottom;
+then that is known, and how high the edge was beside its middle with it.
 """
 
 import math
@@ -40,9 +40,8 @@ _LYING: Final = (math.inf, 0.0, math.inf, math.inf, math.inf, 0.0)  # only ry an
 class DConnectorSkillParams(PlugInsertionParams):
     """Parameters of the insertion; all of them are assumed."""
 
-    limit_share: float = (
-        3.0  # of the believed mating force, at which a push that moves nothing ends
-    )
+    limit_share: float = 3.0
+    # of the believed mating force, at which a push that moves nothing ends; no cap
     drop: float = 0.0013
     # m, below the face, of a shell that has dropped in; one that hooks in and tilts is less deep
     beside: float = 0.0047  # m, along y, of where the face is felt: the edge over its middle
@@ -194,11 +193,7 @@ class DConnectorSkillParams(PlugInsertionParams):
                 on={"done": "rest", "lost": "rest", "timed out": "rest"},
                 timeout=self.lay_time,
             ),
-            self.at_least(
-                "rest",
-                depth(mated),
-                {"done": "verify", "jammed": Retry("free", 1)},
-            ),
+            self.at_least("rest", depth(mated), {"done": "verify", "jammed": Retry("free", 1)}),
             SkillState(
                 name="back off",
                 run=[up(self.back_off, 0.2)],
