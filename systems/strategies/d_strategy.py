@@ -5,8 +5,8 @@ figure's transitions and all numbers are reconstructed.
 
 The face is felt first, beside the opening, where the plug can't drop in: with the narrow edge of
 its rim on the face it is laid level along its long axis, and how high it is then is the mark, from
-which all depths count. Along the short axis it stays as it was grasped until it lies at the bottom;
-then that is known, and how high the edge was beside its middle with it.
+which all depths count. Along the short axis it stays as it was grasped, until it lies at the
+bottom; then that is known, and how high the edge was beside its middle with it.
 """
 
 import math
