@@ -95,13 +95,13 @@ class OwnSkillScenario(CampaignScenario):
         if self.part not in (*_PARTS, _OWN) and not self.part.endswith(_FILE):
             allowed = f"{', '.join(_PARTS)}, {_OWN}, or a path that ends in {_FILE}"
             raise ParameterError("part", self.part, allowed)
-        varied = [name for name in ("spread", "compared") if getattr(self, name) != _ONE[name]]
+        usual = {"spread": ScenarioSpread(), "compared": ()}
+        varied = [name for name, value in usual.items() if getattr(self, name) != value]
         if self.trials == 1 and varied:
             allowed = f"2 or more, for what {varied[0]} says"
             raise ParameterError("trials", self.trials, allowed)
 
 
-_ONE: Final = {"spread": ScenarioSpread(), "compared": ()}
 OWN_SKILL: Final = OwnSkillScenario()
 
 

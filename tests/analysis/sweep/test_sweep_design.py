@@ -1,3 +1,4 @@
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -27,6 +28,7 @@ class Plant:
 class Scenario:
     plant: Plant = field(default_factory=Plant)
     seen: tuple[float, float] = (0.0, 1.0)
+    part: Mapping[str, Any] | None = None  # whose fields only a run knows
 
 
 def points(
@@ -88,6 +90,11 @@ def test_sobol_spreads_evenly_and_takes_values_as_often() -> None:
     counts, _ = np.histogram([mass for mass, _ in drawn], bins=16, range=(0.0, 1.0))
     assert counts.tolist() == [1] * 16
     assert [form for _, form in drawn].count("a") == 8
+
+
+def test_fields_of_a_mapping_are_varied_unseen() -> None:
+    (friction,) = varied_fields(Scenario(), {"part.friction": Drawn(0.1, 0.5)})
+    assert (friction.path, friction.whole) == ("part.friction", False)
 
 
 def test_field_knows_its_unit_and_the_text_that_makes_it() -> None:
