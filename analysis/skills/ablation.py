@@ -72,7 +72,7 @@ def without_grip_check(skill: Skill) -> Skill:
 def without_rotary_search(skill: Skill) -> Skill:
     """Return a skill whose search ends where the dithers along x and y have ended."""
     left = next((state for state in skill.states if state.name == _ROTARY), None)
-    if left is None:
+    if left in (None, skill.states[0]) or "done" not in left.on:
         return skill
 
     def change(state: SkillState) -> SkillState:

@@ -190,9 +190,12 @@ def resolve_own_skill(scenario: OwnSkillScenario) -> ResolvedOwnSkillScenario:
         check_forces(skill, scenario.accommodation.damping, connector)
     except ChartError as error:
         raise UserError(str(error)) from error
-    if unknown := set(scenario.compared) - set(valid := ablated_skills(resolved.insertion)):
-        allowed = f"what this skill can lack: {', '.join(valid[1:])}"
-        raise ParameterError("compared", sorted(unknown)[0], allowed)
+    lacks = list(ablated_skills(resolved.insertion)[1:]) if scenario.compared else []
+    for name in scenario.compared:
+        if name not in lacks:
+            allowed = f"what this skill can lack, each once: {', '.join(lacks) or 'nothing'}"
+            raise ParameterError("compared", name, allowed)
+        lacks.remove(name)
     return resolved
 
 

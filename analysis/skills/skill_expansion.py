@@ -5,9 +5,8 @@ All of it is written out as a file is read; what runs knows nothing of it.
 
 import ast
 import math
-import operator
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass, replace
 from fractions import Fraction
@@ -27,35 +26,38 @@ Primitives = Mapping[str, type[Primitive]]
 
 _LONGEST: Final = 200  # characters of an expression
 _MOST: Final = 500  # states
+_NAMED: Final = re.compile(r"\$(\w+)")  # a variable
 
 
 @dataclass(frozen=True, repr=False)
 class Quantity:
-    """A number with a unit: in SI units, and where base units have other sizes, which tells it."""
+    """A number with a unit."""
 
     text: str
-    values: tuple[Fraction, Fraction]
+    size: Fraction  # in SI units
+    unit: tuple[int, ...]  # exponents of _BASES
 
     def __repr__(self) -> str:
         """Return its text."""
         return self.text
 
 
-_BASES: Final = {"m": 10007, "s": 20011, "rad": 30011, "N": 40009, "pixels": 50021}  # primes
+_BASES: Final = ("m", "s", "rad", "N", "pixels")
+_NONE: Final = (0,) * len(_BASES)
+
+
+def _unit(size: Fraction | int, base: str, power: int = 1) -> Quantity:
+    return Quantity(base, Fraction(size), tuple(power * (one == base) for one in _BASES))
+
+
 _UNITS: Final = {
-    **{base: (Fraction(1), Fraction(other)) for base, other in _BASES.items()},
-    "cm": (Fraction(1, 100), Fraction(_BASES["m"], 100)),
-    "mm": (Fraction(1, 1000), Fraction(_BASES["m"], 1000)),
-    "um": (Fraction(1, 10**6), Fraction(_BASES["m"], 10**6)),
-    "ms": (Fraction(1, 1000), Fraction(_BASES["s"], 1000)),
-    "deg": (Fraction(math.pi) / 180, Fraction(math.pi) / 180 * _BASES["rad"]),
-    "Hz": (Fraction(1), Fraction(1, _BASES["s"])),
-}
-_OPERATORS: Final[Mapping[type, Callable[[Fraction, Fraction], Fraction]]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
+    **{base: _unit(1, base) for base in _BASES},
+    "cm": _unit(Fraction(1, 100), "m"),
+    "mm": _unit(Fraction(1, 1000), "m"),
+    "um": _unit(Fraction(1, 10**6), "m"),
+    "ms": _unit(Fraction(1, 1000), "s"),
+    "deg": _unit(Fraction(math.pi) / 180, "rad"),
+    "Hz": _unit(1, "s", -1),
 }
 
 
@@ -66,28 +68,35 @@ def quantity(text: str, variables: Mapping[str, Any]) -> Quantity | None:
     """
     if len(text) > _LONGEST or not re.search("[0-9$]", text):
         return None
-    known: dict[str, Any] = dict(_UNITS)
-    for name in re.findall(r"\$(\w+)", text):
-        value = _variable(name, variables)
-        known[f"_{name}"] = getattr(value, "values", (value, value))
-    source = re.sub(r"(?<=[\w.)]) (?=[A-Za-z$])", "*", text).replace("$", "_")
+    named = {f"_{name}": _variable(name, variables) for name in _NAMED.findall(text)}
+    known: Mapping[str, Any] = {**_UNITS, **named}
+    source = re.sub(r"(?<=[\w.)]) +(?=[A-Za-z$])", "*", text).replace("$", "_")
 
-    def value_of(node: Any, way: int) -> Fraction:
+    def value_of(node: Any) -> tuple[Fraction, tuple[int, ...]]:
         match node:
             case ast.BinOp(left, op, right):
-                return _OPERATORS[type(op)](value_of(left, way), value_of(right, way))
+                (a, unit), (b, other) = value_of(left), value_of(right)
+                sign = 1 if isinstance(op, ast.Mult | ast.Add) else -1
+                if isinstance(op, ast.Mult | ast.Div):
+                    power = tuple(m + sign * n for m, n in zip(unit, other, strict=True))
+                    return a * b**sign, power
+                if isinstance(op, ast.Add | ast.Sub) and unit == other:
+                    return a + sign * b, unit
             case ast.UnaryOp(ast.USub(), operand):
-                return -value_of(operand, way)
+                size, unit = value_of(operand)
+                return -size, unit
             case ast.Constant(int() | float() as number):
-                return Fraction(repr(number))
+                return Fraction(repr(number)), _NONE
             case ast.Name(name):
-                return Fraction(known[name][way])
+                one = known[name]
+                return (
+                    (one.size, one.unit) if isinstance(one, Quantity) else (Fraction(one), _NONE)
+                )
         raise SyntaxError
 
     try:
-        tree = ast.parse(source.strip(), mode="eval").body
-        found = Quantity(text, (value_of(tree, 0), value_of(tree, 1)))
-        return found if math.isfinite(float(found.values[0])) else None
+        found = Quantity(text, *value_of(ast.parse(source.strip(), mode="eval").body))
+        return found if math.isfinite(float(found.size)) else None
     except (SyntaxError, LookupError, TypeError, ValueError, OverflowError):  # it is none
         return None
     except ZeroDivisionError as error:
@@ -106,10 +115,10 @@ def _filled(plain: Any, variables: Mapping[str, Any]) -> Any:
         return [_filled(value, variables) for value in plain]
     if not isinstance(plain, str) or "$" not in plain:
         return plain
-    if whole := re.fullmatch(r"\$(\w+)", plain):
+    if whole := _NAMED.fullmatch(plain):
         return _variable(whole[1], variables)
     found = quantity(plain, variables)
-    named = re.sub(r"\$(\w+)", lambda match: str(_variable(match[1], variables)), plain)
+    named = _NAMED.sub(lambda match: str(_variable(match[1], variables)), plain)
     return named if found is None else found
 
 
@@ -160,9 +169,10 @@ def _number(value: Any, units: list[str], path: str) -> Any:
         value = found
     if not isinstance(value, Quantity):
         return value
-    (size, other), of = value.values, quantity(f"1 {unit}" if unit[:1] != "1" else unit, {})
-    if of is None or other != size * of.values[1]:
+    of = quantity(f"1 * ({unit or 1})", {})
+    if of is None or of.unit != value.unit:
         raise UserError(f"{path} is {value}, allowed: {allowed}")
+    size = value.size
     return float(size) if unit or size.denominator > 1 else int(size)
 
 
@@ -188,6 +198,7 @@ class SkillReader:
     def __init__(self, primitives: Primitives) -> None:
         self._primitives: Mapping[str, Any] = {"Lissajous": Lissajous, **primitives}
         self._groups: Mapping[str, Any] = {}  # of the file's own
+        self._used: set[str] = set()  # of these
 
     def skill(self, plain: Mapping[Any, Any]) -> Skill:
         """Return the skill, whose states are not checked.
@@ -197,7 +208,8 @@ class SkillReader:
         """
         given, variables = dict(plain), dict[str, Any]()
         for name, value in _mapping(given.pop("let", None), "let").items():
-            variables[name] = _defined(value, variables)
+            with _at(f"let.{name}"):
+                variables[name] = _defined(value, variables)
         self._groups = _mapping(given.pop("define", None), "define")
         lists = {name: one for name, one in given.items() if isinstance(one, list)}
         given = _filled({**given, **{name: [] for name in lists}}, variables)
@@ -205,6 +217,8 @@ class SkillReader:
         states = tuple(islice(self._states(lists["states"], variables, ()), _MOST + 1))
         if len(states) > _MOST:
             raise UserError(f"there are more than {_MOST} states, allowed: {_MOST}")
+        _check_used("let", variables, _NAMED.findall(str(plain)))
+        _check_used("define", self._groups, self._used)
         retract = self._run(_filled(lists["retract"], variables), "retract")
         return replace(skill, states=states, retract=retract)
 
@@ -212,25 +226,35 @@ class SkillReader:
         self, listed: Any, variables: Mapping[str, Any], within: tuple[str, ...]
     ) -> Iterator[SkillState]:
         """Yield the states of a list of states and groups, of which some are written out."""
-        for item in listed if isinstance(listed, list) else [listed]:
+        if not isinstance(listed, list) or not listed:
+            raise UserError(f"states is {shown(listed)}, allowed: a list of states")
+        for item in listed:
             called = _mapping(item, "a state")
-            kind, name = ("use", "use") if "use" in called else ("state", "name")
-            with _at(f"{kind} {_filled(called.get(name), variables)!r}"):
-                given = _filled(item, variables)
+            kind, key = ("use", "use") if "use" in called else ("state", "name")
+            with _at(f"{kind} {_filled(called.get(key), variables)!r}"):
+                given = _filled(called, variables)
                 if kind == "state":
                     yield self._state(given)
-                    continue
-                known = {**STATE_GROUPS, **self._groups}
-                group = known[name := valid_name("group", str(given.pop("use")), known)]
-                if isinstance(group, StateGroup):
-                    yield from _built_in(group, given)
-                    continue
-                if name in within:
-                    raise UserError("a group uses itself, allowed: other groups")
-                for field in _mapping(group, "a group"):
-                    valid_name("field", field, {"with": (), "states": ()})
-                inner = _arguments(given, _mapping(group.get("with"), "with"), variables)
-                yield from self._states(group.get("states"), inner, (*within, name))
+                else:
+                    yield from self._group(given, variables, within)
+
+    def _group(
+        self, given: dict[str, Any], variables: Mapping[str, Any], within: tuple[str, ...]
+    ) -> Iterable[SkillState]:
+        known = {**STATE_GROUPS, **self._groups}
+        group = known[name := valid_name("group", str(given.pop("use")), known)]
+        if isinstance(group, StateGroup):
+            return _built_in(group, given)
+        if name in within:
+            raise UserError("a group uses itself, allowed: other groups")
+        self._used.add(name)
+        own = _mapping(group, "a group")
+        for field in own:
+            valid_name("field", field, {"with": (), "states": ()})
+        defaults = _mapping(own.get("with"), "with")
+        _check_used("with", defaults, _NAMED.findall(str(own)))
+        inner = _arguments(given, defaults, variables)
+        return self._states(own.get("states"), inner, (*within, name))
 
     def _state(self, given: Mapping[str, Any]) -> SkillState:
         changed, run = dict(given), given.get("run")
@@ -301,6 +325,12 @@ def _answer(plain: Any, path: str) -> Any:
     if factors:
         changed["factors"] = {**_mapping(plain.get("factors"), f"{path}.factors"), **factors}
     return changed
+
+
+def _check_used(where: str, names: Iterable[str], used: Collection[str]) -> None:
+    for name in names:
+        if name not in used:
+            raise UserError(f"{where}.{name} has no effect, allowed: what is used")
 
 
 @contextmanager

@@ -82,7 +82,10 @@ def _last_try(state: SkillState, where: str) -> SkillState:
                     f"allowed: {', '.join(numbers)}"
                 )
         return replace(state, run=state.run_again(lambda _: _MANY))
-    except (ParameterError, OverflowError) as error:
+    except OverflowError as error:
+        allowed = "allowed: fewer tries or smaller factors"
+        raise ChartError(f"{where}, in its last try: a number is too large, {allowed}") from error
+    except ParameterError as error:
         raise ChartError(f"{where}, in its last try: {error}") from error
 
 

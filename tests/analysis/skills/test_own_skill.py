@@ -95,7 +95,7 @@ def test_ones_own_primitives_get_names() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("states: []", "skill 'x': 'retract' runs no primitive"),
+        ("states: []", "states is [], allowed: a list of states"),
         (
             STATE % ("{Seat: {sped: 3}}", "{}", 1),
             "state 'a': run[0].Seat.sped: no such field, valid fields: direction, ",
@@ -230,8 +230,11 @@ def test_a_skill_is_compared_with_what_it_can_lack() -> None:
     assert outcome.traces["skill"].tolist() == ["whole"] * 2 + ["without_tare"] * 2
     assert "without_tare.success_rate" in outcome.metrics
     assert set(figures(scenario, outcome)) == {"ablation"}
-    with pytest.raises(ParameterError, match=r"^compared is 'without_spring', allowed: what this"):
-        resolve_own_skill(replace(OWN_SKILL, trials=2, compared=("without_spring",)))
+    for names in (["without_spring"], ["whole"], ["without_tare", "without_tare"]):
+        with pytest.raises(
+            ParameterError, match=rf"^compared is '{names[-1]}', allowed: what this"
+        ):
+            resolve_own_skill(replace(OWN_SKILL, trials=2, compared=tuple(names)))
 
 
 def test_a_campaign_is_that_of_the_part() -> None:

@@ -40,7 +40,7 @@ def one(run: str, more: str = "", on: str = "{timed out: done}") -> Any:
     ("text", "si", "unit"),
     [
         ("5.6 mm", 0.0056, "m"),
-        ("12 N", 12.0, "N"),
+        ("12  N", 12.0, "N"),
         ("-10 mm/s", -0.01, "m/s"),
         ("0.3 N m", 0.3, "N m"),
         ("20 N m s/rad", 20.0, "N m s/rad"),
@@ -55,15 +55,27 @@ def one(run: str, more: str = "", on: str = "{timed out: done}") -> Any:
 def test_a_quantity_is_in_si_units(text: str, si: float, unit: str) -> None:
     found = quantity(text, {})
     assert found is not None
-    assert float(found.values[0]) == si
-    one = quantity(f"{si!r} {unit}".replace(" 1/", " /"), {})
+    assert float(found.size) == si
+    one = quantity(f"1 * ({unit})", {})
     assert one is not None
-    assert found.values[1] == pytest.approx(one.values[1], rel=1e-15)
+    assert found.unit == one.unit
 
 
 @pytest.mark.parametrize(
     "text",
-    ["", "5 mmm", "mm", "1 N 2", "2 ** 3", "2 // 3", "x + 1", "q0", "(1", "1 N" + " " * 200],
+    [
+        "",
+        "5 mmm",
+        "mm",
+        "1 N 2",
+        "2 ** 3",
+        "2 // 3",
+        "x + 1",
+        "q0",
+        "(1",
+        "1 N" + " " * 200,
+        "1 m + 2",
+    ],
 )
 def test_other_texts_are_no_quantities(text: str) -> None:
     assert quantity(text, {}) is None
@@ -73,7 +85,7 @@ def test_other_texts_are_no_quantities(text: str) -> None:
 def test_a_millimetre_is_rounded_once(size: float) -> None:
     found = quantity(f"{size!r} mm", {})
     assert found is not None
-    assert float(found.values[0]) == float(Fraction(repr(size)) / 1000)
+    assert float(found.size) == float(Fraction(repr(size)) / 1000)
 
 
 def test_units_are_those_of_the_fields() -> None:
@@ -214,8 +226,23 @@ MOVE: Final = "states: [{name: a, run: [{%s}], on: {timed out: done}, timeout: 9
         ),
         (
             "let: {x: 5 mm}\n" + MOVE % "Stick: {speed: $x + 1 N}",
-            "state 'a': run[0].Stick.speed is $x + 1 N, allowed: a number in m/s",
+            "state 'a': run[0].Stick.speed is '5 mm + 1 N', allowed: a number in m/s",
         ),
+        (
+            MOVE % "Stick: {speed: 0 N}",
+            "state 'a': run[0].Stick.speed is 0 N, allowed: a number in m/s",
+        ),
+        ("let: {x: 5 mm}\n" + MOVE % "Stick: ", "let.x has no effect, allowed: what is used"),
+        (TAP + MOVE % "Stick: ", "define.tap has no effect, allowed: what is used"),
+        (
+            "define: {a: {with: {x: 1}, states: [b]}}\nstates: [{use: a}]",
+            "use 'a': with.x has no effect, allowed: what is used",
+        ),
+        (
+            "define: {a: }\nstates: [{use: a}]",
+            "use 'a': states is None, allowed: a list of states",
+        ),
+        ("states: [~]", "state None: name has to be given"),
         ("let: 5\n" + MOVE % "Stick: ", "let is 5, allowed: a mapping"),
         (
             MOVE % "Lissajous: {amplitude: 1 mm}",
@@ -270,6 +297,10 @@ MOVE: Final = "states: [{name: a, run: [{%s}], on: {timed out: done}, timeout: 9
         (
             LOST % "speed: 1x",
             "state 'a': on.lost.factors.speed is 1.0, allowed: a finite number > 0 other than 1",
+        ),
+        (
+            LOST % "at_most: 100000, speed: 2x",
+            "skill 'x': 'a', in its last try: a number is too large, allowed: fewer tries",
         ),
         (
             LOST.replace("Stick", "GuardedMove") % "limit: 9x",
