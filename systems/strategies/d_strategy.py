@@ -21,6 +21,7 @@ from chamfer.systems.primitives.skill import DONE, Retry, SkillState
 from chamfer.systems.primitives.trajectory_primitives import Axis, Dither
 from chamfer.systems.strategies.face_and_search import (
     UNTURNED,
+    Answers,
     PlugInsertionParams,
     cycles,
     pull_test,
@@ -107,21 +108,25 @@ class DConnectorSkillParams(PlugInsertionParams):
             frequency=self.twist_frequency,
             cycles=1000.0,
         )
-        verify = tuple(
-            Dither(
-                axis=axis,
-                amplitude=self.verify_amplitude,
-                frequency=self.verify_frequency,
-                cycles=3.0,
-            )
-            for axis in _ACROSS
-        )
 
         def depth(least: float) -> Way:
             return Way(least=least, beside=rim, edge=edge)
 
         def watched(dithers: tuple[Dither, ...], threshold: float) -> Obstructed:
             return Obstructed(cycle=cycles(*dithers, period=period), threshold=threshold)
+
+        def held(name: str, frequency: float, on: Answers) -> SkillState:
+            dithers = tuple(
+                Dither(axis=axis, amplitude=self.verify_amplitude, frequency=frequency, cycles=3.0)
+                for axis in _ACROSS
+            )
+            return SkillState(
+                name=name,
+                run=[self.hold, *dithers, watched(dithers, self.verify_threshold)],
+                on=on,
+                damping=UNTURNED,  # or a wrist far above the tip gives way by turning
+                timeout=2 * dithers[0].duration,
+            )
 
         laid = Level(limit=self.level_limit)
         felt = self.feel_face(
@@ -215,13 +220,9 @@ class DConnectorSkillParams(PlugInsertionParams):
             *straightened(
                 self, amplitude=self.settle_amplitude, back_off=self.back_off, then="push"
             ),
-            SkillState(
-                name="verify",
-                run=[self.hold, *verify, watched(verify, self.verify_threshold)],
-                on={"hindered": "pull"},
-                damping=UNTURNED,  # or a wrist far above the tip gives way by turning
-                timeout=2 * verify[0].duration,
-            ),
+            held("verify", self.verify_frequency, {"hindered": "pull", "done": "verify slowly"}),
+            # Springs far above the tip let even one that is held go along.
+            held("verify slowly", self.verify_frequency / 2, {"hindered": "pull"}),
             pull_test(
                 {"contact": DONE},
                 speed=self.pull_speed,

@@ -102,7 +102,7 @@ def primitive_of(skill: Skill, state: str, kind: type[Primitive]) -> Any:
 @pytest.mark.parametrize(
     ("params", "part", "way", "give_up", "told", "longest"),
     [
-        (D_PARAMS, D, D_WAY, "push", D_TOLD, 328.238),
+        (D_PARAMS, D, D_WAY, "push", D_TOLD, 345.381),
         (BNC_PARAMS, BNC, BNC_WAY, "compress", BNC_TOLD, 429.199),
         (RJ45_PARAMS, RJ45, RJ45_WAY, "push", LAID_FLAT, 265.735),
         (PEG_PARAMS, PEG, PEG_WAY, "insert", PEG_TOLD, 239.394),
