@@ -38,7 +38,7 @@ _LAGGING: Final = 2  # in which the force of a command that fell may still be mo
 _MEAN: Final = 12
 _JUMP: Final = 4.0  # times what is no motion in a window: no creeping any more
 _NEARLY: Final = 0.8  # of the force that is allowed, that is felt at least as it has jammed
-_SOFTER: Final = 2.0  # times, a lead-in at most that has given way to the force before
+_SOFTER: Final = 3.2  # times, a lead-in at most that has given way to the force before
 _LITTLE: Final = 1.02  # by which a command may be beyond what its force allows
 
 _Phase = Literal["ramp", "before", "harder", "after"]
