@@ -26,12 +26,7 @@ from chamfer.analysis.export.export_command import add_export
 from chamfer.analysis.replay.replay_command import add_replay
 from chamfer.analysis.report.console import plain_warnings, say
 from chamfer.analysis.scenario.errors import ExperimentError, UserError, valid_name
-from chamfer.analysis.scenario.experiment import (
-    Catalogue,
-    Entry,
-    select,
-    valid_integer,
-)
+from chamfer.analysis.scenario.experiment import Catalogue, Entry, select, valid_integer
 from chamfer.analysis.sweep.sweep_command import add_sweep
 from chamfer.analysis.track.track_command import add_track
 
@@ -322,11 +317,7 @@ def _session(
     order = Order(catalogue=catalogue, out=out, seed=arguments.seed, fresh=fresh, log=log)
     with engines(arguments.workers or cores(), arguments.cluster) as (here, trials):
         yield Session(
-            order=order,
-            as_json=arguments.json,
-            strict=arguments.strict,
-            here=here,
-            trials=trials,
+            order=order, as_json=arguments.json, strict=arguments.strict, here=here, trials=trials
         )
 
 

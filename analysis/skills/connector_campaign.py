@@ -316,15 +316,10 @@ def attempt(
 
 def _draws(one: ResolvedTrialsScenario) -> dict[str, float | None]:
     """Return what was drawn of a trial."""
-    return {
-        **{f"initial_{axis}": error for axis, error in zip(AXES, one.initial_error, strict=True)},
-        "friction": one.connector.material.friction,
-        "mating_force": one.connector.mating_force,
-        "tight": float(one.connector.tolerance == "worst"),
-        "wrist_stiffness": one.wrist.stiffness[-1],
-        "wrist_centre": one.wrist.centre,
-        "obstacle": one.obstacle,
-    }
+    own, wrist, tight = one.connector, one.wrist, one.connector.tolerance == "worst"
+    part = (own.material.friction, own.mating_force, float(tight))
+    drawn = (*one.initial_error, *part, wrist.stiffness[-1], wrist.centre, one.obstacle)
+    return dict(zip(DRAWN, drawn, strict=True))
 
 
 def run_success(scenario: ResolvedTrialsScenario, seed: int, progress: Progress) -> Outcome:

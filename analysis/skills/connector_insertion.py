@@ -27,12 +27,7 @@ from chamfer.analysis.drawing.figure_style import (
 )
 from chamfer.analysis.report.replay import record, set_stage
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table
-from chamfer.analysis.skills.insertion_metrics import (
-    INSERTION,
-    failure,
-    insertion_metrics,
-    peak,
-)
+from chamfer.analysis.skills.insertion_metrics import INSERTION, failure, insertion_metrics, peak
 from chamfer.analysis.skills.skill_run import AXES, SkillResult, path_table, run_skill
 from chamfer.diagrams.skills.connector_scenario import (
     ResolvedConnectorScenario,

@@ -13,14 +13,7 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram
 
 from chamfer.analysis.scenario.errors import UserError
-from chamfer.analysis.scenario.experiment import (
-    Metric,
-    Outcome,
-    Progress,
-    Table,
-    column,
-    measured,
-)
+from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column, measured
 from chamfer.analysis.scenario.plain_data import plain_data, structured
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.analysis.scenario.scenario_yaml import parse_value, read_mapping

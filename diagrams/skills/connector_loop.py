@@ -161,8 +161,7 @@ def make_connector_diagram(
     wrench = tare.GetOutputPort("tared_force")
     tip = builder.AddNamedSystem("tip by encoders and stiffness", Adder(2, SIZE))
     given_way = builder.AddNamedSystem(
-        "deflection of the wrist",
-        MatrixGain(scenario.believed_wrist.compliance),
+        "deflection of the wrist", MatrixGain(scenario.believed_wrist.compliance)
     )
     connect(channels, reading.get_input_port())
     connect(reading.get_output_port(), tare.GetInputPort("force"))
@@ -300,13 +299,7 @@ def add_connector_plant(
         displacement = to_tip.get_output_port()
     pose = builder.AddNamedSystem("true pose", TruePose(held.body.index()))
     builder.Connect(plant.get_body_poses_output_port(), pose.get_input_port())
-    return ConnectorPlant(
-        plant,
-        desired,
-        felt,
-        displacement,
-        pose.get_output_port(),
-    )
+    return ConnectorPlant(plant, desired, felt, displacement, pose.get_output_port())
 
 
 def _moved_by(height: float) -> SymbolicVectorSystem:

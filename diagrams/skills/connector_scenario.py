@@ -263,9 +263,7 @@ class ResolvedStrategyScenario(ResolvedConnectorScenario):
     def make_skill(self) -> Skill:
         """Return the strategy."""
         return self.skill.make_skill(
-            self.believed_connector,
-            period=self.accommodation.period,
-            before=self.make_grasp(),
+            self.believed_connector, period=self.accommodation.period, before=self.make_grasp()
         )
 
 
@@ -284,6 +282,9 @@ def resolved_fields(scenario: ConnectorScenario, **given: Any) -> dict[str, Any]
     found = {one.name: getattr(scenario, one.name) for one in fields(scenario)} | given
     connector: Connector = found["connector"]
     believed: Connector = found.get("believed_connector") or connector
+    if scenario.obstacle is not None and not scenario.obstacle < connector.mated_depth:
+        allowed = f"less than the mated depth, {connector.mated_depth:g} m, or none"
+        raise ParameterError("obstacle", scenario.obstacle, allowed)
     if "believed_connector" in found:
         found["believed_connector"] = believed
     if (sight := scenario.sight) is not None:

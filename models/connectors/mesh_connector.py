@@ -197,6 +197,12 @@ class MeshConnector(SprungConnector):
             if not size <= _LARGEST:
                 allowed = f"lengths for which {path} is at most {_LARGEST:g} m large, not {size:g}"
                 raise ParameterError("unit", self.unit, allowed)
+        length = self.unit * float(np.ptp(_corners(_solids(self.plug))[:, 2]))
+        if not self.lead_in < self.mated_depth <= length:
+            allowed = (
+                f"more than lead_in, {self.lead_in:g}, at most the plug's length, {length:g} m"
+            )
+            raise ParameterError("mated_depth", self.mated_depth, allowed)
         objects = [*_solids(self.plug), *_solids(self.socket)]
         names = [name for one in objects for name in _names(one)]
         for name, stiffness in self.springs.items():

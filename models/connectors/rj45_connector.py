@@ -142,9 +142,7 @@ class Rj45Connector(SprungConnector):
         """Return the same connector with springs that take another force, N."""
         share = force / self.mating_force
         return replace(
-            self,
-            latch_force=share * self.latch_force,
-            contact_force=share * self.contact_force,
+            self, latch_force=share * self.latch_force, contact_force=share * self.contact_force
         )
 
     @property

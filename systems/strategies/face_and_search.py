@@ -120,11 +120,7 @@ class FaceFeelingParams:
         return Hold(axes=("rx", "ry"), gain=self.straighten_gain)
 
     def feel_face(
-        self,
-        *lie: Primitive,
-        timeout: float,
-        damping: tuple[float, ...],
-        then: str,
+        self, *lie: Primitive, timeout: float, damping: tuple[float, ...], then: str
     ) -> tuple[SkillState, ...]:
         """Return the states from ``tare`` on that feel the face, beside where the plug goes in.
 
@@ -277,12 +273,7 @@ def straightened(
 
 
 def pull_test(
-    on: Answers,
-    *,
-    speed: float,
-    force: float,
-    limit: float,
-    timeout: float = 3.0,
+    on: Answers, *, speed: float, force: float, limit: float, timeout: float = 3.0
 ) -> SkillState:
     """Return the state that pulls at what should hold: ``contact`` at a force, N, if it does."""
     pull = GuardedMove(direction="+z", speed=speed, threshold=force, limit=limit)

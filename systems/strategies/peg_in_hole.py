@@ -36,9 +36,8 @@ class PegInHoleSkillParams(TouchParams):
     drop: float = 0.0008  # m, of a peg that has found the hole
     limit_share: float = 1.25
     # of the believed seating force, at which a push that moves nothing ends: jammed; no cap
-    out_speed: float = (
-        0.04  # m/s, of a peg that is pulled out, which takes less than to push it in
-    )
+    out_speed: float = 0.04
+    # m/s, of a peg that is pulled out, which takes less than to push it in
     push_speed: float = 0.011  # m/s, of the push at first; D times it is its force at rest
 
     NAME: ClassVar[str] = "peg in a hole"

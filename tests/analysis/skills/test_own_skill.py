@@ -211,6 +211,8 @@ def test_fields_of_the_part_are_set() -> None:
         part_of("part=own")
     with pytest.raises(UserError, match=r"^connector\.material\.friction is -1\.0, allowed: "):
         part_of("connector.friction=-1")
+    with pytest.raises(ParameterError, match=r"^obstacle is 5\.0, allowed: less than the mated d"):
+        part_of("obstacle=5")  # nothing would meet it
 
 
 def test_a_part_goes_through_a_campaign_and_an_ablation(block: str, touch: str) -> None:

@@ -37,11 +37,7 @@ ONE_SIDED = SpringConstraintParams(sides="one")
         (cases, {"dither": Dither(kind="rotary")}, "dither.kind is 'rotary', allowed: linear"),
         (cases, {"sensor": AxisSensorParams(bias=-1.0)}, "sensor.bias is -1.0, allowed: a finite"),
         (cases, {"constraint": ONE_SIDED}, "constraint.sides is 'one', allowed: both; cases set"),
-        (
-            OwnSkillScenario,
-            {"part": "usb"},
-            "part is 'usb', allowed: d-connector, bnc-",
-        ),
+        (OwnSkillScenario, {"part": "usb"}, "part is 'usb', allowed: d-connector, bnc-"),
         (OwnSkillScenario, {"compared": ("without_tare",)}, "trials is 1, allowed: 2 or more"),
     ],
 )

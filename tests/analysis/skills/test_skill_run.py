@@ -30,10 +30,7 @@ ways = st.floats(-0.05, 0.05)
 def touching(limit: float = 0.03) -> Skill:
     """Touches twice."""
     touch = SkillState(
-        name="touch",
-        run=[GuardedMove(limit=limit)],
-        on={"contact": "leave"},
-        timeout=5.0,
+        name="touch", run=[GuardedMove(limit=limit)], on={"contact": "leave"}, timeout=5.0
     )
     up = MoveDx(displacement=(0.0, 0.0, 0.0, 0.0, 0.0, 0.002), duration=0.2)
     leave = SkillState(

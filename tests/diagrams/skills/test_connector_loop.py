@@ -44,12 +44,7 @@ PLUG: Final = {
 ARM: Final = {"arm", "reaction on the tool", "true motion of the tool", "wam true pose"}
 D: Final = resolve(D_CONNECTOR)
 HELD: Final = resolve(replace(D_CONNECTOR, sight=None))
-SCENARIOS: Final = [
-    D,
-    resolve(BNC_CONNECTOR),
-    HELD,
-    replace(D, robot="wam"),
-]
+SCENARIOS: Final = [D, resolve(BNC_CONNECTOR), HELD, replace(D, robot="wam")]
 
 
 def into(wiring: set[Wire], block: str) -> dict[str, tuple[str, str]]:

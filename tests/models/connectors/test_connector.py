@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 from pydrake.geometry import Box, Role, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.multibody.plant import (
-    AddMultibodyPlantSceneGraph,
-)
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
@@ -94,12 +92,7 @@ STIFF = WristParams(stiffness=(2e4, 2e4, 2e4, 2e9, 2e9, 2e9))  # it goes where i
 SPRINGS: dict[Any, Any] = {
     DConnector: (1.5e-3, 5.5e-3, lambda one: 0.0, DConnector.pin_force),
     BncConnector: (4.5e-3, 8.3e-3, lambda one: 0.0, BncConnector.spring_push),
-    Rj45Connector: (
-        3.0e-3,
-        9.4e-3,
-        lambda one: -one.clearance[1],
-        Rj45Connector.insertion_force,
-    ),
+    Rj45Connector: (3.0e-3, 9.4e-3, lambda one: -one.clearance[1], Rj45Connector.insertion_force),
 }
 
 

@@ -198,6 +198,7 @@ def test_it_goes_in_as_far_and_as_hard_as_the_round_parts(insert, meshes):
         ("socket", "half.obj", "(line 1: 'v 1 2')"),
         ("unit", 1.0, "at most 1 m large"),
         ("seating_force", math.nan, "a finite number > 0"),
+        ("mated_depth", 20.0, "more than lead_in, 0.0005, at most the plug's length, 0.0"),
         ("seating_force", None, "a number, or springs"),
         ("springs", {"peg": 4e3}, "null with springs"),
         ("springs", {"latch": 4e3}, "names of objects: peg, wall 0, "),

@@ -271,10 +271,7 @@ def test_the_block_shows_what_its_ports_get_and_gives_the_commands() -> None:
     block = SkillMachine(
         skill(
             state(
-                "go",
-                Fake((0.5,) * 6, "done", at=2),
-                on={"done": Retry("again", 1)},
-                grip="close",
+                "go", Fake((0.5,) * 6, "done", at=2), on={"done": Retry("again", 1)}, grip="close"
             ),
             state(
                 "again",
