@@ -130,7 +130,11 @@ def _made(plain: Mapping[Any, Any], cls: Any, path: str, named: Named) -> Any:
     for name in short.keys() & plain.keys():
         group, inner = short[name]
         rest = {one: value for one, value in plain.items() if one != name}
-        plain = rest | {group: {**rest.get(group, {}), inner: plain[name]}}
+        of = rest.get(group, {})
+        if not isinstance(of, Mapping):
+            both = f"{joined(path, name)} and {joined(path, group)} are both set"
+            raise UserError(f"{both}, allowed: one of them")
+        plain = rest | {group: {**of, inner: plain[name]}}
     for field in fields(cls):
         here = joined(path, field.name)
         if field.name in plain:

@@ -116,6 +116,10 @@ def _merge(
 ) -> dict[Any, Any]:
     """Return plain data with what overrides it; ``default`` says which presets there are."""
     merged = dict(plain)
+    for name, (group, field) in getattr(type(default), "SHORT", {}).items():
+        of = override.get(group)
+        if name in override and isinstance(of, Mapping) and field in of:
+            raise UserError(f"{name} and {group}.{field} are both set, allowed: one of them")
     for name, value in override.items():
         inner: Any = getattr(default, str(name), None)
         presets = getattr(type(inner), "PRESETS", {})

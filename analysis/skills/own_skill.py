@@ -140,25 +140,21 @@ def _connector(part: str, given: Mapping[str, Any] | None) -> Any:
     """Return a part with what is given of it."""
     if part == _OWN:
         return structured(given or {}, MeshConnector, path="connector")
+    own = _from_file(Path(part)) if part.endswith(_FILE) else _PARTS[part].connector
     try:
-        return make_scenario(_PARTS[part].connector, given=given)
+        return make_scenario(own, given=given)
     except UserError as error:
         raise UserError(f"connector.{error}") from error
 
 
-def _from_file(path: Path, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of a part that a file holds, its mesh files beside it, and those given."""
+def _from_file(path: Path) -> MeshConnector:
+    """Return the part that a file holds, its mesh files beside it."""
     found = read_mapping(path, "fields of a part")
     for name in ("plug", "socket"):
         if isinstance(found.get(name), str):
             found[name] = str(path.parent / found[name])
-    for name, value in given.items():
-        inner = found.get(name)
-        if isinstance(inner, Mapping) and isinstance(value, Mapping):
-            found[name] = {**inner, **value}
-        else:
-            found[name] = value
-    return found
+    part: MeshConnector = structured(found, MeshConnector, path="connector")
+    return part
 
 
 def resolve_own_skill(scenario: OwnSkillScenario) -> ResolvedOwnSkillScenario:
@@ -168,10 +164,8 @@ def resolve_own_skill(scenario: OwnSkillScenario) -> ResolvedOwnSkillScenario:
         UserError: If there is no such file, it holds no skill that can be run or no part, or a
             field of the part doesn't exist; ParameterError if a value is not allowed.
     """
-    part, given = scenario.part, scenario.connector
-    if part.endswith(_FILE):
-        part, given = _OWN, _from_file(Path(part), given or {})
-    connector = _connector(part, given)
+    connector = _connector(scenario.part, scenario.connector)
+    part = _OWN if scenario.part.endswith(_FILE) else scenario.part
     found = resolved_fields(scenario, connector=connector)
     found |= {"part": part, "connector": plain_data(connector)}
     if scenario.skill is not None and "\n" not in scenario.skill:

@@ -211,6 +211,9 @@ def test_fields_of_the_part_are_set() -> None:
         part_of("part=own")
     with pytest.raises(UserError, match=r"^connector\.material\.friction is -1\.0, allowed: "):
         part_of("connector.friction=-1")
+    for material in ("connector.material=5", "connector.material.friction=0.3"):
+        with pytest.raises(UserError, match=r"^connector\.friction and .*material.* are both set"):
+            part_of("connector.friction=0.4", material)
     with pytest.raises(ParameterError, match=r"^obstacle is 5\.0, allowed: less than the mated d"):
         part_of("obstacle=5")  # nothing would meet it
 
