@@ -47,6 +47,7 @@ def one(run: str, more: str = "", on: str = "{timed out: done}") -> Any:
         ("180 deg", math.pi, "rad"),
         ("2 Hz", 2.0, "1/s"),
         ("2 /s", 2.0, "Hz"),
+        ("50 mm/s^2", 0.05, "m/s^2"),
         ("1e2 um", 1e-4, "m"),
         ("(3 + 1) * 5 mm / (2 s) - 1 mm/s", 0.009, "m/s"),
         ("2 N / (4 mm)", 500.0, "N/m"),
