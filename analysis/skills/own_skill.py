@@ -165,6 +165,8 @@ def resolve_own_skill(scenario: OwnSkillScenario) -> ResolvedOwnSkillScenario:
             field of the part doesn't exist; ParameterError if a value is not allowed.
     """
     connector = _connector(scenario.part, scenario.connector)
+    if isinstance(connector, MeshConnector):
+        connector = replace(connector, digest=connector.files_digest)
     part = _OWN if scenario.part.endswith(_FILE) else scenario.part
     found = resolved_fields(scenario, connector=connector)
     found |= {"part": part, "connector": plain_data(connector)}

@@ -7,6 +7,7 @@ which is optional. The plug's file is in frame P, the socket's in frame S, as
 origins where the parts in line just touch.
 """
 
+import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -177,6 +178,8 @@ class MeshConnector(SprungConnector):
     lead_in: float = 0.0005
     # m, depth up to which a plug beside its place still slides off sideways
     mass: float = 0.02  # kg, of the plug; assumed
+    digest: str | None = None
+    # of both files; a run keeps it, so that trials of other files are not taken for its own
 
     PARTNERS: ClassVar[Sequence[tuple[str, str]]] = (("plug", "socket"),)
     MAY_BE_ZERO: ClassVar[Sequence[str]] = ("tolerance_width", *SprungConnector.MAY_BE_ZERO)
@@ -212,6 +215,9 @@ class MeshConnector(SprungConnector):
             if not 0 < stiffness < self.material.stiffness:
                 allowed = f"above 0, below {self.material.stiffness:g}, material.stiffness"
                 raise ParameterError(f"springs.{name}", stiffness, allowed)
+        if self.digest not in (None, digest := self.files_digest):
+            allowed = f"null, or that of the files as they are now, {digest}"
+            raise ParameterError("digest", self.digest, allowed)
         if (self.seating_force is None) == (not self.springs):
             allowed = "null with springs" if self.springs else "a number, or springs"
             raise ParameterError("seating_force", self.seating_force, allowed)
@@ -220,6 +226,12 @@ class MeshConnector(SprungConnector):
     def name(self) -> str:
         """What it is called: as the plug's file."""
         return Path(self.plug).stem
+
+    @property
+    def files_digest(self) -> str:
+        """Digest of what is in both files."""
+        texts = [Path(path).read_bytes() for path in (self.plug, self.socket)]
+        return hashlib.sha256(b"".join(texts)).hexdigest()
 
     @property
     def plug_outline(self) -> Array:
@@ -300,8 +312,13 @@ def _grown(corners: Array, by: float) -> Array:
     return found
 
 
-@lru_cache(maxsize=8)
 def _solids(path: str) -> tuple[MeshSolid, ...]:
+    return _convex(path, Path(path).stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=8)
+def _convex(path: str, changed: int) -> tuple[MeshSolid, ...]:
+    """Return the solids of a file, read again when it has changed."""
     solids = read_solids(Path(path))
     for solid in solids:
         if not solid.convex:

@@ -182,6 +182,10 @@ def test_a_part_of_ones_own(block: str, touch: str) -> None:
     Path(block).unlink()  # all that it says is kept
     again = make_scenario(OwnSkillScenario(), given=unstructure(resolved))
     assert resolve_own_skill(again) == resolved
+    plug = Path(block).with_suffix(".obj")
+    plug.write_text(plug.read_text().replace("-4", "-5"))
+    with pytest.raises(UserError, match=r"^connector\.digest is '.*', allowed: null, or that of "):
+        resolve_own_skill(again)
 
 
 PARTS: Final = Path(__file__).parents[3] / "docs" / "parts"
