@@ -82,9 +82,7 @@ class SightSettings:
     def believed(self) -> StaticCameras:
         """Both cameras as they are believed to be."""
         return StaticCameras(
-            xz=self.xz.of(self.camera("xz")),
-            yz=self.yz.of(self.camera("yz")),
-            depth=self.distance,
+            xz=self.xz.of(self.camera("xz")), yz=self.yz.of(self.camera("yz")), depth=self.distance
         )
 
     @property

@@ -161,9 +161,7 @@ class VisionServoScenario(VisionServoSetup):
                 camera=self.hand.of(self.hand_camera), depth=self.height, servoing=servoing
             )
         cameras = StaticCameras(
-            xz=self.xz.of(self.camera("xz")),
-            yz=self.yz.of(self.camera("yz")),
-            depth=self.distance,
+            xz=self.xz.of(self.camera("xz")), yz=self.yz.of(self.camera("yz")), depth=self.distance
         )
         if self.primitive == "rotation":
             return VisRotation(cameras=cameras, servoing=servoing)

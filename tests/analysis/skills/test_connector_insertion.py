@@ -8,11 +8,7 @@ import pytest
 
 from chamfer.analysis.report.replay import replay_html
 from chamfer.analysis.scenario.experiment import Outcome, quiet
-from chamfer.analysis.skills.connector_insertion import (
-    figures,
-    replay_insertion,
-    run,
-)
+from chamfer.analysis.skills.connector_insertion import figures, replay_insertion, run
 from chamfer.analysis.skills.skill_run import AXES
 from chamfer.diagrams.skills.connector_scenario import DConnectorScenario, resolve
 from chamfer.systems.strategies.d_strategy import DConnectorSkillParams

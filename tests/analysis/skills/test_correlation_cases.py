@@ -6,11 +6,7 @@ from typing import Any
 import pytest
 
 from chamfer.analysis.scenario.experiment import Outcome, quiet
-from chamfer.analysis.skills.correlation_cases import (
-    CASES_SCENARIO,
-    resolve_cases,
-    run,
-)
+from chamfer.analysis.skills.correlation_cases import CASES_SCENARIO, resolve_cases, run
 from chamfer.systems.primitives.trajectory_primitives import Dither
 
 SHORT = replace(CASES_SCENARIO, dither=Dither(cycles=6.0))

@@ -12,22 +12,13 @@ import pytest
 import chamfer.systems.primitives
 from chamfer.models.cameras.camera import CameraPlacement
 from chamfer.models.validation import ParameterError
-from chamfer.systems.primitives.force_primitives import (
-    GuardedMove,
-    Level,
-    Obstructed,
-    Stick,
-)
+from chamfer.systems.primitives.force_primitives import GuardedMove, Level, Obstructed, Stick
 from chamfer.systems.primitives.position_primitives import Centre, Held, Way
 from chamfer.systems.primitives.primitive import Primitive
 from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import PRIMITIVES
 from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx, lissajous
-from chamfer.systems.primitives.vision_primitives import (
-    VisGrasp,
-    VisRotation,
-    VisTranslation,
-)
+from chamfer.systems.primitives.vision_primitives import VisGrasp, VisRotation, VisTranslation
 from chamfer.systems.primitives.visual_servoing import StaticCameras
 
 

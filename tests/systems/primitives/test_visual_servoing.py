@@ -38,10 +38,7 @@ def test_the_law_makes_the_cost_least(seed: int, gain: float) -> None:
     assert cost(u) <= minimize(cost, np.zeros(3)).fun + 1e-9
 
 
-@pytest.mark.parametrize(
-    ("delay", "most"),
-    [(0, 2.0), (1, 1.0), (2, 2 * math.sin(math.pi / 10))],
-)
+@pytest.mark.parametrize(("delay", "most"), [(0, 2.0), (1, 1.0), (2, 2 * math.sin(math.pi / 10))])
 def test_bound_of_the_gain(delay: int, most: float) -> None:
     assert slowest_root(most, delay=delay) == pytest.approx(1.0)
     assert slowest_root(0.99 * most, delay=delay) < 1
