@@ -147,8 +147,6 @@ class Way(Directed):
     least: float = 0.001  # m or rad
     most: float = math.inf  # m or rad
     beside: tuple[float, float] = (0.0, 0.0)  # m, along x and y: from the tip to what touched
-    edge: float = 0.0
-    # m, along x: half of an edge of which one end touched; the other, lower, hung beside the face
     tilt: tuple[float, float] | None = None  # rad, about x and y, that are no tilt; None: any
     wait: float = 0.2  # s, until what moves has settled; assumed
     time: float = 0.2  # s, of the mean; assumed
@@ -162,7 +160,6 @@ class Way(Directed):
         if not self.most > self.least:
             raise ParameterError("most", self.most, f"a number > least, {self.least:g}")
         require_numbers(self, 2, "beside")
-        require_not_negative(self, "edge")
         if self.tilt is not None:
             require_numbers(self, 2, "tilt")
 
@@ -195,7 +192,7 @@ class Way(Directed):
             np.linalg.multi_dot([*map(rotation_matrix, np.diag(one[:3]))]) for one in (start, now)
         )
         axis = then @ upright[2]  # of the plug where it began, which is Z now
-        height = (abs(axis[0]) * self.edge - axis[0] * x - axis[1] * y) / axis[2]
+        height = -(axis[0] * x + axis[1] * y) / axis[2]
         moved = [here - there for here, there in zip(now, start, strict=True)]
         moved[5] -= height
         return along(self.direction, tuple(moved))

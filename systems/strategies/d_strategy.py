@@ -92,7 +92,6 @@ class DConnectorSkillParams(PlugInsertionParams):
         """Return the states from ``tare`` on."""
         # Its narrow edge, which touches first.
         rim = (0.0, -(connector.plug_section.height / 2 + connector.lead_in))
-        edge = float(connector.plug_section.grown(connector.lead_in).edges[2, :, 0].max())
         mated = connector.mated_depth - self.short
         again = self.again
         duration = self.search[0].duration
@@ -110,7 +109,7 @@ class DConnectorSkillParams(PlugInsertionParams):
         )
 
         def depth(least: float) -> Way:
-            return Way(least=least, beside=rim, edge=edge)
+            return Way(least=least, beside=rim)
 
         def watched(dithers: tuple[Dither, ...], threshold: float) -> Obstructed:
             return Obstructed(cycle=cycles(*dithers, period=period), threshold=threshold)

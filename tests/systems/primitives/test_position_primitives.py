@@ -131,15 +131,6 @@ def test_a_plug_that_is_out_of_line_is_neither_deep_enough_nor_not() -> None:
         assert event_of(way, six(), [there] * 10) == event
 
 
-def test_an_edge_that_touched_with_its_higher_end_hung_lower_in_its_middle() -> None:
-    way = Way(least=0.005, edge=0.016, wait=0.01, time=0.01)
-    for turn in (0.01, -0.01):  # since then
-        deep = 0.005 - 0.016 * math.tan(0.01)
-        for off, event in ((1e-6, "done"), (-1e-6, "jammed")):
-            there = (0.0, turn, 0.0, 0.0, 0.0, -deep - off)
-            assert event_of(way, six(), [there] * 3) == event
-
-
 @given(
     grasp=st.tuples(st.floats(-0.08, 0.08), st.floats(-0.08, 0.08), st.floats(-3.0, 3.0)),
     turned=st.floats(-3.0, 3.0),
