@@ -231,7 +231,7 @@ class MeshConnector(SprungConnector):
     def files_digest(self) -> str:
         """Digest of what is in both files."""
         texts = [Path(path).read_bytes() for path in (self.plug, self.socket)]
-        return hashlib.sha256(b"".join(texts)).hexdigest()
+        return hashlib.sha256(b"".join(texts)).hexdigest()[:16]
 
     @property
     def plug_outline(self) -> Array:
