@@ -71,7 +71,8 @@ def quantity(text: str, variables: Mapping[str, Any]) -> Quantity | None:
     named = {f"_{name}": _variable(name, variables) for name in _NAMED.findall(text)}
     known: Mapping[str, Any] = {**_UNITS, **named}
     squares = re.sub(r"([A-Za-z]+)\^2", r"(\1*\1)", text)
-    source = re.sub(r"(?<=[\w.)]) +(?=[A-Za-z$(])", "*", squares).replace("$", "_")
+    products = re.sub(r"(?<=[\w.)])( +(?=[A-Za-z(])| *(?=\$))", "*", squares)
+    source = products.replace("$", "_")
 
     def value_of(node: Any) -> tuple[Fraction, tuple[int, ...]]:
         match node:

@@ -104,9 +104,9 @@ def test_units_are_those_of_the_fields() -> None:
 
 def test_variables_are_values_and_expressions() -> None:
     let = "let: {depth: 6 mm, half: 0.5 * $depth, n: 3, way: -x, f: 2 Hz}"
-    dither = "{Dither: {amplitude: $half - 1 mm, cycles: $n, frequency: $f}}"
+    dither = "{Dither: {amplitude: $half - 1 mm, cycles: 2$n, frequency: $f}}"
     stick = "{Stick: {direction: $way, threshold: $depth}}"
-    expected = (Dither(amplitude=0.002, cycles=3.0, frequency=2.0),)
+    expected = (Dither(amplitude=0.002, cycles=6.0, frequency=2.0),)
     assert one(f"{dither}, {stick}", let) == (*expected, Stick(direction="-x", threshold=0.006))
 
 
