@@ -34,7 +34,7 @@ from pydrake.multibody.tree import (
 
 from chamfer.models.validation import (
     ParameterError,
-    require_finite,
+    require_between,
     require_not_negative,
     require_positive,
 )
@@ -45,6 +45,7 @@ SIZE: Final = 6  # of displacements and wrenches, angular above linear
 # Joints from what carries the wrist to the tool, and the place of each in a displacement.
 _JOINTS: Final = (("x", 3), ("y", 4), ("z", 5), ("rx", 0), ("ry", 1), ("rz", 2))
 ORDER: Final = tuple(index for _, index in _JOINTS)
+_FARTHEST: Final = 1.0  # m, of a centre from the tip: beyond it the unit is wrong
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +63,7 @@ class WristParams:
     def __post_init__(self) -> None:
         require_positive(self, "mass", "inertia", "damping_ratio")
         require_not_negative(self, "centre_of_mass")
-        require_finite(self, "centre")
+        require_between(self, -_FARTHEST, _FARTHEST, "centre", unit="m")
         if len(self.stiffness) != SIZE or not all(0 < k < math.inf for k in self.stiffness):
             raise ParameterError("stiffness", self.stiffness, "six finite numbers > 0")
         least = 2 * self.mass * self.centre_of_mass**2  # so that a body can have what is left

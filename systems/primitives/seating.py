@@ -88,7 +88,7 @@ class Seat(Directed):
 
     speed: float = 0.006  # m/s or rad/s, at first; its force is D times it; assumed
     growth: float = 1.1  # of the speed, per window in which nothing moves; assumed
-    fastest: float = 0.2  # m/s or rad/s, that the speed grows to at most; assumed
+    fastest: float = 0.3  # m/s or rad/s, that the speed grows to at most; assumed
     window: float = 0.08  # s; assumed
     still: float = 4e-5  # m or rad, per window: less is no motion; assumed
     stiffness: float = 3e4

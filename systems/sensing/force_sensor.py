@@ -24,6 +24,7 @@ from chamfer.systems.sensing.tare_law import TareLaw
 Array = NDArray[np.float64]
 Matrix6 = tuple[tuple[float, ...], ...]
 
+_FARTHEST = 1.0  # m, of a sensor's origin: beyond it the unit is wrong
 _MOST_HELD = 1000  # steps of the plant for which a reading may be late
 
 
@@ -125,8 +126,8 @@ class ForceSensorParams(ChannelParams):
 
 
 def _require_place(place: tuple[float, ...] | None, name: str = "position") -> None:
-    if not all(map(math.isfinite, place or ())):
-        raise ParameterError(name, place, "three finite numbers")
+    if not all(abs(one) <= _FARTHEST for one in place or ()):
+        raise ParameterError(name, place, f"three numbers, {_FARTHEST:g} m at most")
 
 
 def _require_regular(cross_talk: Matrix6, allowed: str) -> None:

@@ -113,6 +113,7 @@ class BncConnectorSkillParams(PlugInsertionParams):
         )
         compression = self.seat(
             connector.mating_force,
+            stands=connector.largest_force,
             rise=self.rise,
             harder=self.harder,
             stiffness=self.stop_stiffness,

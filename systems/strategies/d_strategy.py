@@ -169,6 +169,7 @@ class DConnectorSkillParams(PlugInsertionParams):
                 run=[
                     self.seat(
                         connector.mating_force,
+                        stands=connector.largest_force,
                         # The tines' lead-in, by a way that a wrist that is not sure may falsify.
                         steep=(
                             connector.pin_depth - self.entry,

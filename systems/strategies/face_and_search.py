@@ -109,10 +109,11 @@ class FaceFeelingParams:
         """Return a guarded move downwards."""
         return GuardedMove(speed=self.approach_speed, threshold=self.contact_force, limit=limit)
 
-    def seat(self, force: float, **fields: Any) -> Seat:
-        """Return a push by a mating force, N, as it is believed to be."""
+    def seat(self, force: float, *, stands: float = math.inf, **fields: Any) -> Seat:
+        """Return a push by a believed mating force, N, with what the part ``stands``, N."""
         given = {"tilt": self.tilted, **fields}
-        return Seat(limit=self.limit_share * force, free=self.free_share * force, **given)
+        limit = min(self.limit_share * force, stands)
+        return Seat(limit=limit, free=self.free_share * force, **given)
 
     @property
     def upright(self) -> Hold:

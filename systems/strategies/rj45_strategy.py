@@ -82,6 +82,7 @@ class Rj45ConnectorSkillParams(TouchParams):
                 run=[
                     self.seat(
                         connector.mating_force,
+                        stands=connector.largest_force,
                         speed=self.push_speed,
                         growth=self.push_growth,
                         still=self.push_still,
