@@ -127,7 +127,7 @@ class ForceSensorParams(ChannelParams):
 
 def _require_place(place: tuple[float, ...] | None, name: str = "position") -> None:
     if not all(abs(one) <= _FARTHEST for one in place or ()):
-        raise ParameterError(name, place, f"three numbers, {_FARTHEST:g} m at most")
+        raise ParameterError(name, place, f"three finite numbers, {_FARTHEST:g} m at most")
 
 
 def _require_regular(cross_talk: Matrix6, allowed: str) -> None:
