@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Final, Literal, get_args
 
 from chamfer.models.validation import require_one_of, require_whole
-from chamfer.systems.primitives.force_primitives import GuardedMove, Obstructed, Stick
+from chamfer.systems.primitives.force_primitives import GuardedMove, Hold, Obstructed, Stick
 from chamfer.systems.primitives.position_primitives import Place, Way
 from chamfer.systems.primitives.seating import Press, Seat
 from chamfer.systems.primitives.skill import DONE, Retry, SkillState
@@ -183,11 +183,13 @@ class BncConnectorSkillParams(PlugInsertionParams):
                 "feel",
                 # Deeper than the studs is one whose slots they are in.
                 depth(connector.setback + self.drop / 2),
-                {"done": "compress", "jammed": "find slots"},
+                {"done": "compress", "jammed": "upright"},
             ),
+            rocked("upright", then="find slots"),
             SkillState(
                 name="find slots",
-                run=[stick, sweep],
+                # A moment that is read wrongly would make it lean, turn by turn.
+                run=[stick, sweep, Hold(axes=("rx", "ry"), gain=self.hold_gain)],
                 on={"lost": "compress", "done": again},
                 timeout=2 * sweep.duration,
             ),
