@@ -47,7 +47,13 @@ D_WAY = [
 ]
 BNC_WAY = [
     *[("enter", "lost"), ("to the studs", "contact"), ("at the studs", "done")],
-    *[("feel", "jammed"), ("find slots", "lost"), ("compress", "done"), ("turn", "done")],
+    *[
+        ("feel", "jammed"),
+        ("upright", "done"),
+        ("find slots", "lost"),
+        ("compress", "done"),
+        ("turn", "done"),
+    ],
     *[("click", "done"), ("turns back", "contact"), ("depth", "done"), ("pull", "contact")],
 ]
 RJ45_WAY = [
@@ -103,7 +109,7 @@ def primitive_of(skill: Skill, state: str, kind: type[Primitive]) -> Any:
     ("params", "part", "way", "give_up", "told", "longest"),
     [
         (D_PARAMS, D, D_WAY, "push", D_TOLD, 345.381),
-        (BNC_PARAMS, BNC, BNC_WAY, "compress", BNC_TOLD, 429.199),
+        (BNC_PARAMS, BNC, BNC_WAY, "compress", BNC_TOLD, 433.199),
         (RJ45_PARAMS, RJ45, RJ45_WAY, "push", LAID_FLAT, 265.735),
         (PEG_PARAMS, PEG, PEG_WAY, "insert", PEG_TOLD, 239.394),
         (TILTING, PEG, TILT_WAY, "insert", {}, 215.241),
