@@ -20,6 +20,7 @@ from pydrake.geometry import Box, Cylinder, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
 
 from chamfer.models.connectors.connector import (
+    SETBACK,
     Array,
     ConnectorPart,
     ContactMaterial,
@@ -305,6 +306,11 @@ class DConnector(SprungConnector):
         section = self.plug_section
         pieces = [
             _wall(f"side_{edge}", section, edge, (0.0, WALL), (self.lead_in, self._lengths[0]))
+            for edge in EDGES
+        ]
+        # What the socket's rim meets where an end of the plug hangs beside the face.
+        pieces += [
+            _wall(f"end_{edge}", section, edge, (self.lead_in, WALL), (SETBACK, self.lead_in))
             for edge in EDGES
         ]
         bottom = Box(section.width, section.height, WALL)
