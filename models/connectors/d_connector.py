@@ -20,7 +20,6 @@ from pydrake.geometry import Box, Cylinder, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
 
 from chamfer.models.connectors.connector import (
-    SETBACK,
     Array,
     ConnectorPart,
     ContactMaterial,
@@ -308,11 +307,10 @@ class DConnector(SprungConnector):
             _wall(f"side_{edge}", section, edge, (0.0, WALL), (self.lead_in, self._lengths[0]))
             for edge in EDGES
         ]
-        # What the socket's rim meets where an end of the plug hangs beside the face.
-        pieces += [
-            _wall(f"end_{edge}", section, edge, (self.lead_in, WALL), (SETBACK, self.lead_in))
-            for edge in EDGES
-        ]
+        # The straight rim, which the socket's meets where an end of the plug hangs beside the face.
+        for edge, line in enumerate(section.grown(self.lead_in).edges):
+            ends = [np.append(point, self.lead_in) for point in line]
+            pieces.append(capsule(f"lead_in_{edge}", self.lead_in, *ends))
         bottom = Box(section.width, section.height, WALL)
         pieces.append(ConvexPiece("bottom", bottom, at(0.0, 0.0, self.travel + WALL / 2)))
         return pieces
