@@ -307,7 +307,7 @@ class DConnector(SprungConnector):
             _wall(f"side_{edge}", section, edge, (0.0, WALL), (self.lead_in, self._lengths[0]))
             for edge in EDGES
         ]
-        # The straight rim, which the socket's meets where an end of the plug hangs beside the face.
+        # The straight rim, which the socket's meets where an end of the plug hangs beside it.
         for edge, line in enumerate(section.grown(self.lead_in).edges):
             ends = [np.append(point, self.lead_in) for point in line]
             pieces.append(capsule(f"lead_in_{edge}", self.lead_in, *ends))
