@@ -328,7 +328,7 @@ def run_success(scenario: ResolvedTrialsScenario, seed: int, progress: Progress)
     metrics, tables = annotated(success_metrics(attempts)), dict[str, Table]()
     if (i := median_failure(attempts.rows)) is not None:
         trial, row = attempts.tasks[i], attempts.rows[i]
-        nearest = f"trial {trial}, of those that fail the nearest to the median time"
+        nearest = f"trial {trial}, the failure nearest to the median time"
         note = f"{nearest}: {row['reason.text']}"
         metrics["answer"] = Metric(value=None, unit="", note=note)
         course = table_of(row)
@@ -597,7 +597,7 @@ def plot_success(outcome: Outcome, *, middle: Sequence[float]) -> Figure:
         x="force along the insertion / mating force",
         y="runs",
     )
-    legend(force, loc="upper right")
+    legend(force, loc="upper left")
     draw_distribution(duration, rows["duration"])
     dress(duration, title="(d) Duration of a run", x="time / s", y="runs")
     return figure

@@ -79,8 +79,8 @@ class Failure(NamedTuple):
     def text(self) -> str:
         """All of it in one line."""
         found = (
-            f"{self.reason} at {1e3 * self.depth:.1f} of {1e3 * self.mated:.1f} mm, "
-            f"{self.force:.0f} N, {math.degrees(self.tilt):.1f} degrees, after {self.time:.1f} s"
+            f"{self.reason} at {1e3 * self.depth:z.1f} of {1e3 * self.mated:.1f} mm, "
+            f"{self.force:z.0f} N, {math.degrees(self.tilt):.1f} degrees, after {self.time:.1f} s"
         )
         return f"{found}; expected {self.expected}" if self.expected else found
 

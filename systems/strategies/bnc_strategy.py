@@ -23,6 +23,7 @@ from chamfer.systems.strategies.face_and_search import (
     cycles,
     pull_test,
     settled,
+    shaking,
 )
 
 if TYPE_CHECKING:  # it brings Drake along
@@ -120,13 +121,7 @@ class BncConnectorSkillParams(PlugInsertionParams):
             sure=self.surely,
             distance=connector.turning_depth - self.end,
         )
-        shaking = Dither(
-            kind="rotary",
-            axis="z",
-            amplitude=self.shake_amplitude,
-            frequency=self.shake_frequency,
-            cycles=_LONG * self.shake_frequency,
-        )
+        shakes = shaking("z", self.shake_amplitude, self.shake_frequency, longer_than=_LONG)
         rim = (0.0, -(connector.bore_radius + connector.lead_in))
 
         def depth(least: float, *, most: float = math.inf) -> Way:
@@ -196,7 +191,7 @@ class BncConnectorSkillParams(PlugInsertionParams):
             SkillState(
                 name="compress",
                 from_mark=True,
-                run=[compression, shaking],
+                run=[compression, shakes],
                 on={
                     "done": "turn",
                     "jammed": Retry("settle", self.settles, again),

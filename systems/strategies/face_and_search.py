@@ -21,7 +21,7 @@ from chamfer.systems.primitives.position_primitives import Centre, Place, Way
 from chamfer.systems.primitives.primitive import TICK, Primitive
 from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import Outcome, Retry, Skill, SkillState
-from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx, lissajous
+from chamfer.systems.primitives.trajectory_primitives import Axis, Dither, MoveDx, lissajous
 
 if TYPE_CHECKING:  # it brings Drake along
     from chamfer.models.connectors.connector import Connector
@@ -286,6 +286,12 @@ def settled(hold: Stick, amplitude: float, cycles: float, then: str) -> SkillSta
     turns = [Dither(kind="rotary", axis="x", amplitude=amplitude, cycles=cycles)]
     turns.append(replace(turns[0], axis="y"))
     return SkillState(name="settle", run=[hold, *turns], on={"done": then}, timeout=2 * cycles)
+
+
+def shaking(axis: Axis, amplitude: float, frequency: float, *, longer_than: float) -> Dither:
+    """Return small turns, rad, that take friction off a push, and don't end within a time, s."""
+    lasts = 2 * longer_than * frequency
+    return Dither(kind="rotary", axis=axis, amplitude=amplitude, frequency=frequency, cycles=lasts)
 
 
 def cycles(*dithers: Dither, period: float) -> tuple[float, ...]:

@@ -6,14 +6,20 @@ the alignment by touch, and that the latch has to hold when the plug is pulled.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.force_primitives import Stick
 from chamfer.systems.primitives.skill import DONE, Retry, SkillState
-from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx, Spiral
-from chamfer.systems.strategies.face_and_search import ALONG, TouchParams, pull_test, settled
+from chamfer.systems.primitives.trajectory_primitives import MoveDx, Spiral
+from chamfer.systems.strategies.face_and_search import (
+    ALONG,
+    TouchParams,
+    pull_test,
+    settled,
+    shaking,
+)
 
 if TYPE_CHECKING:  # it brings Drake along
     from chamfer.models.connectors.rj45_connector import Rj45Connector
@@ -58,13 +64,7 @@ class Rj45ConnectorSkillParams(TouchParams):
         stick = Stick(speed=self.maintained, threshold=self.drop)
         depth, contacts = connector.mated_depth, connector.contact_depth
         again = self.again
-        rocks = Dither(
-            kind="rotary",
-            axis="x",
-            amplitude=self.shake_amplitude,
-            frequency=self.shake_frequency,
-            cycles=_LONG * self.shake_frequency,
-        )
+        rate = self.shake_frequency
 
         return (
             *self.touched(search="search", found="settle"),
@@ -90,8 +90,8 @@ class Rj45ConnectorSkillParams(TouchParams):
                         steep=(contacts - self.around, contacts + self.around),
                         through=self.contacts_share * connector.mating_force,
                     ),
-                    rocks,
-                    replace(rocks, axis="y", frequency=1.25 * self.shake_frequency),
+                    shaking("x", self.shake_amplitude, rate, longer_than=_LONG),
+                    shaking("y", self.shake_amplitude, 1.25 * rate, longer_than=_LONG),
                 ],
                 on={
                     "done": "depth",

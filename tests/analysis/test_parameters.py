@@ -86,7 +86,7 @@ MAY_BE_ZERO = """
     SurfaceScenario: force_delay; TouchDetectionParams: release; TouchedSettings: damping;
     TrackingTask: depth; Unevenness: ripple; UnknownWallSettings: roll tilt; UnknownWallTask: wait;
     VisionPrimitivesScenario: focal_error orientation_error; WristParams: centre_of_mass;
-    Way: edge; _Compared: moved
+    _Compared: moved
 """
 MAY_BE_NEGATIVE = """
     AxisSensorParams: bias; BlindFeedScenario: lateral; CameraModel: roll; CameraSettings:

@@ -238,7 +238,7 @@ def test_the_failure_that_is_drawn_is_the_one_nearest_to_the_median_time() -> No
     assert [axes.get_ylabel() for axes in (depth, force, tilt)] == [
         *("depth\nmm", "push\nN", "tilt\ndegrees")
     ]
-    said = "trial 0, of those that fail the nearest to the median time: reach: still running at "
+    said = "trial 0, the failure nearest to the median time: reach: still running at "
     assert found.metrics["answer"].note.startswith(said)
     trials = (
         *(("", None, None), ("a: lost", 9.0, None), ("a: lost", 20.0, None)),

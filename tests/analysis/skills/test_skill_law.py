@@ -20,6 +20,7 @@ from chamfer.diagrams.skills.connector_scenario import (
 )
 from chamfer.systems.primitives.force_primitives import GuardedMove, Obstructed, Stick
 from chamfer.systems.primitives.primitive import Observation
+from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import DONE, Skill, SkillState
 from chamfer.systems.primitives.skill_law import SkillLaw, SkillMemory
 from chamfer.systems.primitives.skill_machine import SkillMachine
@@ -105,9 +106,18 @@ class Unpunctual(ChartLaw[Observation, SkillMemory]):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("part", [D_CONNECTOR, BNC_CONNECTOR, RJ45_CONNECTOR, ROUND_PEG])
+@pytest.mark.parametrize(
+    ("part", "more"),
+    # A D is laid down by the push's last command: a window more, and it has grown once more.
+    [
+        (D_CONNECTOR, 1.01 * Seat().growth),
+        (BNC_CONNECTOR, 1.03),
+        (RJ45_CONNECTOR, 1.03),
+        (ROUND_PEG, 1.03),
+    ],
+)
 def test_a_skill_ends_as_before_where_ticks_are_missing_early_and_late(
-    part: StrategyScenario,
+    part: StrategyScenario, more: float
 ) -> None:
     scenario = resolve(part)
     skill = scenario.make_skill()
@@ -117,6 +127,5 @@ def test_a_skill_ends_as_before_where_ticks_are_missing_early_and_late(
     assert found.outcome == usual.outcome == "done"
     assert [one.label for one in found.path] == [one.label for one in usual.path]
     assert found.traces["time"][-1] <= 1.03 * usual.traces["time"][-1]
-    # What lays a D at the bottom is what was commanded last, which grew by 10 % per window.
-    for axes, more in ((slice(0, 3), 1.05), (slice(3, 6), 1.15)):  # torques, forces
+    for axes in (slice(0, 3), slice(3, 6)):  # torques, forces
         assert found.peaks[axes].max() <= more * usual.peaks[axes].max()

@@ -18,6 +18,7 @@ from chamfer.diagrams.skills.connector_scenario import (
 )
 from chamfer.models.arms.wrist import tip_pose
 from chamfer.systems.primitives.force_primitives import GuardedMove
+from chamfer.systems.primitives.seating import Seat
 from chamfer.systems.primitives.skill import DONE, Retry, Skill, SkillState
 from chamfer.systems.primitives.trajectory_primitives import MoveDx
 from chamfer.systems.sensing.force_sensor import WrenchSensorParams
@@ -83,15 +84,16 @@ def test_true_motion_of_a_plug_that_is_held_straight(displacement: tuple[float, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "scenario",
+    ("scenario", "within"),
     # Contact-rich searches may be chaotic: these begin near the socket's middle, where the search
     # has nothing to find, or, with the BNC connector, only the slots.
     [
-        DConnectorScenario(initial_error=(0.01, 0.0, 0.005, 1e-4, 5e-5, 0.0)),
-        BncConnectorScenario(initial_error=(0.0, 0.0, -0.12, 0.0, 0.0, 0.0)),
+        # What lays a D at the bottom is the push's last command, a window more or less.
+        (DConnectorScenario(initial_error=(0.01, 0.0, 0.005, 1e-4, 5e-5, 0.0)), Seat().growth - 1),
+        (BncConnectorScenario(initial_error=(0.0, 0.0, -0.12, 0.0, 0.0, 0.0)), 0.02),
     ],
 )
-def test_a_finer_step_changes_neither_depth_nor_peak_force(scenario: Any) -> None:
+def test_a_finer_step_changes_neither_depth_nor_peak_force(scenario: Any, within: float) -> None:
     still = resolve(replace(scenario, height=0.001, sensor=WrenchSensorParams()))
     coarse, fine = (
         insertion_metrics(
@@ -101,6 +103,5 @@ def test_a_finer_step_changes_neither_depth_nor_peak_force(scenario: Any) -> Non
     )
     values: list[dict[str, Any]] = [dict(coarse), dict(fine)]
     assert [one["success"] for one in values] == [1.0, 1.0]
-    # What lays a D at the bottom is what was commanded last, which grew by 10 % per window.
-    assert values[1]["force.peak"] == pytest.approx(values[0]["force.peak"], rel=0.06)
+    assert values[1]["force.peak"] == pytest.approx(values[0]["force.peak"], rel=within)
     assert values[1]["depth"] == pytest.approx(values[0]["depth"], abs=2e-5)

@@ -143,6 +143,9 @@ def test_a_strategy_takes_its_recorded_way_and_leaves_every_state(
     assert retracting == set(chart.state_names) - {RETRACT, DONE, FAILED}
     for state in skill.states:
         assert 0 < state.timeout < math.inf
+        if any(isinstance(one, Seat) for one in state.run):  # that a dither ends is no end of it
+            dithers = [one.duration for one in state.run if isinstance(one, Dither)]
+            assert min(dithers, default=math.inf) > state.timeout
         for answer in state.on.values():
             if isinstance(answer, Retry):
                 assert answer.at_most <= params.retries or state.name == "grasp"
