@@ -172,6 +172,16 @@ CATALOGUE: Final = Catalogue(
             ),
         ),
         _servoing_study(
+            name="compliance-centre",
+            figure="section 2",
+            summary="where the centre of an RCC should be: push, margin to wedging, deflection",
+            seconds=6,
+            module="chamfer.analysis.insertion.compliance_centre",
+            scenario="COMPLIANCE_CENTRE",
+            resolve="resolve",
+            reduced=("points=5", "depths=21"),
+        ),
+        _servoing_study(
             name="insertion-map",
             figure="Fig. 2",
             summary="which errors go in, wedge, jam or miss in the cell, beside "

@@ -47,6 +47,7 @@ LEFT_OUT: Final = {
 # Their loops have laws whose parameters are drawn for each trial, or none.
 NOT_LOGGED: Final = {
     *("jamming-diagram", "peg-insertion", "wedging-diagram", "insertion-map", "lissajous"),
+    "compliance-centre",
     *("plant-identification", "camera-accuracy", "detection-conditions", "repeatability"),
     *("design-accuracy", "insertion-repeatability", "calibration-accuracy", "hybrid-stability"),
     *("contact-convergence", "friction-remedies", "observer-model-error", "charging-campaign"),
@@ -59,6 +60,7 @@ QUICK: Final = {
     "adept-unknown-wall",
     "calibration-accuracy",
     "charging-campaign",
+    "compliance-centre",
     "correlation",
     "jamming-diagram",
     "lissajous",
