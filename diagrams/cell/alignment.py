@@ -8,7 +8,14 @@ from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort, System
+from pydrake.systems.framework import (
+    Diagram,
+    DiagramBuilder,
+    InputPort,
+    LeafSystem,
+    OutputPort,
+    System,
+)
 from pydrake.systems.primitives import ConstantVectorSource
 
 from chamfer.diagrams.cell.alignment_scenario import (
@@ -39,7 +46,7 @@ from chamfer.systems.servo.divergence_law import DivergenceParams, Watched
 from chamfer.systems.servo.divergence_watch import DivergenceWatch
 from chamfer.systems.servo.pid_law import SampledPidParams
 from chamfer.systems.servo.sampled_pid import SampledPid
-from chamfer.systems.vision.cell_error import AXES, CellError
+from chamfer.systems.vision.cell_error import AXES, NoSight
 
 ResolvedT = TypeVar("ResolvedT", bound=ResolvedAlignmentScenario)
 
@@ -77,12 +84,18 @@ def resolve_as(kind: type[ResolvedT], scenario: AlignmentScenario) -> ResolvedT:
     Refused are cameras that can't be as asked, parts out of an image where the compensation begins
     or in each other before, arms out of reach, and controllers that can't be designed.
     """
-    scenario = replace(scenario, cameras=resolved_cameras(scenario.cameras, scenario))
-    require_in_view(scenario)
+    sees = scenario.cameras.kind != "none"
+    if sees:
+        scenario = replace(scenario, cameras=resolved_cameras(scenario.cameras, scenario))
+        require_in_view(scenario)
     require_start_apart(scenario)
-    both: Compensated = "both" if scenario.hole.kind == "arm" else "peg"
-    derived = {"compensated": scenario.compensated or both, "meeting_point": scenario.mouth}
-    return resolve_controllers(kind(**vars(resolve_arms(scenario)) | derived))
+    usual: Compensated = "both" if scenario.hole.kind == "arm" else "peg"
+    derived = {
+        "compensated": scenario.compensated or (usual if sees else "none"),
+        "meeting_point": scenario.mouth,
+    }
+    resolved = kind(**vars(resolve_arms(scenario)) | derived)
+    return resolve_controllers(resolved) if sees else resolved
 
 
 def make_alignment_diagram(
@@ -149,9 +162,14 @@ def add_sight(
     scenario: AlignmentScenario,
     cell: WorkCell,
     parts_there: ColouredParts | None = None,
-) -> tuple[dict[ArmName, DesiredMotion], CellError]:
-    """Add the arms' desired motions, and the cameras that measure what the peg lacks."""
+) -> tuple[dict[ArmName, DesiredMotion], LeafSystem]:
+    """Add the arms' desired motions, and what measures what the peg lacks.
+
+    It has the outputs of :class:`CellError`; without cameras it is :class:`NoSight`.
+    """
     motions = {arm: _add_motion(builder, scenario, arm) for arm in ARMS}
+    if scenario.cameras.kind == "none":
+        return motions, builder.AddNamedSystem("no sight", NoSight())
     error = add_cell_vision(
         builder,
         scenario,
@@ -168,8 +186,8 @@ def export_alignment(
     builder: DiagramBuilder,
     cell: WorkCell,
     motions: dict[ArmName, DesiredMotion],
-    error: CellError,
-    watch: DivergenceWatch,
+    error: LeafSystem,
+    watch: LeafSystem,
     compensation: OutputPort,
 ) -> None:
     """Export what shows an alignment, and let the watch stop the motions."""
@@ -185,7 +203,7 @@ def export_cell(
     builder: DiagramBuilder,
     cell: WorkCell,
     motions: dict[ArmName, DesiredMotion],
-    error: CellError,
+    error: LeafSystem,
 ) -> None:
     """Export what arms and cameras should do, do and measure."""
     for arm in ARMS:

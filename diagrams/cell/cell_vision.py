@@ -36,6 +36,7 @@ from chamfer.systems.vision.part_detector import PartDetector, Undistortion
 from chamfer.systems.vision.two_plane_stereo import TwoPlaneStereo
 
 Renderer = Literal["software", "vtk"]
+CamerasKind = Literal["pair", "none"]
 Measured = Literal["image", "metric"]
 
 VIEWS: Final[tuple[View, ...]] = ("xz", "xy")
@@ -86,8 +87,10 @@ class ViewSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class CameraSettings(CellCameras):
-    """The two cameras, what delivers their images, and what is measured in them."""
+    """The cameras, what delivers their images, and what is measured in them."""
 
+    kind: CamerasKind = "pair"
+    # pair: two that stand at right angles; none: the arm goes where it believes the hole to be
     measured: Measured = "image"  # metric: by stereo, with the cameras' places known
     frames: FrameGrabberParams = field(default_factory=FrameGrabberParams)
     # of both; at its period the controller ticks
@@ -99,6 +102,7 @@ class CameraSettings(CellCameras):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require_one_of(self, "kind", get_args(CamerasKind))
         require_one_of(self, "measured", get_args(Measured))
         for view in VIEWS:
             with within(f"{view}.frames"):

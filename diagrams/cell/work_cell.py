@@ -146,10 +146,17 @@ class HoleSettings(CellArmSettings):
     """What holds the hole: an arm as the other one, or a fixture, which has none of its fields."""
 
     kind: HoleKind = "arm"  # or fixture: the hole is fixed in the world
+    position_error: float = 0.0
+    # m, half-width, by which a fixture is believed to be off across its axis at most
+    angle_error: float = 0.0  # rad, likewise, by which its axis is tilted
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_one_of(self, "kind", get_args(HoleKind))
+        require_not_negative(self, "position_error", "angle_error")
+        if self.kind == "arm":
+            believed = ("position_error", "angle_error")
+            require_same(self, HoleSettings, "hole", *believed, why="an arm's hole is no fixture")
 
 
 # kg; calibrated: with the dry friction the peg stays 1.5 mm low at 700 N/m (Fig. 11).
@@ -207,11 +214,16 @@ class WorkCellScenario:
             if not self.hole.payload_error:
                 names.remove("payload_error")  # nothing to know of
             require_same(self.hole, type(self).hole, "hole", *names, why="a fixture is no arm")
-        period = self.impedance.period
+        period = self.control_period
         steps = round(period / self.step)
         if not (1 <= steps <= _MOST_STEPS and abs(steps * self.step / period - 1) < 1e-9):
             allowed = f"a whole part of the controllers' period, {period:g} s"
             raise ParameterError("step", self.step, allowed)
+
+    @property
+    def control_period(self) -> float:
+        """Of the arms' controllers, s."""
+        return self.impedance.period
 
     @property
     def arms(self) -> tuple[ArmName, ...]:
@@ -251,9 +263,8 @@ class ArmPorts(NamedTuple):
     """Where one arm of the cell is connected; sizes as in :class:`ImpedanceController`."""
 
     desired_pose: InputPort
-    desired_velocity: InputPort
+    desired_velocity: InputPort | None  # None: an arm that takes positions
     encoders: OutputPort
-    torque: OutputPort
     tool_pose: OutputPort  # as the controller takes it to be
     saturated: OutputPort
     true_pose: OutputPort  # of the tool frame, shape (7,); for logs alone
@@ -337,11 +348,17 @@ def add_holders(
             instances[arm] = add_simulated_arm(plant, arm, getattr(scenario, arm))
             tools[arm] = plant.GetBodyByName("tool", instances[arm])
         else:
-            fixture = plant.AddModelInstance(f"{arm}_fixture")
-            tools[arm] = plant.AddRigidBody("fixture", fixture, SpatialInertia.Zero())
-            X_WT = scenario.nominal_pose(arm)
-            plant.WeldFrames(plant.world_frame(), tools[arm].body_frame(), X_WT)
+            tools[arm] = add_fixture(plant, scenario, arm)
     return instances, tools
+
+
+def add_fixture(plant: MultibodyPlant, scenario: WorkCellScenario, arm: ArmName) -> RigidBody:
+    """Add what is fixed in the world in the place of an arm's tool."""
+    body = plant.AddRigidBody(
+        "fixture", plant.AddModelInstance(f"{arm}_fixture"), SpatialInertia.Zero()
+    )
+    plant.WeldFrames(plant.world_frame(), body.body_frame(), scenario.nominal_pose(arm))
+    return body
 
 
 def add_simulated_arm(
@@ -400,7 +417,7 @@ def connect_arm(
     builder.Connect(plant.get_body_poses_output_port(), true_pose.get_input_port())
     return ArmPorts(
         **{name: controller.GetInputPort(name) for name in ("desired_pose", "desired_velocity")},
-        **{name: controller.GetOutputPort(name) for name in ("torque", "tool_pose", "saturated")},
+        **{name: controller.GetOutputPort(name) for name in ("tool_pose", "saturated")},
         encoders=encoders,
         true_pose=true_pose.GetOutputPort("pose"),
         instance=instance,

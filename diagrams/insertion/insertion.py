@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache, partial
 from typing import Any, ClassVar, Final, Self, TypeVar
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
+from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, OutputPort, System
 from pydrake.systems.primitives import Adder
 
 from chamfer.diagrams.cell.alignment import (
@@ -26,15 +26,22 @@ from chamfer.diagrams.cell.alignment import resolve_as as resolve_alignment_as
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, ResolvedAlignmentScenario
 from chamfer.diagrams.cell.work_cell import (
     ARMS,
+    PEG_ARM,
     ArmName,
+    ArmPorts,
     WorkCell,
     add_part_shapes,
-    axial_stiffness,
     require_strong,
     support_at,
-    wedging_support,
 )
 from chamfer.diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
+from chamfer.diagrams.insertion.position_cell import (
+    Sensed,
+    WristSensorParams,
+    add_position_cell,
+)
+from chamfer.models.arms.position_arm import ArmInterface, ComplianceParams
+from chamfer.models.arms.wrist import WristParams
 from chamfer.models.peg.bore_contact import (
     ContactMaterial,
     require_resolved_clearance,
@@ -42,8 +49,9 @@ from chamfer.models.peg.bore_contact import (
 )
 from chamfer.models.peg.peg_and_hole import SEATED, ColouredParts, Peg
 from chamfer.models.peg.support import OpenSupport, Support
-from chamfer.models.validation import ParameterError, require_positive
+from chamfer.models.validation import ParameterError, known, require_positive, require_same
 from chamfer.systems.contact.peg_hole_contact_monitor import PegHoleContactMonitor
+from chamfer.systems.force.contact_admittance import ContactAdmittanceParams
 from chamfer.systems.force.desired_pose import FeedOffset
 from chamfer.systems.force.impedance_controller import SpringForce
 from chamfer.systems.force.tool_pose import StraightMotion
@@ -62,7 +70,7 @@ from chamfer.systems.strategies.insertion_law import (
     ResolvedInsertParams,
 )
 from chamfer.systems.strategies.insertion_task import InsertionTask
-from chamfer.systems.vision.cell_error import AXES, CellError
+from chamfer.systems.vision.cell_error import AXES
 
 INSERTION: Final = "Insertion by sight"  # the diagram's name
 FEED_SPEED: Final = 0.02  # m/s, of the feed; assumed
@@ -91,6 +99,11 @@ class InsertionScenario(AlignmentScenario):
     contact: ContactMaterial = field(default_factory=ContactMaterial)
     support: OpenSupport = field(default_factory=OpenSupport)
     # that the decision and theory go by; what is left open: of the arms, at the depth in question
+    arm: ArmInterface = field(default_factory=ArmInterface)  # what the peg's arm takes
+    admittance: ContactAdmittanceParams = field(default_factory=ContactAdmittanceParams)
+    # of an arm that takes positions
+    compliance: ComplianceParams = field(default_factory=ComplianceParams)  # of such a one too
+    sensor: WristSensorParams = field(default_factory=WristSensorParams)  # at its wrist
     peg_excess: float = 0.0
     # m, of the peg's radius over that of parts: a wrong part; from 5 % on it is not recognised
     duration: float = 60.0  # s, how long the run may last
@@ -111,14 +124,67 @@ class InsertionScenario(AlignmentScenario):
             allowed = "such that the peg's tip still finds the mouth"
             raise ParameterError("peg_excess", self.peg_excess, allowed)
 
+    @property
+    def takes_positions(self) -> bool:
+        """Whether the peg's arm takes positions, and gives way to its wrist sensor's force."""
+        return self.arm.control == "position"
+
+    @property
+    def control_period(self) -> float:
+        """Of the arms' controllers, s."""
+        return self.arm.servo.period if self.takes_positions else super().control_period
+
+    @property
+    def tool_mass(self) -> float:
+        """Of what hangs below the wrist's springs, kg."""
+        return self.peg.tool.mass + self.peg.payload_error + (self.compliance.mass or 0.0)
+
+    @property
+    def wrist(self) -> WristParams:
+        """The springs between the flange of an arm that takes positions and the peg's tip."""
+        tool, own = self.peg.tool, self.compliance
+        across_peg, turning = known("lateral", own.lateral), known("angular", own.angular)
+        lever = abs(tool.centre_of_mass[0])
+        across = max(tool.inertia) + self.tool_mass * lever**2
+        return WristParams(
+            stiffness=(
+                *(turning, turning, known("torsional", own.torsional)),
+                *(across_peg, across_peg, known("axial", own.axial)),
+            ),
+            centre=known("centre_distance", own.centre_distance),
+            damping_ratio=own.damping_ratio,
+            mass=self.tool_mass,
+            # About every axis through the tip; a body has more than this about its own.
+            inertia=max(across, 2.01 * self.tool_mass * lever**2),
+            centre_of_mass=lever,
+        )
+
+    @property
+    def stiffness(self) -> tuple[float, ...]:
+        """Of what holds the peg, N/m and N m/rad along and about the hole's axes, (6,)."""
+        if not self.takes_positions:
+            return (*self.impedance.stiffness, *self.impedance.rotational_stiffness)
+        springs = self.wrist.stiffness
+        own = (springs[5], springs[3], springs[4], springs[2], springs[0], springs[1])
+        arm = np.roll(self.admittance.stiffness, 3).tolist()
+        return tuple(1 / (1 / one + 1 / other) for one, other in zip(arm, own, strict=True))
+
     def support_at(self, depth: float) -> Support:
         """Return what the peg is taken to be held by at a depth of its tip, m."""
-        return self.support.over(support_at(self, depth))
+        if not self.takes_positions:
+            return self.support.over(support_at(self, depth))
+        _, y, z, _, pitch, yaw = self.stiffness
+        springs = Support(
+            lateral_stiffness=min(y, z),
+            angular_stiffness=min(pitch, yaw),
+            centre_distance=self.compliance.centre_distance or 0.0,
+        )
+        return self.support.over(springs)
 
     @property
     def wedging_support(self) -> Support:
         """The same where two points decide whether the peg can wedge."""
-        return self.support.over(wedging_support(self))
+        return self.support_at(self.parts.chamfer_height + self.parts.wedging_depth)
 
     @property
     def there(self) -> Self:
@@ -151,6 +217,7 @@ def resolve(scenario: InsertionScenario) -> ResolvedInsertionScenario:
 
 def resolve_as(kind: type[ResolvedT], scenario: InsertionScenario) -> ResolvedT:
     """Return a scenario resolved, as the resolved class of its own kind."""
+    scenario = _resolve_arm(scenario)
     insert, parts = scenario.insert, scenario.parts
     depth, speed, feed = insert.depth, insert.speed, insert.feed
     if depth is None:
@@ -159,7 +226,8 @@ def resolve_as(kind: type[ResolvedT], scenario: InsertionScenario) -> ResolvedT:
         speed = min(FEED_SPEED, resolved_speed(parts, scenario.step))
     if feed is None:
         # Stopped at the mouth the arms' springs take the rest of the way to reach the push.
-        feed = scenario.gap + depth + insert.push / axial_stiffness(scenario)
+        stiffness = scenario.stiffness[0] / len(scenario.arms)
+        feed = scenario.gap + depth + insert.push / stiffness
     found = replace(
         scenario,
         contact=scenario.contact.over(parts),
@@ -170,6 +238,48 @@ def resolve_as(kind: type[ResolvedT], scenario: InsertionScenario) -> ResolvedT:
     resolved = resolve_alignment_as(kind, found)
     require_strong(resolved, insert.push)
     return resolved
+
+
+ScenarioT = TypeVar("ScenarioT", bound=InsertionScenario)
+
+_STIFF: Final[dict[str, Any]] = {
+    "lateral": 2e4,
+    "axial": 5e4,
+    "angular": 100.0,
+    "torsional": 100.0,
+    "centre_distance": 0.0,
+}
+_DAMPED: Final = (4.0, 4.0, 4.0, 1000.0, 1000.0, 1000.0)
+_POSITION_ONLY: Final = ("admittance", "compliance", "sensor")
+
+
+def _resolve_arm(scenario: ScenarioT) -> ScenarioT:
+    """Fill in what an arm that takes positions has, and refuse what one of torques has not."""
+    if not scenario.takes_positions:
+        groups = {name: getattr(scenario, name) for name in _POSITION_ONLY}
+        _require_unused({"arm.servo": scenario.arm.servo, **groups}, "arm.control is impedance")
+        return scenario
+    _require_unused({"impedance": scenario.impedance}, "arm.control is position")
+    require_same(scenario.peg, PEG_ARM, "peg", "mass_scale", why="arm.control is position")
+    if scenario.hole.kind != "fixture":
+        raise ParameterError("hole.kind", scenario.hole.kind, "fixture: arm.control is position")
+    period = scenario.arm.servo.period
+    if scenario.sensor.rate * period < 1 - 1e-9:
+        allowed = f"at least arm.servo.rate, {1 / period:g} Hz"
+        raise ParameterError("sensor.rate", scenario.sensor.rate, allowed)
+    own = {**_STIFF, **{name: one for name, one in vars(scenario.compliance).items() if one}}
+    damping = scenario.admittance.damping or _DAMPED
+    return replace(
+        scenario,
+        compliance=replace(scenario.compliance, **own),
+        admittance=replace(scenario.admittance, damping=damping),
+    )
+
+
+def _require_unused(groups: Mapping[str, Any], why: str) -> None:
+    for path, group in groups.items():
+        names = [one.name for one in fields(group)]
+        require_same(group, type(group)(), path, *names, why=why)
 
 
 def region_of(scenario: ResolvedInsertionScenario) -> InsertionRegion:
@@ -185,7 +295,10 @@ def _region(parts: ColouredParts, support: Support) -> InsertionRegion:
 def task_params(scenario: ResolvedInsertionScenario) -> InsertionTaskParams:
     """Return the parameters of the task's chart, of a resolved scenario."""
     parts = scenario.parts
-    axes = (scenario.compensator if scenario.controller.kind == "fsm" else scenario.pid).axes
+    limits = InsertionTaskParams.limits
+    if scenario.cameras.kind != "none":
+        own = scenario.compensator if scenario.controller.kind == "fsm" else scenario.pid
+        limits = tuple(axis.limit for axis in own.axes)
     return InsertionTaskParams(
         decide=scenario.decide,
         insert=scenario.insert,
@@ -196,7 +309,7 @@ def task_params(scenario: ResolvedInsertionScenario) -> InsertionTaskParams:
         pixel_size=scenario.cameras.pixel_size,
         begin=scenario.peg_motion_ends,
         wait=scenario.compensation_time,
-        limits=tuple(axis.limit for axis in axes),
+        limits=limits,
         period=scenario.cameras.frames.period,
     )
 
@@ -222,30 +335,45 @@ def make_insertion_diagram(
     """
     builder = DiagramBuilder()
     connect = builder.Connect
-    cell, contact, motions, error = _add_cell(builder, scenario, arm_controllers)
-    gate, watch, controller, task = map(builder.AddSystem, _deciding(scenario, controller))
-    for name in ("error", "valid"):
-        connect(error.GetOutputPort(name), gate.GetInputPort(name))
+    cell, contact, sensed = _add_cell(builder, scenario, arm_controllers)
+    motions, error = add_sight(builder, scenario, cell, scenario.there.parts)
+    watch, compensation, task = _add_deciding(builder, scenario, error, controller)
+    for name in ("error", "valid", "blind"):
         connect(error.GetOutputPort(name), task.GetInputPort(name))
-        connect(gate.GetOutputPort(name), watch.GetInputPort(name))
-    connect(gate.GetOutputPort("error"), controller.GetInputPort("error"))
-    connect(watch.GetOutputPort("valid"), controller.GetInputPort("valid"))
-    connect(error.GetOutputPort("blind"), task.GetInputPort("blind"))
-    connect(error.GetOutputPort("blind"), watch.GetInputPort("blind"))
     connect(watch.GetOutputPort("diverged"), task.GetInputPort("diverged"))
-    connect(task.GetOutputPort("compensates"), gate.GetInputPort("open"))
-    compensation = controller.GetOutputPort("compensation")
     connect(compensation, task.GetInputPort("compensation"))
     commands = {
         arm: add_command(builder, scenario, arm, motions[arm], compensation) for arm in ARMS
     }
     if "hole" in cell.arms:
         connect(commands["hole"], cell.arms["hole"].desired_pose)
-    _add_advance(builder, scenario, cell, commands, motions["peg"], task)
+    _add_advance(builder, scenario, cell, commands, motions["peg"], task, sensed)
     for arm, ports in cell.arms.items():
         connect(ports.saturated, task.GetInputPort(f"{arm}_saturated"))
     export_alignment(builder, cell, motions, error, watch, compensation)
     return _built(builder, task, contact, INSERTION)
+
+
+def _add_deciding(
+    builder: DiagramBuilder,
+    scenario: ResolvedInsertionScenario,
+    error: LeafSystem,
+    own: System | None,
+) -> tuple[LeafSystem, OutputPort, InsertionTask]:
+    """Add the task, and what makes compensation of the cameras' error; return the watch too."""
+    if scenario.cameras.kind == "none":
+        task = builder.AddSystem(_make_task(scenario))
+        return error, error.GetOutputPort("compensation"), task
+    connect = builder.Connect
+    gate, watch, controller, task = map(builder.AddSystem, _deciding(scenario, own))
+    for name in ("error", "valid"):
+        connect(error.GetOutputPort(name), gate.GetInputPort(name))
+        connect(gate.GetOutputPort(name), watch.GetInputPort(name))
+    connect(gate.GetOutputPort("error"), controller.GetInputPort("error"))
+    connect(watch.GetOutputPort("valid"), controller.GetInputPort("valid"))
+    connect(error.GetOutputPort("blind"), watch.GetInputPort("blind"))
+    connect(task.GetOutputPort("compensates"), gate.GetInputPort("open"))
+    return watch, controller.GetOutputPort("compensation"), task
 
 
 def _built(
@@ -265,20 +393,27 @@ def _add_cell(
     builder: DiagramBuilder,
     scenario: ResolvedInsertionScenario,
     arm_controllers: Mapping[ArmName, System] | None = None,
-) -> tuple[WorkCell, PegHoleContactMonitor, dict[ArmName, DesiredMotion], CellError]:
-    """Add what there is of the cell, and what is measured."""
+) -> tuple[WorkCell, PegHoleContactMonitor, Sensed | None]:
+    """Add what there is of the cell, and what an arm that takes positions senses."""
     there = scenario.there
+    seated, shapes = SEATED * task_params(scenario).target, partial(add_part_shapes, there)
+    if scenario.takes_positions:
+        if arm_controllers:
+            raise ParameterError("arm_controllers", sorted(arm_controllers), "none: positions")
+        return add_position_cell(
+            builder, scenario, there.parts, seated_depth=seated, add_parts=shapes
+        )
     cell, contact = add_cell_in_contact(
         builder,
         scenario,
         there.parts,
-        seated_depth=SEATED * task_params(scenario).target,
+        seated_depth=seated,
         material=scenario.contact,
         start=start_poses(scenario),
-        add_parts=partial(add_part_shapes, there),
+        add_parts=shapes,
         controllers=arm_controllers,
     )
-    return cell, contact, *add_sight(builder, scenario, cell, there.parts)
+    return cell, contact, None
 
 
 def _deciding(
@@ -288,10 +423,15 @@ def _deciding(
     gate = MeasurementSelector(len(AXES), period=scenario.cameras.frames.period)
     gate.set_name("measurement selector")
     gate.law.in_units(error=SEEN_IN)
+    watch, controller = make_divergence_watch(scenario), make_controller(scenario, own)
+    return gate, watch, controller, _make_task(scenario)
+
+
+def _make_task(scenario: ResolvedInsertionScenario) -> InsertionTask:
     joints = {f"{arm}_joints": getattr(scenario, arm).arm.num_joints for arm in ARMS}
     task = InsertionTask(task_params(scenario), **joints)
     task.set_name(TASK)
-    return gate, make_divergence_watch(scenario), make_controller(scenario, own), task
+    return task
 
 
 def controller_of(scenario: ResolvedInsertionScenario) -> InsertionController:
@@ -304,6 +444,9 @@ def controller_of(scenario: ResolvedInsertionScenario) -> InsertionController:
     if scenario.moves:
         start = start_poses(scenario)["peg"].translation()
         motion = StraightMotion(start, peg.translation(), scenario.motion_time)
+    if scenario.takes_positions or scenario.cameras.kind == "none":
+        name, value = "arm.control", scenario.arm.control
+        raise ParameterError(name, value, "impedance with a pair of cameras, of the one law")
     shares = SHARES[scenario.compensated]
     params = InsertionControllerParams(
         stiffness=np.array(scenario.impedance.stiffness),
@@ -333,7 +476,8 @@ def make_insertion_robot(scenario: ResolvedInsertionScenario, controller: System
     connect = builder.Connect
     # First, so that at each instant it hears of what was before any other block has drawn images.
     builder.AddNamedSystem("controller", controller)
-    cell, contact, motions, error = _add_cell(builder, scenario)
+    cell, contact, _ = _add_cell(builder, scenario)
+    motions, error = add_sight(builder, scenario, cell, scenario.there.parts)
     for name in ("error", "valid", "blind"):
         connect(error.GetOutputPort(name), controller.GetInputPort(name))
     for arm, ports in cell.arms.items():
@@ -363,6 +507,7 @@ def _add_advance(
     commands: dict[ArmName, OutputPort],
     motion: DesiredMotion,
     task: InsertionTask,
+    sensed: Sensed | None,
 ) -> None:
     """Add the feed along the hole's commanded axis, and what the arm knows of its way and load."""
     connect, peg = builder.Connect, cell.arms["peg"]
@@ -372,16 +517,27 @@ def _add_advance(
     connect(task.GetOutputPort("feed"), advance.GetInputPort("feed"))
     command = advance.GetOutputPort("advanced_pose")
     connect(command, peg.desired_pose)
-    velocity = advance.GetOutputPort("velocity")
+    if sensed is None:
+        _add_velocity(builder, advance.GetOutputPort("velocity"), motion, peg)
+        spring = builder.AddNamedSystem("spring force", SpringForce(scenario.impedance.stiffness))
+        connect(command, spring.GetInputPort("command"))
+        connect(peg.tool_pose, spring.GetInputPort("tool_pose"))
+        connect(cell.tool_poses["hole"], spring.GetInputPort("hole_pose"))
+        sensed = Sensed(*map(spring.GetOutputPort, Sensed._fields[:2]))
+    for tares in sensed.tares:
+        connect(task.GetOutputPort("tares"), tares)
+    connect(sensed.force, task.GetInputPort("force"))
+    connect(sensed.advance, task.GetInputPort("advance"))
+
+
+def _add_velocity(
+    builder: DiagramBuilder, feed: OutputPort, motion: DesiredMotion, peg: ArmPorts
+) -> None:
+    """Add how fast the peg should go, by its feed and its desired motion."""
+    velocity, connect = feed, builder.Connect
     if motion.velocity is not None:
         both = builder.AddNamedSystem("peg desired velocity", Adder(2, 6))
         connect(motion.velocity, both.get_input_port(0))
-        connect(velocity, both.get_input_port(1))
+        connect(feed, both.get_input_port(1))
         velocity = both.get_output_port()
     connect(velocity, peg.desired_velocity)
-    sensed = builder.AddNamedSystem("spring force", SpringForce(scenario.impedance.stiffness))
-    connect(command, sensed.GetInputPort("command"))
-    connect(peg.tool_pose, sensed.GetInputPort("tool_pose"))
-    connect(cell.tool_poses["hole"], sensed.GetInputPort("hole_pose"))
-    for name in ("force", "advance"):
-        connect(sensed.GetOutputPort(name), task.GetInputPort(name))

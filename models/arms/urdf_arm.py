@@ -31,6 +31,7 @@ _RIGID: Final = ("revolute", "continuous", "fixed")  # below which an arm may go
 _KEPT: Final = ("link", "joint", "material")
 _KEPT_OF_JOINT: Final = ("parent", "child", "origin", "axis", "limit", "dynamics")
 _FIXED_HAS_NO: Final = ("axis", "limit", "dynamics")
+_UR5E: Final = Path(__file__).with_name("ur5e.urdf")
 # What the cell itself adds to an arm, and what Drake calls the world.
 _TAKEN: Final = ("tool", "payload", "world")
 
@@ -367,13 +368,13 @@ def _is_drawn(visual: Element, path: Path) -> bool:
     return True
 
 
-BUILT_IN: Final = {WAM.name: WAM}
+BUILT_IN: Final = {WAM.name: lambda: WAM, "ur5e": lambda: read_arm(str(_UR5E), "flange")}
 
 
 def chosen_arm(model: str, tool_frame: str | None) -> SerialArm:
-    """Return the arm of a model: ``wam``, or the path of a URDF file."""
+    """Return the arm of a model: ``wam``, ``ur5e``, or the path of a URDF file."""
     if model not in BUILT_IN:
         return read_arm(model, tool_frame)
     if tool_frame is not None:
         raise ParameterError("tool_frame", tool_frame, f"null: {model} has its flange")
-    return BUILT_IN[model]
+    return BUILT_IN[model]()

@@ -125,17 +125,22 @@ class ArmModel:
         self._tool = plant.GetFrameByName("tool")
         self._origin = np.zeros(3)
 
-    def evaluate(self, q: Array) -> ToolState:
-        """Return the state at joint positions q, rad, shape (n,)."""
+    def kinematics(self, q: Array) -> tuple[RigidTransform, Array]:
+        """Return pose and Jacobian of the tool frame alone, as :class:`ToolState` has them."""
         plant, context, world = self._plant, self._context, self._world
         plant.SetPositions(context, q)
-        return ToolState(
+        return (
             self._tool.CalcPoseInWorld(context),
             plant.CalcJacobianSpatialVelocity(
                 context, JacobianWrtVariable.kV, self._tool, self._origin, world, world
             ),
-            plant.CalcMassMatrix(context),
-            -plant.CalcGravityGeneralizedForces(context),
+        )
+
+    def evaluate(self, q: Array) -> ToolState:
+        """Return the state at joint positions q, rad, shape (n,)."""
+        pose, plant, context = self.kinematics(q), self._plant, self._context
+        return ToolState(
+            *pose, plant.CalcMassMatrix(context), -plant.CalcGravityGeneralizedForces(context)
         )
 
     def joint_positions(self, X_WT: RigidTransform, near: Array | None) -> Array:

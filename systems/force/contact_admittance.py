@@ -1,13 +1,19 @@
-"""What a position-controlled arm makes of the force at its wrist, as far as it is left open."""
+"""What a position-controlled arm makes of the force at its wrist: a pose beside its command."""
 
 import math
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, fields
+from typing import Any, Final, NamedTuple
+
+import numpy as np
 
 from chamfer.models.validation import ParameterError, require_numbers
-from chamfer.systems.force.accommodation_law import AXES
+from chamfer.systems.force.accommodation_law import AXES, WRENCH, AccommodationObservation
+from chamfer.systems.force.admittance_law import AdmittanceLaw, AdmittanceParams, AdmittanceState
+from chamfer.systems.force.tool_pose import POSE, compensate, share_of_compensation
+from chamfer.systems.law import Array, HeldLaw, Signal
 
 _SIX: Final = len(AXES)
+_RECENTRED: Final = 0.1  # s, time constant with which a displacement is taken back; assumed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,3 +39,72 @@ class ContactAdmittanceParams:
         given = self.damping
         if given is not None and not (len(given) == _SIX and all(value > 0 for value in given)):
             raise ParameterError("damping", given, "six numbers > 0, or null")
+
+    @property
+    def stiffness(self) -> tuple[float, ...]:
+        """K with infinity along what does not give way, N m/rad and N/m; damping is known."""
+        damping = self.damping or (0.0,) * _SIX
+        return tuple(
+            math.inf if math.isinf(given) else spring
+            for given, spring in zip(damping, self.spring, strict=True)
+        )
+
+
+class ContactAdmittanceObservation(NamedTuple):
+    """What the law reads."""
+
+    desired_pose: Array
+    wrench: Array
+    recentres: Array
+
+
+class ContactAdmittanceState(NamedTuple):
+    """What one step hands to the next, and the pose that is commanded, shape (7,)."""
+
+    reference_pose: Array
+    velocity: Array
+    perturbed: Array
+    displacement: Array
+
+
+class ContactAdmittanceLaw(HeldLaw[ContactAdmittanceState, ContactAdmittanceObservation, Any]):
+    """See :class:`ContactAdmittance`."""
+
+    observation = ContactAdmittanceObservation
+
+    def __init__(
+        self, params: ContactAdmittanceParams, R_WH: Array, *, pose: Array, period: float
+    ) -> None:
+        if params.damping is None:
+            raise ParameterError("damping", None, "six numbers > 0")
+        # That the loop is stable in contact is known where the arm is.
+        own = {one.name: getattr(params, one.name) for one in fields(params)}
+        self._give_way = AdmittanceLaw(AdmittanceParams(**own, period=period, allow_unstable=True))
+        self._kept = math.exp(-period / _RECENTRED)
+        # compensate() takes m above rad.
+        self._moves = np.roll(share_of_compensation(1.0, R_WH), 3, axis=1)
+        super().__init__(
+            period=period,
+            inputs={
+                "desired_pose": POSE._replace(finite=True),
+                "wrench": Signal(_SIX, WRENCH, finite=True),
+                "recentres": Signal(),
+            },
+            outputs={"reference_pose": POSE},
+            start=ContactAdmittanceState(pose, *self._give_way.start()),
+        )
+
+    def update(
+        self, state: ContactAdmittanceState, observation: ContactAdmittanceObservation, time: float
+    ) -> ContactAdmittanceState:
+        """Return the state after a step."""
+        desired, wrench, recentres = observation
+        if recentres[0] >= 0.5:
+            still = np.zeros(_SIX)
+            given = AdmittanceState(still, still, self._kept * state.displacement)
+        else:
+            seen = AccommodationObservation(np.zeros(_SIX), wrench, None)
+            given = self._give_way.update(AdmittanceState(*state[1:]), seen, time)
+        return ContactAdmittanceState(
+            compensate(desired, self._moves @ given.displacement), *given
+        )

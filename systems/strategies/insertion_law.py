@@ -160,6 +160,7 @@ class InsertionMemory(NamedTuple):
     rate: float = 0.0  # m/s
     time: float = 0.0  # s
     compensates: bool = True
+    tares: bool = True  # a sensor's zero may be taken: it is in free space, at rest
     along: bool = True  # the error along the axis too
     attempts: int = 0
     frames: tuple[Frame, ...] = ()  # the last valid ones
@@ -380,9 +381,9 @@ class _Rules:
     def look(self, tick: InsertionTick) -> InsertionMemory:
         memory = self._observe(tick, 0.0)
         if len(memory.frames) < self._params.decide.frames:
-            return memory._replace(compensates=True, along=True)
+            return memory._replace(compensates=True, along=True, tares=True)
         errors = errors_across(memory.frames, self._params.pixel_size)
-        return memory._replace(compensates=True, along=True, errors=errors)
+        return memory._replace(compensates=True, along=True, tares=True, errors=errors)
 
     def begin(self, tick: InsertionTick) -> InsertionMemory:
         return tick.memory._replace(frames=(), began=tick.time, errors=InsertionMemory().errors)
@@ -395,6 +396,7 @@ class _Rules:
         return memory._replace(
             attempts=memory.attempts + 1,
             zero=inputs.force,
+            tares=False,
             mouth=inputs.advance[0] + params.gap + params.pixel_size * along,
             pull=0.0,
             came_out=0.0,
@@ -504,6 +506,7 @@ class InsertionLaw(ChartLaw[InsertionInputs, InsertionMemory]):
                     size=2,
                     read=lambda memory: (float(memory.compensates), float(memory.along)),
                 ),
+                "tares": number("tares"),
                 "attempts": number("attempts"),
                 "errors": MachineOutput(
                     size=4,

@@ -117,6 +117,39 @@ class CellErrorParams:
         return max([self.period, *(image.period for image in self.images)])
 
 
+class NoSight(LeafSystem):
+    """Stands where cameras would, and says that the peg is where it is commanded to be.
+
+    .. pydrake_system::
+
+        name: NoSight
+        input_ports: []
+        output_ports:
+        - error
+        - valid
+        - age
+        - blind
+        - diverged
+        - stop
+        - compensation
+
+    ``error``, shape (6,), ``valid`` (1), ``age`` and ``blind`` (0) are those of
+    :class:`CellError`, ``diverged`` and ``stop`` (0) those of the divergence watch,
+    ``compensation``, shape (6,), 0, that of the compensator.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        sizes = {"error": len(AXES), "compensation": len(AXES)}
+        for name in ("error", "valid", "age", "blind", "diverged", "stop", "compensation"):
+            said = np.full(sizes.get(name, 1), float(name == "valid"))
+
+            def calc(context: Context, vector: BasicVector, said: Array = said) -> None:
+                vector.SetFromVector(said)
+
+            self.DeclareVectorOutputPort(name, len(said), calc, {self.nothing_ticket()})
+
+
 class CellError(LeafSystem):
     """The peg's alignment error, desired minus actual; it ages while a part is lost.
 

@@ -1,0 +1,144 @@
+"""Joint servos of an arm that takes positions: where its tool goes when it is told a pose."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+
+from chamfer.models.arms.position_arm import ServoParams
+from chamfer.models.arms.wrist import SIZE, tip_displacement
+from chamfer.models.validation import ParameterError
+from chamfer.systems.force.arm_model import ArmModel
+from chamfer.systems.pose import POSE_SIZE, pose_from_vector, pose_vector
+
+Array = NDArray[np.float64]
+
+_DAMPED: Final = 1e-3  # rad and m, of the inverse kinematics' least squares
+
+
+class JointServo(LeafSystem):
+    """An arm whose joints follow commanded positions, whatever forces act on its tool.
+
+    .. pydrake_system::
+
+        name: JointServo
+        input_ports:
+        - reference_pose
+        output_ports:
+        - tool_pose
+        - encoders
+        - saturated
+        - motion
+
+    Once a period of the servos the tool's reference pose becomes joint positions, by a step of
+    Newton's method with damped least squares from the last ones. They arrive whole samples later,
+    and are held. Each joint follows as a critically damped second-order system,
+
+        q'' = w^2 (q_cmd - q) - 2 w q',
+
+    exact for a held command, with rate and acceleration limited. An arm with fewer than six joints
+    comes as near to the pose as it can.
+
+    ``reference_pose``, shape (7,), quaternion w, x, y, z and position, m, of the tool's frame
+    where its springs are not deflected. Of n joints: ``tool_pose``, shape (7,), where the encoders
+    say that this frame is; ``encoders``, shape (2 n,), rad and rad/s, or m; ``saturated``, shape
+    (n,), 1 where a joint is at its limit of rate, acceleration or range. ``motion``, shape (12,),
+    is where the frame truly is: its displacement from ``rest``, rad above m, in the axes of rest,
+    and its rate, for the plant alone.
+
+    Discrete state: q and its rate, the commands on their way, and what is saturated.
+
+    Args:
+        params: The servos.
+        model: What is known of the arm.
+        posture: Joint positions at the begin, shape (n,).
+        step: s, of the plant, a whole part of the servos' period.
+        rest: X_WS, from which the motion is measured.
+        X_TS: That frame in the tool's.
+        true: What turns a pose in the world as it is known into the true one.
+
+    Raises:
+        ParameterError: In a run if the reference pose is not finite.
+    """
+
+    def __init__(
+        self,
+        params: ServoParams,
+        model: ArmModel,
+        posture: Array,
+        *,
+        step: float,
+        rest: RigidTransform,
+        X_TS: RigidTransform,
+        true: RigidTransform,
+    ) -> None:
+        super().__init__()
+        n = len(posture)
+        self._params, self._model, self._step = params, model, step
+        self._steps = round(params.period / step)
+        self._lower, self._upper = np.array(model.arm.lower_limits), model.arm.upper_limits
+        self._to_rest, self._X_TS = rest.inverse() @ true, X_TS
+        self._turned = self._to_rest.rotation().matrix()
+        self._reference = self.DeclareVectorInputPort("reference_pose", POSE_SIZE)
+        self._joints = self.DeclareDiscreteState(np.concatenate([posture, np.zeros(n)]))
+        self._commands = self.DeclareDiscreteState(np.tile(posture, params.delay + 1))
+        self._saturated = self.DeclareDiscreteState(n)
+        moves = {self.discrete_state_ticket(self._joints)}
+        self.DeclareVectorOutputPort("tool_pose", POSE_SIZE, self._calc_pose, moves)
+        self.DeclareStateOutputPort("encoders", self._joints)
+        self.DeclareStateOutputPort("saturated", self._saturated)
+        self.DeclareVectorOutputPort("motion", 2 * SIZE, self._calc_motion, moves)
+        self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._update)
+
+    def _calc_pose(self, context: Context, vector: BasicVector) -> None:
+        q = self._values(context, self._joints)[0]
+        vector.SetFromVector(pose_vector(self._model.kinematics(q)[0]))
+
+    def _calc_motion(self, context: Context, vector: BasicVector) -> None:
+        q, v = self._values(context, self._joints)
+        X_WT, J = self._model.kinematics(q)
+        rate = J @ v
+        moved = tip_displacement(self._to_rest @ X_WT @ self._X_TS)
+        vector.SetFromVector(
+            np.concatenate([moved, self._turned @ rate[:3], self._turned @ rate[3:]])
+        )
+
+    def _values(self, context: Context, group: int) -> Array:
+        values: Array = context.get_discrete_state(group).value()
+        return values.reshape(-1, len(self._lower))
+
+    def _update(self, context: Context, values: DiscreteValues) -> None:
+        params, h = self._params, self._step
+        (q, v), commands = (self._values(context, one) for one in (self._joints, self._commands))
+        if round(context.get_time() / h) % self._steps == 0:
+            commands = np.vstack([commands[1:], self._inverse(context, commands[-1])])
+            values.set_value(self._commands, commands.ravel())
+        w, lack = params.frequency, q - commands[0]
+        decay, pull = np.exp(-w * h), v + w * lack
+        wanted = (v - h * w * pull) * decay
+        most = params.acceleration * h
+        rate = np.clip(np.clip(wanted, v - most, v + most), -params.velocity, params.velocity)
+        limited = rate != wanted
+        after = np.where(limited, q + h * (v + rate) / 2, commands[0] + (lack + h * pull) * decay)
+        inside = np.clip(after, self._lower, self._upper)
+        at_end = inside != after
+        rate[at_end] = 0.0
+        values.set_value(self._joints, np.concatenate([inside, rate]))
+        values.set_value(self._saturated, (limited | at_end).astype(np.float64))
+
+    def _inverse(self, context: Context, near: Array) -> Array:
+        """Return the joint positions of the reference pose, from those of the last one."""
+        pose = self._reference.Eval(context)
+        if not np.isfinite(pose).all():
+            at = f"reference pose of the arm at {context.get_time():.6g} s"
+            raise ParameterError(at, pose.tolist(), "finite numbers")
+        X_WR = pose_from_vector(pose)
+        X_WT, J = self._model.kinematics(near)
+        turn = (X_WR.rotation() @ X_WT.rotation().inverse()).ToAngleAxis()
+        way = X_WR.translation() - X_WT.translation()
+        error = np.concatenate([turn.angle() * turn.axis(), way])
+        damped = J.T @ J + _DAMPED**2 * np.eye(len(near))
+        found: Array = near + np.linalg.solve(damped, J.T @ error)
+        return np.clip(found, self._lower, self._upper)
