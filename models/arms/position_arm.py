@@ -196,16 +196,10 @@ class Compliance(ComplianceParams):
 def require_within_deflection(
     compliance: Compliance, position_error: float, angle_error: float, arm: Support | None = None
 ) -> None:
-    """Refuse errors of a hole that take an rcc beyond its limits.
+    """Refuse a hole's errors, m across and rad at most, that take an rcc beyond its limits.
 
-    Args:
-        compliance: The device, or an arm, which has no limits.
-        position_error: Across the hole, m, at most.
-        angle_error: Of its axis, rad, at most.
-        arm: What gives way behind the device, from the tip, at rest; None: nothing.
-
-    Raises:
-        ParameterError: It names the error that has the larger part in it.
+    Of both errors the one that has the larger part in it is named. The arm is what gives way
+    behind the device, at rest; None: it does not.
     """
     device = compliance.support
     whole = stacked(device, arm) if arm else device
