@@ -374,6 +374,14 @@ CATALOGUE: Final = Catalogue(
             reduced=("trials=2", "begin=0.2", "compensation_time=0.6"),
         ),
         _servoing_study(
+            name="contact-stability",
+            summary="the damping with which a position-controlled arm bears a stiff contact",
+            seconds=60,
+            module="chamfer.analysis.insertion.admittance_stability",
+            scenario="CONTACT_STABILITY",
+            reduced=("shares=[1.0]", "halvings=1", "duration=0.1"),
+        ),
+        _servoing_study(
             name="contact-convergence",
             summary="depth and forces of an insertion over steps, stiffness, "
             "facets and approximations",

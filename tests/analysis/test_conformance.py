@@ -50,8 +50,9 @@ NOT_LOGGED: Final = {
     "compliance-centre",
     *("plant-identification", "camera-accuracy", "detection-conditions", "repeatability"),
     *("design-accuracy", "insertion-repeatability", "calibration-accuracy", "hybrid-stability"),
-    *("contact-convergence", "friction-remedies", "observer-model-error", "charging-campaign"),
-    *("observer-comparison", "sensing-sensitivity", "vision-primitives"),
+    *("contact-convergence", "contact-stability", "friction-remedies"),
+    *("observer-model-error", "charging-campaign", "observer-comparison"),
+    *("sensing-sensitivity", "vision-primitives"),
     *("peg-skill-success", "d-connector-success", "bnc-connector-success"),
     *("rj45-connector-success", "d-connector-ablation", "bnc-connector-ablation"),
 }

@@ -1,0 +1,292 @@
+"""The sampled loop of a position-controlled arm that gives way to force, in contact and free.
+
+A wrist sensor reads what the tool does to its springs, an admittance makes a displacement of it,
+joint servos follow that, and the tip on the wrist's springs presses on a contact that springs too.
+For small motion each joint moves as its servo does, and so does the flange: the whole loop is a
+linear sampled system about and along the hole's axes; those that are coupled, by a centre off the
+tip, are one loop. Left out are limits of rate and acceleration, the sensor's noise, and that a
+contact opens: a stable loop may still bounce on its first touch.
+
+The damping is designed for the force at first touch: least is best, because a peg that comes with
+the speed v meets D v, as long as the force does not ring. The measure is the largest sensitivity,
+how much nearer to its end than 1 the open loop comes at any frequency. Up to 1.6 a delayed
+admittance on a spring, ``D x'(t) = -k x(t - tau)``, has D >= 2 k tau: its force overshoots by 4 %
+and bears three times the gain. Source of the measure: K. J. Astrom and T. Hagglund, Advanced PID
+Control (2006), section 4.6, where 1.4 to 2 is usual. All poles real is no measure: a tool on its
+springs rings by itself, too fast for the loop to hear.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chamfer.diagrams.contact.hybrid_loop_stability import LinearLoop, Stability, stability_of
+from chamfer.models.arms.position_arm import ServoParams
+from chamfer.models.arms.wrist import SIZE, WristParams
+from chamfer.models.validation import ParameterError, require_not_negative
+from chamfer.systems.force.accommodation_law import AXES, DAMPING
+from chamfer.systems.force.admittance_law import AdmittanceParams
+from chamfer.systems.force.contact_admittance import ContactAdmittanceParams
+from chamfer.systems.force.contact_detection_law import APPROACH, CONTACT
+from chamfer.systems.force.sampled_loop import NEUTRAL, Plant, Sampled, held
+
+Array = NDArray[np.float64]
+
+PEAK: Final = 1.6  # the largest sensitivity of a designed loop
+_SHARES: Final = (0.0, 0.01, 0.1, 1.0)  # of the contact's stiffness, that are looked at
+_SAMPLING: Final = np.geomspace(1e-4, 1.0, 300)  # frequencies, of half the sampling rate
+_FACTORS: Final = 1e4, 1e-6  # times k tau, a damping that is enough and one that is not
+_COARSE: Final = 1.5  # of the search between them
+_SOFTEST: Final = 1e4  # times as soft, what is looked at
+_FASTEST: Final = 1000.0  # Hz, of servos
+# The wrist's axes in the hole's: its z points away from the hole, against x.
+_TURN: Final = np.kron(np.eye(2), [[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactLoop:
+    """What the loop consists of; sixes are about and along the hole's axes, x into it."""
+
+    servo: ServoParams
+    admittance: ContactAdmittanceParams  # damping None: what the contact needs
+    wrist: WristParams  # springs and tool
+    contact: tuple[float, ...]  # N m/rad and N/m, of part and fixture at the tip, 0: none
+    bandwidth: float = 0.0  # Hz, of the sensor's first-order filter, 0: none
+    delay: float = 0.0  # s, of its reading
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "bandwidth", "delay")
+        if len(self.contact) != SIZE or not all(0 <= k < math.inf for k in self.contact):
+            raise ParameterError("contact", self.contact, "six finite numbers >= 0")
+
+    @property
+    def damping(self) -> tuple[float, ...]:
+        """N m s/rad and N s/m, D as given, or as the contact needs."""
+        given = self.admittance.damping
+        return designed_damping(self) if given is None else given
+
+    @property
+    def lag(self) -> float:
+        """How much later than a displacement that is asked for its force is read, s."""
+        filtered = 1 / (2 * math.pi * self.bandwidth) if self.bandwidth else 0.0
+        servo = self.servo.delay * self.servo.period + 2 / self.servo.frequency
+        return servo + filtered + self.delay
+
+    @property
+    def springs(self) -> Array:
+        """N m/rad and N/m, the wrist's seen from the tip, shape (6, 6)."""
+        return _at_tip(self.wrist.stiffness, self.wrist.centre)
+
+    @property
+    def stiffness(self) -> tuple[float, ...]:
+        """N m/rad and N/m, of springs and contact in series, each axis by itself."""
+        springs = np.diag(self.springs).tolist()
+        return tuple(k * c / (k + c) for k, c in zip(springs, self.contact, strict=True))
+
+    @property
+    def _mass(self) -> Array:
+        tool = self.wrist
+        across = tool.inertia - tool.mass * tool.centre_of_mass**2
+        return _at_tip((across, across, tool.inertia, *3 * [tool.mass]), tool.centre_of_mass)
+
+    @property
+    def _coupled(self) -> list[list[int]]:
+        """The axes, those that are coupled together."""
+        linked = (
+            np.abs(self.springs) + np.abs(self._mass) + np.abs(self.law((1.0,) * SIZE).mobility)
+        )
+        near = np.linalg.matrix_power(linked > 0, SIZE)
+        return [np.flatnonzero(row).tolist() for row in np.unique(near, axis=0)[::-1]]
+
+    def law(self, damping: tuple[float, ...]) -> AdmittanceParams:
+        """Return the law's parameters."""
+        given = {name: getattr(self.admittance, name) for name in ("inertia", "spring", "centre")}
+        period = self.servo.period
+        return AdmittanceParams(**given, damping=damping, period=period, allow_unstable=True)
+
+    def arm(self, axes: list[int], share: float) -> Plant:
+        """Return what an asked displacement of some axes does to the wrench that is read.
+
+        In contact with a share of its stiffness. States: the flange's place and rate, the tip's,
+        and the filter.
+        """
+        n, of, w = len(axes), np.ix_(axes, axes), self.servo.frequency
+        fast = 2 * math.pi * self.bandwidth
+        one, none, K = np.eye(n), np.zeros((n, n)), self.springs[of]
+        C = _at_tip(self.wrist.damping, self.wrist.centre)[of]
+        felt = np.hstack([-K, -C, K, C, none])  # by the tool, of what it touches
+        push = -felt
+        push[:, 2 * n : 3 * n] -= share * np.diag(self.contact)[of]
+        flow = np.vstack(
+            [
+                np.hstack([none, one, none, none, none]),
+                np.hstack([-w * w * one, -2 * w * one, none, none, none]),
+                np.hstack([none, none, none, one, none]),
+                np.linalg.solve(self._mass[of], push),
+                fast * (felt - np.eye(n, 5 * n, 4 * n)),
+            ]
+        )
+        drive = np.vstack([none, w * w * one, none, none, none])
+        late = np.eye(n, 5 * n, 4 * n) if fast else felt
+        return Plant(flow, drive, np.zeros((0, 5 * n)), late, self.delay)
+
+    def loops(self) -> tuple[LinearLoop, ...]:
+        """Return the loops of the coupled axes, named after them, in contact and free."""
+        law, period, found = self.law(self.damping), self.servo.period, []
+        for axes in self._coupled:
+            of, n = np.ix_(axes, axes), len(axes)
+            mobility = law.mobility[of]
+            # Of velocity and displacement.
+            once = mobility @ np.hstack([law.momentum[of], -law.restoring[of]])
+            then = np.eye(n, 2 * n, n) + period * once
+            A, B = np.vstack([once, then]), np.vstack([mobility, period * mobility])
+            sampled, late = Sampled(A, B, then, period * mobility), self.servo.delay * period
+            name = ", ".join(AXES[i] for i in axes)
+            for mode, share, where in ((CONTACT, 1.0, "in contact"), (APPROACH, 0.0, "free")):
+                arm = self.arm(axes, share)
+                found.append(LinearLoop(f"{name} {where}", mode, arm, sampled, period, late))
+        return tuple(found)
+
+    def stability(self) -> Stability:
+        """Return growth and margins, the least of all axes in contact and free."""
+        return stability_of(self.loops())
+
+    @property
+    def unstable(self) -> list[LinearLoop]:
+        """The loops that grow, the worst last."""
+        grows = sorted((one.growth_rate(), i, one) for i, one in enumerate(self.loops()))
+        return [one for growth, _, one in grows if growth > NEUTRAL]
+
+
+def _at_tip(diagonal: tuple[float, ...], height: float) -> Array:
+    """Return what is diagonal at a height above the tip there, in the hole's axes, (6, 6)."""
+    lever = np.eye(SIZE)
+    lever[3:5, :2] = [[0.0, height], [-height, 0.0]]
+    turned: Array = _TURN @ (lever.T * diagonal) @ lever @ _TURN.T
+    return turned
+
+
+def axes_of(loop: LinearLoop) -> list[str]:
+    """Return the names of a loop's axes, which it is called after."""
+    return [word for word in loop.name.replace(",", "").split() if word in AXES]
+
+
+@lru_cache(maxsize=64)
+def designed_damping(loop: ContactLoop) -> tuple[float, ...]:
+    """Return the least damping with which no axis rings, N m s/rad and N s/m.
+
+    Each axis by itself, then coupled ones together by a common factor: on contacts up to as stiff
+    as given, and on none.
+    """
+    T = loop.servo.period
+    z = np.exp(1j * math.pi * _SAMPLING)[:, np.newaxis, np.newaxis]
+    found = np.maximum(loop.stiffness, 1e-6 * np.diag(loop.springs)) * loop.lag
+
+    def least(axes: list[int]) -> float:
+        """Return the least factor on what is found so far."""
+        of = np.ix_(axes, axes)
+        arms = [
+            held(loop.arm(axes, share), period=T, delay=loop.servo.delay * T) for share in _SHARES
+        ]
+        seen = np.array(
+            [arm.C @ np.linalg.inv(z * np.eye(len(arm.A)) - arm.A) @ arm.B for arm in arms]
+        )
+
+        def calm(factor: float) -> bool:
+            law = loop.law(tuple((factor * found).tolist()))
+            impeding = np.linalg.inv(law.mobility)[of] - law.momentum[of] / z
+            impeding = impeding + T * law.restoring[of] / (z - 1)
+            opened = seen @ np.linalg.inv(impeding) * (T * z / (z - 1))
+            sensitivity = np.linalg.inv(np.eye(len(axes)) - opened)
+            return bool(np.abs(np.diagonal(sensitivity, axis1=2, axis2=3)).max() <= PEAK)
+
+        return least_factor(calm, *_FACTORS)
+
+    for axis in range(SIZE):
+        found[axis] *= least([axis])
+    for axes in loop._coupled:
+        if len(axes) > 1:
+            found[axes] *= max(1.0, least(axes))
+    return tuple(found.tolist())
+
+
+def least_factor(
+    good: Callable[[float], bool], most: float, least: float, halvings: int = 20
+) -> float:
+    """Return the factor from which on all are good, up to the most."""
+    while most > least and good(low := max(most / _COARSE, least)):
+        most = low
+    low = max(most / _COARSE, least)
+    for _ in range(halvings):
+        middle = math.sqrt(low * most)
+        low, most = (low, middle) if good(middle) else (middle, most)
+    return most
+
+
+class Remedies(NamedTuple):
+    """What by itself would make an unstable loop stable; None: nothing of the kind does."""
+
+    damping: dict[str, float] | None  # N m s/rad or N s/m, at least, of the axes that grow
+    softer: float | None  # a factor on the wrist's springs, at most
+    faster: float | None  # a factor on rate and bandwidth of the servos, at least
+
+
+def remedies(loop: ContactLoop) -> Remedies:
+    """Return what would mend a loop, each by halving; more damping as shares of the designed."""
+    growing = {axis for one in loop.unstable for axis in axes_of(one)}
+    given, needed, servo = loop.damping, designed_damping(loop), loop.servo
+
+    def damping(factor: float) -> tuple[float, ...]:
+        more = zip(AXES, given, needed, strict=True)
+        return tuple(max(D, factor * least) if axis in growing else D for axis, D, least in more)
+
+    def damped(factor: float) -> ContactLoop:
+        return replace(loop, admittance=replace(loop.admittance, damping=damping(factor)))
+
+    def softer(factor: float) -> ContactLoop:
+        springs = tuple(k / factor for k in loop.wrist.stiffness)
+        return replace(damped(0.0), wrist=replace(loop.wrist, stiffness=springs))
+
+    def faster(factor: float) -> ContactLoop:
+        rate, bandwidth = factor * servo.rate, factor * servo.bandwidth
+        return replace(damped(0.0), servo=replace(servo, rate=rate, bandwidth=bandwidth))
+
+    def factor(
+        changed: Callable[[float], ContactLoop], most: float, least: float = 1.0
+    ) -> float | None:
+        if changed(most).unstable:
+            return None
+        return least_factor(lambda one: not changed(one).unstable, most, least)
+
+    more, less = factor(damped, *_FACTORS), factor(softer, _SOFTEST)
+    found = zip(AXES, damping(more or 0.0), given, strict=True)
+    return Remedies(
+        {axis: D for axis, D, before in found if before < D} if more else None,
+        1 / less if less else None,
+        factor(faster, _FASTEST / servo.rate),
+    )
+
+
+def require_stable(loop: ContactLoop) -> None:
+    """Refuse a loop that is unstable, in contact or free, with what would mend it.
+
+    Raises:
+        ParameterError: If it is.
+    """
+    if not (unstable := loop.unstable):
+        return
+    mend, units, worst = remedies(loop), dict(zip(AXES, DAMPING, strict=True)), unstable[-1]
+    more = [f"{D:.3g} {units[axis]} of {axis}" for axis, D in (mend.damping or {}).items()]
+    ways = [f"at least {', '.join(more)}"] if more else []
+    if mend.softer:
+        ways.append(f"a compliance at most {mend.softer:.2g} times as stiff")
+    if mend.faster:
+        ways.append(f"servos at least {mend.faster:.3g} times as fast, in rate and bandwidth")
+    found = f"the loop of {worst.name} grows at {worst.growth_rate():.3g} 1/s"
+    allowed = f"{' or '.join(ways) or 'null'}: {found}"
+    raise ParameterError("admittance.damping", loop.damping, allowed)
