@@ -412,21 +412,31 @@ class TrialErrors(NamedTuple):
 
 
 def draw_errors(
-    middle: Sequence[float], spread: Spread, arms: int, seed: int, trial: int
+    middle: Sequence[float],
+    spread: Spread,
+    arms: int,
+    seed: int,
+    trial: int,
+    repeatability: float = 0.0,
 ) -> TrialErrors:
-    """Return initial errors about their middle, and model errors of arms, of a seed's trial."""
+    """Return initial errors about their middle, and model errors of arms, of a seed's trial.
+
+    The arm's repeatability, m, adds to the errors across.
+    """
     generator = np.random.default_rng([seed, trial])
     error = generator.uniform(-1.0, 1.0, 6)
     error *= [0.0, spread.lateral, spread.lateral, 0.0, spread.rotational, spread.rotational]
     error += middle
     reach = np.array([spread.payload, spread.link_mass, spread.joint_friction])
     wrong = reach * generator.uniform(-1.0, 1.0, (arms, 3))
+    error[1:3] += repeatability * generator.uniform(-1.0, 1.0, 2)
     return TrialErrors(tuple(error.tolist()), tuple(map(tuple, wrong.tolist())))
 
 
 def drawn(scenario: DrawnT, spread: Spread, seed: int, trial: int) -> DrawnT:
     """Return the scenario with initial and model errors of one of a seed's trials."""
-    found = draw_errors(scenario.initial_error, spread, len(scenario.arms), seed, trial)
+    middle, arm_error = scenario.initial_error, scenario.repeatability
+    found = draw_errors(middle, spread, len(scenario.arms), seed, trial, arm_error)
     arms = {}
     for name, (payload, mass, friction) in zip(scenario.arms, found.arms, strict=True):
         settings = getattr(scenario, name)
@@ -474,7 +484,8 @@ def require_starts(scenario: AlignmentScenario, spread: Spread) -> None:
         error = np.add(scenario.initial_error, (0.0, y, z, 0.0, 0.0, 0.0))
         start = replace(scenario, initial_error=tuple(error.tolist()))
         try:
-            require_in_view(start)
+            if scenario.cameras.kind == "pair":
+                require_in_view(start)
             require_start_apart(start)
         except ParameterError as refused:
             raise ParameterError("spread.lateral", far, refused.allowed) from refused

@@ -1,11 +1,13 @@
 """The cell whose insertion is asked for, how its errors are spread, and the region it goes by."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final, TypeVar
+from typing import ClassVar, Final, TypeVar
 
 from chamfer.analysis.cell.alignment_runs import Spread, drawn, require_starts
 from chamfer.analysis.cell.camera_error_runs import with_drawn_errors
+from chamfer.diagrams.insertion.cells import CELLS, Cells
 from chamfer.diagrams.insertion.insertion import (
     InsertionScenario,
     ResolvedInsertionScenario,
@@ -41,6 +43,8 @@ class DesignScenario(InsertionScenario):
     draws: int = 200  # of the errors, for the share that goes in
     pictures: int = 4
     # with noise, in which the parts are sought: at the gap, at two starts, at 15 places of the way
+
+    WHOLE: ClassVar[Mapping[str, Cells]] = {"cell": CELLS}
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Final, Literal, get_args
+from typing import ClassVar, Final, Literal, get_args
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -44,6 +44,7 @@ from chamfer.analysis.insertion.cell_runs import (
     run_cell_insertion,
 )
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
+from chamfer.diagrams.insertion.cells import CELLS, Cells
 from chamfer.diagrams.insertion.insertion import (
     InsertionScenario,
     ResolvedInsertionScenario,
@@ -73,6 +74,8 @@ class InsertionTrialsScenario(InsertionScenario, AlignmentTrialsScenario):
     initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # the middle of the starts
     trials: int = 10  # as section 5's runs; 200 for the issue of its rates
     beside: tuple[Way, ...] = ("wait", "frozen", "settling")  # of the same starts
+
+    WHOLE: ClassVar[Mapping[str, Cells]] = {"cell": CELLS}
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -10,7 +10,9 @@ fields of it are given, the others are those of that other group, and not defaul
 
 A group may be given by the name of a preset, ``parts=factory-8mm``. Its dataclass says which there
 are: ``PRESETS: ClassVar[Mapping[str, Mapping[str, object]]]``, by name the fields that are not as
-by default. A field of a group in a dataclass may have a short name there, ``connector.friction``:
+by default. A scenario may have presets of all of it, ``cell=ur5e-fixture``; what else is given
+goes on top: ``WHOLE: ClassVar[Mapping[str, Mapping[str, Mapping[str, object]]]]``, by their word
+and by name. A field of a group in a dataclass may have a short name, ``connector.friction``:
 ``SHORT: ClassVar[Mapping[str, tuple[str, str]]]``, by name the group and the field.
 """
 
@@ -43,7 +45,8 @@ def make_scenario(
         UserError: If a field doesn't exist or its value is not allowed.
     """
     plain: dict[Any, Any] = plain_data(default)
-    for override in (given or {}, *_parse_settings(settings)):
+    overrides = [dict(given or {}), *_parse_settings(settings)]
+    for override in (*_whole_presets(default, overrides), *overrides):
         plain = _merge(plain, override, default)
     for name, other in likes(type(default)).items():
         if getattr(default, name) is None and isinstance(plain[name], Mapping):
@@ -51,6 +54,20 @@ def make_scenario(
     scenario: Scenario = structured(plain, type(default))
     _refuse_not_finite(scenario, default, "")
     return scenario
+
+
+def _whole_presets(default: object, overrides: list[dict[Any, Any]]) -> list[Mapping[str, object]]:
+    """Return the fields of the presets of a whole scenario that are named; take the names out."""
+    found = []
+    for word, presets in getattr(type(default), "WHOLE", {}).items():
+        for override in overrides:
+            if word not in override:
+                continue
+            name = override.pop(word)
+            if name not in presets:
+                raise UserError(f"{word} is {name!r}, allowed: {', '.join(presets)}")
+            found.append(presets[name])
+    return found
 
 
 def likes(cls: type[Any]) -> Mapping[str, str]:

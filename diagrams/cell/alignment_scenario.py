@@ -152,6 +152,16 @@ class AlignmentScenario(WorkCellScenario):
         """Whether the peg has a way to go."""
         return any(self.start_offset)
 
+    @property
+    def repeatability(self) -> float:
+        """Half-width of how far off the peg's arm is across the hole, new each trial, m."""
+        return 0.0
+
+    @property
+    def commands_err(self) -> bool:
+        """Whether the initial error is one of the peg's command; else it is unknown to the arm."""
+        return True
+
     def camera(self, view: View) -> Camera:
         """Return a camera as it is: it looks at the gap, at about a plane of the hole's axes."""
         return true_camera(self.cameras, self, view)

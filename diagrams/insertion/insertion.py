@@ -35,12 +35,17 @@ from chamfer.diagrams.cell.work_cell import (
     support_at,
 )
 from chamfer.diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
+from chamfer.diagrams.insertion.cells import CELLS, Cells, single
 from chamfer.diagrams.insertion.position_cell import (
     Sensed,
     WristSensorParams,
     add_position_cell,
 )
-from chamfer.models.arms.position_arm import ArmInterface, ComplianceParams
+from chamfer.models.arms.position_arm import (
+    ArmInterface,
+    ComplianceParams,
+    require_within_deflection,
+)
 from chamfer.models.arms.wrist import WristParams
 from chamfer.models.peg.bore_contact import (
     ContactMaterial,
@@ -48,8 +53,8 @@ from chamfer.models.peg.bore_contact import (
     resolved_speed,
 )
 from chamfer.models.peg.peg_and_hole import SEATED, ColouredParts, Peg
-from chamfer.models.peg.support import OpenSupport, Support
-from chamfer.models.validation import ParameterError, known, require_positive, require_same
+from chamfer.models.peg.support import OpenSupport, Support, stacked
+from chamfer.models.validation import ParameterError, require_positive, require_same
 from chamfer.systems.contact.peg_hole_contact_monitor import PegHoleContactMonitor
 from chamfer.systems.force.contact_admittance import ContactAdmittanceParams
 from chamfer.systems.force.desired_pose import FeedOffset
@@ -109,6 +114,7 @@ class InsertionScenario(AlignmentScenario):
     duration: float = 60.0  # s, how long the run may last
 
     UNUSED_OF_PARTS: ClassVar[tuple[str, ...]] = ()
+    WHOLE: ClassVar[Mapping[str, Cells]] = {"cell": single(CELLS)}
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -135,51 +141,56 @@ class InsertionScenario(AlignmentScenario):
         return self.arm.servo.period if self.takes_positions else super().control_period
 
     @property
+    def commands_err(self) -> bool:
+        """Whether the initial error is one of the peg's command; else it is unknown to the arm."""
+        return not self.takes_positions
+
+    @property
+    def repeatability(self) -> float:
+        """Half-width of how far off the peg's arm is across the hole, new each trial, m."""
+        return self.arm.servo.repeatability if self.takes_positions else 0.0
+
+    @property
     def tool_mass(self) -> float:
-        """Of what hangs below the wrist's springs, kg."""
-        return self.peg.tool.mass + self.peg.payload_error + (self.compliance.mass or 0.0)
+        """Of what hangs below the springs of an arm that takes positions, kg, as is believed."""
+        return self.peg.tool.mass + (self.compliance.mass or 0.0)
 
     @property
     def wrist(self) -> WristParams:
-        """The springs between the flange of an arm that takes positions and the peg's tip."""
-        tool, own = self.peg.tool, self.compliance
-        across_peg, turning = known("lateral", own.lateral), known("angular", own.angular)
-        lever = abs(tool.centre_of_mass[0])
-        across = max(tool.inertia) + self.tool_mass * lever**2
-        return WristParams(
-            stiffness=(
-                *(turning, turning, known("torsional", own.torsional)),
-                *(across_peg, across_peg, known("axial", own.axial)),
-            ),
-            centre=known("centre_distance", own.centre_distance),
-            damping_ratio=own.damping_ratio,
-            mass=self.tool_mass,
-            # About every axis through the tip; a body has more than this about its own.
-            inertia=max(across, 2.01 * self.tool_mass * lever**2),
-            centre_of_mass=lever,
-        )
+        """The springs between the flange of such an arm and the tip, and what they carry."""
+        tool = self.peg.tool
+        mass, lever = tool.mass + self.peg.payload_error, abs(tool.centre_of_mass[0])
+        inertia = max(tool.inertia) + mass * lever**2
+        return self.compliance.resolved().wrist(mass=mass, centre_of_mass=lever, inertia=inertia)
 
     @property
     def stiffness(self) -> tuple[float, ...]:
-        """Of what holds the peg, N/m and N m/rad along and about the hole's axes, (6,)."""
+        """Of what holds the peg at its tip, N/m and N m/rad along and about the axes, (6,).
+
+        Of an arm that takes positions the springs of its admittance and those below its flange,
+        as if both had their centres at the tip.
+        """
         if not self.takes_positions:
             return (*self.impedance.stiffness, *self.impedance.rotational_stiffness)
-        springs = self.wrist.stiffness
-        own = (springs[5], springs[3], springs[4], springs[2], springs[0], springs[1])
+        own = self.compliance.resolved()
+        springs = own.axial, own.lateral, own.lateral, own.torsional, own.angular, own.angular
         arm = np.roll(self.admittance.stiffness, 3).tolist()
-        return tuple(1 / (1 / one + 1 / other) for one, other in zip(arm, own, strict=True))
+        return tuple(1 / (1 / one + 1 / other) for one, other in zip(arm, springs, strict=True))
 
     def support_at(self, depth: float) -> Support:
         """Return what the peg is taken to be held by at a depth of its tip, m."""
         if not self.takes_positions:
             return self.support.over(support_at(self, depth))
-        _, y, z, _, pitch, yaw = self.stiffness
-        springs = Support(
+        device = self.compliance.resolved().support
+        _, pitch, yaw, _, y, z = self.admittance.stiffness
+        if self.admittance.kind == "none":
+            return self.support.over(device)
+        given_way = Support(
             lateral_stiffness=min(y, z),
             angular_stiffness=min(pitch, yaw),
-            centre_distance=self.compliance.centre_distance or 0.0,
+            centre_distance=-self.admittance.centre[0],
         )
-        return self.support.over(springs)
+        return self.support.over(stacked(device, given_way))
 
     @property
     def wedging_support(self) -> Support:
@@ -242,13 +253,6 @@ def resolve_as(kind: type[ResolvedT], scenario: InsertionScenario) -> ResolvedT:
 
 ScenarioT = TypeVar("ScenarioT", bound=InsertionScenario)
 
-_STIFF: Final[dict[str, Any]] = {
-    "lateral": 2e4,
-    "axial": 5e4,
-    "angular": 100.0,
-    "torsional": 100.0,
-    "centre_distance": 0.0,
-}
 _DAMPED: Final = (4.0, 4.0, 4.0, 1000.0, 1000.0, 1000.0)
 _POSITION_ONLY: Final = ("admittance", "compliance", "sensor")
 
@@ -267,13 +271,12 @@ def _resolve_arm(scenario: ScenarioT) -> ScenarioT:
     if scenario.sensor.rate * period < 1 - 1e-9:
         allowed = f"at least arm.servo.rate, {1 / period:g} Hz"
         raise ParameterError("sensor.rate", scenario.sensor.rate, allowed)
-    own = {**_STIFF, **{name: one for name, one in vars(scenario.compliance).items() if one}}
-    damping = scenario.admittance.damping or _DAMPED
-    return replace(
-        scenario,
-        compliance=replace(scenario.compliance, **own),
-        admittance=replace(scenario.admittance, damping=damping),
-    )
+    admittance, compliance = scenario.admittance, scenario.compliance.resolved()
+    if admittance.kind == "wrist" and admittance.damping is None:
+        admittance = replace(admittance, damping=_DAMPED)
+    hole = scenario.hole
+    require_within_deflection(compliance, hole.position_error, hole.angle_error)
+    return replace(scenario, compliance=compliance, admittance=admittance)
 
 
 def _require_unused(groups: Mapping[str, Any], why: str) -> None:

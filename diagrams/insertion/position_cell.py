@@ -9,7 +9,7 @@ from pydrake.multibody.tree import FixedOffsetFrame, RigidBody, SpatialInertia
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
-from chamfer.diagrams.cell.alignment_scenario import offset_pose, true_pose
+from chamfer.diagrams.cell.alignment_scenario import offset_pose, true_pose, wrong_pose
 from chamfer.diagrams.cell.sprung_tool import Springs, add_springs
 from chamfer.diagrams.cell.work_cell import AddParts, ArmName, ArmPorts, WorkCell, add_fixture
 from chamfer.diagrams.contact.sensing import add_sensor
@@ -100,7 +100,9 @@ def add_position_cell(
 
     model, start = scenario.peg.known_arm(), offset_pose(scenario, 1.0)
     posture = model.joint_positions(start, scenario.rest_posture("peg"))
-    X_WT = true_pose(scenario, "peg", start)
+    # What the arm does not know of: where its base is, and the hole.
+    off = wrong_pose(scenario, at_gap := scenario.nominal_pose("peg")) @ at_gap.inverse()
+    X_WT = true_pose(scenario, "peg", off @ start)
     servo = JointServo(
         scenario.arm.servo,
         model,

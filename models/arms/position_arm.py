@@ -100,6 +100,7 @@ _OF_KIND: Final[Mapping[ComplianceKind, Mapping[str, float]]] = {
     },
 }
 _OF_A_DEVICE: Final = ("most_lateral", "most_axial", "most_angular", "mass")
+_LEAST_INERTIA: Final = 2.01  # of the mass times the square of its lever
 _FARTHEST: Final = 1.0  # m, of a centre from the tip: beyond it the unit is wrong
 
 
@@ -174,7 +175,11 @@ class Compliance(ComplianceParams):
             centre=self.centre_distance,
             damping_ratio=self.damping_ratio,
             mass=mass + own,
-            inertia=inertia + own * centre_of_mass**2,
+            # What a wrist needs, so that a body can have it.
+            inertia=max(
+                inertia + own * centre_of_mass**2,
+                _LEAST_INERTIA * (mass + own) * centre_of_mass**2,
+            ),
             centre_of_mass=centre_of_mass,
         )
 

@@ -16,6 +16,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from chamfer.models.arms.scara import scara
 from chamfer.models.arms.serial_arm import PlantKinematics, SerialArm
 from chamfer.models.arms.wam import WAM
 from chamfer.models.validation import ParameterError
@@ -368,13 +369,23 @@ def _is_drawn(visual: Element, path: Path) -> bool:
     return True
 
 
-BUILT_IN: Final = {WAM.name: lambda: WAM, "ur5e": lambda: read_arm(str(_UR5E), "flange")}
+# Arms that are not out of a user's file, made when they are wanted.
+BUILT_IN: Final = {
+    WAM.name: lambda: WAM,
+    "ur5e": lambda: read_arm(str(_UR5E), "flange"),
+    "scara": scara,
+}
+
+
+@lru_cache(maxsize=16)
+def _built_in(model: str) -> SerialArm:
+    return BUILT_IN[model]()
 
 
 def chosen_arm(model: str, tool_frame: str | None) -> SerialArm:
-    """Return the arm of a model: ``wam``, ``ur5e``, or the path of a URDF file."""
+    """Return the arm of a model: one of ``BUILT_IN``, or of the path of a URDF file."""
     if model not in BUILT_IN:
         return read_arm(model, tool_frame)
     if tool_frame is not None:
         raise ParameterError("tool_frame", tool_frame, f"null: {model} has its flange")
-    return BUILT_IN[model]()
+    return _built_in(model)

@@ -1,16 +1,23 @@
 """What a position-controlled arm makes of the force at its wrist: a pose beside its command."""
 
 import math
-from dataclasses import dataclass, fields
-from typing import Any, Final, NamedTuple
+from dataclasses import dataclass
+from typing import Any, Final, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from chamfer.models.validation import ParameterError, require_numbers
+from chamfer.models.validation import (
+    ParameterError,
+    require_numbers,
+    require_one_of,
+    require_same,
+)
 from chamfer.systems.force.accommodation_law import AXES, WRENCH, AccommodationObservation
 from chamfer.systems.force.admittance_law import AdmittanceLaw, AdmittanceParams, AdmittanceState
 from chamfer.systems.force.tool_pose import POSE, compensate, share_of_compensation
 from chamfer.systems.law import Array, HeldLaw, Signal
+
+AdmittanceKind = Literal["wrist", "none"]
 
 _SIX: Final = len(AXES)
 _RECENTRED: Final = 0.1  # s, time constant with which a displacement is taken back; assumed
@@ -23,31 +30,35 @@ class ContactAdmittanceParams:
     About and along the hole's axes, x into it: rx, ry, rz in N m and rad, x, y, z in N and m.
     """
 
+    kind: AdmittanceKind = "wrist"
+    # wrist: gives way to the wrist sensor's force; none: to nothing, what gives way is below it
     inertia: tuple[float, ...] = (0.0,) * _SIX  # kg m^2 and kg, M; 0: none
     damping: tuple[float, ...] | None = None
-    # N m s/rad and N s/m, D, infinity: does not give way; None: derived, what the contact needs
+    # N m s/rad and N s/m, D; None: derived, what the contact needs
     spring: tuple[float, ...] = (5.0, 5.0, 5.0, 400.0, 400.0, 400.0)
     # N m/rad and N/m, K, towards the command
     centre: tuple[float, ...] = (0.0, 0.0, 0.0)  # m, of compliance, from the peg's tip
 
     def __post_init__(self) -> None:
+        require_one_of(self, "kind", get_args(AdmittanceKind))
         require_numbers(self, 3, "centre")
         for name in ("inertia", "spring"):
             values = getattr(self, name)
             if len(values) != _SIX or not all(0 <= value < math.inf for value in values):
                 raise ParameterError(name, values, "six finite numbers >= 0")
         given = self.damping
-        if given is not None and not (len(given) == _SIX and all(value > 0 for value in given)):
-            raise ParameterError("damping", given, "six numbers > 0, or null")
+        positive = given is None or (len(given) == _SIX and all(0 < d < math.inf for d in given))
+        if not positive:
+            raise ParameterError("damping", given, "six finite numbers > 0, or null")
+        if self.kind == "none":
+            names = "inertia", "damping", "spring", "centre"
+            why = "admittance.kind is none"
+            require_same(self, ContactAdmittanceParams, "admittance", *names, why=why)
 
     @property
     def stiffness(self) -> tuple[float, ...]:
-        """K with infinity along what does not give way, N m/rad and N/m; damping is known."""
-        damping = self.damping or (0.0,) * _SIX
-        return tuple(
-            math.inf if math.isinf(given) else spring
-            for given, spring in zip(damping, self.spring, strict=True)
-        )
+        """K, N m/rad and N/m; infinity where nothing gives way."""
+        return self.spring if self.kind == "wrist" else (math.inf,) * _SIX
 
 
 class ContactAdmittanceObservation(NamedTuple):
@@ -75,11 +86,20 @@ class ContactAdmittanceLaw(HeldLaw[ContactAdmittanceState, ContactAdmittanceObse
     def __init__(
         self, params: ContactAdmittanceParams, R_WH: Array, *, pose: Array, period: float
     ) -> None:
-        if params.damping is None:
+        damping = params.damping if params.kind == "wrist" else (math.inf,) * _SIX
+        if damping is None:
             raise ParameterError("damping", None, "six numbers > 0")
         # That the loop is stable in contact is known where the arm is.
-        own = {one.name: getattr(params, one.name) for one in fields(params)}
-        self._give_way = AdmittanceLaw(AdmittanceParams(**own, period=period, allow_unstable=True))
+        self._give_way = AdmittanceLaw(
+            AdmittanceParams(
+                inertia=params.inertia,
+                damping=damping,
+                spring=params.spring,
+                centre=params.centre,
+                period=period,
+                allow_unstable=True,
+            )
+        )
         self._kept = math.exp(-period / _RECENTRED)
         # compensate() takes m above rad.
         self._moves = np.roll(share_of_compensation(1.0, R_WH), 3, axis=1)
