@@ -126,7 +126,6 @@ def add_position_cell(
     law = ContactAdmittanceLaw(
         scenario.admittance,
         scenario.hole_axes.matrix(),
-        pose=pose_vector(start),
         period=scenario.arm.servo.period,
     )
     admittance = builder.AddNamedSystem("admittance", ContactAdmittance(law))

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, Final, Literal, NamedTuple, get_args
+from typing import Final, Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from chamfer.models.validation import (
 from chamfer.systems.force.accommodation_law import AXES, WRENCH, AccommodationObservation
 from chamfer.systems.force.admittance_law import AdmittanceLaw, AdmittanceParams, AdmittanceState
 from chamfer.systems.force.tool_pose import POSE, compensate, share_of_compensation
-from chamfer.systems.law import Array, HeldLaw, Signal
+from chamfer.systems.law import Array, Law, Signal
 
 AdmittanceKind = Literal["wrist", "none"]
 
@@ -69,23 +69,20 @@ class ContactAdmittanceObservation(NamedTuple):
     recentres: Array
 
 
-class ContactAdmittanceState(NamedTuple):
-    """What one step hands to the next, and the pose that is commanded, shape (7,)."""
+class ContactAdmittanceCommand(NamedTuple):
+    """What the law gives, shape (7,)."""
 
     reference_pose: Array
-    velocity: Array
-    perturbed: Array
-    displacement: Array
 
 
-class ContactAdmittanceLaw(HeldLaw[ContactAdmittanceState, ContactAdmittanceObservation, Any]):
+class ContactAdmittanceLaw(
+    Law[AdmittanceState, ContactAdmittanceObservation, ContactAdmittanceCommand]
+):
     """See :class:`ContactAdmittance`."""
 
     observation = ContactAdmittanceObservation
 
-    def __init__(
-        self, params: ContactAdmittanceParams, R_WH: Array, *, pose: Array, period: float
-    ) -> None:
+    def __init__(self, params: ContactAdmittanceParams, R_WH: Array, *, period: float) -> None:
         damping = params.damping if params.kind == "wrist" else (math.inf,) * _SIX
         if damping is None:
             raise ParameterError("damping", None, "six numbers > 0")
@@ -111,20 +108,19 @@ class ContactAdmittanceLaw(HeldLaw[ContactAdmittanceState, ContactAdmittanceObse
                 "recentres": Signal(),
             },
             outputs={"reference_pose": POSE},
-            start=ContactAdmittanceState(pose, *self._give_way.start()),
+            start=self._give_way.start(),
         )
 
-    def update(
-        self, state: ContactAdmittanceState, observation: ContactAdmittanceObservation, time: float
-    ) -> ContactAdmittanceState:
-        """Return the state after a step."""
+    def step(
+        self, state: AdmittanceState, observation: ContactAdmittanceObservation, time: float
+    ) -> tuple[AdmittanceState, ContactAdmittanceCommand]:
+        """Return the state after a step, and the pose that is commanded."""
         desired, wrench, recentres = observation
         if recentres[0] >= 0.5:
             still = np.zeros(_SIX)
             given = AdmittanceState(still, still, self._kept * state.displacement)
         else:
             seen = AccommodationObservation(np.zeros(_SIX), wrench, None)
-            given = self._give_way.update(AdmittanceState(*state[1:]), seen, time)
-        return ContactAdmittanceState(
-            compensate(desired, self._moves @ given.displacement), *given
-        )
+            given = self._give_way.update(state, seen, time)
+        moved = compensate(desired, self._moves @ given.displacement)
+        return given, ContactAdmittanceCommand(moved)

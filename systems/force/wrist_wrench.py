@@ -33,11 +33,10 @@ class ContactAdmittance(LawBlock[ContactAdmittanceLaw]):
     with a command at rest, about and along the hole's axes, R_WH. ``desired_pose`` and
     ``reference_pose``, shape (7,), are quaternion w, x, y, z and position, m; ``wrench``, shape
     (6,), N m above N, is that on the tool at its tip, in the hole's axes. While ``recentres``,
-    size 1, is 1, the displacement is taken back whatever the wrench is. The reference pose is held
-    over the period, and is ``pose`` at first.
+    size 1, is 1, the displacement is taken back whatever the wrench is. The reference pose follows
+    the inputs at once; who samples it at the law's period gets what its step makes of them.
 
-    Discrete state: the reference pose, and of the admittance the velocity, the command, 0, and
-    the displacement.
+    Discrete state: the velocity, the command, 0, and the displacement.
     """
 
 

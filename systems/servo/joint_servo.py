@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
 from chamfer.models.arms.position_arm import ServoParams
 from chamfer.models.arms.wrist import SIZE, tip_displacement
@@ -90,7 +90,8 @@ class JointServo(LeafSystem):
         self.DeclareStateOutputPort("encoders", self._joints)
         self.DeclareStateOutputPort("saturated", self._saturated)
         self.DeclareVectorOutputPort("motion", 2 * SIZE, self._calc_motion, moves)
-        self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._update)
+        # As a plant with sampled outputs steps: what its springs show is of one instant.
+        self.DeclarePeriodicUnrestrictedUpdateEvent(step, 0.0, self._update)
 
     def _calc_pose(self, context: Context, vector: BasicVector) -> None:
         q = self._values(context, self._joints)[0]
@@ -109,8 +110,8 @@ class JointServo(LeafSystem):
         values: Array = context.get_discrete_state(group).value()
         return values.reshape(-1, len(self._lower))
 
-    def _update(self, context: Context, values: DiscreteValues) -> None:
-        params, h = self._params, self._step
+    def _update(self, context: Context, changed: State) -> None:
+        params, h, values = self._params, self._step, changed.get_mutable_discrete_state()
         (q, v), commands = (self._values(context, one) for one in (self._joints, self._commands))
         if round(context.get_time() / h) % self._steps == 0:
             commands = np.vstack([commands[1:], self._inverse(context, commands[-1])])
