@@ -11,7 +11,7 @@ def add_calibrate(commands: "argparse._SubParsersAction[Any]") -> argparse.Argum
     """Add the command; the options of the folder and JSON are left to be added."""
     parser: argparse.ArgumentParser = commands.add_parser(
         "calibrate",
-        help="calibrate one camera or two from pictures of a board",
+        help="calibrate one camera, or two, or one in a hand, from pictures of a board",
         description="Finds a board in pictures and calibrates the camera that took them, or two. "
         "Writes OUT/calibrate/camera.yaml (focal length and principal point in pixels, (0, 0) in "
         "the middle of the first pixel, distortion k1, k2, p1, p2, k3 as OpenCV has it, standard "
@@ -62,6 +62,15 @@ def add_calibrate(commands: "argparse._SubParsersAction[Any]") -> argparse.Argum
         metavar="x,y,z,roll,pitch,yaw",
         help="the place of the board's frame in the world, m and rad, yaw about Z after pitch "
         "about Y after roll about X; --board-pose=-1,... if it begins with a minus",
+    )
+    parser.add_argument(
+        "--poses",
+        type=Path,
+        metavar="CSV",
+        help="the poses of the arm that held the camera before a board at rest: a CSV file with "
+        "the header file,x,y,z,qw,qx,qy,qz and a row a picture, its file's name, the tool's place "
+        "in the arm's base, m, and its unit quaternion. camera.yaml has the camera's place in the "
+        "tool too, hand_eye, with standard deviations; hand-eye.png shows what remains",
     )
     parser.set_defaults(command=_calibrate)
     return parser

@@ -3,7 +3,7 @@
 import argparse
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
@@ -25,10 +25,13 @@ from chamfer.analysis.calibration.camera_fit import (
     doubts,
     fit_camera,
     fit_pair,
+    frame_pose,
+    moved,
     pose_vector,
     rms,
     transform,
 )
+from chamfer.analysis.calibration.hand_eye import HandEye, fit_hand_eye, plot_hand_eye, read_poses
 from chamfer.analysis.campaign.progress import TerminalProgress
 from chamfer.analysis.command.output_folder import require_writable
 from chamfer.analysis.drawing.figure_kit import colour_bar
@@ -117,6 +120,7 @@ class Calibration:
     pictures: tuple[tuple[Picture, ...], ...]  # of each camera
     pairs: int  # pictures in which both cameras saw the board
     notes: tuple[str, ...]
+    hand_eye: HandEye | None = None  # of a camera in an arm's hand
 
 
 def calibrate(
@@ -124,19 +128,22 @@ def calibrate(
     sizes: Sequence[Size],
     *,
     known: tuple[int, Array] | None = None,
+    poses: Mapping[str, Array] | None = None,
 ) -> Calibration:
     """Calibrate one camera, or two; pictures of the same number were taken at the same time.
 
     ``known`` is the number of one of the left camera's pictures, and X_WB of the board in it,
-    shape (4, 4).
+    shape (4, 4). ``poses`` are X_WT of the arm that holds a camera, shape (4, 4), by the names of
+    its pictures of one board at rest.
 
     Raises:
-        UserError: If the pictures don't tell what the cameras are.
+        UserError: If the pictures don't tell what the cameras are, or where in the hand.
     """
     whose = tuple(f"{eye} camera: " for eye in EYES) if len(seen) > 1 else ("",)
     fits = [fit_camera(seen[k], sizes[k], whose=of) for k, of in enumerate(whose)]
     fit = fits[0] if len(fits) == 1 else fit_pair(fits)
     notes = doubts(fit, sizes, whose)
+    hand = None if poses is None else fit_hand_eye(fit, [one.name for one in seen[0]], poses)
     pictures = tuple(
         tuple(_picture(one, fit, (camera, k)) for k, one in enumerate(of))
         for camera, of in enumerate(seen)
@@ -150,10 +157,12 @@ def calibrate(
             right=others[0] if others else None,
             pose=_right_pose(fit) if others else None,
             world_pose=None if known is None else _world_pose(fit, known, seen[0]),
+            hand_eye=None if hand is None else hand.pose,
         ),
         pictures=pictures,
         pairs=fit.pairs,
-        notes=notes,
+        notes=notes if hand is None else (*notes, *hand.notes),
+        hand_eye=hand,
     )
 
 
@@ -219,22 +228,11 @@ def _measured(fit: Fit, where: Sequence[slice], of: Callable[[Array], Array]) ->
     parameters = fit.adjustment.parameters[indices]
     found = of(parameters)
     columns = [
-        (_moved(found, of(parameters + turn)) - _moved(found, of(parameters - turn))) / 2 / _TURN
+        (moved(found, of(parameters + turn)) - moved(found, of(parameters - turn))) / 2 / _TURN
         for turn in _TURN * np.eye(len(parameters))
     ]
-    a, b, c, x, y, z = pose_vector(found).tolist()
-    sd = fit.adjustment.deviations(indices, np.column_stack(columns)).tolist()
-    return FramePose(
-        rotation_vector=(a, b, c),
-        translation=(x, y, z),
-        sd=FramePose(rotation_vector=tuple(sd[:3]), translation=tuple(sd[3:])),
-    )
-
-
-def _moved(found: Array, other: Array) -> Array:
-    """Return the small rotation, rad, and the shift, m, from one pose to another, shape (6,)."""
-    turned = Rotation.from_matrix(other[:3, :3] @ found[:3, :3].T).as_rotvec()
-    return np.concatenate([turned, other[:3, 3] - found[:3, 3]])
+    sd = fit.adjustment.deviations(indices, np.column_stack(columns))
+    return frame_pose(pose_vector(found), frame_pose(sd))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -244,31 +242,35 @@ def run(arguments: argparse.Namespace) -> int:
     except ParameterError as error:
         raise UserError(f"--{error}") from error
     known = _known_place(arguments)
-    if not board.directed and (arguments.right or known):
+    if not board.directed and (arguments.right or known or arguments.poses):
         raise UserError(
-            f"--board is {arguments.board!r}, allowed with two cameras or a known place: one of "
-            "the two numbers odd and the other even, so that its ends can be told apart"
+            f"--board is {arguments.board!r}, allowed with two cameras, a known place or poses: "
+            "one of the two numbers odd and the other even, so that its ends can be told apart"
         )
     files = [picture_files(paths) for paths in (arguments.files, arguments.right) if paths]
     if len(files) == 2 and len(files[0]) != len(files[1]):
         raise UserError(
             f"--right is {len(files[1])} pictures, allowed: {len(files[0])}, as of the left camera"
         )
+    if arguments.poses and arguments.right:
+        raise UserError("--poses is given with --right, allowed: poses of one camera")
+    poses = read_poses(arguments.poses, files[0]) if arguments.poses else None
     require_writable(arguments.out, [_FOLDER])
     folder = arguments.out / _FOLDER
     try:
         with TerminalProgress(_FOLDER) as progress:
-            found = _found(board, files, known, progress)
+            found = _found(board, files, known, poses, progress)
         if (folder / CAMERA).exists():
             say(f"what is in {folder} is replaced")
-        figures = figure_files({"residuals": plot_residuals(found)})
+        hand = {} if found.hand_eye is None else {"hand-eye": plot_hand_eye(found.hand_eye)}
+        figures = figure_files({"residuals": plot_residuals(found), **hand})
         write_folder(folder, {**figures, CAMERA: camera_text(found.cameras)})
     except KeyboardInterrupt:
         say("interrupted, nothing was written")
         return _INTERRUPTED
     except OSError as error:
         raise UserError(f"{arguments.out} can't be written: {error.strerror or error}") from error
-    paths = [folder / name for name in (CAMERA, "residuals.png", "residuals.svg")]
+    paths = [folder / name for name in (CAMERA, *sorted(figures))]
     document = _document(found, paths)
     print(json_text(document) if arguments.json else _text(document), end="")
     return 0
@@ -301,6 +303,7 @@ def _found(
     board: Board,
     files: Sequence[Sequence[Path]],
     known: tuple[Path, Array] | None,
+    poses: Mapping[str, Array] | None,
     progress: Progress,
 ) -> Calibration:
     left = list(files[0])
@@ -321,7 +324,7 @@ def _found(
         pictures.append(see_board(board, of, names=names, progress=told))
         names = {key: f"the left camera's {name}" for key, name in names.items()}
     seen, sizes = zip(*pictures, strict=True)
-    return calibrate(seen, sizes, known=place)
+    return calibrate(seen, sizes, known=place, poses=poses)
 
 
 def _document(found: Calibration, paths: Sequence[Path]) -> dict[str, Any]:
@@ -367,6 +370,7 @@ def _text(document: dict[str, Any]) -> str:
     for name, said in (
         ("pose", f"the right camera in the left one's frame, from {document['pairs']} pairs"),
         ("world_pose", f"{whose} in the world"),
+        ("hand_eye", f"{whose} in the arm's tool"),
     ):
         if name in camera:
             sd = camera["sd"][name]

@@ -1,13 +1,14 @@
 """Drawn boards calibrated as photographs are, beside the cameras that they were drawn with."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Final
 
 import cv2
 import numpy as np
+import scipy  # whose submodules are imported where they are used
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -15,11 +16,12 @@ from scipy.spatial.transform import Rotation
 
 from chamfer.analysis.calibration.board import Board, Charuco, Grey, NotFoundError, parse_board
 from chamfer.analysis.calibration.calibration import calibrate
-from chamfer.analysis.calibration.camera_fit import Picture
+from chamfer.analysis.calibration.camera_fit import Picture, moved, transform
+from chamfer.analysis.calibration.hand_eye import LEAST_POSES, REGION
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_metrics import rate
 from chamfer.analysis.campaign.trial_rows import Row
-from chamfer.analysis.drawing.figure_kit import draw_cumulative
+from chamfer.analysis.drawing.figure_kit import draw_cumulative, metric_value
 from chamfer.analysis.drawing.figure_style import BAND, LIMIT, Style, dress, legend, new_figure
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column
 from chamfer.analysis.sight.picture_conditions import PictureQuality
@@ -157,6 +159,7 @@ DEVIATIONS: Final = 3.0  # of its standard ones, within which a parameter should
 NEAR: Final = 0.2  # %, of the focal length, that its error should be within
 
 _MOST: Final = 10_000  # sets
+_HELD: Final = ("turn_error", "shift_error", "turn_sd", "shift_sd", "square")  # of a hand
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,13 +217,22 @@ class CalibrationScenario:
     cameras: DrawnCameras = field(default_factory=DrawnCameras)
     poses: BoardPoses = field(default_factory=BoardPoses)
     picture: BoardPicture = field(default_factory=BoardPicture)
+    reach: float = 0.1  # m, of an arm's tool to the camera along each axis, at most; uniform
+    arm_shift: float = 1e-4  # m, standard deviation of the arm's poses along an axis; assumed
+    arm_turn: float = 3e-4  # rad, likewise about an axis; assumed
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Of a set's first pictures, that a hand is calibrated from: half of them and all."""
+        return tuple(sorted({max(LEAST_POSES, self.pictures // 2), self.pictures}))
 
     def __post_init__(self) -> None:
         parse_board(self.board)
+        require_not_negative(self, "reach", "arm_shift", "arm_turn")
         if not 1 <= self.sets <= _MOST:
             raise ParameterError("sets", self.sets, f"a whole number from 1 to {_MOST}")
-        if not 4 <= self.pictures <= 200:
-            raise ParameterError("pictures", self.pictures, "a whole number from 4 to 200")
+        if not 5 <= self.pictures <= 200:
+            raise ParameterError("pictures", self.pictures, "a whole number from 5 to 200")
 
 
 CALIBRATION: Final = CalibrationScenario()
@@ -231,9 +243,10 @@ def _calibrate(scenario: CalibrationScenario, seed: int, number: int) -> Row:
     random = np.random.default_rng([seed, number])
     board = parse_board(scenario.board)
     camera = scenario.cameras.draw(random)
-    seen, off = [], []
+    seen, off, places = [], [], []
     for k in range(scenario.pictures):
         there = place_board(board, camera, scenario.poses, random)
+        places.append(np.vstack([np.column_stack([there.R_WC, there.p_WC]), [0, 0, 0, 1]]))
         image = draw_board(board, there, scenario.picture, random)
         try:
             corners = board.find(image)
@@ -242,7 +255,15 @@ def _calibrate(scenario: CalibrationScenario, seed: int, number: int) -> Row:
             continue
         seen.append(Picture(name=str(k), corners=corners))
         off.append(corners.pixels - board_corners(corners.points, there))
-    found = calibrate([seen], [(camera.width, camera.height)])
+    X_TC, poses = _in_hand(scenario, places, np.random.default_rng([seed, number, 1]))
+    held = []
+    for count in scenario.counts:
+        found = calibrate([seen[:count]], [(camera.width, camera.height)], poses=poses)
+        if (hand := found.hand_eye) is not None:
+            off_by = moved(X_TC, hand.X_TC)
+            square = float(off_by @ np.linalg.solve(hand.covariance, off_by))
+            both = np.reshape([off_by, hand.deviations], (4, 3))
+            held.append([*np.linalg.norm(both, axis=1), square])
     left, (pictures,) = found.cameras.left, found.pictures
     if left.sd is None or left.reprojection_error is None:
         raise ValueError("a calibration without standard deviations")
@@ -251,11 +272,24 @@ def _calibrate(scenario: CalibrationScenario, seed: int, number: int) -> Row:
         "true": true,
         "error": _vector(left) - true,
         "sd": _vector(left.sd),
+        "hand": np.array(held),
         "corner_squares": float(np.mean(np.concatenate(off) ** 2)),
         "reprojection_error": left.reprojection_error,
         "found": float(len(off)),
         "left_out": float(len(off) - sum(one.error is not None for one in pictures)),
     }
+
+
+def _in_hand(
+    scenario: CalibrationScenario, X_BC: Sequence[Array], random: np.random.Generator
+) -> tuple[Array, dict[str, Array]]:
+    """Return X_TC, shape (4, 4), and X_WT by pictures as an arm says that held the camera so."""
+    turns = Rotation.random(2, rng=random).as_rotvec()
+    shifts = random.uniform(-1, 1, (2, 3)) * [[scenario.reach], [0.5]]
+    X_TC, X_WB = map(transform, np.hstack([turns, shifts]))
+    sizes = np.repeat([scenario.arm_turn, scenario.arm_shift], 3)
+    X_CT = [np.linalg.inv(X_TC) @ transform(sizes * random.standard_normal(6)) for _ in X_BC]
+    return X_TC, {str(k): X_WB @ X @ X_CT[k] for k, X in enumerate(X_BC)}
 
 
 def _vector(of: CalibratedCamera | Intrinsics) -> Array:
@@ -272,6 +306,8 @@ def run(scenario: CalibrationScenario, seed: int, progress: Progress) -> Outcome
         traces |= {f"{name}_{part}": column(values[:, i]) for i, name in enumerate(PARAMETERS)}
     for name in ("corner_squares", "reprojection_error", "found", "left_out"):
         traces[name] = column(finished.column(name))
+    for count, held in zip(scenario.counts, finished.column("hand").swapaxes(0, 1), strict=True):
+        traces |= {f"hand_eye_{count}_{of}": column(held[:, k]) for k, of in enumerate(_HELD)}
     return Outcome(metrics=_metrics(scenario, traces), traces=traces, simulated_seconds=0.0)
 
 
@@ -285,7 +321,7 @@ def _metrics(scenario: CalibrationScenario, traces: Table) -> dict[str, Metric]:
     sets = len(traces["set"])
     focal = focal_errors(traces)
     near = int(np.sum(focal <= NEAR))
-    metrics = {
+    metrics: dict[str, Metric] = {
         "focal_length.error.max": Metric(value=float(focal.max()), unit="%", note="of fx and fy"),
         "focal_length.error.rms": Metric(value=float(np.sqrt(np.mean(focal**2))), unit="%"),
         **rate("focal_length.near", near, sets, f"of {sets} sets, within {NEAR:g} %"),
@@ -300,6 +336,15 @@ def _metrics(scenario: CalibrationScenario, traces: Table) -> dict[str, Metric]:
             unit="",
             note="rms of errors over standard deviations, 1 if those are right",
         )
+    for count in scenario.counts:
+        squares = traces[f"hand_eye_{count}_square"]
+        within = int(np.sum(squares <= scipy.stats.chi2.ppf(REGION, 6)))
+        said = f"of {sets} hands, within the {100 * REGION:g} % region of {count} pictures"
+        metrics |= rate(f"hand_eye_{count}.within", within, sets, said)
+        for of in _HELD[:4]:
+            value = math.sqrt(float(np.mean(traces[f"hand_eye_{count}_{of}"] ** 2)))
+            unit = "m" if "shift" in of else "rad"
+            metrics[f"hand_eye_{count}.{of}"] = Metric(value=value, unit=unit, note="rms")
     pictures = sets * scenario.pictures
     found = int(traces["found"].sum())
     return {
@@ -325,11 +370,19 @@ _SPREAD: Final = 0.3  # of a column, to either side
 
 def figures(scenario: CalibrationScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Draw errors over standard deviations, how many are within, and focal lengths' errors."""
-    figure = new_figure(13.0, 4.6)
-    over, within, lengths = figure.subplots(1, 3, width_ratios=(1.5, 1.0, 1.0))
+    figure = new_figure(13.0, 8.6)
+    over, within, lengths, *hands = figure.subplot_mosaic("ooowwll;ttttsss").values()
     _over(over, outcome)
     _within(within, outcome)
     _lengths(lengths, focal_errors(outcome.traces))
+    for axes, part, unit in zip(hands, ("turn", "shift"), ("mrad", "mm"), strict=True):
+        for of, style, label in (("error", _POINT, "is"), ("sd", LIMIT | {"marker": "_"}, "said")):
+            names = [f"hand_eye_{count}.{part}_{of}" for count in scenario.counts]
+            values = [metric_value(outcome.metrics, name, 1e3) for name in names]
+            axes.plot(scenario.counts, values, **style, label=label)
+        axes.set_ylim(0, None)
+        dress(axes, title=f"In the hand: {part}", x="pictures / number", y=f"rms error / {unit}")
+        legend(axes, loc="lower left")
     return {"calibration-accuracy": figure}
 
 

@@ -305,6 +305,18 @@ def pose_vector(X: Array) -> Array:
     return np.append(Rotation.from_matrix(X[:3, :3]).as_rotvec(), X[:3, 3])
 
 
+def frame_pose(values: Array, sd: FramePose | None = None) -> FramePose:
+    """Return a rotation vector and a translation, shape (6,), as a camera file has them."""
+    a, b, c, x, y, z = values.tolist()
+    return FramePose(rotation_vector=(a, b, c), translation=(x, y, z), sd=sd)
+
+
+def moved(found: Array, other: Array) -> Array:
+    """Return the small rotation, rad, and the shift, m, from one pose to another, shape (6,)."""
+    turned = Rotation.from_matrix(other[:3, :3] @ found[:3, :3].T).as_rotvec()
+    return np.concatenate([turned, other[:3, 3] - found[:3, 3]])
+
+
 def fit_camera(seen: Sequence[Picture], size: tuple[int, int], *, whose: str = "") -> Fit:
     """Fit one camera to its pictures, of a size in pixels.
 

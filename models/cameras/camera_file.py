@@ -12,9 +12,10 @@
 
 A file of two cameras has the left one at the top level, the other one under ``right`` (with its
 own ``sd``), and ``pose: {rotation_vector, translation}`` of the right camera in the left one's
-frame, rad and m. ``world_pose`` is that of the (left) camera in the world. Their standard
-deviations, ``sd.pose`` and ``sd.world_pose``, are those of small rotations about the axes, and of
-the place along the axes, of the frame in which the pose is given. What is said of errors
+frame, rad and m. ``world_pose`` is that of the (left) camera in the world, ``hand_eye`` that in
+the tool of the arm that holds it. Their standard deviations, ``sd.pose`` and so on, are those of
+small rotations about the axes, and of the place along the axes, of the frame in which the pose is
+given. What is said of errors
 (``reprojection_error``, ``sd``) may be missing. Pixels and the camera's frame are those of
 :mod:`chamfer.models.cameras.camera`.
 """
@@ -41,7 +42,7 @@ _LARGEST_FILE: Final = 100_000  # bytes
 _FACTS: Final = ("width", "height", "focal_length", "principal_point", "distortion")
 _INTRINSIC: Final = {"focal_length": 2, "principal_point": 2, "distortion": 5}  # numbers of each
 _POSE: Final = {"rotation_vector": 3, "translation": 3}
-_POSES: Final = ("pose", "world_pose")
+_POSES: Final = ("pose", "world_pose", "hand_eye")
 _WORDS: Final = {2: "two", 3: "three", 5: "five"}
 
 
@@ -98,6 +99,7 @@ class CameraFile:
     right: CalibratedCamera | None = None
     pose: FramePose | None = None  # of the right camera in the left one's frame
     world_pose: FramePose | None = None  # of the left camera in the world
+    hand_eye: FramePose | None = None  # of the left camera in the tool of the arm that holds it
 
     def eye(self, which: Eye) -> CalibratedCamera:
         """Return the left or the right camera.

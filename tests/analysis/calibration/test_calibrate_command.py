@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from scipy.spatial.transform import Rotation
 
 from chamfer.analysis.calibration.board import parse_board
 from chamfer.analysis.calibration.calibration_accuracy import (
@@ -17,6 +18,7 @@ from chamfer.analysis.calibration.calibration_accuracy import (
     BoardPoses,
     draw_board,
 )
+from chamfer.analysis.calibration.camera_fit import transform
 from chamfer.analysis.cli import main
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.cameras.camera_file import read_camera
@@ -130,6 +132,32 @@ def test_the_picture_of_the_known_place_may_be_one_more(
     )  # in front of the board, whose z points away
 
 
+def test_a_camera_in_a_hand(
+    left: Path, place: Place, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    X_TC = transform(np.array([0.1, -0.2, 1.5, 0.05, 0.02, 0.1]))
+    lines = ["file,x,y,z,qw,qx,qy,qz"]
+    for k, one in enumerate(place(5, poses=BoardPoses(extent=(0.35, 0.5)))):
+        X_BC = np.vstack([np.column_stack([one.R_WC, one.p_WC]), [0, 0, 0, 1]])
+        X_WT = X_BC @ np.linalg.inv(X_TC)
+        quaternion = Rotation.from_matrix(X_WT[:3, :3]).as_quat(scalar_first=True)
+        lines.append(",".join([f"left{k}.png", *map(str, [*X_WT[:3, 3], *quaternion])]))
+    poses = left.parent / "poses.csv"
+    poses.write_text("\n".join(lines))
+    arguments = ["calibrate", str(left), *BOARD, "--poses", str(poses), "--out", str(out)]
+    assert main(arguments) == 0
+    printed = capsys.readouterr().out
+    assert "the camera in the arm's tool\n" in printed
+    assert "hand-eye: 5 poses, of standard deviations of " in printed
+    assert f"{out}/calibrate/hand-eye.png\n" in printed
+    found = read_camera(out / "calibrate" / "camera.yaml").hand_eye
+    assert found is not None
+    assert found.sd is not None
+    off = np.subtract(found.translation, X_TC[:3, 3])
+    assert np.linalg.norm(off / found.sd.translation) < 4
+    assert max(found.sd.translation) < 1e-3
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -146,8 +174,8 @@ def test_the_picture_of_the_known_place_may_be_one_more(
         ),
         (
             ["left", "--right", "left", "--board", "chessboard:8x6:25mm"],
-            "--board is 'chessboard:8x6:25mm', allowed with two cameras or a known place: one of "
-            "the two numbers odd and the other even, so that its ends can be told apart",
+            "--board is 'chessboard:8x6:25mm', allowed with two cameras, a known place or poses: "
+            "one of the two numbers odd and the other even, so that its ends can be told apart",
         ),
         (
             ["left", "--right", "left", *BOARD],
@@ -176,6 +204,10 @@ def test_the_picture_of_the_known_place_may_be_one_more(
         (
             ["left", *BOARD, "--board-picture", "blank.png", "--board-pose", "0,0,0,0,0,0"],
             "blank.png can't tell where the camera stands: the board is not found",
+        ),
+        (
+            ["left", "--right", "left", "--poses", "poses.csv", *BOARD],
+            "--poses is given with --right, allowed: poses of one camera",
         ),
         (["a.avi", *BOARD], "a.avi is a video, allowed: an image folder, image files"),
     ],
