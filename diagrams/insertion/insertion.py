@@ -527,8 +527,8 @@ def _add_advance(
         connect(peg.tool_pose, spring.GetInputPort("tool_pose"))
         connect(cell.tool_poses["hole"], spring.GetInputPort("hole_pose"))
         sensed = Sensed(*map(spring.GetOutputPort, Sensed._fields[:2]))
-    for tares in sensed.tares:
-        connect(task.GetOutputPort("tares"), tares)
+    if sensed.tares is not None:
+        connect(task.GetOutputPort("tares"), sensed.tares)
     connect(sensed.force, task.GetInputPort("force"))
     connect(sensed.advance, task.GetInputPort("advance"))
 

@@ -19,16 +19,10 @@ from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import require_not_negative, require_positive
 from chamfer.systems.contact.peg_hole_contact_monitor import PegHoleContactMonitor
 from chamfer.systems.force.arm_model import TruePose
-from chamfer.systems.force.contact_admittance import ContactAdmittanceLaw
-from chamfer.systems.force.wrist_wrench import (
-    ContactAdmittance,
-    SensedPush,
-    TurnedToSensor,
-    WristWrench,
-    wrist_axes,
-)
+from chamfer.systems.force.contact_admittance import ContactAdmittanceLaw, WristSetting
+from chamfer.systems.force.wrist_wrench import WRIST_AXES, ContactAdmittance, TurnedToSensor
 from chamfer.systems.pose import pose_vector
-from chamfer.systems.sensing.force_sensor import Matrix6, Tare, WrenchSensorParams
+from chamfer.systems.sensing.force_sensor import Matrix6, WrenchSensorParams
 from chamfer.systems.servo.joint_servo import JointServo
 
 if TYPE_CHECKING:
@@ -66,7 +60,7 @@ class Sensed(NamedTuple):
 
     force: OutputPort  # N, of the tool on what it touches, along the hole's axes, shape (3,)
     advance: OutputPort  # m, beyond the mouth along its axis, size 1
-    tares: tuple[InputPort, ...] = ()  # 1 while a sensor's zero is taken, size 1
+    tares: InputPort | None = None  # 1 while a sensor's zero is taken, size 1; None: no sensor
 
 
 def add_position_cell(
@@ -85,7 +79,7 @@ def add_position_cell(
     plant.set_name("arms")
     scene_graph.set_name("geometry")
     plant.set_discrete_contact_approximation(DiscreteContactApproximation.kLagged)
-    X_TS = wrist_axes()
+    X_TS = WRIST_AXES
     rest = scenario.nominal_pose("peg") @ X_TS
     carrier = FixedOffsetFrame("flange at rest", plant.world_frame(), rest)
     held = add_wrist(plant, plant.AddFrame(carrier), scenario.wrist)
@@ -118,25 +112,28 @@ def add_position_cell(
     plant.SetDefaultPositions(held.instance, at_start)
     builder.AddNamedSystem("joint servos", servo)
     springs = add_springs(builder, plant, held, scenario.wrist)
-    connect = builder.Connect
+    connect, hole_pose = builder.Connect, pose_vector(scenario.nominal_pose("hole"))
     connect(servo.GetOutputPort("motion"), springs.desired)
-    place = ConstantVectorSource(pose_vector(scenario.nominal_pose("hole")))
+    place = ConstantVectorSource(hole_pose)
     fixture = builder.AddNamedSystem("hole fixture", place).get_output_port()
-    tare, wrench = _add_wrist_sensor(builder, scenario, servo, springs)
-    law = ContactAdmittanceLaw(
-        scenario.admittance,
-        scenario.hole_axes.matrix(),
+    tool = scenario.peg.tool
+    believed = scenario.sensor.tool_mass
+    setting = WristSetting(
+        R_WH=scenario.hole_axes.matrix(),
+        R_TS=WRIST_AXES.rotation().matrix(),
+        tool_mass=scenario.tool_mass if believed is None else believed,
+        p_TC=np.array(tool.centre_of_mass),
+        hole_pose=hole_pose,
         period=scenario.arm.servo.period,
     )
+    law = ContactAdmittanceLaw(scenario.admittance, setting)
     admittance = builder.AddNamedSystem("admittance", ContactAdmittance(law))
-    push = builder.AddNamedSystem("sensed push", SensedPush())
     true = builder.AddNamedSystem("peg true pose", TruePose(peg.index()))
     tool_pose = servo.GetOutputPort("tool_pose")
-    connect(wrench, admittance.GetInputPort("wrench"))
+    reading = _add_wrist_sensor(builder, scenario, servo, springs)
+    connect(reading, admittance.GetInputPort("reading"))
+    connect(tool_pose, admittance.GetInputPort("tool_pose"))
     connect(admittance.GetOutputPort("reference_pose"), servo.GetInputPort("reference_pose"))
-    connect(wrench, push.GetInputPort("wrench"))
-    connect(tool_pose, push.GetInputPort("tool_pose"))
-    connect(fixture, push.GetInputPort("hole_pose"))
     connect(plant.get_body_poses_output_port(), true.get_input_port())
     arm = ArmPorts(
         desired_pose=admittance.GetInputPort("desired_pose"),
@@ -155,9 +152,8 @@ def add_position_cell(
         tool_poses={"peg": tool_pose, "hole": fixture},
     )
     contact = touching.monitor(builder, plant, seated_depth)
-    tares = tare, admittance.GetInputPort("recentres")
-    force, advance = map(push.GetOutputPort, ("force", "advance"))
-    return cell, contact, Sensed(force, advance, tares)
+    sensed = Sensed(*map(admittance.GetOutputPort, ("force", "advance")))
+    return cell, contact, sensed._replace(tares=admittance.GetInputPort("tares"))
 
 
 def _add_wrist_sensor(
@@ -165,10 +161,9 @@ def _add_wrist_sensor(
     scenario: "ResolvedInsertionScenario",
     servo: JointServo,
     springs: Springs,
-) -> tuple[InputPort, OutputPort]:
-    """Add the sensor; return what lets its zero be taken, and the wrench in the hole's axes."""
-    sensor, period, tool = scenario.sensor, scenario.arm.servo.period, scenario.peg.tool
-    connect = builder.Connect
+) -> OutputPort:
+    """Add the sensor; return the wrench on the tool about its tip, in its axes."""
+    sensor, connect = scenario.sensor, builder.Connect
     turned = builder.AddNamedSystem("in the sensor's axes", TurnedToSensor())
     connect(springs.wrench, turned.GetInputPort("wrench"))
     connect(servo.GetOutputPort("motion"), turned.GetInputPort("motion"))
@@ -177,19 +172,5 @@ def _add_wrist_sensor(
         builder, "wrist ", sensor, sensor.gauges, felt, step=scenario.step, period=1 / sensor.rate
     )
     reading = builder.AddNamedSystem("wrist sensor's reading", MatrixGain(sensor.undoing))
-    believed = scenario.tool_mass if sensor.tool_mass is None else sensor.tool_mass
-    wrench = builder.AddNamedSystem(
-        "wrist wrench",
-        WristWrench(
-            R_TS=wrist_axes().rotation(),
-            R_WH=scenario.hole_axes,
-            mass=believed,
-            p_TC=np.array(tool.centre_of_mass),
-        ),
-    )
-    tare = builder.AddNamedSystem("tare", Tare(period=period, size=SIZE))
     connect(channels, reading.get_input_port())
-    connect(reading.get_output_port(), wrench.GetInputPort("reading"))
-    connect(servo.GetOutputPort("tool_pose"), wrench.GetInputPort("tool_pose"))
-    connect(wrench.get_output_port(), tare.GetInputPort("force"))
-    return tare.GetInputPort("tare"), tare.GetOutputPort("tared_force")
+    return reading.get_output_port()

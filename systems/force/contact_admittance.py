@@ -14,12 +14,19 @@ from chamfer.models.validation import (
 )
 from chamfer.systems.force.accommodation_law import AXES, WRENCH, AccommodationObservation
 from chamfer.systems.force.admittance_law import AdmittanceLaw, AdmittanceParams, AdmittanceState
-from chamfer.systems.force.tool_pose import POSE, compensate, share_of_compensation
+from chamfer.systems.force.tool_pose import (
+    POSE,
+    advance_of,
+    axes_of,
+    compensate,
+    share_of_compensation,
+)
 from chamfer.systems.law import Array, Law, Signal
 
 AdmittanceKind = Literal["wrist", "none"]
 
 _SIX: Final = len(AXES)
+_GRAVITY: Final = np.array([0.0, 0.0, -9.81])  # m/s^2, in the world
 _RECENTRED: Final = 0.1  # s, time constant with which a displacement is taken back; assumed
 
 
@@ -61,31 +68,57 @@ class ContactAdmittanceParams:
         return self.spring if self.kind == "wrist" else (math.inf,) * _SIX
 
 
+@dataclass(frozen=True, kw_only=True)
+class WristSetting:
+    """Where the law is: what it knows of sensor, tool and hole."""
+
+    R_WH: Array  # axes of the hole, x into it, shape (3, 3)
+    R_TS: Array  # axes of the sensor in the tool's frame T, likewise
+    tool_mass: float  # kg, that hangs below the sensor, as is believed
+    p_TC: Array  # m, its centre of mass, shape (3,)
+    hole_pose: Array  # quaternion w, x, y, z and position of the mouth, m, shape (7,)
+    period: float  # s, of the law
+
+
 class ContactAdmittanceObservation(NamedTuple):
     """What the law reads."""
 
     desired_pose: Array
-    wrench: Array
-    recentres: Array
+    reading: Array
+    tool_pose: Array
+    tares: Array
+
+
+class ContactAdmittanceState(NamedTuple):
+    """What one step hands to the next, shape (6,) but for the count, (1,)."""
+
+    velocity: Array
+    perturbed: Array
+    displacement: Array
+    zero: Array  # N m above N, of the readings
+    counted: Array  # of the readings of the zero that is being taken
 
 
 class ContactAdmittanceCommand(NamedTuple):
-    """What the law gives, shape (7,)."""
+    """What the law gives."""
 
     reference_pose: Array
+    force: Array
+    advance: Array
 
 
 class ContactAdmittanceLaw(
-    Law[AdmittanceState, ContactAdmittanceObservation, ContactAdmittanceCommand]
+    Law[ContactAdmittanceState, ContactAdmittanceObservation, ContactAdmittanceCommand]
 ):
-    """See :class:`ContactAdmittance`."""
+    """See :class:`chamfer.systems.force.wrist_wrench.ContactAdmittance`."""
 
     observation = ContactAdmittanceObservation
 
-    def __init__(self, params: ContactAdmittanceParams, R_WH: Array, *, period: float) -> None:
+    def __init__(self, params: ContactAdmittanceParams, setting: WristSetting) -> None:
         damping = params.damping if params.kind == "wrist" else (math.inf,) * _SIX
         if damping is None:
             raise ParameterError("damping", None, "six numbers > 0")
+        period = setting.period
         # That the loop is stable in contact is known where the arm is.
         self._give_way = AdmittanceLaw(
             AdmittanceParams(
@@ -97,30 +130,53 @@ class ContactAdmittanceLaw(
                 allow_unstable=True,
             )
         )
+        self._setting = setting
+        self._weight = setting.tool_mass * (_GRAVITY @ setting.R_WH)
         self._kept = math.exp(-period / _RECENTRED)
         # compensate() takes m above rad.
-        self._moves = np.roll(share_of_compensation(1.0, R_WH), 3, axis=1)
+        self._moves = np.roll(share_of_compensation(1.0, setting.R_WH), 3, axis=1)
+        pose, nothing = POSE._replace(finite=True), np.zeros(_SIX)
         super().__init__(
             period=period,
             inputs={
-                "desired_pose": POSE._replace(finite=True),
-                "wrench": Signal(_SIX, WRENCH, finite=True),
-                "recentres": Signal(),
+                "desired_pose": pose,
+                "reading": Signal(_SIX, WRENCH, finite=True),
+                "tool_pose": pose,
+                "tares": Signal(),
             },
-            outputs={"reference_pose": POSE},
-            start=self._give_way.start(),
+            outputs={"reference_pose": POSE, "force": Signal(3, "N"), "advance": Signal(1, "m")},
+            start=ContactAdmittanceState(*self._give_way.start(), nothing, np.zeros(1)),
         )
 
     def step(
-        self, state: AdmittanceState, observation: ContactAdmittanceObservation, time: float
-    ) -> tuple[AdmittanceState, ContactAdmittanceCommand]:
+        self, state: ContactAdmittanceState, observation: ContactAdmittanceObservation, time: float
+    ) -> tuple[ContactAdmittanceState, ContactAdmittanceCommand]:
         """Return the state after a step, and the pose that is commanded."""
-        desired, wrench, recentres = observation
-        if recentres[0] >= 0.5:
+        desired, reading, tool, tares = observation
+        wrench, zero, count = self._weighed(reading, tool), state.zero, np.zeros(1)
+        if tares[0] >= 0.5:
+            count = state.counted + 1
+            zero = wrench if count[0] == 1 else zero + (wrench - zero) / count
             still = np.zeros(_SIX)
             given = AdmittanceState(still, still, self._kept * state.displacement)
+            wrench = still
         else:
+            wrench = wrench - zero
             seen = AccommodationObservation(np.zeros(_SIX), wrench, None)
-            given = self._give_way.update(state, seen, time)
-        moved = compensate(desired, self._moves @ given.displacement)
-        return given, ContactAdmittanceCommand(moved)
+            given = self._give_way.update(AdmittanceState(*state[:3]), seen, time)
+        told = ContactAdmittanceCommand(
+            compensate(desired, self._moves @ given.displacement),
+            -wrench[3:],
+            np.array([advance_of(tool, self._setting.hole_pose)]),
+        )
+        return ContactAdmittanceState(*given, zero, count), told
+
+    def _weighed(self, reading: Array, tool_pose: Array) -> Array:
+        """Return a reading in the hole's axes, less the tool's believed weight."""
+        setting = self._setting
+        R_HT = setting.R_WH.T @ axes_of(tool_pose)
+        turned: Array = reading.reshape(2, 3) @ (R_HT @ setting.R_TS).T
+        (x, y, z), (fx, fy, fz) = (R_HT @ setting.p_TC).tolist(), self._weight.tolist()
+        turned[0] -= (y * fz - z * fy, z * fx - x * fz, x * fy - y * fx)
+        turned[1] -= self._weight
+        return turned.ravel()
