@@ -1,5 +1,6 @@
 """Where the centre of a compliance should be for a part: push, margin and deflection over it."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
@@ -85,12 +86,12 @@ def resolve(scenario: CentreScenario) -> ResolvedCentreScenario:
 def insertion(scenario: ResolvedCentreScenario, centre: float, sign: float) -> dict[str, float]:
     """Return what the statics say of a centre, from the chamfer to the depth.
 
-    The largest push, N, infinite where none slides the peg, and Whitney's in the bore; the margin
+    The largest push, N, NaN where none slides the peg, and Whitney's in the bore; the margin
     to wedging, and to where no push slides the peg, %, and that to Whitney's parallelogram; the
     deflection, % of the limits.
     """
     parts, compliance, support = scenario.parts, scenario.compliance, scenario.support(centre)
-    lateral, tilt = scenario.start.lateral, sign * scenario.start.rotation
+    lateral, tilt = abs(scenario.start.lateral), sign * abs(scenario.start.rotation)
     above = float(simple.chamfer_depth(parts, lateral)) + _REACH * parts.clearance
     depth = np.linspace(-above, scenario.depth, scenario.depths)
     found = equilibrium(parts, support, lateral, tilt, depth)
@@ -98,9 +99,10 @@ def insertion(scenario: ResolvedCentreScenario, centre: float, sign: float) -> d
     across, turned = strain(device, support, lateral - found.tip, tilt - found.tilt)
     none, along = np.zeros_like(across), found.insertion_force / compliance.axial
     moved = np.stack([none, turned, none, across, none, along], axis=-1)
+    push = float(found.insertion_force.max())
     by_whitney = simple.bore_contact(parts, support, lateral, tilt, depth[depth >= 0])
     return {
-        "push": float(found.insertion_force.max()),
+        "push": push if np.isfinite(push) else math.nan,
         "simple_push": float(by_whitney.insertion_force.max()),
         "margin": 100 * float(rotation_margin(parts, support, lateral, tilt)),
         "simple_margin": 100 * float(rotation_margin(parts, support, lateral, tilt, "simple")),
@@ -129,6 +131,7 @@ def run(scenario: ResolvedCentreScenario, seed: int, progress: Progress) -> Outc
     at = int(np.searchsorted(centres, own))
     worst = "the worse of errors that add and that oppose each other"
     values: dict[str, tuple[float | None, str, str]] = {}
+    push = np.where(np.isnan(push), np.inf, push)
     best = {"least_push": int(np.argmin(push)), "most_margin": int(np.argmax(margin))}
     for name, k in {"own": at, **best}.items():
         slides = bool(np.isfinite(push[k]))
@@ -175,6 +178,6 @@ def figures(scenario: ResolvedCentreScenario, outcome: Outcome) -> Mapping[str, 
     rows[-1].set_xlabel("centre of compliance above the tip / mm", fontsize=9)
     legend(rows[0], ncols=3, loc="upper left")
     own = outcome.metrics["own.push"].value
-    if own is not None:
+    if own:
         rows[0].set_ylim(0.0, _TALL * own)
     return {"compliance-centre": figure}

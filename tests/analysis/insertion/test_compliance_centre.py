@@ -45,6 +45,9 @@ def test_an_arm_that_gives_way_takes_the_deflection_and_the_push() -> None:
     stiff, soft = (run(arm=arm, **few) for arm in (None, {"lateral_stiffness": 700.0}))
     for name in ("own.push", "compliance.deflection"):
         assert value(soft.metrics, name) < 0.4 * value(stiff.metrics, name)
+    far = run(start={"rotation": 0.1}, compliance={"centre_distance": 0.14}, **few)
+    assert far.metrics["own.push"].value is None
+    assert far.metrics["own.push"].note == "none slides it"
     assert "compliance.deflection" not in run(compliance={"kind": "arm"}, **few).metrics
 
 
