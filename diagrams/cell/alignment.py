@@ -293,7 +293,7 @@ def add_command(
         builder.Connect(compensation, pose.GetInputPort("compensation"))
         return pose.get_output_port()
 
-    if arm == "peg" and any(scenario.initial_error) and scenario.commands_err:
+    if arm == "peg" and any(scenario.initial_error) and scenario.servo is None:
         # The wrong pose that a wrong kinematic model makes of the right one.
         error = ConstantVectorSource(np.array(scenario.initial_error))
         error = builder.AddNamedSystem("initial error", error)

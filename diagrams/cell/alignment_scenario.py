@@ -155,12 +155,7 @@ class AlignmentScenario(WorkCellScenario):
     @property
     def repeatability(self) -> float:
         """Half-width of how far off the peg's arm is across the hole, new each trial, m."""
-        return 0.0
-
-    @property
-    def commands_err(self) -> bool:
-        """Whether the initial error is one of the peg's command; else it is unknown to the arm."""
-        return True
+        return 0.0 if self.servo is None else self.servo.repeatability
 
     def camera(self, view: View) -> Camera:
         """Return a camera as it is: it looks at the gap, at about a plane of the hole's axes."""

@@ -37,6 +37,7 @@ from chamfer.diagrams.cell.alignment_scenario import (
 )
 from chamfer.diagrams.cell.cell_vision import VIEWS, CellCameras
 from chamfer.diagrams.cell.work_cell import ArmName, WorkCellScenario, add_holders
+from chamfer.models.arms.position_arm import ServoParams
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.plants.linear_response import free_response
 from chamfer.models.validation import ParameterError, within
@@ -80,6 +81,8 @@ class StepResponses(NamedTuple):
 
 def step_responses(scenario: WorkCellScenario, arm: ArmName) -> StepResponses:
     """Return an arm's linear responses, without friction and torque limits, until it rests."""
+    if scenario.servo is not None:
+        return servo_responses(scenario.servo)
     settings = getattr(scenario, arm)
     n = settings.arm.num_joints
     same = {name: getattr(scenario, name) for name in ("axis", "gap", "step")}
@@ -91,6 +94,15 @@ def step_responses(scenario: WorkCellScenario, arm: ArmName) -> StepResponses:
     return _step_responses(
         replace(alone, **{arm: replace(settings, joint_friction=(0.0,) * n)}), arm
     )
+
+
+def servo_responses(servo: ServoParams) -> StepResponses:
+    """Return those of an arm that takes positions: of its joints, without their limits."""
+    period, w = servo.period, servo.frequency
+    late = np.arange(math.ceil(-math.log(_SETTLED) * 2 / (w * period)) + servo.delay) * period
+    left = np.maximum(late - servo.delay * period, 0.0)
+    undelivered: Array = (1 + w * left) * np.exp(-w * left)
+    return StepResponses(np.ones(len(AXES)), np.tile(undelivered, (len(AXES), 1)), period)
 
 
 @lru_cache(maxsize=32)

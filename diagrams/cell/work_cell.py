@@ -43,6 +43,7 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort, System
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
+from chamfer.models.arms.position_arm import ServoParams
 from chamfer.models.arms.serial_arm import SerialArm
 from chamfer.models.arms.urdf_arm import chosen_arm
 from chamfer.models.cameras.camera import View
@@ -223,7 +224,12 @@ class WorkCellScenario:
     @property
     def control_period(self) -> float:
         """Of the arms' controllers, s."""
-        return self.impedance.period
+        return self.impedance.period if self.servo is None else self.servo.period
+
+    @property
+    def servo(self) -> ServoParams | None:
+        """Of an arm that takes positions; None: the arms are under impedance control."""
+        return None
 
     @property
     def arms(self) -> tuple[ArmName, ...]:

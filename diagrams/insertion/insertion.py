@@ -44,6 +44,7 @@ from chamfer.diagrams.insertion.position_cell import (
 from chamfer.models.arms.position_arm import (
     ArmInterface,
     ComplianceParams,
+    ServoParams,
     require_within_deflection,
 )
 from chamfer.models.arms.wrist import WristParams
@@ -131,24 +132,9 @@ class InsertionScenario(AlignmentScenario):
             raise ParameterError("peg_excess", self.peg_excess, allowed)
 
     @property
-    def takes_positions(self) -> bool:
-        """Whether the peg's arm takes positions, and gives way to its wrist sensor's force."""
-        return self.arm.control == "position"
-
-    @property
-    def control_period(self) -> float:
-        """Of the arms' controllers, s."""
-        return self.arm.servo.period if self.takes_positions else super().control_period
-
-    @property
-    def commands_err(self) -> bool:
-        """Whether the initial error is one of the peg's command; else it is unknown to the arm."""
-        return not self.takes_positions
-
-    @property
-    def repeatability(self) -> float:
-        """Half-width of how far off the peg's arm is across the hole, new each trial, m."""
-        return self.arm.servo.repeatability if self.takes_positions else 0.0
+    def servo(self) -> ServoParams | None:
+        """Of an arm that takes positions; None: the arms are under impedance control."""
+        return self.arm.servo if self.arm.control == "position" else None
 
     @property
     def tool_mass(self) -> float:
@@ -170,7 +156,7 @@ class InsertionScenario(AlignmentScenario):
         Of an arm that takes positions the springs of its admittance and those below its flange,
         as if both had their centres at the tip.
         """
-        if not self.takes_positions:
+        if self.servo is None:
             return (*self.impedance.stiffness, *self.impedance.rotational_stiffness)
         own = self.compliance.resolved()
         springs = own.axial, own.lateral, own.lateral, own.torsional, own.angular, own.angular
@@ -179,7 +165,7 @@ class InsertionScenario(AlignmentScenario):
 
     def support_at(self, depth: float) -> Support:
         """Return what the peg is taken to be held by at a depth of its tip, m."""
-        if not self.takes_positions:
+        if self.servo is None:
             return self.support.over(support_at(self, depth))
         device = self.compliance.resolved().support
         _, pitch, yaw, _, y, z = self.admittance.stiffness
@@ -259,7 +245,7 @@ _POSITION_ONLY: Final = ("admittance", "compliance", "sensor")
 
 def _resolve_arm(scenario: ScenarioT) -> ScenarioT:
     """Fill in what an arm that takes positions has, and refuse what one of torques has not."""
-    if not scenario.takes_positions:
+    if scenario.servo is None:
         groups = {name: getattr(scenario, name) for name in _POSITION_ONLY}
         _require_unused({"arm.servo": scenario.arm.servo, **groups}, "arm.control is impedance")
         return scenario
@@ -267,7 +253,7 @@ def _resolve_arm(scenario: ScenarioT) -> ScenarioT:
     require_same(scenario.peg, PEG_ARM, "peg", "mass_scale", why="arm.control is position")
     if scenario.hole.kind != "fixture":
         raise ParameterError("hole.kind", scenario.hole.kind, "fixture: arm.control is position")
-    period = scenario.arm.servo.period
+    period = scenario.servo.period
     if scenario.sensor.rate * period < 1 - 1e-9:
         allowed = f"at least arm.servo.rate, {1 / period:g} Hz"
         raise ParameterError("sensor.rate", scenario.sensor.rate, allowed)
@@ -400,7 +386,7 @@ def _add_cell(
     """Add what there is of the cell, and what an arm that takes positions senses."""
     there = scenario.there
     seated, shapes = SEATED * task_params(scenario).target, partial(add_part_shapes, there)
-    if scenario.takes_positions:
+    if scenario.servo is not None:
         if arm_controllers:
             raise ParameterError("arm_controllers", sorted(arm_controllers), "none: positions")
         return add_position_cell(
@@ -447,7 +433,7 @@ def controller_of(scenario: ResolvedInsertionScenario) -> InsertionController:
     if scenario.moves:
         start = start_poses(scenario)["peg"].translation()
         motion = StraightMotion(start, peg.translation(), scenario.motion_time)
-    if scenario.takes_positions or scenario.cameras.kind == "none":
+    if scenario.servo is not None or scenario.cameras.kind == "none":
         name, value = "arm.control", scenario.arm.control
         raise ParameterError(name, value, "impedance with a pair of cameras, of the one law")
     shares = SHARES[scenario.compensated]
