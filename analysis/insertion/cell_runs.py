@@ -31,7 +31,12 @@ from chamfer.models.peg_theory.wedging import jamming_level
 from chamfer.systems.contact.peg_hole_contact_monitor import FEATURES, ContactState
 from chamfer.systems.statechart.chart import Chart, Snapshot, TransitionRecord
 from chamfer.systems.strategies.insertion_controller import TASK
-from chamfer.systems.strategies.insertion_law import STOPPED, WORDS, make_insertion_chart
+from chamfer.systems.strategies.insertion_law import (
+    SEARCHES,
+    STOPPED,
+    WORDS,
+    make_insertion_chart,
+)
 from chamfer.systems.strategies.insertion_task import InsertionTask
 
 Array = NDArray[np.float64]
@@ -51,6 +56,8 @@ INSERTION: Final = {
     "force.sensed_error": Quantity("N"),
     "time_to_seated": Quantity("s"),
     "attempts": Quantity(""),
+    "search.time": Quantity("s"),
+    "search.found": Quantity(""),
     "decision.time": Quantity("s"),
     "decision.lateral_error": Quantity("m"),
     "decision.rotational_error": Quantity("rad"),
@@ -229,6 +236,7 @@ def insertion_metrics(
         first = int(np.flatnonzero(deep)[0])
         values["time_to_seated"] = float(moments[first]) - scenario.begin
     values["attempts"] = float(traces["attempts"][-1])
+    values |= _searched(done, scenario)
     if began is not None:
         row = row_before(moments, began)
         values["decision.time"] = began - scenario.begin
@@ -245,6 +253,17 @@ def insertion_metrics(
         found = onset_of(scenario.parts, depth[touch:], two_point(traces)[touch:])
         values["two_point.onset"] = found if math.isfinite(found) else None
     return values | _stopped(done, axial, scenario)
+
+
+def _searched(done: CellInsertion, scenario: ResolvedInsertionScenario) -> dict[str, float | None]:
+    """Return how long it was searched by touch, and whether the last search ended in the hole."""
+    states = [name for name in SEARCHES if name in done.states]
+    rows = np.flatnonzero(done.when(*states)) if states else np.zeros(0, dtype=np.intp)
+    if not len(rows):
+        return {"search.time": None, "search.found": None}
+    depth = done.traces["depth"][rows[-1]]
+    time = len(rows) * scenario.step
+    return {"search.time": time, "search.found": float(depth >= scenario.parts.chamfer_height)}
 
 
 def _stopped(

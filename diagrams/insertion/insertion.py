@@ -75,11 +75,14 @@ from chamfer.systems.strategies.insertion_law import (
     InsertParams,
     ResolvedInsertParams,
 )
+from chamfer.systems.strategies.insertion_search import SearchParams, TouchSearch
 from chamfer.systems.strategies.insertion_task import InsertionTask
 from chamfer.systems.vision.cell_error import AXES
 
 INSERTION: Final = "Insertion by sight"  # the diagram's name
 FEED_SPEED: Final = 0.02  # m/s, of the feed; assumed
+_JOINTS: Final = 1.0  # N, of the joints' dry friction at the tip; see InsertParams
+_FACE: Final = 0.0005  # m, along the axis, by which the cameras are off at most; assumed
 _IN: Final = 0.9  # of the peg's length, that goes in at most
 
 
@@ -102,6 +105,7 @@ class InsertionScenario(AlignmentScenario):
 
     decide: DecisionParams = field(default_factory=DecisionParams)
     insert: InsertParams = field(default_factory=InsertParams)
+    search: SearchParams = field(default_factory=SearchParams)
     contact: ContactMaterial = field(default_factory=ContactMaterial)
     support: OpenSupport = field(default_factory=OpenSupport)
     # that the decision and theory go by; what is left open: of the arms, at the depth in question
@@ -184,6 +188,22 @@ class InsertionScenario(AlignmentScenario):
         return self.support_at(self.parts.chamfer_height + self.parts.wedging_depth)
 
     @property
+    def unsure(self) -> float:
+        """How far across the hole may be from where it is taken to be, m.
+
+        What the cameras leave is as much as the chamfers guide: by that the decision goes.
+        Without cameras it is as far as the fixture and the arm may be off.
+        """
+        if self.cameras.kind != "none":
+            return self.parts.chamfer_limit
+        return math.sqrt(2) * (self.hole.position_error + self.repeatability)
+
+    @property
+    def unsure_along(self) -> float:
+        """How far along its axis the mouth may be from where it is taken to be, m."""
+        return _FACE if self.cameras.kind != "none" else max(_FACE, self.hole.position_error)
+
+    @property
     def there(self) -> Self:
         """The same with the parts that are there, which only contact and cameras know."""
         if not self.peg_excess:
@@ -225,8 +245,16 @@ def resolve_as(kind: type[ResolvedT], scenario: InsertionScenario) -> ResolvedT:
         # Stopped at the mouth the arms' springs take the rest of the way to reach the push.
         stiffness = scenario.stiffness[0] / len(scenario.arms)
         feed = scenario.gap + depth + insert.push / stiffness
+        feed += scenario.unsure_along if scenario.search.kind != "none" else 0.0
+    search = scenario.search.over(
+        parts,
+        error=scenario.unsure,
+        push=insert.push,
+        reach=scenario.unsure_along,
+    )
     found = replace(
         scenario,
+        search=search,
         contact=scenario.contact.over(parts),
         insert=ResolvedInsertParams(
             **vars(insert) | {"depth": depth, "speed": speed, "feed": feed}
@@ -281,6 +309,27 @@ def _region(parts: ColouredParts, support: Support) -> InsertionRegion:
     return InsertionRegion(parts, support)
 
 
+def _search(scenario: ResolvedInsertionScenario) -> TouchSearch | None:
+    if scenario.search.kind == "none":
+        return None
+    search, admittance = scenario.search, scenario.admittance
+    joints, lag, damping = _JOINTS, None, 0.0
+    if scenario.takes_positions:
+        joints = 0.0
+        if admittance.kind == "wrist" and admittance.damping is not None:
+            damping = max(admittance.damping[3:])
+            lag = max(admittance.damping[4:]) / min(admittance.spring[4:])
+    return TouchSearch(
+        search,
+        axial=scenario.stiffness[0] / len(scenario.arms),
+        stiffness=scenario.support_at(0.0).lateral_stiffness,
+        drag=scenario.parts.friction * search.press + joints,
+        lag=lag,
+        damping=damping,
+        tip=scenario.parts.leading(search.angle),
+    )
+
+
 def task_params(scenario: ResolvedInsertionScenario) -> InsertionTaskParams:
     """Return the parameters of the task's chart, of a resolved scenario."""
     parts = scenario.parts
@@ -300,6 +349,7 @@ def task_params(scenario: ResolvedInsertionScenario) -> InsertionTaskParams:
         wait=scenario.compensation_time,
         limits=limits,
         period=scenario.cameras.frames.period,
+        search=_search(scenario),
     )
 
 
@@ -503,7 +553,8 @@ def _add_advance(
     advance = builder.AddNamedSystem("feed offset", FeedOffset())
     connect(commands["peg"], advance.GetInputPort("pose"))
     connect(commands["hole"], advance.GetInputPort("along"))
-    connect(task.GetOutputPort("feed"), advance.GetInputPort("feed"))
+    for name in ("feed", "offset"):
+        connect(task.GetOutputPort(name), advance.GetInputPort(name))
     command = advance.GetOutputPort("advanced_pose")
     connect(command, peg.desired_pose)
     if sensed is None:

@@ -75,10 +75,11 @@ class StoppableMotion(LeafSystem):
 
 
 FEED_SIZE = 3
+OFFSET_SIZE = 8
 
 
 class FeedOffset(LeafSystem):
-    """Moves a pose along the x axis of another one.
+    """Moves a pose along the x axis of another one, and aside of it.
 
     .. pydrake_system::
 
@@ -87,29 +88,37 @@ class FeedOffset(LeafSystem):
         - pose
         - along
         - feed
+        - offset (optional)
         output_ports:
         - advanced_pose
         - velocity
 
     ``pose``, ``along`` and ``advanced_pose``, shape (7,), are quaternion w, x, y, z and position,
     m. ``feed``, shape (3,): how far, m, how fast, m/s, and when that was so, s; between its
-    samples the pose goes on at that rate. ``velocity``, shape (6,), rad/s and m/s in the world's
-    axes, is the feed's alone.
+    samples the pose goes on at that rate. ``offset``, shape (8,): how far aside at that time, m,
+    along y and z of ``along``, and turned about them, rad, and the rates, m/s and rad/s.
+    ``velocity``, shape (6,), rad/s and m/s in the world's axes, is of feed and offset alone.
     """
 
     def __init__(self) -> None:
         super().__init__()
         pose, along = (self.DeclareVectorInputPort(name, POSE_SIZE) for name in ("pose", "along"))
         feed = self.DeclareVectorInputPort("feed", FEED_SIZE)
+        offset = self.DeclareVectorInputPort("offset", OFFSET_SIZE)
+
+        def aside(context: Context) -> Array | None:
+            found: Array | None = offset.Eval(context) if offset.HasValue(context) else None
+            return found
 
         def calc_pose(context: Context, vector: BasicVector) -> None:
-            fed = along.Eval(context), feed.Eval(context)
-            vector.SetFromVector(advanced(pose.Eval(context), *fed, context.get_time()))
+            fed = along.Eval(context), feed.Eval(context), context.get_time(), aside(context)
+            vector.SetFromVector(advanced(pose.Eval(context), *fed))
 
         def calc_velocity(context: Context, vector: BasicVector) -> None:
-            vector.SetFromVector(feed_velocity(along.Eval(context), feed.Eval(context)))
+            fed = along.Eval(context), feed.Eval(context), aside(context)
+            vector.SetFromVector(feed_velocity(*fed))
 
-        depends = {along.ticket(), feed.ticket()}
+        depends = {along.ticket(), feed.ticket(), offset.ticket()}
         moves = {*depends, pose.ticket(), self.time_ticket()}
         self.DeclareVectorOutputPort("advanced_pose", POSE_SIZE, calc_pose, moves)
         self.DeclareVectorOutputPort("velocity", 6, calc_velocity, depends)

@@ -1,7 +1,8 @@
 """The pose that a tool is told to take, and what its springs push with, as numbers.
 
 A pose, shape (7,), is a quaternion w, x, y, z and a position, m; a feed, shape (3,), says how far,
-m, how fast, m/s, and when that was so, s.
+m, how fast, m/s, and when that was so, s. An offset, shape (8,), says at the same time how far
+aside, m, along y and z, and turned about them, rad, and how fast, m/s and rad/s.
 """
 
 import math
@@ -67,19 +68,32 @@ def axes_of(pose: Array) -> Array:
     )
 
 
-def advanced(pose: Array, along: Array, feed: Array, time: float) -> Array:
-    """Return a pose that is fed along the x axis of another one, at a time, s."""
+def advanced(
+    pose: Array, along: Array, feed: Array, time: float, offset: Array | None = None
+) -> Array:
+    """Return a pose that is fed along the x axis of another one, and set aside, at a time, s."""
     fed, rate, since = feed.tolist()
     moved = np.array(pose)
     moved[4:] += (fed + rate * (time - since)) * axis_of(along)
-    return moved
+    if offset is None or not offset.any():
+        return moved
+    y, z, about_y, about_z = offset[:4] + offset[4:] * (time - since)
+    return compensate(moved, _in_world(along) @ np.array([0.0, y, z, 0.0, about_y, about_z]))
 
 
-def feed_velocity(along: Array, feed: Array) -> Array:
-    """Return a feed's velocity, rad/s above m/s, (6,), along the x axis of a pose."""
+def feed_velocity(along: Array, feed: Array, offset: Array | None = None) -> Array:
+    """Return a feed's and an offset's velocity, rad/s above m/s, (6,), in a pose's axes."""
     velocity = np.zeros(6)
     velocity[3:] = feed[1] * axis_of(along)
+    if offset is not None and offset[4:].any():
+        y, z, about_y, about_z = offset[4:].tolist()
+        velocity += _in_world(along) @ np.array([0.0, about_y, about_z, 0.0, y, z])
     return velocity
+
+
+def _in_world(pose: Array) -> Array:
+    """Return the map of a pair of vectors from a pose's axes to the world's."""
+    return share_of_compensation(1.0, axes_of(pose))
 
 
 def spring_force(stiffness: Array, command: Array, tool_pose: Array, hole_pose: Array) -> Array:

@@ -194,6 +194,12 @@ class Spiral(_Timed):
             angle -= (self._way(angle) - way) / (self._growth * math.hypot(1.0, angle))
         return max(angle, 0.0)
 
+    def place(self, time: float) -> tuple[float, float]:
+        """Return where it is at a time since the begin, x and y, m; it stays at its end."""
+        angle = self.angle(min(time, self.duration))
+        radius = self._growth * angle
+        return radius * math.cos(angle), radius * math.sin(angle)
+
     def velocity(self, time: float) -> Vector:
         """Return the velocity along the spiral."""
         angle = self.angle(time)

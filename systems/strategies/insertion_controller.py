@@ -169,10 +169,10 @@ class InsertionController(HeldLaw[ControllerState, ControllerObservation, Any]):
         pose = compensate(pose, self._shares["peg"] @ compensation)
         if "hole" in self._shares:
             hole = compensate(hole, self._shares["hole"] @ compensation)
-        feed = np.array(told.feed)
+        feed, offset = np.array(told.feed), np.array(told.offset)
         return self._command(
-            peg_pose=advanced(pose, hole, feed, state.time),
-            peg_velocity=velocity + feed_velocity(hole, feed),
+            peg_pose=advanced(pose, hole, feed, state.time, offset),
+            peg_velocity=velocity + feed_velocity(hole, feed, offset),
             hole_pose=hole,
             peg_command=pose,
             compensation=compensation,

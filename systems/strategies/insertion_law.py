@@ -26,6 +26,7 @@ from chamfer.systems.strategies.insertion_decision import (
     MeasuredErrors,
     measured_errors,
 )
+from chamfer.systems.strategies.insertion_search import STILL, Offset, SearchMemory, TouchSearch
 
 Compensation = Literal["running", "frozen"]
 Vector3 = tuple[float, float, float]
@@ -46,6 +47,7 @@ class InsertionTrouble(IntEnum):
     BESIDE = 6  # on its way to miss the mouth
     HELD = 7  # it can't be pulled out of the hole
     NOT_ALIGNED = 8  # the errors did not become small enough in time
+    NOT_FOUND = 9  # searched for by touch, in vain
 
 
 WORDS: Final = (  # of each trouble, in the order of the numbers
@@ -58,6 +60,7 @@ WORDS: Final = (  # of each trouble, in the order of the numbers
     "on its way to miss the mouth",
     "held in the hole, could not be pulled out",
     "not aligned in time",
+    "the search by touch did not find the hole",
 )
 
 
@@ -132,6 +135,7 @@ class InsertionTaskParams:
     limits: tuple[float, ...] = (math.inf,) * 6  # m and rad, of the compensation
     most_saturated: float = 0.5  # s, that a joint may be at its torque limit; assumed
     period: float = 1 / 80  # s, section 4
+    search: TouchSearch | None = None
 
     @property
     def target(self) -> float:
@@ -175,6 +179,9 @@ class InsertionMemory(NamedTuple):
     sensed_force: Vector3 = (0.0, 0.0, 0.0)  # N, tared, along the hole's axes
     sensed_depth: float = 0.0  # m, of the tip below the mouth
     errors: MeasuredErrors = MeasuredErrors(0.0, 0.0, 0.0, 0.0)
+    offset: Offset = STILL  # at that time, of a search
+    offset_rate: Offset = STILL
+    search: SearchMemory = SearchMemory()
 
     def window(self, inputs: InsertionInputs, count: int) -> tuple[Frame, ...]:
         """Return the last valid frames with the present one, none if that is not valid."""
@@ -185,6 +192,11 @@ class InsertionMemory(NamedTuple):
     def depth(self, inputs: InsertionInputs) -> float:
         """Return the depth of the tip below the mouth, m."""
         return inputs.advance[0] - self.mouth
+
+    @property
+    def searched(self) -> bool:
+        """Whether the attempt has begun to search."""
+        return self.search.began < math.inf
 
     def load(self, inputs: InsertionInputs) -> Vector3:
         """Return what the arm pushes with along the hole's axes, N, tared."""
@@ -204,8 +216,13 @@ _Action = Callable[[InsertionTick], InsertionMemory]
 
 STOPPED: Final = ("blind", "overloaded", "saturated", "limit_reached", "diverging")
 
+SEARCHES: Final = ("spiral", "lean", "slide", "stand")
+
 _SLIPS: Final = 0.001  # m, that a peg moves out by if nothing but the push holds it
 _BEFORE: Final = -0.002  # m, of depth, above which the peg is at the mouth
+_NONE: Final = 1e-12  # m and rad, of an offset that is back
+_THERE: Final = 1e-6  # m and rad, from an offset that is gone to
+_SETTLES: Final = 1.0  # s, in which a peg that was stood up goes in; assumed
 _GATE: Final = -0.004  # m, of depth, from where on the lateral error decides whether it goes on
 
 
@@ -226,6 +243,7 @@ def make_insertion_chart(params: InsertionTaskParams) -> InsertionChart:
     held, late = _blamed(InsertionTrouble.HELD), _blamed(InsertionTrouble.NOT_ALIGNED)
     not_aligned = "gave_up", "not aligned in time", rules.late, late
     at_limit = "limit_reached", "compensation at its limit", rules.at_limit
+    searching, ways = _search_states(rules, go)
     return Chart(
         "insertion",
         states=[
@@ -241,6 +259,7 @@ def make_insertion_chart(params: InsertionTaskParams) -> InsertionChart:
                 State(name=name, during=rules.stop, outcome="failed")
                 for name in ("gave_up", *STOPPED)
             ),
+            *searching,
         ],
         transitions=[
             go(ANY, "blind", "the cameras see no parts", lambda tick: tick.inputs.blind[0] >= 0.5),
@@ -257,6 +276,7 @@ def make_insertion_chart(params: InsertionTaskParams) -> InsertionChart:
             go("insert", "check", "deep enough", rules.deep),
             go("insert", "check", "on the bottom", rules.on_bottom),
             go("insert", "back_off", "would miss the mouth", rules.beside, rules.miss),
+            *ways,
             go("insert", "release", f"stuck, {insert.push:g} N", rules.stuck, rules.note_stop),
             go("insert", "check", "end of the feed", rules.fed),
             go("check", "seated", f"{100 * SEATED:g} % of the depth", rules.seated),
@@ -270,6 +290,45 @@ def make_insertion_chart(params: InsertionTaskParams) -> InsertionChart:
     )
 
 
+_Go = Callable[..., Transition[InsertionInputs, InsertionMemory]]
+_Part = tuple[
+    list[State[InsertionInputs, InsertionMemory]],
+    list[Transition[InsertionInputs, InsertionMemory]],
+]
+
+
+def _search_states(rules: "_Rules", go: _Go) -> _Part:
+    """Return the states of the search by touch, if there is one, and the ways to and from them."""
+    search = rules.search
+    if search is None:
+        return [], []
+    params, lost = search.params, _blamed(InsertionTrouble.NOT_FOUND)
+    lies = f"on the face, {params.press:g} N", rules.lies, rules.begin_search
+    dropped = "insert", f"{1e3 * rules.drop:.2g} mm in", rules.dropped
+    if search.leans:
+        note = "leans over, off the face"
+        return [
+            State(name="lean", during=rules.lean, note=note),
+            State(name="slide", during=rules.slide, note="slides to the hole's wall"),
+            State(name="stand", during=rules.stand, note="stands up, pressed to the wall"),
+        ], [
+            go("insert", "lean", *lies),
+            go("lean", "slide", "leans", rules.leant),
+            go("slide", "stand", f"wall, {params.wall:.2g} N", rules.at_wall),
+            go("slide", "release", f"no wall in {1e3 * search.way:.2g} mm", rules.slid, lost),
+            go("stand", *dropped),
+            go("stand", "release", "stands, not in", rules.stood, lost),
+        ]
+    assert params.radius is not None
+    within = f"no hole within {1e3 * params.radius:.2g} mm"
+    return [State(name="spiral", during=rules.spiral, note="slides about, pressed on")], [
+        go("insert", "spiral", *lies),
+        go("spiral", *dropped),
+        go("spiral", "insert", f"held, {params.hold:g} N across", rules.caught),
+        go("spiral", "release", within, rules.covered, lost),
+    ]
+
+
 def _blamed(trouble: InsertionTrouble) -> _Action:
     return lambda tick: tick.memory._replace(trouble=trouble)
 
@@ -278,7 +337,7 @@ class _Rules:
     """When the chart goes on, and what it does."""
 
     def __init__(self, params: InsertionTaskParams) -> None:
-        self._params = params
+        self._params, self.search = params, params.search
 
     def overloaded(self, tick: InsertionTick) -> bool:
         load = math.hypot(*tick.memory.load(tick.inputs))
@@ -327,16 +386,19 @@ class _Rules:
         return pushes and math.isfinite(self._params.bottom) and self._seated(tick)
 
     def beside(self, tick: InsertionTick) -> bool:
-        return _GATE <= tick.memory.depth(tick.inputs) < 0 and self.off_mouth(tick)
+        further = 0.0 if self.search is None else self.search.reaches
+        at_gate = _GATE <= tick.memory.depth(tick.inputs) < 0 and not tick.memory.searched
+        return at_gate and self.off_mouth(tick, further)
 
-    def off_mouth(self, tick: InsertionTick) -> bool:
-        """Whether the cameras say for sure that the tip is beside the mouth."""
+    def off_mouth(self, tick: InsertionTick, further: float = 0.0) -> bool:
+        """Whether the cameras say for sure that the tip is beside the mouth, by more than that."""
         params = self._params
         window = tick.memory.window(tick.inputs, params.decide.frames)
         if not window:
             return False
         errors = errors_across(window, params.pixel_size)
-        return errors.lateral - errors.lateral_uncertainty > params.region.lateral_limit
+        limit = params.region.lateral_limit + further
+        return errors.lateral - errors.lateral_uncertainty > limit
 
     def stuck(self, tick: InsertionTick) -> bool:
         return tick.memory.load(tick.inputs)[0] >= self._params.insert.push
@@ -355,7 +417,8 @@ class _Rules:
 
     def back(self, tick: InsertionTick) -> bool:
         memory = tick.memory
-        return memory.feed == 0 and memory.depth(tick.inputs) <= 0 and self.rested(tick)
+        home = memory.feed == 0 and memory.offset == STILL
+        return home and memory.depth(tick.inputs) <= 0 and self.rested(tick)
 
     def held(self, tick: InsertionTick) -> bool:
         pulls = -tick.memory.load(tick.inputs)[0] >= self._params.insert.pull
@@ -364,13 +427,17 @@ class _Rules:
     def last(self, tick: InsertionTick) -> bool:
         return self.back(tick) and tick.memory.attempts >= self._params.insert.attempts
 
-    def _observe(self, tick: InsertionTick, rate: float) -> InsertionMemory:
-        """Go on with the feed and remember what the sensors say."""
+    def _observe(
+        self, tick: InsertionTick, rate: float, offset_rate: Offset = STILL
+    ) -> InsertionMemory:
+        """Go on with feed and offset, and remember what the sensors say."""
         memory, inputs, params = tick.memory, tick.inputs, self._params
         limited = any(inputs.peg_saturated) or any(inputs.hole_saturated or ())
         return memory._replace(
             feed=_fed(tick),
             rate=rate,
+            offset=_offset(tick),
+            offset_rate=offset_rate,
             time=tick.time,
             frames=memory.window(inputs, params.decide.frames),
             saturated_since=min(memory.saturated_since, tick.time) if limited else math.inf,
@@ -401,15 +468,23 @@ class _Rules:
             pull=0.0,
             came_out=0.0,
             errors=errors_across(window, params.pixel_size),
+            search=SearchMemory(),
         )
 
     def advance(self, tick: InsertionTick) -> InsertionMemory:
         insert, memory = self._params.insert, tick.memory
         freeze = math.inf if insert.freeze_depth is None else insert.freeze_depth
-        waits = tick.time_in_state < insert.pause - TIME_TOLERANCE
-        return self._observe(tick, 0.0 if waits else self._params.insert.speed)._replace(
+        waits = tick.time_in_state < insert.pause - TIME_TOLERANCE and not memory.searched
+        rate, aside = 0.0 if waits else insert.speed, STILL
+        if self.search is not None and memory.searched:
+            load = memory.load(tick.inputs)
+            aside = (*self.search.relax(load), 0.0, 0.0)
+            if math.hypot(*load[1:]) > insert.hold_force:  # rubs: not yet pushed
+                rate = self.search.press_rate(load[0], insert.speed)
+        return self._observe(tick, rate, aside)._replace(
             compensates=(
                 insert.compensation == "running"
+                and not memory.searched
                 and memory.depth(tick.inputs) < freeze
                 and math.hypot(*memory.load(tick.inputs)) < insert.hold_force
             ),
@@ -430,9 +505,132 @@ class _Rules:
             if fed * memory.feed <= 0:
                 fed = 0.0
             rate = math.copysign(speed, -fed) if fed else 0.0
-        return self._observe(tick, rate)._replace(
+        return self._observe(tick, rate, self._home(tick))._replace(
             feed=fed, compensates=False, pull=max(memory.pull, pull)
         )
+
+    def _home(self, tick: InsertionTick) -> Offset:
+        """Return the rates with which an offset is taken back once the peg is off the face."""
+        if tick.memory.depth(tick.inputs) > _BEFORE / 2:
+            return STILL
+        return self._towards(tick, STILL, self._params.insert.speed)
+
+    def _towards(self, tick: InsertionTick, aim: Offset, fastest: float) -> Offset:
+        """Return the rates to an offset, m/s and rad/s, all there at once, in a tick at best."""
+        assert self.search is not None or aim == tick.memory.offset
+        if self.search is None:
+            return STILL
+        period, params = self._params.period, self.search.params
+        way = [goal - now for goal, now in zip(aim, _offset(tick), strict=True)]
+        turning = params.angle / params.lean_time
+        time = max(period, math.hypot(*way[:2]) / fastest, math.hypot(*way[2:]) / turning)
+        y, z, about_y, about_z = (one / time for one in way)
+        return y, z, about_y, about_z
+
+    @property
+    def drop(self) -> float:
+        """How deep the peg is that has found its hole, m."""
+        assert self.search is not None
+        assert self.search.params.drop is not None
+        return self.search.params.drop
+
+    def lies(self, tick: InsertionTick) -> bool:
+        """Whether the peg lies on the face, or sits on the chamfers, and was not searching yet."""
+        assert self.search is not None
+        assert self.search.params.reach is not None
+        memory, params, reach = tick.memory, self.search.params, self.search.params.reach
+        within = -reach <= memory.depth(tick.inputs) <= self._params.chamfer_height + reach
+        return memory.load(tick.inputs)[0] >= params.press and within and not memory.searched
+
+    def begin_search(self, tick: InsertionTick) -> InsertionMemory:
+        """Take the place where the peg lies for the face."""
+        memory = tick.memory
+        mouth = memory.mouth + memory.depth(tick.inputs)
+        return memory._replace(mouth=mouth, search=SearchMemory(began=tick.time))
+
+    def spiral(self, tick: InsertionTick) -> InsertionMemory:
+        """Go on along the spiral, ahead by as much as friction drags the peg back."""
+        memory, search, period = tick.memory, self.search, self._params.period
+        assert search is not None
+        spiral, time = search.spiral(memory.attempts), tick.time - memory.search.began
+        turning = spiral.angle(time + period) - spiral.angle(time)
+        lead = search.lead(memory.search.lead, memory.load(tick.inputs), period, turning)
+        y, z = search.on_spiral(memory.attempts, time + period)
+        aim = (y + lead[0], z + lead[1], 0.0, 0.0)
+        rates = self._towards(tick, aim, math.inf)
+        found = memory.search._replace(lead=lead)
+        return self._pressed(tick, rates)._replace(search=found)
+
+    def _pressed(self, tick: InsertionTick, rates: Offset) -> InsertionMemory:
+        """Move across with the press kept."""
+        assert self.search is not None
+        load = tick.memory.load(tick.inputs)[0]
+        rate = self.search.press_rate(load, self._params.insert.speed)
+        return self._observe(tick, rate, rates)._replace(compensates=False)
+
+    def dropped(self, tick: InsertionTick) -> bool:
+        upright = tick.memory.offset[2:] == STILL[2:]
+        return upright and tick.memory.depth(tick.inputs) >= self.drop
+
+    def caught(self, tick: InsertionTick) -> bool:
+        assert self.search is not None
+        return math.hypot(*tick.memory.load(tick.inputs)[1:]) >= self.search.params.hold
+
+    def covered(self, tick: InsertionTick) -> bool:
+        assert self.search is not None
+        lasts = self.search.spiral(tick.memory.attempts).duration
+        return tick.time - tick.memory.search.began >= lasts - TIME_TOLERANCE
+
+    def lean(self, tick: InsertionTick) -> InsertionMemory:
+        """Lift the peg off the face, and lean it over as it goes back."""
+        memory, search = tick.memory, self.search
+        assert search is not None
+        aim = search.leaning(memory.attempts)
+        time = search.params.lean_time
+        lifts = tick.time - memory.search.began < time - TIME_TOLERANCE
+        rates = self._towards(tick, aim, math.hypot(*aim[:2]) / time)
+        return self._observe(tick, -search.lift / time if lifts else 0.0, rates)._replace(
+            compensates=False
+        )
+
+    def leant(self, tick: InsertionTick) -> bool:
+        assert self.search is not None
+        leaning = self.search.leaning(tick.memory.attempts)
+        return math.dist(_offset(tick), leaning) < _THERE
+
+    def slide(self, tick: InsertionTick) -> InsertionMemory:
+        """Slide to the wall of the hole once it is pressed, the press kept."""
+        memory, search = tick.memory, self.search
+        assert search is not None
+        y, z = search.slide(memory.attempts, memory.load(tick.inputs))
+        found = memory.search
+        found = found._replace(slid=found.slid + self._params.period * math.hypot(y, z))
+        return self._pressed(tick, (y, z, 0.0, 0.0))._replace(search=found)
+
+    def at_wall(self, tick: InsertionTick) -> bool:
+        assert self.search is not None
+        assert self.search.params.wall is not None
+        load = tick.memory.load(tick.inputs)
+        return self.search.pushed(tick.memory.attempts, load) >= self.search.params.wall
+
+    def slid(self, tick: InsertionTick) -> bool:
+        assert self.search is not None
+        return tick.memory.search.slid >= self.search.way
+
+    def stand(self, tick: InsertionTick) -> InsertionMemory:
+        """Stand up, pressed to the wall and down; then no more to the wall, where it rubs."""
+        assert self.search is not None
+        if _offset(tick)[2:] == STILL[2:]:
+            y, z = self.search.relax(tick.memory.load(tick.inputs))
+            return self._pressed(tick, (y, z, 0.0, 0.0))
+        y, z = self.search.press_to_wall(tick.memory.attempts, tick.memory.load(tick.inputs))
+        turning = self._towards(tick, (*_offset(tick)[:2], 0.0, 0.0), math.inf)[2:]
+        return self._pressed(tick, (y, z, *turning))
+
+    def stood(self, tick: InsertionTick) -> bool:
+        assert self.search is not None
+        upright = tick.memory.offset[2:] == STILL[2:]
+        return upright and tick.time_in_state >= self.search.params.lean_time + _SETTLES
 
     def stop(self, tick: InsertionTick) -> InsertionMemory:
         """Stop, but take a push or a pull away."""
@@ -463,7 +661,7 @@ class _Rules:
         """Say what held the peg, now that it is known how hard it came out."""
         memory, params = tick.memory, self._params
         trouble = memory.trouble
-        if trouble is not InsertionTrouble.BESIDE:
+        if trouble not in (InsertionTrouble.BESIDE, InsertionTrouble.NOT_FOUND):
             if memory.stopped < _BEFORE:
                 trouble = InsertionTrouble.BEFORE_MOUTH
             elif memory.came_out < _SLIPS and memory.pull > params.insert.held_force:
@@ -476,6 +674,18 @@ class _Rules:
 def _fed(tick: InsertionTick) -> float:
     """Return how far the feed is now, m."""
     return tick.memory.feed + tick.memory.rate * (tick.time - tick.memory.time)
+
+
+def _offset(tick: InsertionTick) -> Offset:
+    """Return how far aside the peg is now, m and rad."""
+    memory, time = tick.memory, tick.time - tick.memory.time
+    if memory.offset_rate == STILL:
+        return memory.offset
+    moved = (
+        was + rate * time for was, rate in zip(memory.offset, memory.offset_rate, strict=True)
+    )
+    y, z, about_y, about_z = (0.0 if abs(one) < _NONE else one for one in moved)
+    return y, z, about_y, about_z
 
 
 class InsertionLaw(ChartLaw[InsertionInputs, InsertionMemory]):
@@ -501,6 +711,11 @@ class InsertionLaw(ChartLaw[InsertionInputs, InsertionMemory]):
                     size=3,
                     unit=("m", "m/s", "s"),
                     read=lambda memory: (memory.feed, memory.rate, memory.time),
+                ),
+                "offset": MachineOutput(
+                    size=8,
+                    unit=("m", "m", "rad", "rad", "m/s", "m/s", "rad/s", "rad/s"),
+                    read=lambda memory: (*memory.offset, *memory.offset_rate),
                 ),
                 "compensates": MachineOutput(
                     size=2,

@@ -27,6 +27,8 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
         - hole_saturated (optional)
         output_ports:
         - feed
+        - offset
+        - tares
         - compensates
         - attempts
         - errors
@@ -39,8 +41,9 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
     and rad, what has been made of them, ``diverged`` that of
     :class:`chamfer.systems.servo.divergence_watch.DivergenceWatch`; ``force`` and ``advance`` are
     those of :class:`chamfer.systems.force.impedance_controller.SpringForce`, ``<arm>_saturated``,
-    of each joint, those of the impedance controllers. ``feed`` goes to
-    :class:`chamfer.systems.force.desired_pose.FeedOffset`, ``compensates``, shape (2,), to
+    of each joint, those of the impedance controllers. ``feed`` and ``offset``, of a search, go to
+    :class:`chamfer.systems.force.desired_pose.FeedOffset`; ``tares`` is 1 in free space, where a
+    force sensor takes its zero, ``compensates``, shape (2,), goes to
     :class:`chamfer.systems.servo.measurement_selector.MeasurementSelector`. ``errors``, shape
     (4,), are the last :class:`chamfer.systems.strategies.insertion_decision.MeasuredErrors`, 0
     before there are any; ``sensed_force``, shape (3,), N, along the hole's axes, and

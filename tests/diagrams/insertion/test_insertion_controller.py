@@ -17,10 +17,13 @@ from chamfer.diagrams.insertion.insertion import (
     make_insertion_diagram,
     resolve,
 )
+from chamfer.models.peg.peg_and_hole import PRESETS, ColouredParts
 from chamfer.models.validation import ParameterError
 from chamfer.systems.law_block import LawBlock
 from chamfer.systems.recording import Recorder, Records, recording
+from chamfer.systems.strategies.insertion_decision import DecisionParams
 from chamfer.systems.strategies.insertion_law import InsertParams
+from chamfer.systems.strategies.insertion_search import SearchParams
 
 QUICK = InsertionScenario(
     begin=0.2,
@@ -29,9 +32,20 @@ QUICK = InsertionScenario(
     insert=InsertParams(depth=0.015, speed=0.06, rest=0.05),
 )
 MOVES = replace(QUICK, start_offset=(-0.01, 0.0, 0.0), motion_time=0.3)
+BLIND = replace(
+    QUICK,
+    hole=replace(HOLE_ARM, kind="fixture"),
+    parts=ColouredParts(**PRESETS["nist-16mm"]),
+    compensated="none",
+    insert=InsertParams(depth=0.015, speed=0.04, rest=0.05),
+    initial_error=(0.0, 0.0018, -0.0005, 0.0, 0.0, 0.0),
+    decide=DecisionParams(kind="at_once"),
+    search=SearchParams(kind="spiral", radius=0.005),
+)
 SCENARIOS = {
     "two arms": QUICK,
     "pid": replace(QUICK, controller=ControllerChoice(kind="pid")),
+    "fixture, searches": BLIND,
     "fixture, moves": replace(MOVES, hole=replace(HOLE_ARM, kind="fixture")),
 }
 
@@ -70,7 +84,8 @@ def test_over_an_insertion_it_answers_what_the_diagrams_blocks_do(name: str) -> 
         state, each = law.steps(state, law.observe(record.observation), record.time)
         for one, part in each.items():
             kept[one].append(part)
-    assert state.task.snapshot.state == "seated"
+    end = "spiral" if name == "fixture, searches" else "seated"
+    assert state.task.snapshot.state == end
     for one, records in kept.items():
         for mine, theirs in zip(records, runs[one], strict=True):
             np.testing.assert_equal(mine[1:], theirs[1:], err_msg=one)

@@ -1,0 +1,262 @@
+"""How the peg looks for its hole by touch where sight and belief leave too much.
+
+A spiral covers a disc about where the peg has touched. A peg that leans finds a hole that is off
+by less than about its radius: see
+:class:`chamfer.systems.strategies.face_and_search.TiltSearchParams`, which names the sources.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final, Literal, NamedTuple, get_args
+
+from chamfer.models.peg.peg_and_hole import PegAndHole
+from chamfer.models.validation import (
+    ParameterError,
+    require_not_negative,
+    require_one_of,
+    require_positive,
+    require_same,
+)
+from chamfer.systems.primitives.trajectory_primitives import Spiral
+
+SearchKind = Literal["none", "spiral", "tilt"]
+Across = tuple[float, float]  # along y and z of the hole
+Offset = tuple[float, float, float, float]  # m, along y and z of the hole, and rad, about them
+
+STILL: Final[Offset] = (0.0, 0.0, 0.0, 0.0)
+_TURN: Final = math.pi * (3 - math.sqrt(5))  # rad, the golden angle, between two attempts
+_BOTH: Final = ("press", "speed", "drop", "reach")
+_READ: Final[Mapping[SearchKind, tuple[str, ...]]] = {
+    "none": (),
+    "spiral": (*_BOTH, "radius", "pitch", "hold", "widen"),
+    "tilt": (*_BOTH, "angle", "back", "wall", "lean_time"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchParams:
+    """How the hole is searched for where the peg lies on the face beside it.
+
+    A further attempt is turned by the golden angle: a spiral's tracks come to lie between those of
+    the attempts before, a peg leans the other way.
+    """
+
+    kind: SearchKind = "none"
+    # spiral: slides about where it touched; tilt: leans, slides to the wall, stands up; none
+    press: float = 3.0  # N, with which it is kept on the face; assumed
+    speed: float = 0.008  # m/s, along the face; assumed
+    drop: float | None = None
+    # m, that it goes in where the hole is; None: derived, the chamfers' height and 0.5 mm
+    reach: float | None = None
+    # m, along the axis, by which the face may be elsewhere than is believed; None: derived
+    radius: float | None = None  # m, of the spiral; None: derived, as far as the hole may be off
+    pitch: float | None = None
+    # m, of the spiral; None: derived, half of the capture's width: half is left to what is unsure
+    hold: float = 6.0  # N, across, that says that the hole holds it; assumed
+    widen: float = 0.25  # of the radius, by which a further attempt's is larger; assumed
+    angle: float = math.radians(10)  # rad, by which it leans; assumed
+    back: float | None = None
+    # m, from where the hole is believed to where it leans; None: derived, more than it is off
+    wall: float | None = None  # N, across, of the hole's wall; None: derived, more than friction
+    lean_time: float = 0.6  # s, in which it leans over, and in which it stands up; assumed
+
+    def __post_init__(self) -> None:
+        require_one_of(self, "kind", get_args(SearchKind))
+        require_positive(self, "press", "speed", "drop", "radius", "pitch", "hold", "back", "wall")
+        require_positive(self, "reach", "lean_time")
+        require_not_negative(self, "widen")
+        if not 0 < self.angle < math.pi / 6:
+            raise ParameterError("angle", self.angle, "0 < angle < pi/6 rad")
+
+    def require_read(self) -> None:
+        """Refuse what this kind of search does not read."""
+        names = [one for one in vars(self) if one != "kind" and one not in _READ[self.kind]]
+        require_same(self, SearchParams, "search", *names, why=f"search.kind is {self.kind}")
+
+    def over(
+        self, parts: PegAndHole, *, error: float, push: float, reach: float
+    ) -> "SearchParams":
+        """Return this with what is left open filled in, and checked.
+
+        Args:
+            parts: As they are believed.
+            error: How far the hole may be off across, m.
+            push: With which the peg is inserted at most, N.
+            reach: How far the face may be off along the axis, m.
+        """
+        self.require_read()
+        if self.kind == "none":
+            return self
+        derived: dict[str, float] = {
+            "drop": parts.chamfer_height + _IN,
+            "reach": reach,
+            "radius": error,
+            "pitch": parts.chamfer_limit,
+            "back": max(parts.peg_radius, _FURTHER * error),
+            "wall": parts.friction * self.press + _SURE,
+        }
+        found: dict[str, Any] = {
+            name: derived[name] if getattr(self, name) is None else getattr(self, name)
+            for name in derived
+            if name in _READ[self.kind]
+        }
+        search = replace(self, **found)
+        search._require_sense(parts, push)
+        return search
+
+    def _require_sense(self, parts: PegAndHole, push: float) -> None:
+        if self.press > push:
+            raise ParameterError("search.press", self.press, f"at most insert.push, {push:g} N")
+        capture = 2 * parts.chamfer_limit
+        if self.pitch is not None and self.pitch > capture:
+            what = "the width in which chamfers and clearance capture the peg"
+            raise ParameterError("search.pitch", self.pitch, f"at most {capture:.4g} m, {what}")
+        for name, most in (("radius", parts.outer_radius / 2), ("back", parts.outer_radius)):
+            value = getattr(self, name)
+            if value is not None and value > most:
+                allowed = f"at most {most:.4g} m: the face ends at {parts.outer_radius:g} m"
+                raise ParameterError(f"search.{name}", value, allowed)
+
+
+_IN: Final = 0.0005  # m, below the chamfers; assumed
+_FURTHER: Final = 1.2  # times the error; assumed
+_SURE: Final = 3.0  # N, beyond friction of the peg and of the joints; assumed
+_FOLLOWS: Final = 5.0  # rad/s, of the loop that keeps the press; assumed
+_YIELDS: Final = 0.1  # s, in which the lead, and what is left of a load across, is followed
+_DAMPED: Final = 0.3  # of what a damped load follows in a tick; assumed
+_LOST: Final = 0.5  # of the press, below which it does not touch for sure; assumed
+_SLIDING: Final = 0.8  # of the press, from which on it slides; assumed
+
+
+class SearchMemory(NamedTuple):
+    """What a search remembers from tick to tick."""
+
+    began: float = math.inf  # s; infinity: not in this attempt
+    lead: Across = (0.0, 0.0)  # m, by which the command is ahead of the peg, against friction
+    slid: float = 0.0  # m, of a peg that leans
+
+
+class TouchSearch:
+    """The motions of a search, of parameters that leave nothing open.
+
+    Loads are those of the peg on the hole, N, along the hole's axes, tared.
+
+    Args:
+        params: Of the search.
+        axial: Stiffness of what holds the peg along the axis, N/m.
+        stiffness: The same across.
+        drag: Most friction across, of the press and of the arm, N.
+        lag: In which what holds the peg gives way, s, of an admittance D / K; None: at once.
+        damping: Of an admittance, N s/m: a load that is followed faster is one of damping.
+        tip: How far the rim of a peg that leans is ahead of the middle of its tip, m.
+    """
+
+    def __init__(
+        self,
+        params: SearchParams,
+        *,
+        axial: float,
+        stiffness: float,
+        drag: float,
+        lag: float | None = None,
+        damping: float = 0.0,
+        tip: float = 0.0,
+    ) -> None:
+        self.params, self._stiffness = params, stiffness
+        self._ahead, self._lag = drag / stiffness, lag
+        damped = _DAMPED / damping if damping else math.inf
+        self._follow = min(_FOLLOWS / axial, damped)  # m/s, of the feed, for each N that it lacks
+        self._aside = min(_FOLLOWS / stiffness, damped)  # m/s, likewise, across
+        self.lift = tip + params.press / axial  # m, to lean over freely
+        self.leans = params.kind == "tilt"
+
+    def spiral(self, attempt: int) -> Spiral:
+        """Return the spiral of an attempt, counted from 1."""
+        params = self.params
+        assert params.pitch is not None
+        assert params.radius is not None
+        radius = params.radius * (1 + params.widen * (attempt - 1))
+        return Spiral(speed=params.speed, pitch=params.pitch, radius=radius)
+
+    @property
+    def reaches(self) -> float:
+        """How far the hole may be off, m, and is still searched for."""
+        return (self.params.back if self.leans else self.params.radius) or 0.0
+
+    @property
+    def way(self) -> float:
+        """How far the command of a peg that leans slides at most, m, springs and all."""
+        back, wall = self.params.back, self.params.wall
+        assert back is not None
+        assert wall is not None
+        return 3 * back + wall / self._stiffness
+
+    def press_rate(self, load: float, fastest: float) -> float:
+        """Return the feed's rate that keeps the press, m/s; what does not touch goes on fast."""
+        press = self.params.press
+        lost = max(0.0, 1 - load / (_LOST * press))
+        return max(-fastest, min(fastest, self._follow * (press - load) + lost * fastest))
+
+    def lead(
+        self, before: Across, load: tuple[float, float, float], period: float, turning: float
+    ) -> Across:
+        """Return how far the command is to be ahead: what holds the peg gives way by as much.
+
+        Springs are unsteady to read: over some ticks, in axes that turn, rad, with the spiral.
+        """
+        if self._lag is None:
+            before = turned(before, turning)
+        share = min(1.0, period / (self._lag or _YIELDS))
+        y, z = (
+            was + share * (force / self._stiffness - was)
+            for was, force in zip(before, load[1:], strict=True)
+        )
+        scale = min(1.0, self._ahead / length) if (length := math.hypot(y, z)) else 1.0
+        return scale * y, scale * z
+
+    def on_spiral(self, attempt: int, time: float) -> Across:
+        """Return the place on the spiral at a time since its begin, m."""
+        y, z = self.spiral(attempt).place(time)
+        return turned((y, z), _TURN * (attempt - 1))
+
+    def along(self, attempt: int) -> Across:
+        """Return the unit vector towards which the peg leans and slides."""
+        return turned((1.0, 0.0), _TURN * (attempt - 1))
+
+    def leaning(self, attempt: int) -> Offset:
+        """Return the offset of a peg that leans, where it begins to slide."""
+        (y, z), params = self.along(attempt), self.params
+        assert params.back is not None
+        return -params.back * y, -params.back * z, params.angle * z, -params.angle * y
+
+    def relax(self, load: tuple[float, float, float]) -> Across:
+        """Return the rates, m/s, that take a load across away."""
+        y, z = (-self._aside * force for force in load[1:])
+        scale = min(1.0, self.params.speed / speed) if (speed := math.hypot(y, z)) else 1.0
+        return scale * y, scale * z
+
+    def slide(self, attempt: int, load: tuple[float, float, float]) -> Across:
+        """Return the rates, m/s, of a peg that leans, as soon as it is pressed."""
+        (y, z), speed = self.along(attempt), self.params.speed
+        return (speed * y, speed * z) if load[0] >= _SLIDING * self.params.press else (0.0, 0.0)
+
+    def press_to_wall(self, attempt: int, load: tuple[float, float, float]) -> Across:
+        """Return the rates, m/s, that keep a load towards the wall, and take the one along it."""
+        (y, z), wall, relaxed = self.along(attempt), self.params.wall, self.relax(load)
+        assert wall is not None
+        rate = self._aside * (wall - self.pushed(attempt, load))
+        rate = max(-self.params.speed, min(self.params.speed, rate))
+        across = -z * relaxed[0] + y * relaxed[1]
+        return rate * y - across * z, rate * z + across * y
+
+    def pushed(self, attempt: int, load: tuple[float, float, float]) -> float:
+        """Return the load towards which the peg slides, N."""
+        y, z = self.along(attempt)
+        return y * load[1] + z * load[2]
+
+
+def turned(across: Across, angle: float) -> Across:
+    """Return a vector turned about the axis, rad."""
+    (y, z), c, s = across, math.cos(angle), math.sin(angle)
+    return c * y - s * z, s * y + c * z
