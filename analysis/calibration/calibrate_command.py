@@ -67,10 +67,10 @@ def add_calibrate(commands: "argparse._SubParsersAction[Any]") -> argparse.Argum
         "--poses",
         type=Path,
         metavar="CSV",
-        help="the poses of the arm that held the camera before a board at rest: a CSV file with "
-        "the header file,x,y,z,qw,qx,qy,qz and a row a picture, its file's name, the tool's place "
-        "in the arm's base, m, and its unit quaternion. camera.yaml has the camera's place in the "
-        "tool too, hand_eye, with standard deviations; hand-eye.png shows what remains",
+        help="poses of the arm that held the (left) camera before a board at rest: a CSV file "
+        "with the header file,x,y,z,qw,qx,qy,qz and a row a picture, its file's name, the tool's "
+        "place in the arm's base, m, and unit quaternion. camera.yaml then has hand_eye, the "
+        "camera's place in the tool, and hand-eye.png shows what remains",
     )
     parser.set_defaults(command=_calibrate)
     return parser

@@ -133,8 +133,8 @@ def calibrate(
     """Calibrate one camera, or two; pictures of the same number were taken at the same time.
 
     ``known`` is the number of one of the left camera's pictures, and X_WB of the board in it,
-    shape (4, 4). ``poses`` are X_WT of the arm that holds a camera, shape (4, 4), by the names of
-    its pictures of one board at rest.
+    shape (4, 4). ``poses`` are X_WT of the arm that holds the (left) camera, by the names of its
+    pictures of one board at rest.
 
     Raises:
         UserError: If the pictures don't tell what the cameras are, or where in the hand.
@@ -252,8 +252,6 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(
             f"--right is {len(files[1])} pictures, allowed: {len(files[0])}, as of the left camera"
         )
-    if arguments.poses and arguments.right:
-        raise UserError("--poses is given with --right, allowed: poses of one camera")
     poses = read_poses(arguments.poses, files[0]) if arguments.poses else None
     require_writable(arguments.out, [_FOLDER])
     folder = arguments.out / _FOLDER
@@ -292,11 +290,9 @@ def _known_place(arguments: argparse.Namespace) -> tuple[Path, Array] | None:
             f"--board-pose is {arguments.board_pose!r}, allowed: six numbers, "
             "x,y,z,roll,pitch,yaw, m and rad"
         )
-    X_WB = np.eye(4)
-    X_WB[:3, :3] = Rotation.from_euler("xyz", numbers[3:]).as_matrix()
-    X_WB[:3, 3] = numbers[:3]
+    turn = Rotation.from_euler("xyz", numbers[3:]).as_rotvec()
     (picture,) = picture_files([arguments.board_picture])[:1]
-    return picture, X_WB
+    return picture, transform(np.append(turn, numbers[:3]))
 
 
 def _found(

@@ -262,7 +262,7 @@ def _calibrate(scenario: CalibrationScenario, seed: int, number: int) -> Row:
         if (hand := found.hand_eye) is not None:
             off_by = moved(X_TC, hand.X_TC)
             square = float(off_by @ np.linalg.solve(hand.covariance, off_by))
-            both = np.reshape([off_by, hand.deviations], (4, 3))
+            both = np.reshape([off_by, np.sqrt(np.diag(hand.covariance))], (4, 3))
             held.append([*np.linalg.norm(both, axis=1), square])
     left, (pictures,) = found.cameras.left, found.pictures
     if left.sd is None or left.reprojection_error is None:

@@ -292,17 +292,18 @@ def rms(residuals: Array) -> float:
     return float(np.sqrt(np.mean(np.sum(residuals**2, axis=-1))))
 
 
-def transform(pose: Array) -> Array:
-    """Return a rotation vector and a translation, shape (6,), as a matrix, shape (4, 4)."""
-    matrix = np.eye(4)
-    matrix[:3, :3] = Rotation.from_rotvec(pose[:3]).as_matrix()
-    matrix[:3, 3] = pose[3:]
-    return matrix
+def transform(poses: Array) -> Array:
+    """Return rotation vectors and translations, shape (..., 6), as matrices, shape (..., 4, 4)."""
+    matrices = np.tile(np.eye(4), (*poses.shape[:-1], 1, 1))
+    matrices[..., :3, :3] = Rotation.from_rotvec(poses[..., :3]).as_matrix()
+    matrices[..., :3, 3] = poses[..., 3:]
+    return matrices
 
 
 def pose_vector(X: Array) -> Array:
-    """Return a matrix, shape (4, 4), as a rotation vector and a translation, shape (6,)."""
-    return np.append(Rotation.from_matrix(X[:3, :3]).as_rotvec(), X[:3, 3])
+    """Return matrices, shape (..., 4, 4), as rotation vectors and translations, (..., 6)."""
+    turns = Rotation.from_matrix(X[..., :3, :3]).as_rotvec()
+    return np.concatenate([turns, X[..., :3, 3]], axis=-1)
 
 
 def frame_pose(values: Array, sd: FramePose | None = None) -> FramePose:

@@ -1,11 +1,10 @@
 """Where a camera sits in a hand, by pictures of a board at rest and the arm's poses.
 
 Frames: W the arm's base, T the tool (or flange) that the poses are of, C the camera, B the board.
-In a picture the board is at X_CB = X_TC^-1 X_WT^-1 X_WB, but for what the picture and the arm's
-pose are wrong by. Motions between pictures give a start; then X_TC and X_WB are adjusted to all
-pictures at once, weighed by the covariance of the board's poses in them (which share the lens) and
-by the arm's two variances, the most likely ones (restricted maximum likelihood). To first order
-that is the least squares of the reprojection, with lens and arm's poses unknown too.
+Motions between pictures give a start; then X_TC and X_WB are adjusted to all pictures at once,
+weighed by the covariance of the board's poses in them, which share the lens, and by the arm's two
+variances, the most likely ones (restricted maximum likelihood). To first order that is the least
+squares of the reprojection, with lens and arm's poses unknown too.
 """
 
 import csv
@@ -64,10 +63,9 @@ def read_poses(path: Path, pictures: Sequence[Path]) -> dict[str, Array]:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.DictReader(file, skipinitialspace=True))
         table = [(row["file"], np.array([float(row[one]) for one in _NUMBERS])) for row in rows]
-    except OSError as error:
-        raise UserError(f"--poses {path}: {error.strerror}, allowed: {_FORMAT}") from error
-    except (KeyError, TypeError, ValueError, csv.Error) as error:
-        raise UserError(f"--poses {path} can't be read, allowed: {_FORMAT}") from error
+    except (OSError, KeyError, TypeError, ValueError, csv.Error) as error:
+        why = getattr(error, "strerror", None) or "can't be read"
+        raise UserError(f"--poses {path}: {why}, allowed: {_FORMAT}") from error
     poses: dict[str, Array] = {}
     names = [shown_name(file) for file in pictures]
     for name, numbers in table:
@@ -95,14 +93,9 @@ class HandEye:
     turns: tuple[Array, Array]  # of the tool, see _turns
 
     @property
-    def deviations(self) -> Array:
-        """Standard deviations, rad and m, shape (6,)."""
-        return np.asarray(np.sqrt(np.diag(self.covariance)))
-
-    @property
     def pose(self) -> FramePose:
         """Where the camera is, as a camera file has it."""
-        return frame_pose(pose_vector(self.X_TC), frame_pose(self.deviations))
+        return frame_pose(pose_vector(self.X_TC), frame_pose(np.sqrt(np.diag(self.covariance))))
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -119,16 +112,15 @@ class HandEye:
 
 
 def fit_hand_eye(fit: Fit, called: Sequence[str], poses: Mapping[str, Array]) -> HandEye:
-    """Fit a camera's place in the hand to its pictures, by their names, and poses X_WT of some.
+    """Fit the (left) camera's place in the hand to its pictures, by names, and X_WT of some.
 
     Raises:
         UserError: If the poses don't tell where the camera is, or don't belong to the pictures.
     """
-    used = {called[k]: fit.board((0, k)) for _, k in fit.sights if called[k] in poses}
+    used = {called[k]: fit.board((0, k)) for c, k in fit.sights if not c and called[k] in poses}
     names, adjustment = list(used), fit.adjustment
-    if len(names) < LEAST_POSES:
-        said = f"{len(names)} of the pictures that show the board have a pose"
-        raise UserError(f"{said}, allowed: at least {LEAST_POSES}")
+    if (count := len(names)) < LEAST_POSES:
+        raise UserError(f"{count} pictures that show the board have a pose, allowed: at least 5")
     X_WT = np.stack([poses[name] for name in names])
     axes, about = _turns(X_WT)
     if about[1] < _LEAST_TURN:
@@ -142,25 +134,24 @@ def fit_hand_eye(fit: Fit, called: Sequence[str], poses: Mapping[str, Array]) ->
     # Of independent errors, widened as much as the jackknife widens the lens' own.
     own, jackknife = (np.diag(covariance)[:INTRINSIC] for covariance in adjustment.covariances)
     covariance = max(1.0, np.mean(jackknife / own)) * adjustment.covariances[0][where][:, where]
-    X_CB = _poses(Rotation.from_rotvec(boards[:, :3]), boards[:, 3:])
-    start = _start(X_WT, X_CB)
-    apart = _apart(X_WT, X_CB, *start)
-    size = _size(apart)
-    if np.median(size) <= 1 and size.max() <= max(1, _BEYOND * float(np.median(size))):
+    X_CB = transform(boards)
+    apart = _apart(X_WT, X_CB, *(start := _start(X_WT, X_CB)))
+    size, worst = _size(apart), int(np.argmax(_size(apart)))
+    usual = float(np.median(size))
+    if usual <= 1 and size[worst] <= max(1, _BEYOND * usual):
         return _adjusted(names, X_WT, boards, covariance, start)
-    p, R = X_WT[:, :3, 3], Rotation.from_matrix(X_WT[:, :3, :3])
-    base, other = np.asarray(np.linalg.inv(X_WT)), Rotation.from_quat(R.as_quat(scalar_first=True))
-    for said, X in (
-        ("places are taken as mm, allowed: m", _poses(R, 1e-3 * p)),
-        ("quaternions are taken as x,y,z,w, allowed: w,x,y,z", _poses(other, p)),
-        (
-            "they are taken as the base's in the tool's frame, allowed: the tool's in the base's",
-            base,
-        ),
-    ):
-        if np.median(size) > 1 >= np.median(_size(_apart(X, X_CB, *_start(X, X_CB)))):
+    vectors, scale = pose_vector(X_WT), np.repeat([1, 1e-3], 3)
+    other = Rotation.from_quat(Rotation.from_rotvec(vectors[:, :3]).as_quat(scalar_first=True))
+    turned = np.hstack([other.as_rotvec(), vectors[:, 3:]])
+    inverse = np.asarray(np.linalg.inv(X_WT), float)
+    readings = {
+        "places are taken as mm, allowed: m": transform(vectors * scale),
+        "quaternions are taken as x,y,z,w, allowed: w,x,y,z": transform(turned),
+        "they are taken as the base's in the tool, allowed: the tool's in the base": inverse,
+    }
+    for said, X in readings.items():
+        if usual > 1 >= np.median(_size(_apart(X, X_CB, *_start(X, X_CB)))):
             raise UserError(f"the poses fit the pictures only if {said}")
-    worst = int(np.argmax(size))
     raise UserError(
         f"poses don't belong to their pictures, worst {names[worst]}: {_said(apart[worst])}; in "
         f"the median {_said(np.median(np.abs(apart), axis=0))}, allowed: 10 mm and 30 mrad; "
@@ -172,13 +163,12 @@ def _adjusted(
     names: Sequence[str], X_WT: Array, boards: Array, covariance: Array, start: Sequence[Array]
 ) -> HandEye:
     """Return what fits best to boards' poses, shape (n, 6), of a covariance, (6n, 6n)."""
-    (X_TC, X_WB), count = start, len(names)
+    (X_TC, X_WB), count, variances = start, len(names), (_ANY_ARM / 10) ** 2
     kind = np.tile([0, 0, 0, 1, 1, 1], count)  # rotations and shifts
-    variances = (_ANY_ARM / 10) ** 2
 
     def after(step: Array) -> Array:
         """Return what remains after steps of X_TC, X_WB and all boards' poses, shape (18,)."""
-        X_CB = _poses(Rotation.from_rotvec(boards[:, :3] + step[12:15]), boards[:, 3:] + step[15:])
+        X_CB = transform(boards + step[12:])
         return _apart(X_WT, X_CB, _moved(X_TC, step[:6]), _moved(X_WB, step[6:12])).ravel()
 
     for _ in range(_ROUNDS[0]):
@@ -231,13 +221,10 @@ def _start(X_WT: Array, X_CB: Array) -> tuple[Array, Array]:
 
 
 def _of_motions(X_WT: Array, X_CB: Array) -> Array:
-    """Return X_TC of the motions between all pairs of pictures (Park and Martin 1994).
-
-    As OpenCV's ``calibrateHandEye`` does it, which its Python lacks in 5.0.
-    """
+    """Return X_TC by motions between pictures (Park and Martin 1994), as OpenCV has it in C++."""
     i, j = np.triu_indices(len(X_WT), 1)
     tool, board = np.linalg.inv(X_WT[i]) @ X_WT[j], X_CB[i] @ np.linalg.inv(X_CB[j])
-    a, b = (Rotation.from_matrix(X[:, :3, :3]).as_rotvec() for X in (tool, board))
+    a, b = (pose_vector(X)[:, :3] for X in (tool, board))
     u, _, v = np.linalg.svd(a.T @ b)
     R_TC = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
     shift = board[:, :3, 3] @ R_TC.T - tool[:, :3, 3]
@@ -247,8 +234,7 @@ def _of_motions(X_WT: Array, X_CB: Array) -> Array:
 
 def _apart(X_WT: Array, X_CB: Array, X_TC: Array, X_WB: Array) -> Array:
     """Return where the tool is as pictures say, from where the arm says, rad and m, (n, 6)."""
-    X = np.linalg.inv(X_WT) @ X_WB @ np.linalg.inv(X_CB) @ np.linalg.inv(X_TC)
-    return np.hstack([Rotation.from_matrix(X[:, :3, :3]).as_rotvec(), X[:, :3, 3]])
+    return pose_vector(np.linalg.inv(X_WT) @ X_WB @ np.linalg.inv(X_CB) @ np.linalg.inv(X_TC))
 
 
 def _size(apart: Array) -> Array:
@@ -269,12 +255,6 @@ def _turns(X_WT: Array) -> tuple[Array, Array]:
     return np.round(axes.T, 2) + 0.0, np.sqrt(np.maximum(values, 0.0))
 
 
-def _poses(R: Rotation, p: Array) -> Array:
-    X = np.tile(np.eye(4), (len(p), 1, 1))
-    X[:, :3, :3], X[:, :3, 3] = R.as_matrix(), p
-    return X
-
-
 def _moved(X: Array, step: Array) -> Array:
     """Return a pose turned, rad, and shifted, m, about the axes in which it is given."""
     turn = Rotation.from_rotvec(step[:3]) * Rotation.from_matrix(X[:3, :3])
@@ -289,11 +269,13 @@ def _said(apart: Array) -> str:
 def plot_hand_eye(found: HandEye) -> Figure:
     """Draw what remains of each picture."""
     numbers = np.arange(len(found.names))
-    figure = new_figure(9.0, max(3.8, 0.17 * min(len(numbers), 40) + 1.4))
+    names = [one[-21:].replace("$", r"\$") for one in found.names]
+    figure = new_figure(9.0, max(3.8, 0.17 * len(names) + 1.4))
     for k, (axes, unit) in enumerate(zip(figure.subplots(1, 2), ("mrad", "mm"), strict=True)):
         axes.barh(numbers, 1e3 * _lengths(found.apart)[:, k], color=("#e07b00", "#1b4f9c")[k])
         axes.axvline(1e3 * math.sqrt(3) * found.arm[k], **LIMIT, label="arm's rms")
-        dress(axes, title="Tool, picture from arm", x=f"apart / {unit}", y="picture / number")
+        dress(axes, title="Tool, picture from arm", x=f"apart / {unit}", y="")
+        axes.set_yticks(numbers, names, fontsize=7)
         axes.invert_yaxis()
         legend(axes, loc="lower right")
     return figure

@@ -205,10 +205,6 @@ def test_a_camera_in_a_hand(
             ["left", *BOARD, "--board-picture", "blank.png", "--board-pose", "0,0,0,0,0,0"],
             "blank.png can't tell where the camera stands: the board is not found",
         ),
-        (
-            ["left", "--right", "left", "--poses", "poses.csv", *BOARD],
-            "--poses is given with --right, allowed: poses of one camera",
-        ),
         (["a.avi", *BOARD], "a.avi is a video, allowed: an image folder, image files"),
     ],
 )

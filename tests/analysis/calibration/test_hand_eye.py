@@ -12,12 +12,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, f
 
 from chamfer.analysis.calibration.camera_fit import Fit, Picture, fit_camera, moved, transform
-from chamfer.analysis.calibration.hand_eye import (
-    HandEye,
-    fit_hand_eye,
-    plot_hand_eye,
-    read_poses,
-)
+from chamfer.analysis.calibration.hand_eye import HandEye, fit_hand_eye, plot_hand_eye, read_poses
 from chamfer.analysis.scenario.errors import UserError
 from chamfer.models.cameras.camera import Camera
 
@@ -62,6 +57,10 @@ def fitted(fit: Fit, poses: dict[str, Array]) -> HandEye:
     return fit_hand_eye(fit, [f"picture{k}.png" for k in range(40)], poses)
 
 
+def deviations(found: HandEye) -> Array:
+    return np.asarray(np.sqrt(np.diag(found.covariance)))
+
+
 def square(found: HandEye) -> float:
     """Return the error's square in standard deviations."""
     off = moved(X_TC, found.X_TC)
@@ -74,7 +73,7 @@ def test_exact_poses_and_corners_tell_all(places: list[Camera], look: Look) -> N
     np.testing.assert_allclose(found.X_TC, X_TC, atol=1e-6)
     np.testing.assert_allclose(found.apart, 0, atol=1e-6)
     assert found.arm.max() < 1e-6
-    assert found.deviations.max() < 1e-5
+    assert deviations(found).max() < 1e-5
 
 
 def test_it_is_the_least_squares_of_the_reprojection(seen: Fit, poses: dict[str, Array]) -> None:
@@ -98,10 +97,10 @@ def test_it_is_the_least_squares_of_the_reprojection(seen: Fit, poses: dict[str,
         return np.concatenate(left)
 
     best = least_squares(residuals, np.append(lens, np.zeros(60)), x_scale="jac", jac="3-point")
-    assert np.abs(best.x[9:15] / found.deviations).max() < 0.15
+    assert np.abs(best.x[9:15] / deviations(found)).max() < 0.15
     normal = np.linalg.inv(best.jac.T @ best.jac)[9:15, 9:15]
     wider = 6 * f.ppf(0.95, 6, 15) / chi2.ppf(0.95, 6)
-    np.testing.assert_allclose(found.deviations**2, wider * np.diag(normal), rtol=0.2)
+    np.testing.assert_allclose(deviations(found) ** 2, wider * np.diag(normal), rtol=0.2)
 
 
 def turned(X: Array, step: Array) -> Array:
@@ -114,8 +113,7 @@ def test_what_is_said_of_it(seen: Fit, poses: dict[str, Array]) -> None:
     assert square(found) < chi2.ppf(0.95, 6)
     np.testing.assert_allclose(found.arm, ARM, rtol=0.5)
     assert found.pose.sd is not None
-    assert found.pose.sd.translation == pytest.approx(found.deviations[3:])
-    assert found.notes[0].startswith("hand-eye: 8 poses, of standard deviations of 0.")
+    assert found.pose.sd.translation == pytest.approx(deviations(found)[3:])
     assert found.notes[2].startswith("24 more such pictures halve standard deviations; the tool ")
     turn, shift = plot_hand_eye(found).axes
     for axes, part in ((turn, found.apart[:, :3]), (shift, found.apart[:, 3:])):
@@ -135,8 +133,7 @@ def test_the_region_holds_what_it_says(place: Place, look: Look, count: int, arm
 
 
 def off_place(poses: dict[str, Array]) -> None:
-    poses["picture3.png"] = poses["picture3.png"].copy()
-    poses["picture3.png"][0, 3] += 0.03
+    poses["picture3.png"] = poses["picture3.png"] + np.outer([0.03, 0, 0, 0], [0, 0, 0, 1])
 
 
 def exchanged(poses: dict[str, Array]) -> None:
@@ -153,10 +150,6 @@ def in_mm(poses: dict[str, Array]) -> None:
         poses[name] = np.vstack([poses[name][:3] * [1, 1, 1, 1e3], poses[name][3:]])
 
 
-def inverted(poses: dict[str, Array]) -> None:
-    poses.update({name: np.linalg.inv(X) for name, X in poses.items()})
-
-
 def reordered(poses: dict[str, Array]) -> None:
     for name, X in poses.items():
         quaternion = Rotation.from_matrix(X[:3, :3]).as_quat()
@@ -169,11 +162,6 @@ def about_one_axis(poses: dict[str, Array]) -> None:
         poses[name] = poses["picture0.png"] @ transform(np.array([0, 0, 0.2 * k, 0, 0, 0]))
 
 
-def few(poses: dict[str, Array]) -> None:
-    for k in range(4, 8):
-        del poses[f"picture{k}.png"]
-
-
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
@@ -181,19 +169,25 @@ def few(poses: dict[str, Array]) -> None:
         (exchanged, "poses don't belong to their pictures, worst picture[26].png"),
         (one_on, "poses don't belong to their pictures, .*; are rows mixed up"),
         (in_mm, "the poses fit the pictures only if places are taken as mm, allowed: m$"),
-        (inverted, "only if they are taken as the base's in the tool's frame, allowed: the tool"),
+        (
+            lambda poses: poses.update({name: np.linalg.inv(X) for name, X in poses.items()}),
+            "only if they are taken as the base's in the tool, allowed: the tool",
+        ),
         (reordered, "only if quaternions are taken as x,y,z,w, allowed: w,x,y,z$"),
         (
             about_one_axis,
             r"turns by 0.69 rad rms about its axis \[-?0.0, -?0.0, -?1.0\] and by .* across",
         ),
-        (few, "^4 of the pictures that show the board have a pose, allowed: at least 5$"),
+        (
+            lambda poses: [poses.popitem() for _ in range(4)],
+            "^4 pictures that show the board have a pose, allowed: at least 5$",
+        ),
     ],
 )
 def test_poses_that_don_t_tell(
     seen: Fit,
     poses: dict[str, Array],
-    spoil: Callable[[dict[str, Array]], None],
+    spoil: Callable[[dict[str, Array]], object],
     message: str,
 ) -> None:
     spoil(poses)
@@ -214,7 +208,6 @@ def test_poses_are_read(tmp_path: Path) -> None:
     [
         (None, "No such file or directory"),
         ("file,x,y,z\na.png,1,2,3\n", "can't be read"),
-        (HEADER + "a.png,1,2,3,1,0,0\n", "can't be read"),
         (HEADER + "a.png,1,2,3,1,0,0,b\n", "can't be read"),
         (HEADER + "a.png,1,2,3,0,0,0,0\n", "a.png has a quaternion of length 0,"),
         (HEADER + "a.png,1,2,nan,1,0,0,0\n", "a.png is not at a finite place,"),
