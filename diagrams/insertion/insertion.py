@@ -314,7 +314,7 @@ def _search(scenario: ResolvedInsertionScenario) -> TouchSearch | None:
         return None
     search, admittance = scenario.search, scenario.admittance
     joints, lag, damping = _JOINTS, None, 0.0
-    if scenario.takes_positions:
+    if scenario.servo is not None:
         joints = 0.0
         if admittance.kind == "wrist" and admittance.damping is not None:
             damping = max(admittance.damping[3:])

@@ -222,6 +222,8 @@ _SLIPS: Final = 0.001  # m, that a peg moves out by if nothing but the push hold
 _BEFORE: Final = -0.002  # m, of depth, above which the peg is at the mouth
 _NONE: Final = 1e-12  # m and rad, of an offset that is back
 _THERE: Final = 1e-6  # m and rad, from an offset that is gone to
+_CATCHES_UP: Final = 4.0  # times the search's speed, of an offset that is behind; assumed
+_RESTS: Final = 3.0  # times the press, with which what is held is pushed; assumed
 _SETTLES: Final = 1.0  # s, in which a peg that was stood up goes in; assumed
 _GATE: Final = -0.004  # m, of depth, from where on the lateral error decides whether it goes on
 
@@ -323,6 +325,7 @@ def _search_states(rules: "_Rules", go: _Go) -> _Part:
     within = f"no hole within {1e3 * params.radius:.2g} mm"
     return [State(name="spiral", during=rules.spiral, note="slides about, pressed on")], [
         go("insert", "spiral", *lies),
+        go("insert", "spiral", "held, but not in", rules.rests),
         go("spiral", *dropped),
         go("spiral", "insert", f"held, {params.hold:g} N across", rules.caught),
         go("spiral", "release", within, rules.covered, lost),
@@ -552,13 +555,13 @@ class _Rules:
         """Go on along the spiral, ahead by as much as friction drags the peg back."""
         memory, search, period = tick.memory, self.search, self._params.period
         assert search is not None
-        spiral, time = search.spiral(memory.attempts), tick.time - memory.search.began
+        spiral, time = search.spiral(memory.attempts), memory.search.spent
         turning = spiral.angle(time + period) - spiral.angle(time)
         lead = search.lead(memory.search.lead, memory.load(tick.inputs), period, turning)
         y, z = search.on_spiral(memory.attempts, time + period)
         aim = (y + lead[0], z + lead[1], 0.0, 0.0)
-        rates = self._towards(tick, aim, math.inf)
-        found = memory.search._replace(lead=lead)
+        rates = self._towards(tick, aim, _CATCHES_UP * search.params.speed)
+        found = memory.search._replace(spent=time + period, lead=lead)
         return self._pressed(tick, rates)._replace(search=found)
 
     def _pressed(self, tick: InsertionTick, rates: Offset) -> InsertionMemory:
@@ -579,7 +582,17 @@ class _Rules:
     def covered(self, tick: InsertionTick) -> bool:
         assert self.search is not None
         lasts = self.search.spiral(tick.memory.attempts).duration
-        return tick.time - tick.memory.search.began >= lasts - TIME_TOLERANCE
+        return tick.memory.search.spent >= lasts - TIME_TOLERANCE
+
+    def rests(self, tick: InsertionTick) -> bool:
+        """Whether what was held goes in no further, and there is more to search."""
+        assert self.search is not None
+        memory, most = (
+            tick.memory,
+            min(_RESTS * self.search.params.press, self._params.insert.push),
+        )
+        pushed = memory.searched and memory.load(tick.inputs)[0] >= most
+        return pushed and not self.dropped(tick) and not self.covered(tick)
 
     def lean(self, tick: InsertionTick) -> InsertionMemory:
         """Lift the peg off the face, and lean it over as it goes back."""

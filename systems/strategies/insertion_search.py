@@ -133,6 +133,7 @@ class SearchMemory(NamedTuple):
     """What a search remembers from tick to tick."""
 
     began: float = math.inf  # s; infinity: not in this attempt
+    spent: float = 0.0  # s, on the spiral
     lead: Across = (0.0, 0.0)  # m, by which the command is ahead of the peg, against friction
     slid: float = 0.0  # m, of a peg that leans
 
