@@ -1,0 +1,141 @@
+"""A camera in the hand: how it is mounted beside the peg, and what it sees of a mouth."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.math import RigidTransform, RotationMatrix
+from scipy.spatial.transform import Rotation
+
+from chamfer.models.cameras.camera import (
+    LARGEST_PIXEL,
+    UNDISTORTED,
+    Camera,
+    Coefficients,
+    LensDistortion,
+)
+from chamfer.models.peg.part_surfaces import rings
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.validation import (
+    ParameterError,
+    require_not_negative,
+    require_numbers,
+    require_positive,
+)
+from chamfer.systems.cameras.scene import outline
+
+Array = NDArray[np.float64]
+
+_FULL: Final = 0.8  # of the image's height, that a mouth fills with its reach
+_ANGLES: Final = np.arange(0.05, 0.951, 0.01)  # rad, that are tried
+_POINTS: Final = 48  # of a rim, that are looked at
+_LARGEST: Final = 10_000  # pixels, width and height of an image
+
+
+@dataclass(frozen=True, kw_only=True)
+class HandMount:
+    """Where a camera in the hand is believed to be, and how far off that is; all is assumed.
+
+    It looks at the mouth, as it is where the peg is in line at the gap, past the peg.
+    """
+
+    distance: float = 0.15  # m, from the mouth
+    angle: float | None = None
+    # rad, of its axis to the peg's; None: the least with which the peg hides none of the mouth
+    pixel_size: float | None = None
+    # m, that a pixel covers at the mouth; None: mouth and reach fill 0.8 of the image's height
+    width: int = 640  # pixels
+    height: int = 480  # pixels
+    distortion: Coefficients = UNDISTORTED  # k1, k2, p1, p2, k3 of OpenCV's model
+    reach: float = 0.004  # m, how far from where it is expected the mouth is looked for
+    error: tuple[float, ...] = (0.0,) * 6
+    # m and rad, of the true camera along and about the believed one's axes, after calibration
+    angle_deviation: float = 2.5e-4  # rad, standard deviation that calibration states, an axis
+    position_deviation: float = 4e-5  # m, likewise
+
+    def __post_init__(self) -> None:
+        require_positive(self, "distance", "reach")
+        require_not_negative(self, "angle_deviation", "position_deviation")
+        require_numbers(self, 6, "error")
+        LensDistortion(self.distortion)
+        if self.pixel_size is not None:
+            require_positive(self, "pixel_size", most=LARGEST_PIXEL, unit="m")
+        if self.angle is not None and not 0 < self.angle < math.pi / 2:
+            raise ParameterError("angle", self.angle, "between 0 and pi/2, rad")
+        for name in ("width", "height"):
+            value = getattr(self, name)
+            if not (isinstance(value, int) and 1 <= value <= _LARGEST):
+                raise ParameterError(name, value, f"a whole number from 1 to {_LARGEST}")
+
+    def of(self, parts: ColouredParts, gap: float) -> "HandMount":
+        """Return the mount with what it leaves open filled in.
+
+        Raises:
+            ParameterError: If the camera never sees the whole mouth at the gap, m.
+        """
+        pixel = self.pixel_size
+        if pixel is None:
+            pixel = 2 * (parts.hole.mouth_radius + self.reach) / (_FULL * self.height)
+        mount = replace(self, pixel_size=pixel)
+        angles = _ANGLES.tolist() if self.angle is None else [self.angle]
+        for angle in angles:
+            tried = replace(mount, angle=angle)
+            if tried.sees(parts, gap):
+                return tried
+        at = f"at the gap, {gap:g} m, shows the whole mouth and {self.reach:g} m around it"
+        if self.angle is not None:
+            raise ParameterError("angle", self.angle, f"one with which a camera {at}")
+        raise ParameterError("reach", self.reach, f"one with which some camera {at}")
+
+    def camera(self, gap: float, *, true: bool = False) -> Camera:
+        """Return the camera in the peg's frame T, of a mount that leaves nothing open."""
+        assert self.angle is not None
+        assert self.pixel_size is not None
+        cos, sin = math.cos(self.angle), math.sin(self.angle)
+        ahead = np.array([cos, -sin, 0.0])
+        R_TC = np.column_stack([[0.0, 0.0, 1.0], [-sin, -cos, 0.0], ahead])
+        X_TC = RigidTransform(RotationMatrix(R_TC), [gap, 0.0, 0.0] - self.distance * ahead)
+        if true:
+            turn = RotationMatrix(Rotation.from_rotvec(self.error[3:]).as_matrix())
+            X_TC = X_TC @ RigidTransform(turn, self.error[:3])
+        focal = self.distance / self.pixel_size
+        return Camera(
+            width=self.width,
+            height=self.height,
+            focal=(focal, focal),
+            centre=((self.width - 1) / 2, (self.height - 1) / 2),
+            R_WC=X_TC.rotation().matrix(),
+            p_WC=X_TC.translation(),
+            distortion=self.distortion,
+        )
+
+    @property
+    def covariance(self) -> Array:
+        """What calibration leaves of the camera's pose, m and rad, in its axes, shape (6, 6)."""
+        sides = [self.position_deviation] * 3 + [self.angle_deviation] * 3
+        return np.diag(np.maximum(sides, 1e-9) ** 2)
+
+    def sees(self, parts: ColouredParts, gap: float) -> bool:
+        """Return whether all of the mouth, and its reach around it, is seen at a gap, m."""
+        camera, chamfer = self.camera(gap), parts.hole.chamfer
+        assert self.angle is not None
+        if chamfer.width and self.angle > math.pi / 2 - chamfer.angle:
+            return False  # the chamfer hides the bore's nearer rim
+        wide = np.array([[gap, parts.hole.mouth_radius + self.reach]])
+        seen = camera.project(rings(wide, _POINTS)[0])
+        last = np.array([self.width - 1, self.height - 1])
+        if not ((seen >= 0) & (seen <= last)).all():
+            return False
+        peg = rings(parts.peg.profile, _POINTS, parts.section).reshape(-1, 3)
+        around = outline(camera.without_distortion(), peg)
+        if around is None:  # it reaches behind the camera: what is before it hides no less
+            before = peg[(peg - camera.p_WC) @ camera.R_WC[:, 2] > 0.1 * self.distance]
+            around = outline(camera.without_distortion(), before)
+            if around is None:
+                return True
+        straight = camera.shown_by(camera.without_distortion(), seen)
+        hull = around.astype(np.float32)
+        return all(cv2.pointPolygonTest(hull, point, False) < 0 for point in straight.tolist())
