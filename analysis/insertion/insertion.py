@@ -98,12 +98,14 @@ def outcome_of(scenario: ResolvedInsertionScenario, done: CellInsertion, seed: i
     time, touch = done.traces["time"], touch_row(done)
     last, before = len(time) - 1, row_before(time, scenario.begin)
     moments = {"before": before, "touch": last if touch is None else touch, "end": last}
-    pictures = pictures_at(scenario.there, done.traces, moments, seed)
+    tables = {"path": path_table(done.path)}
+    if scenario.cameras.kind == "pair":
+        tables["pictures"] = pictures_at(scenario.there, done.traces, moments, seed)
     return Outcome(
         metrics=_metrics(scenario, done),
         traces=done.traces,
         simulated_seconds=float(time[-1]),
-        tables={"path": path_table(done.path), "pictures": pictures},
+        tables=tables,
     )
 
 
@@ -124,7 +126,9 @@ def _metrics(scenario: ResolvedInsertionScenario, done: CellInsertion) -> dict[s
         unit="",
         note="simulated over processor time, one core, the machine's own",
     )
-    return metrics | settling_metrics(scenario) | predict(scenario, done)
+    if scenario.cameras.kind != "none":
+        metrics |= settling_metrics(scenario)
+    return metrics | predict(scenario, done)
 
 
 def figures(scenario: ResolvedInsertionScenario, outcome: Outcome) -> Mapping[str, Figure]:
@@ -136,22 +140,22 @@ def figures(scenario: ResolvedInsertionScenario, outcome: Outcome) -> Mapping[st
     wedging, jamming = loads.subplots(1, 2)
     _wedging(wedging, scenario, outcome)
     _jamming(jamming, scenario, outcome)
-    return {
+    drawn = {
         "insertion": plot_course(scenario, outcome, chart.state_names),
         "path": plot_chart_path(chart, outcome.tables["path"], result=result),
         "loads": loads,
-        "pictures": plot_moments(
-            scenario,
-            outcome.tables["pictures"],
-            {"before": "before", "touch": "at the touch", "end": f"after {time[-1]:.1f} s"},
-        ),
     }
+    if "pictures" in outcome.tables:
+        moments = {"before": "before", "touch": "at the touch", "end": f"after {time[-1]:.1f} s"}
+        drawn["pictures"] = plot_moments(scenario, outcome.tables["pictures"], moments)
+    return drawn
 
 
 def resolve_insertion(scenario: InsertionScenario) -> ResolvedInsertionScenario:
     """Return the scenario with what it leaves open filled in, and checked."""
     resolved = resolve(scenario)
-    require_fine_enough(resolved)
+    if scenario.cameras.kind == "pair":
+        require_fine_enough(resolved)
     return resolved
 
 
@@ -214,7 +218,8 @@ def plot_course(
         Curve(values, "of the contact, median of 10 ms", FORCE)
         for values in force_medians(traces, scenario.step)
     )
-    lines = [axial, Curve(traces["sensed_x"], "by the arm's springs", _MEASURED)]
+    sensed = "by the arm's springs" if scenario.servo is None else "by the wrist sensor"
+    lines = [axial, Curve(traces["sensed_x"], sensed, _MEASURED)]
     title = "(d) Force against the insertion"
     draw_lines(force, time, lines, title=title, y="force / N", over="")
     draw_lines(across, time, [lateral], title="(e) Force across", y="force / N")

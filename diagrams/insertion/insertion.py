@@ -150,8 +150,12 @@ class InsertionScenario(AlignmentScenario):
         """The springs between the flange of such an arm and the tip, and what they carry."""
         tool = self.peg.tool
         mass, lever = tool.mass + self.peg.payload_error, abs(tool.centre_of_mass[0])
-        inertia = max(tool.inertia) + mass * lever**2
-        return self.compliance.resolved().wrist(mass=mass, centre_of_mass=lever, inertia=inertia)
+        return self.compliance.resolved().wrist(
+            mass=mass,
+            centre_of_mass=lever,
+            inertia=max(tool.inertia[1:]) + mass * lever**2,
+            axial_inertia=tool.inertia[0],
+        )
 
     @property
     def stiffness(self) -> tuple[float, ...]:
@@ -171,16 +175,8 @@ class InsertionScenario(AlignmentScenario):
         """Return what the peg is taken to be held by at a depth of its tip, m."""
         if self.servo is None:
             return self.support.over(support_at(self, depth))
-        device = self.compliance.resolved().support
-        _, pitch, yaw, _, y, z = self.admittance.stiffness
-        if self.admittance.kind == "none":
-            return self.support.over(device)
-        given_way = Support(
-            lateral_stiffness=min(y, z),
-            angular_stiffness=min(pitch, yaw),
-            centre_distance=-self.admittance.centre[0],
-        )
-        return self.support.over(stacked(device, given_way))
+        device, behind = self.compliance.resolved().support, self.admittance.support
+        return self.support.over(stacked(device, behind) if behind else device)
 
     @property
     def wedging_support(self) -> Support:
@@ -289,7 +285,9 @@ def _resolve_arm(scenario: ScenarioT) -> ScenarioT:
     if admittance.kind == "wrist" and admittance.damping is None:
         admittance = replace(admittance, damping=_DAMPED)
     hole = scenario.hole
-    require_within_deflection(compliance, hole.position_error, hole.angle_error)
+    # Further off it lies beside the mouth.
+    lateral = min(hole.position_error, scenario.parts.chamfer_limit)
+    require_within_deflection(compliance, lateral, hole.angle_error, admittance.support)
     return replace(scenario, compliance=compliance, admittance=admittance)
 
 

@@ -100,7 +100,6 @@ _OF_KIND: Final[Mapping[ComplianceKind, Mapping[str, float]]] = {
     },
 }
 _OF_A_DEVICE: Final = ("most_lateral", "most_axial", "most_angular", "mass")
-_LEAST_INERTIA: Final = 2.01  # of the mass times the square of its lever
 _FARTHEST: Final = 1.0  # m, of a centre from the tip: beyond it the unit is wrong
 
 
@@ -160,13 +159,16 @@ class Compliance(ComplianceParams):
             centre_distance=self.centre_distance,
         )
 
-    def wrist(self, *, mass: float, centre_of_mass: float, inertia: float) -> WristParams:
+    def wrist(
+        self, *, mass: float, centre_of_mass: float, inertia: float, axial_inertia: float
+    ) -> WristParams:
         """Return the springs of a plant, with what they carry: z away from the hole.
 
         Args:
             mass: Of tool and peg, kg; the device's is put into their centre of mass.
             centre_of_mass: Of tool and peg above the tip, m.
-            inertia: Of tool and peg about every axis through the tip, kg m^2.
+            inertia: Of tool and peg about axes across through the tip, kg m^2.
+            axial_inertia: About their axis, kg m^2.
         """
         own = self.mass or 0.0
         about = self.angular, self.angular, self.torsional
@@ -175,11 +177,8 @@ class Compliance(ComplianceParams):
             centre=self.centre_distance,
             damping_ratio=self.damping_ratio,
             mass=mass + own,
-            # What a wrist needs, so that a body can have it.
-            inertia=max(
-                inertia + own * centre_of_mass**2,
-                _LEAST_INERTIA * (mass + own) * centre_of_mass**2,
-            ),
+            inertia=inertia + own * centre_of_mass**2,
+            axial_inertia=axial_inertia,
             centre_of_mass=centre_of_mass,
         )
 

@@ -58,6 +58,7 @@ class WristParams:
     damping_ratio: float = 0.7  # of the tool on each spring; assumed
     mass: float = 0.3  # kg, of fingers and plug; assumed
     inertia: float = 4e-4  # kg m^2, about every axis through the tip; assumed
+    axial_inertia: float | None = None  # kg m^2, about z; None: as about the others
     centre_of_mass: float = 0.02  # m, above the tip; assumed
 
     def __post_init__(self) -> None:
@@ -66,16 +67,27 @@ class WristParams:
         require_between(self, -_FARTHEST, _FARTHEST, "centre", unit="m")
         if len(self.stiffness) != SIZE or not all(0 < k < math.inf for k in self.stiffness):
             raise ParameterError("stiffness", self.stiffness, "six finite numbers > 0")
-        least = 2 * self.mass * self.centre_of_mass**2  # so that a body can have what is left
-        if not self.inertia > least:
-            raise ParameterError("inertia", self.inertia, f"more than 2 mass arm^2, {least:.3g}")
+        own = self.mass * self.centre_of_mass**2
+        if self.axial_inertia is None:
+            # So that a body can have what is left.
+            if not self.inertia > 2 * own:
+                allowed = f"more than 2 mass arm^2, {2 * own:.3g}"
+                raise ParameterError("inertia", self.inertia, allowed)
+        elif not 0 < self.axial_inertia <= 2 * (self.inertia - own):
+            allowed = f"> 0, and at most 2 (inertia - mass arm^2), {2 * (self.inertia - own):.3g}"
+            raise ParameterError("axial_inertia", self.axial_inertia, allowed)
+
+    @property
+    def about_z(self) -> float:
+        """Inertia about the wrist's axis, kg m^2."""
+        return self.inertia if self.axial_inertia is None else self.axial_inertia
 
     @property
     def damping(self) -> tuple[float, ...]:
         """N m s/rad and N s/m, in the order of the stiffness."""
         arm, own = self.centre_of_mass - self.centre, self.centre_of_mass
         across = self.inertia + self.mass * (arm**2 - own**2)  # about the centre
-        inertia = (across, across, self.inertia) + (self.mass,) * 3
+        inertia = (across, across, self.about_z) + (self.mass,) * 3
         return tuple(
             2 * self.damping_ratio * math.sqrt(k * m)
             for k, m in zip(self.stiffness, inertia, strict=True)
@@ -137,7 +149,7 @@ def add_wrist(plant: MultibodyPlant, carrier: Frame, params: WristParams) -> Wri
     # The given inertia is about the tip; off it, only the axes across grow.
     about = params.inertia - params.mass * params.centre_of_mass**2
     inertia = SpatialInertia.MakeFromCentralInertia(
-        params.mass, p, RotationalInertia(about, about, params.inertia)
+        params.mass, p, RotationalInertia(about, about, params.about_z)
     )
     step = plant.time_step()
     added = step * np.diag(params.implicit_law(step)[:, SIZE:])

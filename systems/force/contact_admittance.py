@@ -6,6 +6,7 @@ from typing import Final, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from chamfer.models.peg.support import Support
 from chamfer.models.validation import (
     ParameterError,
     require_numbers,
@@ -49,10 +50,10 @@ class ContactAdmittanceParams:
     def __post_init__(self) -> None:
         require_one_of(self, "kind", get_args(AdmittanceKind))
         require_numbers(self, 3, "centre")
-        for name in ("inertia", "spring"):
-            values = getattr(self, name)
-            if len(values) != _SIX or not all(0 <= value < math.inf for value in values):
-                raise ParameterError(name, values, "six finite numbers >= 0")
+        if len(self.inertia) != _SIX or not all(0 <= value < math.inf for value in self.inertia):
+            raise ParameterError("inertia", self.inertia, "six finite numbers >= 0")
+        if len(self.spring) != _SIX or not all(0 < value < math.inf for value in self.spring):
+            raise ParameterError("spring", self.spring, "six finite numbers > 0")
         given = self.damping
         positive = given is None or (len(given) == _SIX and all(0 < d < math.inf for d in given))
         if not positive:
@@ -66,6 +67,18 @@ class ContactAdmittanceParams:
     def stiffness(self) -> tuple[float, ...]:
         """K, N m/rad and N/m; infinity where nothing gives way."""
         return self.spring if self.kind == "wrist" else (math.inf,) * _SIX
+
+    @property
+    def support(self) -> Support | None:
+        """What its springs are to a peg; None: it does not give way."""
+        _, pitch, yaw, _, y, z = self.spring
+        if self.kind == "none":
+            return None
+        return Support(
+            lateral_stiffness=min(y, z),
+            angular_stiffness=min(pitch, yaw),
+            centre_distance=-self.centre[0],
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -78,7 +78,7 @@ class JointServo(LeafSystem):
         n = len(posture)
         self._params, self._model, self._step = params, model, step
         self._steps = round(params.period / step)
-        self._lower, self._upper = np.array(model.arm.lower_limits), model.arm.upper_limits
+        self._lower, self._upper = map(np.array, (model.arm.lower_limits, model.arm.upper_limits))
         self._to_rest, self._X_TS = rest.inverse() @ true, X_TS
         self._turned = self._to_rest.rotation().matrix()
         self._reference = self.DeclareVectorInputPort("reference_pose", POSE_SIZE)
@@ -124,8 +124,8 @@ class JointServo(LeafSystem):
         limited = rate != wanted
         after = np.where(limited, q + h * (v + rate) / 2, commands[0] + (lack + h * pull) * decay)
         inside = np.clip(after, self._lower, self._upper)
-        at_end = inside != after
-        rate[at_end] = 0.0
+        at_end = (commands[0] <= self._lower) | (commands[0] >= self._upper)
+        rate[inside != after] = 0.0
         values.set_value(self._joints, np.concatenate([inside, rate]))
         values.set_value(self._saturated, (limited | at_end).astype(np.float64))
 

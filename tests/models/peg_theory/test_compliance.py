@@ -40,7 +40,7 @@ def test_what_is_open_follows_from_the_kind() -> None:
     assert (device.most_lateral, device.most_angular) == (2.5e-3, 0.03)
     assert device.support == Support(**Support.PRESETS["rcc"])  # type: ignore[arg-type]
     assert device.lateral < arm.lateral
-    wrist = device.wrist(mass=0.5, centre_of_mass=0.02, inertia=8e-4)
+    wrist = device.wrist(mass=0.5, centre_of_mass=0.02, inertia=8e-4, axial_inertia=4e-4)
     assert (wrist.mass, wrist.inertia) == pytest.approx((0.7, 8e-4 + 0.2 * 4e-4))
     assert wrist.stiffness[2:4] == (device.torsional, device.lateral)
 
