@@ -376,10 +376,10 @@ CATALOGUE: Final = Catalogue(
         _servoing_study(
             name="contact-stability",
             summary="the damping with which a position-controlled arm bears a stiff contact",
-            seconds=60,
+            seconds=10,
             module="chamfer.analysis.insertion.admittance_stability",
             scenario="CONTACT_STABILITY",
-            reduced=("shares=[1.0]", "halvings=1", "duration=0.1"),
+            reduced=("shares=[1.0]",),
         ),
         _servoing_study(
             name="contact-convergence",

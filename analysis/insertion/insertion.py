@@ -32,6 +32,7 @@ from chamfer.analysis.drawing.figure_style import (
     legend,
     new_figure,
 )
+from chamfer.analysis.insertion.admittance_stability import loop_metrics
 from chamfer.analysis.insertion.cell_runs import (
     INSERTION,
     CellInsertion,
@@ -50,6 +51,7 @@ from chamfer.analysis.insertion.jamming_diagram import draw_parallelogram
 from chamfer.analysis.insertion.peg_insertion import STATES
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress
 from chamfer.diagrams.cell.alignment_scenario import require_fine_enough
+from chamfer.diagrams.insertion.contact_loop import contact_loop
 from chamfer.diagrams.insertion.insertion import (
     InsertionScenario,
     ResolvedInsertionScenario,
@@ -128,6 +130,8 @@ def _metrics(scenario: ResolvedInsertionScenario, done: CellInsertion) -> dict[s
     )
     if scenario.cameras.kind != "none":
         metrics |= settling_metrics(scenario)
+    if scenario.servo is not None and scenario.admittance.kind == "wrist":
+        metrics |= loop_metrics(contact_loop(scenario))
     return metrics | predict(scenario, done)
 
 

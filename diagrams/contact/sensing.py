@@ -189,15 +189,15 @@ def add_sensor(
     *,
     step: float,
     period: float,
+    ahead: bool = False,
 ) -> OutputPort:
     """Add a sensor with its noise; return its reading, (k,).
 
     ``where`` is in front of the blocks' names; ``felt``, which changes every ``step``, s, is what
-    the given gauges feel; ``period``, s, is the computer's.
+    the given gauges feel; ``period``, s, is the computer's; ``ahead`` as of :class:`ForceSensor`.
     """
-    sensor = builder.AddNamedSystem(
-        f"{where}force sensor", ForceSensor(params, given, step=step, period=period)
-    )
+    block = ForceSensor(params, given, step=step, period=period, ahead=ahead)
+    sensor = builder.AddNamedSystem(f"{where}force sensor", block)
     builder.Connect(felt, sensor.GetInputPort("tool_force"))
     if params.noise:
         _add_noise(builder, f"{where}sensor noise", sensor.GetInputPort("noise"), period)

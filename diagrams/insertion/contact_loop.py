@@ -2,38 +2,40 @@
 
 A wrist sensor reads what the tool does to its springs, an admittance makes a displacement of it,
 joint servos follow that, and the tip on the wrist's springs presses on a contact that springs too.
-For small motion each joint moves as its servo does, and so does the flange: the whole loop is a
-linear sampled system about and along the hole's axes; those that are coupled, by a centre off the
-tip, are one loop. Left out are limits of rate and acceleration, the sensor's noise, and that a
-contact opens: a stable loop may still bounce on its first touch.
+For small motion the flange moves as each joint does: a linear sampled system about and along the
+hole's axes, of which those that are coupled, by a centre off the tip, are one loop. Left out are
+limits of rate and acceleration, noise, and that a contact opens: a first touch may still bounce.
 
-The damping is designed for the force at first touch: least is best, because a peg that comes with
-the speed v meets D v, as long as the force does not ring. The measure is the largest sensitivity,
-how much nearer to its end than 1 the open loop comes at any frequency. Up to 1.6 a delayed
-admittance on a spring, ``D x'(t) = -k x(t - tau)``, has D >= 2 k tau: its force overshoots by 4 %
-and bears three times the gain. Source of the measure: K. J. Astrom and T. Hagglund, Advanced PID
-Control (2006), section 4.6, where 1.4 to 2 is usual. All poles real is no measure: a tool on its
-springs rings by itself, too fast for the loop to hear.
+A peg that comes with the speed v meets D v, so the least damping is the best with which the force
+does not ring. That is measured by the largest sensitivity: how much nearer to its end than 1 the
+open loop comes. Up to 1.6 a delayed admittance on a spring, ``D x'(t) = -k x(t - tau)``, has
+D >= 2 k tau, its force overshoots by 4 % and bears three times the gain. Source: K. J. Astrom and
+T. Hagglund, Advanced PID Control (2006), section 4.6, where 1.4 to 2 is usual. That all poles are
+real is no measure: a tool on its springs rings by itself, too fast for the loop to hear.
 """
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.diagrams.contact.hybrid_loop_stability import LinearLoop, Stability, stability_of
+from chamfer.diagrams.contact.hybrid_loop_stability import LinearLoop
 from chamfer.models.arms.position_arm import ServoParams
 from chamfer.models.arms.wrist import SIZE, WristParams
-from chamfer.models.validation import ParameterError, require_not_negative
+from chamfer.models.validation import ParameterError, known, require_not_negative
 from chamfer.systems.force.accommodation_law import AXES, DAMPING
 from chamfer.systems.force.admittance_law import AdmittanceParams
 from chamfer.systems.force.contact_admittance import ContactAdmittanceParams
 from chamfer.systems.force.contact_detection_law import APPROACH, CONTACT
 from chamfer.systems.force.sampled_loop import NEUTRAL, Plant, Sampled, held
+from chamfer.systems.force.wrist_wrench import WRIST_AXES
+
+if TYPE_CHECKING:
+    from chamfer.diagrams.insertion.insertion import InsertionScenario
 
 Array = NDArray[np.float64]
 
@@ -44,8 +46,7 @@ _FACTORS: Final = 1e4, 1e-6  # times k tau, a damping that is enough and one tha
 _COARSE: Final = 1.5  # of the search between them
 _SOFTEST: Final = 1e4  # times as soft, what is looked at
 _FASTEST: Final = 1000.0  # Hz, of servos
-# The wrist's axes in the hole's: its z points away from the hole, against x.
-_TURN: Final = np.kron(np.eye(2), [[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+_TURN: Final = np.kron(np.eye(2), WRIST_AXES.rotation().matrix())  # wrist's axes in the hole's
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,9 +59,10 @@ class ContactLoop:
     contact: tuple[float, ...]  # N m/rad and N/m, of part and fixture at the tip, 0: none
     bandwidth: float = 0.0  # Hz, of the sensor's first-order filter, 0: none
     delay: float = 0.0  # s, of its reading
+    step: float = 0.0  # s, of a simulated plant with implicit springs, 0: none
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "bandwidth", "delay")
+        require_not_negative(self, "bandwidth", "delay", "step")
         if len(self.contact) != SIZE or not all(0 <= k < math.inf for k in self.contact):
             raise ParameterError("contact", self.contact, "six finite numbers >= 0")
 
@@ -90,9 +92,9 @@ class ContactLoop:
 
     @property
     def _mass(self) -> Array:
-        tool = self.wrist
-        across = tool.inertia - tool.mass * tool.centre_of_mass**2
-        return _at_tip((across, across, tool.inertia, *3 * [tool.mass]), tool.centre_of_mass)
+        tool, own = self.wrist, self.wrist.centre_of_mass
+        across = tool.inertia - tool.mass * own**2
+        return _at_tip((across, across, tool.about_z, *3 * [tool.mass]), own)
 
     @property
     def _coupled(self) -> list[list[int]]:
@@ -115,13 +117,15 @@ class ContactLoop:
         In contact with a share of its stiffness. States: the flange's place and rate, the tip's,
         and the filter.
         """
-        n, of, w = len(axes), np.ix_(axes, axes), self.servo.frequency
+        n, of, w, h = len(axes), np.ix_(axes, axes), self.servo.frequency, self.step
         fast = 2 * math.pi * self.bandwidth
+        if fast * h:  # as slow as the filter of samples
+            fast = math.expm1(fast * h) / h
         one, none, K = np.eye(n), np.zeros((n, n)), self.springs[of]
-        C = _at_tip(self.wrist.damping, self.wrist.centre)[of]
+        C, touching = _at_tip(self.wrist.damping, self.wrist.centre)[of], np.diag(self.contact)[of]
         felt = np.hstack([-K, -C, K, C, none])  # by the tool, of what it touches
-        push = -felt
-        push[:, 2 * n : 3 * n] -= share * np.diag(self.contact)[of]
+        push = np.hstack([K, C + h * K, -K, -C - h * K, none])
+        push[:, 2 * n : 4 * n] -= share * np.hstack([touching, h * touching])
         flow = np.vstack(
             [
                 np.hstack([none, one, none, none, none]),
@@ -151,10 +155,6 @@ class ContactLoop:
                 arm = self.arm(axes, share)
                 found.append(LinearLoop(f"{name} {where}", mode, arm, sampled, period, late))
         return tuple(found)
-
-    def stability(self) -> Stability:
-        """Return growth and margins, the least of all axes in contact and free."""
-        return stability_of(self.loops())
 
     @property
     def unstable(self) -> list[LinearLoop]:
@@ -231,44 +231,41 @@ def least_factor(
 class Remedies(NamedTuple):
     """What by itself would make an unstable loop stable; None: nothing of the kind does."""
 
-    damping: dict[str, float] | None  # N m s/rad or N s/m, at least, of the axes that grow
+    damping: dict[str, float]  # N m s/rad or N s/m, at least, of the axes that grow
     softer: float | None  # a factor on the wrist's springs, at most
     faster: float | None  # a factor on rate and bandwidth of the servos, at least
 
 
 def remedies(loop: ContactLoop) -> Remedies:
-    """Return what would mend a loop, each by halving; more damping as shares of the designed."""
+    """Return what would mend a loop, each by halving; more damping as a share of the designed."""
     growing = {axis for one in loop.unstable for axis in axes_of(one)}
-    given, needed, servo = loop.damping, designed_damping(loop), loop.servo
+    given, servo = loop.damping, loop.servo
+    needed = designed_damping(loop)
 
-    def damping(factor: float) -> tuple[float, ...]:
-        more = zip(AXES, given, needed, strict=True)
-        return tuple(max(D, factor * least) if axis in growing else D for axis, D, least in more)
-
-    def damped(factor: float) -> ContactLoop:
-        return replace(loop, admittance=replace(loop.admittance, damping=damping(factor)))
+    def damped(share: float) -> ContactLoop:
+        of = zip(AXES, given, needed, strict=True)
+        more = tuple(max(D, share * least) if axis in growing else D for axis, D, least in of)
+        return replace(loop, admittance=replace(loop.admittance, damping=more))
 
     def softer(factor: float) -> ContactLoop:
         springs = tuple(k / factor for k in loop.wrist.stiffness)
-        return replace(damped(0.0), wrist=replace(loop.wrist, stiffness=springs))
+        return replace(loop, wrist=replace(loop.wrist, stiffness=springs))
 
     def faster(factor: float) -> ContactLoop:
         rate, bandwidth = factor * servo.rate, factor * servo.bandwidth
-        return replace(damped(0.0), servo=replace(servo, rate=rate, bandwidth=bandwidth))
+        return replace(loop, servo=replace(servo, rate=rate, bandwidth=bandwidth))
 
-    def factor(
-        changed: Callable[[float], ContactLoop], most: float, least: float = 1.0
-    ) -> float | None:
+    def least(changed: Callable[[float], ContactLoop], most: float) -> float | None:
         if changed(most).unstable:
             return None
-        return least_factor(lambda one: not changed(one).unstable, most, least)
+        return least_factor(lambda factor: not changed(factor).unstable, most, 1.0)
 
-    more, less = factor(damped, *_FACTORS), factor(softer, _SOFTEST)
-    found = zip(AXES, damping(more or 0.0), given, strict=True)
+    share = least_factor(lambda share: not damped(share).unstable, *_FACTORS)
+    found, less = zip(AXES, damped(share).damping, given, strict=True), least(softer, _SOFTEST)
     return Remedies(
-        {axis: D for axis, D, before in found if before < D} if more else None,
+        {axis: D for axis, D, before in found if before < D},
         1 / less if less else None,
-        factor(faster, _FASTEST / servo.rate),
+        least(faster, _FASTEST / servo.rate),
     )
 
 
@@ -281,12 +278,29 @@ def require_stable(loop: ContactLoop) -> None:
     if not (unstable := loop.unstable):
         return
     mend, units, worst = remedies(loop), dict(zip(AXES, DAMPING, strict=True)), unstable[-1]
-    more = [f"{D:.3g} {units[axis]} of {axis}" for axis, D in (mend.damping or {}).items()]
-    ways = [f"at least {', '.join(more)}"] if more else []
+    more = ", ".join(f"{D:.3g} {units[axis]} of {axis}" for axis, D in mend.damping.items())
+    allowed = f"at least {more}"
     if mend.softer:
-        ways.append(f"a compliance at most {mend.softer:.2g} times as stiff")
+        allowed += f" or a compliance at most {mend.softer:.2g} times as stiff"
     if mend.faster:
-        ways.append(f"servos at least {mend.faster:.3g} times as fast, in rate and bandwidth")
+        allowed += f" or servos {mend.faster:.3g} times as fast, in rate and bandwidth"
     found = f"the loop of {worst.name} grows at {worst.growth_rate():.3g} 1/s"
-    allowed = f"{' or '.join(ways) or 'null'}: {found}"
-    raise ParameterError("admittance.damping", loop.damping, allowed)
+    raise ParameterError("admittance.damping", loop.damping, f"{allowed}: {found}")
+
+
+def contact_loop(scenario: "InsertionScenario") -> ContactLoop:
+    """Return the loop of a cell whose arm takes positions, where peg and fixture touch most.
+
+    As stiff as all points at once, which the springs hardly tell from a contact that is rigid.
+    """
+    parts, material = scenario.parts, scenario.contact.over(scenario.parts)
+    points = known("facets", material.facets) * material.stiffness / 2
+    tilting = points * max(parts.peg_radius, parts.bore_length) ** 2
+    return ContactLoop(
+        servo=scenario.arm.servo,
+        admittance=scenario.admittance,
+        wrist=scenario.wrist,
+        contact=(points * parts.peg_radius**2, tilting, tilting, points, points, points),
+        bandwidth=scenario.sensor.bandwidth,
+        delay=scenario.sensor.delay,
+    )

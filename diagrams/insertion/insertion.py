@@ -36,6 +36,7 @@ from chamfer.diagrams.cell.work_cell import (
 )
 from chamfer.diagrams.insertion.cell_contact import add_cell_in_contact, export_contact
 from chamfer.diagrams.insertion.cells import CELLS, Cells, single
+from chamfer.diagrams.insertion.contact_loop import contact_loop, require_stable
 from chamfer.diagrams.insertion.position_cell import (
     Sensed,
     WristSensorParams,
@@ -263,7 +264,6 @@ def resolve_as(kind: type[ResolvedT], scenario: InsertionScenario) -> ResolvedT:
 
 ScenarioT = TypeVar("ScenarioT", bound=InsertionScenario)
 
-_DAMPED: Final = (4.0, 4.0, 4.0, 1000.0, 1000.0, 1000.0)
 _POSITION_ONLY: Final = ("admittance", "compliance", "sensor")
 
 
@@ -282,8 +282,9 @@ def _resolve_arm(scenario: ScenarioT) -> ScenarioT:
         allowed = f"at least arm.servo.rate, {1 / period:g} Hz"
         raise ParameterError("sensor.rate", scenario.sensor.rate, allowed)
     admittance, compliance = scenario.admittance, scenario.compliance.resolved()
-    if admittance.kind == "wrist" and admittance.damping is None:
-        admittance = replace(admittance, damping=_DAMPED)
+    if admittance.kind == "wrist":
+        require_stable(loop := contact_loop(scenario))
+        admittance = replace(admittance, damping=loop.damping)
     hole = scenario.hole
     # Further off it lies beside the mouth.
     lateral = min(hole.position_error, scenario.parts.chamfer_limit)

@@ -168,9 +168,8 @@ def _add_wrist_sensor(
     connect(springs.wrench, turned.GetInputPort("wrench"))
     connect(servo.GetOutputPort("motion"), turned.GetInputPort("motion"))
     felt = turned.get_output_port()
-    channels = add_sensor(
-        builder, "wrist ", sensor, sensor.gauges, felt, step=scenario.step, period=1 / sensor.rate
-    )
+    rates = {"step": scenario.step, "period": 1 / sensor.rate}
+    channels = add_sensor(builder, "wrist ", sensor, sensor.gauges, felt, **rates, ahead=True)
     reading = builder.AddNamedSystem("wrist sensor's reading", MatrixGain(sensor.undoing))
     connect(channels, reading.get_input_port())
     return reading.get_output_port()

@@ -224,6 +224,8 @@ class ForceSensor(LeafSystem):
 
     Discrete states: what left the filter, newest first, the drift, and the tare with its count.
     ``step``, s, in which the force changes, is the filter's; the period, s, is the computer's.
+    With ``ahead`` the filter steps before discrete updates of the same instant, as plants with
+    sampled outputs do: afterwards they show the force of the next instant.
 
     Raises:
         ParameterError: If parameters are open, or the delay is more than 1000 steps; in a run, if
@@ -231,7 +233,13 @@ class ForceSensor(LeafSystem):
     """
 
     def __init__(
-        self, params: ChannelParams, gauges: Gauges, *, step: float, period: float
+        self,
+        params: ChannelParams,
+        gauges: Gauges,
+        *,
+        step: float,
+        period: float,
+        ahead: bool = False,
     ) -> None:
         super().__init__()
         k = len(gauges.scale)
@@ -259,7 +267,13 @@ class ForceSensor(LeafSystem):
         self._walk = self.DeclareDiscreteState(k)
         self._tare = self.DeclareDiscreteState(k)
         self._count = self.DeclareDiscreteState(1)
-        if rows:
+        if rows and ahead:
+            self.DeclarePeriodicUnrestrictedUpdateEvent(
+                step,
+                0.0,
+                lambda context, state: self._step(context, state.get_mutable_discrete_state()),
+            )
+        elif rows:
             self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._step)
         if self._walk_scale.any() or tare:
             self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._tick)
