@@ -182,6 +182,22 @@ CATALOGUE: Final = Catalogue(
             reduced=("points=5", "depths=21"),
         ),
         _servoing_study(
+            name="search-capture",
+            figure="section 5",
+            summary="how often a spiral finds its hole: theory, its track, and simulated searches",
+            seconds=60,
+            module="chamfer.analysis.insertion.search_capture",
+            scenario="SEARCH_CAPTURE",
+            resolve="resolve_capture",
+            reduced=(
+                "trials=1",
+                "draws=10",
+                "errors=[0.002]",
+                "cell.search.radius=0.0005",
+                "cell.duration=1",
+            ),
+        ),
+        _servoing_study(
             name="insertion-map",
             figure="Fig. 2",
             summary="which errors go in, wedge, jam or miss in the cell, beside "

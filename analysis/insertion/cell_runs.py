@@ -256,14 +256,14 @@ def insertion_metrics(
 
 
 def _searched(done: CellInsertion, scenario: ResolvedInsertionScenario) -> dict[str, float | None]:
-    """Return how long it was searched by touch, and whether the last search ended in the hole."""
+    """Return how long it was searched by touch, and whether the last search led into the hole."""
     states = [name for name in SEARCHES if name in done.states]
     rows = np.flatnonzero(done.when(*states)) if states else np.zeros(0, dtype=np.intp)
     if not len(rows):
         return {"search.time": None, "search.found": None}
-    depth = done.traces["depth"][rows[-1]]
-    time = len(rows) * scenario.step
-    return {"search.time": time, "search.found": float(depth >= scenario.parts.chamfer_height)}
+    deepest = float(done.traces["depth"][rows[-1] :].max())
+    found = deepest >= scenario.parts.chamfer_height
+    return {"search.time": len(rows) * scenario.step, "search.found": float(found)}
 
 
 def _stopped(

@@ -76,7 +76,7 @@ _NOTES = {
     "force.sensed_error": "of what the arm's springs say, while the peg is fed, at most",
     "time_to_seated": "from when the cameras count to 90 % of the depth",
     "search.time": "by touch, of all attempts",
-    "search.found": "1: the last search ended in the hole",
+    "search.found": "1: the last search led into the hole",
     "decision.time": "likewise, of the last decision",
     "touch.lateral_error": "where it touches first, or the tip is at the mouth",
     "touch.rotational_error": "likewise",

@@ -248,6 +248,7 @@ def resolve_as(kind: type[ResolvedT], scenario: InsertionScenario) -> ResolvedT:
         error=scenario.unsure,
         push=insert.push,
         reach=scenario.unsure_along,
+        attempts=insert.attempts,
     )
     found = replace(
         scenario,

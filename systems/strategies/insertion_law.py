@@ -13,6 +13,7 @@ from typing import Final, Literal, NamedTuple, get_args
 from chamfer.models.peg.peg_and_hole import SEATED
 from chamfer.models.validation import (
     ParameterError,
+    known,
     require_not_negative,
     require_one_of,
     require_positive,
@@ -306,7 +307,7 @@ def _search_states(rules: "_Rules", go: _Go) -> _Part:
         return [], []
     params, lost = search.params, _blamed(InsertionTrouble.NOT_FOUND)
     lies = f"on the face, {params.press:g} N", rules.lies, rules.begin_search
-    dropped = "insert", f"{1e3 * rules.drop:.2g} mm in", rules.dropped
+    dropped = "insert", f"{1e3 * search.drop:.2g} mm in", rules.dropped
     if search.leans:
         note = "leans over, off the face"
         return [
@@ -316,13 +317,12 @@ def _search_states(rules: "_Rules", go: _Go) -> _Part:
         ], [
             go("insert", "lean", *lies),
             go("lean", "slide", "leans", rules.leant),
-            go("slide", "stand", f"wall, {params.wall:.2g} N", rules.at_wall),
+            go("slide", "stand", f"wall, {search.wall:.2g} N", rules.at_wall),
             go("slide", "release", f"no wall in {1e3 * search.way:.2g} mm", rules.slid, lost),
             go("stand", *dropped),
             go("stand", "release", "stands, not in", rules.stood, lost),
         ]
-    assert params.radius is not None
-    within = f"no hole within {1e3 * params.radius:.2g} mm"
+    within = f"no hole within {1e3 * search.reaches:.2g} mm"
     return [State(name="spiral", during=rules.spiral, note="slides about, pressed on")], [
         go("insert", "spiral", *lies),
         go("insert", "spiral", "held, but not in", rules.rests),
@@ -520,7 +520,6 @@ class _Rules:
 
     def _towards(self, tick: InsertionTick, aim: Offset, fastest: float) -> Offset:
         """Return the rates to an offset, m/s and rad/s, all there at once, in a tick at best."""
-        assert self.search is not None or aim == tick.memory.offset
         if self.search is None:
             return STILL
         period, params = self._params.period, self.search.params
@@ -531,17 +530,12 @@ class _Rules:
         return y, z, about_y, about_z
 
     @property
-    def drop(self) -> float:
-        """How deep the peg is that has found its hole, m."""
-        assert self.search is not None
-        assert self.search.params.drop is not None
-        return self.search.params.drop
+    def _touch(self) -> TouchSearch:
+        return known("search", self.search)
 
     def lies(self, tick: InsertionTick) -> bool:
         """Whether the peg lies on the face, or sits on the chamfers, and was not searching yet."""
-        assert self.search is not None
-        assert self.search.params.reach is not None
-        memory, params, reach = tick.memory, self.search.params, self.search.params.reach
+        memory, params, reach = tick.memory, self._touch.params, self._touch.reach
         within = -reach <= memory.depth(tick.inputs) <= self._params.chamfer_height + reach
         return memory.load(tick.inputs)[0] >= params.press and within and not memory.searched
 
@@ -553,8 +547,7 @@ class _Rules:
 
     def spiral(self, tick: InsertionTick) -> InsertionMemory:
         """Go on along the spiral, ahead by as much as friction drags the peg back."""
-        memory, search, period = tick.memory, self.search, self._params.period
-        assert search is not None
+        memory, search, period = tick.memory, self._touch, self._params.period
         spiral, time = search.spiral(memory.attempts), memory.search.spent
         turning = spiral.angle(time + period) - spiral.angle(time)
         lead = search.lead(memory.search.lead, memory.load(tick.inputs), period, turning)
@@ -566,38 +559,31 @@ class _Rules:
 
     def _pressed(self, tick: InsertionTick, rates: Offset) -> InsertionMemory:
         """Move across with the press kept."""
-        assert self.search is not None
         load = tick.memory.load(tick.inputs)[0]
-        rate = self.search.press_rate(load, self._params.insert.speed)
+        rate = self._touch.press_rate(load, self._params.insert.speed)
         return self._observe(tick, rate, rates)._replace(compensates=False)
 
     def dropped(self, tick: InsertionTick) -> bool:
         upright = tick.memory.offset[2:] == STILL[2:]
-        return upright and tick.memory.depth(tick.inputs) >= self.drop
+        return upright and tick.memory.depth(tick.inputs) >= self._touch.drop
 
     def caught(self, tick: InsertionTick) -> bool:
-        assert self.search is not None
-        return math.hypot(*tick.memory.load(tick.inputs)[1:]) >= self.search.params.hold
+        return math.hypot(*tick.memory.load(tick.inputs)[1:]) >= self._touch.params.hold
 
     def covered(self, tick: InsertionTick) -> bool:
-        assert self.search is not None
-        lasts = self.search.spiral(tick.memory.attempts).duration
+        lasts = self._touch.spiral(tick.memory.attempts).duration
         return tick.memory.search.spent >= lasts - TIME_TOLERANCE
 
     def rests(self, tick: InsertionTick) -> bool:
         """Whether what was held goes in no further, and there is more to search."""
-        assert self.search is not None
-        memory, most = (
-            tick.memory,
-            min(_RESTS * self.search.params.press, self._params.insert.push),
-        )
+        memory, press = tick.memory, self._touch.params.press
+        most = min(_RESTS * press, self._params.insert.push)
         pushed = memory.searched and memory.load(tick.inputs)[0] >= most
         return pushed and not self.dropped(tick) and not self.covered(tick)
 
     def lean(self, tick: InsertionTick) -> InsertionMemory:
         """Lift the peg off the face, and lean it over as it goes back."""
-        memory, search = tick.memory, self.search
-        assert search is not None
+        memory, search = tick.memory, self._touch
         aim = search.leaning(memory.attempts)
         time = search.params.lean_time
         lifts = tick.time - memory.search.began < time - TIME_TOLERANCE
@@ -607,43 +593,36 @@ class _Rules:
         )
 
     def leant(self, tick: InsertionTick) -> bool:
-        assert self.search is not None
-        leaning = self.search.leaning(tick.memory.attempts)
+        leaning = self._touch.leaning(tick.memory.attempts)
         return math.dist(_offset(tick), leaning) < _THERE
 
     def slide(self, tick: InsertionTick) -> InsertionMemory:
         """Slide to the wall of the hole once it is pressed, the press kept."""
-        memory, search = tick.memory, self.search
-        assert search is not None
+        memory, search = tick.memory, self._touch
         y, z = search.slide(memory.attempts, memory.load(tick.inputs))
         found = memory.search
         found = found._replace(slid=found.slid + self._params.period * math.hypot(y, z))
         return self._pressed(tick, (y, z, 0.0, 0.0))._replace(search=found)
 
     def at_wall(self, tick: InsertionTick) -> bool:
-        assert self.search is not None
-        assert self.search.params.wall is not None
         load = tick.memory.load(tick.inputs)
-        return self.search.pushed(tick.memory.attempts, load) >= self.search.params.wall
+        return self._touch.pushed(tick.memory.attempts, load) >= self._touch.wall
 
     def slid(self, tick: InsertionTick) -> bool:
-        assert self.search is not None
-        return tick.memory.search.slid >= self.search.way
+        return tick.memory.search.slid >= self._touch.way
 
     def stand(self, tick: InsertionTick) -> InsertionMemory:
         """Stand up, pressed to the wall and down; then no more to the wall, where it rubs."""
-        assert self.search is not None
         if _offset(tick)[2:] == STILL[2:]:
-            y, z = self.search.relax(tick.memory.load(tick.inputs))
+            y, z = self._touch.relax(tick.memory.load(tick.inputs))
             return self._pressed(tick, (y, z, 0.0, 0.0))
-        y, z = self.search.press_to_wall(tick.memory.attempts, tick.memory.load(tick.inputs))
+        y, z = self._touch.press_to_wall(tick.memory.attempts, tick.memory.load(tick.inputs))
         turning = self._towards(tick, (*_offset(tick)[:2], 0.0, 0.0), math.inf)[2:]
         return self._pressed(tick, (y, z, *turning))
 
     def stood(self, tick: InsertionTick) -> bool:
-        assert self.search is not None
         upright = tick.memory.offset[2:] == STILL[2:]
-        return upright and tick.time_in_state >= self.search.params.lean_time + _SETTLES
+        return upright and tick.time_in_state >= self._touch.params.lean_time + _SETTLES
 
     def stop(self, tick: InsertionTick) -> InsertionMemory:
         """Stop, but take a push or a pull away."""

@@ -13,6 +13,7 @@ from typing import Any, Final, Literal, NamedTuple, get_args
 from chamfer.models.peg.peg_and_hole import PegAndHole
 from chamfer.models.validation import (
     ParameterError,
+    known,
     require_not_negative,
     require_one_of,
     require_positive,
@@ -75,7 +76,7 @@ class SearchParams:
         require_same(self, SearchParams, "search", *names, why=f"search.kind is {self.kind}")
 
     def over(
-        self, parts: PegAndHole, *, error: float, push: float, reach: float
+        self, parts: PegAndHole, *, error: float, push: float, reach: float, attempts: int
     ) -> "SearchParams":
         """Return this with what is left open filled in, and checked.
 
@@ -84,6 +85,7 @@ class SearchParams:
             error: How far the hole may be off across, m.
             push: With which the peg is inserted at most, N.
             reach: How far the face may be off along the axis, m.
+            attempts: At most.
         """
         self.require_read()
         if self.kind == "none":
@@ -102,17 +104,20 @@ class SearchParams:
             if name in _READ[self.kind]
         }
         search = replace(self, **found)
-        search._require_sense(parts, push)
+        search._require_sense(parts, error, push, attempts)
         return search
 
-    def _require_sense(self, parts: PegAndHole, push: float) -> None:
+    def _require_sense(self, parts: PegAndHole, error: float, push: float, attempts: int) -> None:
         if self.press > push:
             raise ParameterError("search.press", self.press, f"at most insert.push, {push:g} N")
         capture = 2 * parts.chamfer_limit
         if self.pitch is not None and self.pitch > capture:
             what = "the width in which chamfers and clearance capture the peg"
             raise ParameterError("search.pitch", self.pitch, f"at most {capture:.4g} m, {what}")
-        for name, most in (("radius", parts.outer_radius / 2), ("back", parts.outer_radius)):
+        # Where the hole is off by the error, the middle of the tip is to stay on the face.
+        face = parts.outer_radius - error
+        wider = 1 + self.widen * (attempts - 1)
+        for name, most in (("radius", face / wider), ("back", face)):
             value = getattr(self, name)
             if value is not None and value > most:
                 allowed = f"at most {most:.4g} m: the face ends at {parts.outer_radius:g} m"
@@ -171,27 +176,21 @@ class TouchSearch:
         self._aside = min(_FOLLOWS / stiffness, damped)  # m/s, likewise, across
         self.lift = tip + params.press / axial  # m, to lean over freely
         self.leans = params.kind == "tilt"
+        self.drop, self.reach = known("drop", params.drop), known("reach", params.reach)
+        far = params.back if self.leans else params.radius
+        self.reaches = known("back or radius", far)  # m, that the hole may be off
+        self.wall = params.wall or math.inf  # N
 
     def spiral(self, attempt: int) -> Spiral:
         """Return the spiral of an attempt, counted from 1."""
-        params = self.params
-        assert params.pitch is not None
-        assert params.radius is not None
-        radius = params.radius * (1 + params.widen * (attempt - 1))
-        return Spiral(speed=params.speed, pitch=params.pitch, radius=radius)
-
-    @property
-    def reaches(self) -> float:
-        """How far the hole may be off, m, and is still searched for."""
-        return (self.params.back if self.leans else self.params.radius) or 0.0
+        params, radius = self.params, self.reaches
+        radius *= 1 + params.widen * (attempt - 1)
+        return Spiral(speed=params.speed, pitch=known("pitch", params.pitch), radius=radius)
 
     @property
     def way(self) -> float:
         """How far the command of a peg that leans slides at most, m, springs and all."""
-        back, wall = self.params.back, self.params.wall
-        assert back is not None
-        assert wall is not None
-        return 3 * back + wall / self._stiffness
+        return 3 * self.reaches + self.wall / self._stiffness
 
     def press_rate(self, load: float, fastest: float) -> float:
         """Return the feed's rate that keeps the press, m/s; what does not touch goes on fast."""
@@ -227,9 +226,8 @@ class TouchSearch:
 
     def leaning(self, attempt: int) -> Offset:
         """Return the offset of a peg that leans, where it begins to slide."""
-        (y, z), params = self.along(attempt), self.params
-        assert params.back is not None
-        return -params.back * y, -params.back * z, params.angle * z, -params.angle * y
+        (y, z), back, angle = self.along(attempt), self.reaches, self.params.angle
+        return -back * y, -back * z, angle * z, -angle * y
 
     def relax(self, load: tuple[float, float, float]) -> Across:
         """Return the rates, m/s, that take a load across away."""
@@ -244,9 +242,8 @@ class TouchSearch:
 
     def press_to_wall(self, attempt: int, load: tuple[float, float, float]) -> Across:
         """Return the rates, m/s, that keep a load towards the wall, and take the one along it."""
-        (y, z), wall, relaxed = self.along(attempt), self.params.wall, self.relax(load)
-        assert wall is not None
-        rate = self._aside * (wall - self.pushed(attempt, load))
+        (y, z), relaxed = self.along(attempt), self.relax(load)
+        rate = self._aside * (self.wall - self.pushed(attempt, load))
         rate = max(-self.params.speed, min(self.params.speed, rate))
         across = -z * relaxed[0] + y * relaxed[1]
         return rate * y - across * z, rate * z + across * y

@@ -1,0 +1,116 @@
+"""How likely a spiral brings a peg over its hole: what theory says, and exact geometry.
+
+The peg is captured where its axis passes the hole's nearer than the clearance and the chamfers
+reach. Of an Archimedean spiral each pass covers a band of twice that width; its last turn ends at
+a radius that, seen in the hole's direction, is anywhere between those of two turns.
+
+Friction that drags the peg behind its command by a way L lets it run on a pursuit curve: on a
+circle of radius r it stays on one of ``sqrt(r^2 - L^2)``.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from scipy.special import ndtr
+
+from chamfer.models.validation import require_not_negative, require_positive
+
+Array = NDArray[np.float64]
+Drawn = Literal["disc", "square", "gaussian"]  # evenly over it, or with this standard deviation
+
+_POINTS: Final = 2001  # of a mean
+_FINE: Final = 60.0  # points of a track in a pitch
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpiralCoverage:
+    """A spiral, and what captures the peg."""
+
+    pitch: float  # m
+    radius: float  # m, where it ends
+    capture: float  # m, half-width: clearance and chamfers
+    noise: float = 0.0  # m, standard deviation of where a pass is, across it
+    drag: float = 0.0  # m, by which the peg is behind its command
+
+    def __post_init__(self) -> None:
+        require_positive(self, "pitch", "radius", "capture")
+        require_not_negative(self, "noise", "drag")
+
+    def between_turns(self) -> float:
+        """Return the chance that a hole amid the turns is passed: min(1, 2 c / p) without noise.
+
+        The two turns beside it pass independently of each other.
+        """
+        c, p, d = self.capture, self.pitch, np.linspace(0.0, self.pitch, _POINTS)
+        missed = np.ones_like(d)
+        for way in (d, p - d):
+            if self.noise:
+                missed *= 1 - ndtr((c - way) / self.noise) + ndtr((-c - way) / self.noise)
+            else:
+                missed *= way > c
+        return float(np.mean(1 - missed))
+
+    def probability(self, drawn: Drawn, size: float) -> float:
+        """Return the chance to find a hole that is off by a drawn error of a size, m.
+
+        It is that of being in reach, a mean over the last turn, times that of being passed. What
+        it does not have is the gap that drag leaves in the middle.
+        """
+        last = np.linspace(max(self.radius - self.pitch, 0.0), self.radius, _POINTS)
+        reach = np.sqrt(np.maximum(last**2 - self.drag**2, 0.0)) + self.capture
+        return float(np.mean(_WITHIN[drawn](reach / size))) * self.between_turns()
+
+    def track(self) -> Array:
+        """Return where the peg passes, m, shape (n, 2)."""
+        last = 2 * math.pi * self.radius / self.pitch
+        ways = np.linspace(0.0, 1.0, max(100, int(_FINE * last * self.radius / self.pitch)))
+        angle = last * np.sqrt(ways)  # evenly along it, but for the middle
+        radius = self.pitch / (2 * math.pi) * angle
+        told = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+        if not self.drag:
+            return told
+        at, passed = np.zeros(2), []
+        for command in told:
+            if (pull := math.hypot(*(command - at))) > self.drag:
+                at = command + self.drag / pull * (at - command)
+            passed.append(at)
+        return np.array(passed)
+
+    def finds(self, holes: Array, generator: np.random.Generator) -> NDArray[np.bool_]:
+        """Return which holes, m, shape (n, 2), are passed, by the track itself; shape (n,).
+
+        Noise shifts all that passes a hole by the same.
+        """
+        shift = generator.normal(0.0, 1.0, np.shape(holes)) * self.noise
+        away = np.asarray(cKDTree(self.track()).query(holes + shift)[0])
+        found: NDArray[np.bool_] = away <= self.capture
+        return found
+
+
+def draw_errors(drawn: Drawn, size: float, n: int, generator: np.random.Generator) -> Array:
+    """Return errors across the axis, m, shape (n, 2), of the size of :data:`Drawn`, m."""
+    if drawn == "gaussian":
+        return generator.normal(0.0, size, (n, 2))
+    if drawn == "square":
+        return generator.uniform(-size, size, (n, 2))
+    radius, angle = size * np.sqrt(generator.random(n)), 2 * math.pi * generator.random(n)
+    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+
+
+def _in_square(share: Array) -> Array:
+    """Return the share of a square within a radius, in halves of its side."""
+    r = np.clip(share, 1.0, math.sqrt(2))
+    cut = r**2 * np.arccos(1 / r) - np.sqrt(r**2 - 1)  # of the circle, beyond each side
+    return np.where(share < 1, math.pi * share**2, math.pi * r**2 - 4 * cut) / 4
+
+
+_WITHIN: Final[dict[Drawn, Callable[[Array], Array]]] = {
+    "disc": lambda share: np.minimum(1.0, share**2),
+    "square": _in_square,
+    "gaussian": lambda share: 1 - np.exp(-(share**2) / 2),
+}
