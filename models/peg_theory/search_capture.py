@@ -65,12 +65,15 @@ class SpiralCoverage:
         reach = np.sqrt(np.maximum(last**2 - self.drag**2, 0.0)) + self.capture
         return float(np.mean(_WITHIN[drawn](reach / size))) * self.between_turns()
 
-    def track(self) -> Array:
-        """Return where the peg passes, m, shape (n, 2)."""
+    def track(self, generator: np.random.Generator | None = None) -> Array:
+        """Return where the peg passes, m, shape (n, 2), with noise anew each quarter of a turn."""
         last = 2 * math.pi * self.radius / self.pitch
         ways = np.linspace(0.0, 1.0, max(100, int(_FINE * last * self.radius / self.pitch)))
         angle = last * np.sqrt(ways)  # evenly along it, but for the middle
         radius = self.pitch / (2 * math.pi) * angle
+        if generator is not None and self.noise:
+            quarter = (2 * angle / math.pi).astype(int)
+            radius = radius + generator.normal(0.0, self.noise, quarter[-1] + 1)[quarter]
         told = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
         if not self.drag:
             return told
@@ -82,12 +85,8 @@ class SpiralCoverage:
         return np.array(passed)
 
     def finds(self, holes: Array, generator: np.random.Generator) -> NDArray[np.bool_]:
-        """Return which holes, m, shape (n, 2), are passed, by the track itself; shape (n,).
-
-        Noise shifts all that passes a hole by the same.
-        """
-        shift = generator.normal(0.0, 1.0, np.shape(holes)) * self.noise
-        away = np.asarray(cKDTree(self.track()).query(holes + shift)[0])
+        """Return which holes, m, shape (n, 2), are passed, by the track itself; shape (n,)."""
+        away = np.asarray(cKDTree(self.track(generator)).query(holes)[0])
         found: NDArray[np.bool_] = away <= self.capture
         return found
 

@@ -28,8 +28,8 @@ class InsertionTask(StateMachine[InsertionInputs, InsertionMemory]):
         output_ports:
         - feed
         - offset
-        - tares
         - compensates
+        - tares
         - attempts
         - errors
         - sensed_force

@@ -50,7 +50,7 @@ NOT_LOGGED: Final = {
     "compliance-centre",
     *("plant-identification", "camera-accuracy", "detection-conditions", "repeatability"),
     *("design-accuracy", "insertion-repeatability", "calibration-accuracy", "hybrid-stability"),
-    *("contact-convergence", "contact-stability", "friction-remedies"),
+    *("contact-convergence", "contact-stability", "friction-remedies", "search-capture"),
     *("observer-model-error", "charging-campaign", "observer-comparison"),
     *("sensing-sensitivity", "vision-primitives"),
     *("peg-skill-success", "d-connector-success", "bnc-connector-success"),

@@ -53,7 +53,7 @@ def test_noise_finds_less_of_what_is_nearly_captured() -> None:
 
 
 def test_a_peg_that_is_dragged_runs_inside_its_command() -> None:
-    spiral = SpiralCoverage(pitch=0.0002, radius=0.004, capture=0.0002, drag=0.0015)
+    spiral = SpiralCoverage(pitch=0.0004, radius=0.004, capture=0.0002, drag=0.0015)
     track = spiral.track()
     assert math.hypot(*track[-1]) == pytest.approx(math.sqrt(0.004**2 - 0.0015**2), rel=0.02)
     free = replace(spiral, drag=0.0)
