@@ -185,7 +185,7 @@ def figures(scenario: SearchCaptureScenario, outcome: Outcome) -> Mapping[str, F
         marks: Style = {"linestyle": "none", "marker": "o", "markersize": 4, **look}
         over_pitch.plot(_MM * table["pitch"], table[f"{name}track"], **marks)
     over_pitch.axvline(_MM * 2 * spiral.capture, label="refused beyond: 2 captures", **LIMIT)
-    title = "(a) Holes within the radius: lines theory, dots the track"
+    title = "(a) Theory, and dots: the track"
     dress(over_pitch, title=title, x="pitch / mm", y="found / %")
     traces, sizes = (
         outcome.traces,
@@ -204,9 +204,10 @@ def figures(scenario: SearchCaptureScenario, outcome: Outcome) -> Mapping[str, F
     points: Style = {"fmt": "o", "color": "#b00020", "capsize": 4}
     label = f"{scenario.trials} searches each, 95 %"
     over_error.errorbar(_MM * traces["error"], traces["found"], yerr=ends, label=label, **points)
-    title = f"(b) Holes off by a drawn error ({scenario.drawn})"
+    title = f"(b) Over the error ({scenario.drawn})"
     dress(over_error, title=title, x="size of the error / mm", y="found / %")
     for axes in (over_pitch, over_error):
-        axes.set_ylim(0.0, 108.0)
-        legend(axes, loc="lower left")
+        axes.set_ylim(0.0, 155.0)
+        axes.set_yticks(np.linspace(0.0, 100.0, 6))
+        legend(axes, loc="upper right")
     return {"search-capture": figure}
