@@ -37,6 +37,7 @@ from chamfer.diagrams.cell.work_cell import (
     resolve_arms,
 )
 from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.models.validation import ParameterError
 from chamfer.systems.force.desired_pose import CompensatedPose, StoppableMotion
 from chamfer.systems.ports import require_ports
 from chamfer.systems.pose import pose_vector
@@ -87,7 +88,10 @@ def resolve_as(kind: type[ResolvedT], scenario: AlignmentScenario) -> ResolvedT:
     sees = scenario.cameras.kind != "none"
     if sees:
         scenario = replace(scenario, cameras=resolved_cameras(scenario.cameras, scenario))
-        require_in_view(scenario)
+        if scenario.cameras.kind == "hand":
+            _require_in_reach(scenario)
+        else:
+            require_in_view(scenario)
     require_start_apart(scenario)
     usual: Compensated = "both" if scenario.hole.kind == "arm" else "peg"
     derived = {
@@ -96,6 +100,16 @@ def resolve_as(kind: type[ResolvedT], scenario: AlignmentScenario) -> ResolvedT:
     }
     resolved = kind(**vars(resolve_arms(scenario)) | derived)
     return resolve_controllers(resolved) if sees else resolved
+
+
+def _require_in_reach(scenario: AlignmentScenario) -> None:
+    """Refuse a camera in the hand that looks for the mouth elsewhere than it will be."""
+    if scenario.hole.kind != "fixture":
+        raise ParameterError("hole.kind", scenario.hole.kind, "fixture: cameras.kind is hand")
+    far, reach = math.hypot(*scenario.initial_error[1:3]), scenario.cameras.hand.reach
+    if far > reach:
+        allowed = f"at least {far:.3g} m, how far off initial_error puts the peg"
+        raise ParameterError("cameras.hand.reach", reach, allowed)
 
 
 def make_alignment_diagram(
@@ -176,6 +190,7 @@ def add_sight(
         scenario.cameras,
         poses=cell.true_poses,
         begin=scenario.begin,
+        tool_pose=cell.tool_poses["peg"],
         desired={arm: motions[arm].pose for arm in ARMS} if scenario.moves else None,
         parts_there=parts_there,
     )

@@ -19,6 +19,7 @@ from chamfer.systems.cameras.camera_image import (
     SensorParams,
     add_frame_grabber,
 )
+from chamfer.systems.cameras.hand_camera import HandCamera, HandMount
 from chamfer.systems.cameras.software_camera import AT_OPENING, SoftwareCamera
 from chamfer.systems.cameras.vtk_camera import VtkCamera, missing_graphics
 from chamfer.systems.pose import POSE_SIZE
@@ -30,13 +31,14 @@ from chamfer.systems.vision.cell_error import (
     ImageClock,
     ImagePlaneError,
 )
+from chamfer.systems.vision.hand_sight import HandSight
 from chamfer.systems.vision.part_appearance import Appearance, appearances
 from chamfer.systems.vision.part_detection import ContinuityParams
 from chamfer.systems.vision.part_detector import PartDetector, Undistortion
 from chamfer.systems.vision.two_plane_stereo import TwoPlaneStereo
 
 Renderer = Literal["software", "vtk"]
-CamerasKind = Literal["pair", "none"]
+CamerasKind = Literal["pair", "hand", "none"]
 Measured = Literal["image", "metric"]
 
 VIEWS: Final[tuple[View, ...]] = ("xz", "xy")
@@ -90,7 +92,9 @@ class CameraSettings(CellCameras):
     """The cameras, what delivers their images, and what is measured in them."""
 
     kind: CamerasKind = "pair"
-    # pair: two that stand at right angles; none: the arm goes where it believes the hole to be
+    # pair: two that stand at right angles; hand: one beside the peg, that sees the mouth of a hole
+    # in a plate; none: the arm goes where it believes the hole to be
+    hand: HandMount = HandMount()
     measured: Measured = "image"  # metric: by stereo, with the cameras' places known
     frames: FrameGrabberParams = field(default_factory=FrameGrabberParams)
     # of both; at its period the controller ticks
@@ -180,6 +184,14 @@ def believed_camera(settings: CameraSettings, scenario: WorkCellScenario, view: 
 
 def resolved_cameras(settings: CameraSettings, scenario: WorkCellScenario) -> CameraSettings:
     """Fill in what is open of the cameras, from their files if they have any."""
+    if settings.kind == "hand":
+        with within("cameras.hand"):
+            hand = settings.hand.of(scenario.parts, scenario.gap)
+        frames = ViewFrames(
+            **{one.name: getattr(hand.frames, one.name) for one in fields(ViewFrames)}
+        )
+        view = ViewSettings(frames=frames)
+        return replace(settings, hand=hand, xz=view, xy=view)
     xz, xy = (_resolved(settings, scenario, view) for view in VIEWS)
     return replace(settings, xz=xz, xy=xy)
 
@@ -221,6 +233,7 @@ def add_cell_vision(
     *,
     poses: dict[ArmName, OutputPort],
     begin: float,
+    tool_pose: OutputPort | None = None,
     desired: dict[ArmName, OutputPort] | None = None,
     parts_there: ColouredParts | None = None,
 ) -> CellError:
@@ -232,6 +245,7 @@ def add_cell_vision(
         settings: The cameras.
         poses: True poses of the tool frames, which the cameras alone see.
         begin: s, before which nothing is compensated.
+        tool_pose: Of the peg by its encoders, which a camera in the hand needs.
         desired: Poses, shape (7,), that the tools should have, if they change; by default a peg
             in line with the hole, at the scenario's gap, is what is desired.
         parts_there: What the cameras look at, where it is not what the scenario says it is.
@@ -252,14 +266,14 @@ def add_cell_vision(
         continuity=settings.continuity,
     )
     error: CellError = builder.AddNamedSystem("image error", CellError(params))
-    if settings.renderer == "vtk" and (reason := missing_graphics()):
-        raise ParameterError("cameras.renderer", "vtk", f"software here: {reason}")
-    trigger = _add_trigger(builder, settings, begin)
     there = scenario.parts if parts_there is None else parts_there
-    detectors = [
-        _add_camera(builder, scenario, settings, view, poses, trigger, there) for view in VIEWS
-    ]
-    measured = _add_measurement(builder, scenario, settings, detectors)
+    if settings.kind == "hand":
+        assert tool_pose is not None
+        sight = _add_hand(builder, scenario, settings, poses, tool_pose, there)
+        connect(sight.GetOutputPort("hidden"), error.GetInputPort("hidden"))
+        measured = sight.GetOutputPort("alignment_error")
+    else:
+        measured = _add_pair(builder, scenario, settings, poses, begin, there)
     connect(measured, error.GetInputPort("alignment_error"))
     if desired is not None:
         expected = builder.AddNamedSystem(
@@ -271,6 +285,55 @@ def add_cell_vision(
         as_old = _add_delays(builder, settings, expected.get_output_port())
         connect(as_old, error.GetInputPort("expected_error"))
     return error
+
+
+def _add_pair(
+    builder: DiagramBuilder,
+    scenario: WorkCellScenario,
+    settings: CameraSettings,
+    poses: dict[ArmName, OutputPort],
+    begin: float,
+    there: ColouredParts,
+) -> OutputPort:
+    """Add two cameras and return the alignment error that they measure."""
+    if settings.renderer == "vtk" and (reason := missing_graphics()):
+        raise ParameterError("cameras.renderer", "vtk", f"software here: {reason}")
+    trigger = _add_trigger(builder, settings, begin)
+    detectors = [
+        _add_camera(builder, scenario, settings, view, poses, trigger, there) for view in VIEWS
+    ]
+    return _add_measurement(builder, scenario, settings, detectors)
+
+
+def _add_hand(
+    builder: DiagramBuilder,
+    scenario: WorkCellScenario,
+    settings: CameraSettings,
+    poses: dict[ArmName, OutputPort],
+    tool_pose: OutputPort,
+    there: ColouredParts,
+) -> HandSight:
+    """Add the camera in the hand, and what sees the mouth in its images."""
+    hand, gap, connect = settings.hand, scenario.gap, builder.Connect
+    camera = builder.AddNamedSystem("hand camera", HandCamera(there, hand, gap))
+    for arm, pose in poses.items():
+        connect(pose, camera.GetInputPort(f"{arm}_pose"))
+    frames = add_frame_grabber(builder, hand.frames, "hand frames", hand.width, hand.height)
+    sight: HandSight = builder.AddNamedSystem(
+        "hand sight",
+        HandSight(
+            scenario.parts,
+            hand,
+            gap=gap,
+            X_WM=scenario.nominal_pose("hole"),
+            pixel_size=settings.pixel_size,
+        ),
+    )
+    connect(camera.get_output_port(), frames.GetInputPort("image"))
+    connect(frames.get_output_port(), sight.GetInputPort("image"))
+    connect(tool_pose, sight.GetInputPort("tool_pose"))
+    connect(sight.GetOutputPort("looks"), frames.GetInputPort("trigger"))
+    return sight
 
 
 def looks_in(

@@ -205,6 +205,10 @@ _ENDS: Final = 6.0  # pixels of a part's length, at which its edges are not meas
 _SHORTEST: Final = 20.0  # pixels, of edges; parts with shorter ones are hardly found
 SPEED: Final[dict[Kind, float]] = {"lateral": 8e-3, "rotational": 0.32}
 # m/s and rad/s, of the large increments
+# Of a camera in the hand: what its detection may be off, and how fast, relatively, its errors are
+# compensated, since it looks more rarely.
+IN_THE_HAND: Final[dict[Kind, float]] = {"lateral": 0.03, "rotational": 3e-3}
+_SLOWER: Final = 0.12
 CLOSED_LOOP: Final = 0.05  # s, time constant beyond the dead time
 _ALONE: Final[dict[str, ArmName]] = {"peg": "peg", "hole": "hole", "none": "peg"}
 _LIMITS: Final[dict[Kind, float]] = {"lateral": 0.03, "rotational": 0.3}  # m and rad
@@ -232,6 +236,8 @@ def measurement_error(scenario: AlignmentScenario, kind: Kind) -> float:
     lateral error of parts that stand some way apart.
     """
     cameras, parts = scenario.cameras, scenario.parts
+    if cameras.kind == "hand":
+        return IN_THE_HAND[kind]
     noise = max(cameras.frames_of(view).noise for view in VIEWS)
     shorter = min(parts.peg_length, parts.hole_length) / cameras.pixel_size
     edge = max(shorter - _ENDS, _SHORTEST)
@@ -272,7 +278,8 @@ def resolve_controllers(scenario: ResolvedT) -> ResolvedT:
     if not any(None in vars(one).values() for one in (*elements, *laws)):
         return scenario
     responses = arm_responses(scenario)
-    increments = {kind: SPEED[kind] * scenario.cameras.frames.period for kind in KINDS}
+    slower = _SLOWER if scenario.cameras.kind == "hand" else 1.0
+    increments = {kind: slower * SPEED[kind] * scenario.cameras.frames.period for kind in KINDS}
     return replace(
         scenario,
         compensator=design_compensator(scenario, responses, increments),

@@ -159,6 +159,7 @@ class CellError(LeafSystem):
         input_ports:
         - alignment_error
         - expected_error (optional)
+        - hidden (optional)
         output_ports:
         - error
         - valid
@@ -174,6 +175,8 @@ class CellError(LeafSystem):
     A measurement that differs from the last valid one by more than the parts can have moved
     since is none, but for the one after ``continuity.most_jumps`` in a row.
 
+    Where ``hidden``, size 1, is 1, nothing is valid, and no miss.
+
     ``valid``, size 1, is 1 if Y, Z and the angles were measured, else 0 and the error is 0;
     ``age``, size 1, s, is how old the last valid measurement is: the older of its images, beyond
     ``latency``. ``blind``, size 1, turns to 1 and stays so once more than ``most_misses`` in a row
@@ -188,6 +191,7 @@ class CellError(LeafSystem):
         self._params = params
         self._measured_error = self.DeclareVectorInputPort("alignment_error", len(AXES))
         self._expected = self.DeclareVectorInputPort("expected_error", len(AXES))
+        self._hidden = self.DeclareVectorInputPort("hidden", 1)
         self.DeclareDiscreteState([0.0, 0.0, 0.0, 0.0, *[math.nan] * len(AXES)])
 
         def calc_error(context: Context, vector: BasicVector) -> None:
@@ -212,6 +216,8 @@ class CellError(LeafSystem):
         self.DeclarePeriodicUnrestrictedUpdateEvent(params.period, 0.0, self._count)
 
     def _waits(self, context: Context) -> bool:
+        if self._hidden.HasValue(context) and self._hidden.Eval(context)[0] >= 0.5:
+            return True
         return bool(context.get_time() < self._params.begin - 0.5 * self._params.period)
 
     def _measured(self, context: Context) -> Array | None:

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from chamfer.models.peg.peg_and_hole import PRESETS, ColouredParts
 from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.camera_image import add_noise
-from chamfer.systems.cameras.hand_mount import HandMount
+from chamfer.systems.cameras.hand_camera import HandMount
 from chamfer.systems.cameras.mouth_scene import PlateStyle, render_mouth
 from chamfer.systems.vision.mouth_detector import MouthParams, MouthStatus, detect_mouth
 from chamfer.systems.vision.mouth_ellipse import away, matrix_of

@@ -2,12 +2,15 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.sensors import ImageRgba8U
 from scipy.spatial.transform import Rotation
 
 from chamfer.models.cameras.camera import (
@@ -25,7 +28,10 @@ from chamfer.models.validation import (
     require_numbers,
     require_positive,
 )
+from chamfer.systems.cameras.camera_image import FrameGrabberParams, write_image
+from chamfer.systems.cameras.mouth_scene import render_mouth
 from chamfer.systems.cameras.scene import outline
+from chamfer.systems.cameras.software_camera import PosePorts
 
 Array = NDArray[np.float64]
 
@@ -53,6 +59,8 @@ class HandMount:
     reach: float = 0.004  # m, how far from where it is expected the mouth is looked for
     error: tuple[float, ...] = (0.0,) * 6
     # m and rad, of the true camera along and about the believed one's axes, after calibration
+    frames: FrameGrabberParams = FrameGrabberParams(period=0.05)
+    # assumed; it looks while the mouth is not hidden
     angle_deviation: float = 2.5e-4  # rad, standard deviation that calibration states, an axis
     position_deviation: float = 4e-5  # m, likewise
 
@@ -88,7 +96,7 @@ class HandMount:
         at = f"at the gap, {gap:g} m, shows the whole mouth and {self.reach:g} m around it"
         if self.angle is not None:
             raise ParameterError("angle", self.angle, f"one with which a camera {at}")
-        raise ParameterError("reach", self.reach, f"one with which some camera {at}")
+        raise ParameterError("reach", self.reach, f"one with which some camera in the hand {at}")
 
     def camera(self, gap: float, *, true: bool = False) -> Camera:
         """Return the camera in the peg's frame T, of a mount that leaves nothing open."""
@@ -139,3 +147,34 @@ class HandMount:
         straight = camera.shown_by(camera.without_distortion(), seen)
         hull = around.astype(np.float32)
         return all(cv2.pointPolygonTest(hull, point, False) < 0 for point in straight.tolist())
+
+
+class HandCamera(LeafSystem):
+    """The image of the mouth, and of the peg, by a camera that moves with the peg.
+
+    .. pydrake_system::
+
+        name: HandCamera
+        input_ports:
+        - peg_pose
+        - hole_pose
+        output_ports:
+        - image
+
+    ``peg_pose`` and ``hole_pose``, shape (7,), are those of
+    :class:`~chamfer.systems.cameras.software_camera.SoftwareCamera`.
+    """
+
+    def __init__(self, parts: ColouredParts, mount: HandMount, gap: float) -> None:
+        super().__init__()
+        poses, camera = PosePorts(self), mount.camera(gap, true=True)
+
+        def calc(context: Context, output: Any) -> None:
+            X_WT, X_WM = poses.read(context)
+            if X_WT is not None and X_WM is not None:
+                # In the peg's frame the camera stands.
+                X_TM = X_WT.InvertAndCompose(X_WM)
+                write_image(output, render_mouth(parts, camera, RigidTransform(), X_TM))
+
+        model = Value(ImageRgba8U(camera.width, camera.height, 0))
+        self.DeclareAbstractOutputPort("image", model.Clone, calc, poses.tickets())

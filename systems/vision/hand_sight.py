@@ -1,0 +1,102 @@
+"""What a camera in the hand says of the peg's way to the hole."""
+
+import math
+from typing import Final
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
+from pydrake.systems.sensors import ImageRgba8U
+
+from chamfer.models.peg.peg_and_hole import ColouredParts
+from chamfer.systems.cameras.camera_image import read_image
+from chamfer.systems.cameras.hand_camera import HandMount
+from chamfer.systems.pose import POSE_SIZE, pose_from_vector
+from chamfer.systems.vision.cell_error import AXES
+from chamfer.systems.vision.mouth_detector import MouthParams, detect_mouth
+from chamfer.systems.vision.mouth_pose import Look, hole_pose, rims
+
+_HIDDEN: Final = 0.7  # of the gap: from there on the peg is taken to hide a part of the mouth
+_SURE: Final = np.array([2.5e-4] * 3 + [0.01] * 2)  # m and rad, standard deviations, at most
+
+
+class HandSight(LeafSystem):
+    """The way of the peg's tip to the mouth that a camera beside the peg sees.
+
+    .. pydrake_system::
+
+        name: HandSight
+        input_ports:
+        - image
+        - tool_pose
+        output_ports:
+        - alignment_error
+        - hidden
+        - looks
+
+    ``tool_pose``, shape (7,), is that of the peg by its arm's encoders; from it are the axes of
+    the error, and where about the mouth is looked for. ``alignment_error``, shape (6,), is that of
+    :class:`~chamfer.systems.vision.cell_error.CellError`, NaN where no mouth was found, or its
+    pose, with what calibration leaves of the camera's, is not sure. ``hidden``, size 1: 1 where
+    the peg is so near to where the mouth should be that it hides some of it; ``looks``: 1 where
+    not.
+
+    Args:
+        parts: Peg and hole, as they are believed to be.
+        mount: The camera, with nothing open.
+        gap: m, at which it sees the whole mouth.
+        X_WM: Where the hole is believed to be.
+        pixel_size: m, for which the error has a pixel.
+    """
+
+    def __init__(
+        self,
+        parts: ColouredParts,
+        mount: HandMount,
+        *,
+        gap: float,
+        X_WM: RigidTransform,
+        pixel_size: float,
+    ) -> None:
+        super().__init__()
+        camera, circles = mount.camera(gap), rims(parts.hole)
+        params = MouthParams(reach=1.5 * mount.reach)
+        image = self.DeclareAbstractInputPort("image", Value(ImageRgba8U()))
+        tool = self.DeclareVectorInputPort("tool_pose", POSE_SIZE)
+        R_WH = X_WM.rotation()
+        # In the camera's axes, as what it is off is.
+        straight, covariance = camera.straight(), mount.covariance
+
+        def calc(context: Context, vector: BasicVector) -> None:
+            vector.SetFromVector(np.full(len(AXES), math.nan))
+            picture = read_image(image.Eval(context))
+            if picture is None:
+                return
+            X_WT = pose_from_vector(tool.Eval(context))
+            mouth = detect_mouth(picture, camera, X_WT.InvertAndCompose(X_WM), circles, params)
+            if mouth.pose is None:
+                return
+            look = Look(straight, mouth.seen)
+            pose = hole_pose([look], mouth.pose.X_WM, hand_eye=covariance)
+            if pose is None or (np.sqrt(np.diag(pose.covariance)) > _SURE).any():
+                return
+            R_HT = R_WH.inverse() @ X_WT.rotation()
+            turn = (R_HT @ pose.X_WM.rotation() @ R_HT.inverse()).ToAngleAxis()
+            moved = R_HT @ pose.X_WM.translation() / pixel_size
+            vector.SetFromVector(np.concatenate([moved, turn.angle() * turn.axis()]))
+
+        def hidden(context: Context) -> bool:
+            p_MT = X_WM.inverse() @ pose_from_vector(tool.Eval(context)).translation()
+            return bool(p_MT[0] > -_HIDDEN * gap)
+
+        def calc_hidden(context: Context, vector: BasicVector) -> None:
+            vector[0] = float(hidden(context))
+
+        def calc_looks(context: Context, vector: BasicVector) -> None:
+            vector[0] = float(not hidden(context))
+
+        # Once an image: a pose that changes since tells nothing new of it.
+        self.DeclareVectorOutputPort("alignment_error", len(AXES), calc, {image.ticket()})
+        self.DeclareVectorOutputPort("hidden", 1, calc_hidden, {tool.ticket()})
+        self.DeclareVectorOutputPort("looks", 1, calc_looks, {tool.ticket()})
