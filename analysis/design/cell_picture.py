@@ -26,10 +26,10 @@ STYLE: Final = """
 
 _PART_OF: Final = {
     "sight": "cameras",
-    **dict.fromkeys(("settled", "settling", "range", "time"), "compensator"),
-    **dict.fromkeys(("start", "loop", "torque", "posture"), "arms"),
+    **dict.fromkeys(("settled", "settling", "range", "time", "attempts"), "compensator"),
+    **dict.fromkeys(("start", "loop", "torque", "posture", "repeatability", "deflection"), "arms"),
     **dict.fromkeys(("wedging", "jamming", "push", "force"), "peg"),
-    **dict.fromkeys(("chamfer", "edge", "turn"), "mouth"),
+    **dict.fromkeys(("chamfer", "edge", "turn", "touch", "search"), "mouth"),
     "depth": "bottom",
 }
 """The part of a link, by its name's first word."""
@@ -67,10 +67,13 @@ _PARTS: Final[Mapping[str, tuple[str, str]]] = {
 _HOLE: Final = (
     '<path class="hole" d="M224 112 H296 V168 H224 V160 L234 150 H284 V130 H234 L224 120 Z"/>'
 )
-_SCENE: Final = (
+_HELD: Final = {"arm": "sensor", "rcc": "RCC"}
+_LIGHT: Final = (
     '<path class="light" d="M226 40 L180 112 M234 40 L296 112 M278 42 L190 124 M286 48 L292 110"/>'
-    '<path class="part" d="M216 24 H146 m7 -5 l-8 5 l8 5 M40 38 V158 m-5 -7 l5 8 l5 -8"/>'
-    '<path class="part" d="M10 200 H450"/>'
+    '<path class="part" d="M216 24 H146 m7 -5 l-8 5 l8 5"/>'
+)
+_SCENE: Final = (
+    '<path class="part" d="M40 38 V158 m-5 -7 l5 8 l5 -8"/><path class="part" d="M10 200 H450"/>'
 )
 
 Document = Mapping[str, Any]
@@ -80,10 +83,15 @@ def cell_picture(document: Document) -> str:
     """Return the cell of a ``result.json`` as an SVG element, to stand in a page with STYLE."""
     limiting = next(one for one in document["links"] if one["name"] == document["limiting_link"])
     limits, outside = _part(limiting), {_part(one) for one in document["links"] if _outside(one)}
-    fixture = document.get("scenario", {}).get("hole", {}).get("kind") == "fixture"
+    cell = document.get("scenario", {})
+    fixture = cell.get("hole", {}).get("kind") == "fixture"
+    positions = cell.get("arm", {}).get("control") == "position"
+    sees = cell.get("cameras", {}).get("kind", "pair") != "none"
     arms = _ARM + ("" if fixture else _MIRRORED)
     shapes = {name: arms if name == "arms" else shape for name, (shape, _) in _PARTS.items()}
-    drawn = [_SCENE, f'<g class="part">{_FIXTURE}</g>' if fixture else "", _HOLE]
+    shapes |= {} if sees else {"cameras": ""}
+    scene = (_LIGHT if sees else "") + _SCENE
+    drawn = [scene, f'<g class="part">{_FIXTURE}</g>' if fixture else "", _HOLE]
     for name, shape in shapes.items():
         kinds = ["part", name]
         kinds += ["outside"] if name in outside else []
@@ -98,8 +106,9 @@ def cell_picture(document: Document) -> str:
         "infinite" if limiting["bound"] is None else quantity(limiting["bound"], limiting["unit"])
     )
     words = [
-        (80, 29, "middle", "compensator", ""),
-        (312, 20, "start", "cameras", ""),
+        (80, 29, "middle", "controller" if positions else "compensator", ""),
+        *([(312, 20, "start", "cameras", "")] if sees else []),
+        *([(154, 123, "middle", _HELD[cell["compliance"]["kind"]], "")] if positions else []),
         (60, 195, "start", "peg's arm", ""),
         (400, 195, "end", "fixture" if fixture else "hole's arm", ""),
         (16, 232, "start", f"{limiting['name']}: {bound}", "limit"),

@@ -27,6 +27,12 @@ from chamfer.analysis.design.insertion_links import (
     turn_link,
 )
 from chamfer.analysis.design.link import Link, supposed, tightest
+from chamfer.analysis.design.position_errors import drawn_touches
+from chamfer.analysis.design.position_links import (
+    goes_in,
+    position_links,
+    position_warnings,
+)
 from chamfer.analysis.design.remaining_errors import (
     DrawnErrors,
     drawn_cells,
@@ -90,10 +96,15 @@ def assess(scenario: ResolvedDesignScenario, seed: int = 0, *, draws: int | None
     errors hardly any could go in, by an interval below 5 %. Else likely, with the share of the
     drawn errors that is inside. None ``draws``: as many as the scenario says.
     """
-    drawn = drawn_cells(scenario, seen := sight(scenario), seed, draws or scenario.draws)
-    links = chain(scenario, seen, drawn)
-    count = len(drawn.time)
-    safe, could = _inside(scenario, seen, links, drawn)
+    count = draws or scenario.draws
+    if scenario.servo:
+        drawn = drawn_touches(scenario, seed, count)
+        links = position_links(scenario, drawn)
+        safe, could = _fed_in(scenario, links, drawn)
+    else:
+        drawn = drawn_cells(scenario, seen := sight(scenario), seed, count)
+        links = chain(scenario, seen, drawn)
+        safe, could = _inside(scenario, seen, links, drawn)
     low, high = interval(safe, count)
     verdict: Verdict = "likely"
     if min(link.margin for link in links) >= 0 and safe == count:
@@ -108,7 +119,7 @@ def assess(scenario: ResolvedDesignScenario, seed: int = 0, *, draws: int | None
         share_low=low,
         share_high=high,
         bounds=_bounds(scenario, links, drawn, certain=verdict == "certain"),
-        warnings=_warnings(drawn),
+        warnings=_warnings(scenario, drawn),
     )
 
 
@@ -125,7 +136,9 @@ def _bounds(
     if not count or any(link.supposed and link.margin < 0 for link in links):
         return {}
     slowest = MODEL_ERROR["time"] * float(drawn.time[drawn.decided].max())
-    if scenario.decide.kind == "margin":
+    if drawn.exact:
+        slowest = named["time"]
+    elif scenario.decide.kind == "margin":
         slowest = min(slowest, scenario.decide.timeout)
     found = {
         "lateral": (float(starts.lateral.max()), "m"),
@@ -133,11 +146,12 @@ def _bounds(
         "time": (slowest, "s"),
     }
     if certain:
+        more = max(named.get(name, 0.0) for name in ("turn", "touch"))
         found |= {
-            "push": (max(named["push"], turn := named.get("turn", 0.0)), "N"),
-            "force": (max(named["force"], turn), "N"),
+            "push": (max(named["push"], more), "N"),
+            "force": (max(named["force"], more), "N"),
             "depth": (target_of(scenario) - named["depth"], "m"),
-            "attempts": (1.0, ""),
+            "attempts": (named.get("attempts", 1.0), ""),
         }
     coverage = (1 - CONFIDENCE) ** (1 / count)
     return {
@@ -147,7 +161,9 @@ def _bounds(
     }
 
 
-def _warnings(drawn: DrawnErrors) -> tuple[str, ...]:
+def _warnings(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> tuple[str, ...]:
+    if scenario.servo:
+        return position_warnings(scenario, drawn)
     if not drawn.growth < 1 < drawn.delayed:
         return ()
     return (
@@ -211,6 +227,16 @@ def _inside(
     return int(np.sum(could & (edge <= push)) * seen.share), int(could.sum())
 
 
+def _fed_in(
+    scenario: ResolvedDesignScenario, links: tuple[Link, ...], drawn: DrawnErrors
+) -> tuple[int, int]:
+    """Return the same of an arm that takes positions."""
+    if not all(link.margin >= 0 for link in links if link.supposed):
+        return 0, 0
+    could = int(goes_in(scenario, Starts.of(drawn)).sum())
+    return could, could
+
+
 MOST_TRIALS: Final = 10_000
 
 
@@ -251,11 +277,12 @@ def insert_drawn(scenario: ResolvedDesignScenario, seed: int, trial: int) -> Row
     metrics, traces = insertion_metrics(done, one), done.traces
     seated = metrics["seated"] == metrics["seated.said"] == 1
     began, touch = done.entered("insert", first=True), touch_row(done, first=True)
+    time = None if began is None else began - one.begin
     return {
         "seated": float(seated),
         "lateral": None if touch is None else float(traces["lateral_error"][touch]),
         "tilt": None if touch is None else float(traces["rotational_error"][touch]),
-        "time": None if began is None else began - one.begin,
+        "time": metrics["time_to_seated"] if scenario.servo else time,
         "push": metrics["force.axial"],
         "force": metrics["force.contact"],
         "depth": float(traces["depth"][-1]) if seated else None,

@@ -45,8 +45,14 @@ def percent(share: float | None, sign: str = "") -> str:
 def described(scenario: DesignScenario) -> str:
     """Return in a sentence what is designed."""
     parts, cameras, spread = scenario.parts, scenario.cameras, scenario.spread
-    across, about = scenario.impedance.stiffness[1], scenario.impedance.rotational_stiffness[2]
+    across, about = scenario.stiffness[1], scenario.stiffness[5]
     arms = "two arms" if scenario.hole.kind == "arm" else "an arm against a fixture"
+    if scenario.servo:
+        arms = f"{arms} that takes positions, with a compliance"
+    sees = "no cameras"
+    if cameras.kind == "pair":
+        size = quantity(cameras.pixel_size, "m")
+        sees = f"cameras of {cameras.width} x {cameras.height} pixels of {size}"
     peg, hole = 2 * parts.peg_radius, 2 * parts.hole_radius
     return (
         f"A peg of {quantity(peg, 'm')} into a hole of {quantity(hole, 'm')}, "
@@ -54,8 +60,7 @@ def described(scenario: DesignScenario) -> str:
         f"{quantity(parts.clearance, 'm')} ({percent(parts.clearance / parts.peg_radius)} of the "
         f"radius), friction {number(parts.friction)}, chamfers "
         f"{quantity(parts.chamfer_width, 'm')}; {arms} of {number(across)} N/m and "
-        f"{number(about)} N m/rad; cameras of {cameras.width} x {cameras.height} pixels of "
-        f"{quantity(cameras.pixel_size, 'm')}; first errors up to "
+        f"{number(about)} N m/rad; {sees}; first errors up to "
         f"{quantity(spread.lateral, 'm')} and {quantity(spread.rotational, 'rad')}."
     )
 

@@ -45,6 +45,8 @@ class Starts(NamedTuple):
     def of(cls, drawn: DrawnErrors) -> Self:
         """Return those of drawn cells, with what the model may be wrong by."""
         lateral, tilt = drawn.lateral[drawn.decided], drawn.tilt[drawn.decided]
+        if drawn.exact:
+            return cls(lateral, tilt)
         return cls(MODEL_ERROR["lateral"] * lateral, MODEL_ERROR["tilt"] * tilt)
 
     @property
@@ -111,7 +113,7 @@ def turn_link(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> list[Link
     room = parts.hole_radius / (parts.peg_radius * math.sqrt(2))
     fits = math.asin(min(room, 1.0)) - math.pi / 4
     beyond = max(MODEL_ERROR["tilt"] * float(drawn.turn[drawn.decided].max()) - fits, 0.0)
-    moment = scenario.impedance.rotational_stiffness[0] / len(scenario.arms) * beyond
+    moment = scenario.stiffness[3] / len(scenario.arms) * beyond
     angle = parts.hole_chamfer.angle
     along, across = math.sin(angle), math.cos(angle)
     slides = across - parts.friction * along
@@ -167,13 +169,18 @@ def force_links(scenario: ResolvedDesignScenario, starts: Starts) -> list[Link]:
     push = axial + 2 * float(wound_up(scenario)[0])
     source = "exact statics of the worst errors, joints' friction as stiffness and twice along"
     felt = math.hypot(push, across)
-    says = "push that turns a rim upright that may sit on the bore's edge; insert.push"
-    edge = float(edge_forces(scenario, starts).max())
     return [
         at_most("push", push, insert.push, "N", f"{source}; insert.push"),
         at_most("force", felt, insert.force_limit, "N", f"{source}; insert.force_limit"),
-        at_most("edge", edge, insert.push, "N", says, by_design=not edge),
+        edge_link(scenario, starts),
     ]
+
+
+def edge_link(scenario: ResolvedDesignScenario, starts: Starts) -> Link:
+    """Return the push that turns upright the worst rim that may sit on the bore's edge."""
+    source = "push that turns a rim upright that may sit on the bore's edge; insert.push"
+    edge = float(edge_forces(scenario, starts).max())
+    return at_most("edge", edge, scenario.insert.push, "N", source, by_design=not edge)
 
 
 def edge_forces(scenario: ResolvedDesignScenario, starts: Starts) -> Array:

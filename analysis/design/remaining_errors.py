@@ -54,8 +54,9 @@ class DrawnErrors(NamedTuple):
     sure: Array  # m and rad, errors by which it is decided, the least where it isn't; (draws, 2)
     reach: Array  # m and rad, largest compensation, shape (draws, 2)
     saturated: Array  # s, longest that a joint is at its torque limit
-    growth: float  # of the worst arm's sampled loop, a period
-    delayed: float  # likewise, with a torque that is a period late
+    growth: float = 0.0  # of the worst arm's sampled impedance loop, a period; 0: it has none
+    delayed: float = 0.0  # likewise, with a torque that is a period late
+    exact: bool = False  # whether no model of arms had to be run, which may be wrong
 
     @property
     def decided(self) -> NDArray[np.bool_]:
@@ -90,21 +91,28 @@ def drawn_cells(
     found = run_alignments(
         scenario, drawn, start=start_error(still), spread=seen.spread, seed=seed
     )
-    _, y, z, roll, pitch, yaw = found.touch.T
     decided = np.isfinite(found.decided)
+    lateral, tilt, turn = (np.where(decided, one, np.nan) for one in in_one_plane(found.touch))
     return DrawnErrors(
         force=found.force,
         push=found.push,
         time=found.decided,
-        lateral=np.where(decided, np.hypot(y, z), np.nan),
-        tilt=np.where(decided, np.copysign(np.hypot(pitch, yaw), z * pitch - y * yaw), np.nan),
-        turn=np.where(decided, np.abs(roll), np.nan),
+        lateral=lateral,
+        tilt=tilt,
+        turn=turn,
         sure=found.sure,
         reach=found.reach,
         saturated=found.saturated,
         growth=growth(scenario, drawn),
         delayed=growth(scenario, drawn, late=True),
     )
+
+
+def in_one_plane(error: Array) -> tuple[Array, Array, Array]:
+    """Return lateral error, m, tilt, of its sign where they add, and turn, rad, of (n, 6)."""
+    _, y, z, roll, pitch, yaw = error.T
+    tilt = np.copysign(np.hypot(pitch, yaw), z * pitch - y * yaw)
+    return np.hypot(y, z), tilt, np.abs(roll)
 
 
 def start_error(scenario: ResolvedDesignScenario) -> Array:

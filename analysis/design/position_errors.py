@@ -1,0 +1,106 @@
+"""What is left as the parts touch where the arm takes positions, of drawn fixtures and arms.
+
+Nothing that the arm does depends on the part before they touch: no model of it has to be run.
+Without cameras nothing is taken off: fixture and repeatability, the tip that hangs on its springs,
+the feed along an axis that is off itself, and what the sensor's noise and drift make of the
+admittance since its zero was taken.
+"""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chamfer.analysis.cell.alignment_runs import draw_errors
+from chamfer.analysis.design.design_scenario import ResolvedDesignScenario
+from chamfer.analysis.design.feed_path import GRAVITY
+from chamfer.analysis.design.remaining_errors import HELD_OUT, DrawnErrors, in_one_plane
+from chamfer.models.arms.wrist import SIZE
+from chamfer.systems.force.wrist_wrench import WRIST_AXES
+
+Array = NDArray[np.float64]
+
+_UNIFORM: Final = 3**-0.5  # standard deviation of a uniform noise, over its half-width
+_SLOWEST: Final = 1e-3  # 1/s, of an admittance's return, below which it has none
+
+
+def drawn_touches(scenario: ResolvedDesignScenario, seed: int, draws: int) -> DrawnErrors:
+    """Return what drawn cells touch with; they are other ones than the trials, by the same law."""
+    insert, decide, spread = scenario.insert, scenario.decide, scenario.spread
+    middle, off = scenario.initial_error, scenario.repeatability
+    trials = [
+        draw_errors(middle, spread, len(scenario.arms), seed, HELD_OUT + k, off)
+        for k in range(draws)
+    ]
+    error = np.array([one.error for one in trials])
+    payload = scenario.peg.payload_error * np.array([one.arms[0][0] for one in trials])
+    error += hanging(scenario, payload)
+    since = insert.pause + scenario.gap / insert.speed
+    unrest = np.random.default_rng([seed, HELD_OUT]).standard_normal((draws, 4))
+    error[:, [1, 2, 4, 5]] += unrest * unrest_of(scenario, since)
+    # Fed along the peg's own axis, which is off as the peg is.
+    error[:, 1] += scenario.gap * error[:, 5]
+    error[:, 2] -= scenario.gap * error[:, 4]
+    lateral, tilt, turn = in_one_plane(error)
+    frame = scenario.cameras.frames.period
+    waits = {
+        "margin": decide.frames * frame,
+        "wait": scenario.compensation_time,
+        "at_once": frame,
+    }
+    none, pairs = np.zeros(draws), np.zeros((draws, 2))
+    return DrawnErrors(
+        force=none,
+        push=none,
+        time=np.full(draws, waits[decide.kind]),
+        lateral=lateral,
+        tilt=tilt,
+        turn=turn,
+        sure=pairs,
+        reach=pairs,
+        saturated=none,
+        exact=True,
+    )
+
+
+def hanging(scenario: ResolvedDesignScenario, payload: Array) -> Array:
+    """Return how far tips hang down on their springs, m and rad in AXES' order, shape (n, 6).
+
+    Of tools that weigh more, kg, than the scenario says, shape (n,).
+    """
+    R_TS = WRIST_AXES.rotation().matrix()
+    to_wrist = R_TS.T @ scenario.hole_axes.matrix().T
+    down = to_wrist @ np.array([0.0, 0.0, -GRAVITY])
+    mass = scenario.wrist.mass + payload
+    above = np.array([0.0, 0.0, scenario.wrist.centre_of_mass])
+    load = np.outer(mass, np.concatenate([np.cross(above, down), down]))
+    moved = load @ scenario.wrist.compliance
+    turned = moved.reshape(len(mass), 2, 3) @ R_TS.T
+    return np.roll(turned.reshape(len(mass), SIZE), 3, axis=1)
+
+
+def unrest_of(scenario: ResolvedDesignScenario, since: float) -> Array:
+    """Return how unsure y, z, pitch and yaw are by the sensor, m and rad, one standard deviation.
+
+    An admittance ``D x' + K x = F`` makes of a white noise F, of a zero that is the mean of n
+    readings, and of a random walk, a time T after the zero was taken, with D / K = tau::
+
+        s^2 h / (2 D K) (1 - e^(-2 T / tau)) + s^2 / (n K^2) (1 - e^(-T / tau))^2
+        + d^2 / K^2 (T - 2 tau (1 - e^(-T / tau)) + tau / 2 (1 - e^(-2 T / tau)))
+    """
+    admittance, sensor = scenario.admittance, scenario.sensor
+    if admittance.kind == "none":
+        return np.zeros(4)
+    D = np.array(admittance.damping)[[4, 5, 1, 2]]
+    K = np.maximum(np.array(admittance.spring)[[4, 5, 1, 2]], _SLOWEST * D)
+    # Moments at the tip are those at the sensor's origin less what the force there turns.
+    arm = np.hypot(sensor.radius, np.linalg.norm(sensor.origin or (0.0,)))
+    at_tip = np.array([1.0, 1.0, arm, arm])
+    noise, drift = _UNIFORM * sensor.noise * at_tip, sensor.drift * at_tip
+    period, tau = scenario.arm.servo.period, D / K
+    readings = max(scenario.begin / period, 1.0)
+    once, twice = -np.expm1(-since / tau), -np.expm1(-2 * since / tau)
+    variance = noise**2 * (period / (2 * D * K) * twice + (once / K) ** 2 / readings)
+    variance += (drift / K) ** 2 * (since - 2 * tau * once + tau / 2 * twice)
+    found: Array = np.sqrt(np.maximum(variance, 0.0))
+    return found
