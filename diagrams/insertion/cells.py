@@ -42,6 +42,7 @@ CELLS: Final[Cells] = {
             "position_error": 0.002,
             "angle_error": 0.035,
         },
+        "search": {"kind": "spiral"},
         "insert": {"speed": 0.005, "push": 20.0, "pull": 25.0, "force_limit": 30.0},
         "spread": {"lateral": 0.002, "rotational": 0.035},
     },
