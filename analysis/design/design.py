@@ -275,7 +275,7 @@ def insert_drawn(scenario: ResolvedDesignScenario, seed: int, trial: int) -> Row
     one = drawn_design(scenario, seed, trial)
     done = run_cell_insertion(one, trial_seed(seed, trial))
     metrics, traces = insertion_metrics(done, one), done.traces
-    seated = metrics["seated"] == metrics["seated.said"] == 1
+    seated = metrics["seated"] == metrics["said_seated"] == 1
     began, touch = done.entered("insert", first=True), touch_row(done, first=True)
     time = None if began is None else began - one.begin
     return {

@@ -119,7 +119,7 @@ def drive(
     shares = {"median": 50, "p99": 99, "largest": 100}
     lateness = {name: float(np.percentile(late, share)) for name, share in shares.items()}
     missed = 0 if rate is None else int(np.sum(late > order["waits"]))
-    seating, note = _seating(scenario, done), outcome.metrics["seated.said"].note
+    seating, note = _seating(scenario, done), outcome.metrics["said_seated"].note
     peak, changes = outcome.metrics["force.contact"].value, len(report.interventions)
     said = (
         f"{note}: largest force {number(peak)} N, as the feed ends {number(seating)} N. The robot "

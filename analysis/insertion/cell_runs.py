@@ -44,17 +44,20 @@ Array = NDArray[np.float64]
 # What :func:`insertion_metrics` measures; times count from when the cameras do.
 INSERTION: Final = {
     "seated": Quantity(""),
-    "seated.said": Quantity(""),
+    "said_seated": Quantity(""),
     "seated.first": Quantity(""),
     "depth": Quantity("m"),
     "force.axial": Quantity("N"),
     "force.lateral": Quantity("N"),
     "force.contact": Quantity("N"),
     "force.raw_peak": Quantity("N"),
+    "force.peak": Quantity("N"),
     "force.share": Quantity("%"),
+    "compliance.deflection": Quantity("%"),
     **ARM_LIMITS,
     "force.sensed_error": Quantity("N"),
     "time_to_seated": Quantity("s"),
+    "cycle_time": Quantity("s"),
     "attempts": Quantity(""),
     "search.time": Quantity("s"),
     "search.found": Quantity(""),
@@ -155,7 +158,8 @@ def cell_insertion(
     hole on the peg ``force_x``, ``force_y``, ``force_z``, N, and its moment about the mouth,
     ``moment_x``, ... N m, ``normal_<feature>`` N; of the task ``task_state``, ``attempts``,
     ``trouble``, ``feed`` m, ``sensed_depth`` m, ``sensed_x``, ... N, and of its last decision
-    ``measured_lateral`` m, ``measured_rotational`` rad and their uncertainties.
+    ``measured_lateral`` m, ``measured_rotational`` rad and their uncertainties; of a remote
+    centre compliance its ``deflection``, as a share of its limits.
     """
     traces = alignment_traces(scenario, moments, outputs)
     for name in ("state", "depth", "loss"):
@@ -173,6 +177,9 @@ def cell_insertion(
     for name in ("attempts", "trouble", "sensed_depth"):
         traces[name] = outputs[name]
     traces["feed"] = outputs["feed"][:, 0]
+    compliance = scenario.compliance.resolved()
+    if scenario.servo is not None and compliance.kind == "rcc":
+        traces["deflection"] = compliance.deflection(compliance.strain(outputs["wrist_wrench"]))
     for i, name in enumerate(("lateral", "rotational")):
         traces[f"measured_{name}"] = outputs["measured"][:, i]
         traces[f"measured_{name}_uncertainty"] = outputs["measured"][:, 2 + i]
@@ -215,7 +222,7 @@ def insertion_metrics(
     deep = (depth >= enough) & (traces["lateral_error"] < scenario.parts.hole_radius) | bottom
     seated = bool(deep[-1])
     values["seated"] = float(seated)
-    values["seated.said"] = float(done.state == "seated")
+    values["said_seated"] = float(done.state == "seated")
     values["seated.first"] = float(seated and traces["attempts"][-1] <= 1)
     began = done.entered("insert")
     values["depth"] = float(depth[moments >= (0.0 if began is None else began)].max())
@@ -228,6 +235,11 @@ def insertion_metrics(
     values["force.share"] = 100 * contact / scenario.insert.force_limit
     values |= arm_limits(traces, scenario)
     values["force.raw_peak"] = float(-traces["force_x"][free].min())
+    values["force.peak"] = float(
+        np.sqrt(sum(traces[f"force_{a}"][free] ** 2 for a in "xyz")).max()
+    )
+    if "deflection" in traces:
+        values["compliance.deflection"] = 100 * float(traces["deflection"].max())
     feeding = done.when("insert", "check")
     if feeding.any():
         off = median(traces["sensed_x"], scenario.step) - axial
@@ -235,6 +247,7 @@ def insertion_metrics(
     if seated:
         first = int(np.flatnonzero(deep)[0])
         values["time_to_seated"] = float(moments[first]) - scenario.begin
+        values["cycle_time"] = done.entered("seated")
     values["attempts"] = float(traces["attempts"][-1])
     values |= _searched(done, scenario)
     if began is not None:

@@ -70,10 +70,13 @@ _NOTES = {
     "force.lateral": "across, largest median of 10 ms",
     "force.contact": "likewise of both",
     "force.raw_peak": "against the insertion, of one step",
+    "force.peak": "in any direction, likewise",
+    "compliance.deflection": "of what the remote centre compliance may give way by, at most",
     "force.share": "of insert.force_limit",
     "saturated": "of the time, with a joint at its torque limit",
     "joints.margin": "to the nearest end of a joint's travel",
     "force.sensed_error": "of what the arm's springs say, while the peg is fed, at most",
+    "cycle_time": "from the begin until it is said to be seated",
     "time_to_seated": "from when the cameras count to 90 % of the depth",
     "search.time": "by touch, of all attempts",
     "search.found": "1: the last search led into the hole",
@@ -119,10 +122,12 @@ def _metrics(scenario: ResolvedInsertionScenario, done: CellInsertion) -> dict[s
         "wedged": f"1: stopped {cap}, held without it by more than {insert.held_force:g} N",
         "jammed": f"1: stopped {cap}, held by no more without it",
     }
-    notes["seated.said"] = ending(done, scenario)
+    notes["said_seated"] = ending(done, scenario)
     for name, note in notes.items():
         if metrics[name].value is not None:
             metrics[name] = replace(metrics[name], note=note)
+    if metrics["compliance.deflection"].value is None:
+        del metrics["compliance.deflection"]  # there is none
     metrics["real_time_factor"] = Metric(
         value=round(float(done.traces["time"][-1]) / done.cpu_seconds, 2),
         unit="",
@@ -138,7 +143,7 @@ def _metrics(scenario: ResolvedInsertionScenario, done: CellInsertion) -> dict[s
 def figures(scenario: ResolvedInsertionScenario, outcome: Outcome) -> Mapping[str, Figure]:
     """Return the figures by file name."""
     (chart,) = insertion_charts(scenario)
-    result = outcome.metrics["seated.said"].note
+    result = outcome.metrics["said_seated"].note
     time = outcome.traces["time"]
     loads = new_figure(12.5, 6.0)
     wedging, jamming = loads.subplots(1, 2)

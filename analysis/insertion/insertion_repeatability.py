@@ -205,7 +205,7 @@ def run(scenario: ResolvedInsertionTrialsScenario, seed: int, progress: Progress
 def _statistics(trials: Trials[TrialInAWay]) -> dict[str, Metric]:
     n = len(trials)
     seated = trials.column("seated")
-    first, said = trials.column("seated.first"), trials.column("seated.said")
+    first, said = trials.column("seated.first"), trials.column("said_seated")
     ends = Counter(row["ending"] for row in trials.rows if not row["seated"])
     why = "".join(f"; {count}: {ending}" for ending, count in ends.most_common(3))
     wrong = float(np.sum((said > 0) & (seated == 0)))
@@ -217,19 +217,21 @@ def _statistics(trials: Trials[TrialInAWay]) -> dict[str, Metric]:
         **metrics_of({"said_wrongly": (wrong, "", f"of {n} trials: said to be seated, and not")}),
         **rate("force.soft", soft, n, f"contact force below {_HARD:g} N, medians of 10 ms"),
     }
-    for name in ("force.axial", "force.lateral", "force.contact", "force.raw_peak"):
+    for name in ("force.axial", "force.lateral", "force.contact", "force.raw_peak", "force.peak"):
         values = trials.column(name)
         high = np.percentile(values, _QUANTILE)
         found = {"median": np.median(values), f"p{_QUANTILE}": high, "max": values.max()}
         rows = {of: (float(one), "N", "of the trials") for of, one in found.items()}
         metrics |= prefixed(name, metrics_of(rows))
     for name in (
-        *("depth", "time_to_seated", "decision.time"),
+        *("depth", "time_to_seated", "cycle_time", "decision.time"),
         *("touch.lateral_error", "touch.rotational_error", "attempts"),
     ):
         unit = INSERTION[name].unit
         metrics[f"{name}.mean"] = mean_over(trials, name, unit, "in no trial")
-    limits = ("force.share", "saturated", "joints.margin")
+    limits = ["force.share", "saturated", "joints.margin"]
+    if any(row["compliance.deflection"] is not None for row in trials.rows):
+        limits.append("compliance.deflection")
     return metrics | over_trials(trials.rows, {name: INSERTION[name] for name in limits})
 
 

@@ -73,7 +73,8 @@ def add_position_cell(
 ) -> tuple[WorkCell, PegHoleContactMonitor, Sensed]:
     """Add the arm, its sensor and its admittance, the fixture, and the parts that touch.
 
-    The peg starts at the scenario's begin, at rest; ``parts`` are those that are there.
+    The peg starts at the scenario's begin, at rest; ``parts`` are those that are there. Exported
+    is ``wrist_wrench``, the true one of the tool on its springs about the tip, N m above N, (6,).
     """
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
     plant.set_name("arms")
@@ -151,6 +152,7 @@ def add_position_cell(
         true_poses={"peg": arm.true_pose, "hole": fixture},
         tool_poses={"peg": tool_pose, "hole": fixture},
     )
+    builder.ExportOutput(springs.wrench, "wrist_wrench")
     contact = touching.monitor(builder, plant, seated_depth)
     sensed = Sensed(*map(admittance.GetOutputPort, ("force", "advance")))
     return cell, contact, sensed._replace(tares=admittance.GetInputPort("tares"))

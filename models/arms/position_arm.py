@@ -182,6 +182,20 @@ class Compliance(ComplianceParams):
             centre_of_mass=centre_of_mass,
         )
 
+    def strain(self, wrench: Array) -> Array:
+        """Return the displacement of the centre, rad above m, shape (..., 6), by a wrench.
+
+        Args:
+            wrench: On the tool about its tip in the wrist's axes, N m above N, shape (..., 6).
+        """
+        force = wrench[..., 3:]
+        lever = np.array([0.0, 0.0, self.centre_distance])
+        moment = wrench[..., :3] - np.cross(np.broadcast_to(lever, force.shape), force)
+        about = self.angular, self.angular, self.torsional
+        springs = np.array([*about, self.lateral, self.lateral, self.axial])
+        strained: Array = np.concatenate([moment, force], axis=-1) / springs
+        return strained
+
     def deflection(self, displacement: Array) -> Array:
         """Return how far an rcc gives way, as a share of its limits, shape (...,): 1 at a stop.
 

@@ -42,7 +42,7 @@ UNITS: Final = {
 # Modes, remedies and ways that the reduced runs leave out.
 LEFT_OUT: Final = {
     *("crown", "bulk", "decoupling", "compensation", "soft_gripper", "all"),
-    *("wait", "frozen_wait", "no_observer"),
+    *("wait", "frozen_wait", "no_observer", "compliance"),
 }
 # Their loops have laws whose parameters are drawn for each trial, or none.
 NOT_LOGGED: Final = {

@@ -77,7 +77,7 @@ def measured(scenario: InsertionScenario, done: CellInsertion) -> Values:
 def test_it_is_seated_and_says_so(done: CellInsertion, measured: Values) -> None:
     states = [one.target for one in done.path]
     assert states == ["align", "decide", "insert", "check", "seated"]
-    for name in ("seated", "seated.said", "seated.first", "attempts"):
+    for name in ("seated", "said_seated", "seated.first", "attempts"):
         assert measured[name] == 1
     assert measured["depth"] == done.traces["depth"].max() > 0.018
     assert measured["wedged"] == measured["jammed"] == 0
@@ -216,7 +216,7 @@ def assert_ended(found: Run, state: str, words: str) -> None:
     done, scenario = found
     values = insertion_metrics(done, scenario)
     assert done.state == state
-    assert values["seated"] == values["seated.said"] == 0
+    assert values["seated"] == values["said_seated"] == 0
     assert words in ending(done, scenario)
     assert np.hypot(*force_medians(done.traces, scenario.step)).max() < scenario.insert.force_limit
     assert done.traces["feed"][-1] == pytest.approx(done.traces["feed"][-20], abs=0.001)
@@ -272,7 +272,7 @@ def test_success_has_its_exact_interval_and_says_what_failed() -> None:
     stuck: dict[str, Any] = {
         "seated": 0.0,
         "seated.first": 0.0,
-        "seated.said": 0.0,
+        "said_seated": 0.0,
         "ending": "stuck",
     }
     found = _statistics(trials("", *[{}] * 9, stuck))
@@ -282,7 +282,7 @@ def test_success_has_its_exact_interval_and_says_what_failed() -> None:
     assert found["success_rate.low"].value == pytest.approx(55.50, abs=0.01)
     assert found["success_rate.high"].value == pytest.approx(99.75, abs=0.01)
     assert found["said_wrongly"].value == 0
-    wrong = _statistics(trials("", {"seated": 0.0, "seated.said": 1.0}, {}))
+    wrong = _statistics(trials("", {"seated": 0.0, "said_seated": 1.0}, {}))
     assert wrong["said_wrongly"].value == 1
 
 
