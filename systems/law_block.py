@@ -4,13 +4,14 @@ from collections.abc import Mapping
 from typing import Any, Final, Generic, Literal, NamedTuple, TypeVar
 
 import numpy as np
-from pydrake.common.value import Value
+from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import (
     BasicVector,
     Context,
     DependencyTicket,
     DiscreteValues,
     LeafSystem,
+    ValueProducer,
 )
 from pydrake.systems.framework import State as DrakeState
 
@@ -80,6 +81,11 @@ class LawBlock(LeafSystem, Generic[LawT]):
             held = Frozen(start, law.command(start) if isinstance(law, HeldLaw) else None)
             self._held = self.DeclareAbstractState(Value[object](held))
         self._declare_outputs()
+        if not isinstance(law, HeldLaw):
+            # An output and the update of the same instant are of one step.
+            self._stepped = self.DeclareCacheEntry(
+                "step", ValueProducer(lambda: Value[object](), self._calc_step)
+            )
         if updates == "unrestricted":
             self.DeclarePeriodicUnrestrictedUpdateEvent(law.period, 0.0, self._update)
             return
@@ -126,8 +132,7 @@ class LawBlock(LeafSystem, Generic[LawT]):
     def _command(self, context: Context) -> Any:
         law = self.law
         if not isinstance(law, HeldLaw):
-            seen = law.observe(self._values(context))
-            return law.step(self.state(context), seen, context.get_time())[1]
+            return self._stepped.Eval(context)[1][1]
         return law.command(self.state(context)) if self._groups else self._frozen(context).command
 
     def _values(self, context: Context) -> Mapping[str, Array | None]:
@@ -139,9 +144,17 @@ class LawBlock(LeafSystem, Generic[LawT]):
             for name, port in self._inputs.items()
         }
 
-    def _step(self, context: Context) -> tuple[Any, Any]:
+    def _calc_step(self, context: Context, value: AbstractValue) -> None:
+        value.set_value(self._made(context))
+
+    def _made(self, context: Context) -> tuple[Mapping[str, Array | None], tuple[Any, Any]]:
+        """Return what a step sees, and what it makes of it."""
         values, time = self._values(context), context.get_time()
-        stepped = self.law.step(self.state(context), self.law.observe(values), time)
+        return values, self.law.step(self.state(context), self.law.observe(values), time)
+
+    def _step(self, context: Context) -> tuple[Any, Any]:
+        time, is_held = context.get_time(), isinstance(self.law, HeldLaw)
+        values, stepped = self._made(context) if is_held else self._stepped.Eval(context)
         if (recorder := active()) is not None:
             recorder.note(self, Record(time, values, stepped[1]._asdict()))
         return stepped

@@ -207,6 +207,18 @@ def tip_pose(displacement: Array) -> RigidTransform:
     return RigidTransform(R, p)
 
 
+def tip_axes(rx: float, ry: float, rz: float) -> Array:
+    """Return the axes of :func:`tip_pose`, shape (3, 3), of its turns, rad."""
+    (cx, sx), (cy, sy), (cz, sz) = ((math.cos(one), math.sin(one)) for one in (rx, ry, rz))
+    return np.array(
+        [
+            [cy * cz, -cy * sz, sy],
+            [cx * sz + sx * sy * cz, cx * cz - sx * sy * sz, -sx * cy],
+            [sx * sz - cx * sy * cz, sx * cz + cx * sy * sz, cx * cy],
+        ]
+    )
+
+
 def tip_displacement(X: RigidTransform) -> Array:
     """Return the displacement of a tip's pose in the carrier's frame: :func:`tip_pose` undone."""
     R = X.rotation().matrix()

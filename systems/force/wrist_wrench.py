@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from chamfer.models.arms.wrist import SIZE, tip_pose
+from chamfer.models.arms.wrist import SIZE, tip_axes
 from chamfer.systems.force.contact_admittance import ContactAdmittanceLaw
 from chamfer.systems.law_block import LawBlock
 
@@ -71,7 +71,7 @@ class TurnedToSensor(LeafSystem):
         motion = self.DeclareVectorInputPort("motion", 2 * SIZE)
 
         def calc(context: Context, vector: BasicVector) -> None:
-            R = tip_pose(motion.Eval(context)[:SIZE]).rotation().matrix()
+            R = tip_axes(*motion.Eval(context)[:3].tolist())
             vector.SetFromVector((wrench.Eval(context).reshape(2, 3) @ R).ravel())
 
         self.DeclareVectorOutputPort("felt", SIZE, calc, {wrench.ticket(), motion.ticket()})

@@ -4,8 +4,9 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.common.value import AbstractValue, Value
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
+from pydrake.systems.framework import BasicVector, Context, LeafSystem, State, ValueProducer
 
 from chamfer.models.arms.position_arm import ServoParams
 from chamfer.models.arms.wrist import SIZE, tip_displacement
@@ -86,6 +87,8 @@ class JointServo(LeafSystem):
         self._commands = self.DeclareDiscreteState(np.tile(posture, params.delay + 1))
         self._saturated = self.DeclareDiscreteState(n)
         moves = {self.discrete_state_ticket(self._joints)}
+        place = ValueProducer(lambda: Value[object](), self._calc_place)
+        self._place = self.DeclareCacheEntry("pose and Jacobian", place, moves)
         self.DeclareVectorOutputPort("tool_pose", POSE_SIZE, self._calc_pose, moves)
         self.DeclareStateOutputPort("encoders", self._joints)
         self.DeclareStateOutputPort("saturated", self._saturated)
@@ -93,18 +96,17 @@ class JointServo(LeafSystem):
         # As a plant with sampled outputs steps: what its springs show is of one instant.
         self.DeclarePeriodicUnrestrictedUpdateEvent(step, 0.0, self._update)
 
+    def _calc_place(self, context: Context, value: AbstractValue) -> None:
+        value.set_value(self._model.kinematics(self._values(context, self._joints)[0]))
+
     def _calc_pose(self, context: Context, vector: BasicVector) -> None:
-        q = self._values(context, self._joints)[0]
-        vector.SetFromVector(pose_vector(self._model.kinematics(q)[0]))
+        vector.SetFromVector(pose_vector(self._place.Eval(context)[0]))
 
     def _calc_motion(self, context: Context, vector: BasicVector) -> None:
-        q, v = self._values(context, self._joints)
-        X_WT, J = self._model.kinematics(q)
-        rate = J @ v
+        X_WT, J = self._place.Eval(context)
+        rate = (J @ self._values(context, self._joints)[1]).reshape(2, 3) @ self._turned.T
         moved = tip_displacement(self._to_rest @ X_WT @ self._X_TS)
-        vector.SetFromVector(
-            np.concatenate([moved, self._turned @ rate[:3], self._turned @ rate[3:]])
-        )
+        vector.SetFromVector(np.concatenate([moved, rate.ravel()]))
 
     def _values(self, context: Context, group: int) -> Array:
         values: Array = context.get_discrete_state(group).value()
