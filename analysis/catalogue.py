@@ -302,6 +302,16 @@ CATALOGUE: Final = Catalogue(
             resolve="resolve_detection_conditions",
             reduced=("pictures=1",),
         ),
+        _servoing_study(
+            name="hand-camera",
+            figure="section 4",
+            summary="how exactly a camera in the hand sees the mouth of a hole, "
+            "and which pictures it refuses",
+            module="chamfer.analysis.sight.hand_camera",
+            scenario="STUDY",
+            resolve="resolve_hand_camera",
+            reduced=("pictures=1",),
+        ),
         _servoing(
             name="repeatability",
             figure="section 5",

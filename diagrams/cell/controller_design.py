@@ -207,7 +207,7 @@ SPEED: Final[dict[Kind, float]] = {"lateral": 8e-3, "rotational": 0.32}
 # m/s and rad/s, of the large increments
 # Of a camera in the hand: what its detection may be off, and how fast, relatively, its errors are
 # compensated, since it looks more rarely.
-IN_THE_HAND: Final[dict[Kind, float]] = {"lateral": 0.03, "rotational": 3e-3}
+IN_THE_HAND: Final[dict[Kind, float]] = {"lateral": 0.03, "rotational": 1.5e-3}
 _SLOWER: Final = 0.12
 CLOSED_LOOP: Final = 0.05  # s, time constant beyond the dead time
 _ALONE: Final[dict[str, ArmName]] = {"peg": "peg", "hole": "hole", "none": "peg"}

@@ -175,7 +175,7 @@ class CellError(LeafSystem):
     A measurement that differs from the last valid one by more than the parts can have moved
     since is none, but for the one after ``continuity.most_jumps`` in a row.
 
-    Where ``hidden``, size 1, is 1, nothing is valid, and no miss.
+    Where ``hidden``, size 1, is 1, what is not measured is no miss.
 
     ``valid``, size 1, is 1 if Y, Z and the angles were measured, else 0 and the error is 0;
     ``age``, size 1, s, is how old the last valid measurement is: the older of its images, beyond
@@ -216,8 +216,6 @@ class CellError(LeafSystem):
         self.DeclarePeriodicUnrestrictedUpdateEvent(params.period, 0.0, self._count)
 
     def _waits(self, context: Context) -> bool:
-        if self._hidden.HasValue(context) and self._hidden.Eval(context)[0] >= 0.5:
-            return True
         return bool(context.get_time() < self._params.begin - 0.5 * self._params.period)
 
     def _measured(self, context: Context) -> Array | None:
@@ -256,6 +254,12 @@ class CellError(LeafSystem):
         misses, old, blind, jumps, *last = _state(context)
         misses += 1
         seen = self._seen(context)
+        if (
+            seen is None
+            and self._hidden.HasValue(context)
+            and self._hidden.Eval(context)[0] >= 0.5
+        ):
+            return
         if seen is not None and self._jumped(context, seen):
             jumps += 1
         elif seen is not None:

@@ -17,7 +17,8 @@ from chamfer.systems.vision.cell_error import AXES
 from chamfer.systems.vision.mouth_detector import MouthParams, detect_mouth
 from chamfer.systems.vision.mouth_pose import Look, hole_pose, rims
 
-_HIDDEN: Final = 0.7  # of the gap: from there on the peg is taken to hide a part of the mouth
+_HIDDEN: Final = 0.85  # of the gap: from there on the peg may hide a part of the mouth
+_LOOKS: Final = 0.35  # likewise: until there it is looked for
 _SURE: Final = np.array([2.5e-4] * 3 + [0.01] * 2)  # m and rad, standard deviations, at most
 
 
@@ -39,8 +40,8 @@ class HandSight(LeafSystem):
     the error, and where about the mouth is looked for. ``alignment_error``, shape (6,), is that of
     :class:`~chamfer.systems.vision.cell_error.CellError`, NaN where no mouth was found, or its
     pose, with what calibration leaves of the camera's, is not sure. ``hidden``, size 1: 1 where
-    the peg is so near to where the mouth should be that it hides some of it; ``looks``: 1 where
-    not.
+    the peg is so near to where the mouth should be that it may hide some of it; ``looks``: 0 where
+    it is so near that nobody looks any more.
 
     Args:
         parts: Peg and hole, as they are believed to be.
@@ -86,15 +87,15 @@ class HandSight(LeafSystem):
             moved = R_HT @ pose.X_WM.translation() / pixel_size
             vector.SetFromVector(np.concatenate([moved, turn.angle() * turn.axis()]))
 
-        def hidden(context: Context) -> bool:
+        def is_nearer(context: Context, share: float) -> bool:
             p_MT = X_WM.inverse() @ pose_from_vector(tool.Eval(context)).translation()
-            return bool(p_MT[0] > -_HIDDEN * gap)
+            return bool(p_MT[0] > -share * gap)
 
         def calc_hidden(context: Context, vector: BasicVector) -> None:
-            vector[0] = float(hidden(context))
+            vector[0] = float(is_nearer(context, _HIDDEN))
 
         def calc_looks(context: Context, vector: BasicVector) -> None:
-            vector[0] = float(not hidden(context))
+            vector[0] = float(not is_nearer(context, _LOOKS))
 
         # Once an image: a pose that changes since tells nothing new of it.
         self.DeclareVectorOutputPort("alignment_error", len(AXES), calc, {image.ticket()})

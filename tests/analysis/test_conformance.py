@@ -49,6 +49,7 @@ NOT_LOGGED: Final = {
     *("jamming-diagram", "peg-insertion", "wedging-diagram", "insertion-map", "lissajous"),
     "compliance-centre",
     *("plant-identification", "camera-accuracy", "detection-conditions", "repeatability"),
+    "hand-camera",
     *("design-accuracy", "insertion-repeatability", "calibration-accuracy", "hybrid-stability"),
     *("contact-convergence", "contact-stability", "friction-remedies", "search-capture"),
     *("observer-model-error", "charging-campaign", "observer-comparison"),
