@@ -156,8 +156,9 @@ class HoleSettings(CellArmSettings):
         require_one_of(self, "kind", get_args(HoleKind))
         require_not_negative(self, "position_error", "angle_error")
         if self.kind == "arm":
-            believed = ("position_error", "angle_error")
-            require_same(self, HoleSettings, "hole", *believed, why="an arm's hole is no fixture")
+            for name in ("position_error", "angle_error"):
+                if value := getattr(self, name):
+                    raise ParameterError(name, value, "0, an arm's hole is no fixture")
 
 
 # kg; calibrated: with the dry friction the peg stays 1.5 mm low at 700 N/m (Fig. 11).
