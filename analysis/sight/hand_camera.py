@@ -174,18 +174,21 @@ def figures(scenario: ResolvedHandCameraScenario, outcome: Outcome) -> Mapping[s
         draw_shares(axes, rows, _COLOURS)
         axes.set_title(severity, fontsize=10, loc="left", fontweight="bold")
         axes.set_xlabel("pictures / %", fontsize=9)
-        said = (
-            [condition.said for condition in CONDITIONS.values()] if k == 0 else [""] * len(rows)
-        )
-        name_rows(axes, said)
+        if k:
+            axes.sharey(panels[0])
+            axes.tick_params(labelleft=False)
+    name_rows(panels[0], [condition.said for condition in CONDITIONS.values()])
     axes, traces = panels[-1], outcome.traces
     sure = np.column_stack([traces[f"off_{i}"] / traces[f"deviation_{i}"] for i in range(5)])
     known = sure[np.isfinite(sure).all(axis=1)]
-    axes.hist(known.ravel(), bins=np.linspace(-5, 5, 41).tolist(), color="#7a9cc6")
+    share = np.full(known.size, 100 / max(known.size, 1))
+    bins = np.linspace(-5, 5, 41).tolist()
+    axes.hist(known.ravel(), bins=bins, weights=share, color="#7a9cc6")
+    axes.set_ylabel("errors / %", fontsize=9)
     for side in (-_MANY, _MANY):
         axes.axvline(side, color=_COLOURS["wrong"], linewidth=1)
     axes.set_title("errors", fontsize=10, loc="left", fontweight="bold")
-    axes.set_xlabel("of the claimed deviation", fontsize=9)
+    axes.set_xlabel("error / claimed deviation", fontsize=9)
     axes.tick_params(labelsize=8)
     count, wrong = (outcome.metrics[name].value or 0.0 for name in ("pictures", "wrong"))
     lateral = 1e6 * (outcome.metrics["plain.lateral_error.95"].value or math.nan)

@@ -130,7 +130,6 @@ class Edge(NamedTuple):
 
     turns: Array  # rad, shape (n,)
     offsets: Array  # pixels, out of the ellipse, NaN where there is none, shape (n,)
-    slopes: Array  # grey levels a pixel, shape (n,)
 
 
 def inside_level(picture: Picture, ellipse: Array) -> float:
@@ -186,7 +185,7 @@ def measure(
         good &= outer - inner > _STEEPEST * here  # a line has both sides alike
         good &= inner < _DARKER * outer
     offsets = np.where(good, steps[best] + _STEP * between, math.nan)
-    return Edge(turns, offsets, np.where(good, slopes[rows, best], math.nan))
+    return Edge(turns, offsets)
 
 
 class Fit(NamedTuple):
@@ -196,7 +195,6 @@ class Fit(NamedTuple):
     covariance: Array  # shape (5, 5)
     spread: float  # pixels, standard deviation of the edge about it
     good: NDArray[np.bool_]  # which normals have the edge on it, shape (n,)
-    slope: float  # grey levels a pixel, median
 
 
 def fit(edge: Edge, ellipse: Array, most: float) -> Fit | None:
@@ -226,9 +224,8 @@ def fit(edge: Edge, ellipse: Array, most: float) -> Fit | None:
     alike = max(_CORRELATED, float(np.sum(blocks**2)) / max(float(np.sum(rest**2)), 1e-12))
     covariance = alike * max(spread, 0.02) ** 2 * np.linalg.inv(A.T @ A)
     covariance += FLOOR**2 * np.eye(ELLIPSE_SIZE)
-    slope = float(np.median(np.abs(edge.slopes[good])))
     change[[2, 4]] += _SHRUNK / math.sqrt(ellipse[2] * ellipse[4])
-    return Fit(ellipse + change, covariance, spread, good, slope)
+    return Fit(ellipse + change, covariance, spread, good)
 
 
 @compiled

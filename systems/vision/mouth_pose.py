@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.peg.peg_and_hole import HolePart
-from chamfer.systems.vision.mouth_ellipse import ELLIPSE_SIZE, circle_ellipses
+from chamfer.systems.vision.mouth_ellipse import circle_ellipses
 
 Array = NDArray[np.float64]
 
@@ -61,7 +61,6 @@ class HolePose(NamedTuple):
     X_WM: RigidTransform  # in the looks' frame; about its axis it is as was expected
     covariance: Array  # shape (5, 5), m and rad, of POSE_AXES, with the hand's part of it
     surprise: float  # squared standard deviations that the ellipses are off (chi square)
-    freedom: int  # of it
 
 
 def seen_ellipse(camera: Camera, X_WM: RigidTransform, rim: Rim) -> Array:
@@ -131,8 +130,7 @@ def hole_pose(
         return None
     X_WM = expected @ RigidTransform(RotationMatrix(_turns(state[np.newaxis])[0]), state[:3])
     covariance = np.linalg.inv(normal)[:_SIZE, :_SIZE]
-    freedom = ELLIPSE_SIZE * len(whiten) - _SIZE
-    return HolePose(X_WM, covariance, float(off[0] @ off[0]), freedom)
+    return HolePose(X_WM, covariance, float(off[0] @ off[0]))
 
 
 def _turns(states: Array) -> Array:
