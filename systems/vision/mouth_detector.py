@@ -98,6 +98,7 @@ class _Asked(NamedTuple):
 
 # A rim without a chamfer's is confirmed by nothing else.
 _ALONE: Final = _Asked(0.75, 1.3)
+_DOUBT: Final = 2.0  # of its variance, likewise: shadows beside it are seen in nothing else
 _OF_TWO: Final = (_Asked(0.5, 2.8), _Asked(0.35, 3.4))  # the bore's, the chamfer's
 _SPREAD: Final = 0.3  # pixels, standard deviation of an edge about its ellipse, at most
 _SURPRISE: Final = 30.0  # chi square, of five, of two rims that are of one mouth
@@ -225,6 +226,7 @@ def _mouth_at(
 ) -> Mouth:
     """Return the mouth about a pose."""
     camera, X_WM = picture.straight, start
+    doubt = _DOUBT if len(rims) == 1 else 1.0
     for step in range(_ROUNDS):
         reach = _REACHES[min(step, len(_REACHES) - 1)]
         ellipses = [seen_ellipse(camera, X_WM, rim) for rim in rims]
@@ -240,7 +242,7 @@ def _mouth_at(
             if (status := _wrong(fitted, asked, step)) is not None:
                 return Mouth(status)
             far = max(far, float(np.abs(fitted.ellipse - ellipses[k]).max()))
-            seen = (*seen, SeenRim(rim, fitted.ellipse, fitted.covariance))
+            seen = (*seen, SeenRim(rim, fitted.ellipse, doubt * fitted.covariance))
         pose = hole_pose([Look(camera, seen)], X_WM)
         if pose is None:
             return Mouth(MouthStatus.OTHER_SIZE)
