@@ -50,13 +50,13 @@ def _of_arm(
     arm, built_in = chosen_arm(settings.model, settings.tool_frame), settings.model in BUILT_IN
     whose = "assumed, not published" if built_in else "by the file"
     torque, friction, rotors = arm.torque_limits, arm.dry_friction, arm.rotor_inertia
-    if settings.joint_friction is None:
+    if settings.joint_friction is None and given.servo is None:
         doubt = _first(
             (not any(friction), _GEARS),
             (_alike(friction) and not _alike(torque), "the same for unlike motors, placeholders?"),
         )
         yield _assumed(f"{name}.joint_friction", "dry friction", friction, "N m", whose, doubt)
-    if settings.rotor_inertia is None and not built_in:
+    if settings.rotor_inertia is None and not built_in and given.servo is None:
         field, doubt = f"{name}.rotor_inertia", _first((not any(rotors), _GEARS))
         yield _assumed(field, "inertia of rotors", rotors, "kg m^2", whose, doubt)
     if given.impedance.torque_limits is None:

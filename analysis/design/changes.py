@@ -46,7 +46,7 @@ class DesignField:
 
     def get(self, scenario: DesignScenario) -> float:
         """Return its value in a resolved scenario."""
-        return float((self.read or attrgetter(self.path))(scenario))
+        return float((self.read or attrgetter(self.path))(scenario) or 0.0)
 
     def set(self, scenario: DesignScenario, value: float) -> DesignScenario:
         """Return a scenario whose open fields are open still with another value of it."""
@@ -62,15 +62,15 @@ def _with(scenario: ScenarioT, path: str, value: object) -> ScenarioT:
     return _with(scenario, owner, replace(attrgetter(owner)(scenario), **{name: value}))
 
 
-def _third(path: str, unit: str, meaning: str) -> DesignField:
-    """Return the third of three stiffnesses, which scales the others with it."""
+def _last(path: str, unit: str, meaning: str) -> DesignField:
+    """Return the last of several stiffnesses or dampings, which scales the others with it."""
 
     def read(scenario: DesignScenario) -> float:
-        return float(attrgetter(path)(scenario)[2])
+        return float((attrgetter(path)(scenario) or (0.0,))[-1])
 
     def write(scenario: DesignScenario, value: float) -> DesignScenario:
-        x, y, z = attrgetter(path)(scenario)
-        return _with(scenario, path, (x * value / z, y * value / z, value))
+        values = attrgetter(path)(scenario) or attrgetter(path)(resolve_design(scenario))
+        return _with(scenario, path, tuple(one * value / values[-1] for one in values))
 
     return DesignField(path, unit, meaning, read=read, write=write)
 
@@ -108,8 +108,8 @@ def _with_joint_friction(scenario: DesignScenario, value: float) -> DesignScenar
 
 
 _FIELDS: Final = (
-    _third("impedance.stiffness", "N/m", "stiffness of the arms"),
-    _third("impedance.rotational_stiffness", "N m/rad", "rotational stiffness of the arms"),
+    _last("impedance.stiffness", "N/m", "stiffness of the arms"),
+    _last("impedance.rotational_stiffness", "N m/rad", "rotational stiffness of the arms"),
     DesignField(
         "support.centre_distance",
         "m",
@@ -136,6 +136,14 @@ _FIELDS: Final = (
     ),
     DesignField("cameras.distance", "m", "distance, and with it the focal length", 0.2, 5.0),
     DesignField("cameras.frames.noise", "grey levels", "noise of the images", high=1.0),
+    _last("admittance.spring", "N/m", "what takes back what the arm gave way"),
+    _last("admittance.damping", "N s/m", "damping of what the arm gives way"),
+    DesignField("compliance.axial", "N/m", "stiffness of sensor and tool or RCC along the peg"),
+    DesignField("compliance.lateral", "N/m", "the same across"),
+    DesignField("compliance.angular", "N m/rad", "the same of tilt"),
+    DesignField("compliance.centre_distance", "m", "centre of the compliance above the tip"),
+    DesignField("search.radius", "m", "how far a spiral goes"),
+    DesignField("search.pitch", "m", "between the turns of a spiral", high=1.0),
     DesignField("parts.chamfer_width", "m", "width of the chamfers", low=1.0),
     DesignField(
         "parts.clearance",
@@ -161,6 +169,17 @@ _FIELDS: Final = (
     ),
 )
 FIELDS: Final = {field.path: field for field in _FIELDS}
+_OF_TORQUES: Final = ("impedance.", "support.", "peg.joint_friction")  # what moves no other arm
+_OF_POSITIONS: Final = ("admittance.", "compliance.")  # likewise
+
+
+def _has(scenario: ResolvedDesignScenario, path: str) -> bool:
+    """Return whether a cell has a field at all, which another kind of cell has."""
+    others: tuple[str, ...] = _OF_POSITIONS if scenario.servo is None else _OF_TORQUES
+    if scenario.cameras.kind == "none":
+        others += ("compensator.", "cameras.", "controller.", "insert.compensation")
+    return not path.startswith(others)
+
 
 Value = float | str  # of a field, or of a choice as --set takes it
 Move = tuple[str, Value]  # a path, and the value that it gets
@@ -215,9 +234,16 @@ def _chamfers(scenario: ResolvedDesignScenario) -> list[Value]:
     return [] if parts.chamfer_width else [share * parts.peg_radius for share in _CHAMFERS]
 
 
+def _searches(scenario: ResolvedDesignScenario) -> list[Value]:
+    """Return the other searches; of arms that torques move this chain knows none."""
+    kinds = [] if scenario.servo is None else ["spiral", "tilt"]
+    return [kind for kind in kinds if kind != scenario.search.kind]
+
+
 _CHOICES: Final = (
     _either("controller.kind", "state machine or PID", "fsm", "pid"),
     _either("insert.compensation", "compensation during the feed", "running", "frozen"),
+    DesignChoice("search.kind", "", "search by touch", _searches),
     DesignChoice("parts.chamfer_width", "m", "width of the chamfers", _chamfers),
     DesignChoice("peg.base.position", "", "place of the peg's arm", _bases),
 )
@@ -295,10 +321,12 @@ def advise(scenario: DesignScenario, seed: int = 0, progress: Progress = quiet) 
     found = assess(resolved, seed)
     certain = found.verdict == "certain"
     asked: list[Asked] = [
-        (path, value, ()) for path, one in FIELDS.items() if (value := one.get(resolved))
+        (path, value, ())
+        for path, one in FIELDS.items()
+        if _has(resolved, path) and (value := one.get(resolved))
     ]
     for path, choice in ({} if certain else CHOICES).items():
-        if others := choice.others(resolved):
+        if _has(resolved, path) and (others := choice.others(resolved)):
             value = attrgetter(path)(resolved)
             said = value if isinstance(value, float) else value_text(value)
             asked.append((path, said, tuple(others)))

@@ -30,6 +30,7 @@ from chamfer.analysis.design.link import Link, supposed, tightest
 from chamfer.analysis.design.position_errors import drawn_touches
 from chamfer.analysis.design.position_links import (
     goes_in,
+    passed,
     position_links,
     position_warnings,
 )
@@ -233,7 +234,7 @@ def _fed_in(
     """Return the same of an arm that takes positions."""
     if not all(link.margin >= 0 for link in links if link.supposed):
         return 0, 0
-    could = int(goes_in(scenario, Starts.of(drawn)).sum())
+    could = int(goes_in(scenario, Starts.of(drawn)).sum() * passed(scenario))
     return could, could
 
 

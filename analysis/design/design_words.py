@@ -48,7 +48,7 @@ def described(scenario: DesignScenario) -> str:
     across, about = scenario.stiffness[1], scenario.stiffness[5]
     arms = "two arms" if scenario.hole.kind == "arm" else "an arm against a fixture"
     if scenario.servo:
-        arms = f"{arms} that takes positions, with a compliance"
+        arms = "an arm that takes positions, against a fixture, with a compliance"
     sees = "no cameras"
     if cameras.kind == "pair":
         size = quantity(cameras.pixel_size, "m")

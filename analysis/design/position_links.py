@@ -25,10 +25,12 @@ from chamfer.analysis.design.position_errors import hanging, unrest_of
 from chamfer.analysis.design.remaining_errors import DrawnErrors
 from chamfer.diagrams.contact.hybrid_loop_stability import Stability, stability_of
 from chamfer.diagrams.insertion.contact_loop import ContactLoop, contact_loop
+from chamfer.diagrams.insertion.insertion import task_params
 from chamfer.models.peg.peg_and_hole import SEATED
 from chamfer.models.peg.support import Support, stacked, strain
 from chamfer.models.peg_theory.fed_insertion import limits
 from chamfer.models.peg_theory.planar_statics import equilibrium
+from chamfer.models.peg_theory.search_capture import SpiralCoverage
 from chamfer.models.validation import known
 
 Array = NDArray[np.float64]
@@ -239,17 +241,31 @@ def search_links(scenario: ResolvedDesignScenario, starts: Starts) -> list[Link]
 
 
 def search_time(scenario: ResolvedDesignScenario, lateral: Array) -> Array:
-    """Return how long the search takes to holes that are off by m, s, shape (n,).
+    """Return how long the search may take to holes that are off by m, s, shape (n,).
 
-    All that the chart feels press on the face or the chamfers are searched for. A spiral takes
-    pi r^2 / (pitch v); a peg that leans leans over, slides and stands up.
+    All that press on the face or the chamfers search. A spiral takes ``pi r^2 / (p v)``, and as
+    much as half of it where it is held on its way. A peg that leans leans over, stands up, and
+    slides: not faster than half its speed as it gives way.
     """
     search = scenario.search
-    if search.kind == "none":
-        return np.zeros_like(lateral)
     if search.kind == "spiral":
-        return np.pi * lateral**2 / (known("search.pitch", search.pitch) * search.speed)
-    return 2 * search.lean_time + (known("search.back", search.back) + lateral) / search.speed
+        return 1.5 * np.pi * lateral**2 / (known("search.pitch", search.pitch) * search.speed)
+    if (touch := task_params(scenario).search) is None:
+        return np.zeros_like(lateral)
+    return np.full_like(lateral, 3 * search.lean_time + 2 * touch.way / search.speed)
+
+
+def passed(scenario: ResolvedDesignScenario) -> float:
+    """Return the chance that a spiral's turns pass a hole that they reach, by theory."""
+    search = scenario.search
+    if search.kind != "spiral":
+        return 1.0
+    return SpiralCoverage(
+        pitch=known("search.pitch", search.pitch),
+        radius=known("search.radius", search.radius),
+        capture=scenario.parts.chamfer_limit,
+        noise=repeatability_link(scenario).bound / _SURE,
+    ).between_turns()
 
 
 def attempts_of(scenario: ResolvedDesignScenario, starts: Starts) -> float:
