@@ -94,6 +94,7 @@ _ACROSS: Final = {
     "lateral": (("y", "z"), slice(0, 3)),
     "rotational": (("pitch", "yaw"), slice(3, 6)),
 }
+_HAND: Final = 1  # of the seed of what calibration has left of a camera in the hand
 LATE: Final = 0.5  # s, at the end, over which the compensation should not change any more
 
 
@@ -437,11 +438,14 @@ def drawn(scenario: DrawnT, spread: Spread, seed: int, trial: int) -> DrawnT:
     """Return the scenario with initial and model errors of one of a seed's trials."""
     middle, arm_error = scenario.initial_error, scenario.repeatability
     found = draw_errors(middle, spread, len(scenario.arms), seed, trial, arm_error)
-    arms = {}
+    arms: dict[str, Any] = {}
     for name, (payload, mass, friction) in zip(scenario.arms, found.arms, strict=True):
         settings = getattr(scenario, name)
         payload_error = settings.payload_error * (1 + payload)
         arms[name] = wrong_arm(settings, payload_error, mass, friction)
+    if (cameras := scenario.cameras).kind == "hand":
+        generator = np.random.default_rng([seed, trial, _HAND])
+        arms["cameras"] = replace(cameras, hand=cameras.hand.drawn(generator))
     return replace(scenario, initial_error=found.error, **arms)
 
 

@@ -186,7 +186,7 @@ def resolved_cameras(settings: CameraSettings, scenario: WorkCellScenario) -> Ca
     """Fill in what is open of the cameras, from their files if they have any."""
     if settings.kind == "hand":
         with within("cameras.hand"):
-            hand = settings.hand.of(scenario.parts, scenario.gap)
+            hand = settings.hand.read().of(scenario.parts, scenario.gap)
         frames = ViewFrames(
             **{one.name: getattr(hand.frames, one.name) for one in fields(ViewFrames)}
         )

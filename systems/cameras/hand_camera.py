@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Final
 
 import cv2
@@ -20,6 +21,7 @@ from chamfer.models.cameras.camera import (
     Coefficients,
     LensDistortion,
 )
+from chamfer.models.cameras.camera_file import read_camera
 from chamfer.models.peg.part_surfaces import rings
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import (
@@ -61,7 +63,10 @@ class HandMount:
     # m and rad, of the true camera along and about the believed one's axes, after calibration
     frames: FrameGrabberParams = FrameGrabberParams(period=0.05)
     # assumed; it looks while the mouth is not hidden
-    angle_deviation: float = 2.5e-4  # rad, standard deviation that calibration states, an axis
+    file: str | None = None
+    # of `chamfer calibrate --poses`, which says lens and deviations; None: as they are here
+    angle_deviation: float = 2.5e-4
+    # rad, an axis, that calibration states: trials draw errors so large
     position_deviation: float = 4e-5  # m, likewise
 
     def __post_init__(self) -> None:
@@ -97,6 +102,31 @@ class HandMount:
         if self.angle is not None:
             raise ParameterError("angle", self.angle, f"one with which a camera {at}")
         raise ParameterError("reach", self.reach, f"one with which some camera in the hand {at}")
+
+    def read(self) -> "HandMount":
+        """Return the mount with what its file says, if it has one."""
+        if self.file is None:
+            return self
+        found = read_camera(Path(self.file))
+        if found.hand_eye is None or found.hand_eye.sd is None:
+            allowed = "a file with hand_eye and its deviations, of chamfer calibrate --poses"
+            raise ParameterError("file", self.file, allowed)
+        sd = found.hand_eye.sd
+        turn, shift = (
+            float(np.sqrt(np.mean(np.square(one)))) for one in (sd.rotation_vector, sd.translation)
+        )
+        return replace(
+            self,
+            distortion=found.left.distortion,
+            angle_deviation=turn,
+            position_deviation=shift,
+        )
+
+    def drawn(self, generator: np.random.Generator) -> "HandMount":
+        """Return the mount with an error as large as calibration may well have left it."""
+        sizes = np.repeat([self.position_deviation, self.angle_deviation], 3)
+        error = np.add(self.error, sizes * generator.standard_normal(6))
+        return replace(self, error=tuple(error.tolist()))
 
     def camera(self, gap: float, *, true: bool = False) -> Camera:
         """Return the camera in the peg's frame T, of a mount that leaves nothing open."""

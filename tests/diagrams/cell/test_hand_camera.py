@@ -10,10 +10,17 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 from scipy.spatial.transform import Rotation
 
+from chamfer.analysis.cell.alignment_runs import AlignmentTrialsScenario, drawn
 from chamfer.diagrams.cell.alignment import resolve
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
 from chamfer.diagrams.cell.cell_vision import CameraSettings, add_cell_vision
 from chamfer.diagrams.cell.work_cell import HOLE_ARM
+from chamfer.models.cameras.camera_file import (
+    CalibratedCamera,
+    CameraFile,
+    FramePose,
+    camera_text,
+)
 from chamfer.models.peg.peg_and_hole import PRESETS, ColouredParts
 from chamfer.models.validation import ParameterError
 from chamfer.systems.cameras.hand_camera import HandMount
@@ -111,3 +118,34 @@ def test_a_hole_that_an_arm_holds_is_refused():
 def test_settings_are_finite_numbers():
     with pytest.raises(ParameterError, match="error"):
         HandMount(error=(np.nan,) * 6)
+
+
+def test_a_calibrated_hand_says_lens_and_how_far_off_it_may_be(tmp_path):
+    sd = FramePose(rotation_vector=(3e-4, 4e-4, 5e-4), translation=(1e-4, 1e-4, 2e-4))
+    eye = FramePose(rotation_vector=(0.1, 0.0, 0.0), translation=(0.0, 0.05, 0.1), sd=sd)
+    lens = (-0.05, 0.01, 0.0, 0.0, 0.0)
+    left = CalibratedCamera(
+        width=640,
+        height=480,
+        focal_length=(900.0, 900.0),
+        principal_point=(320.0, 240.0),
+        distortion=lens,
+    )
+    path = tmp_path / "camera.yaml"
+    path.write_text(camera_text(CameraFile(left=left, hand_eye=eye)))
+    mount = HandMount(file=str(path)).read()
+    assert mount.distortion == lens
+    assert mount.angle_deviation == pytest.approx(np.sqrt(50e-8 / 3))
+    assert mount.position_deviation == pytest.approx(np.sqrt(6e-8 / 3))
+    path.write_text(camera_text(CameraFile(left=left)))
+    with pytest.raises(ParameterError, match="allowed: a file with hand_eye and its deviations"):
+        HandMount(file=str(path)).read()
+    drawn = np.array([mount.drawn(np.random.default_rng(k)).error for k in range(400)])
+    sizes = np.repeat([mount.position_deviation, mount.angle_deviation], 3)
+    assert np.allclose(drawn.std(axis=0) / sizes, 1.0, atol=0.15)
+
+
+def test_trials_draw_what_calibration_left():
+    trials = AlignmentTrialsScenario(**{**vars(CELL), "initial_error": (0.0,) * 6})
+    one, other, again = (drawn(trials, trials.spread, 3, k).cameras.hand.error for k in (0, 1, 0))
+    assert one == again != other
