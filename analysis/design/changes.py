@@ -173,7 +173,7 @@ _OF_TORQUES: Final = ("impedance.", "support.", "peg.joint_friction")  # what mo
 _OF_POSITIONS: Final = ("admittance.", "compliance.")  # likewise
 
 
-def _has(scenario: ResolvedDesignScenario, path: str) -> bool:
+def has_field(scenario: ResolvedDesignScenario, path: str) -> bool:
     """Return whether a cell has a field at all, which another kind of cell has."""
     others: tuple[str, ...] = _OF_POSITIONS if scenario.servo is None else _OF_TORQUES
     if scenario.cameras.kind == "none":
@@ -323,10 +323,10 @@ def advise(scenario: DesignScenario, seed: int = 0, progress: Progress = quiet) 
     asked: list[Asked] = [
         (path, value, ())
         for path, one in FIELDS.items()
-        if _has(resolved, path) and (value := one.get(resolved))
+        if has_field(resolved, path) and (value := one.get(resolved))
     ]
     for path, choice in ({} if certain else CHOICES).items():
-        if _has(resolved, path) and (others := choice.others(resolved)):
+        if has_field(resolved, path) and (others := choice.others(resolved)):
             value = attrgetter(path)(resolved)
             said = value if isinstance(value, float) else value_text(value)
             asked.append((path, said, tuple(others)))

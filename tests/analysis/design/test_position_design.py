@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from chamfer.analysis.design.changes import CHOICES, FIELDS, has_field
 from chamfer.analysis.design.design import assess
 from chamfer.analysis.design.design_scenario import (
     DesignScenario,
@@ -26,6 +27,7 @@ from chamfer.analysis.design.position_links import (
 from chamfer.analysis.design.remaining_errors import HELD_OUT
 from chamfer.analysis.scenario.scenario_io import make_scenario
 from chamfer.diagrams.insertion.contact_loop import contact_loop
+from chamfer.models.validation import ParameterError
 from chamfer.systems.primitives.trajectory_primitives import Spiral
 
 
@@ -147,3 +149,20 @@ def test_a_search_reaches_as_far_as_its_spiral_and_takes_its_time() -> None:
         1.5 * spiral.duration, rel=0.1
     )
     assert not search_links(UR5E, starts)
+
+
+def test_each_kind_of_cell_has_its_own_fields_to_change() -> None:
+    asked = {path for path in FIELDS if has_field(UR5E, path)}
+    assert {"admittance.spring", "compliance.centre_distance", "insert.speed"} <= asked
+    assert not any(one.startswith(("impedance.", "compensator.", "cameras.")) for one in asked)
+    given = make_scenario(DesignScenario(), settings=["cell=ur5e-fixture"])
+    damping = FIELDS["admittance.damping"]  # derived in the scenario as it is given
+    more = damping.set(given, 2 * damping.get(UR5E)).admittance.damping
+    assert more == pytest.approx([2 * one for one in UR5E.admittance.damping or ()])
+    assert CHOICES["search.kind"].others(UR5E) == ["spiral", "tilt"]
+    assert FIELDS["search.radius"].get(UR5E) == 0  # there is none
+
+
+def test_what_cameras_leave_of_such_a_cell_is_not_said() -> None:
+    with pytest.raises(ParameterError, match="not predicted yet"):
+        cell("ur5e-fixture", "cameras.kind=pair")
