@@ -96,7 +96,8 @@ _MEETING_POINTS: Final[dict[InsertionAxis, Vector3]] = {
 class CellArmSettings:
     """An arm, its tool, and what its controller does not know about it."""
 
-    model: str = "wam"  # wam, or path of a URDF with six or more revolute joints
+    model: str = "wam"
+    # wam, ur5e, scara, or path of a URDF with six or more revolute joints
     tool_frame: str | None = None  # its link that carries the tool; None: the arm's end
     base: Placement  # X_WB, where the controller takes the base to be; assumed
     posture: tuple[float, ...] | None = None
