@@ -35,7 +35,7 @@ _FIXED_HAS_NO: Final = ("axis", "limit", "dynamics")
 _UR5E: Final = Path(__file__).with_name("ur5e.urdf")
 # What the cell itself adds to an arm, and what Drake calls the world.
 _TAKEN: Final = ("tool", "payload", "world")
-_NAMES: Final = "wam, ur5e, scara"  # of BUILT_IN
+_MODELS: Final = "wam, ur5e, scara, or a URDF file"
 
 
 class _Chain(NamedTuple):
@@ -59,9 +59,7 @@ def read_arm(path: str, tool_frame: str | None) -> SerialArm:
         stat = Path(path).stat()
         return _read(path, tool_frame, stat.st_mtime_ns, stat.st_size)
     except OSError as error:
-        raise ParameterError(
-            "model", path, f"{_NAMES}, or a URDF file ({error.strerror})"
-        ) from error
+        raise ParameterError("model", path, f"{_MODELS} ({error.strerror})") from error
 
 
 @lru_cache(maxsize=16)
@@ -71,11 +69,9 @@ def _read(path: str, tool_frame: str | None, changed: int, size: int) -> SerialA
     try:
         root = ElementTree.fromstring(Path(path).read_bytes())
     except ElementTree.ParseError as error:
-        raise ParameterError("model", path, f"{_NAMES}, or a URDF file ({error})") from error
+        raise ParameterError("model", path, f"{_MODELS} ({error})") from error
     if root.tag != "robot" or root.find("link") is None:
-        raise ParameterError(
-            "model", path, f"{_NAMES}, or a URDF file, with a robot and its links"
-        )
+        raise ParameterError("model", path, f"{_MODELS}, with a robot and its links")
     try:
         return _arm(root, Path(path), tool_frame)
     except UnfitError as error:

@@ -32,7 +32,7 @@ BACKWARDS = ViewSettings(frames=ViewFrames(period=-1.0))
         (
             ARM,
             {"model": "no.urdf"},
-            "model is 'no.urdf', allowed: wam, ur5e, scara, or a URDF file (No",
+            "'no.urdf', allowed: wam, ur5e, scara, or a URDF file (No",
         ),
         (OWN, {"tool_frame": "hand"}, "tool_frame is 'hand', allowed: one of the model's links"),
         (OWN, {"posture": (0.0,) * 5}, "posture is (0.0, 0.0, 0.0, 0.0, 0.0), allowed: 6"),
