@@ -85,7 +85,7 @@ class SerialArm:
             raise ParameterError("flange pose", (R.tolist(), p.tolist()), "finite numbers")
         for _ in range(_ITERATIONS):
             now = self.kinematics(q)
-            error = np.concatenate([_rotation_vector(R @ now.R.T), p - now.p])
+            error = np.concatenate([rotation_vector(R @ now.R.T), p - now.p])
             if np.abs(error).max() < _PRECISION:
                 break
             step = np.linalg.pinv(now.J, rcond=1e-6) @ error
@@ -113,7 +113,7 @@ class SerialArm:
         return ElementTree.tostring(root, encoding="unicode")
 
 
-def _rotation_vector(R: Array) -> Array:
+def rotation_vector(R: Array) -> Array:
     """Return the axis times the angle, rad, of a rotation by less than pi."""
     twice_sine = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
     length = float(np.linalg.norm(twice_sine))

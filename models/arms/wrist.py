@@ -219,12 +219,15 @@ def tip_axes(rx: float, ry: float, rz: float) -> Array:
     )
 
 
-def tip_displacement(X: RigidTransform) -> Array:
-    """Return the displacement of a tip's pose in the carrier's frame: :func:`tip_pose` undone."""
-    R = X.rotation().matrix()
-    turn = (
+def tip_turns(R: Array) -> tuple[float, float, float]:
+    """Return the turns of :func:`tip_pose`, rad, that make a tip's axes in the carrier's frame."""
+    return (
         math.atan2(-R[1, 2], R[2, 2]),
         math.asin(max(-1.0, min(1.0, R[0, 2]))),
         math.atan2(-R[0, 1], R[0, 0]),
     )
-    return np.array([*turn, *X.translation()])
+
+
+def tip_displacement(X: RigidTransform) -> Array:
+    """Return the displacement of a tip's pose in the carrier's frame: :func:`tip_pose` undone."""
+    return np.array([*tip_turns(X.rotation().matrix()), *X.translation()])

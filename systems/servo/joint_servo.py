@@ -9,10 +9,12 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State, ValueProducer
 
 from chamfer.models.arms.position_arm import ServoParams
-from chamfer.models.arms.wrist import SIZE, tip_displacement
+from chamfer.models.arms.serial_arm import rotation_vector
+from chamfer.models.arms.wrist import SIZE, tip_turns
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.arm_model import ArmModel
-from chamfer.systems.pose import POSE_SIZE, pose_from_vector, pose_vector
+from chamfer.systems.force.tool_pose import axes_of
+from chamfer.systems.pose import POSE_SIZE, pose_vector
 
 Array = NDArray[np.float64]
 
@@ -80,8 +82,10 @@ class JointServo(LeafSystem):
         self._params, self._model, self._step = params, model, step
         self._steps = round(params.period / step)
         self._lower, self._upper = map(np.array, (model.arm.lower_limits, model.arm.upper_limits))
-        self._to_rest, self._X_TS = rest.inverse() @ true, X_TS
-        self._turned = self._to_rest.rotation().matrix()
+        to_rest = rest.inverse() @ true
+        self._turned, self._shift = to_rest.rotation().matrix(), to_rest.translation()
+        self._R_TS, self._p_TS = X_TS.rotation().matrix(), X_TS.translation()
+        self._damped = _DAMPED**2 * np.eye(n)
         self._reference = self.DeclareVectorInputPort("reference_pose", POSE_SIZE)
         self._joints = self.DeclareDiscreteState(np.concatenate([posture, np.zeros(n)]))
         self._commands = self.DeclareDiscreteState(np.tile(posture, params.delay + 1))
@@ -105,8 +109,10 @@ class JointServo(LeafSystem):
     def _calc_motion(self, context: Context, vector: BasicVector) -> None:
         X_WT, J = self._place.Eval(context)
         rate = (J @ self._values(context, self._joints)[1]).reshape(2, 3) @ self._turned.T
-        moved = tip_displacement(self._to_rest @ X_WT @ self._X_TS)
-        vector.SetFromVector(np.concatenate([moved, rate.ravel()]))
+        R_WT = X_WT.rotation().matrix()
+        place = self._turned @ (X_WT.translation() + R_WT @ self._p_TS) + self._shift
+        turns = tip_turns(self._turned @ R_WT @ self._R_TS)
+        vector.SetFromVector(np.concatenate([turns, place, rate.ravel()]))
 
     def _values(self, context: Context, group: int) -> Array:
         values: Array = context.get_discrete_state(group).value()
@@ -122,10 +128,11 @@ class JointServo(LeafSystem):
         decay, pull = np.exp(-w * h), v + w * lack
         wanted = (v - h * w * pull) * decay
         most = params.acceleration * h
-        rate = np.clip(np.clip(wanted, v - most, v + most), -params.velocity, params.velocity)
+        rate = np.minimum(np.maximum(wanted, v - most), v + most)
+        rate = np.minimum(np.maximum(rate, -params.velocity), params.velocity)
         limited = rate != wanted
         after = np.where(limited, q + h * (v + rate) / 2, commands[0] + (lack + h * pull) * decay)
-        inside = np.clip(after, self._lower, self._upper)
+        inside = np.minimum(np.maximum(after, self._lower), self._upper)
         at_end = (commands[0] <= self._lower) | (commands[0] >= self._upper)
         rate[inside != after] = 0.0
         values.set_value(self._joints, np.concatenate([inside, rate]))
@@ -137,11 +144,10 @@ class JointServo(LeafSystem):
         if not np.isfinite(pose).all():
             at = f"reference pose of the arm at {context.get_time():.6g} s"
             raise ParameterError(at, pose.tolist(), "finite numbers")
-        X_WR = pose_from_vector(pose)
         X_WT, J = self._model.kinematics(near)
-        turn = (X_WR.rotation() @ X_WT.rotation().inverse()).ToAngleAxis()
-        way = X_WR.translation() - X_WT.translation()
-        error = np.concatenate([turn.angle() * turn.axis(), way])
-        damped = J.T @ J + _DAMPED**2 * np.eye(len(near))
+        turn = rotation_vector(axes_of(pose) @ X_WT.rotation().matrix().T)
+        error = np.concatenate([turn, pose[4:] - X_WT.translation()])
+        damped = J.T @ J + self._damped
         found: Array = near + np.linalg.solve(damped, J.T @ error)
-        return np.clip(found, self._lower, self._upper)
+        inside: Array = np.minimum(np.maximum(found, self._lower), self._upper)
+        return inside

@@ -29,11 +29,7 @@ BACKWARDS = ViewSettings(frames=ViewFrames(period=-1.0))
 @pytest.mark.parametrize(
     ("kind", "changes", "message"),
     [
-        (
-            ARM,
-            {"model": "no.urdf"},
-            "'no.urdf', allowed: wam, ur5e, scara, or a URDF file (No",
-        ),
+        (ARM, {"model": "no.urdf"}, "model is 'no.urdf', allowed: wam, ur5e, scara, or a URDF"),
         (OWN, {"tool_frame": "hand"}, "tool_frame is 'hand', allowed: one of the model's links"),
         (OWN, {"posture": (0.0,) * 5}, "posture is (0.0, 0.0, 0.0, 0.0, 0.0), allowed: 6"),
         (OWN, {"rotor_inertia": (-0.1,) * 6}, "rotor_inertia is (-0.1, "),
