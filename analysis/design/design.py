@@ -101,7 +101,9 @@ def assess(scenario: ResolvedDesignScenario, seed: int = 0, *, draws: int | None
     if scenario.servo:
         drawn = drawn_touches(scenario, seed, count)
         links = position_links(scenario, drawn)
-        safe, could = _fed_in(scenario, links, drawn)
+        kept = all(link.margin >= 0 for link in links if link.supposed)
+        could = int(goes_in(scenario, Starts.of(drawn)).sum() * passed(scenario)) if kept else 0
+        safe = could
     else:
         drawn = drawn_cells(scenario, seen := sight(scenario), seed, count)
         links = chain(scenario, seen, drawn)
@@ -226,16 +228,6 @@ def _inside(
         could &= needed + drawn.push[begun] < push
         edge = edge_forces(scenario, starts)
     return int(np.sum(could & (edge <= push)) * seen.share), int(could.sum())
-
-
-def _fed_in(
-    scenario: ResolvedDesignScenario, links: tuple[Link, ...], drawn: DrawnErrors
-) -> tuple[int, int]:
-    """Return the same of an arm that takes positions."""
-    if not all(link.margin >= 0 for link in links if link.supposed):
-        return 0, 0
-    could = int(goes_in(scenario, Starts.of(drawn)).sum() * passed(scenario))
-    return could, could
 
 
 MOST_TRIALS: Final = 10_000

@@ -67,8 +67,8 @@ def resolve_design(scenario: DesignScenario) -> ResolvedDesignScenario:
     Raises:
         ParameterError: If a part is out of an image at a start, or the cell can't be built.
     """
-    if scenario.servo is not None and scenario.cameras.kind != "none":
-        allowed = "none of an arm that takes positions: what cameras leave is not predicted yet"
+    if scenario.servo is not None and scenario.cameras.kind == "pair":
+        allowed = "hand or none of an arm that takes positions: a pair is not predicted yet"
         raise ParameterError("cameras.kind", scenario.cameras.kind, allowed)
     resolved = resolve_as(ResolvedDesignScenario, scenario)
     require_starts(resolved, resolved.spread)

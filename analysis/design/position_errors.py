@@ -1,9 +1,8 @@
 """What is left as the parts touch where the arm takes positions, of drawn fixtures and arms.
 
-Nothing that the arm does depends on the part before they touch: no model of it has to be run.
-Without cameras nothing is taken off: fixture and repeatability, the tip that hangs on its springs,
-the feed along an axis that is off itself, and what the sensor's noise and drift make of the
-admittance since its zero was taken.
+No model of the arm has to be run. Without cameras nothing is taken off: fixture and repeatability,
+the tip that hangs on its springs, the feed along an axis that is off itself, and what the sensor's
+noise and drift make of the admittance since its zero was taken.
 """
 
 from typing import Final
@@ -15,11 +14,13 @@ from chamfer.analysis.cell.alignment_runs import draw_errors
 from chamfer.analysis.design.design_scenario import ResolvedDesignScenario
 from chamfer.analysis.design.feed_path import GRAVITY
 from chamfer.analysis.design.remaining_errors import HELD_OUT, DrawnErrors, in_one_plane
+from chamfer.diagrams.insertion.insertion import region_of
 from chamfer.models.arms.wrist import SIZE
 from chamfer.systems.force.wrist_wrench import WRIST_AXES
 
 Array = NDArray[np.float64]
 
+_ACROSS: Final = [1, 2, 4, 5]  # y, z, pitch and yaw in AXES
 _UNIFORM: Final = 3**-0.5  # standard deviation of a uniform noise, over its half-width
 _SLOWEST: Final = 1e-3  # 1/s, of an admittance's return, below which it has none
 
@@ -34,25 +35,23 @@ def drawn_touches(scenario: ResolvedDesignScenario, seed: int, draws: int) -> Dr
     ]
     error = np.array([one.error for one in trials])
     payload = scenario.peg.payload_error * np.array([one.arms[0][0] for one in trials])
+    generator, seeks = np.random.default_rng([seed, HELD_OUT]), np.zeros(draws)
+    if scenario.cameras.kind == "hand":
+        seeks = align_by_hand(scenario, error, generator)
     error += hanging(scenario, payload)
     since = insert.pause + scenario.gap / insert.speed
-    unrest = np.random.default_rng([seed, HELD_OUT]).standard_normal((draws, 4))
-    error[:, [1, 2, 4, 5]] += unrest * unrest_of(scenario, since)
+    error[:, _ACROSS] += unrest_of(scenario, since) * generator.standard_normal((draws, 4))
     # Fed along the peg's own axis, which is off as the peg is.
     error[:, 1] += scenario.gap * error[:, 5]
     error[:, 2] -= scenario.gap * error[:, 4]
     lateral, tilt, turn = in_one_plane(error)
     frame = scenario.cameras.frames.period
-    waits = {
-        "margin": decide.frames * frame,
-        "wait": scenario.compensation_time,
-        "at_once": frame,
-    }
+    waits = {"margin": decide.frames * frame, "wait": scenario.compensation_time}
     none, pairs = np.zeros(draws), np.zeros((draws, 2))
     return DrawnErrors(
         force=none,
         push=none,
-        time=np.full(draws, waits[decide.kind]),
+        time=waits.get(decide.kind, frame) + seeks,
         lateral=lateral,
         tilt=tilt,
         turn=turn,
@@ -61,6 +60,34 @@ def drawn_touches(scenario: ResolvedDesignScenario, seed: int, draws: int) -> Dr
         saturated=none,
         exact=True,
     )
+
+
+def align_by_hand(
+    scenario: ResolvedDesignScenario, error: Array, generator: np.random.Generator
+) -> Array:
+    """Take off drawn errors, (n, 6), what a camera in the hand does; return how long it takes, s.
+
+    They are as large as the decision lets them be, which bounds what is left; what calibration
+    has left of the camera's pose adds.
+    """
+    region, margin, hand = region_of(scenario), scenario.decide.margin, scenario.cameras.hand
+    own, period = scenario.compensator, scenario.cameras.frames.period
+    rates = np.repeat([own.lateral.closed.increment, own.rotational.closed.increment], 2) / period
+    takes: Array = (np.abs(error[:, _ACROSS]) / rates).max(axis=1)
+    if scenario.decide.kind == "margin":
+        most = (1 - margin) * region.lateral_limit
+        error[:, 1:3] *= np.minimum(1.0, most / np.hypot(*error[:, 1:3].T))[:, np.newaxis]
+        tilts = region.tilts_at(np.hypot(*error[:, 1:3].T)) - margin * region.rotation_limit
+        error[:, 4:] *= np.minimum(1.0, tilts / np.hypot(*error[:, 4:].T))[:, np.newaxis]
+    left = np.repeat([hand_eye(scenario), hand.angle_deviation], 2)
+    error[:, _ACROSS] += left * generator.standard_normal((len(error), 4))
+    return takes
+
+
+def hand_eye(scenario: ResolvedDesignScenario) -> float:
+    """Return the standard deviation of where a calibrated camera in the hand sees a hole, m."""
+    hand = scenario.cameras.hand
+    return float(np.hypot(hand.position_deviation, hand.distance * hand.angle_deviation))
 
 
 def hanging(scenario: ResolvedDesignScenario, payload: Array) -> Array:

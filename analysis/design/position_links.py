@@ -21,8 +21,9 @@ from chamfer.analysis.design.insertion_links import (
     turn_link,
 )
 from chamfer.analysis.design.link import Link, at_least, at_most, supposed
-from chamfer.analysis.design.position_errors import hanging, unrest_of
+from chamfer.analysis.design.position_errors import hand_eye, hanging, unrest_of
 from chamfer.analysis.design.remaining_errors import DrawnErrors
+from chamfer.diagrams.cell.controller_design import measurement_error
 from chamfer.diagrams.contact.hybrid_loop_stability import Stability, stability_of
 from chamfer.diagrams.insertion.contact_loop import ContactLoop, contact_loop
 from chamfer.diagrams.insertion.insertion import task_params
@@ -35,7 +36,7 @@ from chamfer.models.validation import known
 
 Array = NDArray[np.float64]
 
-MODEL_ERROR: Final = 1.6  # what simulated forces may be over those of the statics
+MODEL_ERROR: Final = 1.8  # what simulated forces may be over those of the statics
 _PLACES: Final = 9  # on the way in, closer where it begins
 _SURE: Final = 3.0  # standard deviations
 _TOUCHING: Final = 3  # points that touch first
@@ -55,14 +56,12 @@ def contact_links(scenario: ResolvedDesignScenario) -> list[Link]:
         return []
     found = _stability(contact_loop(scenario))
     decay = -max(found.growth_contact, found.growth or found.growth_contact)
-    gain, delay = found.gain_margin or _MOST_GAIN, found.delay_margin
-    if delay is None:
-        delay = _MOST_DELAY * scenario.arm.servo.period
+    none, most = "none that was looked at", _MOST_DELAY * scenario.arm.servo.period
+    gain = found.gain_margin or _MOST_GAIN
+    delay = most if found.delay_margin is None else found.delay_margin
     source = "slowest decay of the sampled loop of force, in contact and free"
-    more = (
-        f"factor on what gives way, 1 / damping, at which it grows: {found.least_gain or 'none'}"
-    )
-    late = f"further delay at which it grows: {found.least_delay or 'none that was looked at'}"
+    more = f"factor on 1 / damping at which it grows: {found.least_gain or none}"
+    late = f"further delay at which it grows: {found.least_delay or none}"
     return [
         at_least("loop.contact", decay, 0.0, "1/s", source),
         at_least("loop.gain", gain, 1.0, "", more),
@@ -99,14 +98,6 @@ def touch_force(scenario: ResolvedDesignScenario, *, beside: bool) -> float:
     return already + insert.speed * (impact + k * lag + damping)
 
 
-def touch_link(scenario: ResolvedDesignScenario, starts: Starts) -> Link:
-    """Return the force of the first touch."""
-    beside = bool((starts.lateral > scenario.parts.chamfer_limit).any())
-    source = "v (sqrt(k m) + k lag + D) of the first touch; insert.force_limit"
-    force = touch_force(scenario, beside=beside)
-    return at_most("touch", force, scenario.insert.force_limit, "N", source)
-
-
 def repeatability_link(scenario: ResolvedDesignScenario) -> Link:
     """Return what the arm itself is off by at the touch, which no search knows of."""
     since = scenario.insert.pause + scenario.gap / scenario.insert.speed
@@ -115,6 +106,16 @@ def repeatability_link(scenario: ResolvedDesignScenario) -> Link:
     off = math.sqrt(2) * scenario.repeatability + unsure + down
     source = "arm's repeatability, its sensor's drift, and how far the tip hangs; chamfers' reach"
     return at_most("repeatability", off, scenario.parts.chamfer_limit, "m", source)
+
+
+def detection_links(scenario: ResolvedDesignScenario) -> list[Link]:
+    """Return how far off a hole may be seen to be by a camera in the hand."""
+    if scenario.cameras.kind != "hand":
+        return []
+    off = scenario.cameras.pixel_size * measurement_error(scenario, "lateral")
+    off += _SURE * hand_eye(scenario)
+    source = "detection of the mouth, and what calibration leaves of the camera; chamfers' reach"
+    return [at_most("detection", off, scenario.parts.chamfer_limit, "m", source)]
 
 
 class WayIn(NamedTuple):
@@ -188,10 +189,9 @@ def _deflection(
 
 def way_links(scenario: ResolvedDesignScenario, found: WayIn) -> list[Link]:
     """Return the push on the way in, what the arm feels, and how far an RCC gives way."""
-    insert = scenario.insert
-    push, across = MODEL_ERROR * float(found.push.max()), float(found.across.max())
+    insert, push = scenario.insert, MODEL_ERROR * float(found.push.max())
+    felt = math.hypot(push, MODEL_ERROR * float(found.across.max()))
     source = "exact statics of the worst errors at the speed of the feed"
-    felt = math.hypot(push, MODEL_ERROR * across)
     links = [
         at_most("push", push, insert.push, "N", f"{source}; insert.push"),
         at_most("force", felt, insert.force_limit, "N", f"{source}; insert.force_limit"),
@@ -225,12 +225,10 @@ def search_links(scenario: ResolvedDesignScenario, starts: Starts) -> list[Link]
     Tracks of a spiral leave half a pitch between; what the arm is unsure of adds to it.
     """
     search, captures = scenario.search, scenario.parts.chamfer_limit
-    if search.kind == "none":
+    if (touch := task_params(scenario).search) is None:
         return []
     far, unsure = float(starts.lateral.max()), repeatability_link(scenario).bound
-    reach = captures + (known("search.radius", search.radius) if search.kind == "spiral" else 0.0)
-    if search.kind == "tilt":
-        reach = known("search.back", search.back)
+    reach = touch.reaches + (0.0 if touch.leans else captures)
     source = "largest error at the touch; as far as the search goes, and the chamfers' reach"
     links = [at_most("search", far, reach, "m", source)]
     if search.kind == "spiral":
@@ -245,20 +243,19 @@ def search_time(scenario: ResolvedDesignScenario, lateral: Array) -> Array:
 
     All that press on the face or the chamfers search. A spiral takes ``pi r^2 / (p v)``, and as
     much as half of it where it is held on its way. A peg that leans leans over, stands up, and
-    slides: not faster than half its speed as it gives way.
+    slides: at a third of its speed as it gives way.
     """
     search = scenario.search
     if search.kind == "spiral":
         return 1.5 * np.pi * lateral**2 / (known("search.pitch", search.pitch) * search.speed)
     if (touch := task_params(scenario).search) is None:
         return np.zeros_like(lateral)
-    return np.full_like(lateral, 3 * search.lean_time + 2 * touch.way / search.speed)
+    return np.full_like(lateral, 3 * search.lean_time + 3 * touch.way / search.speed)
 
 
 def passed(scenario: ResolvedDesignScenario) -> float:
     """Return the chance that a spiral's turns pass a hole that they reach, by theory."""
-    search = scenario.search
-    if search.kind != "spiral":
+    if (search := scenario.search).kind != "spiral":
         return 1.0
     return SpiralCoverage(
         pitch=known("search.pitch", search.pitch),
@@ -270,18 +267,12 @@ def passed(scenario: ResolvedDesignScenario) -> float:
 
 def attempts_of(scenario: ResolvedDesignScenario, starts: Starts) -> float:
     """Return how many attempts the farthest hole takes: each further spiral is wider."""
-    links = {link.name: link for link in search_links(scenario, starts)}
-    search = scenario.search
-    if "search.pitch" not in links or (lacks := -links["search"].margin) <= 0 or not search.widen:
+    search, links = scenario.search, search_links(scenario, starts)
+    if search.kind != "spiral" or links[0].margin >= 0 or not search.widen:
         return 1.0
-    return 1.0 + math.ceil(lacks / (search.widen * known("search.radius", search.radius)))
-
-
-def attempts_link(scenario: ResolvedDesignScenario, starts: Starts) -> Link:
-    """Return the attempts of the farthest hole against those that there are."""
-    source = "attempts until the search comes to the farthest hole; insert.attempts"
-    most = float(scenario.insert.attempts)
-    return at_most("attempts", attempts_of(scenario, starts), most, "", source)
+    return 1.0 + math.ceil(
+        -links[0].margin / (search.widen * known("search.radius", search.radius))
+    )
 
 
 def cycle_link(
@@ -302,18 +293,23 @@ def position_links(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> tupl
     touched = Starts.of(drawn)
     starts, searches = after_search(scenario, touched), scenario.search.kind != "none"
     found = way_in(scenario, starts.worst)
-    planar = region_links(scenario, starts)
+    planar, tries = region_links(scenario, starts), attempts_of(scenario, touched)
+    beside = bool((touched.lateral > scenario.parts.chamfer_limit).any())
+    force = touch_force(scenario, beside=beside)
+    first = "v (sqrt(k m) + k lag + D) of the first touch; insert.force_limit"
+    until = "attempts until the search comes to the farthest hole; insert.attempts"
     return (
         *supposed([*path_links(scenario), *contact_links(scenario)]),
         repeatability_link(scenario),
-        touch_link(scenario, touched),
+        *detection_links(scenario),
+        at_most("touch", force, scenario.insert.force_limit, "N", first),
         *search_links(scenario, touched),
         *(link for link in planar if not (searches and link.name == "chamfer")),
         *turn_link(scenario, drawn),
         *way_links(scenario, found),
         short_link(scenario, float(np.abs(starts.tilt).max())),
         cycle_link(scenario, drawn, touched, found),
-        *([attempts_link(scenario, touched)] if searches else []),
+        *([at_most("attempts", tries, scenario.insert.attempts, "", until)] if searches else []),
     )
 
 

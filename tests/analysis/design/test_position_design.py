@@ -163,6 +163,15 @@ def test_each_kind_of_cell_has_its_own_fields_to_change() -> None:
     assert FIELDS["search.radius"].get(UR5E) == 0  # there is none
 
 
-def test_what_cameras_leave_of_such_a_cell_is_not_said() -> None:
-    with pytest.raises(ParameterError, match="not predicted yet"):
+def test_a_camera_in_the_hand_takes_off_what_the_decision_asks_for() -> None:
+    hand = cell("ur5e-fixture", "cameras.kind=hand", "gap=0.03", "search.kind=none")
+    blind, seen = drawn_touches(UR5E, 0, 80), drawn_touches(hand, 0, 80)
+    most = (1 - hand.decide.margin) * hand.parts.chamfer_limit
+    assert blind.lateral.max() > most
+    # What is left of calibration, the unrest, and the feed along an axis that is off.
+    assert seen.lateral.max() < most + 5 * 6e-5 + 5 * 1e-4 + hand.gap * np.abs(seen.tilt).max()
+    assert (seen.time > blind.time).all()
+    links = {link.name for link in assess(hand).links}
+    assert {"detection", "repeatability", "chamfer"} <= links
+    with pytest.raises(ParameterError, match="a pair is not predicted yet"):
         cell("ur5e-fixture", "cameras.kind=pair")
