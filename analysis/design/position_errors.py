@@ -21,6 +21,7 @@ from chamfer.systems.force.wrist_wrench import WRIST_AXES
 Array = NDArray[np.float64]
 
 _ACROSS: Final = [1, 2, 4, 5]  # y, z, pitch and yaw in AXES
+_SEEN: Final = 0.15  # of the gap, fed until the peg may hide some of the mouth
 _UNIFORM: Final = 3**-0.5  # standard deviation of a uniform noise, over its half-width
 _SLOWEST: Final = 1e-3  # 1/s, of an admittance's return, below which it has none
 
@@ -67,8 +68,8 @@ def align_by_hand(
 ) -> Array:
     """Take off drawn errors, (n, 6), what a camera in the hand does; return how long it takes, s.
 
-    They are as large as the decision lets them be, which bounds what is left; what calibration
-    has left of the camera's pose adds.
+    The feed begins with what the decision lets be; to the dead zone they are compensated further
+    until the peg hides the mouth. What calibration has left of the camera's pose adds.
     """
     region, margin, hand = region_of(scenario), scenario.decide.margin, scenario.cameras.hand
     own, period = scenario.compensator, scenario.cameras.frames.period
@@ -79,6 +80,16 @@ def align_by_hand(
         error[:, 1:3] *= np.minimum(1.0, most / np.hypot(*error[:, 1:3].T))[:, np.newaxis]
         tilts = region.tilts_at(np.hypot(*error[:, 1:3].T)) - margin * region.rotation_limit
         error[:, 4:] *= np.minimum(1.0, tilts / np.hypot(*error[:, 4:].T))[:, np.newaxis]
+    if scenario.insert.compensation == "running":
+        lateral = scenario.cameras.pixel_size * own.lateral.closed.dead_zone
+        size, ends = (
+            np.abs(error[:, _ACROSS]),
+            np.repeat([lateral, own.rotational.closed.dead_zone], 2),
+        )
+        after = size - rates * _SEEN * scenario.gap / scenario.insert.speed
+        error[:, _ACROSS] = np.copysign(
+            np.maximum(after, np.minimum(size, ends)), error[:, _ACROSS]
+        )
     left = np.repeat([hand_eye(scenario), hand.angle_deviation], 2)
     error[:, _ACROSS] += left * generator.standard_normal((len(error), 4))
     return takes

@@ -56,7 +56,7 @@ def contact_links(scenario: ResolvedDesignScenario) -> list[Link]:
         return []
     found = _stability(contact_loop(scenario))
     decay = -max(found.growth_contact, found.growth or found.growth_contact)
-    none, most = "none that was looked at", _MOST_DELAY * scenario.arm.servo.period
+    none, most = "none looked at", _MOST_DELAY * scenario.arm.servo.period
     gain = found.gain_margin or _MOST_GAIN
     delay = most if found.delay_margin is None else found.delay_margin
     source = "slowest decay of the sampled loop of force, in contact and free"
@@ -93,8 +93,7 @@ def touch_force(scenario: ResolvedDesignScenario, *, beside: bool) -> float:
             axial = min(axial, across * ratio / math.tan(angle))
         else:
             already = insert.push
-    k = 1 / (1 / axial + 1 / stiff)
-    impact = math.sqrt(stiff * scenario.wrist.mass)
+    k, impact = 1 / (1 / axial + 1 / stiff), math.sqrt(stiff * scenario.wrist.mass)
     return already + insert.speed * (impact + k * lag + damping)
 
 
@@ -140,7 +139,7 @@ def way_in(scenario: ResolvedDesignScenario, starts: Starts) -> WayIn:
     gives = scenario.admittance.kind == "wrist"
     K = scenario.admittance.spring[3]
     D = contact_loop(scenario).damping[3] if gives else 0.0
-    push, across, given, share = np.zeros((4, count))
+    own, (push, across, given, share, none) = scenario.compliance.resolved(), np.zeros((5, count))
     for before, tip in zip(places[:-1].tolist(), places[1:].tolist(), strict=True):
         lateral, inner = starts.lateral - tip * starts.tilt, tip - scenario.parts.chamfer_height
         support = yielding(scenario, tip)
@@ -160,8 +159,9 @@ def way_in(scenario: ResolvedDesignScenario, starts: Starts) -> WayIn:
                 felt = np.where(np.isfinite(b), b + (against - D) * w, b)
             given = given + way * (v / w - 1)
         push, across = np.maximum(push, felt), np.fmax(across, np.abs(fast.lateral_force))
-        off = lateral - fast.tip, starts.tilt - fast.tilt
-        share = np.fmax(share, _deflection(scenario, support, *off, felt))
+        off = strain(own.support, support, lateral - fast.tip, starts.tilt - fast.tilt)
+        moved = [none, off[1], none, off[0], none, felt / own.axial]
+        share = np.fmax(share, own.deflection(np.stack(moved, axis=-1)))
     return WayIn(push, across, given / v, share)
 
 
@@ -174,17 +174,6 @@ def yielding(scenario: ResolvedDesignScenario, tip: float) -> Support:
     springs = admittance.spring + damping * scenario.insert.speed / tip
     behind = known("support", replace(admittance, spring=tuple(springs.tolist())).support)
     return scenario.support.over(stacked(device, behind))
-
-
-def _deflection(
-    scenario: ResolvedDesignScenario, whole: Support, lateral: Array, tilt: Array, push: Array
-) -> Array:
-    """Return how far an RCC gives way, as a share of its limits, shape (n,)."""
-    compliance = scenario.compliance.resolved()
-    across, turned = strain(compliance.support, whole, lateral, tilt)
-    none = np.zeros_like(across)
-    moved = [none, turned, none, across, none, push / compliance.axial]
-    return compliance.deflection(np.stack(moved, axis=-1))
 
 
 def way_links(scenario: ResolvedDesignScenario, found: WayIn) -> list[Link]:
@@ -329,9 +318,8 @@ def position_warnings(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> t
     """Return what an arm that takes positions is warned of."""
     starts = after_search(scenario, Starts.of(drawn))
     sits = int(np.sum(edge_forces(scenario, starts) > scenario.insert.push))
-    if not sits:
-        return ()
-    return (
+    says = (
         f"of {len(starts.lateral)} drawn rims {sits} may sit on the bore's edge and take more "
-        "than insert.push to turn upright, by an estimate that no simulated one has confirmed",
+        "than insert.push to turn upright, by an estimate that no simulated one has confirmed"
     )
+    return (says,) if sits else ()
