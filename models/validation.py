@@ -144,14 +144,14 @@ def require_same(params: object, default: object, path: str, *names: str, why: s
     Args:
         params: Whose fields.
         default: What they are by default; the dataclass itself, or one of its kind.
-        path: Of them in the scenario.
+        path: Of them in the scenario; empty where who builds it says so.
         names: The fields.
         why: Nothing reads them.
     """
     for name in names:
         value, was = getattr(params, name), getattr(default, name)
         if value != was:
-            raise ParameterError(f"{path}.{name}", value, f"{shown(was)}, {why}")
+            raise ParameterError(f"{path}.{name}".lstrip("."), value, f"{shown(was)}, {why}")
 
 
 def require_one_of(params: object, name: str, choices: Iterable[object]) -> None:

@@ -269,7 +269,7 @@ def insert_drawn(scenario: ResolvedDesignScenario, seed: int, trial: int) -> Row
     done = run_cell_insertion(one, trial_seed(seed, trial))
     metrics, traces = insertion_metrics(done, one), done.traces
     seated = metrics["seated"] == metrics["said_seated"] == 1
-    began, touch = done.entered("insert", first=True), touch_row(done, first=True)
+    began, touch = done.began(first=True), touch_row(done, first=True)
     time = None if began is None else began - one.begin
     return {
         "seated": float(seated),

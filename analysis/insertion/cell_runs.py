@@ -75,6 +75,7 @@ INSERTION: Final = {
     "jammed": Quantity(""),
     "pull_out.force": Quantity("N"),
 }
+_DECIDED: Final = "decide", "insert"
 _AFTER: Final = 0.3  # s, that a run goes on once its chart has ended
 _SLIPS: Final = 0.001  # m, that a peg moves out by if nothing but the push holds it
 _TOUCHING: Final = 0.01  # N
@@ -103,6 +104,11 @@ class CellInsertion(NamedTuple):
     def entered(self, state: str, *, first: bool = False) -> float | None:
         """Return when a state was entered last, or first, s."""
         times = [one.time for one in self.path if one.target == state]
+        return times[0 if first else -1] if times else None
+
+    def began(self, *, first: bool = False) -> float | None:
+        """When it was decided to insert last, or first, s; a search is part of its attempt."""
+        times = [one.time for one in self.path if (one.source, one.target) == _DECIDED]
         return times[0 if first else -1] if times else None
 
 
@@ -202,7 +208,7 @@ def two_point(traces: Table) -> NDArray[np.bool_]:
 def touch_row(done: CellInsertion, *, first: bool = False) -> int | None:
     """Return the row of the last or first attempt's touch: a contact, or the tip at the mouth."""
     traces = done.traces
-    began = done.entered("insert", first=first)
+    began = done.began(first=first)
     if began is None:
         return None
     near = (traces["contact_state"] != ContactState.NONE) | (traces["depth"] >= 0)
@@ -224,7 +230,7 @@ def insertion_metrics(
     values["seated"] = float(seated)
     values["said_seated"] = float(done.state == "seated")
     values["seated.first"] = float(seated and traces["attempts"][-1] <= 1)
-    began = done.entered("insert")
+    began = done.began()
     values["depth"] = float(depth[moments >= (0.0 if began is None else began)].max())
     # On the bottom the force is that of the stop, not of the way.
     free = np.logical_and.accumulate(~bottom)

@@ -143,7 +143,7 @@ def insert_one(scenario: ResolvedInsertionTrialsScenario, seed: int, task: Trial
 
 def _settled(done: CellInsertion) -> Row:
     """Return the errors where the compensation froze, and at the end."""
-    traces, frozen = done.traces, done.entered("insert")
+    traces, frozen = done.traces, done.began()
     values: dict[str, float | None] = {}
     for name in ("lateral_error", "rotational_error"):
         error = traces[name]

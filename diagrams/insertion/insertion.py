@@ -24,6 +24,7 @@ from chamfer.diagrams.cell.alignment import (
 )
 from chamfer.diagrams.cell.alignment import resolve_as as resolve_alignment_as
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario, ResolvedAlignmentScenario
+from chamfer.diagrams.cell.cell_vision import CameraSettings
 from chamfer.diagrams.cell.work_cell import (
     ARMS,
     PEG_ARM,
@@ -57,6 +58,7 @@ from chamfer.models.peg.bore_contact import (
 from chamfer.models.peg.peg_and_hole import SEATED, ColouredParts, Peg
 from chamfer.models.peg.support import OpenSupport, Support, stacked
 from chamfer.models.validation import ParameterError, require_positive, require_same
+from chamfer.systems.cameras.camera_image import FrameGrabberParams
 from chamfer.systems.contact.peg_hole_contact_monitor import PegHoleContactMonitor
 from chamfer.systems.force.contact_admittance import ContactAdmittanceParams
 from chamfer.systems.force.desired_pose import FeedOffset
@@ -149,12 +151,13 @@ class InsertionScenario(AlignmentScenario):
     @property
     def wrist(self) -> WristParams:
         """The springs between the flange of such an arm and the tip, and what they carry."""
-        tool = self.peg.tool
-        mass, lever = tool.mass + self.peg.payload_error, abs(tool.centre_of_mass[0])
+        tool, more = self.peg.tool, self.peg.payload_error
+        x, of_more = tool.centre_of_mass[0], self.peg.payload_position[0]
+        mass = tool.mass + more
         return self.compliance.resolved().wrist(
             mass=mass,
-            centre_of_mass=lever,
-            inertia=max(tool.inertia[1:]) + mass * lever**2,
+            centre_of_mass=-(tool.mass * x + more * of_more) / mass,
+            inertia=max(tool.inertia[1:]) + tool.mass * x**2 + more * of_more**2,
             axial_inertia=tool.inertia[0],
         )
 
@@ -231,6 +234,8 @@ def resolve(scenario: InsertionScenario) -> ResolvedInsertionScenario:
 
 def resolve_as(kind: type[ResolvedT], scenario: InsertionScenario) -> ResolvedT:
     """Return a scenario resolved, as the resolved class of its own kind."""
+    if scenario.cameras.kind == "none":
+        _require_unseen(scenario)
     scenario = _resolve_arm(scenario)
     insert, parts = scenario.insert, scenario.parts
     depth, speed, feed = insert.depth, insert.speed, insert.feed
@@ -276,6 +281,18 @@ def _resolve_arm(scenario: ScenarioT) -> ScenarioT:
         return scenario
     _require_unused({"impedance": scenario.impedance}, "arm.control is position")
     require_same(scenario.peg, PEG_ARM, "peg", "mass_scale", why="arm.control is position")
+    usual = replace(scenario.peg, joint_friction=None, rotor_inertia=None).arm
+    of_torques = {"joint_friction": usual.dry_friction, "rotor_inertia": usual.rotor_inertia}
+    for name, values in of_torques.items():
+        if (given := getattr(scenario.peg, name)) not in (None, values):
+            raise ParameterError(f"peg.{name}", given, "null: arm.control is position")
+    places = {"tool.centre_of_mass": scenario.peg.tool.centre_of_mass}
+    if scenario.peg.payload_error:
+        places["payload_position"] = scenario.peg.payload_position
+    for name, place in places.items():
+        if any(place[1:]) or place[0] > 0:
+            allowed = "on the peg's axis, not ahead of its tip: arm.control is position"
+            raise ParameterError(f"peg.{name}", place, allowed)
     if scenario.hole.kind != "fixture":
         raise ParameterError("hole.kind", scenario.hole.kind, "fixture: arm.control is position")
     period = scenario.servo.period
@@ -291,6 +308,21 @@ def _resolve_arm(scenario: ScenarioT) -> ScenarioT:
     lateral = min(hole.position_error, scenario.parts.chamfer_limit)
     require_within_deflection(compliance, lateral, hole.angle_error, admittance.support)
     return replace(scenario, compliance=compliance, admittance=admittance)
+
+
+def _require_unseen(scenario: InsertionScenario) -> None:
+    """Refuse what nothing reads without cameras."""
+    why = "cameras.kind is none"
+    names = "compensator", "pid", "controller"
+    _require_unused({name: getattr(scenario, name) for name in names}, why)
+    require_same(scenario.insert, InsertParams, "insert", "compensation", "freeze_depth", why=why)
+    if scenario.compensated not in (None, "none"):
+        raise ParameterError("compensated", scenario.compensated, f"none, {why}")
+    cameras, frames = scenario.cameras, scenario.cameras.frames
+    usual = CameraSettings(kind="none", frames=FrameGrabberParams(period=frames.period))
+    of_frames = [one.name for one in fields(frames)]
+    require_same(frames, usual.frames, "cameras.frames", *of_frames, why=why)
+    require_same(cameras, usual, "cameras", *[one.name for one in fields(cameras)], why=why)
 
 
 def _require_unused(groups: Mapping[str, Any], why: str) -> None:

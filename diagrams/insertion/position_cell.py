@@ -16,7 +16,7 @@ from chamfer.diagrams.contact.sensing import add_sensor
 from chamfer.diagrams.insertion.cell_contact import TouchingParts
 from chamfer.models.arms.wrist import SIZE, add_wrist, in_joint_order, moved, tip_displacement
 from chamfer.models.peg.peg_and_hole import ColouredParts
-from chamfer.models.validation import require_not_negative, require_positive
+from chamfer.models.validation import require_not_negative, require_positive, within
 from chamfer.systems.contact.peg_hole_contact_monitor import PegHoleContactMonitor
 from chamfer.systems.force.arm_model import TruePose
 from chamfer.systems.force.contact_admittance import ContactAdmittanceLaw, WristSetting
@@ -171,7 +171,8 @@ def _add_wrist_sensor(
     connect(servo.GetOutputPort("motion"), turned.GetInputPort("motion"))
     felt = turned.get_output_port()
     rates = {"step": scenario.step, "period": 1 / sensor.rate}
-    channels = add_sensor(builder, "wrist ", sensor, sensor.gauges, felt, **rates, ahead=True)
+    with within("sensor"):
+        channels = add_sensor(builder, "wrist ", sensor, sensor.gauges, felt, **rates, ahead=True)
     reading = builder.AddNamedSystem("wrist sensor's reading", MatrixGain(sensor.undoing))
     connect(channels, reading.get_input_port())
     return reading.get_output_port()

@@ -61,7 +61,7 @@ class ContactAdmittanceParams:
         if self.kind == "none":
             names = "inertia", "damping", "spring", "centre"
             why = "admittance.kind is none"
-            require_same(self, ContactAdmittanceParams, "admittance", *names, why=why)
+            require_same(self, ContactAdmittanceParams, "", *names, why=why)
 
     @property
     def stiffness(self) -> tuple[float, ...]:

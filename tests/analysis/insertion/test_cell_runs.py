@@ -93,6 +93,12 @@ def test_times_count_from_the_first_frame(
     assert measured["time_to_seated"] == pytest.approx(deep - scenario.begin)
 
 
+def test_a_search_is_part_of_its_attempt(done: CellInsertion) -> None:
+    began, last = done.began(), done.path[-1]
+    back = last._replace(source="spiral", target="insert", time=last.time)
+    assert done._replace(path=(*done.path, back)).began() == began == done.entered("insert")
+
+
 def test_the_decision_knows_what_it_may_know(measured: Values) -> None:
     found = {name: value for name, value in measured.items() if value is not None}
     off = found["decision.lateral_error"] - found["decision.true_lateral_error"]

@@ -67,6 +67,14 @@ def test_sensor_encoders_and_force_are_all_that_the_controller_knows(
     assert motion <= {"set-points and joints", "desired centre", "in the sensor's axes"}
 
 
+def test_an_unknown_load_hangs_where_it_is() -> None:
+    found = cell("ur5e-fixture", "peg.payload_error=0.5", "peg.payload_position=[-0.04, 0, 0]")
+    parts = ((1.0, 0.1), (0.5, 0.04))  # kg, and m above the tip
+    assert found.wrist.centre_of_mass == pytest.approx(sum(m * x for m, x in parts) / 1.5)
+    inertia = 3e-3 + sum(m * x**2 for m, x in parts)
+    assert found.wrist.inertia == pytest.approx(inertia)
+
+
 def test_in_free_space_the_springs_bear_the_tool_and_its_zero_is_taken() -> None:
     scenario = cell("ur5e-fixture", "sensor.noise=0", "sensor.drift=0", "sensor.resolution=0")
     diagram = make_insertion_diagram(scenario)
@@ -162,6 +170,19 @@ def test_presets_are_whole_cells_and_settings_go_on_top() -> None:
             "step is 0.003, allowed: a whole part of .* 0.002 s",
         ),
         (["cell=scara-rcc", "hole.angle_error=0.03"], "hole.angle_error is 0.03, allowed: less:"),
+        (["cell=ur5e-fixture", "compensated=peg"], "compensated is .*cameras.kind is none"),
+        (
+            ["cell=ur5e-fixture", "cameras.frames.noise=2"],
+            "cameras.frames.noise is .*kind is none",
+        ),
+        (["cell=ur5e-fixture", "pid.lateral.limit=0.01"], "pid.lateral is .*kind is none"),
+        (["cell=ur5e-fixture", "insert.compensation=frozen"], "insert.compens.*kind is none"),
+        (
+            ["cell=scara-rcc", "admittance.centre=[1, 0, 0]"],
+            "^admittance.centre is .*kind is none",
+        ),
+        (["cell=scara-rcc", "peg.rotor_inertia=[1, 1, 1, 1]"], "peg.rotor_inertia .*is position"),
+        (["cell=ur5e-fixture", "peg.payload_position=[-0.1, 0.01, 0]"], "peg.payload_p.* axis"),
         (["hole.position_error=0.001"], "hole.position_error is 0.001.*an arm's hole is no fixt"),
         (
             ["cell=ur5e-fixture", "admittance.damping=[1, 1, 1, 50, 50, 50]"],
