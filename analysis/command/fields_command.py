@@ -11,6 +11,7 @@ from chamfer.analysis.scenario.experiment import Catalogue, load, select
 T = TypeVar("T")
 
 _HEADER: Final = ("field", "default", "unit", "meaning", "allowed")
+_WHOLE: Final = "a preset of the whole scenario; what else is set goes on top"
 _COLUMNS: Final = 100  # where the terminal's width is not known
 
 
@@ -45,9 +46,18 @@ def print_fields(scenario: T, resolve: Callable[[T], T], *, prefix: str, as_json
     from chamfer.analysis.report.console import wrapped_table
     from chamfer.analysis.scenario.scenario_io import unstructure
 
-    chosen = matching(list(leaves(scenario)), prefix)
+    whole = {
+        word: ", ".join(presets)
+        for word, presets in getattr(type(scenario), "WHOLE", {}).items()
+        if word.startswith(prefix)
+    }
+    chosen = [] if prefix in whole else matching(list(leaves(scenario)), prefix)
     if as_json:
         described = [
+            {"path": word, "default": None, "unit": "", "meaning": _WHOLE, "allowed": names}
+            for word, names in whole.items()
+        ]
+        described += [
             {
                 "path": leaf.path,
                 "default": unstructure(leaf.value),
@@ -60,7 +70,8 @@ def print_fields(scenario: T, resolve: Callable[[T], T], *, prefix: str, as_json
         print(json.dumps(described))
         return
     texts = default_texts(scenario, resolve)
-    rows = [
+    rows = [(word, "null", "", _WHOLE, names) for word, names in whole.items()]
+    rows += [
         (leaf.path, texts[leaf.path], leaf.unit, leaf.meaning, allowed(scenario, leaf))
         for leaf in chosen
     ]

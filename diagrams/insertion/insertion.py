@@ -299,6 +299,10 @@ def _resolve_arm(scenario: ScenarioT) -> ScenarioT:
     if scenario.sensor.rate * period < 1 - 1e-9:
         allowed = f"at least arm.servo.rate, {1 / period:g} Hz"
         raise ParameterError("sensor.rate", scenario.sensor.rate, allowed)
+    needed = scenario.insert.force_limit + 9.81 * scenario.wrist.mass
+    if 0 < scenario.sensor.full_scale < needed:
+        allowed = f"at least insert.force_limit and the tool's weight, {needed:.3g} N"
+        raise ParameterError("sensor.full_scale", scenario.sensor.full_scale, allowed)
     admittance, compliance = scenario.admittance, scenario.compliance.resolved()
     if admittance.kind == "wrist":
         require_stable(loop := contact_loop(scenario))

@@ -16,7 +16,12 @@ from chamfer.diagrams.contact.sensing import add_sensor
 from chamfer.diagrams.insertion.cell_contact import TouchingParts
 from chamfer.models.arms.wrist import SIZE, add_wrist, in_joint_order, moved, tip_displacement
 from chamfer.models.peg.peg_and_hole import ColouredParts
-from chamfer.models.validation import require_not_negative, require_positive, within
+from chamfer.models.validation import (
+    require_between,
+    require_not_negative,
+    require_positive,
+    within,
+)
 from chamfer.systems.contact.peg_hole_contact_monitor import PegHoleContactMonitor
 from chamfer.systems.force.arm_model import TruePose
 from chamfer.systems.force.contact_admittance import ContactAdmittanceLaw, WristSetting
@@ -28,6 +33,7 @@ from chamfer.systems.servo.joint_servo import JointServo
 if TYPE_CHECKING:
     from chamfer.diagrams.insertion.insertion import ResolvedInsertionScenario
 
+_LATEST: Final = 0.1  # s, of a reading: beyond it the unit is wrong
 _NO_CROSS_TALK: Final[Matrix6] = tuple(map(tuple, np.eye(SIZE).tolist()))
 
 
@@ -52,6 +58,7 @@ class WristSensorParams(WrenchSensorParams):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "rate")
+        require_between(self, 0.0, _LATEST, "delay", unit="s")
         require_not_negative(self, "tool_mass")
 
 

@@ -170,6 +170,8 @@ def test_presets_are_whole_cells_and_settings_go_on_top() -> None:
             "step is 0.003, allowed: a whole part of .* 0.002 s",
         ),
         (["cell=scara-rcc", "hole.angle_error=0.03"], "hole.angle_error is 0.03, allowed: less:"),
+        (["cell=ur5e-fixture", "sensor.full_scale=20"], "sensor.full_scale .* at least .*40.3 N"),
+        (["cell=ur5e-fixture", "sensor.delay=3"], "sensor.delay is 3.* 0 to 0.1 s"),
         (["cell=ur5e-fixture", "compensated=peg"], "compensated is .*cameras.kind is none"),
         (
             ["cell=ur5e-fixture", "cameras.frames.noise=2"],
