@@ -3,17 +3,16 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Final, get_args
+from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from pydrake.systems.framework import Context
 
 from chamfer.analysis.campaign.campaign import run_each
 from chamfer.analysis.campaign.trial_metrics import rate
 from chamfer.analysis.campaign.trial_rows import Row
-from chamfer.analysis.drawing.figure_style import LIMIT, Style, dress, legend, new_figure
+from chamfer.analysis.drawing.figure_style import Style, dress, legend, new_figure
 from chamfer.analysis.insertion.insertion_map import errors_in
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
@@ -25,11 +24,9 @@ from chamfer.diagrams.insertion.insertion import (
     make_insertion_diagram,
     resolve,
 )
-from chamfer.models.peg_theory.search_capture import Drawn, SpiralCoverage, draw_errors
-from chamfer.models.validation import ParameterError, require_one_of, require_whole
+from chamfer.models.peg_theory.search_capture import SpiralCoverage, draw_errors
+from chamfer.models.validation import ParameterError, require_whole
 from chamfer.systems.strategies.insertion_controller import TASK
-
-Array = NDArray[np.float64]
 
 _ENDED: Final = ("release", "back_off", "check", "seated")
 _MOST: Final = 100_000
@@ -52,14 +49,12 @@ class SearchCaptureScenario:
     cell: InsertionScenario = field(
         default_factory=lambda: make_scenario(InsertionScenario(), settings=_CELL)
     )
-    drawn: Drawn = "disc"  # evenly over a disc or a square, or Gaussian
     errors: tuple[float, ...] = (0.0025, 0.0035, 0.0045)
-    # m: radius, half a side, or standard deviation of what is drawn
+    # m: the radius of a disc, over which it is drawn evenly
     trials: int = 5  # of each error, simulated
     draws: int = 2000  # likewise, by geometry
 
     def __post_init__(self) -> None:
-        require_one_of(self, "drawn", get_args(Drawn))
         require_whole(self, "trials", "draws")
         if not 0 < max(self.trials, self.draws) <= _MOST:
             raise ParameterError("draws", self.draws, f"1 to {_MOST}")
@@ -109,9 +104,7 @@ def run(scenario: SearchCaptureScenario, seed: int, progress: Progress) -> Outco
     """Search for holes that are off by drawn errors."""
     starts, spiral = [], scenario.coverage(resolve(scenario.cell))
     for k, size in enumerate(scenario.errors):
-        drawn = draw_errors(
-            scenario.drawn, size, scenario.trials, np.random.default_rng([seed, k])
-        )
+        drawn = draw_errors(size, scenario.trials, np.random.default_rng([seed, k]))
         starts += [replace(scenario.cell, initial_error=(0, y, z, 0, 0, 0)) for y, z in drawn]
     searches = run_each(search, starts, progress)
     metrics: dict[str, Metric] = {}
@@ -119,9 +112,9 @@ def run(scenario: SearchCaptureScenario, seed: int, progress: Progress) -> Outco
     for k, size in enumerate(scenario.errors):
         mine = slice(k * scenario.trials, (k + 1) * scenario.trials)
         found = int(searches.column("found")[mine].sum())
-        name, theory = f"error_{1e3 * size:g}mm", 100 * spiral.probability(scenario.drawn, size)
+        name, theory = f"error_{1e3 * size:g}mm", 100 * spiral.probability(size)
         generator = np.random.default_rng([seed, k, 1])
-        holes = draw_errors(scenario.drawn, size, scenario.draws, generator)
+        holes = draw_errors(size, scenario.draws, generator)
         geometry = 100 * float(spiral.finds(holes, generator).mean())
         note = f"{found} of {scenario.trials} searches"
         simulated = rate(f"{name}.found", found, scenario.trials, note)
@@ -135,79 +128,35 @@ def run(scenario: SearchCaptureScenario, seed: int, progress: Progress) -> Outco
         metrics=metrics,
         traces=dict(zip(names, map(column, zip(*rows, strict=True)), strict=True)),
         simulated_seconds=float(searches.column("simulated_seconds").sum()),
-        tables={"pitches": _over_pitch(scenario, spiral, seed)},
     )
 
 
-_PITCHES: Final = np.linspace(0.4, 3.0, 14)  # captures
-_FAR: Final = 8.0  # captures, the radius of the spirals that differ in pitch
-_BEHIND: Final = 1.0  # captures, of drag, drawn beside none
-_UNSURE: Final = 0.5  # likewise, of noise
-
-
-def _over_pitch(
-    scenario: SearchCaptureScenario, spiral: SpiralCoverage, seed: int
-) -> dict[str, Array]:
-    """Return how likely a hole is found that is off by less than the radius, over the pitch."""
-    size, found = _FAR * spiral.capture, []
-    for pitch in _PITCHES * spiral.capture:
-        row = [pitch]
-        for change in (
-            {},
-            {"noise": _UNSURE * spiral.capture},
-            {"drag": _BEHIND * spiral.capture},
-        ):
-            one = replace(spiral, pitch=pitch, radius=size, **change)
-            generator = np.random.default_rng(seed)
-            holes = draw_errors("disc", size, scenario.draws, generator)
-            row += [100 * one.probability("disc", size), 100 * one.finds(holes, generator).mean()]
-        found.append(row)
-    names = ["pitch", *(f"{a}{b}" for a in ("", "noise_", "drag_") for b in ("theory", "track"))]
-    return dict(zip(names, map(column, zip(*found, strict=True)), strict=True))
-
-
-_LINES: Final[dict[str, tuple[str, str]]] = {
-    "": ("as commanded", "#1b4f9c"),
-    "noise_": ("noise of half a capture", "#e07b00"),
-    "drag_": ("dragged by a capture", "#1b7f5c"),
-}
 _MM: Final = 1e3
 
 
 def figures(scenario: SearchCaptureScenario, outcome: Outcome) -> Mapping[str, Figure]:
-    """Draw how often holes are found, over the spiral's pitch and over the error."""
-    figure = new_figure(12.0, 5.2)
-    over_pitch, over_error = figure.subplots(1, 2)
-    table, spiral = outcome.tables["pitches"], scenario.coverage(resolve(scenario.cell))
-    for name, (label, colour) in _LINES.items():
-        look: Style = {"color": colour}
-        over_pitch.plot(_MM * table["pitch"], table[f"{name}theory"], label=label, **look)
-        marks: Style = {"linestyle": "none", "marker": "o", "markersize": 4, **look}
-        over_pitch.plot(_MM * table["pitch"], table[f"{name}track"], **marks)
-    over_pitch.axvline(_MM * 2 * spiral.capture, label="refused beyond: 2 captures", **LIMIT)
-    title = "(a) Theory, and dots: the track"
-    dress(over_pitch, title=title, x="pitch / mm", y="found / %")
+    """Draw how often holes are found, over the error."""
+    figure = new_figure(6.5, 5.2)
+    axes, spiral = figure.subplots(), scenario.coverage(resolve(scenario.cell))
     traces, sizes = (
         outcome.traces,
         np.linspace(0.8 * min(scenario.errors), 1.1 * max(scenario.errors), 61),
     )
-    said = [100 * spiral.probability(scenario.drawn, one) for one in sizes]
-    over_error.plot(_MM * sizes, said, color="#1b4f9c", label="theory")
+    said = [100 * spiral.probability(one) for one in sizes]
+    axes.plot(_MM * sizes, said, color="#1b4f9c", label="theory")
     blank: Style = {
         "linestyle": "none",
         "marker": "s",
         "markerfacecolor": "none",
         "color": "#1b4f9c",
     }
-    over_error.plot(_MM * traces["error"], traces["geometry"], label="the track", **blank)
+    axes.plot(_MM * traces["error"], traces["geometry"], label="the track", **blank)
     ends = [traces["found"] - traces["low"], traces["high"] - traces["found"]]
     points: Style = {"fmt": "o", "color": "#b00020", "capsize": 4}
     label = f"{scenario.trials} searches each, 95 %"
-    over_error.errorbar(_MM * traces["error"], traces["found"], yerr=ends, label=label, **points)
-    title = f"(b) Over the error ({scenario.drawn})"
-    dress(over_error, title=title, x="size of the error / mm", y="found / %")
-    for axes in (over_pitch, over_error):
-        axes.set_ylim(0.0, 155.0)
-        axes.set_yticks(np.linspace(0.0, 100.0, 6))
-        legend(axes, loc="upper right")
+    axes.errorbar(_MM * traces["error"], traces["found"], yerr=ends, label=label, **points)
+    dress(axes, title="Drawn over a disc", x="the disc's radius / mm", y="found / %")
+    axes.set_ylim(0.0, 155.0)
+    axes.set_yticks(np.linspace(0.0, 100.0, 6))
+    legend(axes, loc="upper right")
     return {"search-capture": figure}

@@ -35,7 +35,7 @@ CELLS: Final[Cells] = {
             "payload_position": (-0.1, 0.0, 0.0),
         },
         "compliance": {"lateral": 2e4, "axial": 5e4, "angular": 60.0, "torsional": 60.0},
-        "admittance": {"spring": (3.0, 3.0, 3.0, 1000.0, 400.0, 400.0)},
+        "admittance": {"spring": (1.0, 1.0, 1.0, 1000.0, 400.0, 400.0)},
         "hole": {
             "kind": "fixture",
             "payload_error": 0.0,

@@ -363,6 +363,7 @@ def _search(scenario: ResolvedInsertionScenario) -> TouchSearch | None:
         lag=lag,
         damping=damping,
         tip=scenario.parts.leading(search.angle),
+        turn=math.sqrt(2) * scenario.hole.angle_error,
     )
 
 

@@ -9,9 +9,8 @@ circle of radius r it stays on one of ``sqrt(r^2 - L^2)``.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,6 @@ from scipy.special import ndtr
 from chamfer.models.validation import require_not_negative, require_positive
 
 Array = NDArray[np.float64]
-Drawn = Literal["disc", "square", "gaussian"]  # evenly over it, or with this standard deviation
 
 _POINTS: Final = 2001  # of a mean
 _FINE: Final = 60.0  # points of a track in a pitch
@@ -55,15 +53,15 @@ class SpiralCoverage:
                 missed *= way > c
         return float(np.mean(1 - missed))
 
-    def probability(self, drawn: Drawn, size: float) -> float:
-        """Return the chance to find a hole that is off by a drawn error of a size, m.
+    def probability(self, size: float) -> float:
+        """Return the chance to find a hole that is off by an error over a disc of a radius, m.
 
         It is that of being in reach, a mean over the last turn, times that of being passed. What
         it does not have is the gap that drag leaves in the middle.
         """
         last = np.linspace(max(self.radius - self.pitch, 0.0), self.radius, _POINTS)
         reach = np.sqrt(np.maximum(last**2 - self.drag**2, 0.0)) + self.capture
-        return float(np.mean(_WITHIN[drawn](reach / size))) * self.between_turns()
+        return float(np.mean(np.minimum(1.0, (reach / size) ** 2))) * self.between_turns()
 
     def track(self, generator: np.random.Generator | None = None) -> Array:
         """Return where the peg passes, m, shape (n, 2), with noise anew each quarter of a turn."""
@@ -91,25 +89,7 @@ class SpiralCoverage:
         return found
 
 
-def draw_errors(drawn: Drawn, size: float, n: int, generator: np.random.Generator) -> Array:
-    """Return errors across the axis, m, shape (n, 2), of the size of :data:`Drawn`, m."""
-    if drawn == "gaussian":
-        return generator.normal(0.0, size, (n, 2))
-    if drawn == "square":
-        return generator.uniform(-size, size, (n, 2))
+def draw_errors(size: float, n: int, generator: np.random.Generator) -> Array:
+    """Return errors across the axis, m, shape (n, 2), evenly over a disc of a radius, m."""
     radius, angle = size * np.sqrt(generator.random(n)), 2 * math.pi * generator.random(n)
     return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
-
-
-def _in_square(share: Array) -> Array:
-    """Return the share of a square within a radius, in halves of its side."""
-    r = np.clip(share, 1.0, math.sqrt(2))
-    cut = r**2 * np.arccos(1 / r) - np.sqrt(r**2 - 1)  # of the circle, beyond each side
-    return np.where(share < 1, math.pi * share**2, math.pi * r**2 - 4 * cut) / 4
-
-
-_WITHIN: Final[dict[Drawn, Callable[[Array], Array]]] = {
-    "disc": lambda share: np.minimum(1.0, share**2),
-    "square": _in_square,
-    "gaussian": lambda share: 1 - np.exp(-(share**2) / 2),
-}

@@ -225,6 +225,7 @@ _NONE: Final = 1e-12  # m and rad, of an offset that is back
 _THERE: Final = 1e-6  # m and rad, from an offset that is gone to
 _CATCHES_UP: Final = 4.0  # times the search's speed, of an offset that is behind; assumed
 _RESTS: Final = 3.0  # times the press, with which what is held is pushed; assumed
+_FREED: Final = 0.0003  # m, that a peg goes in by as it is turned; assumed
 _SETTLES: Final = 1.0  # s, in which a peg that was stood up goes in; assumed
 _GATE: Final = -0.004  # m, of depth, from where on the lateral error decides whether it goes on
 
@@ -247,6 +248,7 @@ def make_insertion_chart(params: InsertionTaskParams) -> InsertionChart:
     not_aligned = "gave_up", "not aligned in time", rules.late, late
     at_limit = "limit_reached", "compensation at its limit", rules.at_limit
     searching, ways = _search_states(rules, go)
+    proves = "seated" if params.search is None else "prove"
     return Chart(
         "insertion",
         states=[
@@ -282,7 +284,7 @@ def make_insertion_chart(params: InsertionTaskParams) -> InsertionChart:
             *ways,
             go("insert", "release", f"stuck, {insert.push:g} N", rules.stuck, rules.note_stop),
             go("insert", "check", "end of the feed", rules.fed),
-            go("check", "seated", f"{100 * SEATED:g} % of the depth", rules.seated),
+            go("check", proves, f"{100 * SEATED:g} % of the depth", rules.seated),
             go("check", "release", "not deep enough", rules.rested, rules.note_stop),
             go("release", "back_off", "push is gone", rules.released, rules.note_release),
             go("back_off", "gave_up", "can't be pulled out", rules.held, held),
@@ -306,15 +308,31 @@ def _search_states(rules: "_Rules", go: _Go) -> _Part:
     if search is None:
         return [], []
     params, lost = search.params, _blamed(InsertionTrouble.NOT_FOUND)
+    note, beside = "is pushed aside: is it held?", _blamed(InsertionTrouble.BESIDE)
+    states = [State(name="prove", during=rules.prove, note=note)]
+    ways = [
+        go("prove", "seated", "held on all sides", rules.proven),
+        go("prove", "release", "not held aside", rules.slips, beside),
+    ]
+    if search.turns is not None:
+        note = "turns about its tip, pushed on"
+        states.append(State(name="turn", during=rules.turn, note=note))
+        ways += [
+            go("insert", "turn", "held, but not in", rules.sticks, rules.begin_turn),
+            go("turn", "insert", f"{1e3 * _FREED:.1g} mm further in", rules.freed),
+            go("turn", "release", "turned in vain", rules.turned, rules.note_jam),
+        ]
     lies = f"on the face, {params.press:g} N", rules.lies, rules.begin_search
     dropped = "insert", f"{1e3 * search.drop:.2g} mm in", rules.dropped
     if search.leans:
         note = "leans over, off the face"
         return [
+            *states,
             State(name="lean", during=rules.lean, note=note),
             State(name="slide", during=rules.slide, note="slides to the hole's wall"),
             State(name="stand", during=rules.stand, note="stands up, pressed to the wall"),
         ], [
+            *ways,
             go("insert", "lean", *lies),
             go("lean", "slide", "leans", rules.leant),
             go("slide", "stand", f"wall, {search.wall:.2g} N", rules.at_wall),
@@ -323,7 +341,9 @@ def _search_states(rules: "_Rules", go: _Go) -> _Part:
             go("stand", "release", "stands, not in", rules.stood, lost),
         ]
     within = f"no hole within {1e3 * search.reaches:.2g} mm"
-    return [State(name="spiral", during=rules.spiral, note="slides about, pressed on")], [
+    note = "slides about, pressed on"
+    return [*states, State(name="spiral", during=rules.spiral, note=note)], [
+        *ways,
         go("insert", "spiral", *lies),
         go("insert", "spiral", "held, but not in", rules.rests),
         go("spiral", *dropped),
@@ -495,7 +515,10 @@ class _Rules:
         )
 
     def rest(self, tick: InsertionTick) -> InsertionMemory:
-        return self._observe(tick, 0.0)._replace(compensates=False)
+        aside = STILL
+        if self.search is not None and tick.memory.search.held:  # pushed aside, and now let go
+            aside = (*self.search.relax(tick.memory.load(tick.inputs)), 0.0, 0.0)
+        return self._observe(tick, 0.0, aside)._replace(compensates=False)
 
     def withdraw(self, tick: InsertionTick) -> InsertionMemory:
         """Go back to where the feed began, and further as long as the hole holds the peg."""
@@ -576,10 +599,61 @@ class _Rules:
 
     def rests(self, tick: InsertionTick) -> bool:
         """Whether what was held goes in no further, and there is more to search."""
-        memory, press = tick.memory, self._touch.params.press
-        most = min(_RESTS * press, self._params.insert.push)
-        pushed = memory.searched and memory.load(tick.inputs)[0] >= most
-        return pushed and not self.dropped(tick) and not self.covered(tick)
+        return self._pushed(tick) and not self.dropped(tick) and not self.covered(tick)
+
+    def _pushed(self, tick: InsertionTick) -> bool:
+        most = min(_RESTS * self._touch.params.press, self._params.insert.push)
+        return tick.memory.searched and tick.memory.load(tick.inputs)[0] >= most
+
+    def sticks(self, tick: InsertionTick) -> bool:
+        """Whether what is in the mouth goes in no further."""
+        inside = self._params.chamfer_height / 2 + _FREED
+        return self._pushed(tick) and tick.memory.depth(tick.inputs) >= inside
+
+    def begin_turn(self, tick: InsertionTick) -> InsertionMemory:
+        memory, (_, _, *about) = tick.memory, _offset(tick)
+        stuck = memory.depth(tick.inputs)
+        search = memory.search._replace(turned=0.0, stuck=stuck, about=(about[0], about[1]))
+        return memory._replace(search=search)
+
+    def turn(self, tick: InsertionTick) -> InsertionMemory:
+        """Turn about the tip on a spiral of tilts, pushed on, with no load across.
+
+        The skills straighten a plug by two dithers; a spiral begins where the tilt is now.
+        """
+        memory, search, period = tick.memory, self._touch, self._params.period
+        load, found = memory.load(tick.inputs), memory.search
+        place = known("turns", search.turns).place(found.turned + period)
+        tilt = (was + more for was, more in zip(found.about, place, strict=True))
+        y, z = ((a - b) / period for a, b in zip(tilt, _offset(tick)[2:], strict=True))
+        rate = search.press_rate(load[0], self._params.insert.speed, _RESTS)
+        after = self._observe(tick, rate, (*search.relax(load), y, z))
+        found = found._replace(turned=found.turned + period)
+        return after._replace(compensates=False, search=found)
+
+    def freed(self, tick: InsertionTick) -> bool:
+        return tick.memory.depth(tick.inputs) >= tick.memory.search.stuck + _FREED
+
+    def turned(self, tick: InsertionTick) -> bool:
+        return tick.memory.search.turned >= known("turns", self._touch.turns).duration
+
+    def note_jam(self, tick: InsertionTick) -> InsertionMemory:
+        return self.note_stop(tick)._replace(trouble=InsertionTrouble.JAMMED)
+
+    def prove(self, tick: InsertionTick) -> InsertionMemory:
+        """Push the peg aside, one way after the other: only a hole holds it in each."""
+        memory, found = tick.memory, tick.memory.search
+        (y, z), held = self._touch.proof(found.held, memory.load(tick.inputs))
+        slid = 0.0 if held else found.slid + self._params.period * math.hypot(y, z)
+        found = found._replace(slid=slid, held=found.held + held)
+        after = self._observe(tick, 0.0, (y, z, 0.0, 0.0))
+        return after._replace(compensates=False, search=found)
+
+    def proven(self, tick: InsertionTick) -> bool:
+        return self._touch.proven(tick.memory.search.held)
+
+    def slips(self, tick: InsertionTick) -> bool:
+        return tick.memory.search.slid >= self._touch.aside
 
     def lean(self, tick: InsertionTick) -> InsertionMemory:
         """Lift the peg off the face, and lean it over as it goes back."""

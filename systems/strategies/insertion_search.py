@@ -132,6 +132,10 @@ _YIELDS: Final = 0.1  # s, in which the lead, and what is left of a load across,
 _DAMPED: Final = 0.3  # of what a damped load follows in a tick; assumed
 _LOST: Final = 0.5  # of the press, below which it does not touch for sure; assumed
 _SLIDING: Final = 0.8  # of the press, from which on it slides; assumed
+_TURNING: Final = 0.05  # rad/s, about the tip, of a peg that is stuck; assumed
+_TURNS: Final = 0.4  # of the largest tilt, from one turn of that to the next; assumed
+_WAYS: Final = 3  # in which a peg at its depth is pushed aside
+_HOLDS: Final = 2.0  # N, across, of what holds it there; assumed
 
 
 class SearchMemory(NamedTuple):
@@ -139,8 +143,12 @@ class SearchMemory(NamedTuple):
 
     began: float = math.inf  # s; infinity: not in this attempt
     spent: float = 0.0  # s, on the spiral
+    turned: float = 0.0  # s, about the tip
     lead: Across = (0.0, 0.0)  # m, by which the command is ahead of the peg, against friction
-    slid: float = 0.0  # m, of a peg that leans
+    slid: float = 0.0  # m, of a peg that leans, or that is pushed aside at its depth
+    stuck: float = 0.0  # m, deep, where it began to turn about its tip
+    about: Across = (0.0, 0.0)  # rad, of the offset, about which it turns
+    held: int = 0  # in how many ways, at its depth
 
 
 class TouchSearch:
@@ -156,6 +164,7 @@ class TouchSearch:
         lag: In which what holds the peg gives way, s, of an admittance D / K; None: at once.
         damping: Of an admittance, N s/m: a load that is followed faster is one of damping.
         tip: How far the rim of a peg that leans is ahead of the middle of its tip, m.
+        turn: How far the hole may be tilted, rad.
     """
 
     def __init__(
@@ -168,6 +177,7 @@ class TouchSearch:
         lag: float | None = None,
         damping: float = 0.0,
         tip: float = 0.0,
+        turn: float = 0.0,
     ) -> None:
         self.params, self._stiffness = params, stiffness
         self._ahead, self._lag = drag / stiffness, lag
@@ -180,6 +190,8 @@ class TouchSearch:
         far = params.back if self.leans else params.radius
         self.reaches = known("back or radius", far)  # m, that the hole may be off
         self.wall = params.wall or math.inf  # N
+        self.turns = Spiral(speed=_TURNING, pitch=_TURNS * turn, radius=turn) if turn else None
+        self.aside = 3 * _HOLDS / stiffness + params.press / stiffness  # m
 
     def spiral(self, attempt: int) -> Spiral:
         """Return the spiral of an attempt, counted from 1."""
@@ -192,9 +204,9 @@ class TouchSearch:
         """How far the command of a peg that leans slides at most, m, springs and all."""
         return 3 * self.reaches + self.wall / self._stiffness
 
-    def press_rate(self, load: float, fastest: float) -> float:
+    def press_rate(self, load: float, fastest: float, times: float = 1.0) -> float:
         """Return the feed's rate that keeps the press, m/s; what does not touch goes on fast."""
-        press = self.params.press
+        press = times * self.params.press
         lost = max(0.0, 1 - load / (_LOST * press))
         return max(-fastest, min(fastest, self._follow * (press - load) + lost * fastest))
 
@@ -247,6 +259,16 @@ class TouchSearch:
         rate = max(-self.params.speed, min(self.params.speed, rate))
         across = -z * relaxed[0] + y * relaxed[1]
         return rate * y - across * z, rate * z + across * y
+
+    def proof(self, held: int, load: tuple[float, float, float]) -> tuple[Across, bool]:
+        """Return the rates, m/s, of the next way aside, and whether something holds there."""
+        y, z = turned((1.0, 0.0), 2 * math.pi / _WAYS * held)
+        speed = self.params.speed
+        return (speed * y, speed * z), y * load[1] + z * load[2] >= _HOLDS
+
+    def proven(self, held: int) -> bool:
+        """Return whether it was held in all ways, as in a hole."""
+        return held >= _WAYS
 
     def pushed(self, attempt: int, load: tuple[float, float, float]) -> float:
         """Return the load towards which the peg slides, N."""

@@ -128,8 +128,10 @@ def test_pushes_of_the_way_in_are_those_of_simulated_insertions() -> None:
     assert (found.deflection < 1).all()
     assert (found.lag == 0).all()
     lateral, tilt = 1e-3 * np.array([0.41, 0.31, 0.74]), -1e-3 * np.array([18.4, 17.9, 25.6])
+    stiffer = "admittance.spring=[3,3,3,1000,400,400]"
     damped = "admittance.damping=[4,4,4,1000,1000,1000]"
-    found = way_in(cell("ur5e-fixture", "search.kind=none", damped), Starts(lateral, tilt))
+    own = cell("ur5e-fixture", "search.kind=none", stiffer, damped)
+    found = way_in(own, Starts(lateral, tilt))
     assert found.lag == pytest.approx(np.array([0.74, 0.73, 1.63]), rel=0.25)
     assert (MODEL_ERROR * found.push > [5.97, 6.05, 12.8]).all()
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from chamfer.models.peg_theory.search_capture import Drawn, SpiralCoverage, draw_errors
+from chamfer.models.peg_theory.search_capture import SpiralCoverage, draw_errors
 
 SPIRAL = SpiralCoverage(pitch=0.001, radius=0.003, capture=0.0008)
 
@@ -21,24 +21,16 @@ def test_without_noise_a_pass_covers_twice_the_capture(ratio: float) -> None:
 def test_of_a_large_disc_it_finds_the_share_that_the_last_turn_reaches() -> None:
     far, near, size = 0.003 + 0.0008, 0.002 + 0.0008, 0.006
     closed = (far**3 - near**3) / (3 * 0.001 * size**2)
-    assert SPIRAL.probability("disc", size) == pytest.approx(closed, rel=1e-3)
-    assert SPIRAL.probability("disc", 0.002) == 1.0
+    assert SPIRAL.probability(size) == pytest.approx(closed, rel=1e-3)
+    assert SPIRAL.probability(0.002) == 1.0
 
 
-@pytest.mark.parametrize("drawn", ["disc", "square", "gaussian"])
 @pytest.mark.parametrize("size", [0.002, 0.0035, 0.006])
-def test_theory_is_what_the_track_finds_of_drawn_holes(drawn: Drawn, size: float) -> None:
+def test_theory_is_what_the_track_finds_of_drawn_holes(size: float) -> None:
     generator, n = np.random.default_rng(5), 4000
-    found = int(SPIRAL.finds(draw_errors(drawn, size, n, generator), generator).sum())
+    found = int(SPIRAL.finds(draw_errors(size, n, generator), generator).sum())
     interval = scipy.stats.binomtest(found, n).proportion_ci(0.999)
-    assert interval.low - 0.005 <= SPIRAL.probability(drawn, size) <= interval.high + 0.005
-
-
-def test_a_square_is_drawn_and_counted_by_half_its_side() -> None:
-    errors = draw_errors("square", 0.004, 20_000, np.random.default_rng(1))
-    within = np.hypot(*errors.T) <= 0.0046
-    wide = SpiralCoverage(pitch=1e-5, radius=0.0046, capture=1e-5)
-    assert wide.probability("square", 0.004) == pytest.approx(within.mean(), abs=0.012)
+    assert interval.low - 0.005 <= SPIRAL.probability(size) <= interval.high + 0.005
 
 
 def test_noise_finds_less_of_what_is_nearly_captured() -> None:
@@ -57,4 +49,4 @@ def test_a_peg_that_is_dragged_runs_inside_its_command() -> None:
     track = spiral.track()
     assert math.hypot(*track[-1]) == pytest.approx(math.sqrt(0.004**2 - 0.0015**2), rel=0.02)
     free = replace(spiral, drag=0.0)
-    assert spiral.probability("disc", 0.005) < free.probability("disc", 0.005)
+    assert spiral.probability(0.005) < free.probability(0.005)

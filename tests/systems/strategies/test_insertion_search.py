@@ -38,7 +38,7 @@ def task(**search: Any) -> InsertionTaskParams:
     stiff: dict[str, float] = {"axial": SPRING, "stiffness": SPRING, "drag": FRICTION * 3.0}
     touch = None
     if params.kind != "none":
-        touch = TouchSearch(params, **stiff, tip=PARTS.leading(params.angle))
+        touch = TouchSearch(params, **stiff, tip=PARTS.leading(params.angle), turn=0.05)
     return InsertionTaskParams(
         decide=DecisionParams(kind="at_once"),
         insert=ResolvedInsertParams(speed=0.02, depth=0.02, feed=0.06, rest=0.05),
@@ -61,6 +61,8 @@ class World:
     leads: float = 0.0  # m, of the face above where it is believed
     tip: tuple[float, float] = (0.0, 0.0)
     depth: float = -GAP
+    edge: float = math.inf  # m, along y, beyond which there is no face, and nothing beside
+    tilt: tuple[float, float] | None = None  # rad, near which alone it goes in by more than 2 mm
     log: list[tuple[float, str, InsertionMemory, tuple[float, float]]] = field(
         default_factory=list
     )
@@ -71,11 +73,14 @@ class World:
             was + rate * time for was, rate in zip(memory.offset, memory.offset_rate, strict=True)
         )
         lean = [round(angle, 9) for angle in lean]
+        sticks = self.tilt is not None and math.dist(lean, self.tilt) > 0.012
+        lean = lean if self.tilt is None else [0.0, 0.0]
         free = memory.feed + memory.rate * time - GAP
         ahead = PARTS.leading(math.hypot(*lean))
         face = -self.leads - ahead
-        inside = self._inside(lean)
-        self.depth = min(free, face + 0.03 if inside and ahead == 0 else face)
+        inside, beside = self._inside(lean), self.tip[0] > self.edge
+        deepest = 0.002 if sticks and self.depth <= 0.002 else 0.03
+        self.depth = min(free, face + deepest if (inside and ahead == 0) or beside else face)
         push = SPRING * (free - self.depth)
         away = y - self.tip[0], z - self.tip[1]
         drag, pull = FRICTION * max(push, 0.0) / SPRING, math.hypot(*away)
@@ -83,6 +88,8 @@ class World:
             step = (pull - drag) / pull
             moved = self.tip[0] + step * away[0], self.tip[1] + step * away[1]
             self.tip = self._kept(moved, lean) if inside and self.depth >= face else moved
+        if beside:
+            self.tip = y, z
         load = push, SPRING * (y - self.tip[0]), SPRING * (z - self.tip[1])
         return InsertionInputs(
             error=(0.0,) * 6,
@@ -141,12 +148,17 @@ def test_a_peg_beside_its_hole_finds_it_on_a_spiral_with_the_press_kept(
     hole: tuple[float, float],
 ) -> None:
     world = World(hole)
-    assert run(task(kind="spiral"), world) == [*BEGIN, "spiral", "insert", "check", "seated"]
+    found = ["spiral", "insert", "check", "prove", "seated"]
+    assert run(task(kind="spiral"), world) == [*BEGIN, *found]
     loads = [memory.sensed_force[0] for _, state, memory, _ in world.log if state == "spiral"]
     assert min(loads[:-8]) > 1.5
     assert max(loads) < 6.0
     assert math.dist(world.tip, hole) <= CAPTURE
-    assert math.hypot(*world.log[-1][2].sensed_force[1:]) < 0.6  # no load across is left
+    *_, last = (memory for _, state, memory, _ in world.log if state == "check")
+    assert math.hypot(*last.sensed_force[1:]) < 0.6  # no load across is left
+    seated = world.log[-1][2]  # nor of what proved that it is held
+    pairs = zip(seated.offset_rate[:2], seated.sensed_force[1:], strict=True)
+    assert all(rate * load < 0 for rate, load in pairs)
     took = sum(PERIOD for _, state, *_ in world.log if state == "spiral")
     spiral = task(kind="spiral").search.spiral(1)  # type: ignore[union-attr]
     assert took < spiral.duration
@@ -196,12 +208,37 @@ def test_a_peg_that_leans_slides_to_the_wall_stands_up_and_goes_in(
         world.tip = (-0.0015, 0.0)  # else it goes in at once
     path = run(params, world)
     if "lean" in path:
-        found = ["lean", "slide", "stand", "insert", "check", "seated"]
+        found = ["lean", "slide", "stand", "insert", "check", "prove", "seated"]
         assert path == [*BEGIN, *found]
         leant = [m for _, s, m, _ in world.log if s == "slide"]
         assert math.hypot(*leant[1].offset[2:]) == pytest.approx(math.radians(10))
     assert path[-1] == "seated"
     assert math.dist(world.tip, hole) <= CAPTURE
+
+
+def test_a_peg_that_sticks_in_the_mouth_is_turned_until_it_goes_in() -> None:
+    tilt = (0.02, -0.025)
+    world = World((0.0019, -0.0012), tilt=tilt)
+    path = run(task(kind="spiral"), world)
+    assert path == [*BEGIN, "spiral", "insert", "turn", "insert", "check", "prove", "seated"]
+    assert math.dist(world.log[-1][2].offset[2:], tilt) < 0.012
+    assert max(m.sensed_force[0] for _, s, m, _ in world.log if s == "turn") < 10.0
+
+
+def test_a_peg_that_no_tilt_frees_is_said_to_be_jammed() -> None:
+    world = World((0.0019, -0.0012), tilt=(1.0, 0.0))
+    assert run(task(kind="spiral"), world)[-3:] == ["release", "back_off", "gave_up"]
+    assert world.log[-1][2].trouble is InsertionTrouble.JAMMED
+    assert world.log[-1][2].offset == STILL
+
+
+@pytest.mark.parametrize("edge", [0.001, -0.001])
+def test_a_peg_that_fell_beside_the_part_is_not_seated(edge: float) -> None:
+    world = World((0.02, 0.02), edge=edge)  # beyond it from the begin, or once on the spiral
+    path = run(task(kind="spiral"), world)
+    assert "prove" in path
+    assert path[-1] == "gave_up"
+    assert world.log[-1][2].trouble is InsertionTrouble.BESIDE
 
 
 def test_a_peg_that_leans_and_meets_no_wall_says_so() -> None:
