@@ -599,11 +599,12 @@ class _Rules:
 
     def rests(self, tick: InsertionTick) -> bool:
         """Whether what was held goes in no further, and there is more to search."""
-        return self._pushed(tick) and not self.dropped(tick) and not self.covered(tick)
+        searches = tick.memory.searched and not self.covered(tick)
+        return searches and self._pushed(tick) and not self.dropped(tick)
 
     def _pushed(self, tick: InsertionTick) -> bool:
         most = min(_RESTS * self._touch.params.press, self._params.insert.push)
-        return tick.memory.searched and tick.memory.load(tick.inputs)[0] >= most
+        return tick.memory.load(tick.inputs)[0] >= most
 
     def sticks(self, tick: InsertionTick) -> bool:
         """Whether what is in the mouth goes in no further."""

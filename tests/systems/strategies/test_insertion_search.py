@@ -62,7 +62,8 @@ class World:
     tip: tuple[float, float] = (0.0, 0.0)
     depth: float = -GAP
     edge: float = math.inf  # m, along y, beyond which there is no face, and nothing beside
-    tilt: tuple[float, float] | None = None  # rad, near which alone it goes in by more than 2 mm
+    tilt: tuple[float, float] | None = None  # rad, near which alone it goes in further
+    mouth: float = 0.002  # m, than that
     log: list[tuple[float, str, InsertionMemory, tuple[float, float]]] = field(
         default_factory=list
     )
@@ -79,7 +80,7 @@ class World:
         ahead = PARTS.leading(math.hypot(*lean))
         face = -self.leads - ahead
         inside, beside = self._inside(lean), self.tip[0] > self.edge
-        deepest = 0.002 if sticks and self.depth <= 0.002 else 0.03
+        deepest = self.mouth if sticks and self.depth <= self.mouth else 0.03
         self.depth = min(free, face + deepest if (inside and ahead == 0) or beside else face)
         push = SPRING * (free - self.depth)
         away = y - self.tip[0], z - self.tip[1]
@@ -223,6 +224,12 @@ def test_a_peg_that_sticks_in_the_mouth_is_turned_until_it_goes_in() -> None:
     assert path == [*BEGIN, "spiral", "insert", "turn", "insert", "check", "prove", "seated"]
     assert math.dist(world.log[-1][2].offset[2:], tilt) < 0.012
     assert max(m.sensed_force[0] for _, s, m, _ in world.log if s == "turn") < 10.0
+
+
+def test_a_peg_that_sticks_without_a_search_is_turned_too() -> None:
+    world = World((0.0, 0.0), tilt=(0.02, -0.025), mouth=0.004)  # deeper than what a face can be
+    path = run(task(kind="spiral"), world)
+    assert path == [*BEGIN, "turn", "insert", "check", "prove", "seated"]
 
 
 def test_a_peg_that_no_tilt_frees_is_said_to_be_jammed() -> None:
