@@ -58,7 +58,7 @@ class SearchCaptureScenario:
         require_whole(self, "trials", "draws")
         if not 0 < max(self.trials, self.draws) <= _MOST:
             raise ParameterError("draws", self.draws, f"1 to {_MOST}")
-        if not self.errors or min(self.errors) <= 0:
+        if not self.errors or not all(0 < one < math.inf for one in self.errors):
             raise ParameterError("errors", self.errors, "numbers > 0, at least one")
         if self.cell.search.kind != "spiral":
             raise ParameterError("cell.search.kind", self.cell.search.kind, "spiral")

@@ -10,7 +10,12 @@ from pydrake.math import RigidTransform
 from chamfer.models.cameras.camera import Camera
 from chamfer.models.peg.part_surfaces import rings
 from chamfer.models.peg.peg_and_hole import ColouredParts
-from chamfer.models.validation import require_between, require_not_negative, require_positive
+from chamfer.models.validation import (
+    require_between,
+    require_finite,
+    require_not_negative,
+    require_positive,
+)
 from chamfer.systems.cameras.camera_image import Image
 from chamfer.systems.cameras.scene import Patch, SceneStyle, Shape, outline, scene_shapes
 from chamfer.systems.cameras.software_camera import paint_shapes
@@ -35,6 +40,7 @@ class PlateStyle:
         require_positive(self, "radius")
         require_between(self, 0, 1, "face", "bore", "chamfer", "shading")
         require_not_negative(self, "blur")
+        require_finite(self, "light")
 
 
 PLATE: Final = PlateStyle()

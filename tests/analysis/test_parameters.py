@@ -86,7 +86,10 @@ MAY_BE_ZERO = """
     SurfaceScenario: force_delay; TouchDetectionParams: release; TouchedSettings: damping;
     TrackingTask: depth; Unevenness: ripple; UnknownWallSettings: roll tilt; UnknownWallTask: wait;
     VisionPrimitivesScenario: focal_error orientation_error; WristParams: centre_of_mass;
-    _Compared: moved
+    _Compared: moved; ContactLoop: bandwidth delay step; ServoParams: delay repeatability;
+    HoleSettings: position_error angle_error; HandMount: angle_deviation position_deviation;
+    CalibrationScenario: reach arm_shift arm_turn; SearchParams: widen; CentreScenario: farthest;
+    PlateStyle: face bore chamfer shading blur; WristSensorParams: tool_mass
 """
 MAY_BE_NEGATIVE = """
     AxisSensorParams: bias; BlindFeedScenario: lateral; CameraModel: roll; CameraSettings:
@@ -99,7 +102,9 @@ MAY_BE_NEGATIVE = """
     proportional; PlanItem: azimuth tilt tilt_azimuth; Seat: distance; Sinusoid: amplitude;
     SpringConstraintParams: stop_at; StationLayout: bed_height; Step: amplitude; Support:
     centre_distance; SurfaceFriction: jump jump_at; SurfaceMotionParams: speed; Unevenness:
-    tilt; ViewFrames: latency miss noise offset period; VisGrasp: angle; VisionServoSetup:
+    tilt; CentreScenario: nearest; ComplianceParams: centre_distance; PlateStyle: light;
+    WristSensorParams: bias; ViewFrames: latency miss noise offset period; VisGrasp: angle;
+    VisionServoSetup:
     angle; Way: least; WristParams: centre
 """
 # Bounds: at them, a number is allowed or not, and beyond them it is not.
@@ -109,7 +114,7 @@ BOUNDS = """
     hue<=255 hue_width<=127 saturation<=255 value<=255 end_ratio<=1 band<=1 seen<=1 area>=2
     length>=2; AxisParams: divider>=1; BlindFeedScenario: tilt<pi/4 feed>0.046; BncConnector:
     overlap>0.00485 spring_travel<0.00846 spring_radius<0.0038; CalibrationScenario:
-    pictures>=4; CameraPlacement: width<=10000 height<=10000 pixel_size<=0.01;
+    pictures>=5; CameraPlacement: width<=10000 height<=10000 pixel_size<=0.01;
     ChargingCampaignScenario: trials<=1000; ChargingParams: approach_speed<=0.1 lean<=pi/3
     near<0.03; ColouredParts: chamfer_angle<pi/2 peg_chamfer_angle<pi/2; ConditionsCameras:
     noise<=60; ConditionsScenario: pictures<=10000; ContactMaterial: friction<=2;
@@ -153,6 +158,7 @@ OPEN |= {"Appearance.front", "Dither.amplitude", "LeadSettings.speed", "WorkCell
 OF_ANY_LENGTH = UNCHECKED | {
     *("Appearance", "BoardPoses", "DrawnCameras", "DrawnDesignsScenario", "MapParams"),
     *("Camera", "ForceSensorParams", "LoadCellParams", "Seat", "WrenchSensorParams"),
+    "WristSensorParams",
 }
 
 
