@@ -8,13 +8,14 @@ import pytest
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
+from chamfer.models.arms.wrist import tip_pose
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.contact_admittance import (
     ContactAdmittanceLaw,
     ContactAdmittanceParams,
     WristSetting,
 )
-from chamfer.systems.force.wrist_wrench import WRIST_AXES
+from chamfer.systems.force.wrist_wrench import WRIST_AXES, TurnedToSensor
 from chamfer.systems.pose import pose_from_vector, pose_vector
 
 Array = NDArray[np.float64]
@@ -124,9 +125,20 @@ def test_what_is_refused() -> None:
         ({"damping": (np.inf,) * 6}, "allowed: six finite numbers > 0, or null"),
         ({"spring": (0.0,) * 6}, "spring is .*, allowed: six finite numbers > 0"),
         ({"inertia": (-1.0,) * 6}, "inertia is .*, allowed: six finite numbers >= 0"),
-        ({"kind": "none", "centre": (0.1, 0.0, 0.0)}, "admittance.centre is .*kind is none"),
+        ({"kind": "none", "centre": (0.1, 0.0, 0.0)}, "^centre is .*kind is none"),
     ):
         with pytest.raises(ParameterError, match=said):
             ContactAdmittanceParams(**given)  # type: ignore[arg-type]
     with pytest.raises(ParameterError, match="damping is None, allowed: six numbers > 0"):
         ContactAdmittanceLaw(replace(PARAMS, damping=None), SETTING)
+
+
+def test_the_sensor_turns_with_the_arm() -> None:
+    block = TurnedToSensor()
+    context = block.CreateDefaultContext()
+    wrench, turns = np.array([0.1, -0.2, 0.3, 4.0, 5.0, -6.0]), np.array([0.1, -0.2, 0.3])
+    block.GetInputPort("wrench").FixValue(context, wrench)
+    block.GetInputPort("motion").FixValue(context, np.concatenate([turns, np.zeros(9)]))
+    felt = block.GetOutputPort("felt").Eval(context).reshape(2, 3)
+    R = tip_pose(np.concatenate([turns, np.zeros(3)])).rotation()
+    np.testing.assert_allclose([R @ one for one in felt], wrench.reshape(2, 3), atol=1e-12)
