@@ -26,6 +26,7 @@ from chamfer.diagrams.insertion.insertion import (
     resolve,
 )
 from chamfer.models.validation import ParameterError
+from chamfer.systems.force.wrist_wrench import WRIST_AXES
 from chamfer.systems.pose import pose_from_vector
 from chamfer.systems.strategies.insertion_controller import TASK
 
@@ -73,6 +74,19 @@ def test_an_unknown_load_hangs_where_it_is() -> None:
     assert found.wrist.centre_of_mass == pytest.approx(sum(m * x for m, x in parts) / 1.5)
     inertia = 3e-3 + sum(m * x**2 for m, x in parts)
     assert found.wrist.inertia == pytest.approx(inertia)
+
+
+def test_the_wrench_is_about_the_tip_wherever_the_springs_have_their_centre() -> None:
+    level = "axis=horizontal", "initial_error=[0, 0, 0, 0, 0, 0]"
+    scenario = cell("ur5e-fixture", *level, "compliance.centre_distance=0.04")
+    diagram = make_insertion_diagram(scenario)
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(0.3)
+    found = diagram.GetOutputPort("wrist_wrench").Eval(simulator.get_context())
+    R_SW = (scenario.hole_axes @ WRIST_AXES.rotation()).matrix().T
+    weight = R_SW @ [0.0, 0.0, -G * scenario.wrist.mass]
+    moment = np.cross([0.0, 0.0, scenario.wrist.centre_of_mass], weight)
+    np.testing.assert_allclose(found, [*moment, *weight], atol=0.03)
 
 
 def test_in_free_space_the_springs_bear_the_tool_and_its_zero_is_taken() -> None:
