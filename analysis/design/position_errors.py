@@ -97,8 +97,7 @@ def align_by_hand(
 
 def hand_eye(scenario: ResolvedDesignScenario) -> float:
     """Return the standard deviation of where a calibrated camera in the hand sees a hole, m."""
-    hand = scenario.cameras.hand
-    return float(np.hypot(hand.position_deviation, hand.distance * hand.angle_deviation))
+    return scenario.cameras.hand.deviations[0]
 
 
 def hanging(scenario: ResolvedDesignScenario, payload: Array) -> Array:

@@ -72,7 +72,7 @@ from chamfer.systems.strategies.insertion_controller import (
     InsertionController,
     InsertionControllerParams,
 )
-from chamfer.systems.strategies.insertion_decision import DecisionParams, InsertionRegion
+from chamfer.systems.strategies.insertion_decision import SURE, DecisionParams, InsertionRegion
 from chamfer.systems.strategies.insertion_law import (
     InsertionTaskParams,
     InsertParams,
@@ -369,7 +369,9 @@ def _search(scenario: ResolvedInsertionScenario) -> TouchSearch | None:
 
 def task_params(scenario: ResolvedInsertionScenario) -> InsertionTaskParams:
     """Return the parameters of the task's chart, of a resolved scenario."""
-    parts = scenario.parts
+    parts, across, turned = scenario.parts, 0.0, 0.0
+    if scenario.cameras.kind == "hand":
+        across, turned = scenario.cameras.hand.deviations
     limits = InsertionTaskParams.limits
     if scenario.cameras.kind != "none":
         own = scenario.compensator if scenario.controller.kind == "fsm" else scenario.pid
@@ -382,6 +384,7 @@ def task_params(scenario: ResolvedInsertionScenario) -> InsertionTaskParams:
         bottom=math.inf if parts.bore_depth is None else parts.bore_depth,
         gap=scenario.gap,
         pixel_size=scenario.cameras.pixel_size,
+        sight=(SURE * across, SURE * turned),
         begin=scenario.peg_motion_ends,
         wait=scenario.compensation_time,
         limits=limits,

@@ -122,6 +122,12 @@ class HandMount:
             position_deviation=shift,
         )
 
+    @property
+    def deviations(self) -> tuple[float, float]:
+        """Standard deviations that calibration leaves: of a mouth across, m, and its axis, rad."""
+        turned = self.distance * self.angle_deviation
+        return math.hypot(self.position_deviation, turned), self.angle_deviation
+
     def drawn(self, generator: np.random.Generator) -> "HandMount":
         """Return the mount with an error as large as calibration may well have left it."""
         sizes = np.repeat([self.position_deviation, self.angle_deviation], 3)

@@ -131,6 +131,7 @@ class InsertionTaskParams:
     bottom: float = math.inf  # m, of a blind hole, below its mouth
     gap: float = 0.03  # m, from tip to mouth where the peg is aligned
     pixel_size: float = 0.0005  # m
+    sight: tuple[float, float] = (0.0, 0.0)  # m and rad, that calibration leaves of every frame
     begin: float = 1.5  # s, from when on the cameras count
     wait: float = 2.5  # s, of decide.kind wait; section 5
     limits: tuple[float, ...] = (math.inf,) * 6  # m and rad, of the compensation
@@ -362,6 +363,17 @@ class _Rules:
     def __init__(self, params: InsertionTaskParams) -> None:
         self._params, self.search = params, params.search
 
+    def _errors(self, frames: tuple[Frame, ...]) -> MeasuredErrors:
+        """Return the errors over frames, as unsure as they scatter and calibration leaves them."""
+        errors, (lateral, turn) = (
+            errors_across(frames, self._params.pixel_size),
+            self._params.sight,
+        )
+        return errors._replace(
+            lateral_uncertainty=errors.lateral_uncertainty + lateral,
+            rotational_uncertainty=errors.rotational_uncertainty + turn,
+        )
+
     def overloaded(self, tick: InsertionTick) -> bool:
         load = math.hypot(*tick.memory.load(tick.inputs))
         return load > self._params.insert.force_limit
@@ -393,7 +405,7 @@ class _Rules:
             return False
         if decide.kind == "margin":
             window = tick.memory.window(tick.inputs, decide.frames)
-            errors = errors_across(window, params.pixel_size)
+            errors = self._errors(window)
             return params.region.sure_margin(errors) >= decide.margin
         waited = tick.time - tick.memory.began >= params.wait - TIME_TOLERANCE
         return waited or decide.kind == "at_once"
@@ -419,7 +431,7 @@ class _Rules:
         window = tick.memory.window(tick.inputs, params.decide.frames)
         if not window:
             return False
-        errors = errors_across(window, params.pixel_size)
+        errors = self._errors(window)
         limit = params.region.lateral_limit + further
         return errors.lateral - errors.lateral_uncertainty > limit
 
@@ -472,7 +484,7 @@ class _Rules:
         memory = self._observe(tick, 0.0)
         if len(memory.frames) < self._params.decide.frames:
             return memory._replace(compensates=True, along=True, tares=True)
-        errors = errors_across(memory.frames, self._params.pixel_size)
+        errors = self._errors(memory.frames)
         return memory._replace(compensates=True, along=True, tares=True, errors=errors)
 
     def begin(self, tick: InsertionTick) -> InsertionMemory:
@@ -490,7 +502,7 @@ class _Rules:
             mouth=inputs.advance[0] + params.gap + params.pixel_size * along,
             pull=0.0,
             came_out=0.0,
-            errors=errors_across(window, params.pixel_size),
+            errors=self._errors(window),
             search=SearchMemory(),
         )
 
