@@ -60,7 +60,7 @@ CELLS: Final[Cells] = {
             "tool": {"frame": {"position": (0.0, 0.0, 0.12)}},
             "payload_error": 0.02,
         },
-        "compliance": {"kind": "rcc"},
+        "compliance": {"kind": "rcc", "axial": 1e5},
         "admittance": {"kind": "none"},
         "hole": {
             "kind": "fixture",
@@ -68,7 +68,7 @@ CELLS: Final[Cells] = {
             "position_error": 0.0005,
             "angle_error": 0.01,
         },
-        "insert": {"speed": 0.002, "push": 30.0, "pull": 40.0, "force_limit": 60.0},
+        "insert": {"speed": 0.002, "push": 40.0, "pull": 45.0, "force_limit": 60.0},
         "spread": {"lateral": 0.0005, "rotational": 0.01},
     },
 }
