@@ -118,7 +118,7 @@ class ComplianceParams:
     torsional: float | None = None  # N m/rad, about the peg's axis
     centre_distance: float | None = None  # m, from the tip to the centre, away from the hole
     most_lateral: float | None = None  # m, deflection of an rcc at most, either way
-    most_axial: float | None = None  # m, likewise
+    most_axial: float | None = None  # m, likewise along the peg
     most_angular: float | None = None  # rad, likewise, of tilt and torsion
     mass: float | None = None  # kg, of an rcc's part that hangs with the tool
     damping_ratio: float = 0.3  # of the tool on each spring; assumed

@@ -67,7 +67,7 @@ class HandMount:
     # of `chamfer calibrate --poses`, which says lens and deviations; None: as they are here
     angle_deviation: float = 2.5e-4
     # rad, an axis, that calibration states: trials draw errors so large
-    position_deviation: float = 4e-5  # m, likewise
+    position_deviation: float = 4e-5  # m, likewise, of where it is mounted
 
     def __post_init__(self) -> None:
         require_positive(self, "distance", "reach")
