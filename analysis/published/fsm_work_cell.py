@@ -27,9 +27,9 @@ def _limits(way: str = "", *, contact: bool = True) -> tuple[Row, ...]:
     )
     parts = at_most(f"{way}force.share", 100.0, "%", "limit of the parts",
                     "of insert.force_limit, assumed; largest median of 10 ms")
-    device = at_most(f"{way}compliance.deflection", 100.0, "%", "limit of the compliance",
+    device = at_most("compliance.deflection", 100.0, "%", "limit of the compliance",
                      "of what it may give way by, at most; beyond it, it is at its stop")
-    return specified(*arms, *[parts, device] * contact)
+    return specified(*arms, *[parts] * contact, *[device] * (contact and not way))
 
 
 WORK_CELL: Final[tuple[Published, ...]] = (

@@ -79,6 +79,9 @@ SCENARIOS: Final = (
      f"decide.kind=at_once; initial_error=[0, 0, 0, 0, 0.09, 0.09]; begin=0.1; {_WEAK}",
      f"seated touch.rotational_error touch.margin {_ARMS}"),
     ("insertion-repeatability", "duration=0.3", "success_rate frozen.success_rate"),
+    *((name, "cell=scara-rcc; insert.speed=0.002; compliance.most_axial=1e-5; duration=0.3",
+       "compliance.deflection")
+      for name in ("insertion", "insertion-repeatability")),
     ("planar-hold", "task.start=[1.0, -1.3]; task.speed=0.1; controller.force_integral=1",
      "contact_time force.final force.deviation force.peak contact.losses"),
     ("planar-slide", "controller.force_integral=1; task.amplitude=0.01",
