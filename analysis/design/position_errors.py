@@ -90,14 +90,9 @@ def align_by_hand(
         error[:, _ACROSS] = np.copysign(
             np.maximum(after, np.minimum(size, ends)), error[:, _ACROSS]
         )
-    left = np.repeat([hand_eye(scenario), hand.angle_deviation], 2)
+    left = np.repeat(hand.deviations, 2)
     error[:, _ACROSS] += left * generator.standard_normal((len(error), 4))
     return takes
-
-
-def hand_eye(scenario: ResolvedDesignScenario) -> float:
-    """Return the standard deviation of where a calibrated camera in the hand sees a hole, m."""
-    return scenario.cameras.hand.deviations[0]
 
 
 def hanging(scenario: ResolvedDesignScenario, payload: Array) -> Array:

@@ -21,7 +21,7 @@ from chamfer.analysis.design.insertion_links import (
     turn_link,
 )
 from chamfer.analysis.design.link import Link, at_least, at_most, supposed
-from chamfer.analysis.design.position_errors import hand_eye, hanging, unrest_of
+from chamfer.analysis.design.position_errors import hanging, unrest_of
 from chamfer.analysis.design.remaining_errors import DrawnErrors
 from chamfer.diagrams.cell.controller_design import measurement_error
 from chamfer.diagrams.contact.hybrid_loop_stability import Stability, stability_of
@@ -112,7 +112,7 @@ def detection_links(scenario: ResolvedDesignScenario) -> list[Link]:
     if scenario.cameras.kind != "hand":
         return []
     off = scenario.cameras.pixel_size * measurement_error(scenario, "lateral")
-    off += _SURE * hand_eye(scenario)
+    off += _SURE * scenario.cameras.hand.deviations[0]
     source = "detection of the mouth, and what calibration leaves of the camera; chamfers' reach"
     return [at_most("detection", off, scenario.parts.chamfer_limit, "m", source)]
 

@@ -204,12 +204,13 @@ def plot_course(
     ):
         error = scale * np.maximum(traces[f"{name}_error"], 1e-6)
         axes.semilogy(time, error, label="true", **POSITION)
-        known = looks & (traces["measured_lateral"] > 0)
-        measured = np.where(known, traces[f"measured_{name}"], np.nan)
-        unsure = traces[f"measured_{name}_uncertainty"]
-        axes.semilogy(time, scale * measured, label="measured, until it decides", **_MEASURED)
-        low = np.maximum(measured - unsure, 1e-6)
-        axes.fill_between(time, scale * low, scale * (measured + unsure), **_SURE)
+        if scenario.cameras.kind != "none":
+            known = looks & (traces["measured_lateral"] > 0)
+            measured = np.where(known, traces[f"measured_{name}"], np.nan)
+            unsure = traces[f"measured_{name}_uncertainty"]
+            axes.semilogy(time, scale * measured, label="measured, until it decides", **_MEASURED)
+            low = np.maximum(measured - unsure, 1e-6)
+            axes.fill_between(time, scale * low, scale * (measured + unsure), **_SURE)
         axes.axhline(scale * limit, label="limit alone", **LIMIT)
         axes.set_ylim(scale * limit / 300, 8 * max(float(error.max()), scale * limit))
         letter = {"lateral": "a", "rotational": "b"}[name]
@@ -253,7 +254,11 @@ def _wedging(axes: Axes, scenario: ResolvedInsertionScenario, outcome: Outcome) 
     x = np.linspace(-limit, limit, 201)
     sides = lower, upper = rotation_bounds(parts, scenario.wedging_support, x)
     axes.fill_between(
-        _MM * x, _MRAD * lower, _MRAD * upper, label="free of wedging, arms in series", **_REGION
+        _MM * x,
+        _MRAD * lower,
+        _MRAD * upper,
+        label="free of wedging",
+        **_REGION,
     )
     draw_sides(axes, x, sides, "exact sides", _SIDE)
     draw_reach(axes, parts, "the chamfers' reach")

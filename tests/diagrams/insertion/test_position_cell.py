@@ -102,6 +102,7 @@ def test_in_free_space_the_springs_bear_the_tool_and_its_zero_is_taken() -> None
     simulator.AdvanceTo(0.75)
     admittance = diagram.GetSubsystemByName("admittance")
     force = admittance.GetOutputPort("force").Eval(admittance.GetMyContextFromRoot(context))
+    # The tool swings as a run begins, which is in the mean.
     assert np.allclose(force, 0.0, atol=0.1)
 
 
