@@ -143,20 +143,21 @@ def figures(scenario: SearchCaptureScenario, outcome: Outcome) -> Mapping[str, F
         np.linspace(0.8 * min(scenario.errors), 1.1 * max(scenario.errors), 61),
     )
     said = [100 * spiral.probability(one) for one in sizes]
-    axes.plot(_MM * sizes, said, color="#1b4f9c", label="theory")
+    axes.plot(_MM * sizes, said, color="#1b4f9c", label="theory, of many turns")
     blank: Style = {
         "linestyle": "none",
         "marker": "s",
         "markerfacecolor": "none",
         "color": "#1b4f9c",
     }
-    axes.plot(_MM * traces["error"], traces["geometry"], label="the track", **blank)
+    axes.plot(_MM * traces["error"], traces["geometry"], label="geometry of the track", **blank)
     ends = [traces["found"] - traces["low"], traces["high"] - traces["found"]]
     points: Style = {"fmt": "o", "color": "#b00020", "capsize": 4}
-    label = f"{scenario.trials} searches each, 95 %"
+    label = f"simulated, {scenario.trials} each, 95 % interval"
     axes.errorbar(_MM * traces["error"], traces["found"], yerr=ends, label=label, **points)
-    dress(axes, title="Drawn over a disc", x="the disc's radius / mm", y="found / %")
-    axes.set_ylim(0.0, 155.0)
+    title = f"Holes that a spiral of {_MM * spiral.radius:.3g} mm finds"
+    dress(axes, title=title, x="hole off by at most / mm, evenly over a disc", y="found / %")
+    axes.set_ylim(0.0, 135.0)
     axes.set_yticks(np.linspace(0.0, 100.0, 6))
     legend(axes, loc="upper right")
     return {"search-capture": figure}
