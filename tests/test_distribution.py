@@ -29,7 +29,9 @@ def project() -> dict[str, Any]:
 def test_version_and_license_are_said_once_and_the_same() -> None:
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
     assert citation["version"] == project()["version"]
-    assert citation["license"] == project()["license"]
+    software, *recordings = project()["license"].split(" AND ")
+    assert citation["license"] == software
+    assert recordings == ["MIT", "CC-BY-4.0"]
     changes = (ROOT / "CHANGELOG.md").read_text("utf-8")
     released = re.findall(r"^## \[?(\d[.\d]*)", changes, flags=re.MULTILINE)
     assert set(released[:1]) <= {project()["version"]}
@@ -56,7 +58,8 @@ def test_the_wheel_holds_what_the_packages_hold_and_nothing_else(built: Path) ->
         f"chamfer/{path.relative_to(ROOT).as_posix()}"
         for package in PACKAGES
         for path in (ROOT / package).rglob("*")
-        if path.suffix in {".py", ".typed", ".urdf", ".jinja"}
+        if path.suffix in {".py", ".typed", ".urdf", ".jinja", ".npz", ".csv"}
+        or path.name.startswith("LICENSE-")
     }
     assert held == sources
     assert {f"chamfer/{package}/py.typed" for package in PACKAGES} <= held

@@ -17,11 +17,12 @@ WORDS: Final["dict[Verdict, str]"] = {
 _PLURAL: Final = {"holds": "hold", "does_not_hold": "do not hold", "not_reached": "not reached"}
 EXPLAINED: Final = (
     "A predicted value follows from published numbers; for a calibrated one a free parameter was "
-    "chosen to fit. A claim that does not hold fails on the paper's own model; one that is not "
-    "reached, our simulation misses. A bound that is kept by more than a factor of two is not "
-    "exceeded, or not undercut: that agrees with the paper, but reproduces no number of it. "
-    "A specification is a limit of the task, of an arm or of parts: it is kept or broken, and "
-    "judged on every run. Published values are of the default scenario alone."
+    "chosen to fit; a measured one is compared with a recording of a real robot. A claim that "
+    "does not hold fails on the paper's own model; one that is not reached, our simulation "
+    "misses. A bound that is kept by more than a factor of two is not exceeded, or not undercut: "
+    "that agrees with the paper, but reproduces no number of it. A specification is a limit of "
+    "the task, of an arm or of parts: it is kept or broken, and judged on every run. Published "
+    "values are of the default scenario alone."
 )
 LIMIT: Final = "specification"  # kind of check
 _SIGNS: Final = {"at_most": "<=", "at_least": ">="}

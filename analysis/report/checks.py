@@ -8,7 +8,7 @@ from typing import Literal
 
 from chamfer.analysis.scenario.experiment import Catalogue, Metric
 
-Kind = Literal["predicted", "calibrated", "specification"]
+Kind = Literal["predicted", "calibrated", "measured", "specification"]
 Verdict = Literal["holds", "does_not_hold", "not_reached"]
 
 
@@ -19,8 +19,9 @@ class Published:
     ``kind`` is honest: *predicted* follows from published numbers, *calibrated* means that a
     free parameter was chosen to fit. So is ``otherwise``, the verdict on a measured value that
     does not satisfy the relation: our simulation misses the number (*not reached*), or the paper's
-    claim fails on its own model (*does not hold*), and then the note says why. The third kind is
-    the *specification*: a limit of the task, of an arm or of parts.
+    claim fails on its own model (*does not hold*), and then the note says why. A *measured* number
+    is compared with a recording of a real robot, and a *specification* is a limit of the task, of
+    an arm or of parts.
     """
 
     experiment: str
@@ -96,9 +97,10 @@ def check(
 ) -> list[Check]:
     """Put published values and limits beside their metrics.
 
-    Limits are judged on every run, on the worst of its trials. A run without a limit's metric did
-    not have to keep it, such as that of a mode that the plan lacks; an undefined one breaks it.
-    A published value is not held either where one of the trials has none.
+    Limits, and what is compared with a recording, are judged on every run, on the worst of its
+    trials. A run without the metric did not have to keep it, such as that of a mode that the plan
+    lacks; an undefined one breaks it. A published value is not held either where one of the
+    trials has none.
 
     Args:
         published: Of the experiment.
@@ -110,7 +112,7 @@ def check(
     """
     checks = []
     for one in published:
-        if one.kind != "specification":
+        if one.kind not in ("specification", "measured"):
             if default:
                 found = metrics[one.metric]
                 value = None if None in found.trials else found.value

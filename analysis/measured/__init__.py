@@ -1,0 +1,1 @@
+"""Simulations and observers beside recordings of real robots."""
