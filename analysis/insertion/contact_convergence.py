@@ -23,11 +23,11 @@ from chamfer.analysis.insertion.insertion_runs import (
 )
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.diagrams.insertion.peg_insertion import (
-    Approximation,
     PegInsertionScenario,
     resolve_peg_insertion,
 )
 from chamfer.models.validation import ParameterError, require_finite
+from chamfer.systems.contact.contact_approximation import Convex
 
 Array = NDArray[np.float64]
 
@@ -62,7 +62,7 @@ class ConvergenceScenario:
     stiffnesses: tuple[float, ...] = (1e5, 1e6, 1e7, 1e8)  # N/m, of a contact at a point
     facets: tuple[int, ...] = (32, 64, 128)  # of the bore
     stictions: tuple[float, ...] = (1e-3, 1e-4, 1e-5)  # m/s, at which a contact sticks
-    approximations: tuple[Approximation, ...] = ("lagged", "similar", "sap")  # of contact, Drake's
+    approximations: tuple[Convex, ...] = ("lagged", "similar", "sap")  # of contact, Drake's
     accuracies: tuple[float, ...] = (1e-2, 1e-5)  # of CENIC, with steps up to the insertion's
 
     def __post_init__(self) -> None:

@@ -36,6 +36,7 @@ from chamfer.models.validation import (
     require_positive,
     require_same,
 )
+from chamfer.systems.contact.contact_approximation import Convex
 from chamfer.systems.pose import pose_vector
 
 Plane = Literal["xy", "xz"]
@@ -56,12 +57,14 @@ class FedCellScenario(WorkCellScenario):
     contact: ContactMaterial = field(default_factory=ContactMaterial)
     support: OpenSupport = field(default_factory=OpenSupport)
     # that theory goes by; what is left open: of the arms, at the depth in question
+    approximation: Convex = "lagged"  # of contact, by Drake
     step: float = 0.001  # s, of the plant
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "gap", "feed", "speed", "depth", "withdrawal_speed")
         require_not_negative(self, "rest")
+        require_one_of(self, "approximation", get_args(Convex))
         colours = ("peg_colour", "hole_colour")
         require_same(self.parts, ColouredParts, "parts", *colours, why="nobody looks")
         if not self.feed > self.gap + self.depth:
@@ -140,6 +143,7 @@ def make_blind_feed_diagram(scenario: BlindFeedScenario) -> Diagram:
         scenario.parts,
         seated_depth=SEATED * scenario.depth,
         material=scenario.contact,
+        approximation=scenario.approximation,
         start={"peg": X_WT},
     )
     if "hole" in cell.arms:

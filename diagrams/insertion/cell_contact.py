@@ -17,6 +17,7 @@ from chamfer.diagrams.cell.work_cell import (
 )
 from chamfer.models.peg.bore_contact import ContactMaterial, add_hole_contact, add_peg_contact
 from chamfer.models.peg.peg_and_hole import PegAndHole
+from chamfer.systems.contact.contact_approximation import Approximation
 from chamfer.systems.contact.peg_hole_contact_monitor import PegHoleContactMonitor
 
 _IN_TOOL: Final = RigidTransform()  # the bodies' frames are those of peg and mouth
@@ -32,10 +33,11 @@ def add_cell_in_contact(
     start: dict[ArmName, RigidTransform] | None = None,
     add_parts: AddParts | None = None,
     controllers: Mapping[ArmName, System] | None = None,
+    approximation: Approximation = "lagged",
 ) -> tuple[WorkCell, PegHoleContactMonitor]:
     """Add the work cell with a peg and a hole that touch each other, and nothing else does.
 
-    ``start``, ``add_parts``, what is to be seen, and ``controllers`` are as of
+    ``start``, ``add_parts``, what is to be seen, ``controllers`` and ``approximation`` are as of
     :func:`chamfer.diagrams.cell.work_cell.add_work_cell`, the others as of
     :class:`TouchingParts`.
     """
@@ -46,7 +48,14 @@ def add_cell_in_contact(
             add_parts(plant, tools)
         touching.add(plant, tools["peg"], tools["hole"])
 
-    cell = add_work_cell(builder, scenario, start=start, add_parts=add, controllers=controllers)
+    cell = add_work_cell(
+        builder,
+        scenario,
+        start=start,
+        add_parts=add,
+        controllers=controllers,
+        approximation=approximation,
+    )
     return cell, touching.monitor(builder, cell.plant, seated_depth)
 
 

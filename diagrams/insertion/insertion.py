@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache, partial
-from typing import Any, ClassVar, Final, Self, TypeVar
+from typing import Any, ClassVar, Final, Self, TypeVar, get_args
 
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, OutputPort, System
@@ -57,8 +57,14 @@ from chamfer.models.peg.bore_contact import (
 )
 from chamfer.models.peg.peg_and_hole import SEATED, ColouredParts, Peg
 from chamfer.models.peg.support import OpenSupport, Support, stacked
-from chamfer.models.validation import ParameterError, require_positive, require_same
+from chamfer.models.validation import (
+    ParameterError,
+    require_one_of,
+    require_positive,
+    require_same,
+)
 from chamfer.systems.cameras.camera_image import FrameGrabberParams
+from chamfer.systems.contact.contact_approximation import Approximation, Convex
 from chamfer.systems.contact.peg_hole_contact_monitor import PegHoleContactMonitor
 from chamfer.systems.force.contact_admittance import ContactAdmittanceParams
 from chamfer.systems.force.desired_pose import FeedOffset
@@ -110,6 +116,7 @@ class InsertionScenario(AlignmentScenario):
     insert: InsertParams = field(default_factory=InsertParams)
     search: SearchParams = field(default_factory=SearchParams)
     contact: ContactMaterial = field(default_factory=ContactMaterial)
+    approximation: Approximation = "lagged"  # of contact, by Drake; tamsi: of such an arm alone
     support: OpenSupport = field(default_factory=OpenSupport)
     # that the decision and theory go by; what is left open: of the arms, at the depth in question
     arm: ArmInterface = field(default_factory=ArmInterface)  # what the peg's arm takes
@@ -127,6 +134,8 @@ class InsertionScenario(AlignmentScenario):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "duration")
+        known = Convex if self.servo is None else Approximation
+        require_one_of(self, "approximation", get_args(known))
         depth = self.insert.depth
         if depth is not None and not depth < self.parts.peg_length:
             allowed = f"less than the peg's length, {self.parts.peg_length:g} m"
@@ -491,6 +500,7 @@ def _add_cell(
         start=start_poses(scenario),
         add_parts=shapes,
         controllers=arm_controllers,
+        approximation=scenario.approximation,
     )
     return cell, contact, None
 

@@ -11,14 +11,13 @@ A run advances by the feed, waits, and then takes the push away and withdraws.
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Final, Literal, TypeVar
+from typing import Final, TypeVar, get_args
 
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import (
     AddMultibodyPlantSceneGraph,
-    DiscreteContactApproximation,
     MultibodyPlant,
 )
 from pydrake.multibody.tree import (
@@ -49,14 +48,8 @@ from chamfer.models.validation import (
     require_one_of,
     require_positive,
 )
+from chamfer.systems.contact.contact_approximation import Convex, approximate
 
-Approximation = Literal["lagged", "similar", "sap"]
-
-_APPROXIMATIONS: Final[dict[Approximation, DiscreteContactApproximation]] = {
-    "lagged": DiscreteContactApproximation.kLagged,
-    "similar": DiscreteContactApproximation.kSimilar,
-    "sap": DiscreteContactApproximation.kSap,
-}
 JOINTS: Final = ("feed", "y", "z", "rz", "ry")  # in the plant's order
 PLANT: Final = "plant"  # the name that CENIC looks for
 _CARRIER: Final = 1e-3  # kg, of each of the support's bodies, for which CENIC wants a mass
@@ -93,13 +86,13 @@ class FeedScenario:
     mass: float = 0.25  # kg, of the peg and what moves with it; assumed
     contact: ContactMaterial = field(default_factory=ContactMaterial)
     stiction: float = 1e-4  # m/s, speed below which a contact sticks, creeping; by Drake
-    approximation: Approximation = "lagged"  # of contact, by Drake
+    approximation: Convex = "lagged"  # of contact, by Drake
     step: float = 0.001  # s, of the plant
 
     def __post_init__(self) -> None:
         require_positive(self, "speed", "force_cap", "depth", "gap", "mass", "stiction", "step")
         require_not_negative(self, "rest")
-        require_one_of(self, "approximation", _APPROXIMATIONS)
+        require_one_of(self, "approximation", get_args(Convex))
         require_stiff(self.parts, self.support)
         if not self.depth <= self.parts.peg_length:
             allowed = f"at most the peg's length, {self.parts.peg_length} m"
@@ -170,7 +163,7 @@ def make_peg_insertion_diagram(
     plant.set_name(PLANT)
     scene_graph.set_name("geometry")
     if not continuous:
-        plant.set_discrete_contact_approximation(_APPROXIMATIONS[scenario.approximation])
+        approximate(plant, scenario.approximation)
     plant.set_stiction_tolerance(scenario.stiction)
     peg, body = _add_sprung_peg(plant, scenario)
     touching = TouchingParts(scenario.parts, scenario.contact)

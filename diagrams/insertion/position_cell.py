@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, DiscreteContactApproximation
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import FixedOffsetFrame, RigidBody, SpatialInertia
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
@@ -22,6 +22,7 @@ from chamfer.models.validation import (
     require_positive,
     within,
 )
+from chamfer.systems.contact.contact_approximation import approximate
 from chamfer.systems.contact.peg_hole_contact_monitor import PegHoleContactMonitor
 from chamfer.systems.force.arm_model import TruePose
 from chamfer.systems.force.contact_admittance import ContactAdmittanceLaw, WristSetting
@@ -86,7 +87,7 @@ def add_position_cell(
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
     plant.set_name("arms")
     scene_graph.set_name("geometry")
-    plant.set_discrete_contact_approximation(DiscreteContactApproximation.kLagged)
+    approximate(plant, scenario.approximation)
     X_TS = WRIST_AXES
     rest = scenario.nominal_pose("peg") @ X_TS
     carrier = FixedOffsetFrame("flange at rest", plant.world_frame(), rest)

@@ -14,7 +14,6 @@ from pydrake.geometry import Box
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import (
     AddMultibodyPlantSceneGraph,
-    DiscreteContactApproximation,
     MultibodyPlant,
 )
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, LeafSystem, OutputPort
@@ -39,6 +38,7 @@ from chamfer.models.arms.wrist import (
 )
 from chamfer.models.connectors.connector import Connector, ContactMaterial, ConvexPiece, add_pieces
 from chamfer.models.validation import ParameterError, within
+from chamfer.systems.contact.contact_approximation import Approximation, approximate
 from chamfer.systems.force.accommodation import AccommodationController
 from chamfer.systems.force.admittance import AdmittanceController
 from chamfer.systems.force.arm_model import TruePose
@@ -128,6 +128,7 @@ def make_connector_diagram(
         X_TP=scenario.plug_in_tool,
         start=resting,
         step=scenario.step,
+        approximation=scenario.approximation,
         obstacle=scenario.obstacle,
     )
     guard = builder.AddNamedSystem(
@@ -238,6 +239,7 @@ def add_connector_plant(
     X_TP: RigidTransform,
     start: NDArray[np.float64] | None = None,
     step: float = 0.001,
+    approximation: Approximation = "tamsi",
     obstacle: float | None = None,
 ) -> ConnectorPlant:
     """Add a plant in which a carriage in the world's axes holds a plug by the wrist.
@@ -251,7 +253,7 @@ def add_connector_plant(
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, step)
     plant.set_name("connectors")
     scene_graph.set_name("geometry")
-    plant.set_discrete_contact_approximation(DiscreteContactApproximation.kTamsi)
+    approximate(plant, approximation)
     held = add_wrist(plant, plant.world_frame(), wrist)
     connector.add_plug(plant, held.body, X_TP)
     connector.add_socket(plant, X_WS)

@@ -31,6 +31,7 @@ from chamfer.models.validation import (
     require_positive,
 )
 from chamfer.systems.contact.arm_dynamics import GRAVITY
+from chamfer.systems.contact.contact_approximation import Approximation
 from chamfer.systems.force.admittance_law import AdmittanceParams
 from chamfer.systems.force.impedance_law import ImpedanceControllerParams
 from chamfer.systems.primitives.carriage import PartGripperParams
@@ -106,6 +107,7 @@ class ConnectorScenario:
     # None: the plug is in the gripper above the socket from the begin
     height: float = 0.008  # m, of the plug above the socket after the transport
     obstacle: float | None = None  # m, depth in the socket at which something is in the way
+    approximation: Approximation = "tamsi"  # of contact, by Drake
     step: float = 0.001  # s, of the plant
     duration: float = 120.0  # s, after which a run ends at the latest
 
@@ -114,6 +116,7 @@ class ConnectorScenario:
     def __post_init__(self) -> None:
         require_one_of(self, "robot", get_args(RobotName))
         require_one_of(self, "sensing", get_args(Sensing))
+        require_one_of(self, "approximation", get_args(Approximation))
         require_positive(self, "height", "step", "duration")
         require_numbers(self, SIZE, "initial_error")
         if self.obstacle is not None and not 0 < self.obstacle < math.inf:

@@ -1,0 +1,50 @@
+"""How a plant solves its contacts is said by its scenario, and refused where it has no effect."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from pydrake.multibody.plant import MultibodyPlant
+
+from chamfer.analysis.scenario.scenario_io import make_scenario
+from chamfer.diagrams.insertion import blind_feed, insertion, peg_insertion
+from chamfer.diagrams.skills import connector_loop, connector_scenario
+from chamfer.models.validation import ParameterError
+
+PEG = peg_insertion.PEG_INSERTION, peg_insertion.resolve_peg_insertion
+FED = blind_feed.BlindFeedScenario(), blind_feed.resolve_fed_cell
+CELL = insertion.INSERTION_BY_SIGHT, insertion.resolve
+POSITION = make_scenario(CELL[0], settings=["cell=ur5e-fixture"]), insertion.resolve
+CONNECTOR = connector_scenario.D_CONNECTOR, connector_scenario.resolve
+Resolve = Callable[[Any], Any]
+
+
+@pytest.mark.parametrize(
+    ("scenario", "resolve", "make", "by_default"),
+    [
+        (*PEG, peg_insertion.make_peg_insertion_diagram, "kLagged"),
+        (*FED, blind_feed.make_blind_feed_diagram, "kLagged"),
+        (*CELL, insertion.make_insertion_diagram, "kLagged"),
+        (*POSITION, insertion.make_insertion_diagram, "kLagged"),
+        (*CONNECTOR, connector_loop.make_connector_diagram, "kTamsi"),
+    ],
+)
+def test_a_plant_solves_its_contacts_as_the_scenario_says(
+    scenario: Any, resolve: Resolve, make: Resolve, by_default: str
+) -> None:
+    for one, expected in (
+        (scenario, by_default),
+        (replace(scenario, approximation="sap"), "kSap"),
+    ):
+        systems = make(resolve(one)).GetSystems()
+        (plant,) = (system for system in systems if isinstance(system, MultibodyPlant))
+        assert plant.get_discrete_contact_approximation().name == expected
+
+
+@pytest.mark.parametrize("scenario", [PEG[0], FED[0], CELL[0]])
+def test_tamsi_is_refused_where_it_passes_over_gains(scenario: Any) -> None:
+    refused = "approximation is 'tamsi', allowed: lagged, similar, sap"
+    with pytest.raises(ParameterError, match=refused):
+        replace(scenario, approximation="tamsi")
+    assert replace(POSITION[0], approximation="tamsi").servo is not None
