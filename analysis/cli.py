@@ -23,6 +23,7 @@ from chamfer.analysis.command.view_command import add_view
 from chamfer.analysis.design.design_command import add_design
 from chamfer.analysis.drive.drive_command import add_drive, driven
 from chamfer.analysis.export.export_command import add_export
+from chamfer.analysis.identify.identify_command import add_identify
 from chamfer.analysis.replay.replay_command import add_replay
 from chamfer.analysis.report.console import plain_warnings, say
 from chamfer.analysis.scenario.errors import ExperimentError, UserError, valid_name
@@ -173,10 +174,10 @@ def _parser() -> argparse.ArgumentParser:
 
     export, view = add_export(commands), add_view(commands)
     track, calibrate = add_track(commands), add_calibrate(commands)
-    replay = add_replay(commands)
+    replay, identify = add_replay(commands), add_identify(commands)
     for command in (run, sweep, design, drive, diagram, export, view, track, replay):
         _add_scenario(command)
-    results = (run, sweep, design, drive, reproduce, track, calibrate, replay)
+    results = (run, sweep, design, drive, reproduce, track, calibrate, replay, identify)
     for command in (*results, diagram, export):
         _add_out(command)
     for command in (run, sweep, design, drive, reproduce, view):

@@ -71,35 +71,58 @@ def read_log(path: Path) -> tuple[pa.Table, dict[str, Any]]:
     Raises:
         UserError: If it can't be read.
     """
+    table = read_table(path, "(time|observation|command)\\b")
     try:
-        if path.suffix != ".csv":
-            with path.open("rb") as file:
-                table = pq.read_table(file)
-        else:
-            table = _read_csv(path)
         told = {
             name.decode(): text.decode() for name, text in (table.schema.metadata or {}).items()
         }
         about: dict[str, Any] = {name: told.get(name) for name in ("experiment", "controller")}
         about |= {name: int(told.get(name, 1)) for name in ("run", "runs")}
         return table, about | {"overrides": json.loads(told.get("overrides", "[]"))}
+    except ValueError as error:
+        raise UserError(f"{path} can't be read as a log: {error}") from error
+
+
+def read_table(path: Path, wanted: str = "") -> pa.Table:
+    """Return a table from Parquet, or CSV with units as ``force_x (N)``.
+
+    Of CSV all columns as they come, or as numbers those whose titles begin as is ``wanted``.
+
+    Raises:
+        UserError: If it can't be read.
+    """
+    try:
+        if path.suffix == ".csv":
+            return _read_csv(path, wanted)
+        with path.open("rb") as file:
+            return pq.read_table(file)
     except (OSError, ValueError, csv.Error, pa.ArrowException) as error:
         reason = getattr(error, "strerror", None) or error
         raise UserError(f"{path} can't be read as a log: {reason}") from error
 
 
-def _read_csv(path: Path) -> pa.Table:
+def split_title(title: str) -> tuple[str, str]:
+    """Return the name and the unit of a column's title, ``force_x (N)`` or ``force_x [N]``."""
+    name, *units = re.findall(r"^(.*?)\s*(?:\((.*)\)|\[(\D.*)\])?\s*$", title)[0]
+    return name, "".join(units).strip()
+
+
+def _read_csv(path: Path, wanted: str) -> pa.Table:
     with path.open(encoding="utf-8-sig", newline="") as file:
         header = next(csv.reader(file), [])
-    titles = [one for one in header if re.match(r"(time|observation|command)\b", one)]
-    options = pyarrow.csv.ConvertOptions(
-        include_columns=titles, column_types=dict.fromkeys(titles, pa.float64()), null_values=[""]
-    )
+    options = None
+    if wanted:
+        header = [one for one in header if re.match(wanted, one)]
+        options = pyarrow.csv.ConvertOptions(
+            include_columns=header,
+            column_types=dict.fromkeys(header, pa.float64()),
+            null_values=[""],
+        )
     table = pyarrow.csv.read_csv(path, convert_options=options)
-    fields = []
-    for title in titles:
-        name, unit = re.findall(r"^(.*?)\s*(?:\((.*)\))?\s*$", title)[0]
-        fields.append(pa.field(name, pa.float64(), metadata={"unit": unit.strip()}))
+    fields = [
+        pa.field(name, column.type, metadata={"unit": unit})
+        for (name, unit), column in zip(map(split_title, header), table.columns, strict=True)
+    ]
     return pa.Table.from_arrays(table.columns, schema=pa.schema(fields))
 
 
