@@ -21,12 +21,17 @@ from chamfer.analysis.insertion.insertion_runs import (
     onset_of,
     predict,
 )
+from chamfer.analysis.insertion.oblique_impact import (
+    draw_impacts,
+    impact_metrics,
+    strike_all,
+)
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, column
 from chamfer.diagrams.insertion.peg_insertion import (
     PegInsertionScenario,
     resolve_peg_insertion,
 )
-from chamfer.models.validation import ParameterError, require_finite
+from chamfer.models.validation import ParameterError, require_finite, require_positive
 from chamfer.systems.contact.contact_approximation import Convex
 
 Array = NDArray[np.float64]
@@ -64,9 +69,12 @@ class ConvergenceScenario:
     stictions: tuple[float, ...] = (1e-3, 1e-4, 1e-5)  # m/s, at which a contact sticks
     approximations: tuple[Convex, ...] = ("lagged", "similar", "sap")  # of contact, Drake's
     accuracies: tuple[float, ...] = (1e-2, 1e-5)  # of CENIC, with steps up to the insertion's
+    impact_speed: float = 0.04
+    # m/s, across a plate and along it, with which the peg's mass strikes: that of the feed
 
     def __post_init__(self) -> None:
         require_finite(self, "stuck_tilt")
+        require_positive(self, "impact_speed")
         for name in ("steps", "stiffnesses", "stictions", "accuracies"):
             values = getattr(self, name)
             if not all(0 < value < math.inf for value in values):
@@ -168,8 +176,11 @@ def run(scenario: ConvergenceScenario, seed: int, progress: Progress) -> Outcome
     note = "of the work, not found in the contacts: over steps, facets and stictions"
     note = note if chosen else "none of steps, facets and stictions is varied"
     metrics |= metrics_of({"energy.worst": (worst, "%", note)})
+    struck = strike_all(scenario.insertion, scenario.impact_speed)
+    metrics |= prefixed("impact", impact_metrics(struck))
     return Outcome(
         metrics=metrics,
+        tables={"impact": struck},
         traces={
             "parameter": column([float(PARAMETERS.index(one.parameter)) for one in tasks]),
             "value": column([one.value for one in tasks]),
@@ -253,4 +264,5 @@ def figures(scenario: ConvergenceScenario, outcome: Outcome) -> Mapping[str, Fig
             axes.set_xticks(range(len(names)), names, fontsize=7)
         panels[0, k].set_yscale("log")
     legend(panels[0, 0])
-    return {"contact-convergence": figure}
+    impacts = draw_impacts(outcome.tables["impact"])
+    return {"contact-convergence": figure, "impact": impacts}

@@ -23,7 +23,7 @@ from typing import Final, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
 
 from chamfer.diagrams.cell.alignment_scenario import (
     KINDS,
@@ -42,7 +42,6 @@ from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.plants.linear_response import free_response
 from chamfer.models.validation import ParameterError, within
 from chamfer.systems.cameras.camera_image import FrameGrabberParams
-from chamfer.systems.contact.contact_approximation import approximate
 from chamfer.systems.force.impedance_controller import make_impedance_law
 from chamfer.systems.force.tool_pose import compensate
 from chamfer.systems.pose import pose_vector
@@ -137,7 +136,7 @@ class _ControlledArm:
 
     def __init__(self, scenario: WorkCellScenario, arm: ArmName) -> None:
         self._plant = MultibodyPlant(scenario.step)
-        approximate(self._plant, "lagged")  # nothing touches
+        self._plant.set_discrete_contact_approximation(DiscreteContactApproximation.kLagged)
         self._plant.SetUseSampledOutputPorts(False)
         _, tools = add_holders(self._plant, scenario, (arm,))
         self._plant.Finalize()

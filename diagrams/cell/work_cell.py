@@ -30,6 +30,7 @@ from pydrake.geometry import Cylinder, Meshcat, MeshcatVisualizer, MeshcatVisual
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import (
     AddMultibodyPlantSceneGraph,
+    DiscreteContactApproximation,
     MultibodyPlant,
 )
 from pydrake.multibody.tree import (
@@ -59,7 +60,6 @@ from chamfer.models.validation import (
     require_same,
     within,
 )
-from chamfer.systems.contact.contact_approximation import Approximation, approximate
 from chamfer.systems.force.arm_model import (
     ArmModel,
     Placement,
@@ -297,7 +297,6 @@ def add_work_cell(
     start: dict[ArmName, RigidTransform] | None = None,
     add_parts: AddParts | None = None,
     controllers: Mapping[ArmName, System] | None = None,
-    approximation: Approximation = "lagged",
 ) -> WorkCell:
     """Add arms, in one plant, and their controllers; desired poses are left to be connected.
 
@@ -313,12 +312,11 @@ def add_work_cell(
             the inputs ``encoders`` (2n,), rad and rad/s, ``desired_pose`` (7,) and
             ``desired_velocity`` (6,), and the outputs ``torque`` (n,), N m, ``tool_pose`` (7,)
             and ``saturated`` (n,).
-        approximation: Of contact; where nothing touches the convex ones are one.
     """
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
     plant.set_name("arms")
     scene_graph.set_name("geometry")
-    approximate(plant, approximation)
+    plant.set_discrete_contact_approximation(DiscreteContactApproximation.kLagged)
     instances, tools = add_holders(plant, scenario, arms)
     if add_parts is not None:
         add_parts(plant, tools)

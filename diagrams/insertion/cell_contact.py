@@ -17,7 +17,7 @@ from chamfer.diagrams.cell.work_cell import (
 )
 from chamfer.models.peg.bore_contact import ContactMaterial, add_hole_contact, add_peg_contact
 from chamfer.models.peg.peg_and_hole import PegAndHole
-from chamfer.systems.contact.contact_approximation import Approximation
+from chamfer.systems.contact.contact_approximation import Approximation, approximate
 from chamfer.systems.contact.peg_hole_contact_monitor import PegHoleContactMonitor
 
 _IN_TOOL: Final = RigidTransform()  # the bodies' frames are those of peg and mouth
@@ -30,43 +30,39 @@ def add_cell_in_contact(
     *,
     seated_depth: float,
     material: ContactMaterial,
+    approximation: Approximation = "lagged",
     start: dict[ArmName, RigidTransform] | None = None,
     add_parts: AddParts | None = None,
     controllers: Mapping[ArmName, System] | None = None,
-    approximation: Approximation = "lagged",
 ) -> tuple[WorkCell, PegHoleContactMonitor]:
     """Add the work cell with a peg and a hole that touch each other, and nothing else does.
 
-    ``start``, ``add_parts``, what is to be seen, ``controllers`` and ``approximation`` are as of
+    ``start``, ``add_parts``, what is to be seen, and ``controllers`` are as of
     :func:`chamfer.diagrams.cell.work_cell.add_work_cell`, the others as of
     :class:`TouchingParts`.
     """
-    touching = TouchingParts(parts, material)
+    touching = TouchingParts(parts, material, approximation)
 
     def add(plant: MultibodyPlant, tools: dict[ArmName, RigidBody]) -> None:
         if add_parts is not None:
             add_parts(plant, tools)
         touching.add(plant, tools["peg"], tools["hole"])
 
-    cell = add_work_cell(
-        builder,
-        scenario,
-        start=start,
-        add_parts=add,
-        controllers=controllers,
-        approximation=approximation,
-    )
+    cell = add_work_cell(builder, scenario, start=start, add_parts=add, controllers=controllers)
     return cell, touching.monitor(builder, cell.plant, seated_depth)
 
 
 class TouchingParts:
     """Peg and hole of a plant, in the frames of two bodies; the material has its facets."""
 
-    def __init__(self, parts: PegAndHole, material: ContactMaterial) -> None:
-        self._parts, self._material = parts, material
+    def __init__(
+        self, parts: PegAndHole, material: ContactMaterial, approximation: Approximation
+    ) -> None:
+        self._parts, self._material, self._approximation = parts, material, approximation
 
     def add(self, plant: MultibodyPlant, peg: RigidBody, hole: RigidBody) -> None:
         """Add what collides, before the plant is finalized."""
+        approximate(plant, self._approximation)
         self._peg, self._hole = (peg, _IN_TOOL), (hole, _IN_TOOL)
         of = self._parts, self._material
         self._peg_shapes = add_peg_contact(plant, *self._peg, *of)

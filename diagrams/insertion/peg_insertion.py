@@ -48,7 +48,7 @@ from chamfer.models.validation import (
     require_one_of,
     require_positive,
 )
-from chamfer.systems.contact.contact_approximation import Convex, approximate
+from chamfer.systems.contact.contact_approximation import Convex
 
 JOINTS: Final = ("feed", "y", "z", "rz", "ry")  # in the plant's order
 PLANT: Final = "plant"  # the name that CENIC looks for
@@ -162,11 +162,9 @@ def make_peg_insertion_diagram(
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, step)
     plant.set_name(PLANT)
     scene_graph.set_name("geometry")
-    if not continuous:
-        approximate(plant, scenario.approximation)
     plant.set_stiction_tolerance(scenario.stiction)
     peg, body = _add_sprung_peg(plant, scenario)
-    touching = TouchingParts(scenario.parts, scenario.contact)
+    touching = TouchingParts(scenario.parts, scenario.contact, scenario.approximation)
     touching.add(plant, body, plant.world_body())
     plant.Finalize()
     plant.SetDefaultPositions(_at_rest(scenario))

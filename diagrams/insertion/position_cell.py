@@ -22,7 +22,6 @@ from chamfer.models.validation import (
     require_positive,
     within,
 )
-from chamfer.systems.contact.contact_approximation import approximate
 from chamfer.systems.contact.peg_hole_contact_monitor import PegHoleContactMonitor
 from chamfer.systems.force.arm_model import TruePose
 from chamfer.systems.force.contact_admittance import ContactAdmittanceLaw, WristSetting
@@ -87,7 +86,6 @@ def add_position_cell(
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)
     plant.set_name("arms")
     scene_graph.set_name("geometry")
-    approximate(plant, scenario.approximation)
     X_TS = WRIST_AXES
     rest = scenario.nominal_pose("peg") @ X_TS
     carrier = FixedOffsetFrame("flange at rest", plant.world_frame(), rest)
@@ -97,7 +95,7 @@ def add_position_cell(
     plant.WeldFrames(held.body.body_frame(), peg.body_frame(), X_TS.inverse())
     tools: dict[ArmName, RigidBody] = {"peg": peg, "hole": add_fixture(plant, scenario, "hole")}
     add_parts(plant, tools)
-    touching = TouchingParts(parts, scenario.contact)
+    touching = TouchingParts(parts, scenario.contact, scenario.approximation)
     touching.add(plant, tools["peg"], tools["hole"])
     plant.Finalize()
 

@@ -14,9 +14,10 @@ Approximation = Literal["lagged", "similar", "sap", "tamsi"]
 
 
 def approximate(plant: MultibodyPlant, approximation: Approximation) -> None:
-    """Set how a plant that has steps and is not yet finalized solves its contacts.
+    """Set how a plant that is not finalized, if it has steps, solves its contacts.
 
     With ``tamsi``, which Drake will remove, it passes over the gains of its actuators.
     """
-    kind = getattr(DiscreteContactApproximation, f"k{approximation.capitalize()}")
-    plant.set_discrete_contact_approximation(kind)
+    if plant.time_step():
+        kind = getattr(DiscreteContactApproximation, f"k{approximation.capitalize()}")
+        plant.set_discrete_contact_approximation(kind)

@@ -1,0 +1,43 @@
+"""An impact: Hunt and Crossley's rebound, Coulomb's friction, and who keeps them."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from scipy.integrate import solve_ivp
+
+from chamfer.analysis.insertion.contact_convergence import CONVERGENCE
+from chamfer.analysis.insertion.oblique_impact import strike
+from chamfer.models.peg_theory.impact import restitution
+from chamfer.systems.contact.contact_approximation import Approximation
+
+PEG = CONVERGENCE.insertion
+
+
+@pytest.mark.parametrize(("dissipation", "speed"), [(20.0, 0.04), (3.0, 1.0), (0.0, 0.5)])
+def test_rebound_is_that_of_the_equation_of_motion(dissipation: float, speed: float) -> None:
+    rate = PEG.contact.stiffness / 2 / PEG.mass
+
+    def motion(time: float, state: list[float]) -> list[float]:
+        x, v = state
+        return [v, -rate * x * (1 + dissipation * v)]
+
+    span, start = (0.0, 20 / math.sqrt(rate)), [0.0, speed]
+    found = solve_ivp(
+        motion, span, start, events=lambda time, state: state[0], rtol=1e-10, atol=1e-14
+    )
+    after = found.y_events[0][:, 1]  # at the start, and where it comes off
+    assert -after[after < 0][0] / speed == pytest.approx(restitution(dissipation, speed), rel=1e-6)
+
+
+@pytest.mark.parametrize("approximation", ["lagged", "similar", "tamsi"])
+def test_a_resolved_impact_is_that_of_theory(approximation: Approximation) -> None:
+    rebound, friction = strike(replace(PEG, step=2e-6), 0.04, approximation)
+    assert rebound == pytest.approx(restitution(PEG.contact.dissipation, 0.04), rel=0.01)
+    assert friction == pytest.approx(1.0, abs=1e-3)
+
+
+def test_lagged_friction_breaks_coulombs_law_where_a_step_holds_the_impact() -> None:
+    assert strike(PEG, 0.04, "lagged")[1] > 1.5
+    assert strike(replace(PEG, step=1e-4), 0.04, "lagged")[1] < 1.05
+    assert strike(PEG, 0.04, "similar")[1] == pytest.approx(1.0, abs=1e-3)
