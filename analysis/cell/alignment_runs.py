@@ -397,10 +397,9 @@ ArmT = TypeVar("ArmT", bound=CellArmSettings)
 def wrong_arm(arm: ArmT, payload_error: float, mass: float, friction: float) -> ArmT:
     """Return an arm with errors of its model, kg and relative."""
     return replace(
-        arm,
+        arm.with_friction(1 + friction),
         payload_error=payload_error,
         mass_scale=arm.mass_scale * (1 + mass),
-        joint_friction=tuple(one * (1 + friction) for one in arm.arm.dry_friction),
     )
 
 

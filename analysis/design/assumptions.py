@@ -17,6 +17,7 @@ from chamfer.analysis.report.check_text import number
 from chamfer.diagrams.cell.work_cell import ArmName, CellArmSettings, WorkCellScenario
 from chamfer.models.arms.serial_arm import SerialArm
 from chamfer.models.arms.urdf_arm import BUILT_IN, chosen_arm
+from chamfer.models.recordings.recordings import PANDA
 
 Values = tuple[float, ...]
 
@@ -50,7 +51,12 @@ def _of_arm(
     arm, built_in = chosen_arm(settings.model, settings.tool_frame), settings.model in BUILT_IN
     whose = "assumed, not published" if built_in else "by the file"
     torque, friction, rotors = arm.torque_limits, arm.dry_friction, arm.rotor_inertia
-    if settings.joint_friction is None and given.servo is None:
+    if settings.joint_friction == "panda":
+        whose = "measured of another one, mean of forward and backward"
+        whose = f"{whose} ({PANDA.authors}, {PANDA.source}, {PANDA.licence})"
+        rubs = there.arm.dry_friction
+        yield _assumed(f"{name}.joint_friction", "dry friction of a Panda", rubs, "N m", whose)
+    elif settings.joint_friction is None and given.servo is None:
         doubt = _first(
             (not any(friction), _GEARS),
             (_alike(friction) and not _alike(torque), "the same for unlike motors, placeholders?"),
@@ -69,19 +75,29 @@ def _of_arm(
         what = f"largest torques of {arm.name}"
         yield _assumed("impedance.torque_limits", what, torque, "N m", whose, doubt)
     if not built_in:
+        if there.joint_damping is None and given.servo is None:
+            yield _damping(f"{name}.joint_damping", arm, whose)
         yield from _of_file(f"{name}.model", arm)
+
+
+def _damping(field: str, arm: SerialArm, whose: str) -> Assumption:
+    """Return what a URDF says of its joints' viscous friction."""
+    damping = tuple(_number(one.find("dynamics"), "damping") for one in _moving(arm))
+    share = float(np.max(np.divide(damping, arm.torque_limits)))
+    takes = f"at 1 rad/s up to {percent(share)} of a largest torque, a placeholder?"
+    doubt = _first((share > _MOST_DAMPING, takes))
+    return _assumed(field, "damping of the joints", damping, "N m s/rad", whose, doubt)
+
+
+def _moving(arm: SerialArm) -> list[ElementTree.Element]:
+    joints = {one.get("name"): one for one in ElementTree.fromstring(arm.urdf).findall("joint")}
+    return [joints[name] for name in arm.joint_names]
 
 
 def _of_file(field: str, arm: SerialArm) -> Iterator[Assumption]:
     """Yield what a URDF says, or does not, that no field of a scenario says otherwise."""
     root, whose = ElementTree.fromstring(arm.urdf), "by the file"
-    joints = {one.get("name"): one for one in root.findall("joint")}
-    moving = [joints[name] for name in arm.joint_names]
-    damping = tuple(_number(one.find("dynamics"), "damping") for one in moving)
-    share = float(np.max(np.divide(damping, arm.torque_limits)))
-    takes = f"at 1 rad/s up to {percent(share)} of a largest torque, a placeholder?"
-    doubt = _first((share > _MOST_DAMPING, takes))
-    yield _assumed(field, "damping of the joints", damping, "N m s/rad", whose, doubt)
+    moving = _moving(arm)
     speed = tuple(_number(one.find("limit"), "velocity") for one in moving)
     if any(speed):
         yield _assumed(field, "limits of velocity", speed, "rad/s", "not used")

@@ -102,8 +102,7 @@ def _with_joint_friction(scenario: DesignScenario, value: float) -> DesignScenar
     """Scale the dry friction of all joints so that the largest of the peg's arm is a value."""
     factor = value / _joint_friction(scenario)
     for name in scenario.arms:
-        friction = tuple(factor * one for one in getattr(scenario, name).arm.dry_friction)
-        scenario = _with(scenario, f"{name}.joint_friction", friction)
+        scenario = _with(scenario, name, getattr(scenario, name).with_friction(factor))
     return scenario
 
 

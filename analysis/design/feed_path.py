@@ -35,7 +35,7 @@ class Place(NamedTuple):
     to_limit: float  # rad, of the joint that is closest to the end of its range
     closest: str  # which it is
     wound: Array  # N and N m, shape (6,), that dry friction takes of a motion
-    weight: Array  # N m, that holds arm and payload, shape (n,)
+    weight: Array  # N m, that holds arm and payload, and friction's bias, shape (n,)
     lever: Array  # m, of a push along the hole's axis, shape (n,)
 
 
@@ -75,6 +75,7 @@ def _path(
             p_WP = state.X_WT.rotation().matrix() @ settings.payload_position
             J_P = state.J_V_WT[3:] + np.cross(state.J_V_WT[:3], p_WP, axis=0)
             payload = more_payload * settings.payload_error
+            held = state.gravity + more_friction * own.friction_bias
             found.append(
                 Place(
                     arm=arm,
@@ -85,7 +86,7 @@ def _path(
                     to_limit=float(near[closest]) if reached else 0.0,
                     closest=own.joint_names[closest],
                     wound=np.roll(wound, 3),
-                    weight=state.gravity + J_P[2] * GRAVITY * payload,
+                    weight=held + J_P[2] * GRAVITY * payload,
                     lever=J[3],
                 )
             )

@@ -91,9 +91,7 @@ def step_responses(scenario: WorkCellScenario, arm: ArmName) -> StepResponses:
         impedance=replace(scenario.impedance, torque_limits=(_MOST_TORQUE,) * n),
         meeting_point=scenario.mouth,
     )
-    return _step_responses(
-        replace(alone, **{arm: replace(settings, joint_friction=(0.0,) * n)}), arm
-    )
+    return _step_responses(replace(alone, **{arm: settings.with_friction(0.0)}), arm)
 
 
 def servo_responses(servo: ServoParams) -> StepResponses:

@@ -22,7 +22,7 @@ below 0.03 N m, 0.1 N across and 0.4 N along the peg, and two-point forces are 2
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Final, Literal, NamedTuple, TypeVar, get_args
+from typing import Any, Final, Literal, NamedTuple, Self, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,7 @@ from pydrake.multibody.plant import (
 from pydrake.multibody.tree import (
     ModelInstanceIndex,
     PdControllerGains,
+    RevoluteSpring,
     RigidBody,
     SpatialInertia,
     UnitInertia,
@@ -50,6 +51,7 @@ from chamfer.models.cameras.camera import View
 from chamfer.models.peg.part_surfaces import part_shape
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.peg.support import Support, in_series
+from chamfer.models.recordings.recordings import panda_friction
 from chamfer.models.validation import (
     ParameterError,
     require_finite,
@@ -84,6 +86,7 @@ ARMS: Final[tuple[ArmName, ...]] = ("peg", "hole")
 # N m s/rad, damping with which a joint sticks, up to its dry friction: at 0.1 N m it creeps by
 # 1e-5 rad/s.
 STICKING: Final = 1e4
+_FAR: Final = 1e6  # rad, from which a spring pulls with a constant torque, to 1e-6 of it
 _MOST_STEPS: Final = 100  # of the plant in a period of the controllers
 # m, of the mouth: at the height of section 5; or where the peg's arm is well bent, assumed.
 _MEETING_POINTS: Final[dict[InsertionAxis, Vector3]] = {
@@ -107,8 +110,13 @@ class CellArmSettings:
     payload_position: Vector3  # m, of it in the tool's frame
     mass_scale: float = 1.0  # the links' masses over those that the controller knows
     base_error: Placement = field(default_factory=Placement)  # true base in the supposed one
-    joint_friction: tuple[float, ...] | None = None
-    # N m, Coulomb, of each joint, unknown to the controller; 0: none; None: the model's
+    joint_friction: tuple[float, ...] | Literal["panda"] | None = None
+    # N m, Coulomb, of each joint, mean of both directions, unknown to the controller; 0: none;
+    # None: the model's; panda: as measured of a Panda, with asymmetry and damping
+    friction_asymmetry: tuple[float, ...] | None = None
+    # of it, forward less backward over their sum, from -1 to 1; None: as much either way
+    joint_damping: tuple[float, ...] | None = None
+    # N m s/rad, viscous, of each joint; None: the model's
     rotor_inertia: tuple[float, ...] | None = None
     # kg m^2, of each motor as seen at its joint; None: the model's
 
@@ -116,21 +124,47 @@ class CellArmSettings:
         require_not_negative(self, "payload_error")
         require_positive(self, "mass_scale")
         n = chosen_arm(self.model, self.tool_frame).num_joints
-        for name in ("posture", "joint_friction", "rotor_inertia"):
+        measured = self.joint_friction == "panda"
+        if measured and n != len(panda_friction().mean):
+            raise ParameterError("joint_friction", "panda", f"{n} numbers, of as many joints")
+        if measured and self.friction_asymmetry is not None:
+            allowed = "null: joint_friction is panda, which says it"
+            raise ParameterError("friction_asymmetry", self.friction_asymmetry, allowed)
+        least = {"joint_friction": 0, "joint_damping": 0, "rotor_inertia": 0}
+        for name, low in {"posture": -math.inf, "friction_asymmetry": -1, **least}.items():
             values = getattr(self, name)
-            if values is None:
+            if values is None or values == "panda":
                 continue
             require_numbers(self, n, name)
-            if name != "posture" and min(values) < 0:
-                raise ParameterError(name, values, "numbers >= 0")
+            if min(values) < low:
+                raise ParameterError(name, values, f"numbers >= {low}")
+        if max(self.friction_asymmetry or (0.0,)) > 1:
+            raise ParameterError("friction_asymmetry", self.friction_asymmetry, "numbers <= 1")
         require_numbers(self, 3, "payload_position")
 
     @property
     def arm(self) -> SerialArm:
         """The arm, with the friction and the rotors that it has here."""
-        own = {"dry_friction": self.joint_friction, "rotor_inertia": self.rotor_inertia}
+        of_settings = "friction_asymmetry", "joint_damping", "rotor_inertia"
+        own = {name: getattr(self, name) for name in of_settings}
+        own["dry_friction"] = self.joint_friction
+        if self.joint_friction == "panda":
+            found = panda_friction()
+            own["dry_friction"] = tuple(found.mean.tolist())
+            own["friction_asymmetry"] = tuple(found.asymmetry.tolist())
+            own["joint_damping"] = self.joint_damping or tuple(found.damping.tolist())
         said: dict[str, Any] = {name: of for name, of in own.items() if of is not None}
         return replace(chosen_arm(self.model, self.tool_frame), **said)
+
+    def with_friction(self, factor: float) -> Self:
+        """Return the arm with so many times its dry friction, in numbers."""
+        own = self.arm
+        return replace(
+            self,
+            joint_friction=tuple(factor * one for one in own.dry_friction),
+            friction_asymmetry=own.friction_asymmetry,
+            joint_damping=own.joint_damping,
+        )
 
     @property
     def near(self) -> Array | None:
@@ -389,11 +423,17 @@ def add_simulated_arm(
         tool = plant.GetFrameByName("tool", instance)
         plant.WeldFrames(tool, payload.body_frame(), RigidTransform())
     own = settings.arm
-    for name, torque, rotor in zip(
-        own.joint_names, own.dry_friction, own.rotor_inertia, strict=True
-    ):
+    rows = zip(
+        own.joint_names, own.dry_friction, own.friction_bias, own.rotor_inertia, strict=True
+    )
+    for k, (name, torque, bias, rotor) in enumerate(rows):
+        joint = plant.GetJointByName(name, instance)
+        if own.joint_damping is not None:
+            joint.set_default_damping(own.joint_damping[k])
+        if bias:
+            far = -math.copysign(_FAR, bias)
+            plant.AddForceElement(RevoluteSpring(joint, far, abs(bias) / _FAR))
         if torque > 0:
-            joint = plant.GetJointByName(name, instance)
             actuator = plant.AddJointActuator(f"{name}_friction", joint, torque)
             actuator.set_controller_gains(PdControllerGains(p=0.0, d=STICKING))
             # Of a joint's actuators Drake takes the last one's rotor, and no other's.
@@ -447,9 +487,8 @@ def resolve_arms(scenario: ScenarioT) -> ScenarioT:
             scenario.impedance.limits(settings.arm.torque_limits)
         posture = scenario.rest_posture(arm) if settings.near is None else settings.near
         filled[arm] = replace(
-            settings,
+            settings.with_friction(1.0),
             posture=tuple(posture.tolist()),
-            joint_friction=settings.arm.dry_friction,
             rotor_inertia=settings.arm.rotor_inertia,
         )
     scenario = replace(scenario, **filled)

@@ -28,6 +28,7 @@ from chamfer.diagrams.cell.work_cell import (
 )
 from chamfer.diagrams.insertion.insertion import ResolvedInsertionScenario, task_params
 from chamfer.diagrams.servo.compiled_loop import compensate as fsm_step
+from chamfer.models.arms.serial_arm import SerialArm
 from chamfer.systems.compiled import compiled
 from chamfer.systems.force.impedance_controller import make_impedance_law
 from chamfer.systems.force.tool_pose import compensate
@@ -87,7 +88,7 @@ class ArmPlant(NamedTuple):
     """One arm's drawn plants, of n joints."""
 
     mobility: Array  # 1/(kg m^2), inverse of the mass with the damping of a step, (D, n, n)
-    gravity: Array  # N m, shape (D, n)
+    gravity: Array  # N m, with what friction always takes, shape (D, n)
     stiffness: Array  # N m/rad, of gravity, shape (D, n, n)
     friction: Array  # N m, shape (D, n)
     damping: Array  # N m s/rad, shape (n,)
@@ -144,7 +145,7 @@ def arm_mass(scenario: WorkCellScenario, arm: ArmName) -> ArmMass:
     settings: CellArmSettings = getattr(scenario, arm)
     posture = scenario.rest_posture(arm)
     n = len(posture)
-    smooth = replace(settings, joint_friction=(0.0,) * n, base_error=type(settings.base)())
+    smooth = replace(settings.with_friction(0.0), base_error=type(settings.base)())
     found = []
     for scale, payload in ((1.0, 0.0), (2.0, 0.0), (1.0, 1.0)):
         plant = MultibodyPlant(0.0)
@@ -182,12 +183,12 @@ def arm_plant(scenario: ResolvedInsertionScenario, arm: ArmName, draws: Draws) -
         [np.ones(len(draws.payload)), draws.link_mass[:, k], draws.payload[:, k]]
     )
     mass = np.tensordot(scales, own.mass, 1) + scenario.step * np.diag(own.damping)
-    dry = np.array(getattr(scenario, arm).arm.dry_friction)
+    one: SerialArm = getattr(scenario, arm).arm
     return ArmPlant(
         np.asarray(np.linalg.inv(mass), np.float64),
-        scales @ own.gravity,
+        scales @ own.gravity + np.outer(draws.friction[:, k], one.friction_bias),
         np.tensordot(scales, own.stiffness, 1),
-        np.outer(draws.friction[:, k], dry),
+        np.outer(draws.friction[:, k], one.dry_friction),
         own.damping,
     )
 

@@ -290,8 +290,10 @@ def _resolve_arm(scenario: ScenarioT) -> ScenarioT:
         return scenario
     _require_unused({"impedance": scenario.impedance}, "arm.control is position")
     require_same(scenario.peg, PEG_ARM, "peg", "mass_scale", why="arm.control is position")
-    usual = replace(scenario.peg, joint_friction=None, rotor_inertia=None).arm
-    of_torques = {"joint_friction": usual.dry_friction, "rotor_inertia": usual.rotor_inertia}
+    names = "joint_friction", "friction_asymmetry", "joint_damping", "rotor_inertia"
+    of_torques: dict[str, Any] = dict.fromkeys(names)
+    usual = replace(scenario.peg, **of_torques).arm
+    of_torques |= {"joint_friction": usual.dry_friction, "rotor_inertia": usual.rotor_inertia}
     for name, values in of_torques.items():
         if (given := getattr(scenario.peg, name)) not in (None, values):
             raise ParameterError(f"peg.{name}", given, "null: arm.control is position")

@@ -51,16 +51,30 @@ class SerialArm:
     upper_limits: tuple[float, ...]
     torque_limits: tuple[float, ...]  # N m, of the motors at the joints, n of them
     rotor_inertia: tuple[float, ...]  # kg m^2, as seen at the joints; the URDF's don't count
-    dry_friction: tuple[float, ...]  # N m, Coulomb's, n of them
+    dry_friction: tuple[float, ...]  # N m, Coulomb's, n of them, mean of both directions
     kinematics: Callable[[Array], FlangeState] = field(compare=False)  # of q, rad, shape (n,)
     posture: tuple[float, ...] | None = None
     # rad, near which the rest posture is sought; None: nothing is known
     base_height: float = 0.0  # m, of the base frame above the arm's foot
+    friction_asymmetry: tuple[float, ...] | None = None
+    # dry friction forward less backward, over their sum, n from -1 to 1; None: as much
+    joint_damping: tuple[float, ...] | None = None
+    # N m s/rad, viscous, n of them; None: the URDF's
 
     @property
     def num_joints(self) -> int:
         """Number of joints n."""
         return len(self.joint_names)
+
+    @property
+    def friction_bias(self) -> Array:
+        """Constant torque against turning forward, N m, shape (n,).
+
+        Friction of c forward and d backward is exactly one of (c + d) / 2 either way and the
+        constant (c - d) / 2, also at rest, where it is anything from -d to c.
+        """
+        asymmetry = self.friction_asymmetry or (0.0,) * self.num_joints
+        return np.multiply(self.dry_friction, asymmetry)
 
     def within_limits(self, q: Array) -> bool:
         """Return whether n joint positions, rad, are inside the joints' ranges."""

@@ -109,6 +109,21 @@ class JointFriction(NamedTuple):
     viscous_minus: Array  # and backward
     coulomb_minus: Array
 
+    @property
+    def mean(self) -> Array:
+        """Coulomb's of both directions, N m, of the fit by direction."""
+        return (self.coulomb_plus + self.coulomb_minus) / 2
+
+    @property
+    def asymmetry(self) -> Array:
+        """Coulomb's forward less backward, over their sum."""
+        return (self.coulomb_plus - self.coulomb_minus) / (2 * self.mean)
+
+    @property
+    def damping(self) -> Array:
+        """Mean viscous friction of both directions, N m s/rad, of the same fit."""
+        return (self.viscous_plus + self.viscous_minus) / 2
+
 
 def panda_friction() -> JointFriction:
     """Return what was identified of the Panda's seven joints."""

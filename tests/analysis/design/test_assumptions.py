@@ -36,7 +36,7 @@ def test_what_a_file_brings_is_listed() -> None:
         ("peg.joint_friction", "dry friction: 0 to 0.2 N m, by the file"),
         ("peg.rotor_inertia", "inertia of rotors: 0 to 0.4 kg m^2, by the file"),
         ("impedance.torque_limits", "largest torques of six_joints: 30 to 130 N m, by the file"),
-        ("peg.model", "damping of the joints: 0 to 0.1 N m s/rad, by the file"),
+        ("peg.joint_damping", "damping of the joints: 0 to 0.1 N m s/rad, by the file"),
         ("peg.model", "limits of velocity: 3 to 4 rad/s, not used"),
         ("peg.model", "joints without an end, turn: taken to turn half a turn each way"),
     ]
@@ -46,13 +46,20 @@ def test_what_a_file_brings_is_listed() -> None:
 
 def test_what_is_set_is_no_assumption() -> None:
     said = replace(PEG, joint_friction=(0.1,) * 6, rotor_inertia=(0.0,) * 6)
+    assert {one.field for one in of(said, LIMITS)} == {"peg.joint_damping", "peg.model"}
+    said = replace(said, joint_damping=(0.1,) * 6)
     assert {one.field for one in of(said, LIMITS)} == {"peg.model"}
 
 
 @pytest.mark.parametrize(
     ("old", "new", "field", "named"),
     [
-        ('damping="0.1"', 'damping="10"', "peg.model", "at 1 rad/s up to 8.33 % of a largest"),
+        (
+            'damping="0.1"',
+            'damping="10"',
+            "peg.joint_damping",
+            "at 1 rad/s up to 8.33 % of a largest",
+        ),
         (' friction="[^"]*"', "", "peg.joint_friction", "none said, taken as none; arms with"),
         ("(velocity=.*/>)", r'\1<dynamics friction="1"/>', "peg.joint_friction", "unlike motors"),
         ('inertia value="0.00004"', 'inertia value="0"', "peg.rotor_inertia", "arms with gears"),
