@@ -2,7 +2,7 @@
 
 import argparse
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
@@ -42,7 +42,7 @@ def add_identify(commands: "argparse._SubParsersAction[Any]") -> argparse.Argume
         metavar="NAME=COLUMNS",
         help="the columns of quantities, and their unit unless it is the SI's: "
         "force=load1,load2,load3:lbf rotation=a,b,c:deg time=stamp:ms; a name stands for "
-        "name[0], name[1] and so on too",
+        "name[0], name[1] and so on too, of which name[3..5] are three",
     )
     identify.add_argument(
         "--stiffness",
@@ -90,11 +90,11 @@ def _identify(arguments: argparse.Namespace, _: Catalogue) -> int:
         found = identify(log, told_stiffness=arguments.stiffness)
         if all(one.value is None for one in found.quantities.values()):
             reason = next((one.note for one in found.quantities.values() if one.note), "")
-            raise UserError(f"{path} tells nothing{': ' if reason else ''}{reason}")
-    except UserError:
+            raise UserError(f"it tells nothing{': ' if reason else ''}{reason}")
+    except UserError as error:
         if is_new:
             arguments.out.rmdir()
-        raise
+        raise UserError(f"{path}: {error}") from error
     files: dict[str, str | bytes] = {**figure_files(found.figures())}
     document = {
         "log": path.name,
@@ -133,5 +133,15 @@ def _lines(document: Mapping[str, Any]) -> list[str]:
         if one["note"]:
             notes.setdefault(one["note"], []).append(name)
     read = f"{document['rows']} rows, {document['seconds']:.4g} s: {', '.join(document['read'])}"
-    said = [f"{', '.join(names)}: {note}" for note, names in notes.items()]
+    said = [f"{_together(names, document['identify'])}: {note}" for note, names in notes.items()]
     return [read, *table(rows, right=(1, 2)), *said]
+
+
+def _together(names: Sequence[str], known: Collection[str]) -> str:
+    """Return names in a text, ``stiffness.*`` for those of all its axes."""
+    found = dict[str, None]()
+    for name in names:
+        group, dot, _ = name.rpartition(".")
+        like = [one for one in known if group and one.startswith(group + dot)]
+        found[f"{group}.*" if len(like) > 1 and set(like) <= set(names) else name] = None
+    return ", ".join(found)

@@ -205,6 +205,8 @@ def _rotation_vectors(quaternions: Array, path: Path) -> Array:
 
 def _require_likely(arrays: Mapping[str, Array], path: Path) -> None:
     """Refuse what can only be meant in another unit, and a sensor at its limit."""
+    if "force" in arrays and not np.ptp(arrays["force"], axis=0).any():
+        raise UserError(f"{path}: force never changes: nothing was measured")
     rotation = arrays.get("rotation")
     if rotation is not None and (most := np.linalg.norm(rotation, axis=1).max()) > _FULL_TURN:
         raise UserError(

@@ -1,7 +1,8 @@
 """Which columns of a file hold which quantity of a log, and in which unit.
 
 A quantity has a column an element, such as ``force_x``, ``force[0]`` or ``Fx``; others are named:
-``force=load1,load2,load3:lbf``. A name may also be that of ``name[0]``, ``name[1]`` and so on.
+``force=load1,load2,load3:lbf``. A name may also be that of ``name[0]``, ``name[1]`` and so on, of
+which ``name[3..5]`` are three.
 """
 
 import re
@@ -71,7 +72,7 @@ def parse_columns(texts: Sequence[str]) -> dict[str, Chosen]:
         columns, colon, unit = said.rpartition(":")
         if not (colon or columns):
             columns, unit = unit, ""
-        names = tuple(one.strip() for one in columns.split(","))
+        names = tuple(name for one in columns.split(",") for name in _range(one.strip()))
         if not all(names):
             raise UserError(f"--columns is {text!r}, allowed: such as force=Fx,Fy,Fz or time=t:ms")
         quantity = ALIASES.get(name) or valid_name("quantity", name, QUANTITIES)
@@ -81,6 +82,13 @@ def parse_columns(texts: Sequence[str]) -> dict[str, Chosen]:
             factor(quantity, unit, "--columns")
         found[quantity] = Chosen(names, unit)
     return found
+
+
+def _range(name: str) -> list[str]:
+    """Return the names of ``name[3..5]``, else the name."""
+    if not (match := re.fullmatch(r"(.*)\[([0-9]{1,2})\.\.([0-9]{1,2})\]", name)):
+        return [name]
+    return [f"{match[1]}[{i}]" for i in range(int(match[2]), int(match[3]) + 1)]
 
 
 def factor(quantity: str, unit: str, where: object) -> float:
@@ -115,10 +123,10 @@ def choose(
             if titles.count(one) > 1:
                 raise UserError(f"{path} has {titles.count(one)} columns {one}, must have one")
     lacking = [] if "time" in found else ["time"]
-    if "force" not in found and not {"joint_torque", "joint_velocity"} <= found.keys():
+    if "force" not in found and not {"joint_torque", "joint_position"} <= found.keys():
         lacking += ["force"]
     if lacking:
-        words = {"time": "time=COLUMN", "force": "force=X,Y,Z"}
+        words = {"time": "time=COLUMN", "force": "force=COLUMNS"}
         raise UserError(
             f"{path} has no {' and no '.join(lacking)} among its columns "
             f"{_shown(titles)}; say --columns {' '.join(words[one] for one in lacking)}"

@@ -1,0 +1,82 @@
+"""What was identified is a scenario that run and design take, and each value of it counts."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from chamfer.analysis.design.design_scenario import DesignScenario, resolve_design
+from chamfer.analysis.identify.identified_scenario import fragment_text
+from chamfer.analysis.identify.quantity import Quantity, unknown
+from chamfer.analysis.report.results import nested_values
+from chamfer.analysis.scenario.scenario_io import make_scenario, unstructure
+from chamfer.analysis.scenario.scenario_yaml import read_mapping
+from chamfer.diagrams.insertion.insertion import InsertionScenario, resolve
+
+CELLS = ("wam-pair", "ur5e-fixture", "scara-rcc")
+JOINTS = [f"joint_friction.coulomb_{side}.{i}" for i in range(1, 8) for side in ("plus", "minus")]
+
+
+def told(**changed: float) -> dict[str, Quantity]:
+    """Return quantities as a log tells them."""
+    values = {"friction": 0.21, "tool.mass": 0.8, "sensor.noise": 0.06, "delay": 0.02}
+    values |= {f"stiffness.{axis}": 500.0 + 50 * i for i, axis in enumerate("xyz")}
+    values |= {f"sensor.offset.{axis}": 0.3 + i for i, axis in enumerate("xyz")}
+    values |= {name: 0.2 + 0.01 * i for i, name in enumerate(JOINTS)} | changed
+    found = {name: Quantity(one, 0.9 * one, 1.1 * one, "") for name, one in values.items()}
+    return found | {"damping.x": unknown("N s/m", "too little motion")}
+
+
+def resolved(given: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return all values that run and design come to, by their fields."""
+    run = resolve(make_scenario(InsertionScenario(), given=given))
+    design = resolve_design(make_scenario(DesignScenario(), given=given))
+    return [dict(nested_values(unstructure(one))) for one in (run, design)]
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_run_and_design_take_it_and_each_value_changes_theirs(cell: str, tmp_path: Path) -> None:
+    path = tmp_path / "identified.yaml"
+    path.write_text(fragment_text(told(), cell, of="log.npz"))
+    given = read_mapping(path)
+    fields = {name: value for name, value in nested_values(given) if name != "cell"}
+    assert {"parts.friction": 0.21, "peg.tool.mass": 0.8}.items() <= fields.items()
+    assert len(fields) == 4
+    for found, usual in zip(resolved(given), resolved({"cell": cell}), strict=True):
+        for name, value in fields.items():
+            assert found[name] == value != usual[name]
+
+
+@pytest.mark.parametrize("allowed", [(10.0, 1e-3, 1e-3), (5e4, 5.0, 2.0)])
+def test_the_cell_takes_the_least_and_the_most_and_more_is_left_out(
+    allowed: tuple[float, float, float], tmp_path: Path
+) -> None:
+    path = tmp_path / "identified.yaml"
+    stiffness, mass, friction = allowed
+    same = {f"stiffness.{axis}": stiffness for axis in "xyz"}
+    ends = same | {"tool.mass": mass, "friction": friction}
+    path.write_text(fragment_text(told(**ends), "wam-pair", of="log.npz"))
+    for found in resolved(read_mapping(path)):
+        assert found["impedance.stiffness"] == [stiffness] * 3
+        assert found["peg.tool.mass"] == mass
+    beyond = 1.1 if stiffness > 100 else 0.9
+    outside = {name: beyond * value for name, value in ends.items()}
+    text = fragment_text(told(**outside), "wam-pair", of="log.npz")
+    path.write_text(text)
+    assert list(read_mapping(path)) == ["peg"]  # the joints' friction
+    assert "# Left out, the cell takes 10 to 5e+4: impedance.stiffness: [" in text
+    assert "# Left out, the cell takes 0.001 to 5: peg.tool.mass: " in text
+
+
+def test_what_has_no_field_or_is_not_told_is_a_comment(tmp_path: Path) -> None:
+    path = tmp_path / "identified.yaml"
+    found = {name: one for name, one in told().items() if name in ("delay", "damping.x")}
+    text = fragment_text(found, "wam-pair", of="log.npz")
+    path.write_text(text)
+    assert read_mapping(path) == {}
+    assert "# delay: 0.02 (0.018 to 0.022)" in text
+    assert "# damping.x: not told; too little motion" in text
+    only_z = fragment_text({"stiffness.z": told()["stiffness.z"]}, "wam-pair", of="log.npz")
+    assert "stiffness: [400.0, 400.0, 600.0]" in only_z
+    assert "the cell's own, 400 N/m, where the log does not tell" in only_z
