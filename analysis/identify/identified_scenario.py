@@ -11,6 +11,8 @@ from chamfer.diagrams.insertion.cells import CELLS
 
 _AXES: Final = "xyz"
 _USUAL: Final = "wam-pair"
+_JOINTS: Final = 7  # of a WAM
+_MEAN: Final = "; the mean of both directions"
 _UNIFORM: Final = math.sqrt(3)  # half-width of a uniform noise over its standard deviation
 
 
@@ -91,13 +93,42 @@ def _of_torques(found: Mapping[str, Quantity]) -> Iterator[_Field]:
         values = [usual if one is None else round(one, 3) for one in told]
         note += "; along the axes of the base, x is the peg's way"
         yield _Field("impedance.stiffness", values, names, (10.0, 5e4), note)
-    joints = range(1, 8)  # of a WAM
-    sides = [[f"joint_friction.coulomb_{side}.{i}" for i in joints] for side in ("plus", "minus")]
+    dry, viscous = _both_ways(found, "coulomb"), _both_ways(found, "viscous")
+    if dry is not None and min(means := dry.means()) > 0:
+        yield _Field("peg.joint_friction", means, dry.names, (0.0, 30.0), _MEAN)
+        shares = [(p - m) / (p + m) for p, m in zip(dry.plus, dry.minus, strict=True)]
+        note = "; what is more forward than backward"
+        yield _Field("peg.friction_asymmetry", _rounded(shares), dry.names, (-1.0, 1.0), note)
+    if viscous is not None:
+        path = "peg.joint_damping"
+        yield _Field(path, viscous.means(), viscous.names, (0.0, 30.0), _MEAN)
+
+
+class _BothWays(NamedTuple):
+    """A coefficient of the seven joints of a WAM, either way."""
+
+    names: Sequence[str]
+    plus: Sequence[float]
+    minus: Sequence[float]
+
+    def means(self) -> list[float]:
+        return _rounded([(p + m) / 2 for p, m in zip(self.plus, self.minus, strict=True)])
+
+
+def _both_ways(found: Mapping[str, Quantity], kind: str) -> _BothWays | None:
+    sides = [
+        [f"joint_friction.{kind}_{side}.{i}" for i in range(1, _JOINTS + 1)]
+        for side in ("plus", "minus")
+    ]
+    more = f"joint_friction.{kind}_plus.{_JOINTS + 1}"
     both = [_values(found, *side) for side in sides]
-    if both[0] and both[1]:
-        means = [round((p + m) / 2, 6) for p, m in zip(*both, strict=True)]
-        note = "; the mean of both directions"
-        yield _Field("peg.joint_friction", means, [*sides[0], *sides[1]], (0.0, 30.0), note)
+    if both[0] is None or both[1] is None or more in found:
+        return None
+    return _BothWays([*sides[0], *sides[1]], both[0], both[1])
+
+
+def _rounded(values: Sequence[float]) -> list[float]:
+    return [round(one, 6) for one in values]
 
 
 def _of_positions(found: Mapping[str, Quantity]) -> Iterator[_Field]:
@@ -107,5 +138,5 @@ def _of_positions(found: Mapping[str, Quantity]) -> Iterator[_Field]:
         yield _Field("sensor.noise", half_width, ["sensor.noise"], (0.0, 50.0), note)
     names = [f"sensor.offset.{axis}" for axis in _AXES]
     if offset := _values(found, *names):
-        bias = [*(round(one, 6) for one in offset), 0.0, 0.0, 0.0]
+        bias = [*_rounded(offset), 0.0, 0.0, 0.0]
         yield _Field("sensor.bias", bias, names, (-100.0, 100.0), "; none of the moments")

@@ -15,7 +15,12 @@ from chamfer.analysis.scenario.scenario_yaml import read_mapping
 from chamfer.diagrams.insertion.insertion import InsertionScenario, resolve
 
 CELLS = ("wam-pair", "ur5e-fixture", "scara-rcc")
-JOINTS = [f"joint_friction.coulomb_{side}.{i}" for i in range(1, 8) for side in ("plus", "minus")]
+JOINTS = [
+    f"joint_friction.{kind}_{side}.{i}"
+    for kind in ("coulomb", "viscous")
+    for side in ("plus", "minus")
+    for i in range(1, 8)
+]
 
 
 def told(**changed: float) -> dict[str, Quantity]:
@@ -42,7 +47,10 @@ def test_run_and_design_take_it_and_each_value_changes_theirs(cell: str, tmp_pat
     given = read_mapping(path)
     fields = {name: value for name, value in nested_values(given) if name != "cell"}
     assert {"parts.friction": 0.21, "peg.tool.mass": 0.8}.items() <= fields.items()
-    assert len(fields) == 4
+    assert len(fields) == (6 if cell == "wam-pair" else 4)
+    if cell == "wam-pair":
+        assert fields["peg.joint_friction"][0] == 0.235
+        assert fields["peg.friction_asymmetry"][0] == pytest.approx(-0.07 / 0.47, abs=1e-6)
     for found, usual in zip(resolved(given), resolved({"cell": cell}), strict=True):
         for name, value in fields.items():
             assert found[name] == value != usual[name]
