@@ -70,7 +70,7 @@ class ConvergenceScenario:
     approximations: tuple[Convex, ...] = ("lagged", "similar", "sap")  # of contact, Drake's
     accuracies: tuple[float, ...] = (1e-2, 1e-5)  # of CENIC, with steps up to the insertion's
     impact_speed: float = 0.04
-    # m/s, across a plate and along it, with which the peg's mass strikes: that of the feed
+    # m/s, across a plate, ten times that along it, of the peg's mass: that of the feed
 
     def __post_init__(self) -> None:
         require_finite(self, "stuck_tilt")

@@ -30,14 +30,17 @@ def test_rebound_is_that_of_the_equation_of_motion(dissipation: float, speed: fl
     assert -after[after < 0][0] / speed == pytest.approx(restitution(dissipation, speed), rel=1e-6)
 
 
-@pytest.mark.parametrize("approximation", ["lagged", "similar", "tamsi"])
+@pytest.mark.parametrize("approximation", ["lagged", "tamsi"])
 def test_a_resolved_impact_is_that_of_theory(approximation: Approximation) -> None:
     rebound, friction = strike(replace(PEG, step=2e-6), 0.04, approximation)
     assert rebound == pytest.approx(restitution(PEG.contact.dissipation, 0.04), rel=0.01)
     assert friction == pytest.approx(1.0, abs=1e-3)
 
 
-def test_lagged_friction_breaks_coulombs_law_where_a_step_holds_the_impact() -> None:
-    assert strike(PEG, 0.04, "lagged")[1] > 1.5
+def test_what_a_step_that_holds_the_impact_costs() -> None:
+    assert strike(PEG, 0.04, "lagged")[1] > 3  # times Coulomb's friction
     assert strike(replace(PEG, step=1e-4), 0.04, "lagged")[1] < 1.05
-    assert strike(PEG, 0.04, "similar")[1] == pytest.approx(1.0, abs=1e-3)
+    rebound, friction = strike(PEG, 0.04, "similar")
+    assert rebound > 3  # it slides at ten times the speed that it strikes with, and takes off
+    assert friction == pytest.approx(1.0, abs=1e-3)
+    assert strike(PEG, 0.04, "tamsi") == pytest.approx((strike(PEG, 0.04, "lagged")[0], 1.0))
