@@ -18,13 +18,10 @@ from chamfer.analysis.drawing.figure_style import PUBLISHED, dress, legend, new_
 from chamfer.analysis.scenario.experiment import Metric, Table, column
 from chamfer.diagrams.insertion.peg_insertion import PegInsertionScenario
 from chamfer.models.peg.bore_contact import point_contact
-from chamfer.models.peg_theory.impact import restitution
 from chamfer.systems.contact.contact_approximation import Approximation, approximate
 
 _KINDS: Final = get_args(Approximation)
 _RADIUS: Final = 0.01  # m, of the body
-_TURNS_NOT: Final = UnitInertia.SolidSphere(1e3)
-_THICK: Final = 0.1  # m, of the plate
 _LOOKS: Final = ("o", "#1b4f9c"), ("s", "#e07b00"), ("^", "#1b7f5c"), ("x", "#8f5bb5")
 # Shares of the scenario's step and dissipation.
 _VARIED: Final = ((1.0, 1.0), (0.5, 1.0), (0.1, 1.0), (0.01, 1.0), (1.0, 0.25), (1.0, 0.0))
@@ -46,13 +43,13 @@ def strike(
     approximate(plant, approximation)
     plant.set_stiction_tolerance(scenario.stiction)
     plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
-    body = plant.AddRigidBody("body", SpatialInertia(scenario.mass, np.zeros(3), _TURNS_NOT))
+    turns_not = UnitInertia.SolidSphere(1e3)
+    body = plant.AddRigidBody("body", SpatialInertia(scenario.mass, np.zeros(3), turns_not))
     contact, mu = scenario.contact, scenario.parts.friction
     touch = point_contact(contact.stiffness, contact.dissipation, mu)
-    plate, below = Box(1.0, 1.0, _THICK), RigidTransform([0.0, 0.0, -_THICK / 2])
-    add = plant.RegisterCollisionGeometry
+    add, below = plant.RegisterCollisionGeometry, RigidTransform([0.0, 0.0, -0.5])
     add(body, RigidTransform(), Sphere(_RADIUS), "body", touch)
-    add(plant.world_body(), below, plate, "plate", touch)
+    add(plant.world_body(), below, Box(1.0, 1.0, 1.0), "plate", touch)
     plant.Finalize()
     simulator = Simulator(builder.Build())
     context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
@@ -73,19 +70,18 @@ def strike_all(scenario: PegInsertionScenario, speed: float) -> Table:
         step, d = scenario.step * finer, scenario.contact.dissipation * less
         contact = replace(scenario.contact, dissipation=d)
         found = strike(replace(scenario, step=step, contact=contact), speed, kind)
-        rows.append((_KINDS.index(kind), step, d, restitution(d, speed), *found))
+        rows.append((_KINDS.index(kind), step, d, contact.restitution(speed), *found))
     names = "approximation", "step", "dissipation", "predicted", "rebound", "friction"
     return {name: column(list(of)) for name, of in zip(names, np.transpose(rows), strict=True)}
 
 
 def impact_metrics(table: Table) -> dict[str, Metric]:
     """Return what becomes of an impact with the scenario's own step, and what theory says."""
-    said = {"predicted.rebound": (float(table["predicted"][0]), "", "friction: 1")}
+    said = {"predicted.rebound": (float(table["predicted"][0]), "", "of its speed")}
     for k, name in enumerate(_KINDS):
         row = k * len(_VARIED)
-        note = f"with a step of {table['step'][row]:g} s"
-        said[f"{name}.rebound"] = (float(table["rebound"][row]), "", note)
-        said[f"{name}.friction"] = (float(table["friction"][row]), "", f"of Coulomb's, {note}")
+        said[f"{name}.rebound"] = (float(table["rebound"][row]), "", "of its speed")
+        said[f"{name}.friction"] = (float(table["friction"][row]), "", "of Coulomb's")
     return metrics_of(said)
 
 

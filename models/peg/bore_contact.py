@@ -29,6 +29,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import RigidBody
+from scipy.special import lambertw
 
 from chamfer.models.peg.part_surfaces import SQUARE, around, swept
 from chamfer.models.peg.peg_and_hole import HolePart, PegAndHole, PegHoleGeometry
@@ -62,6 +63,15 @@ class ContactMaterial:
         if self.facets is not None and self.facets not in range(_MULTIPLE, _MOST + 1, _MULTIPLE):
             allowed = f"a multiple of {_MULTIPLE} up to {_MOST}, or null"
             raise ParameterError("facets", self.facets, allowed)
+
+    def restitution(self, speed: float) -> float:
+        """Return e of a body that strikes a plate at a speed, m/s, whatever mass and stiffness.
+
+        Of ``k x (1 + d v)`` energy says ``d v - ln(1 + d v) = -d e v - ln(1 - d e v)``.
+        """
+        if not (x := self.dissipation * speed):
+            return 1.0
+        return float((1 + lambertw(-np.exp(np.log1p(x) - x - 1)).real) / x)
 
     def over(self, parts: PegAndHole) -> "ContactMaterial":
         """Return this with the facets, if they are left open, that the parts ask for."""

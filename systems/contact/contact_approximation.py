@@ -1,9 +1,4 @@
-"""Drake's approximations of contact within a step of a plant, by the names of the scenarios.
-
-All but ``sap`` have Hunt and Crossley's normal force. ``lagged`` bounds friction by the normal
-force that it expects before the step, ``tamsi`` by the one that it finds, and neither lets a
-contact that slides come apart, as ``similar`` and ``sap`` do (README.md).
-"""
+"""Drake's approximations of contact within a step: what each breaks is told in README.md."""
 
 from typing import Literal
 
