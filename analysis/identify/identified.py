@@ -1,13 +1,24 @@
 """What a log of a robot tells, each quantity with its 95 % interval."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 
+import numpy as np
 from matplotlib.figure import Figure
 
-from chamfer.analysis.identify.log import Log
+from chamfer.analysis.identify.contact_fit import Touched, fit_contact
+from chamfer.analysis.identify.impedance_fit import fit_impedance
+from chamfer.analysis.identify.joint_fit import fit_joints
+from chamfer.analysis.identify.log import Log, WrenchAxes
+from chamfer.analysis.identify.motion import Motion, smooth_motion
 from chamfer.analysis.identify.quantity import Quantity
-from chamfer.analysis.identify.sensor_fit import sensor_quantities
+from chamfer.analysis.identify.residual_figures import Residual, draw_residuals
+from chamfer.analysis.identify.sensor_fit import Sensed, fit_sensor
+from chamfer.analysis.scenario.errors import UserError
+
+_ALIKE = 1.1  # times the smaller misfit: both fit
+_FALSE = 0.1  # rms of a unit force off the friction cone that puts the offset in doubt
 
 __all__ = ["Identification", "Quantity", "identify"]
 
@@ -17,20 +28,75 @@ class Identification:
     """What a log tells."""
 
     quantities: dict[str, Quantity]
+    residuals: tuple[Residual, ...]  # what the fits leave over
 
     def figures(self) -> Mapping[str, Figure]:
         """Return the residuals of the fits as figures."""
-        return {}
+        return {"residuals": draw_residuals(self.residuals)} if self.residuals else {}
 
 
 def identify(log: Log, *, told_stiffness: float | None = None) -> Identification:
-    """Return what the log tells, everything that it can't tell with the reason.
+    """Return what the log tells, and of what it can't tell the reason. Nothing is random.
 
     ``told_stiffness``, N/m, is what the impedance was set to, if that is known: it tells the unit
-    of the forces. Nothing is drawn at random.
+    of the forces.
 
     Raises:
         UserError: If no rotation of the sensor fits the log, but a mirrored one does.
     """
-    del told_stiffness
-    return Identification(quantities=sensor_quantities(log))
+    quantities: dict[str, Quantity] = {}
+    residuals: list[Residual] = []
+    if log.force is not None:
+        sensed, motion, touched = _sense(log)
+        quantities |= sensed.quantities
+        residuals.append(Residual("Force without contact", "N", log.time, sensed.residual))
+        if motion is not None and touched is not None:
+            arm = fit_impedance(motion, touched.force if touched.any else None, told_stiffness)
+            quantities |= {**touched.quantities, **arm.quantities}
+            time = motion.time
+            residuals += [
+                Residual("Height over the plane", "mm", time, 1e3 * touched.height),
+                Residual("Force off the friction cone", "N", time, touched.off_cone),
+            ]
+            if arm.residual is not None:
+                residuals.append(Residual("Impedance", "mm", time, 1e3 * arm.residual))
+    joints, left = fit_joints(log)
+    if left:
+        values = np.column_stack(list(left.values()))
+        labels = tuple(f"joint {i}" for i in left)
+        residuals.append(Residual("Torque of the joints", "N m", log.time, values, labels))
+    shown = tuple(r for r in residuals if np.isfinite(r.values).any())
+    return Identification(quantities=quantities | joints, residuals=shown)
+
+
+def _sense(log: Log) -> tuple[Sensed, Motion | None, Touched | None]:
+    """Return what the forces tell, in those of the two axes that they may be in that fit better.
+
+    Where the tool hardly turns both fit; then those are the axes that a sensor is turned less in.
+    """
+    axes: list[WrenchAxes] = ["base"] if log.rotation is None else ["base", "tool"]
+    found: list[tuple[Sensed, Motion | None, Touched | None]] = []
+    ranks: list[tuple[float, float]] = []  # misfit, angle by which the sensor is turned
+    wrong: UserError | None = None
+    for one, tared in product([log.wrench_axes] if log.wrench_axes else axes, (True, False)):
+        if not tared and (wrong or (ranks and min(ranks)[0] < _FALSE)):
+            continue  # the offset from the free part is not in doubt
+        read = replace(log, wrench_axes=one)
+        sensed = fit_sensor(read, tared=tared)
+        motion = smooth_motion(read, sensed.force, sensed.moment)
+        try:
+            touched = None if motion is None else fit_contact(motion, sensed)
+        except UserError as error:
+            wrong = wrong or error
+            continue
+        misfit, angle = np.nan, None
+        if touched is not None:
+            misfit, angle = touched.misfit, touched.quantities["sensor.rotation"].value
+        if np.isnan(misfit):
+            misfit = float(np.nan_to_num(np.sqrt(np.nanmean(sensed.residual**2))))
+        found.append((sensed, motion, touched))
+        ranks.append((misfit if tared else 2 * misfit, angle or 0.0))
+    if wrong is not None and not (ranks and min(ranks)[0] < _FALSE):
+        raise wrong
+    better = [i for i, (misfit, _) in enumerate(ranks) if misfit <= _ALIKE * min(ranks)[0]]
+    return found[min(better, key=lambda i: ranks[i][1])]

@@ -6,7 +6,7 @@ import zipfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from chamfer.analysis.identify.log_columns import QUANTITIES, Chosen, choose, fa
 from chamfer.analysis.scenario.errors import UserError
 
 Array = NDArray[np.float64]
+WrenchAxes = Literal["tool", "base"]
 
 _FEWEST: Final = 200  # rows
 _LONGEST: Final = 1.0  # s, between two rows: beyond it the unit is wrong
@@ -49,6 +50,7 @@ class Log:
     joint_position: Array | None = None  # (n, k), rad
     joint_velocity: Array | None = None  # (n, k), rad/s
     joint_torque: Array | None = None  # (n, k), N m, of the motors
+    wrench_axes: WrenchAxes | None = None  # of force and moment; None: not known
 
     @property
     def period(self) -> float:
@@ -92,7 +94,7 @@ def read_log(path: Path, columns: Mapping[str, Chosen] | None = None) -> Log:
     if arrays.get("rotation", np.empty((0, 3))).shape[1] == 4:
         arrays["rotation"] = _rotation_vectors(arrays["rotation"], path)
     _require_likely(arrays, path)
-    return Log(**arrays)
+    return Log(**arrays)  # type: ignore[arg-type]  # arrays alone
 
 
 class _Column(NamedTuple):

@@ -1,0 +1,61 @@
+"""The plane that a tool slides on, from its path."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chamfer.analysis.identify.motion import Motion
+from chamfer.analysis.identify.quantity import Array, solve
+
+Rows = NDArray[np.bool_]
+_STRAIGHT: Final = 20.0  # times its distance from the plane a path is wide that tells the normal
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surface:
+    """A plane that gives way in proportion to the force."""
+
+    out: Array  # (3,), m, some vector away from the surface
+    main: Array  # (3,), N, the mean force
+    told: bool  # whether the path tells the normal; if not it is the axis next to the force
+    axes: Array  # (3, 3), unit rows: the path's main directions
+    products: Array  # (m, 5, 5), of 1, path along two axes, size of the force, along the third
+
+    def coefficients(self, products: Array) -> Array:
+        """Return height, two slopes and minus the compliance, m/N, from sums of products."""
+        return solve(products[:4, :4], products[:4, 4])
+
+    def normal(self, coefficients: Array) -> Array:
+        """Return the normal, (3,), out of the surface."""
+        if self.told:
+            normal = np.array([-coefficients[1], -coefficients[2], 1.0]) @ self.axes
+        else:
+            normal = np.eye(3)[int(np.argmax(np.abs(self.main)))]
+        return np.asarray(normal * np.sign(normal @ self.out) / np.linalg.norm(normal))
+
+    def compliance(self, coefficients: Array) -> float:
+        """Return how far the surface gives way, m/N of the force's size."""
+        return float(-coefficients[3] * np.sign(self.axes[2] @ self.normal(coefficients)))
+
+
+def fit_surface(motion: Motion, used: Rows) -> tuple[Surface, Array]:
+    """Return the surface below the used rows, and their height over it, m."""
+    path, push = motion.position[used], motion.force[used]
+    centre = path.mean(axis=0)
+    axes = np.linalg.svd(path - centre, full_matrices=False)[2]
+    along = (path - centre) @ axes.T
+    size = np.linalg.norm(push, axis=1)
+    rows = np.c_[np.ones(len(path)), along[:, :2], size, along[:, 2]]
+    products = rows[:, :, None] * rows[:, None, :]
+    total = products.sum(axis=0)
+    height = along[:, 2] - rows[:, :4] @ solve(total[:4, :4], total[:4, 4])
+    told = bool(np.std(along[:, 1]) > _STRAIGHT * np.std(height))
+    before = motion.position[: int(np.argmax(used))]
+    out = main = push.mean(axis=0)
+    if motion.reference is not None:
+        out = centre - motion.reference[used].mean(axis=0)  # it lies beneath
+    elif len(before) > 1 / motion.period:
+        out = before.mean(axis=0) - centre
+    return Surface(out=out, main=main, told=told, axes=axes, products=products), height
