@@ -12,6 +12,7 @@ from chamfer.analysis.scenario.experiment import Catalogue, Entry
 SERVOING: Final = "fsm-visual-servoing"
 HYBRID: Final = "hybrid-force-position"
 PRIMITIVES: Final = "sensorimotor-primitives"
+RECORDINGS: Final = "recordings"
 
 # path=value: the smallest runs of scenarios of the hybrid loop.
 _SHORT: Final = ("trials=1", "duration=3", "measure_after=2")
@@ -814,6 +815,18 @@ CATALOGUE: Final = Catalogue(
             name="bnc-connector-ablation",
             summary="a BNC connector is inserted by skills that lack one of their primitives",
             scenario="BNC_ABLATION",
+        ),
+        Entry(
+            name="measured-slide",
+            paper=RECORDINGS,
+            study=True,
+            summary="every observer of the normal on what real arms felt that slid over a table",
+            seconds=30,
+            module="chamfer.analysis.measured.measured_slide",
+            scenario="MEASURED_SLIDE",
+            resolve="resolve_measured",
+            run="run_measured",
+            reduced=("recording=table_press",),
         ),
     ),
 )

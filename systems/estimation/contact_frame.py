@@ -49,6 +49,7 @@ _SHARP_TURN: Final = math.pi / 3  # more than this begins a new path in any case
 _UNKNOWN_TURN: Final = 1.0  # rad, standard deviation of the path's direction, more is unknown
 _FRICTION_DRIFT: Final = 1e-3  # rad, standard deviation of the friction angle's change per sample
 _LEAST_WEIGHT: Final = 1e-9  # of a model
+_MOST_REPEATS: Final = 1e3  # of an error that stays
 
 
 class ContactFrame(NamedTuple):
@@ -73,6 +74,7 @@ class GripperModel(NamedTuple):
     point_deviation: float  # m, the largest of any direction
     velocity_covariance: Array  # (3, 3), m^2/s^2
     velocity_deviation: float  # m/s, the largest of any direction
+    pulled_deviation: float = 0.0  # N, of the force that the spring shows with what x_nom is off
 
 
 class ContactReading(NamedTuple):
@@ -95,6 +97,19 @@ class ContactModel(NamedTuple):
     differenced: bool  # True: the velocity was made of the force, and shows nothing beside it
     by_friction: bool  # True: the friction angle is taken to be nearly constant
     period: float  # s
+    friction: float = 0.0  # rad, deviation of friction's direction from the path's
+
+
+@compiled
+def repeats(distance: float, length: float) -> float:
+    """Return of how many samples each is worth one, if their error changes over a length.
+
+    Samples with an error of the correlation ``r = exp(-distance / length)`` from one to the next
+    tell as much, together, as samples of independent errors of ``(1 + r) / (1 - r)`` its variance.
+    """
+    if not length > 0.0:
+        return 1.0
+    return 1.0 / math.tanh(max(0.5 * distance / length, 1.0 / _MOST_REPEATS))
 
 
 @compiled
@@ -255,10 +270,12 @@ def travel(frame: ContactFrame, turn: Array, ds: float) -> None:
 @compiled
 def follow(
     frame: ContactFrame, model: ContactModel, turn: Array, reading: ContactReading
-) -> float:
-    """Move the frame on and take a sample in; returns the sample's log likelihood.
+) -> tuple[float, float]:
+    """Move the frame on and take a sample in.
 
-    The frame is changed in place. The contact point moves; it must be known that it does.
+    Returns the sample's log likelihood, and the square of the point's distance from the surface
+    that was foreseen, over its variance. The frame is changed in place. The contact point moves;
+    it must be known that it does.
     """
     p, R, P, S, gripper = frame.p, frame.R, frame.P, frame.S, reading.gripper
     v = R.T @ reading.velocity
@@ -269,8 +286,10 @@ def follow(
     d = np.zeros(SIZE)
     row = np.zeros(SIZE)
     by = np.zeros(CONSIDERED)
-    likelihood = 0.0
+    likelihood, surprise = 0.0, 1.0
     if model.by_point:
+        beyond = (R.T @ (reading.point - p))[2]
+        surprise = beyond**2 / (P[2, 2] + (R.T @ gripper.point_covariance @ R)[2, 2])
         # How far the point has come is measured, not predicted.
         P[0], P[:, 0], S[0] = 0.0, 0.0, 0.0
         P[0, 0] = _ANYWHERE**2
@@ -299,10 +318,11 @@ def follow(
     F = R.T @ reading.force
     gain = np.zeros((3, 3))
     noise = gripper.force_deviation
-    if model.by_point:  # the path tells the force better than the sample
+    by_path = model.by_point and gripper.pulled_deviation < noise
+    if by_path:  # the path tells the force better than the sample
         F = R.T @ (gripper.stiffness @ (p + R @ d[0:3] - reading.nominal))
         gain = R.T @ gripper.stiffness @ R
-        noise = 0.0
+        noise = gripper.pulled_deviation
     square = F @ F
     size = math.sqrt(square)
     if size > 0.0:
@@ -313,6 +333,8 @@ def follow(
         # The residual is of the whole error, whose estimate F takes into account already.
         residual = row @ d - off
         variance = _FORCE_DIRECTION**2 + (noise / size) ** 2
+        if model.friction > 0.0:
+            variance += (model.friction * F[0] / size) ** 2
         likelihood += correct(frame, d, row, by, residual, variance)
         row[:] = 0.0
     if model.by_friction and F[2] > 0.0:
@@ -322,13 +344,13 @@ def follow(
         row[9] = -1.0
         off = math.atan2(-F[0], F[2]) - frame.friction[0] + d[4] - d[9]
         residual = row @ d - off
-        variance = _FORCE_DIRECTION**2 if model.by_point else noise**2 / across
+        variance = _FORCE_DIRECTION**2 if by_path else noise**2 / across
         likelihood += correct(frame, d, row, by, residual, variance)
     p[:] += R @ d[0:3]
     R[:] = R @ rotation(d[3:6])
     frame.w[:] += d[6:9]
     frame.friction[0] += d[9]
-    return likelihood
+    return likelihood, surprise
 
 
 @compiled
@@ -339,8 +361,10 @@ def follow_all(
     reading: ContactReading,
     step: Array,
     deviation: float,
-) -> None:
+) -> float:
     """Take a sample in with every model, and weigh the models by how well they foresaw it.
+
+    Returns how far the sample was from what the last model foresaw, as :func:`follow`.
 
     Args:
         numbers: Shape (models, 156), each model's frame; changed.
@@ -350,14 +374,15 @@ def follow_all(
         step: How the contact point moves on, shape (3,), m.
         deviation: Standard deviation of its angle, rad.
     """
-    likelihood = np.empty(len(weights))
+    likelihood, surprise = np.empty(len(weights)), 1.0
     for i in range(len(weights)):
         frame = as_frame(numbers[i])
         head(frame, model.turn[i], step, deviation)
-        likelihood[i] = follow(frame, model, model.turn[i], reading)
+        likelihood[i], surprise = follow(frame, model, model.turn[i], reading)
     weights[:] = model.switch.T @ weights * np.exp(likelihood - likelihood.max())
     weights[:] = np.maximum(weights / weights.sum(), _LEAST_WEIGHT)
     weights /= weights.sum()
+    return surprise
 
 
 @compiled

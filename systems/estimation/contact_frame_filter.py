@@ -21,6 +21,7 @@ from chamfer.systems.estimation.contact_frame import (
     begins,
     follow_all,
     mixture,
+    repeats,
     sandwich,
     turn_all,
 )
@@ -67,6 +68,23 @@ def gripper_model(
     )
 
 
+def uneven(gripper: GripperModel, deviation: float, counted: float) -> GripperModel:
+    """Return a gripper whose nominal position is off.
+
+    Args:
+        gripper: It, as if it were not.
+        deviation: m, of each axis.
+        counted: The same, of a sample that has to count for itself.
+    """
+    covariance = gripper.point_covariance + counted**2 * np.eye(3)
+    return gripper._replace(
+        point_covariance=covariance,
+        point_root=np.linalg.inv(np.linalg.cholesky(covariance)),
+        point_deviation=math.hypot(gripper.point_deviation, counted),
+        pulled_deviation=deviation * float(np.linalg.norm(gripper.stiffness, 2)),
+    )
+
+
 _MODELS: Final = 3  # their radii are spread evenly, in ratio, between the next two
 _SMOOTHEST_RADIUS: Final = 6.0  # m, of the smoothest model; that of the sharpest is rho_min
 _SWITCHING: Final = 0.01  # probability that another model holds from a sample to the next
@@ -86,6 +104,11 @@ _BAND_LENGTH: Final = 2.0  # resolving lengths, over which the curvature changes
 _BAND: Final = (1.03, 1.5)  # of its deviation, on a flat and where it bends as it may
 _TO_BAND: Final = 0.0015  # probability that it holds after another, from a sample to the next
 _FROM_BAND: Final = 1.05  # of its deviation, how far the estimate may be from its own
+_PULLS: Final = 3  # samples in a row, after which an estimate by which they pull is wrong
+_OUTSIDE: Final = 3.0  # standard deviations of a force
+_FITTED: Final = 20  # samples, of the mean square of what the model of the band did not foresee
+_UNFIT: Final = 4.0  # of it, over the variance
+_SURPRISE: Final = 50.0  # the largest square that one sample counts with
 _ALONE: Final = np.ones(1)  # weight of a frame that no other competes with
 _TINY: Final = 1e-14  # rad^2, keeps a covariance invertible
 
@@ -150,6 +173,7 @@ class _Memory(NamedTuple):
     calibration: Array  # (23,)
     history: Array  # (rows, 6), m and m/s, nominal motion, the newest first
     lagging: Array  # (3,), m/s, v_nom, that lags as the force's rate does
+    fit: Array  # (2,), mean square of what was not foreseen over its variance; samples of pull
     started: Array  # (1,), 1 after the first sample
 
 
@@ -197,7 +221,9 @@ class ContactFrameFilter:
         self._gripper = partial(
             gripper_model, params.stiffness, params.force_noise, params.force_rate_noise
         )
-        self._velocity_noise = params.velocity_noise
+        # A velocity is that of a position, sample by sample.
+        self._jitter = params.model_error.position / params.period
+        self._velocity_noise = math.hypot(params.velocity_noise, math.sqrt(3) * self._jitter)
         self._d = len(params.stiffness)
         planar, self._adaptive = self._d == 2, params.kind == "adaptive"
         sharpest = params.smallest_radius
@@ -220,25 +246,31 @@ class ContactFrameFilter:
             turn=np.array([[0 if planar else one, one, path, sharpest] for one in bends.tolist()]),
             switch=switch,
             by_point=self._adaptive,
-            differenced=bool(params.rate_lag),
+            # The derivative of a position that is off shows nothing beside it.
+            differenced=bool(params.rate_lag or params.model_error.position),
             by_friction=params.kind == "friction",
             period=params.period,
+            friction=params.model_error.friction,
         )
         error, told = params.model_error, self._gripper(1.0)
         self._considers = bool(error.stiffness or error.bias)
         # As many as the latest force needs.
         latest = error.delay + _LATEST * error.delay_deviation
         self._rows = 1 + math.ceil(latest / params.period - _WHOLE) if latest else 0
-        lengths = (NUMBERS * count, count, 3, 1, CALIBRATION, 6 * self._rows)
+        lengths = (NUMBERS * count, count, 3, 1, CALIBRATION, 6 * self._rows, 3)
         self._ends = np.cumsum(lengths).tolist()
         force, compliance = told.force_deviation, told.compliance
         self._calibration = GripperCalibration(
             error, force=force, compliance=compliance, period=params.period
         )
 
-    def start(self, normal: Array) -> Array:
-        """Return the memory before the first sample, from an initial unit normal."""
-        params = self._params
+    def start(self, normal: Array, deviation: float | None = None) -> Array:
+        """Return the memory before the first sample, from an initial unit normal.
+
+        ``deviation``, rad, is the normal's on each axis, the parameters' if it is None.
+        """
+        if deviation is None:
+            deviation = self._params.initial_deviation
         n = _pad(normal)
         if self._d == 2:
             t = np.array([n[1], -n[0], 0.0])
@@ -248,7 +280,7 @@ class ContactFrameFilter:
         frames = []
         for turn in self._model.turn[:, :3]:
             P = np.zeros((SIZE, SIZE))
-            P[4, 4] = params.initial_deviation**2
+            P[4, 4] = deviation**2
             if self._d == 3:
                 P[3, 3], P[5, 5] = P[4, 4], _UNKNOWN_HEADING**2
             np.fill_diagonal(P[6:9, 6:9], turn**2)
@@ -259,10 +291,10 @@ class ContactFrameFilter:
         # A surface is taken to be sharp until it has shown that it is smooth.
         weights = _SMOOTHER ** np.arange(self._count)
         weights /= weights.sum()
-        return np.concatenate([*frames, weights, np.zeros(8 + CALIBRATION + 6 * self._rows)])
+        return np.concatenate([*frames, weights, np.zeros(10 + CALIBRATION + 6 * self._rows)])
 
     def _views(self, memory: Array) -> _Memory:
-        a, b, c, d, e, f = self._ends  # np.split takes longer than all the rest
+        a, b, c, d, e, f, g = self._ends  # np.split takes longer than all the rest
         return _Memory(
             memory[:a].reshape(self._count, NUMBERS),
             memory[a:b],
@@ -270,7 +302,8 @@ class ContactFrameFilter:
             memory[c:d],
             memory[d:e],
             memory[e:f].reshape(self._rows, 6),
-            memory[f:-1],
+            memory[f:g],
+            memory[g:-1],
             memory[-1:],
         )
 
@@ -300,6 +333,9 @@ class ContactFrameFilter:
         gripper = self._gripper(factor)
         velocity = contact_velocity(sample._replace(nominal_velocity=lagging), gripper.compliance)
         status = gate(self._params, sample, velocity, self._velocity_noise / factor)
+        touches = self._adaptive and status is not NormalStatus.NO_CONTACT
+        if touches and self._pulled(kept, sample.force, gripper.force_deviation):
+            return self._estimate(memory, kept, NormalStatus.PULLED)
         point = sample.nominal_position + gripper.compliance @ sample.force
         if status is NormalStatus.NO_CONTACT:
             # A free gripper is where it is meant to be: its velocity is known.
@@ -309,11 +345,12 @@ class ContactFrameFilter:
             self._place(frames, point, sample.nominal_position, gripper)
             placed[0] = 1.0
         step = self._params.period * velocity
-        error = self._params.period * gripper.velocity_deviation
+        error = self._params.period * math.hypot(gripper.velocity_deviation, self._jitter)
         doubtful = self._is_doubtful(frames, weights, step, error, status)
         if self._adaptive and doubtful:
             step = point - weights @ frames[:, :3]
-            error = math.sqrt(2) * gripper.point_deviation
+            apart = self._params.model_error.position
+            error = math.sqrt(2) * math.hypot(gripper.point_deviation, apart)
             far = float(step @ step) > (_TRAVEL_THRESHOLD * error) ** 2
             status = NormalStatus.MEASURED if far else NormalStatus.STUCK
         if status is not NormalStatus.MEASURED:
@@ -321,8 +358,16 @@ class ContactFrameFilter:
         nominal, force = sample.nominal_position, sample.force
         reading = ContactReading(point, velocity, force, nominal, moving, gripper)
         deviation = error / math.sqrt(step @ step)
+        off = self._params.model_error
+        if off.position:
+            often = repeats(math.sqrt(step @ step), off.position_length)
+            gripper = uneven(gripper, off.position, math.sqrt(often) * off.position)
+            reading = reading._replace(gripper=gripper)
         model = self._at_speed(math.sqrt(moving @ moving), gripper)
-        follow_all(frames, weights, model, reading, step, deviation)
+        surprise = follow_all(frames, weights, model, reading, step, deviation)
+        kept.fit[0] += (min(surprise, _SURPRISE) - kept.fit[0]) / _FITTED
+        if kept.fit[0] > _UNFIT:
+            status = NormalStatus.UNFIT
         return self._estimate(memory, kept, status, model, math.sqrt(velocity @ velocity))
 
     def _at_speed(self, speed: float, gripper: GripperModel) -> ContactModel:
@@ -362,8 +407,25 @@ class ContactFrameFilter:
             bend = kept.weights @ frames[:, 12:14] * self._params.smallest_radius
             factor = least + (most - least) * min(math.sqrt(bend @ bend), 1.0)
             normal, covariance = _limited(normal, sure, apart, factor**2 * whole)
+        if kept.fit[0] > _UNFIT:
+            covariance = kept.fit[0] * covariance
         d = self._d
         return Estimate(memory, normal[:d], covariance[:d, :d].copy(), status)
+
+    def _pulled(self, kept: _Memory, force: Array, deviation: float) -> bool:
+        """Begin anew, along the force, where by the estimate the surface pulls again and again."""
+        n = kept.weights @ kept.frames[:, 5:12:3]
+        if n @ force > -_OUTSIDE * deviation:
+            kept.fit[1] = 0.0
+            return False
+        kept.fit[1] += 1.0
+        if kept.fit[1] < _PULLS:
+            return False
+        kept.fit[1] = 0.0
+        anew = self._views(self.start(force / math.sqrt(force @ force), _ANY_DIRECTION))
+        kept.frames[:], kept.weights[:] = anew.frames, anew.weights
+        kept.placed[0] = 0.0
+        return True
 
     def _in_time(self, kept: _Memory, sample: Sample) -> Sample:
         """Return a sample with the nominal motion of the force's time."""

@@ -31,17 +31,21 @@ class ModelErrorParams:
     delay_deviation: float = 0.0  # s, deviation of the delay
     tare: float = 0.0  # s, from the start, while the gripper is free: for the bias
     press: float = 0.0  # s, then, while it meets the surface and does not slide: for the stiffness
+    position: float = 0.0  # m, deviation of the nominal position, on each axis
+    position_length: float = 0.0  # m, of the path, over which that changes; 0: in each sample
+    friction: float = 0.0  # rad, deviation of friction's direction from the path's
 
     def __post_init__(self) -> None:
-        require_not_negative(
-            self, "stiffness", "bias", "delay", "delay_deviation", "tare", "press"
-        )
+        require_not_negative(self, *vars(self))
         if not self.stiffness < 1:
             raise ParameterError("stiffness", self.stiffness, "a part below 1")
         if self.tare and not self.bias:
             raise ParameterError("tare", self.tare, "0, if there is no bias to be found")
         if self.press and not self.stiffness:
             raise ParameterError("press", self.press, "0, if there is no stiffness to be found")
+        if self.position_length and not self.position:
+            allowed = "0, if the position has no error"
+            raise ParameterError("position_length", self.position_length, allowed)
 
 
 class _Memory(NamedTuple):

@@ -54,13 +54,15 @@ _ITERATIONS: Final = 100
 
 
 class NormalStatus(IntEnum):
-    """What a sample was good for; every value but the first means no measurement."""
+    """What a sample was good for; all but the first and the last mean no measurement."""
 
     MEASURED = 0
     HALTED = 1  # the gripper is not commanded to move
     STUCK = 2  # it is, and the contact point does not move
     NO_CONTACT = 3  # there is no force
     UNDEFINED = 4  # force and velocity are parallel: no normal can be told
+    PULLED = 5  # by the estimate the surface pulled, which none can: it was begun anew
+    UNFIT = 6  # it was used, but with what the observer is told samples do not fit to each other
 
 
 class Sample(NamedTuple):

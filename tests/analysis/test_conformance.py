@@ -53,6 +53,7 @@ NOT_LOGGED: Final = {
     *("design-accuracy", "insertion-repeatability", "calibration-accuracy", "hybrid-stability"),
     *("contact-convergence", "contact-stability", "friction-remedies", "search-capture"),
     *("observer-model-error", "charging-campaign", "observer-comparison"),
+    "measured-slide",
     *("sensing-sensitivity", "vision-primitives"),
     *("peg-skill-success", "d-connector-success", "bnc-connector-success"),
     *("rj45-connector-success", "d-connector-ablation", "bnc-connector-ablation"),

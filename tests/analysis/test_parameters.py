@@ -70,8 +70,9 @@ MAY_BE_ZERO = """
     force_integral integral stiffness; HybridScenario: measure_after;
     ImpedanceControllerParams: null_stiffness smallest_singular_value; InsertParams: pause
     rest; InsertionScenario: peg_excess; LaidContact: slip_friction; LayerSettings: slip_friction
-    tilt; LeadSettings: depth hover press; Level: sure time; ModelErrorParams: bias delay
-    delay_deviation press stiffness tare; ModelErrorScenario: bias stiffness_error; ModelErrors:
+    tilt; LeadSettings: depth hover press; Level: sure time; MeasuredSlideScenario:
+    settle; ModelErrorParams: bias delay delay_deviation friction position position_length press
+    stiffness tare; ModelErrorScenario: bias stiffness_error; ModelErrors:
     joint_friction link_mass payload; ObserverComparisonScenario: vision_error; Obstructed:
     amplitude_threshold threshold; OpenPidGains: derivative integral proportional; PegHoleGeometry:
     chamfer_width; PegInsertionScenario: tilt; PictureQuality: blur noise; Reach: angle distance;

@@ -24,6 +24,7 @@ from chamfer.analysis.command.running import prepare
 from chamfer.analysis.contact import friction_remedies
 from chamfer.analysis.contact.contact_metrics import contact_metrics
 from chamfer.analysis.insertion.insertion_map import FeedOutcome, confusion
+from chamfer.analysis.measured import measured_slide
 from chamfer.analysis.report.checks import check, load_paper
 from chamfer.analysis.scenario.experiment import Entry, Metric, quiet, select
 from chamfer.analysis.servo import fsm_stability
@@ -336,6 +337,30 @@ def spoilt_charging() -> Values:
     return {**found, "cycle.placed_share": 100.0 * placed((found,))}
 
 
+def spoilt_slides() -> Mapping[str, Metric]:
+    """Return what recordings show that touch too late to observers that are sure and wrong."""
+    rows = np.ones(20)
+    on = measured_slide.Recorded(
+        time=np.arange(20.0), force=np.ones((20, 3)), force_rate=np.zeros((20, 3)),
+        position=np.zeros((20, 3)), velocity=np.zeros((20, 3)), stretch=None,
+        contact=rows > 0, normal=np.array([0.0, 0.0, 1.0]), plane="", flat=1.0,
+        detected=(np.array([3.0]), np.zeros(0)), noise=1.0,
+    )  # fmt: skip
+    thesis = {"error": rows, "band": 9 * rows, "nees": rows, "push": rows, "status": 0 * rows}
+    wrong = {"error": 9 * rows, "band": rows, "push": -rows, "status": 6 * rows}
+    made = {"thesis": thesis, "adaptive": thesis | wrong}
+    found = {
+        **measured_slide._of_recording(on),
+        **measured_slide._of_observers(made, on, rows > 0),  # type: ignore[arg-type]
+    }
+    air = measured_slide._of_recording(on._replace(contact=rows < 0))
+    return {
+        f"{name}.{key}": one
+        for name in ("table_a", "table_b", "table_press", "free")
+        for key, one in (air if name == "free" else found).items()
+    }
+
+
 _WAYS: Final = ("", "wait.", "frozen.", "frozen_wait.")
 # fmt: off
 SPOILT: Final = (
@@ -350,6 +375,7 @@ SPOILT: Final = (
     ("friction-remedies", spoilt_remedies, ALL),
     ("observer-comparison", spoilt_observers, ALL),
     ("charging-campaign", spoilt_cycles, ALL),
+    ("measured-slide", spoilt_slides, ALL),
     ("insertion-map", spoilt_map, ALL),
     ("insertion", spoilt_arms, "force.share"),
     ("vertical-tracking alignment repeatability", spoilt_arms, _ARMS),

@@ -422,7 +422,7 @@ def test_the_model_that_foresaw_more_weighs_more() -> None:
     true = moved(frames[0], np.zeros(SIZE))
     travel(true, NOTHING, 0.02)
     reading = Sensor(0.5, 2.5).read(true, None)
-    likelihood = [follow(frame, model, model.turn[0], reading) for frame in frames]
+    likelihood = [follow(frame, model, model.turn[0], reading)[0] for frame in frames]
     weights = np.array([0.3, 0.7])
     follow_all(numbers, weights, model, reading, 0.02 * true.R[:, 0], 0.3)
     before = np.array([0.9 * 0.3 + 0.2 * 0.7, 0.1 * 0.3 + 0.8 * 0.7])

@@ -121,8 +121,8 @@ def test_it_begins_with_the_initial_normal_and_smoother_models_than_the_sharpest
     n = np.array([0.6, 0.0, 0.8])
     observer = slides.observer(3, smallest_radius=radius, initial_deviation=0.2)
     memory = observer.start(n)
-    assert memory.shape == (count * (NUMBERS + 1) + 31,)
-    weights = memory[count * NUMBERS : -31]
+    assert memory.shape == (count * (NUMBERS + 1) + 33,)
+    weights = memory[count * NUMBERS : -33]
     assert weights.sum() == pytest.approx(1, rel=1e-15)
     assert np.all(np.diff(weights) < 0)  # sharp until it has shown to be smooth
     frames = [as_frame(one) for one in memory[: count * NUMBERS].reshape(count, NUMBERS)]
