@@ -52,10 +52,10 @@ def _of_arm(
     whose = "assumed, not published" if built_in else "by the file"
     torque, friction, rotors = arm.torque_limits, arm.dry_friction, arm.rotor_inertia
     if settings.joint_friction == "panda":
-        whose = "measured of another one, mean of forward and backward"
-        whose = f"{whose} ({PANDA.authors}, {PANDA.source}, {PANDA.licence})"
+        theirs = "measured of another one, mean of forward and backward"
+        theirs = f"{theirs} ({PANDA.authors}, {PANDA.source}, {PANDA.licence})"
         rubs = there.arm.dry_friction
-        yield _assumed(f"{name}.joint_friction", "dry friction of a Panda", rubs, "N m", whose)
+        yield _assumed(f"{name}.joint_friction", "dry friction of a Panda", rubs, "N m", theirs)
     elif settings.joint_friction is None and given.servo is None:
         doubt = _first(
             (not any(friction), _GEARS),
