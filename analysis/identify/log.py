@@ -3,7 +3,7 @@
 import math
 import warnings
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple
@@ -21,9 +21,11 @@ WrenchAxes = Literal["tool", "base"]
 _FEWEST: Final = 200  # rows
 _LONGEST: Final = 1.0  # s, between two rows: beyond it the unit is wrong
 _GAP: Final = 0.1, 10.0  # s and periods, both: a longer one is a gap
-_FULL_TURN: Final = 2 * math.pi + 0.1  # rad, of a rotation vector, at most
-_FARTHEST: Final = {  # what a quantity may be at most; in which unit it is likely where it is more
-    "position": (10.0, "mm"),  # m
+_FULL_TURN: Final = 2 * math.pi + 0.1  # rad
+_NO_UNIT: Final = 0.01  # of a quaternion's length off 1
+_FARTHEST: Final = {  # what a quantity may be at most, and the likely unit of one that is more
+    "rotation": (_FULL_TURN, "deg"),
+    "position": (10.0, "mm"),
     "reference_position": (10.0, "mm"),
     "velocity": (10.0, "mm/s"),
     "joint_position": (2 * _FULL_TURN, "deg"),
@@ -57,12 +59,6 @@ class Log:
         """The median time between two rows, s."""
         return float(np.median(np.diff(self.time)))
 
-    def quantities(self) -> Iterator[tuple[str, Array]]:
-        """Yield what was recorded by name."""
-        for name in QUANTITIES:
-            if (values := getattr(self, name)) is not None:
-                yield name, values
-
 
 def read_log(path: Path, columns: Mapping[str, Chosen] | None = None) -> Log:
     """Return a log from CSV, Parquet, or an npz of arrays, its time from its first row on.
@@ -75,24 +71,25 @@ def read_log(path: Path, columns: Mapping[str, Chosen] | None = None) -> Log:
     Raises:
         UserError: If it can't be read, or what is in it can't be a log; it says where and why.
     """
-    said = columns or {}
-    reader = {".npz": _npz_columns, ".csv": _table_columns, ".parquet": _table_columns}
-    if path.suffix not in reader:
+    if path.suffix not in (".csv", ".parquet", ".npz"):
         raise UserError(f"{path} can't be read as a log, allowed: a file .csv, .parquet or .npz")
-    file = reader[path.suffix](path)
-    found = choose([one.name for one in file], said, path)
+    file = _npz_columns(path) if path.suffix == ".npz" else _table_columns(path)
+    said = columns or {}
     by_name = {one.name: one for one in file}
     arrays = {
-        name: _array(name, [by_name[one] for one in names], said.get(name), path)
-        for name, names in found.items()
+        name: _array(name, [by_name[one] for one in names], said.get(name, Chosen(())), path)
+        for name, names in choose([one.name for one in file], said, path).items()
     }
-    _require_whole(arrays, path)
-    start = 1 if arrays["time"][0] == arrays["time"][1] else 0
+    rows = len(arrays["time"])
+    for name, values in arrays.items():
+        if len(values) != rows:
+            raise UserError(f"{path}: {name} has {len(values)} rows, time has {rows}")
+    if rows < _FEWEST:
+        raise UserError(f"{path} has {rows} rows, allowed: {_FEWEST} or more")
     # A controller of this package may step twice at its start.
+    start = 1 if arrays["time"][0] == arrays["time"][1] else 0
     arrays = {name: values[start:] for name, values in arrays.items()}
     _require_times(arrays["time"], path)
-    if arrays.get("rotation", np.empty((0, 3))).shape[1] == 4:
-        arrays["rotation"] = _rotation_vectors(arrays["rotation"], path)
     _require_likely(arrays, path)
     return Log(**arrays)  # type: ignore[arg-type]  # arrays alone
 
@@ -108,8 +105,7 @@ class _Column(NamedTuple):
 def _table_columns(path: Path) -> list[_Column]:
     from chamfer.analysis.report.control_log import read_table, split_title
 
-    table = read_table(path)
-    found = []
+    table, found = read_table(path), []
     for field, values in zip(table.schema, table.columns, strict=True):
         name, unit = split_title(field.name)
         known = (field.metadata or {}).get(b"unit", b"").decode()
@@ -124,55 +120,40 @@ def _npz_columns(path: Path) -> list[_Column]:
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, AttributeError, TypeError) as error:
         reason = getattr(error, "strerror", None) or error
         raise UserError(f"{path} can't be read as a log: {reason}") from error
-    found = []
-    for name, values in arrays.items():
-        if values.ndim == 1:
-            found.append(_Column(name, "", values))
-        elif values.ndim == 2:
-            found += [_Column(f"{name}[{i}]", "", one) for i, one in enumerate(values.T)]
-    return found
+    found = [_Column(name, "", values) for name, values in arrays.items() if values.ndim == 1]
+    tables = {name: values.T for name, values in arrays.items() if values.ndim == 2}
+    return found + [
+        _Column(f"{name}[{i}]", "", one) for name, of in tables.items() for i, one in enumerate(of)
+    ]
 
 
-def _array(quantity: str, columns: list[_Column], said: Chosen | None, path: Path) -> Array:
+def _array(quantity: str, columns: list[_Column], said: Chosen, path: Path) -> Array:
     """Return the values of a quantity, shape (n,) or (n, k), in its unit."""
     arrays = []
     for one in columns:
-        try:
-            numbers = np.asarray(one.values)
-            if len(numbers) and numbers.dtype.kind not in "fiub":
-                raise ValueError
-            shift = numbers[0] if quantity == "time" and len(numbers) else 0
-            values = (numbers - shift).astype(np.float64)
-        except ValueError as error:
-            raise UserError(f"{path}: {one.name} is no column of numbers") from error
+        numbers = np.asarray(one.values)
+        if len(numbers) and numbers.dtype.kind not in "fiub":
+            raise UserError(f"{path}: {one.name} is no column of numbers")
+        shift = numbers[0] if quantity == "time" and len(numbers) else 0
+        values = (numbers - shift).astype(np.float64)
         if not np.isfinite(values).all():
             row = int(np.argmin(np.isfinite(values)))
             raise UserError(f"{path}: {one.name} is no finite number in row {row + 1}")
-        if len(columns) == 4 and quantity == "rotation":
-            arrays.append(values)  # of a quaternion, without a unit
-            continue
-        told = said.unit if said is not None else ""
-        if told and one.unit and factor(quantity, one.unit, path) != factor(quantity, told, path):
-            warnings.warn(f"{one.name} says {one.unit}, it is taken to be {told}", stacklevel=2)
-        arrays.append(values * factor(quantity, told or one.unit, path))
-    rows = {len(one) for one in arrays}
-    if len(rows) > 1:
-        raise UserError(f"{path}: {quantity} has columns of {_sorted(rows)} rows")
-    return arrays[0] if quantity == "time" else np.column_stack(arrays)
-
-
-def _sorted(rows: set[int]) -> str:
-    return " and ".join(map(str, sorted(rows)))
-
-
-def _require_whole(arrays: Mapping[str, Array], path: Path) -> None:
-    for name, values in arrays.items():
-        if len(values) != len(arrays["time"]):
-            raise UserError(
-                f"{path}: {name} has {len(values)} rows, time has {len(arrays['time'])}"
-            )
-    if len(arrays["time"]) < _FEWEST:
-        raise UserError(f"{path} has {len(arrays['time'])} rows, allowed: {_FEWEST} or more")
+        scale = 1.0  # of a quaternion
+        if len(columns) != 4 or quantity != "rotation":
+            scale = factor(quantity, said.unit or one.unit, path)
+            if one.unit and scale != factor(quantity, one.unit, path):
+                told = f"{one.name} says {one.unit}, it is taken to be {said.unit}"
+                warnings.warn(told, stacklevel=2)
+        arrays.append(scale * values)
+    if len(rows := {len(one) for one in arrays}) > 1:
+        raise UserError(f"{path}: {quantity} has columns of {min(rows)} to {max(rows)} rows")
+    found = arrays[0] if quantity == "time" else np.column_stack(arrays)
+    if quantity != "rotation" or len(columns) != 4:
+        return found
+    if (off := np.abs(np.linalg.norm(found, axis=1) - 1).max(initial=0.0)) > _NO_UNIT:
+        raise UserError(f"{path}: rotation has quaternions whose length is off 1 by {off:.3g}")
+    return np.asarray(Rotation.from_quat(np.roll(found, -1, axis=1)).as_rotvec())
 
 
 def _require_times(time: Array, path: Path) -> None:
@@ -183,50 +164,37 @@ def _require_times(time: Array, path: Path) -> None:
             f"{path}: time does not ascend, {time[row]:.9g} s after its start comes "
             f"{time[row + 1]:.9g} s, in row {row + 2}"
         )
-    period = float(np.median(steps))
+    period, longest = float(np.median(steps)), float(steps.max())
     if period > _LONGEST:
         raise UserError(
             f"{path} has a row every {period:.3g} s, allowed: {_LONGEST:g} s; if its time is in "
             "ms, say --columns time=COLUMN:ms"
         )
-    if (longest := steps.max()) > max(_GAP[0], _GAP[1] * period):
-        at = float(time[int(np.argmax(steps))])
+    if longest > max(_GAP[0], _GAP[1] * period):
         raise UserError(
-            f"{path} has a gap of {longest:.3g} s, {at:.6g} s after its start, where rows are "
-            f"{period:.3g} s apart: cut it there"
+            f"{path} has a gap of {longest:.3g} s, {time[np.argmax(steps)]:.6g} s after its "
+            f"start, where rows are {period:.3g} s apart: cut it there"
         )
-
-
-def _rotation_vectors(quaternions: Array, path: Path) -> Array:
-    lengths = np.linalg.norm(quaternions, axis=1)
-    if np.abs(lengths - 1).max() > 0.01:
-        wrong = lengths[np.argmax(np.abs(lengths - 1))]
-        raise UserError(f"{path}: rotation has a quaternion of length {wrong:.3g}, must be 1")
-    return np.asarray(Rotation.from_quat(np.roll(quaternions, -1, axis=1)).as_rotvec())
 
 
 def _require_likely(arrays: Mapping[str, Array], path: Path) -> None:
     """Refuse what can only be meant in another unit, and a sensor at its limit."""
-    if "force" in arrays and not np.ptp(arrays["force"], axis=0).any():
-        raise UserError(f"{path}: force never changes: nothing was measured")
-    rotation = arrays.get("rotation")
-    if rotation is not None and (most := np.linalg.norm(rotation, axis=1).max()) > _FULL_TURN:
-        raise UserError(
-            f"{path}: rotation is a vector of up to {most:.4g} rad, allowed: a turn; if it is in "
-            "degrees, say --columns rotation=X,Y,Z:deg"
-        )
     for name, (limit, unit) in _FARTHEST.items():
-        if name in arrays and (most := np.abs(arrays[name]).max()) > limit:
+        values = arrays.get(name, np.zeros((1, 1)))
+        most = np.abs(np.linalg.norm(values, axis=1) if name == "rotation" else values).max()
+        if most > limit:
             own = QUANTITIES[name].unit
             raise UserError(
                 f"{path}: {name} is up to {most:.4g} {own}, allowed: {limit:.3g} {own}; if it is "
                 f"in {unit}, say --columns {name}=COLUMNS:{unit}"
             )
-    for name in ("force", "moment"):
-        for axis, values in zip("xyz", arrays.get(name, np.empty((0, 3))).T, strict=True):
-            for limit in (values.max(), values.min()) if len(values) else ():
+    force = arrays.get("force")
+    if force is not None and not np.ptp(force, axis=0).any():
+        raise UserError(f"{path}: force never changes: nothing was measured")
+    for name in arrays.keys() & {"force", "moment"}:
+        for axis, values in zip("xyz", arrays[name].T, strict=True):
+            for limit, beyond in ((values.max(), "more"), (values.min(), "less")):
                 if rows := _rows_at_limit(values, limit):
-                    beyond = "more" if limit > 0 else "less"
                     raise UserError(
                         f"{path}: {name} along {axis} is {limit:.5g} {QUANTITIES[name].unit} in "
                         f"{rows} rows and never {beyond}: the sensor is clipped there"
@@ -239,17 +207,12 @@ def _rows_at_limit(values: Array, limit: float) -> int:
     What a channel reads at rest, or one of few levels, is no limit: it is reached in leaps of
     more than a few levels, and is half of the largest reading at least.
     """
-    if abs(limit) < 0.5 * np.abs(values).max():
-        return 0
-    at = values == limit
+    at, steps = values == limit, np.abs(np.diff(values))
     inside = np.flatnonzero(~at)
-    at[: inside[0] if len(inside) else len(at)] = False
-    at[inside[-1] if len(inside) else 0 :] = False
-    steps = np.abs(np.diff(values))
-    edges = steps[at[1:] != at[:-1]]
-    if (
-        at.sum() < max(10, _CLIPPED * len(values))
-        or np.median(edges) <= 3 * steps[steps > 0].min()
-    ):
+    if not len(inside) or abs(limit) < 0.5 * np.abs(values).max():
         return 0
-    return int(at.sum())
+    at[: inside[0]] = at[inside[-1] :] = False  # it begins or ends so
+    if at.sum() < max(10, _CLIPPED * len(values)):
+        return 0
+    edges = steps[at[1:] != at[:-1]]
+    return int(at.sum()) if np.median(edges) > 3 * steps[steps > 0].min() else 0

@@ -6,7 +6,7 @@ which ``name[3..5]`` are three.
 """
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import takewhile
 from math import pi
 from typing import Final, NamedTuple
@@ -20,24 +20,23 @@ class Kind(NamedTuple):
     """What a quantity is made of."""
 
     unit: str  # in a Log
-    sizes: tuple[int, ...]  # elements that it may have; none: any number, of joints
     stems: tuple[str, ...]  # with which its columns' titles begin, in any case
+    sizes: Sequence[int] = (3,)  # elements that it may have
 
 
-_ANY: Final[tuple[int, ...]] = ()
+_JOINTS: Final = range(1, 100)
 QUANTITIES: Final[Mapping[str, Kind]] = {
-    "time": Kind("s", (1,), ("time", "t", "timestamp")),
-    "force": Kind("N", (3,), ("force", "f")),
-    "moment": Kind("N m", (3,), ("moment", "torque", "m", "t")),
-    "position": Kind("m", (3,), ("position", "pos", "p", "")),
-    "rotation": Kind("rad", (3, 4), ("rotation", "orientation", "r", "q")),
-    "velocity": Kind("m/s", (3,), ("velocity", "vel", "v")),
-    "reference_position": Kind("m", (3,), ("reference_position", "virtual_position")),
-    "joint_position": Kind("rad", _ANY, ("joint_position", "q")),
-    "joint_velocity": Kind("rad/s", _ANY, ("joint_velocity", "dq")),
-    "joint_torque": Kind("N m", _ANY, ("joint_torque", "tau")),
+    "time": Kind("s", ("time", "t", "timestamp"), (1,)),
+    "force": Kind("N", ("force", "f")),
+    "moment": Kind("N m", ("moment", "torque", "m", "t")),
+    "position": Kind("m", ("position", "pos", "p", "")),
+    "rotation": Kind("rad", ("rotation", "orientation", "r", "q"), (4, 3)),
+    "velocity": Kind("m/s", ("velocity", "vel", "v")),
+    "reference_position": Kind("m", ("reference_position", "virtual_position")),
+    "joint_position": Kind("rad", ("joint_position", "q"), _JOINTS),
+    "joint_velocity": Kind("rad/s", ("joint_velocity", "dq"), _JOINTS),
+    "joint_torque": Kind("N m", ("joint_torque", "tau"), _JOINTS),
 }
-ALIASES: Final = {"virtual_position": "reference_position"}
 _METRES: Final = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 _ANGLES: Final = {"rad": 1.0, "deg": pi / 180}
 UNITS: Final[Mapping[str, Mapping[str, float]]] = {  # by the unit in a Log, what others are of it
@@ -50,7 +49,6 @@ UNITS: Final[Mapping[str, Mapping[str, float]]] = {  # by the unit in a Log, wha
     "rad/s": {f"{unit}/s": of for unit, of in _ANGLES.items()},
 }
 _MOST_SHOWN: Final = 24  # columns of a file, in a message
-_MOST: Final = 100  # elements of a quantity
 
 
 class Chosen(NamedTuple):
@@ -61,26 +59,19 @@ class Chosen(NamedTuple):
 
 
 def parse_columns(texts: Sequence[str]) -> dict[str, Chosen]:
-    """Return what ``--columns`` says: ``force=Fx,Fy,Fz:lbf``, by quantity.
-
-    Raises:
-        UserError: If a text is none, or names an unknown quantity, an unknown unit, or one twice.
-    """
+    """Return by quantity what ``--columns`` says; a mistake in it is a UserError."""
     found: dict[str, Chosen] = {}
     for text in texts:
         name, _, said = text.partition("=")
-        columns, colon, unit = said.rpartition(":")
-        if not (colon or columns):
-            columns, unit = unit, ""
+        columns, _, unit = said.partition(":")
         names = tuple(name for one in columns.split(",") for name in _range(one.strip()))
         if not all(names):
             raise UserError(f"--columns is {text!r}, allowed: such as force=Fx,Fy,Fz or time=t:ms")
-        quantity = ALIASES.get(name) or valid_name("quantity", name, QUANTITIES)
-        if quantity in found:
-            raise UserError(f"--columns has {quantity} twice")
-        if colon:
-            factor(quantity, unit, "--columns")
-        found[quantity] = Chosen(names, unit)
+        name = valid_name("quantity", name.replace("virtual_", "reference_"), QUANTITIES)
+        if name in found:
+            raise UserError(f"--columns has {name} twice")
+        factor(name, unit, "--columns")
+        found[name] = Chosen(names, unit)
     return found
 
 
@@ -92,11 +83,7 @@ def _range(name: str) -> list[str]:
 
 
 def factor(quantity: str, unit: str, where: object) -> float:
-    """Return what a unit is in that of a log; without one it is that.
-
-    Raises:
-        UserError: If it is not known.
-    """
+    """Return what a unit is in that of a log, 1 if there is none; an unknown one is refused."""
     units = UNITS[QUANTITIES[quantity].unit]
     plain = re.sub(r"[\s*.]", "", unit)
     for name, value in units.items():
@@ -112,72 +99,59 @@ def choose(
 
     Raises:
         UserError: If a column is not there, or there twice, or a quantity has too few or too
-            many, or too few quantities are there.
+            many, or there are not enough quantities.
     """
-    found = {name: _named(name, one.columns, titles, path) for name, one in said.items()}
-    for name, kind in QUANTITIES.items():
-        if name not in said and (columns := _spelled(kind, titles)):
-            found[name] = columns
-    for columns in found.values():
-        for one in columns:
-            if titles.count(one) > 1:
-                raise UserError(f"{path} has {titles.count(one)} columns {one}, must have one")
-    lacking = [] if "time" in found else ["time"]
-    if "force" not in found and not {"joint_torque", "joint_position"} <= found.keys():
-        lacking += ["force"]
+    more = len(titles) - _MOST_SHOWN
+    shown = ", ".join(titles[:_MOST_SHOWN]) + (f" and {more} more" if more > 0 else "")
+    found = {name: _spelled(kind, titles) for name, kind in QUANTITIES.items()}
+    if found["rotation"] == found["joint_position"]:
+        found["rotation"] = ()  # q[0], q[1], ... are joints
+    for name, one in said.items():
+        columns, sizes = one.columns, QUANTITIES[name].sizes
+        if len(columns) == 1 and columns[0] not in titles:
+            columns = _there((f"{columns[0]}[{i}]" for i in range(len(titles))), titles, columns)
+        found[name] = columns
+        if len(columns) not in sizes:
+            allowed = " or ".join(map(str, sorted(sizes)))
+            raise UserError(f"--columns has {len(columns)} of {name}, allowed: {allowed}")
+    for column in (column for columns in found.values() for column in columns):
+        if not (there := titles.count(column)):
+            raise UserError(f"{path} has no column {column}, but {shown}")
+        if there > 1:
+            raise UserError(f"{path} has {there} columns {column}, must have one")
+    joints = found["joint_torque"] and found["joint_position"]
+    lacking = [
+        name for name in ("time", "force") if not (found[name] or (name != "time" and joints))
+    ]
     if lacking:
-        words = {"time": "time=COLUMN", "force": "force=COLUMNS"}
         raise UserError(
-            f"{path} has no {' and no '.join(lacking)} among its columns "
-            f"{_shown(titles)}; say --columns {' '.join(words[one] for one in lacking)}"
+            f"{path} has no {' and no '.join(lacking)} among its columns {shown}; say --columns "
+            + " ".join(f"{name}={'COLUMN' if name == 'time' else 'X,Y,Z'}" for name in lacking)
         )
-    return found
-
-
-def _named(
-    quantity: str, names: Sequence[str], titles: Sequence[str], path: object
-) -> tuple[str, ...]:
-    if len(names) == 1 and names[0] not in titles:
-        names = _there((f"{names[0]}[{i}]" for i in range(_MOST)), titles) or names
-    for name in names:
-        if name not in titles:
-            raise UserError(f"{path} has no column {name}, but {_shown(titles)}")
-    sizes = QUANTITIES[quantity].sizes
-    if sizes and len(names) not in sizes:
-        allowed = " or ".join(map(str, sizes))
-        raise UserError(f"--columns has {len(names)} of {quantity}, allowed: {allowed}")
-    return tuple(names)
+    return {name: columns for name, columns in found.items() if columns}
 
 
 def _spelled(kind: Kind, titles: Sequence[str]) -> tuple[str, ...]:
     """Return the columns whose titles are as usual, empty if they are not all there."""
     by_case = {title.casefold(): title for title in reversed(titles)}
+    endings: list[list[str]] = [[f"[{i}]" for i in range(len(titles))]]
+    if kind.sizes == _JOINTS:
+        endings += [[f"{before}{i + 1}" for i in range(len(titles))] for before in ("_", "")]
+    elif 3 in kind.sizes:
+        of = ["wxyz"[-size:] for size in kind.sizes]
+        endings += [[f"{b}{one}" for one in axes] for axes in of for b in ("_", ".", "")]
+    else:
+        endings = [[""]]
     for stem in kind.stems:
-        for endings in _endings(kind):
-            there = _there((f"{stem}{ending}" for ending in endings), list(by_case))
-            if len(there) in (kind.sizes or range(1, _MOST + 1)):
+        for some in endings:
+            there = _there((f"{stem}{ending}" for ending in some), by_case)
+            if len(there) in kind.sizes:
                 return tuple(by_case[one] for one in there)
     return ()
 
 
-def _endings(kind: Kind) -> Iterator[Sequence[str]]:
-    if kind.sizes == (1,):
-        yield [""]
-        return
-    yield [f"[{i}]" for i in range(_MOST)]
-    if kind.sizes:
-        for letters in ("wxyz", "xyz") if 4 in kind.sizes else ("xyz",):
-            for before in ("_", ".", ""):
-                yield [f"{before}{letter}" for letter in letters]
-    else:
-        for before in ("_", ""):
-            yield [f"{before}{i + 1}" for i in range(_MOST)]
-
-
-def _there(names: Iterator[str], titles: Sequence[str]) -> tuple[str, ...]:
-    return tuple(takewhile(set(titles).__contains__, names))
-
-
-def _shown(titles: Sequence[str]) -> str:
-    more = len(titles) - _MOST_SHOWN
-    return ", ".join(titles[:_MOST_SHOWN]) + (f" and {more} more" if more > 0 else "")
+def _there(
+    names: Iterable[str], titles: Iterable[str], other: tuple[str, ...] = ()
+) -> tuple[str, ...]:
+    """Return the first names, as long as they are there, or the others if there is none."""
+    return tuple(takewhile(set(titles).__contains__, names)) or other

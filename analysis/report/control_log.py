@@ -71,7 +71,7 @@ def read_log(path: Path) -> tuple[pa.Table, dict[str, Any]]:
     Raises:
         UserError: If it can't be read.
     """
-    table = read_table(path, "(time|observation|command)\\b")
+    table = read_table(path)
     try:
         told = {
             name.decode(): text.decode() for name, text in (table.schema.metadata or {}).items()
@@ -83,17 +83,11 @@ def read_log(path: Path) -> tuple[pa.Table, dict[str, Any]]:
         raise UserError(f"{path} can't be read as a log: {error}") from error
 
 
-def read_table(path: Path, wanted: str = "") -> pa.Table:
-    """Return a table from Parquet, or CSV with units as ``force_x (N)``.
-
-    Of CSV all columns as they come, or as numbers those whose titles begin as is ``wanted``.
-
-    Raises:
-        UserError: If it can't be read.
-    """
+def read_table(path: Path) -> pa.Table:
+    """Return a table from Parquet, or CSV with units as ``force_x (N)``; or raise a UserError."""
     try:
         if path.suffix == ".csv":
-            return _read_csv(path, wanted)
+            return _read_csv(path)
         with path.open("rb") as file:
             return pq.read_table(file)
     except (OSError, ValueError, csv.Error, pa.ArrowException) as error:
@@ -107,23 +101,16 @@ def split_title(title: str) -> tuple[str, str]:
     return name, "".join(units).strip()
 
 
-def _read_csv(path: Path, wanted: str) -> pa.Table:
+def _read_csv(path: Path) -> pa.Table:
     with path.open(encoding="utf-8-sig", newline="") as file:
         header = next(csv.reader(file), [])
-    options = None
-    if wanted:
-        header = [one for one in header if re.match(wanted, one)]
-        options = pyarrow.csv.ConvertOptions(
-            include_columns=header,
-            column_types=dict.fromkeys(header, pa.float64()),
-            null_values=[""],
-        )
-    table = pyarrow.csv.read_csv(path, convert_options=options)
+    options = pyarrow.csv.ConvertOptions(null_values=[""])
+    columns = pyarrow.csv.read_csv(path, convert_options=options).columns
     fields = [
         pa.field(name, column.type, metadata={"unit": unit})
-        for (name, unit), column in zip(map(split_title, header), table.columns, strict=True)
+        for (name, unit), column in zip(map(split_title, header), columns, strict=True)
     ]
-    return pa.Table.from_arrays(table.columns, schema=pa.schema(fields))
+    return pa.Table.from_arrays(columns, schema=pa.schema(fields))
 
 
 def log_records(law: AnyLaw, table: pa.Table, path: Path) -> list[Record]:

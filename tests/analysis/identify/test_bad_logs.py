@@ -57,7 +57,7 @@ def _back(time: NDArray[np.float64]) -> NDArray[np.float64]:
         (_with("time", _back), "0.495 s after its start comes 0.3 s, in row 101"),
         (_with("time", lambda time: 1e3 * time), "if its time is in ms"),
         (_gap, "has a gap of 0.505 s, 14.995 s after its start, where rows are 0.005 s apart"),
-        (_with("rotation", np.rad2deg), "rotation is a vector of up to 194.3 rad"),
+        (_with("rotation", np.rad2deg), "rotation is up to 194.3 rad"),
         (_with("position", lambda position: 1e3 * position), "position is up to 719.8 m"),
         (_with("virtual_position", lambda p: 1e3 * p), "reference_position is up to 72"),
         (

@@ -29,7 +29,7 @@ def told(**changed: float) -> dict[str, Quantity]:
     values |= {f"stiffness.{axis}": 500.0 + 50 * i for i, axis in enumerate("xyz")}
     values |= {f"sensor.offset.{axis}": 0.3 + i for i, axis in enumerate("xyz")}
     values |= {name: 0.2 + 0.01 * i for i, name in enumerate(JOINTS)} | changed
-    found = {name: Quantity(one, 0.9 * one, 1.1 * one, "") for name, one in values.items()}
+    found = {name: Quantity(one, 0.9 * one, 1.1 * one, "s") for name, one in values.items()}
     return found | {"damping.x": unknown("N s/m", "too little motion")}
 
 
@@ -83,8 +83,8 @@ def test_what_has_no_field_or_is_not_told_is_a_comment(tmp_path: Path) -> None:
     text = fragment_text(found, "wam-pair", of="log.npz")
     path.write_text(text)
     assert read_mapping(path) == {}
-    assert "# delay: 0.02 (0.018 to 0.022)" in text
+    assert "# delay: 0.02 s (0.018 to 0.022)" in text
     assert "# damping.x: not told; too little motion" in text
     only_z = fragment_text({"stiffness.z": told()["stiffness.z"]}, "wam-pair", of="log.npz")
     assert "stiffness: [400.0, 400.0, 600.0]" in only_z
-    assert "the cell's own, 400 N/m, where the log does not tell" in only_z
+    assert "400 N/m, the cell's own, where the log does not tell" in only_z

@@ -94,7 +94,7 @@ def test_quaternions_are_rotations_and_unlike_ones_are_refused(log: Log, tmp_pat
     turned = Rotation.from_rotvec(log.rotation).inv() * Rotation.from_rotvec(found)
     assert turned.magnitude().max() < 1e-6
     np.savez(path, time=log.time, force=log.force, rotation=2 * quaternions)  # type: ignore[arg-type]
-    with pytest.raises(UserError, match="a quaternion of length 2, must be 1"):
+    with pytest.raises(UserError, match="quaternions whose length is off 1 by 1"):
         read_log(path)
 
 
