@@ -60,7 +60,7 @@ def _identify(arguments: argparse.Namespace, _: Catalogue) -> int:
     from chamfer.analysis.identify.identified import identify
     from chamfer.analysis.identify.identified_scenario import fragment_text
     from chamfer.analysis.identify.log import read_log
-    from chamfer.analysis.identify.log_columns import QUANTITIES, parse_columns
+    from chamfer.analysis.identify.log_columns import parse_columns
     from chamfer.analysis.report import results
     from chamfer.analysis.report.atomic_write import written
 
@@ -86,7 +86,7 @@ def _identify(arguments: argparse.Namespace, _: Catalogue) -> int:
         "columns": arguments.columns,
         "rows": len(log.time),
         "seconds": float(log.time[-1]),
-        "read": [name for name in QUANTITIES if getattr(log, name) is not None],
+        "read": list(log.quantities()),
         "identify": {name: one._asdict() for name, one in found.quantities.items()},
         "versions": results.versions(),
         "figures": list(files),

@@ -59,6 +59,10 @@ class Log:
         """The median time between two rows, s."""
         return float(np.median(np.diff(self.time)))
 
+    def quantities(self) -> dict[str, Array]:
+        """Return what was recorded by name."""
+        return {name: of for name in QUANTITIES if (of := getattr(self, name)) is not None}
+
 
 def read_log(path: Path, columns: Mapping[str, Chosen] | None = None) -> Log:
     """Return a log from CSV, Parquet, or an npz of arrays, its time from its first row on.
