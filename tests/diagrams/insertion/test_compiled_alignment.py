@@ -38,10 +38,11 @@ def aligned(cell: ResolvedInsertionScenario, draws: Draws) -> Alignments:
     return run_alignments(cell, draws, start=np.zeros(6), spread=np.zeros(6))
 
 
-@pytest.mark.parametrize("kind", ["fsm", "pid"])
-def test_a_start_goes_as_in_the_diagram(kind: str) -> None:
+@pytest.mark.parametrize(("kind", "uneven"), [("fsm", 0.0), ("pid", 0.0), ("fsm", 0.9)])
+def test_a_start_goes_as_in_the_diagram(kind: str, uneven: float) -> None:
     error = (0.0, 0.006, -0.004, 0.0, 0.05, -0.03)
-    cell = resolve(replace(USUAL, controller=replace(USUAL.controller, kind=kind)))  # type: ignore[arg-type]
+    peg = replace(USUAL.peg, friction_asymmetry=(uneven,) * 7)
+    cell = resolve(replace(USUAL, peg=peg, controller=replace(USUAL.controller, kind=kind)))  # type: ignore[arg-type]
     found = aligned(cell, drawn(cell, error))
     traces = run_cell_insertion(replace(cell, initial_error=error), 0, until_advance=True).traces
     tick = cell.cameras.frames.period
