@@ -12,19 +12,19 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from chamfer.analysis.campaign.trial_metrics import prefixed
 from chamfer.analysis.drawing.figure_style import BAND, FORCE, dress, legend, new_figure
+from chamfer.analysis.identify.identified import identify
 from chamfer.analysis.identify.log import Log, read_log
 from chamfer.analysis.scenario.experiment import Metric, Outcome, Progress, Table, column, measured
 from chamfer.analysis.surface.normal_metrics import (
     DEVIATIONS,
+    TELLS,
     angle_between,
-    errors,
     normalised_square,
 )
 from chamfer.models.recordings.recordings import SLIDES, slide_path
@@ -57,8 +57,7 @@ from chamfer.systems.force.contact_detection_law import (
 Array = NDArray[np.float64]
 
 _BAND: Final = float(chi2.ppf(0.95, 3))  # as the thesis' uncertainties are, of three axes (4-9)
-_SLIDES: Final = 0.02  # m/s, above which the tip slides beyond doubt
-_MOVES: Final = 5e-3  # m/s, rms; less tells no damping
+_TOLD: Final = ("friction", "stiffness", "damping", "contact.stiffness")
 _BOUNCE: Final = 1.0  # s after the touch; contact that is lost later is no bounce
 
 
@@ -126,13 +125,10 @@ class Recorded(NamedTuple):
     force_rate: Array  # (n, 3), N/s
     position: Array  # (n, 3), m
     velocity: Array  # (n, 3), m/s
-    stretch: Array | None  # (n, 3), m, from the tip to the impedance's reference
     contact: NDArray[np.bool_]  # (n,)
     normal: Array  # (3,), the true one
     plane: str  # how it was found
-    flat: float  # m, rms of the height over that plane
     detected: tuple[Array, ...]  # s, of touches, and of losses
-    noise: float  # N, rms length of the force's error without contact
 
 
 def _recorded(scenario: MeasuredSlideScenario, name: str, log: Log) -> Recorded:
@@ -141,9 +137,8 @@ def _recorded(scenario: MeasuredSlideScenario, name: str, log: Log) -> Recorded:
     Raises:
         ParameterError: If it lacks force or position, or a part without contact.
     """
-    where = scenario.recording or name
     if log.force is None or log.position is None:
-        raise ParameterError("recording", where, "a log with force and position of the tip")
+        raise ParameterError("recording", name, "a log with force and position of the tip")
     free = log.time < log.time[0] + scenario.free
     force = log.force - log.force[free].mean(axis=0)
     rows, period = round(scenario.observer.period / log.period), scenario.observer.period
@@ -163,30 +158,24 @@ def _recorded(scenario: MeasuredSlideScenario, name: str, log: Log) -> Recorded:
     least = CONTACT_THRESHOLD * known("force_noise", scenario.observer.force_noise)
     contact = np.linalg.norm(pushed, axis=1) > least
     if np.any(contact & (time < time[0] + scenario.free - period)):
-        allowed = f"a time without contact: {where} has more than {least:g} N then"
+        allowed = f"a time without contact: {name} has more than {least:g} N then"
         raise ParameterError("free", scenario.free, allowed)
     believed = np.array(scenario.normal) / np.linalg.norm(scenario.normal)
-    normal, plane, flat = _plane(position[contact], believed, scenario.straight)
-    reference = log.reference_position
+    normal, plane = _plane(position[contact], believed, scenario.straight)
+    detected = _detected(scenario.detection, log.time, force, free, believed)
     return Recorded(
-        time, pushed, rate(pushed), position, rate(position),
-        None if reference is None else mean(reference) - position,
-        contact, normal, plane, flat,
-        _detected(scenario.detection, log.time, force, free, believed),
-        math.sqrt(3.0 * float(force[free].var(axis=0).mean())),
-    )  # fmt: skip
+        time, pushed, rate(pushed), position, rate(position), contact, normal, plane, detected
+    )
 
 
-def _plane(path: Array, believed: Array, straight: float) -> tuple[Array, str, float]:
-    """Return the normal of a path's plane, how it was found, and the rms height over it, m."""
+def _plane(path: Array, believed: Array, straight: float) -> tuple[Array, str]:
+    """Return the normal of a path's plane, and how it was found."""
     if len(path) < 3:
-        return believed, "as believed: no contact", math.nan
-    off = path - path.mean(axis=0)
-    _, sizes, axes = np.linalg.svd(off, full_matrices=False)
+        return believed, "as believed: no contact"
+    sizes, axes = np.linalg.svd(path - path.mean(axis=0), full_matrices=False)[1:]
     if sizes[2] > straight * sizes[1]:
-        return believed, "as believed: the path is too straight for a plane", math.nan
-    normal = axes[2] * math.copysign(1.0, float(axes[2] @ believed))
-    return normal, "of the plane through the path", float(sizes[2]) / math.sqrt(len(path))
+        return believed, "as believed: the path is too straight for a plane"
+    return axes[2] * math.copysign(1.0, axes[2] @ believed), "of the plane through the path"
 
 
 def _detected(
@@ -253,10 +242,11 @@ def run_measured(scenario: MeasuredSlideScenario, seed: int, progress: Progress)
     paths = _paths(scenario)
     believed = np.array(scenario.normal) / np.linalg.norm(scenario.normal)
     for i, (name, path) in enumerate(paths.items()):
-        on = _recorded(scenario, name, read_log(path))
+        log = read_log(path)
+        on = _recorded(scenario, name, log)
         begin = on.time[on.contact][0] if on.contact.any() else math.inf
         counts = on.contact & (on.time >= begin + scenario.settle)
-        found, residual = _impedance(on)
+        found, residual = _identified(log, on.time)
         found |= _of_recording(on)
         rows = {"recording": np.full(len(on.time), float(i)), "time": on.time, "counts": counts}
         rows |= {f"force_{axis}": on.force[:, k] for k, axis in enumerate("xyz")}
@@ -274,8 +264,6 @@ def run_measured(scenario: MeasuredSlideScenario, seed: int, progress: Progress)
 
 
 _NO_ERRORS: Final = "no sample in contact after it has settled"
-_NO_REFERENCE: Final = "no reference of an impedance was recorded, or no contact"
-_STILL: Final = "the tip hardly moves along that axis in contact"
 
 
 def _of_observers(
@@ -287,34 +275,29 @@ def _of_observers(
         found |= prefixed(kind, _of_observer(of, on, counts))
     rms, least = found["adaptive.rms"].value, found["thesis.rms"].value
     ratio = rms / least if rms is not None and least else None
-    note = "rms of adaptive over the thesis'"
-    return found | {"rms_ratio": measured(ratio, "", note=note, missing=_NO_ERRORS)}
+    return found | {"rms_ratio": measured(ratio, "", note="over the thesis'", missing=_NO_ERRORS)}
 
 
 def _of_observer(made: Table, on: Recorded, counts: NDArray[np.bool_]) -> dict[str, Metric]:
     """Return what an observer's errors are like where they count."""
-    rows = {name: values[counts] for name, values in {"time": on.time, **made}.items()}
-    always = (-math.inf, math.inf)
-    found = errors(rows, always, largest=always)
-    values: dict[str, tuple[float | None, str]] = {
-        "rms": (found["error.rms"], "deg"),
-        "quantile_95": (None, "deg"),
-        "coverage": (found["coverage"], "%"),
-        "coverage_95": (None, "%"),
-        "nees": (found["nees"], ""),
-        "band": (None, "deg"),
-        "pulls": (None, "%"),
-        "unfit": (None, "%"),
+    columns = ("error", "band", "nees", "push", "status")
+    error, band, nees, push, status = (
+        made[name][counts] if counts.any() else np.full(1, np.nan) for name in columns
+    )
+
+    def share(rows: NDArray[np.bool_]) -> float:
+        return 100 * float(np.mean(np.where(np.isnan(error), np.nan, rows)))
+
+    values = {
+        "rms": (math.sqrt(float(np.mean(error**2))), "deg"),
+        "quantile_95": (float(np.quantile(error, 0.95)), "deg"),
+        "coverage": (share((error <= band) & (band < TELLS)), "%"),
+        "coverage_95": (share(2 * nees <= _BAND), "%"),
+        "nees": (float(np.mean(nees)), ""),
+        "band": (float(np.median(band)), "deg"),
+        "pulls": (share(push < 0), "%"),
+        "unfit": (share(np.isin(status, (NormalStatus.PULLED, NormalStatus.UNFIT))), "%"),
     }
-    if counts.any():
-        doubted = np.isin(rows["status"], (NormalStatus.PULLED, NormalStatus.UNFIT))
-        values |= {
-            "quantile_95": (float(np.quantile(rows["error"], 0.95)), "deg"),
-            "coverage_95": (100 * float(np.mean(2 * rows["nees"] <= _BAND)), "%"),
-            "band": (float(np.median(rows["band"])), "deg"),
-            "pulls": (100 * float(np.mean(rows["push"] < 0)), "%"),
-            "unfit": (100 * float(np.mean(doubted)), "%"),
-        }
     return {
         name: measured(value, unit, note=on.plane, missing=_NO_ERRORS)
         for name, (value, unit) in values.items()
@@ -322,64 +305,38 @@ def _of_observer(made: Table, on: Recorded, counts: NDArray[np.bool_]) -> dict[s
 
 
 def _of_recording(on: Recorded) -> dict[str, Metric]:
-    """Return friction, the plane and the contacts of a recording."""
-    push = on.force @ on.normal
-    tangent = on.velocity - np.outer(on.velocity @ on.normal, on.normal)
-    speed = np.linalg.norm(tangent, axis=1)
-    slides = on.contact & (speed > _SLIDES)
-    share = -np.sum(on.force * tangent, axis=1)[slides] / (speed * push)[slides]
-    friction, note = math.nan, ""
-    if slides.any():
-        low, friction, high = np.quantile(share, (0.05, 0.5, 0.95)).tolist()
-        note = f"median, nine of ten samples from {low:.3g} to {high:.3g}"
+    """Return the contacts that were detected in a recording."""
     touches, losses = on.detected
-    first = float(touches[0]) if len(touches) else math.nan
-    never = "no contact was detected"
-    found = {
-        "friction": measured(friction, "", note=note, missing="no sample slides in contact"),
-        "plane": measured(on.flat, "m", note="rms of the height over it", missing=on.plane),
-        "noise": Metric(value=on.noise, unit="N", note="rms length without contact"),
-    }
     if not on.contact.any():
         note = f"of {on.time[-1] - on.time[0]:.0f} s in free motion"
-        return found | {"false_alarms": Metric(value=float(len(touches)), unit="", note=note)}
-    bounces = float(np.sum(losses < first + _BOUNCE)) if len(touches) else math.nan
-    return found | {
-        "touch": measured(first, "s", missing=never),
-        "bounces": measured(bounces, "", note=f"losses within {_BOUNCE:g} s", missing=never),
+        return {"false_alarms": Metric(value=float(len(touches)), unit="", note=note)}
+    first = float(touches[0]) if len(touches) else math.nan
+    bounces = float(np.sum(losses < first + _BOUNCE))
+    return {
+        "touch": measured(first, "s", missing="no contact was detected"),
+        "bounces": Metric(value=bounces, unit="", note=f"losses within {_BOUNCE:g} s"),
         "losses": Metric(value=float(len(losses)), unit="", note="in all"),
     }
 
 
-def _impedance(on: Recorded) -> tuple[dict[str, Metric], Array]:
-    """Fit ``F = K (x0 - x) - D v`` in each axis in contact; return what is left too, (n, 3), N.
-
-    F is that of the tool on the surface. Displacement is fitted on force, velocity and
-    acceleration: noise of the displacement would make the stiffness of a fit the other way round
-    too small.
-    """
-    residual = np.full(on.force.shape, np.nan)
-    found: dict[str, Metric] = {}
-    enough = on.stretch is not None and np.count_nonzero(on.contact) > 10
-    acceleration = np.gradient(on.velocity, on.time, axis=0)
-    for k, axis in enumerate("xyz"):
-        stiffness = damping = math.nan
-        if enough and on.stretch is not None:
-            causes = np.column_stack([-on.force[:, k], on.velocity[:, k], acceleration[:, k]])
-            stretch = on.stretch[:, k]
-            slopes = np.linalg.lstsq(causes[on.contact], stretch[on.contact], rcond=None)[0]
-            stiffness, damping = 1 / slopes[0], slopes[1] / slopes[0]
-            left = stiffness * (stretch - causes @ slopes)
-            residual[on.contact, k] = left[on.contact]
-            if math.sqrt(float(np.mean(on.velocity[on.contact, k] ** 2))) < _MOVES:
-                damping = math.nan
-        found |= {
-            f"stiffness.{axis}": measured(stiffness, "N/m", missing=_NO_REFERENCE),
-            f"damping.{axis}": measured(damping, "N s/m", missing=_STILL),
-        }
-    rms = math.sqrt(float(np.nanmean(residual**2))) if enough else math.nan
-    found["residual"] = measured(rms, "N", note="rms of an axis", missing=_NO_REFERENCE)
-    return prefixed("impedance", found), residual
+def _identified(log: Log, time: Array) -> tuple[dict[str, Metric], Array]:
+    """Return friction and impedance with intervals; what its fit leaves at times, (n, 3), m."""
+    told = identify(log)
+    found = {
+        name: measured(
+            one.value, one.unit, missing=one.note,
+            note=f"95 % from {one.low:.3g} to {one.high:.3g}" if one.low and one.high else "",
+        )
+        for name, one in told.quantities.items()
+        if name.startswith(_TOLD)
+    }  # fmt: skip
+    left = np.full((len(time), 3), np.nan)
+    for one in told.residuals:
+        if one.title == "Impedance":
+            at = np.argmin(np.abs(one.time[:, np.newaxis] - time), axis=0)
+            left = 1e-3 * one.values[at]
+    rms = math.sqrt(float(np.nanmean(left**2))) if np.isfinite(left).any() else math.nan
+    return found | {"residual": measured(rms, "m", missing="no impedance was recorded")}, left
 
 
 _LOOK: Final = {"thesis": ("thesis", "#555555"), "adaptive": ("adaptive", "#e07b00")}
@@ -395,7 +352,7 @@ def figures(scenario: MeasuredSlideScenario, outcome: Outcome) -> Mapping[str, F
         here = traces["recording"] == i
         _draw(name, row, {key: values[here] for key, values in traces.items()})
     for axes in panels[-1]:
-        legend(axes, loc="upper left", bbox_to_anchor=(0.0, -0.22), ncols=3)
+        legend(axes, loc="upper left", bbox_to_anchor=(0.0, -0.22), ncols=2)
     return {"measured-slide": figure}
 
 
@@ -419,8 +376,8 @@ def _draw(name: str, row: Array, rows: Table) -> None:
         errors_of.axvspan(time[touches][0], begin, **BAND)
         errors_of.set_ylim(0.0, 6.0)
     else:
-        _say(errors_of, "no contact: no normal")
-        _say(left, "no contact: no residual")
+        where = errors_of.transAxes
+        errors_of.text(0.5, 0.5, "no contact: no normal", ha="center", transform=where)
     dress(
         errors_of,
         title=f"{name}: error of the normal (grey: does not count)",
@@ -428,8 +385,9 @@ def _draw(name: str, row: Array, rows: Table) -> None:
         y="angle / °",
     )
     dress(push, title="recorded force, along the estimated normals", x="time / s", y="force / N")
-    dress(left, title="K (x0 - x) - D v - F, as fitted", x="time / s", y="force / N")
-
-
-def _say(axes: Axes, text: str) -> None:
-    axes.text(0.5, 0.5, text, ha="center", va="center", transform=axes.transAxes)
+    dress(
+        left,
+        title="x0 - x - (F + D v) / K where the tip moves",
+        x="time / s",
+        y="displacement / m",
+    )

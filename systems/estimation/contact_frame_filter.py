@@ -46,9 +46,16 @@ _LEAST_NOISE: Final = 1e-3  # N and N/s, taken for a sensor said to have none
 
 @lru_cache(maxsize=16)
 def gripper_model(
-    stiffness: tuple[tuple[float, ...], ...], force_noise: float, rate_noise: float, factor: float
+    stiffness: tuple[tuple[float, ...], ...],
+    force_noise: float,
+    rate_noise: float,
+    position: float,
+    factor: float,
 ) -> GripperModel:
-    """Return what is taken for a gripper that is stiffer than was told by a factor."""
+    """Return what is taken for a gripper that is stiffer than was told by a factor.
+
+    ``position``, m, is the deviation of its nominal position, which counts for the force alone.
+    """
     # A force's component has u / sqrt(3) (4-9).
     force, rate = (max(one, _LEAST_NOISE) / math.sqrt(3) for one in (force_noise, rate_noise))
     K = stiffness[0][0] * np.eye(3)  # in the plane any stiffness out of it would do
@@ -65,24 +72,16 @@ def gripper_model(
         point_deviation=force * most,
         velocity_covariance=rate**2 * spread,
         velocity_deviation=rate * most,
+        pulled_deviation=position * float(np.linalg.norm(K, 2)),
     )
 
 
-def uneven(gripper: GripperModel, deviation: float, counted: float) -> GripperModel:
-    """Return a gripper whose nominal position is off.
-
-    Args:
-        gripper: It, as if it were not.
-        deviation: m, of each axis.
-        counted: The same, of a sample that has to count for itself.
-    """
-    covariance = gripper.point_covariance + counted**2 * np.eye(3)
-    return gripper._replace(
-        point_covariance=covariance,
-        point_root=np.linalg.inv(np.linalg.cholesky(covariance)),
-        point_deviation=math.hypot(gripper.point_deviation, counted),
-        pulled_deviation=deviation * float(np.linalg.norm(gripper.stiffness, 2)),
-    )
+@compiled
+def _counted(covariance: Array, variance: float) -> tuple[Array, Array]:
+    """Return a point's covariance, m^2, with more on each axis, and its inverse root, 1/m."""
+    whole = covariance + variance * np.eye(3)
+    root = np.linalg.cholesky(whole).astype(np.float64)
+    return whole, inverse(root)  # which needs no pivots either
 
 
 _MODELS: Final = 3  # their radii are spread evenly, in ratio, between the next two
@@ -219,7 +218,11 @@ class ContactFrameFilter:
         """Make the filter; ``banded=False`` leaves the mixture as it is, with its own band."""
         self._params = params
         self._gripper = partial(
-            gripper_model, params.stiffness, params.force_noise, params.force_rate_noise
+            gripper_model,
+            params.stiffness,
+            params.force_noise,
+            params.force_rate_noise,
+            params.model_error.position,
         )
         # A velocity is that of a position, sample by sample.
         self._jitter = params.model_error.position / params.period
@@ -361,7 +364,12 @@ class ContactFrameFilter:
         off = self._params.model_error
         if off.position:
             often = repeats(math.sqrt(step @ step), off.position_length)
-            gripper = uneven(gripper, off.position, math.sqrt(often) * off.position)
+            variance = often * off.position**2
+            whole, root = _counted(gripper.point_covariance, variance)
+            most = math.hypot(gripper.point_deviation, math.sqrt(variance))
+            gripper = gripper._replace(
+                point_covariance=whole, point_root=root, point_deviation=most
+            )
             reading = reading._replace(gripper=gripper)
         model = self._at_speed(math.sqrt(moving @ moving), gripper)
         surprise = follow_all(frames, weights, model, reading, step, deviation)

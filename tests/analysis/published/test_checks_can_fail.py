@@ -342,9 +342,9 @@ def spoilt_slides() -> Mapping[str, Metric]:
     rows = np.ones(20)
     on = measured_slide.Recorded(
         time=np.arange(20.0), force=np.ones((20, 3)), force_rate=np.zeros((20, 3)),
-        position=np.zeros((20, 3)), velocity=np.zeros((20, 3)), stretch=None,
-        contact=rows > 0, normal=np.array([0.0, 0.0, 1.0]), plane="", flat=1.0,
-        detected=(np.array([3.0]), np.zeros(0)), noise=1.0,
+        position=np.zeros((20, 3)), velocity=np.zeros((20, 3)),
+        contact=rows > 0, normal=np.array([0.0, 0.0, 1.0]), plane="",
+        detected=(np.array([3.0]), np.zeros(0)),
     )  # fmt: skip
     thesis = {"error": rows, "band": 9 * rows, "nees": rows, "push": rows, "status": 0 * rows}
     wrong = {"error": 9 * rows, "band": rows, "push": -rows, "status": 6 * rows}

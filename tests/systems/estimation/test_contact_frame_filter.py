@@ -15,14 +15,19 @@ from chamfer.models.surfaces.rounds import Circle, Sphere
 from chamfer.models.surfaces.surface import Surface
 from chamfer.systems.contact.sliding_contact import FREE, SLIP
 from chamfer.systems.estimation import contact_frame_filter
-from chamfer.systems.estimation.contact_frame import NUMBERS, as_frame
+from chamfer.systems.estimation.contact_frame import NUMBERS, as_frame, repeats
 from chamfer.systems.estimation.contact_frame_filter import ContactFrameFilter, resolving_length
 from chamfer.systems.estimation.model_error import (
     CALIBRATION,
     GripperCalibration,
     ModelErrorParams,
 )
-from chamfer.systems.estimation.normal_filter import NormalStatus, Sample, rotation_between
+from chamfer.systems.estimation.normal_filter import (
+    NormalStatus,
+    Sample,
+    rotation_between,
+    tangential_deviation,
+)
 
 Array = np.ndarray
 VARYING = SurfaceFriction(coefficient=0.5, ripple=0.3)
@@ -451,3 +456,82 @@ def test_a_bend_of_5_degrees_stays_within_the_band(slides: Any) -> None:
         assert 0.1 < square < 1.6
     assert worst[0] >= 0.9
     assert worst[1] < 0.5
+
+
+FLAT = Parabola(coefficients=(0.0, 0.0))
+
+
+def test_a_known_error_of_the_position_is_in_the_band(slides: Any) -> None:
+    """A position that is off by 5 mm, and by as much again 5 cm later on the path."""
+    slide = slides.make(FLAT, slides.lead(3, heading=0.4), 12.0, friction=VARYING)
+    slid = slide.modes == SLIP
+    kept, told = math.exp(-0.2 * 0.05 / 0.05), {"position": 5e-3, "position_length": 0.05}
+    for seed in range(3):
+        draw, off, samples = np.random.default_rng(seed).standard_normal, np.zeros(3), []
+        for sample in slide.samples:
+            off = kept * off + math.sqrt(1 - kept**2) * 5e-3 * draw(3)
+            nominal = sample.nominal_position + off
+            force = sample.force + 0.01 / math.sqrt(3) * draw(3)
+            samples.append(sample._replace(nominal_position=nominal, force=force))
+        for error in (told, {}):
+            observer = slides.observer(3, error, force_noise=0.01, force_rate_noise=0.1)
+            found = slides.follow(observer, samples)
+            off_by = slides.angles(found.normals, slide.normals)[slid]
+            assert np.mean(off_by <= 3 * found.deviations[slid]) >= 0.95
+            # Who is not told of it says that something does not fit, and the band is wider.
+            assert (NormalStatus.UNFIT in found.statuses) == (not error)
+
+
+def test_errors_over_a_length_count_as_fewer_samples() -> None:
+    """The variance of a long mean of correlated errors is what was counted with."""
+    random, n, distance, length = np.random.default_rng(1), 400, 0.004, 0.02
+    kept = math.exp(-distance / length)
+    errors = np.empty((3000, n))
+    errors[:, 0] = random.standard_normal(3000)
+    for k in range(1, n):
+        new = random.standard_normal(3000)
+        errors[:, k] = kept * errors[:, k - 1] + math.sqrt(1 - kept**2) * new
+    counted = repeats(distance, length)
+    assert counted == pytest.approx((1 + kept) / (1 - kept), rel=1e-12)
+    assert n * errors.mean(axis=1).var() == pytest.approx(counted, rel=0.06)
+    assert repeats(distance, 0.0) == 1.0
+    assert math.isfinite(repeats(0.0, length))
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_surface_that_would_pull_begins_the_estimate_anew(slides: Any, d: int) -> None:
+    flat = FLAT if d == 3 else Parabola(coefficients=(0.0,))
+    slide = slides.make(flat, slides.lead(d), 4.0, friction=VARYING)
+    observer = slides.observer(d)
+    memory, up = observer.start(-np.eye(d)[-1]), np.eye(d)[-1]
+    found = []
+    for sample in slides.disturb(slide.samples, 3):
+        found.append(observer.update(memory, sample))
+        memory = found[-1].memory
+    (first,) = np.flatnonzero([one.status is NormalStatus.PULLED for one in found])
+    assert slide.modes[first] != FREE
+    anew, last = found[first], found[-1]
+    assert tangential_deviation(anew.normal, anew.covariance) > math.radians(40)
+    for one in found[first:]:
+        band = 3 * tangential_deviation(one.normal, one.covariance)
+        assert math.acos(min(float(one.normal @ up), 1.0)) < band
+    assert math.degrees(math.acos(min(float(last.normal @ up), 1.0))) < 5
+
+
+def test_a_stiffness_that_does_not_fit_is_told(slides: Any) -> None:
+    """Told 5.8 times too little: with a load that varies the path leaves every surface."""
+    random = np.random.default_rng(5)
+    depths = 0.1 + 0.03 * np.sin(0.5 * np.arange(120))
+    samples = []
+    for k, depth in enumerate(depths.tolist()):
+        force = 100.0 * depth * np.array([-0.5, 1.0]) + random.standard_normal(2) / math.sqrt(3)
+        point = np.array([0.01 * k, 0.0])
+        samples.append(Sample(force, np.zeros(2), point - 0.01 * force, np.array([0.2, 0.0])))
+    for factor, doubted in ((1.0, False), (1 / 5.8, True)):
+        found = slides.follow(
+            slides.observer(2, stiffness=slides.stiffness(2, 100.0 * factor)), samples
+        )
+        assert (NormalStatus.UNFIT in found.statuses[20:]) == doubted
+        errors = slides.angles(found.normals, np.tile([0.0, 1.0], (120, 1)))
+        assert np.mean(errors[20:] <= 3 * found.deviations[20:]) >= 0.9
+    assert NormalStatus.MEASURED not in found.statuses[90:]
