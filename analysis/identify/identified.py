@@ -51,20 +51,20 @@ def identify(log: Log, *, told_stiffness: float | None = None) -> Identification
         quantities |= sensed.quantities
         residuals.append(Residual("Force without contact", "N", log.time, sensed.residual))
         if motion is not None and touched is not None:
-            arm = fit_impedance(motion, touched.force if touched.any else None, told_stiffness)
+            arm = fit_impedance(motion, touched, told_stiffness)
             quantities |= {**touched.quantities, **arm.quantities}
-            time = motion.time
-            residuals += [
-                Residual("Height over the plane", "mm", time, 1e3 * touched.height),
-                Residual("Force off the friction cone", "N", time, touched.off_cone),
-            ]
-            if arm.residual is not None:
-                residuals.append(Residual("Impedance", "mm", time, 1e3 * arm.residual))
+            for title, unit, scale, values in (
+                ("Height over the plane", "mm", 1e3, touched.height),
+                ("Force off the friction cone", "N", 1.0, touched.off_cone),
+                ("Impedance", "mm", 1e3, arm.residual),
+            ):
+                if values is not None:
+                    residuals.append(Residual(title, unit, motion.time, scale * values))
     joints, left = fit_joints(log)
     if left:
-        values = np.column_stack(list(left.values()))
         labels = tuple(f"joint {i}" for i in left)
-        residuals.append(Residual("Torque of the joints", "N m", log.time, values, labels))
+        torques = np.column_stack(list(left.values()))
+        residuals.append(Residual("Torque of the joints", "N m", log.time, torques, labels))
     shown = tuple(r for r in residuals if np.isfinite(r.values).any())
     return Identification(quantities=quantities | joints, residuals=shown)
 

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+from chamfer.analysis.identify.contact_fit import Touched
 from chamfer.analysis.identify.motion import Motion
 from chamfer.analysis.identify.quantity import (
     Array,
@@ -47,10 +48,9 @@ class Impedance:
     residual: Array | None = None  # (n, 3), m, of the displacement; None: nothing was fitted
 
 
-def fit_impedance(motion: Motion, force: Array | None, told: float | None) -> Impedance:
-    """Return the impedance from the force on the tool, (n, 3), N, in fixed axes.
+def fit_impedance(motion: Motion, touched: Touched, told: float | None) -> Impedance:
+    """Return the impedance; without contact the motion tells the delay and no stiffness.
 
-    Without contact (None) motion tells the delay and no stiffness.
     ``told``, N/m, is the stiffness that was set: it tells the unit of the forces.
     """
     if motion.reference is None:
@@ -58,11 +58,11 @@ def fit_impedance(motion: Motion, force: Array | None, told: float | None) -> Im
         return Impedance(quantities={name: unknown(unit, why) for name, unit in _UNITS.items()})
     known = np.zeros(len(motion.time), dtype=bool)
     known[int(_DELAYS[-1] / motion.period) + 1 : int(_DELAYS[0] / motion.period) - 1] = True
+    known &= touched.steady
     moves = motion.moves(known)
     if np.sum(known & moves) > _MOVING * np.sum(known):
         known &= moves  # at rest the arm's friction is anything
-    touched = force is not None
-    force = np.zeros_like(motion.position) if force is None else force
+    force = touched.force if touched.any else 0 * touched.force
     columns = [force, motion.velocity, motion.acceleration, motion.heading, np.ones_like(force)]
     given = np.stack(columns, axis=2)[known]  # (m, 3, 5)
     asked = make_interp_spline(motion.time, motion.reference)
@@ -75,7 +75,7 @@ def fit_impedance(motion: Motion, force: Array | None, told: float | None) -> Im
         in_blocks(moved**2),
     )
     found = jackknife(_values, *sums)
-    unsure = (_STAMP if touched else _STAMP_FREE) * motion.row
+    unsure = (_STAMP if touched.any else _STAMP_FREE) * motion.row
     stamp = np.diag([unsure**2, *[0.0] * 9])
     found = found._replace(covariance=found.covariance + stamp)
     delay = _delay(found, 0)

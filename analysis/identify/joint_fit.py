@@ -9,9 +9,10 @@ from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
+from scipy.ndimage import binary_erosion
 
 from chamfer.analysis.identify.log import Log
-from chamfer.analysis.identify.motion import smooth
+from chamfer.analysis.identify.motion import smooth, smoothing
 from chamfer.analysis.identify.quantity import (
     Array,
     Quantity,
@@ -21,7 +22,7 @@ from chamfer.analysis.identify.quantity import (
     unknown,
 )
 
-_MOVES = 0.02  # of the largest speed
+_MOVES = 0.1  # of the largest speed
 _LEAST = 100  # rows in either direction
 _NAMES: Final = ("coulomb_plus", "coulomb_minus", "viscous_plus", "viscous_minus")
 _UNITS: Final = ("N m", "N m", "N m s/rad", "N m s/rad")
@@ -38,11 +39,12 @@ def fit_joints(log: Log) -> tuple[dict[str, Quantity], Mapping[int, Array]]:
     )
     if log.joint_velocity is not None:
         speeds = smooth(log.joint_velocity, log.period)
+    apart = round(3 * smoothing(log.period))  # from where a joint turns round
     torques = smooth(log.joint_torque, log.period)
     for i, (q, w, a, torque) in enumerate(
         zip(positions.T, speeds.T, accelerations.T, torques.T, strict=True), start=1
     ):
-        moves = np.abs(w) > _MOVES * np.max(np.abs(w))
+        moves = binary_erosion(np.abs(w) > _MOVES * np.max(np.abs(w)), iterations=apart)
         names = [f"joint_friction.{name}.{i}" for name in _NAMES]
         if min(np.sum(w[moves] > 0), np.sum(w[moves] < 0)) < _LEAST:
             note = "the joint doesn't turn both ways"

@@ -40,10 +40,16 @@ class Motion:
         return binary_erosion(steady, iterations=max(1, round(3 * _SMOOTH / self.period)))
 
 
+def smoothing(period: float) -> float:
+    """Return the standard deviation of the bell that signals are smoothed with, rows."""
+    return max(_SMOOTH / period, _ROWS)
+
+
 def smooth(values: Array, period: float, order: int = 0) -> Array:
     """Return signals, (n, ...), or their derivatives of an order, per s, smoothed alike."""
-    width = max(_SMOOTH / period, _ROWS)
-    shaped = gaussian_filter1d(values, width, axis=0, order=order, mode="nearest", truncate=6.0)
+    shaped = gaussian_filter1d(
+        values, smoothing(period), axis=0, order=order, mode="nearest", truncate=6.0
+    )
     return np.asarray(shaped / period**order)
 
 
@@ -51,7 +57,7 @@ def smooth_motion(log: Log, force: Array, moment: Array | None) -> Motion | None
     """Return the smoothed signals with these forces, N, and moments, N m; None without a path."""
     if log.position is None:
         return None
-    ends = round(6 * max(_SMOOTH / log.period, _ROWS))
+    ends = round(6 * smoothing(log.period))
     every = max(1, round(1 / _RATE / log.period))
     kept = slice(ends, -ends, every)
 
