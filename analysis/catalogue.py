@@ -828,5 +828,15 @@ CATALOGUE: Final = Catalogue(
             run="run_measured",
             reduced=("recording=table_press",),
         ),
+        Entry(
+            name="measured-toss",
+            paper=RECORDINGS,
+            summary="recorded tosses of a cube beside simulations, by settings of contact",
+            module="chamfer.analysis.measured.measured_toss",
+            scenario="MEASURED_TOSS",
+            study=True,
+            seconds=240,
+            reduced=("tosses=2", "frictions=[0.18]", "variations=[]"),
+        ),
     ),
 )

@@ -3,7 +3,7 @@
 from functools import partial
 from typing import Final
 
-from chamfer.analysis.published.rows import Row, at_least, at_most, near, of
+from chamfer.analysis.published.rows import Row, at_least, at_most, between, near, of
 from chamfer.analysis.report.checks import Published
 
 TITLE: Final = "Recordings of real robots"
@@ -27,10 +27,25 @@ def _slide(name: str) -> tuple[Row, ...]:
     ))
 
 
+_CUBE: Final = "tosses of a cube, DAIRLab/dair_pll, contactnets_cube"
+_LAGGED: Final = "friction is bounded by the impulse expected before a stiff part is stopped"
+
+
+def _toss(setting: str, note: str = "") -> tuple[Row, ...]:
+    """Return what is asked of a setting on the tosses that nothing was fitted on."""
+    return tuple(partial(row, kind="measured") for row in (
+        between(f"{setting}.travel", 90.0, 110.0, "%", _CUBE, note),
+        at_most(f"{setting}.position", 25.0, "%", _CUBE, note),
+    ))
+
+
 PUBLISHED: Final[tuple[Published, ...]] = (
     *of("measured-slide",
         *_slide("table_a"), *_slide("table_b"), *_slide("table_press"),
         at_most("free.false_alarms", 0.0, "", "free, the same arm in the air",
                 "contacts detected in free motion", kind="measured")),
+    *of("measured-toss",
+        *_toss("drake", _LAGGED), *_toss("insertion", _LAGGED), *_toss("connectors"),
+        *_toss("similar"), at_least("similar.same_face", 70.0, "%", _CUBE, kind="measured")),
 )
 # fmt: on

@@ -31,13 +31,22 @@ ENTRIES: Final = CATALOGUE.entries
 # What figures show that has no unit.
 PURE_NUMBERS: Final = {
     *("C", "CENIC's accuracy", "N, cycles until the pattern repeats", "approximation"),
-    *("damping ratio", "element", "facets", "imaginary part", "impact", "level", "real part"),
+    *(
+        "damping ratio",
+        "element",
+        "facets",
+        "friction",
+        "imaginary part",
+        "impact",
+        "level",
+        "real part",
+    ),
     *("retries", "runs"),
 }
 UNITS: Final = {
     *("", "%", "1/(kg m^2)", "1/m", "1/s", "J", "N", "N m", "N s/m", "deg", "kg", "m"),
     *("m/(pixel s)", "m/pixel", "m/rad", "m/s", "pixels", "px"),
-    *("rad", "rad/m", "rad/pixel", "rad/s", "s", "us"),
+    *("rad", "rad/m", "rad/pixel", "rad/s", "s", "s/m", "us"),
 }
 # Modes, remedies and ways that the reduced runs leave out.
 LEFT_OUT: Final = {
@@ -53,8 +62,7 @@ NOT_LOGGED: Final = {
     *("design-accuracy", "insertion-repeatability", "calibration-accuracy", "hybrid-stability"),
     *("contact-convergence", "contact-stability", "friction-remedies", "search-capture"),
     *("observer-model-error", "charging-campaign", "observer-comparison"),
-    "measured-slide",
-    *("sensing-sensitivity", "vision-primitives"),
+    *("measured-slide", "measured-toss", "sensing-sensitivity", "vision-primitives"),
     *("peg-skill-success", "d-connector-success", "bnc-connector-success"),
     *("rj45-connector-success", "d-connector-ablation", "bnc-connector-ablation"),
 }

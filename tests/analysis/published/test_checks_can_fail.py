@@ -130,6 +130,7 @@ SCENARIOS: Final = (
     *((f"{name}-connector", "duration=1", "success") for name in ("d", "bnc")),
     *((f"{name}-success", "duration=1", "success_rate")
       for name in ("d-connector", "bnc-connector", "rj45-connector", "peg-skill")),
+    ("measured-toss", "friction=0.6; tosses=6", ALL),
 )
 # fmt: on
 
