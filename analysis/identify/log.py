@@ -218,5 +218,5 @@ def _rows_at_limit(values: Array, limit: float) -> int:
     at[: inside[0]] = at[inside[-1] :] = False  # it begins or ends so
     if at.sum() < max(10, _CLIPPED * len(values)):
         return 0
-    edges = steps[at[1:] != at[:-1]]
-    return int(at.sum()) if np.median(edges) > 3 * steps[steps > 0].min() else 0
+    edges = np.quantile(steps[at[1:] != at[:-1]], 0.25, method="lower")
+    return int(at.sum()) if edges > 3 * steps[steps > 0].min() else 0

@@ -103,8 +103,9 @@ def choose(
     """
     more = len(titles) - _MOST_SHOWN
     shown = ", ".join(titles[:_MOST_SHOWN]) + (f" and {more} more" if more > 0 else "")
-    found = {name: _spelled(kind, titles) for name, kind in QUANTITIES.items()}
-    if found["rotation"] == found["joint_position"]:
+    usual = {name: kind for name, kind in QUANTITIES.items() if name not in said}
+    found = {name: _spelled(name, kind, titles, path) for name, kind in usual.items()}
+    if found.get("rotation") == found.get("joint_position"):
         found["rotation"] = ()  # q[0], q[1], ... are joints
     for name, one in said.items():
         columns, sizes = one.columns, QUANTITIES[name].sizes
@@ -131,8 +132,8 @@ def choose(
     return {name: columns for name, columns in found.items() if columns}
 
 
-def _spelled(kind: Kind, titles: Sequence[str]) -> tuple[str, ...]:
-    """Return the columns whose titles are as usual, empty if they are not all there."""
+def _spelled(name: str, kind: Kind, titles: Sequence[str], path: object) -> tuple[str, ...]:
+    """Return the columns whose titles are as usual, empty if there are none."""
     by_case = {title.casefold(): title for title in reversed(titles)}
     endings: list[list[str]] = [[f"[{i}]" for i in range(len(titles))]]
     if kind.sizes == _JOINTS:
@@ -147,6 +148,9 @@ def _spelled(kind: Kind, titles: Sequence[str]) -> tuple[str, ...]:
             there = _there((f"{stem}{ending}" for ending in some), by_case)
             if len(there) in kind.sizes:
                 return tuple(by_case[one] for one in there)
+    if some := [one for of in endings for e in of if (one := f"{name}{e}") in by_case]:
+        allowed = " or ".join(map(str, sorted(kind.sizes)))
+        raise UserError(f"{path} has {len(some)} of {name}, from {some[0]} on, allowed: {allowed}")
     return ()
 
 

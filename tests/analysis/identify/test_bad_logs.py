@@ -52,6 +52,7 @@ def _back(time: NDArray[np.float64]) -> NDArray[np.float64]:
         (_without("force"), "has no force among its columns time, moment[0], moment[1]"),
         (_without("time"), "has no time among its columns force[0]"),
         (_with("force", lambda force: force[:-5]), "force has 8395 rows, time has 8400"),
+        (_with("position", np.transpose), "has 8400 of position, from position[0] on, allowed: 3"),
         (_first(150), "has 150 rows, allowed: 200 or more"),
         (_with("force", _not_a_number), "force[1] is no finite number in row 42"),
         (_with("time", _back), "0.495 s after its start comes 0.3 s, in row 101"),
