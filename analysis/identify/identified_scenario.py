@@ -27,13 +27,7 @@ class _Field(NamedTuple):
 
 
 def fragment_text(found: Mapping[str, Quantity], cell: str, *, of: str) -> str:
-    """Return the scenario in YAML, for ``run`` and ``design`` of the insertion.
-
-    Args:
-        found: The quantities.
-        cell: Name of a preset, whose fields it is to be of.
-        of: The log, for the first line.
-    """
+    """Return the scenario in YAML, of a preset cell, for ``run`` and ``design``; ``of`` a log."""
     plain: dict[str, Any] = {} if cell == _USUAL else {"cell": cell}
     lines, used = [f"# Identified from {of}, for {cell}; in brackets 95 % intervals."], set[str]()
     for field in _fields(found, CELLS[cell].get("arm", {}).get("control") == "position"):

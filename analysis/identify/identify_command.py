@@ -19,10 +19,9 @@ def add_identify(commands: "argparse._SubParsersAction[Any]") -> argparse.Argume
     identify: argparse.ArgumentParser = commands.add_parser(
         "identify",
         help="say what a robot's log tells: sensor, tool, stiffness, friction, delay",
-        description="Reads a log of a robot under impedance control, or of its joints, and says "
-        "what it tells, each quantity with its 95 %% interval, or why it can't. Writes "
-        "OUT/identify: result.json, figures of what remains, and identified.yaml, which `chamfer "
-        "run insertion --scenario` and `chamfer design insertion --scenario` take.",
+        description="Reads a log of a robot and says what it tells, each quantity with its 95 %% "
+        "interval, or why it can't. Writes OUT/identify: result.json, figures of what is left and "
+        "identified.yaml, a scenario that `chamfer run insertion` and `chamfer design` take.",
         epilog="Quantities: time, force (of the surface on the tool), moment, position (of the "
         "tip), rotation (of the tool in the base, a rotation vector, or a quaternion, w first), "
         "velocity, reference_position (of the impedance), joint_position, joint_velocity, "
@@ -64,15 +63,16 @@ def _identify(arguments: argparse.Namespace, _: Catalogue) -> int:
     from chamfer.analysis.report import results
     from chamfer.analysis.report.atomic_write import written
 
-    path, out, told = arguments.log, arguments.out, arguments.stiffness
-    if told is not None and not 0 < told < float("inf"):
-        raise UserError(f"--stiffness is {told:g}, allowed: a finite number > 0, N/m")
+    path, out, set_to = arguments.log, arguments.out, arguments.stiffness
+    if set_to is not None and not 0 < set_to < float("inf"):
+        raise UserError(f"--stiffness is {set_to:g}, allowed: a finite number > 0, N/m")
     log = read_log(path, parse_columns(arguments.columns))
     is_new = not out.exists()
     require_writable(out, [FOLDER], results.RESULT)
     try:
-        found = identify(log, told_stiffness=told)
-        if all(one.value is None for one in found.quantities.values()):
+        found = identify(log, told_stiffness=set_to)
+        told = {name for name, one in found.quantities.items() if one.value is not None}
+        if not told - {"contacts"}:
             reasons = dict.fromkeys(one.note for one in found.quantities.values())
             raise UserError(f"it tells nothing: {', '.join(reasons)}")
     except UserError as error:

@@ -67,10 +67,8 @@ class Log:
 def read_log(path: Path, columns: Mapping[str, Chosen] | None = None) -> Log:
     """Return a log from CSV, Parquet, or an npz of arrays, its time from its first row on.
 
-    Args:
-        path: The file. Units are in its titles, ``force_x (N)``, or in Parquet in the fields'
-            metadata, as in logs of this package; else they are SI units.
-        columns: The columns of quantities whose titles are not as usual.
+    Units are in its titles, ``force_x (N)``, or in Parquet in the fields' metadata, as in logs of
+    this package; else they are SI units. ``columns`` are those whose titles are not as usual.
 
     Raises:
         UserError: If it can't be read, or what is in it can't be a log; it says where and why.

@@ -95,11 +95,9 @@ def factor(quantity: str, unit: str, where: object) -> float:
 def choose(
     titles: Sequence[str], said: Mapping[str, Chosen], path: object
 ) -> dict[str, tuple[str, ...]]:
-    """Return the columns of each quantity that a file with these titles has, as they are named.
+    """Return the columns of each quantity that a file with these titles has.
 
-    Raises:
-        UserError: If a column is not there, or there twice, or a quantity has too few or too
-            many, or there are not enough quantities.
+    Too few quantities, and columns that are not there, or twice, or too many are a UserError.
     """
     more = len(titles) - _MOST_SHOWN
     shown = ", ".join(titles[:_MOST_SHOWN]) + (f" and {more} more" if more > 0 else "")
@@ -110,7 +108,8 @@ def choose(
     for name, one in said.items():
         columns, sizes = one.columns, QUANTITIES[name].sizes
         if len(columns) == 1 and columns[0] not in titles:
-            columns = _there((f"{columns[0]}[{i}]" for i in range(len(titles))), titles, columns)
+            parts = (f"{columns[0]}[{i}]" for i in range(len(titles)))
+            columns = _there(parts, titles) or columns
         found[name] = columns
         if len(columns) not in sizes:
             allowed = " or ".join(map(str, sorted(sizes)))
@@ -121,14 +120,9 @@ def choose(
         if there > 1:
             raise UserError(f"{path} has {there} columns {column}, must have one")
     joints = found["joint_torque"] and found["joint_position"]
-    lacking = [
-        name for name in ("time", "force") if not (found[name] or (name != "time" and joints))
-    ]
-    if lacking:
-        raise UserError(
-            f"{path} has no {' and no '.join(lacking)} among its columns {shown}; say --columns "
-            + " ".join(f"{name}={'COLUMN' if name == 'time' else 'X,Y,Z'}" for name in lacking)
-        )
+    for name in ("time", "force") if not joints else ("time",):
+        if not found[name]:
+            raise UserError(f"{path} has no {name}, but {shown}; say --columns {name}=COLUMNS")
     return {name: columns for name, columns in found.items() if columns}
 
 
@@ -154,8 +148,5 @@ def _spelled(name: str, kind: Kind, titles: Sequence[str], path: object) -> tupl
     return ()
 
 
-def _there(
-    names: Iterable[str], titles: Iterable[str], other: tuple[str, ...] = ()
-) -> tuple[str, ...]:
-    """Return the first names, as long as they are there, or the others if there is none."""
-    return tuple(takewhile(set(titles).__contains__, names)) or other
+def _there(names: Iterable[str], titles: Iterable[str]) -> tuple[str, ...]:
+    return tuple(takewhile(set(titles).__contains__, names))

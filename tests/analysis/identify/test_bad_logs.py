@@ -49,8 +49,8 @@ def _back(time: NDArray[np.float64]) -> NDArray[np.float64]:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (_without("force"), "has no force among its columns time, moment[0], moment[1]"),
-        (_without("time"), "has no time among its columns force[0]"),
+        (_without("force"), "has no force, but time, moment[0], moment[1]"),
+        (_without("time"), "has no time, but force[0]"),
         (_with("force", lambda force: force[:-5]), "force has 8395 rows, time has 8400"),
         (_with("position", np.transpose), "has 8400 of position, from position[0] on, allowed: 3"),
         (_first(150), "has 150 rows, allowed: 200 or more"),
@@ -65,6 +65,8 @@ def _back(time: NDArray[np.float64]) -> NDArray[np.float64]:
             _with("force", lambda force: np.clip(force, -40.0, 40.0)),
             "force along z is 40 N in 1313 rows and never more: the sensor is clipped",
         ),
+        (_with("force", lambda force: 0 * force), "force never changes"),
+        (_with("force", lambda force: force * [1, -1, 1]), "mirrored, no rotation mends them"),
         (_with("force", lambda force: force.astype(str)), "force[0] is no column of numbers"),
         (_with("force", lambda force: force.astype(object)), "Object arrays cannot be loaded"),
     ],
