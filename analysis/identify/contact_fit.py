@@ -54,10 +54,11 @@ def fit_contact(motion: Motion, sensed: Sensed) -> Touched:
     touching, apart = size > sensed.limit, max(1, round(_SETTLED / motion.period))
     used = binary_erosion(touching, iterations=apart)
     steady = used | binary_erosion(~touching, iterations=apart, border_value=1)
-    told = _nothing("no contact in the log")
+    told, weighed = _nothing("no contact in the log"), dict[str, Quantity]()
     force = motion.force
     if sensed.rotation is not None:
-        told |= _rotation(sensed.rotation, "in the tool's axes, from the tool's weight")
+        weighed = _rotation(sensed.rotation, "in the tool's axes, from the tool's weight")
+        told |= weighed
         mending = Rotation.from_rotvec(sensed.rotation.values).as_matrix()
         force = _mended(force, mending, motion.turn)
     if used.sum() < _LEAST:
@@ -90,12 +91,15 @@ def fit_contact(motion: Motion, sensed: Sensed) -> Touched:
     told |= _rotation(fit.part(2, 5), f"{axes}, {straight}" if straight else axes)
     told["friction"] = fit.quantity(0, "", straight)
     told["contact.stiffness"] = unknown("N/m", straight) if straight else _stiffness(fit)
-    force = _mended(motion.force, cone.mending, turn)
+    before, force = force, _mended(motion.force, cone.mending, turn)
     cone_force = (force @ normal)[:, None] * (normal - fit.values[0] * heading)
     off_cone = np.where(slides[:, None], force - cone_force, np.nan)
     misfit = float(np.sqrt(np.nanmean(np.sum(off_cone**2, axis=1) / size**2)))
     moment = None if motion.moment is None else _mended(motion.moment, cone.mending, turn)
     told["contacts"] = _contacts(motion, force, moment, used, misfit)
+    if told["contacts"].value != 1.0:  # no normal, and so no sensor's axes, fits both
+        told |= _nothing("more than one contact in the log") | weighed
+        force = before
     return Touched(
         quantities=told, force=force, steady=steady, misfit=misfit, height=height,
         off_cone=off_cone,

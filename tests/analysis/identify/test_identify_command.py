@@ -45,7 +45,7 @@ def test_a_slide_is_told_with_intervals_and_as_a_scenario(
     [
         ("free", "friction", "no contact in the log"),
         ("table_press", "contact.stiffness", "path too straight for a plane"),
-        ("wall", "friction", "two contacts"),
+        ("wall", "friction", "more than one contact in the log"),
     ],
 )
 def test_what_a_log_cannot_tell_has_its_reason(
