@@ -90,8 +90,12 @@ def _sense(log: Log) -> tuple[Sensed, Motion | None, Touched | None]:
             wrong = wrong or error
             continue
         misfit, angle = np.nan, None
-        if touched is not None:
+        if touched is not None and motion is not None:
             misfit, angle = touched.misfit, touched.quantities["sensor.rotation"].value
+            if touched.quantities["contacts"].value == 2.0 and motion.reference is not None:
+                pull = motion.reference - motion.position  # which the force holds, no cone fits
+                sizes = np.linalg.norm(pull) * np.linalg.norm(touched.force)
+                misfit += 1 + float(np.sum(pull * touched.force)) / float(sizes)
         if np.isnan(misfit):
             misfit = float(np.nan_to_num(np.sqrt(np.nanmean(sensed.residual**2))))
         found.append((sensed, motion, touched))
