@@ -1,6 +1,7 @@
 """The command ``chamfer identify``: a log of a robot in, quantities and a scenario out."""
 
 import argparse
+import math
 from collections.abc import Mapping
 from hashlib import sha256
 from pathlib import Path
@@ -19,7 +20,7 @@ def add_identify(commands: "argparse._SubParsersAction[Any]") -> argparse.Argume
     identify: argparse.ArgumentParser = commands.add_parser(
         "identify",
         help="say what a robot's log tells: sensor, tool, stiffness, friction, delay",
-        description="Reads a log of a robot and says what it tells, each quantity with its 95 %% "
+        description="Reads a log of a robot and says what it tells, each quantity with its 95 % "
         "interval, or why it can't. Writes OUT/identify: result.json, figures of what is left and "
         "identified.yaml, a scenario that `chamfer run insertion` and `chamfer design` take.",
         epilog="Quantities: time, force (of the surface on the tool), moment, position (of the "
@@ -59,9 +60,10 @@ def _identify(arguments: argparse.Namespace, _: Catalogue) -> int:
     from chamfer.analysis.identify.identified import identify
     from chamfer.analysis.identify.identified_scenario import fragment_text
     from chamfer.analysis.identify.log import read_log
-    from chamfer.analysis.identify.log_columns import parse_columns
+    from chamfer.analysis.identify.log_columns import UNITS, parse_columns
     from chamfer.analysis.report import results
     from chamfer.analysis.report.atomic_write import written
+    from chamfer.analysis.report.console import say
 
     path, out, set_to = arguments.log, arguments.out, arguments.stiffness
     if set_to is not None and not 0 < set_to < float("inf"):
@@ -79,6 +81,10 @@ def _identify(arguments: argparse.Namespace, _: Catalogue) -> int:
         if is_new:
             out.rmdir()
         raise UserError(f"{path}: {error}") from error
+    if unit := found.quantities["sensor.unit"].value if "sensor.unit" in told else None:
+        likely = min(UNITS["N"], key=lambda name: abs(math.log(UNITS["N"][name] / unit)))
+        if likely != "N":
+            say(f"forces look as if they were in {likely}: --columns force=COLUMNS:{likely}")
     files: dict[str, str | bytes] = {**results.figure_files(found.figures())}
     document = {
         "log": path.name,

@@ -31,6 +31,7 @@ _FARTHEST: Final = {  # what a quantity may be at most, and the likely unit of o
     "joint_position": (2 * _FULL_TURN, "deg"),
     "joint_velocity": (2 * _FULL_TURN, "deg/s"),
 }
+_LEVER: Final = 0.4  # m, of forces about the sensor, at most; recordings have 0.01 to 0.05 m
 _CLIPPED: Final = 0.002  # share of the rows, and ten at least, in which a force is at its limit
 
 
@@ -193,7 +194,12 @@ def _require_likely(arrays: Mapping[str, Array], path: Path) -> None:
     force = arrays.get("force")
     if force is not None and not np.ptp(force, axis=0).any():
         raise UserError(f"{path}: force never changes: nothing was measured")
-    for name in arrays.keys() & {"force", "moment"}:
+    if force is not None and "moment" in arrays:
+        sizes = [np.linalg.norm(arrays[name].std(axis=0)) for name in ("moment", "force")]
+        if (lever := sizes[0] / sizes[1]) > _LEVER:
+            units = "lbf and lbf in, or N and N mm? Then say so with --columns"
+            warnings.warn(f"moments are forces at a lever of {lever:.2g} m: {units}", stacklevel=2)
+    for name in sorted(arrays.keys() & {"force", "moment"}):
         for axis, values in zip("xyz", arrays[name].T, strict=True):
             for limit, beyond in ((values.max(), "more"), (values.min(), "less")):
                 if rows := _rows_at_limit(values, limit):

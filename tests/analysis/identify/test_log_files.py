@@ -104,6 +104,11 @@ def test_a_unit_that_contradicts_a_title_is_told(log: Log, tmp_path: Path) -> No
     with pytest.warns(UserWarning, match="fx says N, it is taken to be lbf"):
         found = read_log(path, parse_columns(["force=fx,fy,fz:lbf"]))
     np.testing.assert_allclose(found.force, POUND * log.force)  # type: ignore[operator]
+    units = {"force": POUND, "moment": POUND * INCH}
+    titles = {"time": "t", "force": "fx;fy;fz", "moment": "tx;ty;tz"}
+    table(log, titles, **units).to_csv(path, index=False)
+    with pytest.warns(UserWarning, match="a lever of 0.53 m: lbf and lbf in, or N and N mm?"):
+        read_log(path)
 
 
 @pytest.mark.parametrize(
