@@ -29,6 +29,7 @@ from chamfer.analysis.scenario.experiment import Catalogue
 
 REPORT: Final = "index.html"
 _DOCUMENTS: Final = (RESULT, SWEEP)
+_OF_A_LOG: Final = "identify"  # folder of a result that is no experiment's
 _KINDS: Final = ("experiment", "sweep", "design")
 
 
@@ -72,6 +73,8 @@ def report_text(out: Path, catalogue: Catalogue, *, running: str = "") -> str:
     sections: list[_Section] = []
     unreadable: list[str] = []
     for path in sorted(path for name in _DOCUMENTS for path in out.glob(f"*/{name}")):
+        if path.parent.name == _OF_A_LOG:
+            continue
         try:
             sections.append(_section(path, summaries))
         except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:

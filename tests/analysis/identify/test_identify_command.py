@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.cli import main
 from chamfer.analysis.identify.log import Log
+from chamfer.analysis.report.report import report_text
 from chamfer.analysis.scenario.scenario_yaml import read_mapping
 from chamfer.models.recordings.recordings import slide_path
 
@@ -38,6 +40,7 @@ def test_a_slide_is_told_with_intervals_and_as_a_scenario(
     assert said.startswith("8400 rows, 41.99 s: time, force, moment, position, rotation, ref")
     assert "\nfriction " in said
     assert "\nsensor.unit: nothing in the log tells it" in said
+    assert "identify" not in report_text(tmp_path, CATALOGUE)  # it is no experiment's result
 
 
 @pytest.mark.parametrize(
