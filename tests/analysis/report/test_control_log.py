@@ -82,7 +82,7 @@ ERROR = "observation.error[0] (N/(m s))"
             lambda log: log.assign(**{"command.speed[0]": 1.0}),
             "column command.speed[0] is none",
         ),
-        (lambda log: log.assign(**{"time (s)": "noon"}), "invalid value 'noon'"),
+        (lambda log: log.assign(**{"time (s)": "noon"}), "time is string, must be numbers"),
     ],
 )
 def test_what_does_not_fit_is_refused_in_a_line(
