@@ -52,7 +52,7 @@ _VARIATIONS: Final[dict[Variation, dict[str, Any]]] = {
     "soft": {"stiffness": 2e4},
     "corners": {"shape": "corners"},
 }
-DISSIPATIONS: Final = (1.0, 3.0, 10.0, 30.0, 100.0)  # s/m, of the fit
+DISSIPATIONS: Final = (0.3, 1.0, 3.0, 10.0, 30.0)  # s/m, of the fit
 # What of a toss is measured: unit, and what it is.
 MEASURED: Final = {
     "position": ("%", "error of the width, mean over time"),
@@ -193,23 +193,24 @@ def run(scenario: MeasuredTossScenario, seed: int, progress: Progress) -> Outcom
 
     names: list[str] = list(dict.fromkeys((*scenario.settings, FITTED)))
     frictions, m = scenario.frictions, len(scenario.frictions)
-    tried = [CONTACTS[one]._replace(friction=mu) for one in names for mu in frictions]
+    tried = [CONTACTS[one]._replace(friction=each) for one in names for each in frictions]
     thrown = throw(tried, 0, part_of(progress, 0.0, 0.5, "fit"))
     errors = np.array([[row["position"] for row in of] for of in thrown])
     metrics: dict[str, Metric] = {}
     for k, name in enumerate(names):
-        best = fit(frictions, errors[k * m : (k + 1) * m].T, seed)
-        note = "at the end of what was tried" if best[0] in (frictions[0], frictions[-1]) else ""
-        metrics |= _with_interval(f"{name}.friction", best, "", note)
+        mu = fit(frictions, errors[k * m : (k + 1) * m].T, seed)
+        note = "at the end of what was tried" if mu[0] in (frictions[0], frictions[-1]) else ""
+        metrics |= _with_interval(f"{name}.friction", mu, "", note)
     found = metrics[f"{FITTED}.friction"].value if scenario.friction is None else scenario.friction
     assert found is not None
     contacts = scenario.contacts(found)
     base = CONTACTS[FITTED]._replace(friction=found)
     softer = [base._replace(dissipation=one) for one in DISSIPATIONS]
     bounced = throw(softer, 0, part_of(progress, 0.5, 0.6, "fit"))
-    logs = np.array([[row["position"] for row in of] for of in bounced]).T
-    value, low, high = np.exp(fit(np.log(DISSIPATIONS).tolist(), logs, seed)).tolist()
-    metrics |= _with_interval("dissipation", (value, low, high), "s/m", f"with {FITTED}")
+    rebounds = np.array([[abs(row["rebound"]) for row in of] for of in bounced]).T
+    best = np.exp(fit(np.log(DISSIPATIONS).tolist(), rebounds, seed)).tolist()
+    metrics |= _with_interval("dissipation", best, "s/m", f"of {FITTED}, by the rebound")
+    contacts[f"{FITTED}.fitted"] = base._replace(dissipation=best[0])
     metrics["friction"] = Metric(value=found, unit="", note="mu, with which all are judged")
 
     judged = throw(list(contacts.values()), 1, part_of(progress, 0.6, 1.0, "judge"))

@@ -130,7 +130,10 @@ SCENARIOS: Final = (
     *((f"{name}-connector", "duration=1", "success") for name in ("d", "bnc")),
     *((f"{name}-success", "duration=1", "success_rate")
       for name in ("d-connector", "bnc-connector", "rj45-connector", "peg-skill")),
-    ("measured-toss", "friction=0.6; tosses=6", ALL),
+    ("measured-toss", "friction=0.6; tosses=6", "similar.same_face " + " ".join(
+        f"{one}.travel {one}.position" for one in
+        ("drake", "insertion", "connectors", "similar", "similar.fitted"))),
+    ("measured-toss", "friction=0.1; settings=[connectors]", "connectors.rebound"),
 )
 # fmt: on
 
