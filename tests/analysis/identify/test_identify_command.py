@@ -71,20 +71,14 @@ def test_what_a_log_cannot_tell_has_its_reason(
     assert note in capsys.readouterr().out
 
 
-def test_pounds_are_seen_by_the_stiffness_that_was_set(
+def test_pounds_nothing_to_tell_and_nowhere_to_write_are_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with np.load(slide_path("table_b")) as file:
-        arrays = dict(file) | {"force": file["force"] / 4.448}
-    np.savez(tmp_path / "log.npz", **arrays)
+        np.savez(tmp_path / "log.npz", **dict(file) | {"force": file["force"] / 4.448})
     arguments = ["identify", str(tmp_path / "log.npz"), "--out", str(tmp_path)]
     assert main([*arguments, "--stiffness", "800"]) == 0
     assert "forces look as if they were in lbf: --columns force=" in capsys.readouterr().err
-
-
-def test_nothing_to_tell_and_nowhere_to_write_are_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
     path, still = tmp_path / "still.npz", np.zeros((300, 2))
     np.savez(path, time=np.arange(300) / 100, joint_position=still, joint_torque=still)
     assert main(["identify", str(path), "--out", str(tmp_path / "out")]) == 2
