@@ -106,10 +106,10 @@ MEASURED_TOSS: Final = MeasuredTossScenario()
 
 
 class Throw(NamedTuple):
-    """A toss to be simulated."""
+    """A toss to be simulated: how it touches, and its place among the recorded."""
 
     contact: TossContact
-    toss: int  # its place among the recorded
+    toss: int
 
 
 @cache
@@ -171,12 +171,9 @@ def fit(values: Sequence[float], errors: Array, seed: int) -> tuple[float, float
 
 
 def _with_interval(name: str, found: Sequence[float], unit: str, note: str) -> dict[str, Metric]:
-    ends = dict(zip((f"{name}.low", f"{name}.high"), found[1:], strict=True))
-    missing = "one toss has no interval"
-    of_ends = {
-        one: metric_of(value, unit, note=_INTERVAL, missing=missing) for one, value in ends.items()
-    }
-    return {name: Metric(value=found[0], unit=unit, note=note)} | of_ends
+    names, notes = (name, f"{name}.low", f"{name}.high"), (note, _INTERVAL, _INTERVAL)
+    each = zip(names, found, notes, strict=True)
+    return {one: metric_of(x, unit, note=of, missing="one toss has none") for one, x, of in each}
 
 
 def run(scenario: MeasuredTossScenario, seed: int, progress: Progress) -> Outcome:
@@ -196,6 +193,7 @@ def run(scenario: MeasuredTossScenario, seed: int, progress: Progress) -> Outcom
     tried = [CONTACTS[one]._replace(friction=each) for one in names for each in frictions]
     thrown = throw(tried, 0, part_of(progress, 0.0, 0.5, "fit"))
     errors = np.array([[row["position"] for row in of] for of in thrown])
+    curves = errors.mean(1).reshape(-1, m)
     metrics: dict[str, Metric] = {}
     for k, name in enumerate(names):
         mu = fit(frictions, errors[k * m : (k + 1) * m].T, seed)
@@ -217,20 +215,18 @@ def run(scenario: MeasuredTossScenario, seed: int, progress: Progress) -> Outcom
     for name, of in zip(contacts, judged, strict=True):
         for one, (unit, note) in MEASURED.items():
             values = column([row[one] for row in of])
-            interval = bootstrap_interval(values)
-            metrics |= _with_interval(
-                f"{name}.{one}", (float(values.mean()), *interval), unit, note
-            )
+            mean = float(values.mean()), *bootstrap_interval(values)
+            metrics |= _with_interval(f"{name}.{one}", mean, unit, note)
         same = sum(row["same_face"] for row in of)
         metrics |= rate(f"{name}.same_face", same, len(of), "that land on the recorded face")
+    every = (*thrown, *bounced, *judged)
     flat = [(k, row) for k, of in enumerate(judged) for row in of]
     shown: dict[str, list[Row]] = dict(zip(scenario.settings, judged, strict=False))
     shortest = min(len(row["error"]) for _, row in flat)
-    over_time = {
-        one: np.mean([row["error"][:shortest] for row in of], 0) for one, of in shown.items()
-    }
-    paths = {"recorded": recorded()[judged[0][0]["toss"]].position}
-    paths |= {one: of[0]["path"] for one, of in shown.items()}
+    cut = {one: [row["error"][:shortest] for row in of] for one, of in shown.items()}
+    over_time = {one: np.mean(errors, axis=0) for one, errors in cut.items()}
+    paths = [("recorded", recorded()[judged[0][0]["toss"]].position)]
+    paths += [(one, of[0]["path"]) for one, of in shown.items()]
     return Outcome(
         metrics=metrics,
         traces={
@@ -238,18 +234,13 @@ def run(scenario: MeasuredTossScenario, seed: int, progress: Progress) -> Outcom
             **{name: column([row[name] for _, row in flat]) for name in (*MEASURED, *_MORE)},
         },
         tables={
-            "fits": {"friction": column(frictions)}
-            | {one: errors[k * m : (k + 1) * m].mean(1) for k, one in enumerate(names)},
+            "fits": {"friction": column(frictions), **dict(zip(names, curves, strict=True))},
             "over_time": {"time": np.arange(shortest) / CUBE_RATE, **over_time},
             "example": {
-                f"{name}_{axis}": path[:, k]
-                for name, path in paths.items()
-                for k, axis in enumerate("xyz")
+                f"{one}_{x}": path[:, k] for one, path in paths for k, x in enumerate("xyz")
             },
         },
-        simulated_seconds=sum(
-            len(row["error"]) / CUBE_RATE for of in (*thrown, *bounced, *judged) for row in of
-        ),
+        simulated_seconds=sum(len(row["error"]) for of in every for row in of) / CUBE_RATE,
     )
 
 
@@ -276,12 +267,8 @@ def figures(scenario: MeasuredTossScenario, outcome: Outcome) -> Mapping[str, Fi
         along = (np.stack([x, y], axis=1) - start) @ ahead
         path.plot(_CM * along, _CM * z, label=name, **{**_STYLES[name], "markevery": [-1]})
     for k, name in enumerate(scenario.settings):
-        over.plot(
-            tables["over_time"]["time"],
-            tables["over_time"][name],
-            label=name,
-            **{**_STYLES[name], "marker": ""},
-        )
+        times = tables["over_time"]
+        over.plot(times["time"], times[name], label=name, **{**_STYLES[name], "marker": ""})
         mine, points = traces["contact"] == k, {**_STYLES[name], "linestyle": ""}
         ways = (_CM * traces[one][mine] for one in ("recorded_way", "way"))
         travel.plot(*ways, label=name, alpha=0.7, **points)
