@@ -1,6 +1,5 @@
 """How a plant solves its contacts is said by its scenario, and refused where it has no effect."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -17,7 +16,6 @@ FED = blind_feed.BlindFeedScenario(), blind_feed.resolve_fed_cell
 CELL = insertion.INSERTION_BY_SIGHT, insertion.resolve
 POSITION = make_scenario(CELL[0], settings=["cell=ur5e-fixture"]), insertion.resolve
 CONNECTOR = connector_scenario.D_CONNECTOR, connector_scenario.resolve
-Resolve = Callable[[Any], Any]
 
 
 @pytest.mark.parametrize(
@@ -30,21 +28,17 @@ Resolve = Callable[[Any], Any]
         (*CONNECTOR, connector_loop.make_connector_diagram, "kTamsi"),
     ],
 )
-def test_a_plant_solves_its_contacts_as_the_scenario_says(
-    scenario: Any, resolve: Resolve, make: Resolve, by_default: str
+def test_a_plant_follows_its_scenario(
+    scenario: Any, resolve: Any, make: Any, by_default: str
 ) -> None:
-    for one, expected in (
-        (scenario, by_default),
-        (replace(scenario, approximation="sap"), "kSap"),
-    ):
-        systems = make(resolve(one)).GetSystems()
-        (plant,) = (system for system in systems if isinstance(system, MultibodyPlant))
+    changed = replace(scenario, approximation="sap")
+    for one, expected in ((scenario, by_default), (changed, "kSap")):
+        (plant,) = (s for s in make(resolve(one)).GetSystems() if isinstance(s, MultibodyPlant))
         assert plant.get_discrete_contact_approximation().name == expected
 
 
 @pytest.mark.parametrize("scenario", [PEG[0], FED[0], CELL[0]])
 def test_tamsi_is_refused_where_it_passes_over_gains(scenario: Any) -> None:
-    refused = "approximation is 'tamsi', allowed: lagged, similar, sap"
-    with pytest.raises(ParameterError, match=refused):
+    with pytest.raises(ParameterError, match="approximation is 'tamsi', allowed: lagged, similar"):
         replace(scenario, approximation="tamsi")
     assert replace(POSITION[0], approximation="tamsi").servo is not None
