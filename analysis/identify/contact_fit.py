@@ -38,7 +38,7 @@ class Touched:
     quantities: dict[str, Quantity]
     force: Array  # (n, 3), N, of the surface on the tool, fixed axes
     steady: Rows  # (n,), away from touch and release
-    any: bool = True  # whether there is contact
+    any: bool = True  # whether there is enough contact
     misfit: float = np.nan  # rms of a unit force off the friction cone; NaN without sliding
     height: Array | None = None  # (n,), m, over the plane that gives way; NaN without contact
     off_cone: Array | None = None  # (n, 3), N, force off the friction cone; NaN without sliding
@@ -64,7 +64,7 @@ def fit_contact(motion: Motion, sensed: Sensed) -> Touched:
     if used.sum() < _LEAST:
         some = float(used.any())
         told["contacts"] = Quantity(some, some, some, "")
-        return Touched(quantities=told, force=force, steady=steady, any=bool(used.any()))
+        return Touched(quantities=told, force=force, steady=steady, any=False)
     height = np.full_like(size, np.nan)
     surface, height[used] = fit_surface(motion, used)
     normal = surface.normal(surface.coefficients(surface.products.sum(axis=0)))
@@ -176,7 +176,7 @@ def _best_axes(
 def _stiffness(fit: Estimate) -> Quantity:
     """Return the stiffness along the normal: force over how far the tool sinks in."""
     compliance = fit.values[1] * np.sqrt(1 + fit.values[0] ** 2)  # of the normal force
-    half = fit.half()[1] * compliance / fit.values[1]
+    half = fit.half()[1] * np.sqrt(1 + fit.values[0] ** 2)
     if half < compliance:
         low, high = 1 / (compliance + half), 1 / (compliance - half)
         return Quantity(1 / compliance, low, high, "N/m", "of the normal force")

@@ -51,7 +51,7 @@ def identify(log: Log, *, told_stiffness: float | None = None) -> Identification
         quantities |= sensed.quantities
         residuals.append(Residual("Force without contact", "N", log.time, sensed.residual))
         if motion is not None and touched is not None:
-            arm = fit_impedance(motion, touched, told_stiffness)
+            arm = fit_impedance(motion, touched, sensed, told_stiffness)
             quantities |= {**touched.quantities, **arm.quantities}
             for title, unit, scale, values in (
                 ("Height over the plane", "mm", 1e3, touched.height),
@@ -97,7 +97,8 @@ def _sense(log: Log) -> tuple[Sensed, Motion | None, Touched | None]:
                 sizes = np.linalg.norm(pull) * np.linalg.norm(touched.force)
                 misfit += 1 + float(np.sum(pull * touched.force)) / float(sizes)
         if np.isnan(misfit):
-            misfit = float(np.nan_to_num(np.sqrt(np.nanmean(sensed.residual**2))))
+            known = sensed.residual[np.isfinite(sensed.residual)]
+            misfit = float(np.std(known)) if len(known) else np.inf
         found.append((sensed, motion, touched))
         ranks.append((misfit if tared else 2 * misfit, angle or 0.0))
     if wrong is not None and not (ranks and min(ranks)[0] < _FALSE):

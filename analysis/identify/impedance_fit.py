@@ -2,7 +2,8 @@
 
 The law K (x0 - x) + F = D v + M a + C v/|v|, F of the surface on the tool, C the friction that
 the arm has itself, is fitted as displacement on force and motion: the force is what is measured
-best, and a fit of force on displacement makes the stiffness too small by what else displaces.
+best, its noise is taken out of its squares, and a fit of force on displacement makes the stiffness
+too small by what else displaces.
 """
 
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ from chamfer.analysis.identify.quantity import (
     solve,
     unknown,
 )
+from chamfer.analysis.identify.sensor_fit import Sensed
 
 _DELAYS: Final = np.arange(-0.06, 0.405, 0.01)  # s, that are tried
 _SURE = 0.8  # of a compliance: half an interval that tells one is narrower
@@ -48,7 +50,9 @@ class Impedance:
     residual: Array | None = None  # (n, 3), m, of the displacement; None: nothing was fitted
 
 
-def fit_impedance(motion: Motion, touched: Touched, told: float | None) -> Impedance:
+def fit_impedance(
+    motion: Motion, touched: Touched, sensed: Sensed, told: float | None
+) -> Impedance:
     """Return the impedance; without contact the motion tells the delay and no stiffness.
 
     ``told``, N/m, is the stiffness that was set: it tells the unit of the forces.
@@ -74,6 +78,8 @@ def fit_impedance(motion: Motion, touched: Touched, told: float | None) -> Imped
         in_blocks(np.einsum("mak,mad->makd", given, moved)),
         in_blocks(moved**2),
     )
+    noise = motion.quieter * (sensed.quantities["sensor.noise"].value or 0.0)
+    sums[0][:, :, 0, 0] -= in_blocks(np.full(len(given), noise**2 * touched.any))[:, None]
     found = jackknife(_values, *sums)
     unsure = (_STAMP if touched.any else _STAMP_FREE) * motion.row
     stamp = np.diag([unsure**2, *[0.0] * 9])

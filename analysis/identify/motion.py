@@ -24,6 +24,7 @@ class Motion:
     time: Array  # (n,), s
     period: float  # s, from row to row
     row: float  # s, the same of the log
+    quieter: float  # what smoothing leaves of white noise
     position: Array  # (n, 3), m
     velocity: Array  # (n, 3), m/s
     acceleration: Array  # (n, 3), m/s^2
@@ -71,6 +72,7 @@ def smooth_motion(log: Log, force: Array, moment: Array | None) -> Motion | None
         time=log.time[kept],
         period=every * log.period,
         row=log.period,
+        quieter=(4 * np.pi * smoothing(log.period) ** 2) ** -0.25,
         position=thin(log.position),
         velocity=velocity[kept],
         acceleration=thin(log.position, 2),

@@ -5,7 +5,6 @@ log, each much longer than what correlates in it, and the estimate's covariance 
 leaving out one block after the other (the jackknife); intervals take Student's t.
 """
 
-import math
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
@@ -16,6 +15,7 @@ from scipy.stats import t as student
 
 Array = NDArray[np.float64]
 BLOCKS: Final = 16  # of a log
+_RIDGE: Final = 1e-12  # of a column's squares, so that columns may be alike
 
 
 class Quantity(NamedTuple):
@@ -58,13 +58,14 @@ class Estimate(NamedTuple):
         """Return the length of three values taken as a vector; from 0 if they may all be 0."""
         length = float(np.linalg.norm(self.values))
         along = self.values / max(length, 1e-300)
-        squared = length**2 / max(float(along @ self.covariance @ along), 1e-300)
         free = self.blocks - 3
         limit = 3 * (self.blocks - 1) / free * fisher.ppf(0.95, 3, free)  # Hotelling
-        half = length * float(student.ppf(0.975, self.blocks - 1)) / math.sqrt(squared)
+        half = float(
+            student.ppf(0.975, self.blocks - 1) * np.sqrt(along @ self.covariance @ along)
+        )
         if self.values @ np.linalg.pinv(self.covariance) @ self.values < limit:
-            spread = math.sqrt(limit * float(np.linalg.eigvalsh(self.covariance)[-1]))
-            return Quantity(length, 0.0, length + max(half, spread), unit, note)
+            half = max(half, float(np.sqrt(limit * np.linalg.eigvalsh(self.covariance)[-1])))
+            return Quantity(length, 0.0, length + half, unit, note)
         return Quantity(length, max(0.0, length - half), length + half, unit, note)
 
 
@@ -86,7 +87,11 @@ def jackknife(statistic: Callable[..., Array], *sums: Array) -> Estimate:
 
 
 def solve(products: Array, right: Array) -> Array:
-    """Return the least-squares coefficients, (k,) or (k, m), from sums of products, (k, k)."""
-    scale = 1 / np.sqrt(np.maximum(np.diag(products), 1e-300))
-    inverse = np.linalg.pinv(products * scale[:, None] * scale, rcond=1e-11, hermitian=True)
-    return np.asarray((inverse * scale[:, None] * scale) @ right)
+    """Return the least-squares coefficients, (k,) or (k, m), from sums of products, (k, k).
+
+    A column of zeros gets the coefficient 0.
+    """
+    squares = np.diag(products)
+    scale = np.where(squares > 0, 1 / np.sqrt(np.where(squares > 0, squares, 1.0)), 0.0)
+    scaled = products * scale[:, None] * scale + _RIDGE * np.eye(len(scale))
+    return np.asarray((np.linalg.inv(scaled) * scale[:, None] * scale) @ right)

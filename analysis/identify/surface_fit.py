@@ -12,13 +12,15 @@ from chamfer.analysis.identify.quantity import Array, solve
 Rows = NDArray[np.bool_]
 _STRAIGHT: Final = 20.0  # times its distance from the plane a path is wide that tells the normal
 
+_ABOVE: Final = 0.8  # of the rows, less those beneath, in which a reference tells the side
+
 
 @dataclass(frozen=True, kw_only=True)
 class Surface:
     """A plane that gives way in proportion to the force."""
 
     out: Array  # (3,), m, some vector away from the surface
-    main: Array  # (3,), N, the mean force
+    upright: Array  # (3,), the axis next to the force
     told: bool  # whether the path tells the normal; if not it is the axis next to the force
     axes: Array  # (3, 3), unit rows: the path's main directions
     products: Array  # (m, 5, 5), of 1, path along two axes, size of the force, along the third
@@ -32,8 +34,8 @@ class Surface:
         if self.told:
             normal = np.array([-coefficients[1], -coefficients[2], 1.0]) @ self.axes
         else:
-            normal = np.eye(3)[int(np.argmax(np.abs(self.main)))]
-        return np.asarray(normal * np.sign(normal @ self.out) / np.linalg.norm(normal))
+            normal = self.upright
+        return np.asarray(normal * np.copysign(1 / np.linalg.norm(normal), normal @ self.out))
 
     def compliance(self, coefficients: Array) -> float:
         """Return how far the surface gives way, m/N of the force's size."""
@@ -53,9 +55,11 @@ def fit_surface(motion: Motion, used: Rows) -> tuple[Surface, Array]:
     height = along[:, 2] - rows[:, :4] @ solve(total[:4, :4], total[:4, 4])
     told = bool(np.std(along[:, 1]) > _STRAIGHT * np.std(height))
     before = motion.position[: int(np.argmax(used))]
-    out = main = push.mean(axis=0)
-    if motion.reference is not None:
-        out = centre - motion.reference[used].mean(axis=0)  # it lies beneath
-    elif len(before) > 1 / motion.period:
+    out = push.mean(axis=0)
+    normal = axes[2] if told else np.eye(3)[int(np.argmax(np.abs(out)))]
+    if len(before) > 1 / motion.period:
         out = before.mean(axis=0) - centre
-    return Surface(out=out, main=main, told=told, axes=axes, products=products), height
+    if motion.reference is not None:
+        above = np.mean(np.sign((motion.position - motion.reference)[used] @ normal))
+        out = normal * above if abs(above) > _ABOVE else out  # it lies beneath
+    return Surface(out=out, upright=normal, told=told, axes=axes, products=products), height

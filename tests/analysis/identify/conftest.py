@@ -70,9 +70,9 @@ def simulate(arm: Arm, seeds: int, first: int = 0) -> list[Log]:
         [0.05 * _wander(rng, coarse, (seeds, 2), 0.08, 0.6), height[:, :, None]], axis=2
     )
     asked[:, :, 2] -= asked[:, :, :2] @ normal[:2]  # along the surface
-    rough = rng.uniform(0, 2 * np.pi, (seeds, 8))
+    rough = rng.uniform(0, 2 * np.pi, (seeds, 5))
     waves = (
-        2 * np.pi / rng.uniform(0.008, 0.04, (seeds, 8, 2)) * rng.choice([-1, 1], (seeds, 8, 2))
+        2 * np.pi / rng.uniform(0.008, 0.04, (seeds, 5, 2)) * rng.choice([-1, 1], (seeds, 5, 2))
     )
     slips = 0.08 * _wander(rng, coarse, (seeds,), 0.5, 6.0)
     rows = int(arm.duration * arm.rate)
@@ -83,7 +83,7 @@ def simulate(arm: Arm, seeds: int, first: int = 0) -> list[Log]:
         i = int(at)
         goal = asked[i] + (at - i) * (asked[i + 1] - asked[i])
         bumps = np.sin(np.einsum("sij,sj->si", waves, x[:, :2]) + rough).sum(axis=1)
-        depth = 2e-5 * bumps - x @ normal
+        depth = 2.5e-5 * bumps - x @ normal
         load = np.maximum(0.0, arm.surface * depth - 150.0 * (v @ normal)) * (depth > 0)
         along = v - (v @ normal)[:, None] * normal
         pace = np.sqrt(np.sum(along**2, axis=1) + 1e-3**2)

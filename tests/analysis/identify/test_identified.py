@@ -28,7 +28,7 @@ SLIDE: Mapping[str, float] = {
 WEIGHT = {
     "touches": np.inf, "tool_mass": 1.2, "tool_axes": True, "turning": 0.8,
     "tool_centre": (0.01, -0.005, 0.06), "rotation": (0.03, 0.0, -1.57),
-    "drift": (0.03, 0.0, -0.04), "offset": (-0.375, 0.8, -0.3),
+    "drift": (0.03, 0.0, -0.04), "offset": (-0.24, 0.8, -0.48), "duration": 16.0,
 }  # fmt: skip
 WEIGHED: Mapping[str, float] = {
     "tool.mass": 1.2, "sensor.rotation.x": 0.03, "sensor.rotation.y": 0.0,
@@ -90,13 +90,13 @@ def test_intervals_hold_the_truth(simulated: Simulate) -> None:
 
 @pytest.mark.slow
 def test_intervals_of_95_percent_cover_95_percent(simulated: Simulate) -> None:
-    slides = [replace(log, wrench_axes="base") for log in simulated(200)]
+    slides = [replace(log, wrench_axes="base") for log in simulated(200, duration=20.0)]
     weighed = [replace(log, wrench_axes="tool") for log in simulated(200, **WEIGHT)]
     joints = [joint_log(seed) for seed in range(200)]
     for logs, truth in ((slides, SLIDE), (weighed, WEIGHED), (joints, FRICTION)):
         shares = covered([identify(log).quantities for log in logs], truth)
         assert min(shares.values()) >= 0.90, shares
-        assert np.mean(list(shares.values())) <= 0.985, shares
+        assert np.mean(list(shares.values())) <= 0.99, shares
 
 
 def test_recordings_agree_with_what_is_known_of_them() -> None:
