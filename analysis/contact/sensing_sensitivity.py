@@ -84,6 +84,7 @@ _KEPT: Final[dict[str, tuple[str, ...]]] = {
     "filter": ("sensor.bandwidth", "sensor.delay"),
     "quanta": ("sensor.resolution", "sensor.full_scale", "encoders.counts"),
     "velocity": ("encoders.velocity", "encoders.bandwidth"),
+    "friction": ("surface.friction_noise",),
     "computation": ("controller.computation_delay", "controller.computation_jitter"),
 }
 _ALL: Final = tuple(path for name in _KEPT for path in _KEPT[name])
@@ -116,6 +117,7 @@ def imperfect(loop: HybridScenario, imperfection: str) -> HybridScenario:
     changed: dict[str, Any] = {
         "sensor": ideal(replace(loop.sensor, **left_open)),
         "encoders": EXACT,
+        "surface": replace(loop.surface, friction_noise=0.0),
         "controller": replace(
             loop.controller,
             computation_delay=delay,
@@ -241,6 +243,7 @@ _LABELS: Final = {
     "filter": "filter and delay of the sensor",
     "quanta": "resolution and range, counts",
     "velocity": "differenced velocity",
+    "friction": "uneven friction",
     "computation": "computation delay",
     "sample_late": "torque a period late",
     "all": "all but a period late",

@@ -20,7 +20,13 @@ from chamfer.diagrams.contact.hybrid_scenario import (
     SlidingTask,
     UnevenPlane,
 )
-from chamfer.diagrams.contact.sensing import ControllerSettings, Sensing, SensingValues, ideal
+from chamfer.diagrams.contact.sensing import (
+    ROUGH,
+    ControllerSettings,
+    Sensing,
+    SensingValues,
+    ideal,
+)
 from chamfer.models.arms.adept_one import ADEPT_ONE
 from chamfer.models.arms.arm import Arm, JointFrictionParams
 from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK
@@ -89,6 +95,7 @@ LATE_GAINS: Final = replace(
 _PLANAR_SENSING: Final[Mapping[Sensing, SensingValues]] = {
     "ideal": SensingValues(sensor=ideal(ForceSensorParams())),
     "realistic": SensingValues(
+        friction_noise=ROUGH,
         sensor=replace(JR3, noise=0.1, cross_talk=0.02, position=(0.0, 0.0, 0.0)),
         encoders=EncoderParams(counts=1.28e5, velocity="differenced", bandwidth=0.0),
         computation_delay=1e-3,
@@ -166,6 +173,7 @@ _PUMA_CELL: Final = LoadCellParams(axis=(1.0, 0.0, 0.0), noise=0.1)  # along the
 _PUMA_SENSING: Final[Mapping[Sensing, SensingValues]] = {
     "ideal": SensingValues(sensor=ideal(_PUMA_CELL)),
     "realistic": SensingValues(
+        friction_noise=ROUGH,
         # A cell of 100 N, its amplifier and 12 bits (Data Translation, section 3.1.1); assumed.
         sensor=replace(
             _PUMA_CELL,
@@ -291,6 +299,7 @@ _ADEPT_ENCODERS: Final = EncoderParams(
 _ADEPT_SENSING: Final[Mapping[Sensing, SensingValues]] = {
     "ideal": SensingValues(sensor=ideal(_ADEPT_FIGURE)),
     "realistic": SensingValues(
+        friction_noise=ROUGH,
         sensor=JR3,
         encoders=_ADEPT_ENCODERS,
         # of a 133 MHz Pentium (section 6.2.1), which is to need less than several ms; assumed

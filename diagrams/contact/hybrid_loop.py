@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from pydrake.common import RandomDistribution
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, LeafSystem, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
@@ -12,6 +13,7 @@ from chamfer.diagrams.contact.sensing import (
     add_delay,
     add_encoders,
     add_force_in_world,
+    add_noise,
     add_sensor,
 )
 from chamfer.systems.contact.arm_in_contact import ArmInContact
@@ -44,6 +46,9 @@ def add_manipulator(builder: DiagramBuilder, scenario: HybridScenario) -> Manipu
         "manipulator and contact",
         ArmInContact(scenario.ARM, scenario.make_surface(), plant, start),
     )
+    if scenario.surface.friction_noise:
+        port = arm.GetInputPort("friction_noise")
+        add_noise(builder, "friction noise", port, plant.period, RandomDistribution.kGaussian)
     motion = arm.GetOutputPort("encoders")
     encoders = add_encoders(builder, scenario.encoders, motion, start, period=control.period)
     return Manipulator(

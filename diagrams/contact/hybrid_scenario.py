@@ -293,8 +293,16 @@ def fill(scenario: HybridScenarioT) -> HybridScenarioT:
     with within("detection"):
         errors = push_errors(sensor, scenario.direction, dynamics.orientation(q))
         detection = scenario.detection.resolved(*errors)
+    surface = scenario.surface
+    if surface.friction_noise is None:
+        surface = replace(surface, friction_noise=values.friction_noise)
     return replace(
-        scenario, controller=control, sensor=sensor, encoders=encoders, detection=detection
+        scenario,
+        controller=control,
+        sensor=sensor,
+        encoders=encoders,
+        detection=detection,
+        surface=surface,
     )
 
 

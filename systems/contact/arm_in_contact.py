@@ -48,6 +48,8 @@ from chamfer.systems.contact.stick_slip import Material
 
 Array = NDArray[np.float64]
 
+_FRICTION_LENGTH: Final = 0.012  # m, of the way over which its noise changes; measured on a table
+
 
 @dataclass(frozen=True, kw_only=True)
 class ContactParams:
@@ -56,10 +58,11 @@ class ContactParams:
     stiffness: float = 1e4  # N/m, of the surface; assumed
     damping: float = 20.0  # N s/m, of the surface; assumed
     friction: SurfaceFriction = SurfaceFriction(coefficient=0.0)  # Coulomb's, along the world's x
+    friction_noise: float | None = None  # relative, deviation of it on the way; None: of sensing
 
     def __post_init__(self) -> None:
         require_positive(self, "stiffness")
-        require_not_negative(self, "damping")
+        require_not_negative(self, "damping", "friction_noise")
 
     def coefficient(self, point: Array, force: Array, normal: Array) -> float:
         """Return the coefficient of friction at a point, m, where the surface pushes back.
@@ -176,6 +179,7 @@ class ArmInContact(LeafSystem):
         - torque
         - disturbance
         - scene
+        - friction_noise
         output_ports:
         - encoders
         - contact_force
@@ -203,7 +207,8 @@ class ArmInContact(LeafSystem):
 
     Inputs: ``torque``, shape (n,), held over the period; ``disturbance``, shape (3,), N, a force
     on the arm at the tip's first point in the world frame; ``scene``, shape (1,), index of the
-    scene. The last two may be left unconnected: no force, scene 0.
+    scene; ``friction_noise``, shape (M,), white and of deviation 1, of which the contact's own is
+    made. The last three may be left unconnected: no force, scene 0, no noise.
 
     Outputs, all of them of the discrete state. With M the most points that a scene has, those with
     (M, .) go by points, one after the other; a point that a scene does not have is 1 km away.
@@ -260,6 +265,8 @@ class ArmInContact(LeafSystem):
         self._torque = self.DeclareVectorInputPort("torque", n)
         self._disturbance = self.DeclareVectorInputPort("disturbance", 3)
         self._scene = self.DeclareVectorInputPort("scene", 1)
+        self._friction_noise = self.DeclareVectorInputPort("friction_noise", most)
+        self._uneven = self.DeclareDiscreteState(most)
         self._parts: dict[str, slice] = {}
         first = 0
         for name, size in output_sizes(n, most).items():
@@ -318,11 +325,19 @@ class ArmInContact(LeafSystem):
         world = self._worlds[scene]
         if scene != last:
             self._change_scene(world, state, outputs)
+        uneven = context.get_discrete_state(self._uneven).value().copy()
+        if self._friction_noise.HasValue(context):
+            # The noise is one of places: it changes as far as the points slip.
+            slip = outputs[self._parts["contact"]].reshape(-1, 6)[:, 2]
+            kept = np.exp(-np.abs(slip) * params.period / _FRICTION_LENGTH)
+            drawn = finite("friction_noise", self._friction_noise.Eval(context))
+            uneven = kept * uneven + np.sqrt(1 - kept**2) * drawn
+            values.set_value(self._uneven, uneven)
         state, outputs, error, unsolved = advance(
             world.chain,
             world.material,
             world.tool,
-            self._patch(world, outputs),
+            self._patch(world, outputs, uneven),
             state,
             outputs,
             round(context.get_time() / params.period) % params.window > 0,
@@ -351,13 +366,19 @@ class ArmInContact(LeafSystem):
         outputs[self._parts["contact_force"]] = 0.0
         tips = _tips(world, q, v, stretch)
         outputs[self._parts["tip"]][: tips.size] = tips.ravel()
-        found = gaps(world.chain, world.tool, self._patch(world, outputs), q, stretch)
+        found = gaps(
+            world.chain,
+            world.tool,
+            self._patch(world, outputs, np.zeros(len(world.points))),
+            q,
+            stretch,
+        )
         energy, now = outputs[self._parts["energy"]], world.material
         stored = energies(world.chain, now, world.tool, q, v, stretch, found)
         energy[4] += float(np.sum(stored - energy[:3]))
         energy[:3] = stored
 
-    def _patch(self, world: _World, outputs: Array) -> Patch:
+    def _patch(self, world: _World, outputs: Array, uneven: Array) -> Patch:
         """Return the surfaces about where the points, with velocities, are in half a period."""
         m = len(world.points)
         tips = outputs[self._parts["tip"]].reshape(-1, 6)
@@ -378,6 +399,7 @@ class ArmInContact(LeafSystem):
             patch.hessian[i] = surface.hessian(point)
             normal = gradient / math.hypot(*gradient.tolist())
             patch.mu[i] = place.contact.coefficient(point, forces[i], normal)
+            patch.mu[i] *= max(1 + (place.contact.friction_noise or 0.0) * uneven[i], 0.0)
         return patch
 
 

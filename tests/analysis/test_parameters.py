@@ -57,7 +57,7 @@ MAY_BE_ZERO = """
     CartesianManipulatorParams: damping; CellArmSettings: payload_error; CellErrorParams:
     most_misses; ChannelParams: bandwidth delay drift full_scale noise resolution tare;
     ComparedLoopScenario: friction; ContactDetectionParams: release; ContactMaterial:
-    dissipation friction; ContactParams: damping; ContinuityParams: most_jumps;
+    dissipation friction; ContactParams: damping friction_noise; ContinuityParams: most_jumps;
     CorrelatorParams: amplitude_threshold threshold; CrucibleWallSettings: lean; DConnector:
     pin_funnel side_angle; DConnectorSkillParams: push_dither settle_amplitude twist_amplitude;
     DSection: side_angle; Disturbances: friction lost noise plant; DrawnCameras: aspect k3

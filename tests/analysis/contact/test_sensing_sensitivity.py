@@ -26,7 +26,7 @@ def scenario() -> SensitivityScenario:
 def differences(one: HybridScenario, other: HybridScenario) -> set[str]:
     return {
         f"{part}.{field.name}"
-        for part in ("sensor", "encoders", "controller")
+        for part in ("sensor", "encoders", "controller", "surface")
         for field in fields(getattr(one, part))
         if getattr(getattr(one, part), field.name) != getattr(getattr(other, part), field.name)
     }
@@ -44,6 +44,7 @@ def test_each_imperfection_is_what_its_name_says(scenario: SensitivityScenario, 
     assert found["no_tare"] == {"sensor.bias", "sensor.drift"}
     assert found["drift"] == {"sensor.bias", "sensor.drift", "sensor.tare"}
     assert found["velocity"] == {"encoders.velocity"}
+    assert found["friction"] == {"surface.friction_noise"}
     assert found["sample_late"] == {"controller.computation_delay"}
     # All of them together are the loop as it is.
     everything = differences(imperfect(loop, "all"), ideal)

@@ -1,5 +1,6 @@
 """The hybrid loop: how it is wired, what its controller may know, and its runs."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
@@ -10,6 +11,7 @@ from pydrake.systems.analysis import Simulator
 
 from chamfer.analysis.contact.contact_runs import run_contact
 from chamfer.analysis.contact.hybrid_stability import settled, smooth
+from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.linear.to_control import to_control
 from chamfer.diagrams.contact.contact_scenarios import (
     ADEPT_NUGGET_HOLD,
@@ -30,6 +32,7 @@ from chamfer.diagrams.contact.hybrid_loop_stability import (
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario, fill
 from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.surfaces.friction import SurfaceFriction
+from chamfer.models.surfaces.surface import normal
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.contact_detection_law import APPROACH, CONTACT, LOST
 from chamfer.systems.force.friction_compensation import FrictionCompensationParams
@@ -369,3 +372,27 @@ def test_a_motion_that_ends_out_of_reach_is_named() -> None:
     slide = PLANAR_SLIDE
     with pytest.raises(ParameterError, match=r"task\.amplitude is 0\.9, allowed: ends with more"):
         resolve(replace(slide, task=replace(slide.task, amplitude=0.9)))
+
+
+def test_friction_is_as_uneven_as_it_says() -> None:
+    """Without noise it is the coefficient, with it off by that much; each seed has its own."""
+    rough = SurfaceFriction(coefficient=0.3)
+    found = []
+    for noise, seed in ((0.0, 0), (0.085, 0), (0.085, 1)):
+        task = replace(PLANAR_SLIDE.task, start=(1.0, -1.3), amplitude=0.05, frequency=0.5)
+        surface = replace(PLANAR_SLIDE.surface, friction=rough, friction_noise=noise)
+        loop = fill(replace(PLANAR_SLIDE, task=task, surface=surface, duration=6.0))
+        diagram = make_hybrid_diagram(loop)
+        outputs = simulate(diagram, duration=6.0, step=loop.controller.period, seed=seed).outputs
+        force, contact = outputs["contact_force"][:, :2], outputs["contact"]
+        slides = (np.arange(len(force)) > 400) & (np.abs(contact[:, 2]) > 0.02)
+        tip = loop.ARM.endpoint
+        points = np.array([tip(q) for q in outputs["encoders"][slides, :2]])[:, :2]
+        normals = np.array([normal(loop.make_surface(), np.array([*p, 0.0]))[:2] for p in points])
+        push = np.sum(force[slides] * normals, axis=1)
+        drag = np.linalg.norm(force[slides] - push[:, None] * normals, axis=1)
+        found.append(drag / push)
+    np.testing.assert_allclose(found[0], 0.3, rtol=1e-3)
+    off = np.concatenate(found[1:]) / 0.3 - 1
+    assert 0.05 < math.sqrt(float(np.mean(off**2))) < 0.15  # 0.085, of some four lengths each
+    assert abs(found[1].mean() - found[2].mean()) > 1e-3

@@ -62,7 +62,7 @@ def test_defaults_resolve_and_are_stable(scenario: HybridScenario) -> None:
         resolved = resolve(scenario)
         assert resolve(resolved) == resolved
     # What was given stays.
-    for part in ("controller", "sensor", "encoders", "detection"):
+    for part in ("controller", "sensor", "encoders", "detection", "surface"):
         before, after = getattr(scenario, part), getattr(resolved, part)
         given = [one.name for one in fields(before) if getattr(before, one.name) is not None]
         assert replace(before, **{name: getattr(after, name) for name in given}) == before
@@ -226,6 +226,7 @@ def test_realistic_is_nowhere_ideal(loop: HybridScenario) -> None:
     assert found.encoders.quanta(found.ARM.num_joints).all()
     assert found.controller.computation_delay
     assert found.controller.computation_jitter
+    assert found.surface.friction_noise
     sensor = found.sensor
     assert all(
         (sensor.noise, sensor.bias, sensor.drift, sensor.bandwidth, sensor.resolution, sensor.tare)
