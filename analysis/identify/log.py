@@ -123,7 +123,8 @@ def _npz_columns(path: Path) -> list[_Column]:
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, AttributeError, TypeError) as error:
         reason = getattr(error, "strerror", None) or error
         raise UserError(f"{path} can't be read as a log: {reason}") from error
-    found = [_Column(name, "", values) for name, values in arrays.items() if values.ndim == 1]
+    single = {name: of for name, of in arrays.items() if of.ndim and of.size == len(of)}
+    found = [_Column(name, "", values.ravel()) for name, values in single.items()]
     tables = {name: values.T for name, values in arrays.items() if values.ndim == 2}
     return found + [
         _Column(f"{name}[{i}]", "", one) for name, of in tables.items() for i, one in enumerate(of)
