@@ -201,7 +201,7 @@ def _contacts(
             levers = np.concatenate([levers, levers @ motion.turn[used].as_matrix()], axis=2)
         rows, wanted = levers.reshape(-1, levers.shape[2]), moment[used].ravel()
         rest = wanted - rows @ np.linalg.lstsq(rows, wanted, rcond=None)[0]
-        left = float(np.linalg.norm(rest) / np.linalg.norm(wanted))
+        left = float(np.linalg.norm(rest) / max(float(np.linalg.norm(wanted)), 1e-300))
         notes.append(f"{100 * left:.0f} % of the moment off one point")
     number = 2.0 if misfit > _OFF_CONE or left > _OFF_POINT else 1.0
     return Quantity(number, number, number, "", ", ".join(notes))
