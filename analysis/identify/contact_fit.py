@@ -62,8 +62,8 @@ def fit_contact(motion: Motion, sensed: Sensed) -> Touched:
         mending = Rotation.from_rotvec(sensed.rotation.values).as_matrix()
         force = _mended(force, mending, motion.turn)
     if used.sum() < _LEAST:
-        some = float(used.any())
-        told["contacts"] = Quantity(some, some, some, "")
+        some, note = float(touching.any()), f"a contact exerts more than {sensed.limit:.2g} N"
+        told["contacts"] = Quantity(some, some, some, "", note)
         return Touched(quantities=told, force=force, steady=steady, any=False)
     height = np.full_like(size, np.nan)
     surface, height[used] = fit_surface(motion, used)

@@ -28,6 +28,7 @@ from chamfer.analysis.identify.sensor_fit import Sensed
 
 _DELAYS: Final = np.arange(-0.06, 0.405, 0.01)  # s, that are tried
 _SURE = 0.8  # of a compliance: half an interval that tells one is narrower
+_FEWEST = 100  # rows
 _STAMP = 0.01  # of a row: the standard deviation of its time
 _STAMP_FREE = 0.1  # the same where nothing is touched, for the noise of the acceleration
 _ALIKE = 0.01  # s, by which delays of axes may differ
@@ -57,12 +58,12 @@ def fit_impedance(
 
     ``told``, N/m, is the stiffness that was set: it tells the unit of the forces.
     """
-    if motion.reference is None:
-        why = "the log has no reference position"
-        return Impedance(quantities={name: unknown(unit, why) for name, unit in _UNITS.items()})
     known = np.zeros(len(motion.time), dtype=bool)
     known[int(_DELAYS[-1] / motion.period) + 1 : int(_DELAYS[0] / motion.period) - 1] = True
     known &= touched.steady
+    if motion.reference is None or known.sum() < _FEWEST:
+        why = "no reference position in the log" if motion.reference is None else "too short a log"
+        return Impedance(quantities={name: unknown(unit, why) for name, unit in _UNITS.items()})
     moves = motion.moves(known)
     if np.sum(known & moves) > _MOVING * np.sum(known):
         known &= moves  # at rest the arm's friction is anything
@@ -166,6 +167,8 @@ def _stiffness(found: Estimate, i: int) -> Quantity:
 def _delay(found: Estimate, i: int, note: str = "") -> Quantity:
     """Return a delay, which is not below 0."""
     value, half = float(found.values[i]), float(found.half()[i])
+    if value >= _DELAYS[-1]:
+        return unknown("s", "the motion follows the reference too little")
     return Quantity(max(0.0, value), max(0.0, value - half), max(0.0, value + half), "s", note)
 
 
@@ -175,8 +178,5 @@ def _unit(quantities: dict[str, Quantity], told: float | None) -> Quantity:
     if told is None or not known:
         return unknown("", "nothing in the log tells it: forces and stiffness scale with it")
     best = min(known, key=lambda q: (q.high or 0.0) / (q.low or 1.0))
-    assert best.value is not None
-    assert best.low is not None
-    assert best.high is not None
-    note = f"inferred from the told stiffness of {told:g} N/m"
-    return Quantity(told / best.value, told / best.high, told / best.low, "", note)
+    value, low, high = (told / (one or np.nan) for one in (best.value, best.high, best.low))
+    return Quantity(value, low, high, "", f"inferred from the told stiffness of {told:g} N/m")

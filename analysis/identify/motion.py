@@ -14,6 +14,7 @@ _SMOOTH = 0.03  # s, standard deviation of the bell that signals are smoothed wi
 _ROWS = 2.0  # at least
 _RATE = 50.0  # Hz, of the rows that are kept
 _SLOW = 0.3  # of the rms speed: slower rows have no way
+_FEWEST = 10  # rows that are kept
 _RESTS = 1e-3  # m/s, below which the direction of a velocity fades
 
 
@@ -55,11 +56,14 @@ def smooth(values: Array, period: float, order: int = 0) -> Array:
 
 
 def smooth_motion(log: Log, force: Array, moment: Array | None) -> Motion | None:
-    """Return the smoothed signals with these forces, N, and moments, N m; None without a path."""
-    if log.position is None:
-        return None
+    """Return the smoothed signals with these forces, N, and moments, N m.
+
+    None where the log has no path, or a very short one.
+    """
     ends = round(6 * smoothing(log.period))
     every = max(1, round(1 / _RATE / log.period))
+    if log.position is None or len(log.time) < 2 * ends + _FEWEST * every:
+        return None
     kept = slice(ends, -ends, every)
 
     def thin(values: Array, order: int = 0) -> Array:

@@ -33,7 +33,15 @@ def draw_residuals(residuals: Sequence[Residual]) -> Figure:
             Curve(values, one.labels[i] if several else None, {"linewidth": 0.7})
             for i, values in enumerate(columns.T)
         ]
-        draw_lines(axes, one.time, curves, title=f"{one.title}: {rms:.2g} {one.unit} rms",
-            y=f"residual / {one.unit}", levels=[ReferenceLine(0.0, None, {"color": "#888888",
-            "linewidth": 0.6})], key="beside" if several else None)  # fmt: skip
+        zero = ReferenceLine(0.0, None, {"color": "#888888", "linewidth": 0.6})
+        draw_lines(
+            axes,
+            one.time,
+            curves,
+            title=f"{one.title}: {rms:.2g} {one.unit} rms",
+            y=f"residual / {one.unit}",
+            over="time / s" if axes is panels[-1] else "",
+            levels=[zero],
+            key="beside" if several else None,
+        )
     return figure

@@ -151,7 +151,7 @@ def test_other_recordings_tell_what_they_can(simulated: Simulate) -> None:
     assert found["sensor.offset.x"].note == "no part of the log is free of contact"
     assert value(found, "friction") == pytest.approx(0.235, abs=0.02)
     less = identify(replace(log, reference_position=None, moment=None, rotation=None)).quantities
-    assert less["delay"].note == "the log has no reference position"
+    assert less["delay"].note == "no reference position in the log"
     assert value(less, "friction") == pytest.approx(0.233, abs=0.005)
     (walled,) = simulated(wall=True)
     assert value(identify(walled).quantities, "contacts") == 2.0
