@@ -74,7 +74,7 @@ class MeasuredTossScenario:
 
     tosses: int = 40  # spread over the recorded 200; half for the fit, half judged
     friction: float | None = None  # mu of cube on board, that all are judged with; None: fitted
-    settings: tuple[Setting, ...] = get_args(Setting)
+    settings: tuple[Setting, ...] = get_args(Setting)  # of contact that are tried
     variations: tuple[Variation, ...] = get_args(Variation)  # of lagged and similar
     frictions: tuple[float, ...] = (0.06, 0.09, 0.12, 0.15, 0.18, 0.21, 0.24)  # mu, of the fit
 
