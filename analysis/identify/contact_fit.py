@@ -96,6 +96,9 @@ def fit_contact(motion: Motion, sensed: Sensed) -> Touched:
     off_cone = np.where(slides[:, None], force - cone_force, np.nan)
     misfit = float(np.sqrt(np.nanmean(np.sum(off_cone**2, axis=1) / size**2)))
     moment = None if motion.moment is None else _mended(motion.moment, cone.mending, turn)
+    if misfit > _OFF_CONE:
+        told |= _nothing("the force fits no friction cone: more than one contact, or no surface")
+        force, moment = motion.force, motion.moment
     told["contacts"] = _contacts(motion, force, moment, used, misfit)
     if told["contacts"].value != 1.0:  # no normal, and so no sensor's axes, fits both
         told |= _nothing("more than one contact in the log") | weighed
