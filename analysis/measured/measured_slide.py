@@ -6,6 +6,7 @@ stiffness is then that of tool and table together: how far the measured tip sink
 """
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -114,7 +115,7 @@ def _paths(scenario: MeasuredSlideScenario) -> dict[str, Path]:
     path = Path(given)
     if given in SLIDES or not path.is_file():
         return {given: slide_path(given)}
-    return {path.stem: path}
+    return {re.sub(r"[^a-z0-9_-]", "_", path.stem.lower()): path}
 
 
 class Recorded(NamedTuple):

@@ -44,12 +44,13 @@ PURE_NUMBERS: Final = {
     *("retries", "runs"),
 }
 UNITS: Final = {
-    *("", "%", "1/(kg m^2)", "1/m", "1/s", "J", "N", "N m", "N s/m", "deg", "kg", "m"),
+    *("", "%", "1/(kg m^2)", "1/m", "1/s", "J", "N", "N m", "N s/m", "N/m", "deg", "kg", "m"),
     *("m/(pixel s)", "m/pixel", "m/rad", "m/s", "pixels", "px"),
     *("rad", "rad/m", "rad/pixel", "rad/s", "s", "s/m", "us"),
 }
-# Modes, remedies and ways that the reduced runs leave out.
+# Modes, remedies, ways and recordings that the reduced runs leave out.
 LEFT_OUT: Final = {
+    *("table_a", "table_b", "free"),
     *("crown", "bulk", "decoupling", "compensation", "soft_gripper", "all"),
     *("wait", "frozen_wait", "no_observer", "compliance"),
 }
