@@ -59,6 +59,13 @@ Array = NDArray[np.float64]
 
 _BAND: Final = float(chi2.ppf(0.95, 3))  # as the thesis' uncertainties are, of three axes (4-9)
 _TOLD: Final = ("friction", "stiffness", "damping", "contact.stiffness")
+_TURNED: Final = 0.1  # rad, by which a sensor is turned beyond doubt
+_WORST: Final = {
+    "adaptive.coverage": min,
+    "rms_ratio": max,
+    "adaptive.pulls": max,
+    "adaptive.unfit": max,
+}
 _BOUNCE: Final = 1.0  # s after the touch; contact that is lost later is no bounce
 
 
@@ -102,10 +109,23 @@ MEASURED_SLIDE: Final = MeasuredSlideScenario()
 
 
 def resolve_measured(scenario: MeasuredSlideScenario) -> MeasuredSlideScenario:
-    """Return the scenario, of which every recording can be read."""
+    """Return the scenario, of which every recording can be read and has the base's axes."""
     for name, path in _paths(scenario).items():
-        _recorded(scenario, name, read_log(path))
+        log = read_log(path)
+        _recorded(scenario, name, log)
+        if name not in SLIDES:
+            _require_axes(name, log)
     return scenario
+
+
+def _require_axes(name: str, log: Log) -> None:
+    """Refuse forces in other axes than the base's, in which no observer could be right."""
+    turned = identify(log).quantities.get("sensor.rotation")
+    if turned is not None and turned.low is not None and turned.low > _TURNED:
+        allowed = (
+            f"forces in the base's axes, not turned by {turned.value:.2f} rad ({turned.note})"
+        )
+        raise ParameterError("recording", name, allowed)
 
 
 def _paths(scenario: MeasuredSlideScenario) -> dict[str, Path]:
@@ -260,8 +280,23 @@ def run_measured(scenario: MeasuredSlideScenario, seed: int, progress: Progress)
         found |= _of_observers(made, on, counts)
         metrics |= prefixed(name, found)
         traces.append(rows)
+    metrics |= _of_all(metrics)
     together = {key: np.concatenate([column(one[key]) for one in traces]) for key in traces[0]}
     return Outcome(metrics=metrics, traces=together, simulated_seconds=0.0)
+
+
+def _of_all(metrics: Mapping[str, Metric]) -> dict[str, Metric]:
+    """Return the worst of all recordings with contact, on which any recording is judged."""
+    found = {}
+    for name, worst in _WORST.items():
+        each = [one for key, one in metrics.items() if key.endswith(f".{name}")]
+        values = [one.value for one in each if one.value is not None]
+        if values:
+            note = "the worst of the recordings with contact"
+            found[name] = Metric(
+                value=worst(values), unit=each[0].unit, note=note, trials=tuple(values)
+            )
+    return found
 
 
 _NO_ERRORS: Final = "no sample in contact after it has settled"

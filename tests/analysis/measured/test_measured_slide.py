@@ -77,6 +77,7 @@ def test_a_known_slide_is_told(tmp_path: Path) -> None:
         assert found[f"{kind}.coverage"] >= 99.0
         assert found[f"{kind}.pulls"] == found[f"{kind}.unfit"] == 0
     assert found["rms_ratio"] == found["adaptive.rms"] / found["thesis.rms"]
+    assert outcome.metrics["adaptive.coverage"].trials == (found["adaptive.coverage"],)
     assert list(figures(replace(MEASURED_SLIDE, recording="table_press"), outcome)) == [
         "measured-slide"
     ]
@@ -138,3 +139,13 @@ def test_a_log_without_force_is_refused(tmp_path: Path) -> None:
     path = slide_log(tmp_path / "blind.npz", position=None)
     with pytest.raises(ParameterError, match="a log with force and position"):
         resolve_measured(MeasuredSlideScenario(recording=path))
+
+
+def test_a_sensor_that_is_turned_is_refused(tmp_path: Path) -> None:
+    with np.load(slide_path("table_b")) as file:
+        columns = {name: file[name] for name in file}
+    for name in ("force", "moment"):
+        columns[name] = columns[name][:, [1, 0, 2]] * [1.0, -1.0, 1.0]  # by 90 degrees about z
+    np.savez(tmp_path / "turned.npz", **columns)
+    with pytest.raises(ParameterError, match=r"not turned by 1.5\d rad"):
+        resolve_measured(MeasuredSlideScenario(recording=str(tmp_path / "turned.npz")))

@@ -358,11 +358,12 @@ def spoilt_slides() -> Mapping[str, Metric]:
         **measured_slide._of_observers(made, on, rows > 0),  # type: ignore[arg-type]
     }
     air = measured_slide._of_recording(on._replace(contact=rows < 0))
-    return {
+    metrics = {
         f"{name}.{key}": one
         for name in ("table_a", "table_b", "table_press", "free")
         for key, one in (air if name == "free" else found).items()
     }
+    return metrics | measured_slide._of_all(metrics)
 
 
 _WAYS: Final = ("", "wait.", "frozen.", "frozen_wait.")
