@@ -39,6 +39,7 @@ class Touched:
     force: Array  # (n, 3), N, of the surface on the tool, fixed axes
     steady: Rows  # (n,), away from touch and release
     any: bool = True  # whether there is enough contact
+    grounded: bool = False  # whether what was taken for free lies on the surface
     misfit: float = np.nan  # rms of a unit force off the friction cone; NaN without sliding
     height: Array | None = None  # (n,), m, over the plane that gives way; NaN without contact
     off_cone: Array | None = None  # (n, 3), N, force off the friction cone; NaN without sliding
@@ -68,13 +69,18 @@ def fit_contact(motion: Motion, sensed: Sensed) -> Touched:
     height = np.full_like(size, np.nan)
     surface, height[used] = fit_surface(motion, used)
     normal = surface.normal(surface.coefficients(surface.products.sum(axis=0)))
+    over = np.abs((motion.position - motion.position[used].mean(axis=0)) @ normal)
+    free = steady & ~used
+    grounded = bool(free.any() and np.median(over[free]) < over[used].max())
     heading = motion.heading - np.outer(motion.heading @ normal, normal)
     slides = used & motion.moves(used)
     spread = np.linalg.eigvalsh(np.cov(heading[slides].T))[-1] if slides.sum() > 1 else 0.0
     if slides.sum() < _LEAST / 2 or spread < _ONE_WAY:
         told |= _nothing("the tool slides too little, or one way only")
         told["contacts"] = _contacts(motion, force, motion.moment, used, np.nan)
-        return Touched(quantities=told, force=force, steady=steady, height=height)
+        return Touched(
+            quantities=told, force=force, steady=steady, grounded=grounded, height=height
+        )
     way = heading / np.maximum(np.sum(heading**2, axis=1, keepdims=True), 0.1)  # as smoothed
     unit = np.where(slides, 1 / np.maximum(size, 1e-12), 0.0)[:, None] * motion.force
     turn, cone, sums = _best_axes(surface, way[used], unit[used], motion, used)
@@ -104,8 +110,8 @@ def fit_contact(motion: Motion, sensed: Sensed) -> Touched:
         told |= _nothing("more than one contact in the log") | weighed
         force = before
     return Touched(
-        quantities=told, force=force, steady=steady, misfit=misfit, height=height,
-        off_cone=off_cone,
+        quantities=told, force=force, steady=steady, grounded=grounded, misfit=misfit,
+        height=height, off_cone=off_cone,
     )  # fmt: skip
 
 

@@ -18,6 +18,7 @@ from chamfer.analysis.identify.sensor_fit import Sensed, fit_sensor
 from chamfer.analysis.scenario.errors import UserError
 
 _ALIKE = 1.1  # times the smaller misfit: both fit
+_ANGLE = "sensor.rotation"
 _FALSE = 0.1  # rms of a unit force off the friction cone that puts the offset in doubt
 
 __all__ = ["Identification", "Quantity", "identify"]
@@ -53,6 +54,10 @@ def identify(log: Log, *, told_stiffness: float | None = None) -> Identification
         if motion is not None and touched is not None:
             arm = fit_impedance(motion, touched, sensed, told_stiffness)
             quantities |= {**touched.quantities, **arm.quantities}
+            if sensed.quantities["sensor.offset.x"].value is None:
+                for name in (_ANGLE, *(f"{_ANGLE}.{axis}" for axis in "xyz"), "friction"):
+                    note = f"{quantities[name].note}, the sensor's offset still in".strip(", ")
+                    quantities[name] = quantities[name]._replace(note=note)
             for title, unit, scale, values in (
                 ("Height over the plane", "mm", 1e3, touched.height),
                 ("Force off the friction cone", "N", 1.0, touched.off_cone),
@@ -91,7 +96,7 @@ def _sense(log: Log) -> tuple[Sensed, Motion | None, Touched | None]:
             continue
         misfit, angle = np.nan, None
         if touched is not None and motion is not None:
-            misfit, angle = touched.misfit, touched.quantities["sensor.rotation"].value
+            misfit, angle = touched.misfit, touched.quantities[_ANGLE].value
             if touched.quantities["contacts"].value == 2.0 and motion.reference is not None:
                 pull = motion.reference - motion.position  # which the force holds, no cone fits
                 sizes = np.linalg.norm(pull) * np.linalg.norm(touched.force)
@@ -99,6 +104,8 @@ def _sense(log: Log) -> tuple[Sensed, Motion | None, Touched | None]:
         if np.isnan(misfit):
             known = sensed.residual[np.isfinite(sensed.residual)]
             misfit = float(np.std(known)) if len(known) else np.inf
+        if tared and touched is not None and touched.grounded:
+            misfit = np.inf  # the offset is that of a contact
         found.append((sensed, motion, touched))
         ranks.append((misfit if tared else 2 * misfit, angle or 0.0))
     if wrong is not None and not (ranks and min(ranks)[0] < _FALSE):

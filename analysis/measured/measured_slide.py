@@ -73,7 +73,7 @@ _BOUNCE: Final = 1.0  # s after the touch; contact that is lost later is no boun
 class MeasuredSlideScenario:
     """Which recording, and what the observers are told of it.
 
-    Told is what one half of ``table_a`` shows; the other half and the other recordings judge it.
+    Told is what one half of ``table_a`` shows; the others were not fitted, but seen.
     """
 
     recording: str | None = None  # a recording's name or a log's file; None: all that come along

@@ -171,6 +171,17 @@ def test_friction_of_joints_has_two_directions() -> None:
     assert list(found.figures()) == ["residuals"]
 
 
+def test_a_real_slide_that_begins_in_contact_tells_no_offset() -> None:
+    """What moves least on the table is not free, however quiet it is."""
+    log = read_log(slide_path("table_a"))
+    rows = slice(2000, 6000)
+    late = replace(log, **{name: getattr(log, name)[rows] for name in ("time", *log.quantities())})
+    found = identify(late).quantities
+    assert found["sensor.offset.z"].note == "no part of the log is free of contact"
+    assert found["friction"].note == "the sensor's offset still in"
+    assert found["friction"].value == pytest.approx(0.234, abs=0.015)
+
+
 def test_residuals_are_drawn() -> None:
     figure = identify(recorded("table_b")).figures()["residuals"]
     titles = [axes.get_title(loc="left").split(":")[0] for axes in figure.axes]
