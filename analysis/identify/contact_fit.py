@@ -24,6 +24,7 @@ from chamfer.analysis.scenario.errors import UserError
 
 _SETTLED = 0.15  # s, after a touch and before a release that are left out
 _LEAST = 200  # rows of contact, half of them sliding
+_SLIDES_ON = 20.0  # times the height of its path: what goes so far on the plane is not free
 _ONE_WAY = 0.1  # variance of the direction of sliding: less tells no rotation
 _MIRRORED = 0.5  # of the misfit of the best rotation: a mirror that fits so well is the truth
 _OFF_CONE = 0.15  # rms of a unit force off the cone: more is a second contact
@@ -71,7 +72,11 @@ def fit_contact(motion: Motion, sensed: Sensed) -> Touched:
     normal = surface.normal(surface.coefficients(surface.products.sum(axis=0)))
     over = np.abs((motion.position - motion.position[used].mean(axis=0)) @ normal)
     free = steady & ~used
-    grounded = bool(free.any() and np.median(over[free]) < over[used].max())
+    grounded = bool(
+        free.any()
+        and np.median(over[free]) < over[used].max()
+        and np.ptp(motion.position[free], axis=0).max() > _SLIDES_ON * over[used].max()
+    )
     heading = motion.heading - np.outer(motion.heading @ normal, normal)
     slides = used & motion.moves(used)
     spread = np.linalg.eigvalsh(np.cov(heading[slides].T))[-1] if slides.sum() > 1 else 0.0
