@@ -245,8 +245,9 @@ def test_a_drawn_command_ends_soon_in_a_result_or_in_one_line(
             "command.running.load": load if arguments[0] == "diagram" else load_stub,
             "command.running.check": lambda *_: [],
             "sweep.sweep.load": load_stub,
-            "campaign.cluster.engines": engines,
+            # First where they are taken: a module that is imported now takes the real ones.
             "command.session.engines": engines,
+            "campaign.cluster.engines": engines,
         }
         with ExitStack() as stack:
             for place, stub in stubs.items():
