@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.models.surfaces.surface import Surface
+from chamfer.models.surfaces.surface_code import LEAST, MOST, Nodes, Place, nodes_of
 from chamfer.models.validation import ParameterError, require_numbers
 
 Vector = NDArray[np.float64]
@@ -36,6 +37,10 @@ class Upright:
         hessian = np.zeros((3, 3))
         hessian[:2, :2] = self.curve.hessian(p[:2])
         return hessian
+
+    def nodes(self, place: Place | None) -> Nodes:
+        """Return the curve's nodes, which have no z."""
+        return nodes_of(self.curve, place)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,6 +85,13 @@ class Placed:
         """Return the level's second derivatives."""
         hessian: Matrix = self._rotation @ self.surface.hessian(self._seen(p)) @ self._rotation.T
         return hessian
+
+    def nodes(self, place: Place | None) -> Nodes:
+        """Return the surface's nodes where it is placed."""
+        rotation, point = self._rotation, self._origin
+        if place is not None:
+            rotation, point = place[0] @ rotation, place[0] @ point + place[1]
+        return nodes_of(self.surface, (rotation, point))
 
     @cached_property
     def _origin(self) -> Vector:
@@ -126,6 +138,11 @@ class _Several:
     def hessian(self, p: Vector) -> Matrix:
         """Return its second derivatives."""
         return self._foremost(p).hessian(p)
+
+    def nodes(self, place: Place | None) -> Nodes:
+        """Return the parts' nodes, and what picks one of them."""
+        parts = [node for part in self.parts for node in nodes_of(part, place)]
+        return [*parts, [3.0, LEAST if self._pick is min else MOST, float(len(self.parts))]]
 
     def _foremost(self, p: Vector) -> Surface:
         return self._pick(self.parts, key=lambda one: one.level(p))

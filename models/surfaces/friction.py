@@ -1,11 +1,13 @@
 """Coulomb friction of a surface, from place to place."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from chamfer.models.compiled import compiled
 from chamfer.models.validation import (
     MOST_FRICTION,
     ParameterError,
@@ -45,24 +47,31 @@ class SurfaceFriction:
 
     def at(self, p: Vector) -> float:
         """Return the coefficient at a point, shape (d,), m."""
-        value = self.coefficient
-        if self.ripple:
-            value += self.ripple * math.sin(2 * math.pi * float(p[0]) / self.wavelength)
-        if self.jump:
-            value += 0.5 * self.jump * (1 + math.tanh(self._from_jump(p)))
-        return max(value, 0.0)  # rounding, where the ripple or the jump takes all of it
+        return friction_at(self.numbers, float(p[0]))[0]
 
     def gradient(self, p: Vector) -> Vector:
         """Return the coefficient's gradient at a point, shape (d,), 1/m."""
-        slope = 0.0
-        if self.ripple:
-            wave = 2 * math.pi / self.wavelength
-            slope += self.ripple * wave * math.cos(wave * float(p[0]))
-        if self.jump:
-            slope += 0.5 * self.jump / self.jump_width * (1 - math.tanh(self._from_jump(p)) ** 2)
         gradient = np.zeros(len(p))
-        gradient[0] = slope
+        gradient[0] = friction_at(self.numbers, float(p[0]))[1]
         return gradient
 
-    def _from_jump(self, p: Vector) -> float:
-        return (float(p[0]) - self.jump_at) / self.jump_width
+    @cached_property
+    def numbers(self) -> Vector:
+        """The six numbers, in the order above, as :func:`friction_at` takes them."""
+        return np.array([getattr(self, field.name) for field in fields(self)], dtype=np.float64)
+
+
+@compiled
+def friction_at(numbers: Vector, x: float) -> tuple[float, float]:
+    """Return the coefficient at a place, m, and its slope, 1/m."""
+    value, slope = numbers[0], 0.0
+    ripple, wavelength, jump = numbers[1], numbers[2], numbers[3]
+    if ripple > 0.0:
+        value += ripple * math.sin(2 * math.pi * x / wavelength)
+        wave = 2 * math.pi / wavelength
+        slope += ripple * wave * math.cos(wave * x)
+    if jump != 0.0:
+        done = math.tanh((x - numbers[4]) / numbers[5])
+        value += 0.5 * jump * (1 + done)
+        slope += 0.5 * jump / numbers[5] * (1 - done**2)
+    return max(value, 0.0), slope  # rounding, where the ripple or the jump takes all of it

@@ -2,50 +2,17 @@
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from chamfer.models.surfaces.surface_code import PARABOLA, WAVE, Coded, Nodes, Place, leaf
 from chamfer.models.validation import ParameterError, require_numbers
-
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
-
-
-class _Rise(NamedTuple):
-    """What a coordinate adds to the height."""
-
-    height: float  # m
-    slope: float
-    bend: float  # 1/m
-
-
-class _Graph:
-    """The material below a height that is a sum over all coordinates but the last."""
-
-    def level(self, p: Vector) -> float:
-        """Return the height above the graph, m."""
-        *across, up = p.tolist()
-        for i, s in enumerate(across):
-            up -= self._rise(i, s).height
-        return float(up)
-
-    def gradient(self, p: Vector) -> Vector:
-        """Return the height's gradient."""
-        return np.array([*(-self._rise(i, s).slope for i, s in enumerate(p.tolist()[:-1])), 1.0])
-
-    def hessian(self, p: Vector) -> Matrix:
-        """Return the height's second derivatives."""
-        return np.diag([*(-self._rise(i, s).bend for i, s in enumerate(p.tolist()[:-1])), 0.0])
-
-    def _rise(self, i: int, s: float) -> _Rise:
-        raise NotImplementedError
 
 
 @dataclass(frozen=True, kw_only=True)
-class Parabola(_Graph):
-    """The material below ``y = a x^2`` (eq. (5-1), Fig. 5-2), in space ``z = a x^2 + b y^2``."""
+class Parabola(Coded):
+    """The material below ``y = a x^2`` (eq. (5-1), Fig. 5-2), in space ``z = a x^2 + b y^2``.
+
+    The level is the height above it, m.
+    """
 
     coefficients: tuple[float, ...] = (0.05,)  # 1/m, a, or a and b; 0 makes it flat
 
@@ -57,14 +24,18 @@ class Parabola(_Graph):
         """2 with one coefficient, else 3."""
         return 2 if len(self.coefficients) == 1 else 3
 
-    def _rise(self, i: int, s: float) -> _Rise:
-        a = self.coefficients[i]
-        return _Rise(a * s * s, 2 * a * s, 2 * a)
+    def nodes(self, place: Place | None) -> Nodes:
+        """Return the parabola's node."""
+        terms = [number for a in self.coefficients for number in (a, 0.0)]
+        return leaf(PARABOLA, (len(self.coefficients), *terms), place)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wave(_Graph):
-    """The material below ``y = A sin(2 pi x / L)``, in space ``z``, plus the same along y."""
+class Wave(Coded):
+    """The material below ``y = A sin(2 pi x / L)``, in space ``z``, plus the same along y.
+
+    The level is the height above it, m.
+    """
 
     amplitudes: tuple[float, ...] = (0.05,)  # m, A, in space for x and y
     wavelengths: tuple[float, ...] = (1.0,)  # m, L, in space for x and y
@@ -81,7 +52,8 @@ class Wave(_Graph):
         """2 with one amplitude, else 3."""
         return 2 if len(self.amplitudes) == 1 else 3
 
-    def _rise(self, i: int, s: float) -> _Rise:
-        wave = 2 * math.pi / self.wavelengths[i]
-        sine = self.amplitudes[i] * math.sin(wave * s)
-        return _Rise(sine, self.amplitudes[i] * wave * math.cos(wave * s), -wave * wave * sine)
+    def nodes(self, place: Place | None) -> Nodes:
+        """Return the wave's node."""
+        waves = (2 * math.pi / length for length in self.wavelengths)
+        terms = [number for term in zip(self.amplitudes, waves, strict=True) for number in term]
+        return leaf(WAVE, (len(self.amplitudes), *terms), place)

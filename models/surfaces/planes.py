@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from chamfer.models.surfaces.surface_code import PLANE, Coded, Nodes, Place, leaf
 from chamfer.models.validation import (
     ParameterError,
     require_finite,
@@ -14,9 +14,6 @@ from chamfer.models.validation import (
     require_numbers,
     require_positive,
 )
-
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +37,7 @@ class Unevenness:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RippledPlane(Unevenness):
+class RippledPlane(Coded, Unevenness):
     """A plane that is tilted out of its nominal direction and has a sinusoidal ripple."""
 
     dimension: ClassVar[int] = 3
@@ -59,28 +56,8 @@ class RippledPlane(Unevenness):
         if not abs(float(np.dot(self.normal, self.along))) < 1e-9:
             raise ParameterError("along", self.along, f"at right angles to {self.normal}")
 
-    def level(self, p: Vector) -> float:
-        """Return the height above the tilted and rippled plane, m, along the nominal normal."""
-        x, y, z = p.tolist()
-        x, y, z = x - self.point[0], y - self.point[1], z - self.point[2]
-        (nx, ny, nz), s = self.normal, self._along(p)
-        wave = self.ripple * math.sin(2 * math.pi / self.wavelength * s)
-        return float(nx * x + ny * y + nz * z - (math.tan(self.tilt) * s + wave))
-
-    def gradient(self, p: Vector) -> Vector:
-        """Return the height's gradient."""
+    def nodes(self, place: Place | None) -> Nodes:
+        """Return the plane's node; its level is the height along the nominal normal, m."""
         wave = 2 * math.pi / self.wavelength
-        slope = math.tan(self.tilt) + self.ripple * wave * math.cos(wave * self._along(p))
-        (nx, ny, nz), (ax, ay, az) = self.normal, self.along
-        return np.array([nx - slope * ax, ny - slope * ay, nz - slope * az])
-
-    def hessian(self, p: Vector) -> Matrix:
-        """Return the height's second derivatives."""
-        wave = 2 * math.pi / self.wavelength
-        bend = self.ripple * wave**2 * math.sin(wave * self._along(p))
-        return np.array([[bend * a * b for b in self.along] for a in self.along])
-
-    def _along(self, p: Vector) -> float:
-        (x, y, z), (ax, ay, az) = p.tolist(), self.along
-        px, py, pz = self.point
-        return float(ax * (x - px) + ay * (y - py) + az * (z - pz))
+        uneven = (math.tan(self.tilt), self.ripple, wave)
+        return leaf(PLANE, (*self.point, *self.normal, *self.along, *uneven), place)

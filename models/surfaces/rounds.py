@@ -9,14 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.models.surfaces.composed import Upright
+from chamfer.models.surfaces.surface_code import (
+    ELLIPSOID,
+    ROUND,
+    Coded,
+    Nodes,
+    Place,
+    leaf,
+)
 from chamfer.models.validation import ParameterError, require_numbers, require_positive
 
 Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Round:
+class _Round(Coded):
     """Material within a distance of a centre, or beyond it.
 
     The level is the distance from the surface, m, negative in the material. Its gradient is a
@@ -33,32 +40,11 @@ class _Round:
         require_numbers(self, self.dimension, "centre")
         require_positive(self, "radius")
 
-    def level(self, p: Vector) -> float:
-        """Return the distance from the surface, m."""
-        distance = math.dist(p.tolist(), self.centre)
-        return self.radius - distance if self.inside else distance - self.radius
-
-    def gradient(self, p: Vector) -> Vector:
-        """Return the distance's gradient."""
-        distance, unit = self._direction(p)
-        return np.array([-x if self.inside and distance else x for x in unit])
-
-    def hessian(self, p: Vector) -> Matrix:
-        """Return the distance's second derivatives."""
-        distance, unit = self._direction(p)
-        scale = -distance if self.inside else distance
-        return np.array(
-            [
-                [((i == j) - x * y) / scale if scale else 0.0 for j, y in enumerate(unit)]
-                for i, x in enumerate(unit)
-            ]
-        )
-
-    def _direction(self, p: Vector) -> tuple[float, list[float]]:
-        """Return how far a point is from the centre, m, and in which direction; in it, nowhere."""
-        offset = [x - c for x, c in zip(p.tolist(), self.centre, strict=True)]
-        distance = math.hypot(*offset)
-        return distance, [x / distance if distance else 0.0 for x in offset]
+    def nodes(self, place: Place | None) -> Nodes:
+        """Return the circle's or sphere's node."""
+        d, (x, y, *up) = self.dimension, self.centre
+        numbers = (d, x, y, up[0] if up else 0.0, self.radius, -1.0 if self.inside else 1.0)
+        return leaf(ROUND, numbers, place)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,10 +66,11 @@ class Sphere(_Round):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ellipsoid:
+class Ellipsoid(Coded):
     """An ellipsoid about the origin, its axes along those of its frame.
 
-    The level is ``s (|A^-1 p| - 1)`` with the semi-axes A and the smallest of them, s.
+    The level is ``s (|A^-1 p| - 1)`` with the semi-axes A and the smallest of them, s; its
+    derivatives are 0 in the middle.
     """
 
     dimension: ClassVar[int] = 3
@@ -95,29 +82,9 @@ class Ellipsoid:
         if not min(self.semi_axes) > 0:
             raise ParameterError("semi_axes", self.semi_axes, "3 finite numbers > 0")
 
-    def level(self, p: Vector) -> float:
-        """Return the level, m."""
-        return min(self.semi_axes) * (self._scaled(p)[0] - 1)
-
-    def gradient(self, p: Vector) -> Vector:
-        """Return the level's gradient; 0 in the middle."""
-        length, slope = self._scaled(p)
-        gradient: Vector = min(self.semi_axes) * slope / (length or 1.0)
-        return gradient
-
-    def hessian(self, p: Vector) -> Matrix:
-        """Return the level's second derivatives; 0 in the middle."""
-        length, slope = self._scaled(p)
-        if not length:
-            return np.zeros((3, 3))
-        bent = np.diag(np.power(self.semi_axes, -2.0)) - np.outer(slope, slope) / length**2
-        hessian: Matrix = min(self.semi_axes) / length * bent
-        return hessian
-
-    def _scaled(self, p: Vector) -> tuple[float, Vector]:
-        """Return |A^-1 p| and A^-2 p."""
-        scaled = p / self.semi_axes
-        return math.hypot(*scaled.tolist()), scaled / self.semi_axes
+    def nodes(self, place: Place | None) -> Nodes:
+        """Return the ellipsoid's node."""
+        return leaf(ELLIPSOID, self.semi_axes, place)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -93,8 +93,8 @@ class LaidContact(ContactParams):
     """What happens where a nugget touches one that lies loose on others.
 
     Two dry frictions in series, of which the weaker gives: that between both, and that of the
-    lower one on what it lies on, which holds ``slip_friction (N + m g)``. The lower nugget's
-    inertia is left out. What holds on a slope is taken for that down the slope.
+    lower one on what it lies on (:func:`chamfer.systems.contact.arm_motion.coefficient`). The
+    lower nugget's inertia is left out.
     """
 
     mass: float  # kg, of the lower nugget
@@ -105,14 +105,10 @@ class LaidContact(ContactParams):
         require_positive(self, "mass")
         require_not_negative(self, "slip_friction")
 
-    def coefficient(self, point: Array, force: Array, normal: Array) -> float:
-        """Return the coefficient of friction as the upper nugget feels it."""
-        push = float(force @ normal)
-        if push <= 0:
-            return self.friction.at(point)
-        holds = math.atan(self.slip_friction * (1 + self.mass * GRAVITY / push))
-        slope = math.acos(min(max(float(normal[2]), 0.0), 1.0))
-        return min(self.friction.at(point), math.tan(max(holds - slope, 0.0)))
+    @property
+    def loose(self) -> tuple[float, float]:
+        """Mass and slip friction of the lower nugget."""
+        return self.mass, self.slip_friction
 
     def slips(self, force: Array) -> bool:
         """Say whether the lower nugget gives way to the force, N, (3,), of it on the upper one."""

@@ -3,7 +3,8 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from chamfer.models.arms.arm import Arm, JointFrictionParams
 from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.surfaces.friction import SurfaceFriction
 from chamfer.models.surfaces.surface import Surface, locate, proximity
+from chamfer.models.surfaces.surface_code import surface_code
 from chamfer.models.validation import (
     ParameterError,
     finite,
@@ -36,19 +38,22 @@ from chamfer.systems.contact.arm_dynamics import (
     pose,
 )
 from chamfer.systems.contact.arm_motion import (
+    FAR,
     NOWHERE,
+    Contacts,
     Patch,
     Tool,
     advance,
+    coefficient,
     energies,
     gaps,
     output_sizes,
+    roughen,
+    update,
 )
 from chamfer.systems.contact.stick_slip import Material
 
 Array = NDArray[np.float64]
-
-_FRICTION_LENGTH: Final = 0.012  # m, of the way over which its noise changes; measured on a table
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +74,17 @@ class ContactParams:
 
         Shape (3,) each; the force, N, is that of the surface, the normal is out of it.
         """
-        return self.friction.at(point)
+        return coefficient(self.numbers, point, force, normal)
+
+    @property
+    def loose(self) -> tuple[float, float]:
+        """Mass, kg, and slip friction of a body that lies loose and is touched, or 0."""
+        return 0.0, 0.0
+
+    @cached_property
+    def numbers(self) -> Array:
+        """The friction as :class:`chamfer.systems.contact.arm_motion.Contacts` has it."""
+        return np.array([*self.friction.numbers, self.friction_noise or 0.0, *self.loose])
 
 
 @dataclass(frozen=True)
@@ -132,9 +147,6 @@ def with_load(chain: Chain, load: Load | None) -> Chain:
     return chain._replace(mass=mass, centre=centre, inertia=total)
 
 
-_FAR: Final = 0.01  # m, more of a gap than the tip gains on what its speed says in an update
-
-
 @dataclass(frozen=True, kw_only=True)
 class ArmInContactParams:
     """Parameters of :class:`ArmInContact`."""
@@ -167,6 +179,7 @@ class _World(NamedTuple):
     chain: Chain
     material: Material
     tool: Tool
+    contacts: Contacts | None  # None: with surfaces or friction of unknown classes
 
 
 class ArmInContact(LeafSystem):
@@ -328,34 +341,32 @@ class ArmInContact(LeafSystem):
         uneven = context.get_discrete_state(self._uneven).value().copy()
         if self._friction_noise.HasValue(context):
             # The noise is one of places: it changes as far as the points slip.
-            slip = outputs[self._parts["contact"]].reshape(-1, 6)[:, 2]
-            kept = np.exp(-np.abs(slip) * params.period / _FRICTION_LENGTH)
-            drawn = finite("friction_noise", self._friction_noise.Eval(context))
-            uneven = kept * uneven + np.sqrt(1 - kept**2) * drawn
+            drawn = finite("friction_noise", self._friction_noise.Eval(context)).copy()
+            roughen(uneven, drawn, outputs, len(torque), params.period)
             values.set_value(self._uneven, uneven)
-        state, outputs, error, unsolved = advance(
-            world.chain,
-            world.material,
-            world.tool,
-            self._patch(world, outputs, uneven),
-            state,
-            outputs,
-            round(context.get_time() / params.period) % params.window > 0,
-            torque.copy(),
-            disturbance.copy(),
-            params.step,
-            params.held,
-        )
-        n, at = len(torque), f"at t = {context.get_time():g} s"
-        if not all(map(math.isfinite, state.tolist())):
-            speed, allowed = state[n : 2 * n].tolist(), "finite numbers, the run diverges"
-            raise ParameterError(f"the {self._name}'s velocity {at}", speed, allowed)
-        if unsolved:
-            allowed = "less, which a shorter step may reach"
-            raise ParameterError(f"the error of the {self._name}'s contact {at}", error, allowed)
+        lasting = round(context.get_time() / params.period) % params.window > 0
+        pushes, times = (torque.copy(), disturbance.copy()), (params.step, params.held)
+        arm = world.chain, world.material, world.tool
+        if world.contacts is None:
+            patch = self._patch(world, outputs, uneven)
+            error, unsolved = advance(*arm, patch, state, outputs, *pushes, lasting, *times)
+        else:
+            now = state, outputs, uneven
+            error, unsolved = update(*arm, world.contacts, *now, *pushes, lasting, *times)
+        if unsolved or not all(map(math.isfinite, state.tolist())):
+            self._refuse(context.get_time(), state, error)
         values.set_value(self._state, state)
         values.set_value(self._outputs, outputs)
         values.set_value(self._last_scene, [scene])
+
+    def _refuse(self, time: float, state: Array, error: float) -> None:
+        """Say that a run diverges, or that a step is not solved."""
+        n, at = len(self._worlds[0].chain.mass), f"at t = {time:g} s"
+        if not np.all(np.isfinite(state)):
+            speed, allowed = state[n : 2 * n].tolist(), "finite numbers, the run diverges"
+            raise ParameterError(f"the {self._name}'s velocity {at}", speed, allowed)
+        allowed = "less, which a shorter step may reach"
+        raise ParameterError(f"the error of the {self._name}'s contact {at}", error, allowed)
 
     def _change_scene(self, world: _World, state: Array, outputs: Array) -> None:
         """Start a scene where the arm is; what the change takes is booked as work."""
@@ -389,7 +400,7 @@ class ArmInContact(LeafSystem):
             way = self._params.period / 2 * tip[3:]
             point = tip[:3] + way
             level, gradient = surface.level(point), surface.gradient(point)
-            far = _FAR + 2 * math.hypot(*way.tolist())
+            far = FAR + 2 * math.hypot(*way.tolist())
             patch.point[i] = point
             if level > far * math.hypot(*gradient.tolist()):
                 # Out of reach, where a level function may have any shape.
@@ -425,7 +436,16 @@ def _make_world(chain: Chain, scene: Scene, params: ArmInContactParams) -> _Worl
             float(scene.load.mass) if scene.load else 0.0,
             np.array(scene.load.centre if scene.load else (0.0, 0.0, 0.0), dtype=np.float64),
         ),
+        _contacts(scene.points),
     )
+
+
+def _contacts(points: Sequence[ContactPoint]) -> Contacts | None:
+    code = surface_code(*(point.surface for point in points))
+    own = ContactParams.coefficient
+    if code is None or any(type(point.contact).coefficient is not own for point in points):
+        return None
+    return Contacts(code, np.array([point.contact.numbers for point in points]))
 
 
 def _tips(world: _World, q: Array, v: Array, stretch: Array) -> Array:

@@ -6,8 +6,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from chamfer.models.surfaces.friction import friction_at
+from chamfer.models.surfaces.surface_code import evaluate
 from chamfer.systems.compiled import add_product, compiled, inverse
 from chamfer.systems.contact.arm_dynamics import (
+    GRAVITY,
     Chain,
     Pose,
     add_cross,
@@ -33,6 +36,8 @@ CONTACT_SIGNALS: Final = (
 )
 ENERGIES: Final = ("kinetic", "potential", "elastic", "dissipated", "work")
 NOWHERE: Final = 1e3  # m, gap of a point that a scene does not have
+FAR: Final = 0.01  # m, more of a gap than the tip gains on what its speed says in an update
+_FRICTION_LENGTH: Final = 0.012  # m, of the way over which its noise changes; measured on a table
 
 
 class Tool(NamedTuple):
@@ -54,6 +59,13 @@ class Patch(NamedTuple):
     gradient: Array  # (m, 3), away from the material
     hessian: Array  # (m, 3, 3), 1/m
     mu: Array  # (m,), coefficients of friction
+
+
+class Contacts(NamedTuple):
+    """What the points touch, in machine code."""
+
+    surfaces: Array  # their code
+    friction: Array  # (m, 9), the coefficient's six numbers, its noise, and :func:`coefficient`'s
 
 
 def output_sizes(n: int, points: int) -> dict[str, int]:
@@ -148,6 +160,96 @@ def _carried(chain: Chain, tool: Tool, q: Array, v: Array) -> Array:
 
 
 @compiled
+def coefficient(friction: Array, point: Array, force: Array, normal: Array) -> float:
+    """Return the coefficient of friction, of a row of :class:`Contacts`.
+
+    At a point, m, with the force, N, of the surface and the normal out of it, shape (3,) each. The
+    row's last numbers are mass, kg, and slip friction of a body that lies loose, mass 0 if there
+    is none. Of two dry frictions in series, that on it and that of it on what it lies on, the
+    weaker gives. The latter holds ``slip_friction (N + m g)``; on a slope it is as down the slope.
+    """
+    mu, push = friction_at(friction, point[0])[0], along(force, normal)
+    if friction[7] > 0.0 and push > 0.0:
+        holds = math.atan(friction[8] * (1.0 + friction[7] * GRAVITY / push))
+        slope = math.acos(min(max(normal[2], 0.0), 1.0))
+        mu = min(mu, math.tan(max(holds - slope, 0.0)))
+    return mu
+
+
+@compiled
+def roughen(uneven: Array, drawn: Array, outputs: Array, n: int, period: float) -> None:
+    """Change the friction's relative noise, shape (M,), as far as the points slip in a period.
+
+    ``drawn``, shape (M,), is white, of deviation 1, and so is the noise then.
+    """
+    contact = 3 * len(uneven) + 3 + n
+    for a in range(len(uneven)):
+        kept = math.exp(-abs(outputs[contact + 6 * a + 2]) * period / _FRICTION_LENGTH)
+        uneven[a] = kept * uneven[a] + math.sqrt(1.0 - kept**2) * drawn[a]
+
+
+@compiled
+def patch_at(contacts: Contacts, outputs: Array, uneven: Array, n: int, period: float) -> Patch:
+    """Return the surfaces about where the points, with velocities, are in half a period."""
+    m, most = len(contacts.friction), len(uneven)
+    tip = 3 * most + 3 + n + 6 * most
+    found = Patch(
+        np.empty((m, 3)), np.empty(m), np.empty((m, 3)), np.empty((m, 3, 3)), np.empty(m)
+    )
+    for a in range(m):
+        point, gradient, hessian = found.point[a], found.gradient[a], found.hessian[a]
+        way = 0.0
+        for i in range(3):
+            ahead = period / 2 * outputs[tip + 6 * a + 3 + i]
+            point[i] = outputs[tip + 6 * a + i] + ahead
+            way += ahead**2
+        level = evaluate(contacts.surfaces, a, point, gradient, hessian)
+        found.level[a], found.mu[a] = level, 0.0
+        length = math.sqrt(along(gradient, gradient))
+        if level > (FAR + 2.0 * math.sqrt(way)) * length:
+            # Out of reach, where a level function may have any shape.
+            hessian[:] = 0.0
+            if length == 0.0:
+                gradient[0] = 1.0
+            else:
+                found.level[a] /= length
+                gradient /= length
+            continue
+        mu = coefficient(
+            contacts.friction[a], point, outputs[3 * a : 3 * a + 3], gradient / length
+        )
+        found.mu[a] = mu * max(1.0 + contacts.friction[a, 6] * uneven[a], 0.0)
+    return found
+
+
+@compiled
+def update(
+    chain: Chain,
+    material: Material,
+    tool: Tool,
+    contacts: Contacts,
+    state: Array,
+    outputs: Array,
+    uneven: Array,
+    torque: Array,
+    disturbance: Array,
+    lasting: bool,
+    h: float,
+    count: int,
+) -> tuple[float, int]:
+    """Take ``count`` steps of ``h`` seconds at the surfaces; change state and outputs.
+
+    ``uneven``, shape (M,), is the friction's relative noise at the points, of deviation 1; the
+    rest is as :func:`advance` has it. Returns the largest error of the steps, and how many of them
+    are not solved.
+    """
+    patch = patch_at(contacts, outputs, uneven, len(torque), h * count)
+    return advance(
+        chain, material, tool, patch, state, outputs, torque, disturbance, lasting, h, count
+    )
+
+
+@compiled
 def advance(
     chain: Chain,
     material: Material,
@@ -155,13 +257,13 @@ def advance(
     patch: Patch,
     state: Array,
     outputs: Array,
-    lasting: bool,
     torque: Array,
     disturbance: Array,
+    lasting: bool,
     h: float,
     count: int,
-) -> tuple[Array, Array, float, int]:
-    """Take ``count`` steps of ``h`` seconds.
+) -> tuple[float, int]:
+    """Take ``count`` steps of ``h`` seconds; change state and outputs.
 
     Mass matrix, bias, Jacobians and normals are those of each step's middle, with the velocity's
     change in the step before taken to go on: second order in h wherever forces are smooth.
@@ -174,9 +276,7 @@ def advance(
     on from those of ``outputs``. ``torque``, (n,), N m or N, is held, and so is ``disturbance``,
     (3,), N, on the arm at the first point, world frame.
 
-    Returns:
-        State and outputs at the end, the largest error of the steps, and how many of them are not
-        solved.
+    Returns the largest error of the steps, and how many of them are not solved.
     """
     n, m, most = len(torque), len(tool.offset), (len(state) - 5 * len(torque) - 3) // 3
     q = state[:n].copy()
@@ -273,7 +373,7 @@ def advance(
         add_product(at.R_WE.T, lack, after[3 * most : 3 * most + 3])
     after[energy : energy + 3] = energies(chain, material, tool, q, motion.velocity, stretch, gap)
     after[energy + 3] = dissipated
-    new = np.concatenate(
+    state[:] = np.concatenate(
         (
             q,
             motion.velocity,
@@ -285,4 +385,5 @@ def advance(
             stretch,
         )
     )
-    return new, after, error, unsolved
+    outputs[:] = after
+    return error, unsolved

@@ -20,6 +20,7 @@ from chamfer.models.surfaces.planes import RippledPlane
 from chamfer.models.surfaces.profile import Profile
 from chamfer.models.surfaces.rounds import Circle, Crucible, Ellipsoid, Sphere
 from chamfer.models.surfaces.surface import Surface, curvature, locate, normal
+from chamfer.models.surfaces.surface_code import evaluate, surface_code
 from chamfer.models.validation import ParameterError
 
 SURFACES: list[Surface] = [
@@ -109,6 +110,29 @@ def test_derivatives(surface: Surface, seed: int) -> None:
             for e in np.eye(d)
         ]
         np.testing.assert_allclose(derivative(p), differences, atol=1e-6)
+
+
+def test_codes_say_what_the_surfaces_say() -> None:
+    twice = Placed(surface=Union(parts=(PLACED, Sphere())), point=(0.0, 0.1, 0.0), axes=_CYCLE)
+    surfaces = [one for one in [*SURFACES, *COMPOSED, twice] if one.dimension == 3]
+    code, rng = surface_code(*surfaces), np.random.default_rng(1)
+    assert code is not None
+    gradient, hessian = np.empty(3), np.empty((3, 3))
+    for which, surface in enumerate(surfaces):
+        for p in rng.uniform(-1.5, 1.5, (20, 3)):
+            level = evaluate(code, which, p, gradient, hessian)
+            assert level == pytest.approx(surface.level(p), rel=1e-13, abs=1e-14)
+            np.testing.assert_allclose(gradient, surface.gradient(p), atol=1e-13)
+            np.testing.assert_allclose(hessian, surface.hessian(p), rtol=1e-12, atol=1e-12)
+
+
+def test_what_a_class_of_ones_own_says_has_no_code() -> None:
+    class Own(Sphere):
+        def level(self, p: np.ndarray) -> float:
+            return super().level(p) - 0.1
+
+    assert surface_code(Sphere()) is not None
+    assert surface_code(Union(parts=(Sphere(), Own()))) is None
 
 
 @each

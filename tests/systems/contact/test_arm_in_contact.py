@@ -21,7 +21,7 @@ from chamfer.models.surfaces.surface import Surface, locate
 from chamfer.models.validation import ParameterError
 from chamfer.systems.contact.arm_dynamics import ArmDynamics
 from chamfer.systems.contact.arm_in_contact import ArmInContact, ArmInContactParams, ContactParams
-from chamfer.systems.contact.arm_motion import advance
+from chamfer.systems.contact.arm_motion import update
 
 NOWHERE = RippledPlane(point=(0.0, 0.0, -100.0))
 TABLE = RippledPlane(point=(0.4, 0.0, 0.2), tilt=0.02, along=(0.0, 1.0, 0.0))
@@ -227,11 +227,11 @@ def test_inputs_have_to_be_finite(inputs: dict[str, object], message: str) -> No
 
 
 def test_a_step_that_is_not_solved_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    def unsolved(*arguments: Any) -> tuple[Any, ...]:
-        state, outputs, _, _ = advance(*arguments)
-        return state, outputs, 1e-3, 1
+    def unsolved(*arguments: Any) -> tuple[float, int]:
+        update(*arguments)
+        return 1e-3, 1
 
-    monkeypatch.setattr("chamfer.systems.contact.arm_in_contact.advance", unsolved)
+    monkeypatch.setattr("chamfer.systems.contact.arm_in_contact.update", unsolved)
     message = (
         "^the error of the Puma 250's contact at t = 0 s is 0.001, "
         "allowed: less, which a shorter step may reach$"

@@ -1,0 +1,123 @@
+"""Machine code for the inner loops that Drake has no block for."""
+
+import hashlib
+import re
+from collections.abc import Callable
+from functools import cache, cached_property, update_wrapper
+from pathlib import Path
+from typing import Any, Final, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Function = TypeVar("Function", bound=Callable[..., object])
+
+_ROOT: Final = Path(__file__).parents[1]
+_FROM: Final = re.compile(r"^from ([\w.]+) import", re.MULTILINE)
+
+
+class _Compiled:
+    """A function that is compiled once it is called, or compiled into another one.
+
+    Numba takes a quarter of a second to import, which nothing that only holds a law has to wait
+    for.
+    """
+
+    def __init__(self, function: Callable[..., object]) -> None:
+        self._function = function
+        update_wrapper(self, function)
+
+    def __call__(self, *arguments: object) -> object:
+        return self._dispatcher(*arguments)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return getattr(self._dispatcher, name)  # also _numba_type_, what it is in another one
+
+    @cached_property
+    def _dispatcher(self) -> Any:
+        from numba import njit
+
+        function = self._function
+        name = function.__qualname__
+        function.__qualname__ = f"{name}{_stamp(Path(function.__code__.co_filename))}"
+        try:
+            return njit(cache=True)(function)
+        except RuntimeError:
+            return njit(function)
+        finally:
+            function.__qualname__ = name
+
+
+def compiled(function: Function) -> Function:
+    """Compile a function when it is first called, and keep the result where that can be written.
+
+    What the function takes from other files, called functions, constants and types, is compiled
+    into it, so these files are part of the name under which it is kept; so is its own, for Numba
+    reads what it kept, with types that may be gone, before it looks whether that is still valid.
+    """
+    return cast(Function, _Compiled(function))
+
+
+def _stamp(own: Path) -> str:
+    """Return a hash of a file and of those that it imports from, and these from."""
+    stamp = hashlib.sha256()
+    for file in sorted(_reached(own)):
+        stamp.update(file.read_bytes() if file.is_file() else b"")
+    return f"-{stamp.hexdigest()[:12]}"
+
+
+@cache
+def _reached(own: Path) -> frozenset[Path]:
+    files, front = {own}, [own]
+    while front:
+        new = _imported(front.pop()) - files
+        files |= new
+        front += new
+    return frozenset(files)
+
+
+@cache
+def _imported(file: Path) -> frozenset[Path]:
+    """Return this project's files that a file imports from, and those beside it."""
+    if not file.is_file():
+        return frozenset()
+    names = _FROM.findall(file.read_text(encoding="utf-8"))
+    parts = (f"{name.removeprefix('chamfer.').replace('.', '/')}.py" for name in names)
+    places = (folder / part for part in parts for folder in (_ROOT, file.parent))
+    return frozenset(place for place in places if place.is_file())
+
+
+@compiled
+def add_product(matrix: Array, vector: Array, total: Array) -> None:
+    """Add the product of a matrix and a vector to a total."""
+    for i in range(len(total)):
+        for k in range(len(vector)):
+            total[i] += matrix[i, k] * vector[k]
+
+
+@compiled
+def inverse(matrix: Array) -> Array:
+    """Invert a symmetric positive definite matrix (Gauss-Jordan, needs no pivoting).
+
+    A matrix that is singular to rounding gives entries that are not finite.
+    """
+    n = len(matrix)
+    left, right = matrix.copy(), np.eye(n)
+    for k in range(n):
+        pivot = left[k, k]
+        if pivot <= 0.0:
+            right[:] = np.nan
+            return right
+        for j in range(n):
+            left[k, j] /= pivot
+            right[k, j] /= pivot
+        for i in range(n):
+            factor = left[i, k]
+            if i != k:
+                for j in range(n):
+                    left[i, j] -= factor * left[k, j]
+                    right[i, j] -= factor * right[k, j]
+    return right
