@@ -1,7 +1,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: setup reproduce test check docs bench size audit fuzz clean
+.PHONY: setup reproduce test check docs bench profile size audit fuzz clean
 
 setup: .venv/ready
 
@@ -54,6 +54,11 @@ docs: setup
 bench: setup
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
 	$(BIN)/python -m chamfer.analysis.benchmarks
+
+# Where the time of an experiment goes: make profile NAME=planar-slide, or with some settings,
+# SET="--set duration=5".
+profile: setup
+	@$(BIN)/python -m chamfer.analysis.benchmarks.profile $(NAME) $(SET)
 
 # Lines of code, docstrings and tests by room.
 size: setup

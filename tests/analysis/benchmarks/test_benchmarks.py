@@ -32,7 +32,9 @@ from chamfer.analysis.benchmarks.engine import (
 )
 from chamfer.analysis.benchmarks.peers import COMPILED, EXTRA, PEERS, missing
 from chamfer.analysis.benchmarks.peg_benchmark import CHAMFER, STATICS, TABLE, Result, sure
+from chamfer.analysis.benchmarks.profile import label, stages
 from chamfer.analysis.benchmarks.speed import COMMAND, IMPORTS, NEWTON
+from chamfer.systems.compiled import inverse
 from chamfer.systems.estimation.normal_filter import KINDS, ConstrainedFilter
 
 # Long enough for the whole transient of the PID, and for both increments of the FSM.
@@ -333,3 +335,25 @@ def test_mistakes_are_refused(arguments: list[str], capsys: pytest.CaptureFixtur
         report.main(arguments)
     assert caught.value.code == 2
     assert arguments[0] in capsys.readouterr().err
+
+
+def test_a_profile_shares_time_among_stages_and_names_machine_code() -> None:
+    run, make, step = ("a.py", 1, "run"), ("a.py", 9, "make_loop"), ("a.py", 20, "calc")
+    advance = ("~", 0, "<built-in method pydrake.systems.analysis.AdvanceTo>")
+    code = inverse.__wrapped__.__code__  # type: ignore[attr-defined]
+    numba = (code.co_filename, code.co_firstlineno, code.co_name)
+    found = {
+        run: (1, 1, 1.0, 9.0, {}),
+        make: (1, 1, 1.0, 1.0, {run: (1, 1, 1.0, 1.0)}),
+        advance: (1, 1, 1.0, 5.0, {run: (1, 1, 1.0, 5.0)}),
+        step: (2, 2, 4.0, 4.0, {advance: (1, 1, 1.0, 1.0), make: (1, 1, 3.0, 3.0)}),
+        numba: (1, 1, 2.0, 2.0, {run: (1, 1, 2.0, 2.0)}),
+    }
+    shares = stages(found)
+    assert shares[step] == {"simulation": 0.25, "building and resolving": 0.75}
+    assert shares[numba] == {"simulation": 1.0}  # a compiled loop
+    assert shares[run] == {"metrics and the rest": 1.0}
+    assert [label(one) for one in (advance, numba)] == [
+        "built-in method pydrake.systems.analysis.AdvanceTo (Drake C++)",
+        "compiled.inverse (Numba)",
+    ]
