@@ -26,30 +26,28 @@ def endpoint(q: NDArray[Any]) -> NDArray[Any]:
 
     d3 is in m and counts downwards, the others are in rad. phi is not wrapped.
     """
-    q1, q2, d3, q4 = q.tolist()
-    q12 = q1 + q2
+    q1, q12 = q[0], q[0] + q[1]
     return np.array(
         [
             LENGTH_1 * np.cos(q1) + LENGTH_2 * np.cos(q12),
             LENGTH_1 * np.sin(q1) + LENGTH_2 * np.sin(q12),
-            HEIGHT - d3,
-            q12 + q4,
+            HEIGHT - q[2],
+            q12 + q[3],
         ]
     )
 
 
 def jacobian(q: NDArray[Any]) -> NDArray[Any]:
     """Return d(x, y, z, phi)/dq, shape (4, 4); eq. (A-6); its determinant is -l1 l2 sin(q2)."""
-    q1, q2, _, _ = q.tolist()
-    q12 = q1 + q2
+    q1, q12 = q[0], q[0] + q[1]
     x2, y2 = LENGTH_2 * np.cos(q12), LENGTH_2 * np.sin(q12)
     return np.array(
-        [
-            [-LENGTH_1 * np.sin(q1) - y2, -y2, 0.0, 0.0],
-            [LENGTH_1 * np.cos(q1) + x2, x2, 0.0, 0.0],
-            [0.0, 0.0, -1.0, 0.0],
-            [1.0, 1.0, 0.0, 1.0],
-        ]
+        (
+            (-LENGTH_1 * np.sin(q1) - y2, -y2, 0.0, 0.0),
+            (LENGTH_1 * np.cos(q1) + x2, x2, 0.0, 0.0),
+            (0.0, 0.0, -1.0, 0.0),
+            (1.0, 1.0, 0.0, 1.0),
+        )
     )
 
 

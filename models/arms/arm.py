@@ -19,7 +19,8 @@ ELBOW_SIGN: dict[Elbow, float] = {"negative": -1.0, "positive": 1.0}
 class Kinematics:
     """What a controller knows of a manipulator with as many joints as endpoint coordinates.
 
-    Its functions take complex q, for complex-step derivatives.
+    Its functions take complex q, for complex-step derivatives; those of the built-in arms are
+    compiled too.
     """
 
     name: str  # what to call it in a sentence, "planar two-link arm"

@@ -24,9 +24,7 @@ _STRAIGHT = 1e-12
 
 def endpoint(q: NDArray[Any]) -> NDArray[Any]:
     """Return the tip (x, y), m, of joint positions q (rad), shape (2,)."""
-    # Python scalars: arithmetic on array elements takes twice as long.
-    q1, q2 = q.tolist()
-    q12 = q1 + q2
+    q1, q12 = q[0], q[0] + q[1]
     return np.array(
         [
             LENGTH_1 * np.cos(q1) + LENGTH_2 * np.cos(q12),
@@ -37,10 +35,9 @@ def endpoint(q: NDArray[Any]) -> NDArray[Any]:
 
 def jacobian(q: NDArray[Any]) -> NDArray[Any]:
     """Return d(x, y)/dq, shape (2, 2), m/rad; its determinant is l1 l2 sin(q2)."""
-    q1, q2 = q.tolist()
-    q12 = q1 + q2
+    q1, q12 = q[0], q[0] + q[1]
     x2, y2 = LENGTH_2 * np.cos(q12), LENGTH_2 * np.sin(q12)
-    return np.array([[-LENGTH_1 * np.sin(q1) - y2, -y2], [LENGTH_1 * np.cos(q1) + x2, x2]])
+    return np.array(((-LENGTH_1 * np.sin(q1) - y2, -y2), (LENGTH_1 * np.cos(q1) + x2, x2)))
 
 
 def joint_positions(x: NDArray[Any], elbow: Elbow) -> NDArray[Any]:

@@ -30,9 +30,8 @@ _SMALLEST_RADIUS = 1e-6  # m
 
 def endpoint(q: NDArray[Any]) -> NDArray[Any]:
     """Return the tip (x, y, z), m, of joint positions q (rad), shape (3,); eq. (A-1)."""
-    q1, q2, q3 = q.tolist()
-    q23 = q2 + q3
-    c1, s1 = np.cos(q1), np.sin(q1)
+    q2, q23 = q[1], q[1] + q[2]
+    c1, s1 = np.cos(q[0]), np.sin(q[0])
     r = FOREARM * np.cos(q23) + UPPER_ARM * np.cos(q2)
     z = FOREARM * np.sin(q23) + UPPER_ARM * np.sin(q2)
     return np.array([r * c1 + OFFSET * s1, r * s1 - OFFSET * c1, HEIGHT + z])
@@ -43,17 +42,16 @@ def jacobian(q: NDArray[Any]) -> NDArray[Any]:
 
     Its determinant is ``-l3 l5 sin(q3) r`` with ``r = l5 cos(q2 + q3) + l3 cos(q2)``.
     """
-    q1, q2, q3 = q.tolist()
-    q23 = q2 + q3
-    c1, s1 = np.cos(q1), np.sin(q1)
+    q2, q23 = q[1], q[1] + q[2]
+    c1, s1 = np.cos(q[0]), np.sin(q[0])
     r3, z3 = FOREARM * np.cos(q23), FOREARM * np.sin(q23)
     r, z = r3 + UPPER_ARM * np.cos(q2), z3 + UPPER_ARM * np.sin(q2)
     return np.array(
-        [
-            [-s1 * r + OFFSET * c1, -c1 * z, -c1 * z3],
-            [c1 * r + OFFSET * s1, -s1 * z, -s1 * z3],
-            [0.0, r, r3],
-        ]
+        (
+            (-s1 * r + OFFSET * c1, -c1 * z, -c1 * z3),
+            (c1 * r + OFFSET * s1, -s1 * z, -s1 * z3),
+            (0.0, r, r3),
+        )
     )
 
 

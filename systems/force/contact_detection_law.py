@@ -11,6 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, NamedTuple, TypeAlias
 
+import numpy as np
+
 from chamfer.models.validation import ParameterError, known, require_not_negative, require_positive
 from chamfer.systems.force.projection import unit
 from chamfer.systems.law import Array, Signal
@@ -81,21 +83,34 @@ Guard: TypeAlias = Callable[[Tick[Inputs, Memory]], bool]
 Action: TypeAlias = Callable[[Tick[Inputs, Memory]], Memory]
 
 
+def push_along(direction: Array, force: Array) -> float:
+    """Return a measured force's part along a unit vector, N."""
+    total = 0.0
+    for i in range(len(direction)):
+        total += direction[i] * force[i]
+    return total
+
+
+def is_beyond(state: int, push: float, detect: float, release: float) -> bool:
+    """Tell whether a push, N, is beyond the threshold that would end a state."""
+    return push <= release if state == CONTACT else push > detect
+
+
 def make_contact_chart(params: ContactDetectionParams, direction: Array) -> Chart[Inputs, Memory]:
     """Return the chart of resolved thresholds and the push's direction, of any length."""
-    ahead: list[float] = unit(direction, "direction").tolist()
+    ahead = unit(direction, "direction")
     detect, release = known("detect", params.detect), known("release", params.release)
     samples = known("samples", params.samples)
     times = f", {samples} times" if samples > 1 else ""
 
-    def push(tick: Tick[Inputs, Memory]) -> float:
-        return sum(d * f for d, f in zip(ahead, tick.inputs.measured_force, strict=True))
+    def ends(state: int) -> Guard:
+        def beyond(tick: Tick[Inputs, Memory]) -> bool:
+            push = push_along(ahead, np.array(tick.inputs.measured_force))
+            return is_beyond(state, push, detect, release)
 
-    def touches(tick: Tick[Inputs, Memory]) -> bool:
-        return push(tick) > detect
+        return beyond
 
-    def free(tick: Tick[Inputs, Memory]) -> bool:
-        return push(tick) <= release
+    touches, free = ends(APPROACH), ends(CONTACT)
 
     def often(beyond: Guard) -> Guard:
         return lambda tick: beyond(tick) and tick.memory.beyond + 1 >= samples

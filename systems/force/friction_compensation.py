@@ -10,6 +10,7 @@ from pydrake.systems.framework import State as DrakeState
 
 from chamfer.models.arms.arm import Kinematics
 from chamfer.models.validation import ParameterError, require_positive
+from chamfer.systems.compiled import compiled
 from chamfer.systems.contact.arm_dynamics import ArmDynamics, link_forces, pose
 from chamfer.systems.ports import finite_input
 
@@ -36,6 +37,12 @@ class FrictionCompensationParams:
     def follow(self, period: float) -> float:
         """Return the part of a change that the estimate takes up in a period, s."""
         return 1 - math.exp(-2 * math.pi * self.bandwidth * period)
+
+
+@compiled
+def friction_estimate(estimate: Array, command: Array, base_torque: Array, follow: Array) -> Array:
+    """Return the friction's estimate a period later; it follows by a part of each, (n,)."""
+    return estimate + follow * ((command + estimate - base_torque) - estimate)
 
 
 class FrictionCompensation(LeafSystem):
@@ -82,15 +89,17 @@ class FrictionCompensation(LeafSystem):
             vector.SetFromVector(command.Eval(context) + friction)
 
         depends = {command.ticket(), self.discrete_state_ticket(held)}
-        output = self.DeclareVectorOutputPort("torque", n, calc, depends)
+        self.DeclareVectorOutputPort("torque", n, calc, depends)
 
         def tick(context: Context, state: DrakeState) -> None:
             estimate = context.get_discrete_state(held).value()
-            friction = output.Eval(context) - finite_input(base_torque, context)
+            transmitted = finite_input(base_torque, context)
             follow = compensated
             if moving.HasValue(context):
                 follow = follow * moving.Eval(context)
-            estimate = estimate + follow * (friction - estimate)
+            estimate = friction_estimate(
+                estimate.copy(), command.Eval(context).copy(), transmitted.copy(), follow
+            )
             state.get_mutable_discrete_state().set_value(held, estimate)
 
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, tick)

@@ -1,13 +1,13 @@
 """Hybrid position/force control with Jacobian inverse or transpose (Figs. 2-1 and 2-2)."""
 
-import contextlib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Final, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from chamfer.models.arms.arm import Kinematics
 from chamfer.models.validation import (
@@ -18,11 +18,15 @@ from chamfer.models.validation import (
     require_one_of,
     require_positive,
 )
+from chamfer.systems.compiled import add_product, compiled
+from chamfer.systems.force.arm_kinematics import arm_index, kinematics
 from chamfer.systems.force.contact_detection_law import APPROACH, LOST
 from chamfer.systems.force.projection import require_projection
 from chamfer.systems.law import Array, HeldLaw, Signal
 
 LawKind = Literal["inverse", "transpose", "projected"]
+LAWS: Final = get_args(LawKind)
+INVERSE, TRANSPOSE, PROJECTED = range(3)  # their indices
 Gain = float | tuple[float, ...]  # one a joint or coordinate, or one number for all of them
 
 _WORST_CONDITION: Final = 1e6  # of the Jacobian, in the Frobenius norm
@@ -81,7 +85,7 @@ class HybridControllerParams(HybridGains):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_one_of(self, "law", ("inverse", "transpose", "projected"))
+        require_one_of(self, "law", LAWS)
         require_positive(self, "creep_speed", "creep_damping", "creep_ramp")
         if self.full_dynamics and self.law == "transpose":
             raise ParameterError("law", self.law, "inverse or projected with full dynamics")
@@ -129,6 +133,52 @@ class HybridObservation(NamedTuple):
     desired_velocity: Array | None = None
 
 
+class HybridCode(NamedTuple):
+    """Parameters of :class:`HybridControllerParams`, of n joints, for machine code."""
+
+    law: int  # INVERSE, TRANSPOSE or PROJECTED
+    stiffness: Array  # (n,), as are those down to ``held``
+    integral: Array
+    damping: Array
+    known: Array  # N m or N, the constant estimate of gravity
+    inertia: Array
+    held: NDArray[np.bool_]  # integrators that are off while in contact
+    period: float
+    force_integral: float
+    force_damping: float
+    creep_speed: float
+    creep_damping: float
+    creep_ramp: float
+    loss_mode: bool
+    bumpless: bool
+    full_dynamics: bool
+
+
+def hybrid_code(params: HybridControllerParams, n: int) -> HybridCode:
+    """Return the parameters of n joints for :func:`control`."""
+    feedforward = known("feedforward_torque", params.feedforward_torque)
+    inertia = known("inertia", params.inertia) if params.full_dynamics else (1.0,) * n
+    stiffness, integral, damping = params.for_joints(n)
+    return HybridCode(
+        law=LAWS.index(params.law),
+        stiffness=stiffness,
+        integral=integral,
+        damping=damping,
+        known=np.array(feedforward or [0.0] * n, np.float64),
+        inertia=np.array(inertia, np.float64),
+        held=np.isin(np.arange(n), params.held_integrators),
+        period=float(params.period),
+        force_integral=float(params.force_integral),
+        force_damping=float(params.force_damping),
+        creep_speed=float(params.creep_speed),
+        creep_damping=float(params.creep_damping),
+        creep_ramp=float(params.creep_ramp),
+        loss_mode=params.loss_mode,
+        bumpless=params.bumpless,
+        full_dynamics=params.full_dynamics,
+    )
+
+
 class HybridLaw(HeldLaw[HybridMemory, HybridObservation, HybridMemory]):
     """See :class:`chamfer.systems.force.hybrid_controller.HybridController`.
 
@@ -151,10 +201,7 @@ class HybridLaw(HeldLaw[HybridMemory, HybridObservation, HybridMemory]):
                 "full_dynamics", params.full_dynamics, "true with a model, false without one"
             )
         self._arm, self.params, self._model = arm, params, dynamics
-        self._gains = params.for_joints(n)
-        self._inertia = np.array(known("inertia", params.inertia)) if dynamics else np.ones(n)
-        feedforward = known("feedforward_torque", params.feedforward_torque)
-        self._known = np.array(feedforward or [0.0] * n)
+        self.code = hybrid_code(params, n)
         joints, x = arm.joint_units, arm.coordinate_units
         force, rates = efforts(x), tuple(f"{unit}/s" for unit in (*joints, *x))
         super().__init__(
@@ -174,7 +221,7 @@ class HybridLaw(HeldLaw[HybridMemory, HybridObservation, HybridMemory]):
                 "force_error": Signal(m, force),
             },
             start=HybridMemory(
-                torque=self._known,
+                torque=self.code.known,
                 position_integral=np.zeros(n),
                 force_integral=np.zeros(m),
                 offset=np.zeros(n),
@@ -189,88 +236,180 @@ class HybridLaw(HeldLaw[HybridMemory, HybridObservation, HybridMemory]):
         self, state: HybridMemory, observation: HybridObservation, time: float
     ) -> HybridMemory:
         """Return the memory after one period."""
-        encoders, desired_position, desired_force, measured_force = observation[:4]
-        selection, mode, desired_velocity = observation[4:]
-        params, memory, n = self.params, state, self._arm.num_joints
-        q, v = encoders[:n], encoders[n:]
-        P = selection.reshape(len(desired_position), -1)
-        _require_domain(selection.tobytes(), len(P), float(mode[0]))
-        J = self._arm.jacobian(q)
-        inverse = self._inverse(q, J)
-        x_rate = J @ v
-        position_error = desired_position - self._arm.endpoint(q)
-        force_error = desired_force - measured_force
-        e, rate = P @ position_error, P @ x_rate
-        across = x_rate - rate
-        lost = params.loss_mode and mode[0] == LOST
-        switched = mode[0] != memory.mode[0] and (
-            params.loss_mode or APPROACH in (mode[0], memory.mode[0])
+        seen, n = observation, self._arm.num_joints
+        q, v = seen.encoders[:n].copy(), seen.encoders[n:].copy()
+        mode, m = float(seen.mode[0]), len(seen.desired_position)
+        _require_domain(seen.selection.tobytes(), m, mode)
+        x, J = self._kinematics(q)
+        model = None if self._model is None else self._model(q, v)
+        found = control(
+            self.code,
+            # Copies, because compiled code tells views of a Context from arrays.
+            HybridMemory(*(one.copy() for one in state)),
+            v,
+            x,
+            J,
+            seen.desired_position,
+            np.zeros(m) if seen.desired_velocity is None else seen.desired_velocity,
+            seen.desired_force,
+            seen.measured_force,
+            seen.selection.reshape(m, m),
+            mode,
+            np.zeros((n, n)) if model is None else model.mass,
+            np.zeros(n) if model is None else model.bias,
         )
-        # The force domain.
-        force_integral, creep, damped = memory.force_integral, memory.creep, np.zeros_like(e)
-        push = desired_force - P @ desired_force
-        if lost:
-            length = float(np.linalg.norm(push))
-            direction = push / length if length > 0 else push
-            short = 1 - float(direction @ x_rate) / params.creep_speed
-            growth = params.creep_ramp * params.period * min(max(short, -1.0), 1.0)
-            creep = np.zeros(1) if switched else memory.creep + growth
-            force = creep * direction - params.creep_damping * across
-        else:
-            gain = params.force_integral * params.period
-            force_integral = force_integral + gain * (force_error - P @ force_error)
-            force = push + force_integral
-            damped = params.force_damping * across
-        # The position domain.
-        stiffness, integral, damping = self._gains
-        if desired_velocity is not None:
-            rate = rate - P @ desired_velocity
-        if params.law == "inverse":
-            e, rate = inverse @ e, inverse @ rate
-        elif params.law == "projected":
-            projected = np.linalg.pinv(P @ J, rcond=1 / _WORST_CONDITION)
-            e, rate = projected @ e, projected @ rate
-        grown = integral * e * params.period
-        if mode[0] != APPROACH and params.held_integrators:
-            grown[list(params.held_integrators)] = 0.0
-        if mode[0] > LOST:
-            grown[:] = 0.0
-        integral = memory.position_integral + grown
-        position: Array = stiffness * e + integral - damping * rate
-        if params.law == "transpose":
-            position = J.T @ position
-        elif self._model is not None:
-            model = self._model(q, v)
-            # Gravity at the start is in the constant estimate already.
-            position = model.mass @ (position / self._inertia) + model.bias - self._known
-        law = position + J.T @ force
-        offset = memory.offset
-        if switched and params.bumpless:
-            before = memory.torque - self._known
-            # Losing contact, keep what acts along the surface and let go of what pushes.
-            offset = J.T @ (P @ (inverse.T @ before)) - position if lost else before - law
-        torque = finite("torque", law + offset + self._known - J.T @ damped)
-        return HybridMemory(
-            torque=torque,
-            position_integral=integral,
-            force_integral=force_integral,
-            offset=offset,
-            creep=creep,
-            mode=mode,
-            position_error=position_error,
-            force_error=force_error,
-        )
+        if found is None:
+            allowed = "one in which the Jacobian is regular"
+            raise ParameterError(f"the pose of the {self._arm.name}", q.tolist(), allowed)
+        finite("torque", found.torque)
+        return found
 
-    def _inverse(self, q: Array, J: Array) -> Array:
-        with contextlib.suppress(np.linalg.LinAlgError):
-            inverse: Array = np.asarray(np.linalg.inv(J), dtype=np.float64)
-            if float(np.vdot(J, J) * np.vdot(inverse, inverse)) < _WORST_CONDITION**2:
-                return inverse
-        raise ParameterError(
-            f"the pose of the {self._arm.name}",
-            q.tolist(),
-            "one in which the Jacobian is regular",
-        )
+    def _kinematics(self, q: Array) -> tuple[Array, Array]:
+        arm = self._arm
+        if (index := arm_index(arm)) is not None:
+            return kinematics(index, q)
+        return np.array(arm.endpoint(q), np.float64), np.array(arm.jacobian(q), np.float64)
+
+
+@compiled
+def _times(matrix: Array, vector: Array) -> Array:
+    result = np.zeros(len(matrix))
+    add_product(matrix, vector, result)
+    return result
+
+
+@compiled
+def _inverse(matrix: Array) -> Array | None:
+    """Return a matrix' inverse (Gauss-Jordan with pivots), None of one that is nearly singular."""
+    n = len(matrix)
+    left, right = matrix.copy(), np.eye(n)
+    for k in range(n):
+        best = k
+        for i in range(k + 1, n):
+            if abs(left[i, k]) > abs(left[best, k]):
+                best = i
+        if left[best, k] == 0.0:
+            return None
+        for j in range(n):
+            left[k, j], left[best, j] = left[best, j], left[k, j]
+            right[k, j], right[best, j] = right[best, j], right[k, j]
+        for i in range(n):
+            factor = left[i, k] / left[k, k]
+            if i != k:
+                for j in range(n):
+                    left[i, j] -= factor * left[k, j]
+                    right[i, j] -= factor * right[k, j]
+    forth, back = 0.0, 0.0
+    for i in range(n):
+        for j in range(n):
+            right[i, j] /= left[i, i]
+            forth += matrix[i, j] ** 2
+            back += right[i, j] ** 2
+    return right if forth * back < _WORST_CONDITION**2 else None
+
+
+@compiled
+def control(
+    code: HybridCode,
+    memory: HybridMemory,
+    v: Array,
+    x: Array,
+    J: Array,
+    desired_position: Array,
+    desired_velocity: Array,
+    desired_force: Array,
+    measured_force: Array,
+    P: Array,
+    mode: float,
+    mass: Array,
+    bias: Array,
+) -> HybridMemory | None:
+    """Return the controller's memory after one period, None in a singular pose.
+
+    At joint velocities v, endpoint x and Jacobian J, with the position domain P; ``mass``, (n, n),
+    and ``bias``, (n,), are the model's with full dynamics. See
+    :class:`chamfer.systems.force.hybrid_controller.HybridController`.
+    """
+    n, period, inverse = len(J), code.period, _inverse(J)
+    if inverse is None:
+        return None
+    before, contact = memory.mode[0], mode != APPROACH
+    lost = code.loss_mode and mode == LOST
+    switched = mode != before and (code.loss_mode or not contact or before == APPROACH)
+    position_error, force_error = np.empty(n), np.empty(n)
+    for i in range(n):
+        position_error[i] = desired_position[i] - x[i]
+        force_error[i] = desired_force[i] - measured_force[i]
+    x_rate = _times(J, v)
+    e, rate, wanted = _times(P, position_error), _times(P, x_rate), _times(P, desired_velocity)
+    along_force, along_error = _times(P, desired_force), _times(P, force_error)
+    # The force domain.
+    force_integral, creep = memory.force_integral.copy(), memory.creep.copy()
+    force, damped, push = np.empty(n), np.zeros(n), np.empty(n)
+    length, ahead = 0.0, 0.0
+    for i in range(n):
+        push[i] = desired_force[i] - along_force[i]
+        length += push[i] ** 2
+        ahead += push[i] * x_rate[i]
+    length = math.sqrt(length)
+    if lost:
+        reached = ahead / length if length > 0.0 else 0.0
+        short = min(max(1.0 - reached / code.creep_speed, -1.0), 1.0)
+        creep[0] = 0.0 if switched else creep[0] + code.creep_ramp * period * short
+    for i in range(n):
+        across = x_rate[i] - rate[i]
+        if lost:
+            direction = push[i] / length if length > 0.0 else push[i]
+            force[i] = creep[0] * direction - code.creep_damping * across
+        else:
+            force_integral[i] += code.force_integral * period * (force_error[i] - along_error[i])
+            force[i] = push[i] + force_integral[i]
+            damped[i] = code.force_damping * across
+        rate[i] -= wanted[i]
+    # The position domain.
+    if code.law == INVERSE:
+        e, rate = _times(inverse, e), _times(inverse, rate)
+    elif code.law == PROJECTED:
+        motion = np.empty((n, n))
+        for i in range(n):
+            motion[i] = _times(J.T, P[i])
+        projected: Array = np.linalg.pinv(motion, 1 / _WORST_CONDITION)  # type: ignore[assignment]
+        e, rate = _times(projected, e), _times(projected, rate)
+    integral, position = memory.position_integral.copy(), np.empty(n)
+    for i in range(n):
+        if not (mode > LOST or (contact and code.held[i])):
+            integral[i] += code.integral[i] * e[i] * period
+        position[i] = code.stiffness[i] * e[i] + integral[i] - code.damping[i] * rate[i]
+    if code.law == TRANSPOSE:
+        position = _times(J.T, position)
+    elif code.full_dynamics:
+        for i in range(n):
+            position[i] /= code.inertia[i]
+        position = _times(mass, position)
+        for i in range(n):
+            # Gravity at the start is in the constant estimate already.
+            position[i] += bias[i] - code.known[i]
+    pushed, slowed, offset = _times(J.T, force), _times(J.T, damped), memory.offset.copy()
+    torque = np.empty(n)
+    if switched and code.bumpless:
+        for i in range(n):
+            torque[i] = memory.torque[i] - code.known[i]
+        # Losing contact, keep what acts along the surface and let go of what pushes.
+        kept = _times(J.T, _times(P, _times(inverse.T, torque)))
+        for i in range(n):
+            offset[i] = (kept[i] if lost else torque[i] - pushed[i]) - position[i]
+    for i in range(n):
+        torque[i] = position[i] + pushed[i] + offset[i] + code.known[i] - slowed[i]
+    return HybridMemory(
+        torque,
+        integral,
+        force_integral,
+        offset,
+        creep,
+        np.array([mode]),
+        position_error,
+        force_error,
+    )
 
 
 def efforts(units: tuple[str, ...]) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from chamfer.models.validation import (
     require_not_negative,
     require_positive,
 )
+from chamfer.systems.compiled import compiled
 from chamfer.systems.force.contact_detection_law import APPROACH, CONTACT
 from chamfer.systems.force.projection import position_selection, unit
 from chamfer.systems.ports import finite_input
@@ -49,14 +50,26 @@ class ApproachParams:
 
     def approached(self, time: float) -> float:
         """Return the distance covered in the approach, m, at a time >= 0, s."""
-        ramp = self.speed / self.acceleration
-        if time < ramp:
-            return 0.5 * self.acceleration * time**2
-        return self.speed * (time - 0.5 * ramp)
+        return approached(time, self.speed, self.acceleration)
+
+    @property
+    def sinusoid(self) -> tuple[float, float, float]:
+        """Amplitude, m, frequency, rad/s, and blend, s, of the motion in contact: none."""
+        return 0.0, 1.0, 1.0
 
     def swing(self, time: float) -> float:
-        """Return the motion in contact, m along ``along``, at a time after contact, s: none."""
-        return 0.0
+        """Return the motion in contact, m along ``along``, at a time after contact, s."""
+        return swung(time, *self.sinusoid)
+
+    @property
+    def code(self) -> "GuardedCode":
+        """The same for :func:`guarded_position`."""
+        direction = unit(np.array(self.direction), "direction")
+        along = unit(np.array(self.along), "along")
+        ramp = float(self.speed), float(self.acceleration)
+        return GuardedCode(
+            np.array(self.start, np.float64), direction, along, *ramp, *self.sinusoid
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,11 +90,54 @@ class GuardedMotionParams(ApproachParams):
         """Period of the motion in contact, s; None if the position is held."""
         return 2 * math.pi / self.frequency if self.amplitude else None
 
-    def swing(self, time: float) -> float:
-        """Return the sinusoid, m, at a time after contact, s; it starts with zero velocity."""
-        part = min(time / self.blend, 1.0)
-        grown = part**3 * (10.0 - 15.0 * part + 6.0 * part**2)
-        return self.amplitude * grown * math.sin(self.frequency * time)
+    @property
+    def sinusoid(self) -> tuple[float, float, float]:
+        """Amplitude, m, frequency, rad/s, and blend, s, of the motion in contact."""
+        return float(self.amplitude), float(self.frequency), float(self.blend)
+
+
+class GuardedCode(NamedTuple):
+    """A guarded motion for machine code."""
+
+    start: Array  # (m,), m or rad
+    direction: Array  # (m,), unit, of the approach
+    along: Array  # (m,), unit, of the motion in contact
+    speed: float
+    acceleration: float
+    amplitude: float
+    frequency: float
+    blend: float
+
+
+@compiled
+def approached(time: float, speed: float, acceleration: float) -> float:
+    """Return the distance covered in an approach, m, at a time >= 0, s."""
+    ramp = speed / acceleration
+    if time < ramp:
+        return 0.5 * acceleration * time**2
+    return speed * (time - 0.5 * ramp)
+
+
+@compiled
+def swung(time: float, amplitude: float, frequency: float, blend: float) -> float:
+    """Return the sinusoid, m, at a time after contact, s; it starts with zero velocity."""
+    part = min(time / blend, 1.0)
+    grown = part**3 * (10.0 - 15.0 * part + 6.0 * part**2)
+    return amplitude * grown * math.sin(frequency * time)
+
+
+@compiled
+def guarded_position(task: GuardedCode, time: float, contact_time: float) -> Array:
+    """Return the desired position, shape (m,), at a time, s; the contact's is < 0 before it."""
+    touched = contact_time >= 0.0
+    into = approached(contact_time if touched else time, task.speed, task.acceleration)
+    sideways = 0.0
+    if touched:
+        sideways = swung(time - contact_time, task.amplitude, task.frequency, task.blend)
+    position = np.empty(len(task.start))
+    for i in range(len(position)):
+        position[i] = task.start[i] + task.direction[i] * into + task.along[i] * sideways
+    return position
 
 
 class GuardedMotion(LeafSystem):
@@ -104,21 +160,15 @@ class GuardedMotion(LeafSystem):
 
     def __init__(self, params: ApproachParams) -> None:
         super().__init__()
-        # Lists are faster than arrays for the few coordinates of an arm.
-        start = params.start
-        direction = unit(np.array(params.direction), "direction").tolist()
-        along = unit(np.array(params.along), "along").tolist()
+        task = params.code
         contact_time = self.DeclareVectorInputPort("contact_time", 1)
 
         def calc(context: Context, vector: BasicVector) -> None:
-            time, contact = context.get_time(), float(contact_time.Eval(context)[0])
-            into = params.approached(time if contact < 0 else contact)
-            sideways = 0.0 if contact < 0 else params.swing(time - contact)
-            axes = zip(start, direction, along, strict=True)
-            vector.SetFromVector([x + d * into + a * sideways for x, d, a in axes])
+            contact = float(contact_time.Eval(context)[0])
+            vector.SetFromVector(guarded_position(task, context.get_time(), contact))
 
         depends = {self.time_ticket(), contact_time.ticket()}
-        self.DeclareVectorOutputPort("desired_position", len(start), calc, depends)
+        self.DeclareVectorOutputPort("desired_position", len(task.start), calc, depends)
 
 
 _TOLERANCE: Final = 1e-6  # of the normal's length, and of the sine between it and the axis

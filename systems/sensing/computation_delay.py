@@ -1,10 +1,24 @@
 """The time that a computer takes between its sensors and its torque."""
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from pydrake.systems.framework import State as DrakeState
 
 from chamfer.models.validation import ParameterError
+from chamfer.systems.compiled import compiled
+
+Array = NDArray[np.float64]
+
+
+@compiled
+def delayed(now: Array, before: Array, late: float, since: float, step: float) -> Array:
+    """Return the mean torque over a step that begins a time since the tick, s, shape (n,).
+
+    The torque of before acts until the delay ``late``, s, is over.
+    """
+    old = min(max((late - since) / step, 0.0), 1.0)
+    return now + old * (before - now)
 
 
 class ComputationDelay(LeafSystem):
@@ -49,9 +63,8 @@ class ComputationDelay(LeafSystem):
             if jitter:
                 late += jitter * (2 * float(noise.Eval(context)[0]) - 1)
             since = step * (round(context.get_time() / step) % steps)
-            old = min(max((late - since) / step, 0.0), 1.0)
-            now = command.Eval(context)
-            vector.SetFromVector(now + old * (context.get_discrete_state(before).value() - now))
+            old = context.get_discrete_state(before).value().copy()
+            vector.SetFromVector(delayed(command.Eval(context).copy(), old, late, since, step))
 
         state, time = self.discrete_state_ticket(before), self.time_ticket()
         depends = {command.ticket(), noise.ticket(), state, time}

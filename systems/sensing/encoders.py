@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Final, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +16,13 @@ from chamfer.models.validation import (
     require_one_of,
     require_positive,
 )
+from chamfer.systems.compiled import compiled
 from chamfer.systems.force.sampled_loop import Sampled
 
 Array = NDArray[np.float64]
 Velocity = Literal["exact", "differenced", "tracked"]
+VELOCITIES: Final = get_args(Velocity)
+EXACT, DIFFERENCED, TRACKED = range(3)  # their indices
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +41,7 @@ class EncoderParams:
         if not all(0 <= one < math.inf for one in np.atleast_1d(counts)):
             raise ParameterError("counts", self.counts, "finite numbers >= 0")
         if self.velocity is not None:
-            require_one_of(self, "velocity", ("exact", "differenced", "tracked"))
+            require_one_of(self, "velocity", VELOCITIES)
         require_not_negative(self, "bandwidth")
         if self.velocity == "exact" and self.bandwidth:
             raise ParameterError("bandwidth", self.bandwidth, "0 with an exact velocity")
@@ -58,6 +61,52 @@ class EncoderParams:
         """Whether they show what is."""
         counts: Any = known("counts", self.counts)
         return self.velocity == "exact" and not np.any(counts)
+
+
+class EncoderCode(NamedTuple):
+    """Encoders of n joints for machine code."""
+
+    quanta: Array  # (n,), rad or m, of a count, 0 where positions are exact
+    velocity: int  # EXACT, DIFFERENCED or TRACKED
+    pole: float  # of the filter, in a period
+    period: float  # s
+
+
+def encoder_code(params: EncoderParams, n: int, *, period: float) -> EncoderCode:
+    """Return the encoders of n joints for :func:`read_encoders`."""
+    velocity = VELOCITIES.index(known("velocity", params.velocity))
+    pole = math.exp(-2 * math.pi * known("bandwidth", params.bandwidth) * period)
+    return EncoderCode(params.quanta(n), velocity, pole, period)
+
+
+@compiled
+def counted(quanta: Array, q: Array) -> Array:
+    """Return joint positions as they are counted."""
+    result = q.copy()
+    for j in range(len(q)):
+        if quanta[j] > 0.0:
+            result[j] = quanta[j] * np.rint(q[j] / quanta[j])
+    return result
+
+
+@compiled
+def read_encoders(
+    code: EncoderCode, q: Array, v: Array, before: Array, tracked: Array, velocity: Array
+) -> tuple[Array, Array, Array]:
+    """Return position, filtered position and velocity of this tick, of those of the last one.
+
+    Shape (n,) each; see :class:`Encoders`.
+    """
+    q, pole = counted(code.quanta, q), code.pole
+    if code.velocity == EXACT:
+        return q, q, v
+    if code.velocity == DIFFERENCED:
+        follow = 1.0 - pole if pole < 1.0 else 1.0
+        return q, q, velocity + follow * ((q - before) / code.period - velocity)
+    ahead = tracked + code.period * velocity
+    missing = q - ahead
+    faster = velocity + (1.0 - pole) ** 2 / code.period * missing
+    return q, ahead + (1.0 - pole**2) * missing, faster
 
 
 class Encoders(LeafSystem):
@@ -89,37 +138,21 @@ class Encoders(LeafSystem):
     def __init__(self, params: EncoderParams, q: Array, *, period: float) -> None:
         super().__init__()
         n = len(q)
-        self._quanta, self._period = params.quanta(n), period
-        self._velocity = known("velocity", params.velocity)
-        self._pole = math.exp(-2 * math.pi * known("bandwidth", params.bandwidth) * period)
+        self._code = code = encoder_code(params, n, period=period)
         self._motion = self.DeclareVectorInputPort("motion", 2 * n)
-        start = self._counted(q)
+        start = counted(code.quanta, np.array(q, np.float64))
         for value in (start, start, np.zeros(n)):
             self.DeclareDiscreteState(value)
-        if self._velocity != "exact":
+        if code.velocity != EXACT:
             self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._tick)
         depends = {self._motion.ticket(), self.xd_ticket()}
         self.DeclareVectorOutputPort("encoders", 2 * n, self._calc, depends)
 
-    def _counted(self, q: Array) -> Array:
-        counts = np.round(q / np.maximum(self._quanta, 1e-300))
-        return np.where(self._quanta > 0, self._quanta * counts, q)
-
     def _read(self, context: Context) -> tuple[Array, Array, Array]:
         """Return position, filtered position and velocity."""
-        motion = self._motion.Eval(context)
-        n, pole = len(motion) // 2, self._pole
-        q = self._counted(motion[:n])
-        if self._velocity == "exact":
-            return q, q, motion[n:]
-        before, tracked, velocity = (context.get_discrete_state(i).value() for i in range(3))
-        if self._velocity == "differenced":
-            follow = 1 - pole if pole < 1 else 1.0
-            return q, q, velocity + follow * ((q - before) / self._period - velocity)
-        ahead = tracked + self._period * velocity
-        missing = q - ahead
-        faster = velocity + (1 - pole) ** 2 / self._period * missing
-        return q, ahead + (1 - pole**2) * missing, faster
+        q, v = np.split(self._motion.Eval(context).copy(), 2)
+        held = (context.get_discrete_state(i).value().copy() for i in range(3))
+        return read_encoders(self._code, q, v, *held)
 
     def _calc(self, context: Context, vector: BasicVector) -> None:
         q, _, velocity = self._read(context)

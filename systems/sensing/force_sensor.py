@@ -16,7 +16,8 @@ from chamfer.models.validation import (
     require_not_negative,
     require_positive,
 )
-from chamfer.systems.contact.arm_dynamics import ArmDynamics
+from chamfer.systems.compiled import add_product, compiled
+from chamfer.systems.contact.arm_dynamics import ArmDynamics, Chain, pose
 from chamfer.systems.force.projection import unit
 from chamfer.systems.law_block import LawBlock
 from chamfer.systems.sensing.tare_law import TareLaw
@@ -198,6 +199,85 @@ def base_gauges(params: BaseSensorParams) -> Gauges:
     return Gauges(-np.eye(6), _scale(params.radius)[::-1])
 
 
+class SensorCode(NamedTuple):
+    """A force sensor of k channels for machine code."""
+
+    pick_up: Array  # (k, s), N (N m) of a channel of what the gauges feel
+    keep: float  # of what left the filter a step ago
+    late: int  # steps by which a reading is late,
+    part: float  # and the part of one more
+    bias: Array  # (k,)
+    noise: Array  # (k,), half-width of the noise
+    walk: Array  # (k,), of the bias in a period
+    limit: Array  # (k,), 0 for none
+    quantum: Array  # (k,), 0 for none
+    tares: int  # readings of which the zero is made
+    rows: int  # of what left the filter, that are kept
+
+
+def sensor_code(
+    params: ChannelParams, gauges: Gauges, *, step: float, period: float
+) -> SensorCode:
+    """Return a sensor for :func:`converted`; see :class:`ForceSensor`."""
+    bandwidth, delay = known("bandwidth", params.bandwidth), known("delay", params.delay)
+    if delay > _MOST_HELD * step:
+        raise ParameterError("delay", delay, f"at most {_MOST_HELD * step:g} s")
+    late, part = divmod(delay / step, 1.0) if delay else (0.0, 0.0)
+    if part > 1 - 1e-9:  # of a whole number of steps
+        late, part = late + 1, 0.0
+    bias = np.array(params.channel_bias(gauges.scale), np.float64)
+    if len(bias) != len(gauges.scale):
+        raise ParameterError("bias", params.bias, f"one number, or {len(gauges.scale)}")
+    return SensorCode(
+        -gauges.pick_up,
+        math.exp(-2 * math.pi * bandwidth * step) if bandwidth else 0.0,
+        int(late),
+        part,
+        bias,
+        known("noise", params.noise) * gauges.scale,
+        known("drift", params.drift) * math.sqrt(period) * gauges.scale,
+        known("full_scale", params.full_scale) * gauges.scale,
+        known("resolution", params.resolution) * gauges.scale,
+        round(known("tare", params.tare) / period),
+        max(int(late) + (part > 0), bandwidth > 0),
+    )
+
+
+@compiled
+def filtered(code: SensorCode, force: Array, line: Array) -> Array:
+    """Return what leaves the filter now and what left it before, newest first, ((rows + 1) k,)."""
+    k = len(code.bias)
+    result = np.zeros(k + len(line))
+    add_product(code.pick_up, force, result[:k])
+    result[k:] = line
+    if code.keep > 0.0:
+        for i in range(k):
+            result[i] += code.keep * (line[i] - result[i])
+    return result
+
+
+@compiled
+def converted(code: SensorCode, force: Array, line: Array, walk: Array, noise: Array) -> Array:
+    """Return what the converter gives, before the tare, shape (k,); raw where it is not finite."""
+    k = len(code.bias)
+    passed, reading, sound = filtered(code, force, line), np.empty(k), True
+    for i in range(k):
+        at = code.late * k + i
+        reading[i] = passed[at]
+        if code.part > 0.0:
+            reading[i] += code.part * (passed[at + k] - passed[at])
+        reading[i] += code.bias[i] + walk[i]
+        if code.noise[i] > 0.0:
+            reading[i] += code.noise[i] * (2.0 * noise[i] - 1.0)
+        sound = sound and math.isfinite(reading[i])
+    for i in range(k):
+        if sound and code.limit[i] > 0.0:
+            reading[i] = min(max(reading[i], -code.limit[i]), code.limit[i])
+        if sound and code.quantum[i] > 0.0:
+            reading[i] = code.quantum[i] * np.rint(reading[i] / code.quantum[i])
+    return reading
+
+
 class ForceSensor(LeafSystem):
     """A force sensor with k channels, up to the numbers that the computer reads.
 
@@ -243,86 +323,58 @@ class ForceSensor(LeafSystem):
     ) -> None:
         super().__init__()
         k = len(gauges.scale)
-        bandwidth, delay = known("bandwidth", params.bandwidth), known("delay", params.delay)
-        if delay > _MOST_HELD * step:
-            raise ParameterError("delay", delay, f"at most {_MOST_HELD * step:g} s")
-        tare = round(known("tare", params.tare) / period)
-        self._noise_scale = known("noise", params.noise) * gauges.scale
-        self._bias = params.channel_bias(gauges.scale)
-        if len(self._bias) != k:
-            raise ParameterError("bias", params.bias, f"one number, or {k}")
-        self._walk_scale = known("drift", params.drift) * math.sqrt(period) * gauges.scale
-        self._quantum = known("resolution", params.resolution) * gauges.scale
-        self._limit = known("full_scale", params.full_scale) * gauges.scale
-        self._pick_up, self._tares = -gauges.pick_up, tare
-        self._keep = math.exp(-2 * math.pi * bandwidth * step) if bandwidth else 0.0
-        self._late, self._part = divmod(delay / step, 1.0) if delay else (0.0, 0.0)
-        if self._part > 1 - 1e-9:  # of a whole number of steps
-            self._late, self._part = self._late + 1, 0.0
+        self._code = code = sensor_code(params, gauges, step=step, period=period)
         self._force = self.DeclareVectorInputPort("tool_force", gauges.pick_up.shape[1])
         self._noise = self.DeclareVectorInputPort("noise", k)
         self._drift = self.DeclareVectorInputPort("drift", k)
-        rows = max(int(self._late) + (self._part > 0), bandwidth > 0)
-        self._line = self.DeclareDiscreteState(k * rows)
+        self._line = self.DeclareDiscreteState(k * code.rows)
         self._walk = self.DeclareDiscreteState(k)
         self._tare = self.DeclareDiscreteState(k)
         self._count = self.DeclareDiscreteState(1)
-        if rows and ahead:
+        if code.rows and ahead:
             self.DeclarePeriodicUnrestrictedUpdateEvent(
                 step,
                 0.0,
                 lambda context, state: self._step(context, state.get_mutable_discrete_state()),
             )
-        elif rows:
+        elif code.rows:
             self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._step)
-        if self._walk_scale.any() or tare:
+        if code.walk.any() or code.tares:
             self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._tick)
         depends = {self._force.ticket(), self._noise.ticket(), self.xd_ticket()}
         self.DeclareVectorOutputPort("reading", k, self._calc, depends)
 
-    def _filtered(self, context: Context) -> Array:
-        """Return what leaves the filter now and what left it before, newest first."""
-        force: Array = self._pick_up @ self._force.Eval(context)
-        line: Array = context.get_discrete_state(self._line).value()
-        if self._keep:
-            force += self._keep * (line[: len(force)] - force)
-        return np.concatenate([force, line])
+    def _felt(self, context: Context) -> tuple[Array, Array]:
+        """Return what the gauges feel, and what left the filter before."""
+        # Copies, because compiled code tells views of a Context from arrays.
+        line = context.get_discrete_state(self._line).value().copy()
+        return self._force.Eval(context).copy(), line
 
     def _converted(self, context: Context) -> Array:
         """Return what the converter gives, before the tare."""
-        values = context.get_discrete_state
-        line = self._filtered(context).reshape(-1, len(self._bias))
-        reading: Array = line[int(self._late)]
-        if self._part:
-            reading = reading + self._part * (line[int(self._late) + 1] - reading)
-        walk: Array = values(self._walk).value()
-        reading = reading + self._bias + walk
-        if self._noise_scale.any():
-            reading = reading + self._noise_scale * (2 * self._noise.Eval(context) - 1)
-        finite("measured force", reading)
-        if self._limit.any():
-            reading = np.clip(reading, -self._limit, self._limit)
-        if self._quantum.any():
-            reading = self._quantum * np.round(reading / self._quantum)
-        return reading
+        walk = context.get_discrete_state(self._walk).value().copy()
+        noise = self._noise.Eval(context).copy() if self._code.noise.any() else walk
+        reading = converted(self._code, *self._felt(context), walk, noise)
+        return finite("measured force", reading)
 
     def _calc(self, context: Context, vector: BasicVector) -> None:
         values = context.get_discrete_state
-        if values(self._count).value()[0] < self._tares:
+        if values(self._count).value()[0] < self._code.tares:
             vector.SetZero()
         else:
             vector.SetFromVector(self._converted(context) - values(self._tare).value())
 
     def _step(self, context: Context, values: DiscreteValues) -> None:
-        values.set_value(self._line, self._filtered(context)[: -len(self._bias)])
+        passed = filtered(self._code, *self._felt(context))
+        values.set_value(self._line, passed[: -len(self._code.bias)])
 
     def _tick(self, context: Context, values: DiscreteValues) -> None:
         state = context.get_discrete_state
-        if self._walk_scale.any():
-            step = self._walk_scale * self._drift.Eval(context)
+        if self._code.walk.any():
+            step = self._code.walk * self._drift.Eval(context)
             values.set_value(self._walk, state(self._walk).value() + step)
         count = float(state(self._count).value()[0])
-        if count < self._tares:
+        if count < self._code.tares:
             tare = state(self._tare).value()
             mean = tare + (self._converted(context) - tare) / (count + 1)
             values.set_value(self._tare, mean)
@@ -381,6 +433,15 @@ class WrenchSensorParams(ChannelParams):
         return matrix
 
 
+@compiled
+def force_in_world(chain: Chain, undoing: Array, reading: Array, q: Array, size: int) -> Array:
+    """Return a wrist sensor's reading, decoupled and turned; see :class:`ForceInWorld`."""
+    turn, undone, force = pose(chain, q).R_WE, np.zeros(3), np.zeros(size)
+    add_product(undoing, reading, undone)
+    add_product(turn[:size], undone, force[:3])
+    return force
+
+
 class ForceInWorld(LeafSystem):
     """Decouples a wrist sensor's reading and turns it into the world's axes (section 3.3).
 
@@ -403,14 +464,14 @@ class ForceInWorld(LeafSystem):
 
     def __init__(self, dynamics: ArmDynamics, undoing: Array, *, coordinates: int) -> None:
         super().__init__()
-        n = dynamics.arm.num_joints
-        pick = np.eye(coordinates, 3)
+        n, chain = dynamics.arm.num_joints, dynamics.chain
+        undoing = np.array(undoing, np.float64)
         reading = self.DeclareVectorInputPort("reading", undoing.shape[1])
         encoders = self.DeclareVectorInputPort("encoders", 2 * n)
 
         def calc(context: Context, vector: BasicVector) -> None:
-            R_WE = dynamics.orientation(encoders.Eval(context)[:n])
-            vector.SetFromVector(pick @ (R_WE @ (undoing @ reading.Eval(context))))
+            q, read = encoders.Eval(context)[:n].copy(), reading.Eval(context).copy()
+            vector.SetFromVector(force_in_world(chain, undoing, read, q, coordinates))
 
         self.DeclareVectorOutputPort(
             "measured_force", coordinates, calc, {reading.ticket(), encoders.ticket()}
