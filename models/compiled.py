@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable
 from functools import cache, cached_property, update_wrapper
 from pathlib import Path
+from types import FunctionType
 from typing import Any, Final, TypeVar, cast
 
 import numpy as np
@@ -121,3 +122,17 @@ def inverse(matrix: Array) -> Array:
                     left[i, j] -= factor * left[k, j]
                     right[i, j] -= factor * right[k, j]
     return right
+
+
+def interpreted(function: Function, **instead: object) -> Function:
+    """Return a compiled function as the Python that it is written in.
+
+    So are those of its file that it calls; ``instead`` are others in place of what it calls, by
+    name.
+    """
+    scope: dict[str, Any] = dict(cast(_Compiled, function).__wrapped__.__globals__)
+    for name, value in scope.items():
+        if isinstance(value, _Compiled) and value.__module__ == function.__module__:
+            scope[name] = FunctionType(value.__wrapped__.__code__, scope)
+    scope |= instead
+    return cast(Function, scope[function.__name__])

@@ -1,12 +1,14 @@
 """The nearest point of a surface."""
 
 import math
-from typing import Final
+from typing import Any, Final, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
+from chamfer.models.compiled import compiled, interpreted
 from chamfer.models.surfaces.surface import Surface
+from chamfer.models.surfaces.surface_code import evaluate, surface_code
 from chamfer.models.validation import ParameterError
 
 Vector = NDArray[np.float64]
@@ -33,39 +35,58 @@ def nearest(surface: Surface, p: Vector, metric: Matrix | None = None) -> Vector
     """
     if not all(map(math.isfinite, p.tolist())):
         raise ParameterError("p", p.tolist(), "finite numbers")
-    d = surface.dimension
-    weight = np.eye(d) if metric is None else metric
-    point, multiplier = np.array(p, dtype=float), 0.0
-    for _ in range(_ITERATIONS):
-        gradient = surface.gradient(point)
-        bent = weight - multiplier * surface.hessian(point)
-        minimal = _convex_along(bent, gradient)
-        # Stationarity of the Lagrangian and the constraint, both linearised. Where the Lagrangian
-        # has no minimum along the surface the constraint's bend is left out, to descend anyway.
-        system = np.zeros((d + 1, d + 1))
-        system[:d, :d] = bent if minimal else weight
-        system[:d, d] = -gradient
-        system[d, :d] = -gradient
-        right = np.append(-weight @ (point - p), surface.level(point))
-        try:
-            solution = np.linalg.solve(system, right)
-        except np.linalg.LinAlgError:
-            break
-        point, multiplier = point + solution[:d], float(solution[d])
-        size = float(np.max(np.abs(point)))
-        if not size < math.inf:
-            break
-        if minimal and float(np.max(np.abs(solution[:d]))) <= _CONVERGED * max(1.0, size):
-            return point
+    code: Any = surface_code(surface)
+    search = find_nearest
+    if code is None:
+        code, search = surface, interpreted(find_nearest, evaluate=uncoded)
+    weight = np.eye(surface.dimension) if metric is None else np.array(metric, dtype=float)
+    found = search(code, np.array(p, dtype=float), weight)
+    if not np.isfinite(found).all():
+        refuse_far(p)
+    return found
+
+
+def refuse_far(p: Vector) -> NoReturn:
+    """Raise what :func:`nearest` raises where it finds nothing."""
     allowed = "a point nearer to the surface than its radius of curvature"
     raise ParameterError("p", p.tolist(), allowed)
 
 
-def _convex_along(matrix: Matrix, gradient: Vector) -> bool:
-    """Return whether a quadratic form is positive in every direction across the gradient."""
-    tangents = np.linalg.svd(gradient[np.newaxis])[2][1:]
-    try:
-        np.linalg.cholesky(tangents @ matrix @ tangents.T)
-    except np.linalg.LinAlgError:
-        return False
-    return True
+def uncoded(surface: Surface, which: int, p: Vector, gradient: Vector, hessian: Matrix) -> float:
+    """Return what :func:`chamfer.models.surfaces.surface_code.evaluate` does, of any surface."""
+    gradient[:], hessian[:] = surface.gradient(p), surface.hessian(p)
+    return surface.level(p)
+
+
+@compiled
+def find_nearest(surface: Vector, p: Vector, metric: Matrix) -> Vector:
+    """Return what :func:`nearest` does, of a surface's code; NaN where it raises."""
+    d, nowhere = len(p), np.full(len(p), np.nan)
+    gradient, hessian = np.empty(d), np.empty((d, d))
+    system, right = np.zeros((d + 1, d + 1)), np.empty(d + 1)
+    point, multiplier = p.copy(), 0.0
+    for _ in range(_ITERATIONS):
+        # Stationarity of the Lagrangian and the constraint, both linearised. Where the Lagrangian
+        # has no minimum along the surface the constraint's bend is left out, to descend anyway.
+        right[d] = evaluate(surface, 0, point, gradient, hessian)
+        bent = metric - multiplier * hessian
+        square = gradient @ gradient
+        if not 0.0 < square < math.inf:
+            return nowhere
+        system[:d, :d] = bent
+        system[:d, d], system[d, :d] = -gradient, -gradient
+        # Positive in every direction across the gradient: trace and determinant of that part.
+        spread = np.trace(bent) * square - gradient @ (bent @ gradient)
+        minimal = spread > 0.0 and np.linalg.det(system) < 0.0
+        if not minimal:
+            system[:d, :d] = metric
+        right[:d] = metric @ (p - point)
+        solution = np.linalg.solve(system, right)
+        point += solution[:d]
+        multiplier = solution[d]
+        size = np.max(np.abs(point))
+        if not size < math.inf:
+            return nowhere
+        if minimal and np.max(np.abs(solution[:d])) <= _CONVERGED * max(1.0, size):
+            return point
+    return nowhere

@@ -29,7 +29,7 @@ accurate in the step. Force, normal and rates always fit the point that is reach
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,16 +41,18 @@ from pydrake.systems.framework import (
     LeafSystem,
     ValueProducer,
 )
-from scipy.optimize import bisect
 
-from chamfer.models.surfaces.friction import SurfaceFriction
-from chamfer.models.surfaces.nearest import nearest
+from chamfer.models.compiled import compiled, interpreted
+from chamfer.models.surfaces.friction import SurfaceFriction, friction_at
+from chamfer.models.surfaces.nearest import find_nearest, refuse_far, uncoded
 from chamfer.models.surfaces.surface import Surface
+from chamfer.models.surfaces.surface_code import evaluate, surface_code
 from chamfer.models.validation import ParameterError, require_positive
 from chamfer.systems.ports import finite_input
 
 Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
+Rows = tuple[Triple, Triple, Triple]
 
 REST: Final = (0.0, 0.0, 0.0)
 ROUNDING: Final = 1e-12  # of a force, relative to the whole force
@@ -59,247 +61,329 @@ _SLIPPERY: Final = 1e-9  # coefficient of friction that counts as none
 _NEWTON: Final = 12  # iterations
 _CLOSE: Final = 1e-16  # m, error of the point
 _MARCH: Final = 2000  # steps to a jump's end
+_HALVINGS: Final = 100
+
+FREE: Final = 0
+STICK: Final = 1
+SLIP: Final = 2
+
+
+class Spring(NamedTuple):
+    """A spring's force at any point of a surface, for one nominal position and velocity.
+
+    Vectors of the plane have a third component, 0.
+    """
+
+    surface: Array  # its code
+    friction: Array  # its six numbers
+    d: int
+    K: Rows  # N/m, symmetric positive definite
+    x_nom: Triple
+    v_nom: Triple
 
 
 class Look(NamedTuple):
     """What is known at a point of the surface, or very near to it."""
 
     p: Triple
-    place: Array  # p, (d,)
     level: float
     size: float  # of the level's gradient
     n: Triple
+    hessian: Rows
     force: Triple
     push: float  # N
     pull: Triple  # F_t
     drag: float  # |F_t|
     mu: float
+    rise: float  # 1/m, of mu along x
     excess: float  # |F_t| - mu N: positive where friction does not hold
 
 
-class SpringOnSurface:
-    """A spring's force at any point of a surface, for one nominal position and velocity.
+@compiled
+def _dot(a: Triple, b: Triple) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
-    ``stiffness``, N/m, shape (d, d), is symmetric positive definite.
+
+@compiled
+def _plus(a: Triple, scale: float, b: Triple) -> Triple:
+    return a[0] + scale * b[0], a[1] + scale * b[1], a[2] + scale * b[2]
+
+
+@compiled
+def _scaled(a: Triple, scale: float) -> Triple:
+    return scale * a[0], scale * a[1], scale * a[2]
+
+
+@compiled
+def _length(a: Triple) -> float:
+    return math.sqrt(_dot(a, a))
+
+
+@compiled
+def _times(rows: Rows, a: Triple) -> Triple:
+    return _dot(rows[0], a), _dot(rows[1], a), _dot(rows[2], a)
+
+
+@compiled
+def _triple(values: Array) -> Triple:
+    return values[0], values[1], values[2] if len(values) == 3 else 0.0
+
+
+@compiled
+def _rows(matrix: Array) -> Rows:
+    return (
+        _triple(matrix[0]),
+        _triple(matrix[1]),
+        _triple(matrix[2]) if len(matrix) == 3 else (0.0, 0.0, 0.0),
+    )
+
+
+@compiled
+def _place(spring: Spring, p: Triple) -> Array:
+    place = np.empty(spring.d)
+    for i in range(spring.d):
+        place[i] = p[i]
+    return place
+
+
+@compiled
+def _look(spring: Spring, p: Triple) -> Look:
+    """Return what is known at a point, m."""
+    place, slope, bend = _place(spring, p), np.empty(spring.d), np.empty((spring.d, spring.d))
+    level = evaluate(spring.surface, 0, place, slope, bend)
+    gradient = _triple(slope)
+    size = _length(gradient)
+    n = (gradient[0] / size, gradient[1] / size, gradient[2] / size)
+    force = _times(spring.K, _plus(p, -1.0, spring.x_nom))
+    push = _dot(n, force)
+    pull = _plus(force, -push, n)
+    drag = _length(pull)
+    mu, rise = friction_at(spring.friction, p[0])
+    excess = drag - mu * push
+    return Look(p, level, size, n, _rows(bend), force, push, pull, drag, mu, rise, excess)
+
+
+@compiled
+def _is_outside(spring: Spring) -> bool:
+    """Return whether the nominal endpoint is outside of the material, or on the surface."""
+    place, slope = _place(spring, spring.x_nom), np.empty(spring.d)
+    level: float = evaluate(spring.surface, 0, place, slope, np.empty((spring.d, spring.d)))
+    return level >= 0.0
+
+
+@compiled
+def _nearest(spring: Spring) -> Look:
+    """Return the point where the spring pushes along the normal alone.
+
+    Where there is none, nothing there is a number.
     """
-
-    def __init__(
-        self,
-        surface: Surface,
-        friction: SurfaceFriction,
-        stiffness: Array,
-        nominal_position: Array,
-        nominal_velocity: Array,
-    ) -> None:
-        self.surface, self.friction, self.stiffness = surface, friction, stiffness
-        self.nominal_position, self.nominal_velocity = nominal_position, nominal_velocity
-        self.d = surface.dimension
-        self.K = _rows(stiffness)
-        self.x_nom = _triple(nominal_position)
-        self.v_nom = _triple(nominal_velocity)
-
-    def is_outside(self) -> bool:
-        """Return whether the nominal endpoint is outside of the material, or on the surface."""
-        return self.surface.level(self.nominal_position) >= 0
-
-    def is_slippery(self, look: Look) -> bool:
-        """Return whether friction is too small to tell a direction from."""
-        return look.mu <= _SLIPPERY
-
-    def look_at(self, point: Array) -> Look:
-        """Return what is known at a point of the surface, shape (d,), m."""
-        return self._look(_triple(point))
-
-    def _look(self, p: Triple) -> Look:
-        place = np.array(p[: self.d])
-        level = self.surface.level(place)
-        gradient = _triple(self.surface.gradient(place))
-        size = math.sqrt(_dot(gradient, gradient))
-        n = (gradient[0] / size, gradient[1] / size, gradient[2] / size)
-        a, b, c = self.x_nom
-        force = _times(self.K, (p[0] - a, p[1] - b, p[2] - c))
-        push = _dot(n, force)
-        pull = _plus(force, -push, n)
-        drag = math.sqrt(_dot(pull, pull))
-        mu = self.friction.at(place)
-        return Look(p, place, level, size, n, force, push, pull, drag, mu, drag - mu * push)
-
-    def _growth(self, look: Look) -> Triple:
-        """Return the excess' gradient for places along the surface and near it, N/m.
-
-        From |F_t|' = (F_t . K u) / |F_t| - N (F_t . n') / |F_t| and N' = n . K u + F_t . n', with
-        n' = P H u / size, where P takes away the part along n.
-        """
-        hessian = _rows(self.surface.hessian(look.place))
-        stiff = _times(self.K, _plus(_scaled(look.pull, 1 / look.drag), -look.mu, look.n))
-        bent = _times(hessian, look.pull)
-        rise = _triple(self.friction.gradient(look.place))
-        growth = _plus(stiff, -(look.push / look.drag + look.mu) / look.size, bent)
-        return _plus(growth, -look.push, rise)
-
-    def velocity(self, look: Look) -> Triple | None:
-        """Return the velocity of a point where friction holds, or just holds.
-
-        None if it just holds and does not hold a little further on.
-        """
-        whole = math.sqrt(_dot(look.force, look.force))
-        if self.is_slippery(look):
-            return self._frictionless(look)
-        if look.excess < -ROUNDING * whole or not look.drag > ROUNDING * whole:
-            return REST
-        ahead = _scaled(look.pull, -1 / look.drag)
-        ahead = _plus(ahead, -_dot(ahead, look.n), look.n)
-        driven = _times(self.K, self.v_nom)
-        rate = _dot(ahead, driven) + look.mu * _dot(look.n, driven)
-        if rate <= ROUNDING * math.sqrt(_dot(driven, driven)):
-            return REST
-        growth = _dot(self._growth(look), ahead)
-        return _scaled(ahead, -rate / growth) if growth < 0 else None
-
-    def force_rate(self, velocity: Triple) -> Triple:
-        """Return the force's rate (4-3), N/s, at a velocity of the point, m/s."""
-        x, y, z = velocity
-        a, b, c = self.v_nom
-        return _times(self.K, (x - a, y - b, z - c))
-
-    def _frictionless(self, look: Look) -> Triple:
-        """Return the velocity with which the force stays along the normal."""
-        n, bend = np.array(look.n[: self.d]), self.surface.hessian(look.place) / look.size
-        tangents = np.linalg.svd(n[np.newaxis])[2][1:]
-        stiff = tangents @ (self.stiffness - look.push * bend) @ tangents.T
-        driven = tangents @ (self.stiffness @ self.nominal_velocity)
-        return _triple(np.linalg.solve(stiff, driven) @ tangents)
-
-    # The way to the point where friction holds
-
-    def slide(self, start: Look, before: Array) -> Look | None:
-        """Return the point where a slide from a point where friction does not hold ends.
-
-        That is the first on the way where it holds; None if the contact is lost before.
-        ``before``, m/s, is the velocity before, zeros at the begin of sliding.
-        """
-        ahead = _scaled(start.pull, -1 / start.drag)
-        found = self._newton(start, ahead)
-        if found is not None:
-            return self._straightened(start, found, before)
-        held, end = self._march(start, ahead)
-        if end.push < 0:
-            return None
-        return end if held else self._unloaded(end)
-
-    def _unloaded(self, start: Look) -> Look | None:
-        """Return where friction holds on the way to the point without tangential force.
-
-        Little friction leaves a cone that a long step against the force may miss.
-        """
-        if self.is_outside():
-            return None
-        target = nearest(self.surface, self.nominal_position, self.stiffness)
-        goal = self._look(_triple(target))
-        way = _plus(goal.p, -1.0, start.p)
-        ahead = _plus(way, -_dot(way, start.n), start.n)
-        length = math.sqrt(_dot(ahead, ahead))
-        if goal.excess >= 0 or length == 0:
-            return goal
-        ahead = _scaled(ahead, 1 / length)
-
-        def at(part: float) -> Look:
-            return self._onto(_plus(start.p, part, way), ahead, start.n)
-
-        return at(_root(lambda part: at(part).excess, 1.0))
-
-    def _straightened(self, start: Look, end: Look, before: Array) -> Look:
-        """Return a slide's end in space along the mean of its first and last direction."""
-        x, y, z = _triple(before)
-        speed = math.sqrt(x * x + y * y + z * z)
-        if self.d == 2 or speed == 0 or end.drag == 0:
-            return end
-        ahead = _plus((x / speed, y / speed, z / speed), -1 / end.drag, end.pull)
-        ahead = _plus(ahead, -_dot(ahead, start.n), start.n)
-        length = math.sqrt(_dot(ahead, ahead))
-        travelled = math.dist(start.p, end.p)
-        # In steps longer than the spring's tangential stretch the mean would swing to and fro.
-        if length < 1 or travelled > end.drag / self._stiffness_along(end):
-            return end
-        return self._newton(start, _scaled(ahead, 1 / length)) or end
-
-    def _stiffness_along(self, look: Look) -> float:
-        """Return the stiffness in the tangential force's direction, N/m."""
-        return _dot(look.pull, _times(self.K, look.pull)) / (look.drag * look.drag)
-
-    def _newton(self, start: Look, ahead: Triple) -> Look | None:
-        """Return the end of a short, smooth slide; None if it is not clearly that."""
-        here, first, travelled = start, 0.0, 0.0
-        stiff = self._stiffness_along(start)
-        for _ in range(_NEWTON):
-            if here.drag == 0:
-                return None
-            along, across, tilt = _section(here.n, ahead, start.n)
-            growth = self._growth(here)
-            ascent = _dot(growth, along)
-            if not ascent < 0:
-                return None
-            down = -here.level / (here.size * tilt)
-            step = -(here.excess + down * _dot(growth, across)) / ascent
-            first, travelled = first or step, travelled + step
-            here = self._look(_plus(_plus(here.p, step, along), down, across))
-            # Newton's error, at most about the step's square over the spring's stretch.
-            if (step * step + down * down) * stiff < _CLOSE * here.drag:
-                smooth = first > 0 and 0.5 * first <= travelled <= 2 * first
-                forward = here.push >= 0 and _dot(here.pull, along) < 0
-                return here if smooth and forward else None
-        return None
-
-    def _march(self, start: Look, ahead: Triple) -> tuple[bool, Look]:
-        """Follow the surface to the first point where friction holds.
-
-        Returns:
-            Whether friction holds there, and the point. Without friction to hold it, it is where
-            the contact is lost or where the pull in this direction ends.
-        """
-        stretch = start.drag / self._stiffness_along(start) / 64
-        here = start
-        for _ in range(_MARCH):
-            along, _, _ = _section(here.n, ahead, start.n)
-            origin, direction = here.p, along
-
-            def at(step: float, origin: Triple = origin, direction: Triple = direction) -> Look:
-                return self._onto(_plus(origin, step, direction), ahead, start.n)
-
-            step = min(stretch, 0.1 / (abs(self._bend(here, along)) + 1e-9))
-            there = at(step)
-            if there.push >= 0 and there.excess <= 0:
-                return True, at(_root(lambda s: at(s).excess, step))
-            if there.push < 0 or _dot(there.pull, along) >= 0:
-                return False, there
-            here = there
-        return False, here
-
-    def _onto(self, p: Triple, ahead: Triple, up: Triple) -> Look:
-        """Return the point of the surface below or above p, in the plane of the two directions."""
-        look = self._look(p)
-        for _ in range(_NEWTON):
-            _, across, tilt = _section(look.n, ahead, up)
-            down = -look.level / (look.size * tilt)
-            if abs(down) < 1e-15:
-                break
-            look = self._look(_plus(look.p, down, across))
-        return look
-
-    def _bend(self, look: Look, along: Triple) -> float:
-        hessian = _rows(self.surface.hessian(look.place))
-        return _dot(along, _times(hessian, along)) / look.size
+    stiffness = np.empty((spring.d, spring.d))
+    for i in range(spring.d):
+        for j in range(spring.d):
+            stiffness[i, j] = spring.K[i][j]
+    place = _place(spring, spring.x_nom)
+    return _look(spring, _triple(find_nearest(spring.surface, place, stiffness)))
 
 
-def _root(function: Callable[[float], float], end: float) -> float:
-    """Return a zero between 0 and the end; one of the two if the function has no zero there."""
-    if function(0.0) <= 0:
-        return 0.0
-    if function(end) >= 0:
+@compiled
+def _growth(spring: Spring, look: Look) -> Triple:
+    """Return the excess' gradient for places along the surface and near it, N/m.
+
+    From |F_t|' = (F_t . K u) / |F_t| - N (F_t . n') / |F_t| and N' = n . K u + F_t . n', with
+    n' = P H u / size, where P takes away the part along n.
+    """
+    stiff = _times(spring.K, _plus(_scaled(look.pull, 1.0 / look.drag), -look.mu, look.n))
+    bent = _times(look.hessian, look.pull)
+    growth = _plus(stiff, -(look.push / look.drag + look.mu) / look.size, bent)
+    return growth[0] - look.push * look.rise, growth[1], growth[2]
+
+
+@compiled
+def _velocity(spring: Spring, look: Look) -> tuple[bool, Triple]:
+    """Return the velocity of a point where friction holds, or just holds.
+
+    False, and rest, if it just holds and does not hold a little further on.
+    """
+    whole = _length(look.force)
+    if look.mu <= _SLIPPERY:
+        return True, _frictionless(spring, look)
+    if look.excess < -ROUNDING * whole or not look.drag > ROUNDING * whole:
+        return True, REST
+    ahead = _scaled(look.pull, -1.0 / look.drag)
+    ahead = _plus(ahead, -_dot(ahead, look.n), look.n)
+    driven = _times(spring.K, spring.v_nom)
+    rate = _dot(ahead, driven) + look.mu * _dot(look.n, driven)
+    if rate <= ROUNDING * _length(driven):
+        return True, REST
+    growth = _dot(_growth(spring, look), ahead)
+    if growth < 0.0:
+        return True, _scaled(ahead, -rate / growth)
+    return False, REST
+
+
+@compiled
+def _frictionless(spring: Spring, look: Look) -> Triple:
+    """Return the velocity with which the force stays along the normal."""
+    d, driven = spring.d, _times(spring.K, spring.v_nom)
+    system, right = np.zeros((d + 1, d + 1)), np.zeros(d + 1)
+    for i in range(d):
+        right[i], system[i, d], system[d, i] = driven[i], look.n[i], look.n[i]
+        for j in range(d):
+            system[i, j] = spring.K[i][j] - look.push * look.hessian[i][j] / look.size
+    solution = np.linalg.solve(system, right).astype(np.float64)
+    return _triple(solution[:d])
+
+
+# The way to the point where friction holds
+
+
+@compiled
+def _slide(spring: Spring, start: Look, before: Triple) -> tuple[bool, Look]:
+    """Return the point where a slide from a point where friction does not hold ends.
+
+    That is the first on the way where it holds; False if the contact is lost before. ``before``,
+    m/s, is the velocity before, zeros at the begin of sliding.
+    """
+    ahead = _scaled(start.pull, -1.0 / start.drag)
+    found, end = _newton(spring, start, ahead)
+    if found:
+        return True, _straightened(spring, start, end, before)
+    held, end = _march(spring, start, ahead)
+    if end.push < 0.0:
+        return False, end
+    return (True, end) if held else _unloaded(spring, end)
+
+
+@compiled
+def _unloaded(spring: Spring, start: Look) -> tuple[bool, Look]:
+    """Return where friction holds on the way to the point without tangential force.
+
+    Little friction leaves a cone that a long step against the force may miss. False if the nominal
+    endpoint is outside.
+    """
+    if _is_outside(spring):
+        return False, start
+    goal = _nearest(spring)
+    way = _plus(goal.p, -1.0, start.p)
+    ahead = _plus(way, -_dot(way, start.n), start.n)
+    length = _length(ahead)
+    if goal.excess >= 0.0 or length == 0.0:
+        return True, goal
+    return True, _first(spring, start.p, way, _scaled(ahead, 1.0 / length), start.n, 1.0)
+
+
+@compiled
+def _straightened(spring: Spring, start: Look, end: Look, before: Triple) -> Look:
+    """Return a slide's end in space along the mean of its first and last direction."""
+    speed = _length(before)
+    if spring.d == 2 or speed == 0.0 or end.drag == 0.0:
         return end
-    return float(bisect(function, 0.0, end, xtol=1e-17, rtol=1e-15))
+    x, y, z = before
+    ahead = _plus((x / speed, y / speed, z / speed), -1.0 / end.drag, end.pull)
+    ahead = _plus(ahead, -_dot(ahead, start.n), start.n)
+    length, travelled = _length(ahead), _length(_plus(end.p, -1.0, start.p))
+    # In steps longer than the spring's tangential stretch the mean would swing to and fro.
+    if length < 1.0 or travelled > end.drag / _stiffness_along(spring, end):
+        return end
+    found, straight = _newton(spring, start, _scaled(ahead, 1.0 / length))
+    return straight if found else end
 
 
+@compiled
+def _stiffness_along(spring: Spring, look: Look) -> float:
+    """Return the stiffness in the tangential force's direction, N/m."""
+    return _dot(look.pull, _times(spring.K, look.pull)) / (look.drag * look.drag)
+
+
+@compiled
+def _newton(spring: Spring, start: Look, ahead: Triple) -> tuple[bool, Look]:
+    """Return the end of a short, smooth slide; False if it is not clearly that."""
+    here, first, travelled = start, 0.0, 0.0
+    stiff = _stiffness_along(spring, start)
+    for _ in range(_NEWTON):
+        if here.drag == 0.0:
+            return False, here
+        along, across, tilt = _section(here.n, ahead, start.n)
+        growth = _growth(spring, here)
+        ascent = _dot(growth, along)
+        if not ascent < 0.0:
+            return False, here
+        down = -here.level / (here.size * tilt)
+        step = -(here.excess + down * _dot(growth, across)) / ascent
+        travelled += step
+        if first == 0.0:
+            first = step
+        here = _look(spring, _plus(_plus(here.p, step, along), down, across))
+        # Newton's error, at most about the step's square over the spring's stretch.
+        if (step * step + down * down) * stiff < _CLOSE * here.drag:
+            smooth = first > 0.0 and 0.5 * first <= travelled <= 2.0 * first
+            return smooth and here.push >= 0.0 and _dot(here.pull, along) < 0.0, here
+    return False, here
+
+
+@compiled
+def _march(spring: Spring, start: Look, ahead: Triple) -> tuple[bool, Look]:
+    """Follow the surface to the first point where friction holds.
+
+    Returns:
+        Whether friction holds there, and the point. Without friction to hold it, it is where
+        the contact is lost or where the pull in this direction ends.
+    """
+    stretch = start.drag / _stiffness_along(spring, start) / 64.0
+    here = start
+    for _ in range(_MARCH):
+        along, _across, _tilt = _section(here.n, ahead, start.n)
+        bend = _dot(along, _times(here.hessian, along)) / here.size
+        step = min(stretch, 0.1 / (abs(bend) + 1e-9))
+        there = _onto(spring, _plus(here.p, step, along), ahead, start.n)
+        if there.push >= 0.0 and there.excess <= 0.0:
+            return True, _first(spring, here.p, along, ahead, start.n, step)
+        if there.push < 0.0 or _dot(there.pull, along) >= 0.0:
+            return False, there
+        here = there
+    return False, here
+
+
+@compiled
+def _first(
+    spring: Spring, origin: Triple, way: Triple, ahead: Triple, up: Triple, end: float
+) -> Look:
+    """Return where friction holds first between an origin and a part of a way from it, by halving.
+
+    It is one of the two if there is no such place between them.
+    """
+    here = _onto(spring, origin, ahead, up)
+    if here.excess <= 0.0:
+        return here
+    here = _onto(spring, _plus(origin, end, way), ahead, up)
+    if here.excess >= 0.0:
+        return here
+    first, step = 0.0, end
+    for _ in range(_HALVINGS):
+        step *= 0.5
+        middle = first + step
+        here = _onto(spring, _plus(origin, middle, way), ahead, up)
+        if here.excess >= 0.0:
+            first = middle
+        if here.excess == 0.0 or step < 1e-17 + 1e-15 * middle:
+            break
+    return here
+
+
+@compiled
+def _onto(spring: Spring, p: Triple, ahead: Triple, up: Triple) -> Look:
+    """Return the point of the surface below or above p, in the plane of the two directions."""
+    look = _look(spring, p)
+    for _ in range(_NEWTON):
+        _along, across, tilt = _section(look.n, ahead, up)
+        down = -look.level / (look.size * tilt)
+        if abs(down) < 1e-15:
+            break
+        look = _look(spring, _plus(look.p, down, across))
+    return look
+
+
+@compiled
 def _section(n: Triple, ahead: Triple, up: Triple) -> tuple[Triple, Triple, float]:
     """Return the surface's directions in the plane of two orthonormal directions.
 
@@ -309,45 +393,87 @@ def _section(n: Triple, ahead: Triple, up: Triple) -> tuple[Triple, Triple, floa
     a, b = _dot(n, ahead), _dot(n, up)
     length = math.hypot(a, b)
     a, b = a / length, b / length
-    along = _plus(_scaled(ahead, b), -a, up)
-    return along, _plus(_scaled(ahead, a), b, up), length
+    return _plus(_scaled(ahead, b), -a, up), _plus(_scaled(ahead, a), b, up), length
 
 
-def _dot(a: Triple, b: Triple) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+@compiled
+def _moved(spring: Spring, point: Triple, velocity: Triple) -> tuple[bool, Look]:
+    """Return where a contact point is now, from point and velocity before; False if it is lost."""
+    look = _look(spring, point)
+    least = ROUNDING * _length(look.force)
+    if look.push < 0.0 and (_is_outside(spring) or not look.drag > least):
+        return False, look
+    if look.excess > least:
+        # Without friction the contact is made anew, its force along the normal.
+        if look.mu <= _SLIPPERY or abs(look.mu * look.push) <= least:
+            return False, look
+    elif _velocity(spring, look)[0]:
+        return True, look
+    return _slide(spring, look, velocity)
 
 
-def _plus(a: Triple, scale: float, b: Triple) -> Triple:
-    return a[0] + scale * b[0], a[1] + scale * b[1], a[2] + scale * b[2]
+@compiled
+def next_contact(
+    surface: Array, friction: Array, stiffness: Array, before: Array, motion: Array
+) -> Array:
+    """Return the contact after the nominal endpoint has moved, shape (5d + 1,).
+
+    Point, velocity, normal and mode, as the block's ``contact``, then the force on the gripper, N,
+    and its rate, N/s. They are not finite where the nominal endpoint is too deep in the material
+    for a new contact.
+
+    Args:
+        surface: Its code.
+        friction: Its six numbers.
+        stiffness: N/m, shape (d, d), symmetric positive definite.
+        before: The contact before, of which the first 3d + 1 numbers are read.
+        motion: The nominal endpoint, m, then its velocity, m/s, shape (2d,).
+    """
+    d = len(stiffness)
+    spring = Spring(
+        surface, friction, d, _rows(stiffness), _triple(motion[:d]), _triple(motion[d:])
+    )
+    found = np.zeros(5 * d + 1)
+    kept = False
+    if before[3 * d] != FREE:
+        kept, look = _moved(spring, _triple(before[:d]), _triple(before[d : 2 * d]))
+    if not kept:
+        if _is_outside(spring):
+            found[: 2 * d] = motion
+            return found
+        look = _nearest(spring)
+    velocity = _velocity(spring, look)[1]  # at rest if it cannot slide steadily
+    rate = _times(spring.K, _plus(velocity, -1.0, spring.v_nom))  # (4-3)
+    for i in range(d):
+        found[i], found[d + i], found[2 * d + i] = look.p[i], velocity[i], look.n[i]
+        found[3 * d + 1 + i], found[4 * d + 1 + i] = look.force[i], rate[i]
+        if velocity[i] != 0.0:
+            found[3 * d] = SLIP
+    if found[3 * d] != SLIP:
+        found[3 * d] = STICK
+    return found
 
 
-def _scaled(a: Triple, scale: float) -> Triple:
-    return scale * a[0], scale * a[1], scale * a[2]
+def contact_on(surface: Surface) -> Callable[..., Array]:
+    """Return :func:`next_contact` on a surface; one of a user's own class is not compiled.
 
+    Raises:
+        ParameterError: When called, if the nominal endpoint is too deep in the material for a new
+            contact.
+    """
+    code: Any = surface_code(surface)
+    step = next_contact
+    if code is None:
+        code, own = surface, {"evaluate": uncoded}
+        step = interpreted(next_contact, **own, find_nearest=interpreted(find_nearest, **own))
 
-def _times(rows: tuple[Triple, Triple, Triple], a: Triple) -> Triple:
-    x, y, z = a
-    (p, q, r), (s, t, u), (v, w, k) = rows
-    return p * x + q * y + r * z, s * x + t * y + u * z, v * x + w * y + k * z
+    def following(friction: Array, stiffness: Array, before: Array, motion: Array) -> Array:
+        found = step(code, friction, stiffness, before, motion)
+        if not math.isfinite(found[-1]):
+            refuse_far(motion[: len(stiffness)])
+        return found
 
-
-def _padded(values: list[float]) -> Triple:
-    x, y, z = [*values, 0.0][:3]
-    return x, y, z
-
-
-def _triple(values: Array) -> Triple:
-    return _padded(values.tolist())
-
-
-def _rows(matrix: Array) -> tuple[Triple, Triple, Triple]:
-    first, second, third = [*map(_padded, matrix.tolist()), REST][:3]
-    return first, second, third
-
-
-FREE: Final = 0
-STICK: Final = 1
-SLIP: Final = 2
+    return following
 
 
 class Touch(NamedTuple):
@@ -378,45 +504,15 @@ def advance(
     Raises:
         ParameterError: if the nominal endpoint is too deep in the material for a new contact.
     """
-    spring = SpringOnSurface(surface, friction, stiffness, nominal_position, nominal_velocity)
-    if previous is not None and previous.mode != FREE:
-        look = _moved(spring, previous)
-        if look is not None:
-            return _touch(spring, look)
-    if spring.is_outside():
-        zeros = np.zeros(surface.dimension)
-        x, v = nominal_position.copy(), nominal_velocity.copy()
-        return Touch(x, v, zeros, zeros, zeros, FREE)
-    return _touch(spring, spring.look_at(nearest(surface, nominal_position, stiffness)))
-
-
-def _moved(spring: SpringOnSurface, previous: Touch) -> Look | None:
-    """Return where the contact point is now; None if the contact is lost."""
-    look = spring.look_at(previous.point)
-    least = ROUNDING * math.hypot(*look.force)
-    if look.push < 0 and (spring.is_outside() or not look.drag > least):
-        return None
-    if look.excess > least:
-        # Without friction the contact is made anew, its force along the normal.
-        if spring.is_slippery(look) or abs(look.mu * look.push) <= least:
-            return None
-    elif spring.velocity(look) is not None:
-        return look
-    return spring.slide(look, previous.velocity)
-
-
-def _touch(spring: SpringOnSurface, look: Look) -> Touch:
-    """Return the contact at a point where friction holds; at rest if it cannot slide steadily."""
-    velocity = spring.velocity(look) or REST
-    d = spring.d
-    return Touch(
-        look.place,
-        np.array(velocity[:d]),
-        np.array(look.force[:d]),
-        np.array(spring.force_rate(velocity)[:d]),
-        np.array(look.n[:d]),
-        SLIP if any(velocity) else STICK,
-    )
+    d = surface.dimension
+    before = np.zeros(3 * d + 1)
+    if previous is not None:
+        p, v, n, mode = previous.point, previous.velocity, previous.normal, previous.mode
+        before = np.concatenate((p, v, n, [float(mode)]))
+    motion = np.concatenate((nominal_position, nominal_velocity))
+    found = contact_on(surface)(friction.numbers, np.array(stiffness, float), before, motion)
+    x, v, n, _, force, rate = np.split(found, [d, 2 * d, 3 * d, 3 * d + 1, 4 * d + 1])
+    return Touch(x, v, force, rate, n, int(found[3 * d]))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -475,51 +571,36 @@ class SlidingContact(LeafSystem):
         d = surface.dimension
         if len(params.stiffness) != d:
             raise ParameterError("stiffness", params.stiffness, f"{d} rows, as the surface has")
-        self.surface, self.params, self._d = surface, params, d
-        self._stiffness = np.array(params.stiffness, dtype=float)
-        self.nominal_motion = self.DeclareVectorInputPort("nominal_motion", 2 * d)
-        self._stored = self.DeclareDiscreteState(3 * d + 1)
+        self.surface, self.params = surface, params
+        step = contact_on(surface)
+        friction, stiffness = params.friction.numbers, np.array(params.stiffness, dtype=float)
+        nominal_motion = self.DeclareVectorInputPort("nominal_motion", 2 * d)
+        stored = self.DeclareDiscreteState(3 * d + 1)
+
+        def solve(context: Context, value: AbstractValue) -> None:
+            motion = np.array(finite_input(nominal_motion, context))
+            before = np.array(context.get_discrete_state(stored).value())
+            value.set_value(step(friction, stiffness, before, motion))
+
         # One solution for all ports and the update.
-        self._solution = self.DeclareCacheEntry(
+        solution = self.DeclareCacheEntry(
             "contact",
-            ValueProducer(allocate=lambda: AbstractValue.Make(None), calc=self._solve),
-            {self.nominal_motion.ticket(), self.discrete_state_ticket(self._stored)},
+            ValueProducer(allocate=lambda: AbstractValue.Make(None), calc=solve),
+            {nominal_motion.ticket(), self.discrete_state_ticket(stored)},
         )
-        for name, size, part in (
-            ("contact_force", d, lambda touch: touch.force),
-            ("contact_force_rate", d, lambda touch: touch.force_rate),
-            ("contact", 3 * d + 1, _packed),
+        for name, part in (
+            ("contact_force", slice(3 * d + 1, 4 * d + 1)),
+            ("contact_force_rate", slice(4 * d + 1, 5 * d + 1)),
+            ("contact", slice(3 * d + 1)),
         ):
 
-            def calc(
-                context: Context, vector: BasicVector, part: Callable[[Touch], Array] = part
-            ) -> None:
-                vector.SetFromVector(part(self.touch(context)))
+            def calc(context: Context, vector: BasicVector, part: slice = part) -> None:
+                vector.SetFromVector(solution.Eval(context)[part])
 
-            self.DeclareVectorOutputPort(name, size, calc, {self._solution.ticket()})
-        self.DeclarePeriodicDiscreteUpdateEvent(params.step, 0.0, self._store)
+            size = len(range(5 * d + 1)[part])
+            self.DeclareVectorOutputPort(name, size, calc, {solution.ticket()})
 
-    def touch(self, context: Context) -> Touch:
-        """Return the contact now."""
-        touch: Touch = self._solution.Eval(context)
-        return touch
+        def store(context: Context, values: DiscreteValues) -> None:
+            values.set_value(stored, solution.Eval(context)[: 3 * d + 1])
 
-    def _solve(self, context: Context, value: AbstractValue) -> None:
-        d, motion = self._d, finite_input(self.nominal_motion, context)
-        stored = context.get_discrete_state(self._stored).value()
-        mode = int(stored[-1])
-        previous = None
-        if mode != FREE:
-            x, v, n = stored[:d].copy(), stored[d : 2 * d].copy(), stored[2 * d : 3 * d].copy()
-            previous = Touch(x, v, np.zeros(d), np.zeros(d), n, mode)
-        now = advance(
-            self.surface, self.params.friction, self._stiffness, previous, motion[:d], motion[d:]
-        )
-        value.set_value(now)
-
-    def _store(self, context: Context, values: DiscreteValues) -> None:
-        values.set_value(self._stored, _packed(self.touch(context)))
-
-
-def _packed(touch: Touch) -> Array:
-    return np.concatenate((touch.point, touch.velocity, touch.normal, [touch.mode]))
+        self.DeclarePeriodicDiscreteUpdateEvent(params.step, 0.0, store)

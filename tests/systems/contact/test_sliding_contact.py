@@ -252,12 +252,40 @@ def test_laws(surface: Surface, seed: int, friction: SurfaceFriction, skew: bool
         previous = touch
 
 
+SHEET = Wave(amplitudes=(0.03, 0.04), wavelengths=(1.1, 1.3))
+
+
+class Own:
+    """A user's own class, of which nothing is compiled."""
+
+    def __init__(self, surface: Surface) -> None:
+        self.dimension, self.level = surface.dimension, surface.level
+        self.gradient, self.hessian = surface.gradient, surface.hessian
+
+
+@pytest.mark.parametrize("surface", [Wave(), SHEET], ids=["plane", "space"])
+def test_surface_of_an_own_class(surface: Surface) -> None:
+    d = surface.dimension
+    modes = set()
+    for friction in (VARIED, SurfaceFriction(coefficient=0.0)):
+        cases = [Case(one, friction, SKEW[-d:, -d:]) for one in (surface, Own(surface))]
+        ways = [case.follow(random_motion(3, d), np.arange(0, 2, 0.04)) for case in cases]
+        for known, own in zip(*ways, strict=True):
+            np.testing.assert_allclose(row(own), row(known), atol=1e-12)
+            modes.add(own.mode)
+    assert modes >= {STICK, SLIP}
+
+
+def test_too_deep_for_a_contact() -> None:
+    message = re.escape("p is [0.0, -1.0], allowed: a point nearer to the surface than its radius")
+    for surface in (Circle(), Own(Circle())):
+        with pytest.raises(ParameterError, match=f"^{message}"):
+            Case(surface, ROUGH, SOFT).follow(lambda _: ((0, -1), (0, 0)), [0.0])
+
+
 def round_motion(t: float) -> tuple[Sequence[float], Sequence[float]]:
     position = (0.3 * math.sin(t), 0.25 * math.sin(1.3 * t), -0.08 - 0.01 * math.sin(t))
     return position, (0.3 * math.cos(t), 0.325 * math.cos(1.3 * t), -0.01 * math.cos(t))
-
-
-SHEET = Wave(amplitudes=(0.03, 0.04), wavelengths=(1.1, 1.3))
 
 
 def slip_at(time: float, case: Case) -> Touch:
