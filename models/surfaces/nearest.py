@@ -1,7 +1,7 @@
 """The nearest point of a surface."""
 
 import math
-from typing import Any, Final, NoReturn
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,16 +40,16 @@ def nearest(surface: Surface, p: Vector, metric: Matrix | None = None) -> Vector
     if code is None:
         code, search = surface, interpreted(find_nearest, evaluate=uncoded)
     weight = np.eye(surface.dimension) if metric is None else np.array(metric, dtype=float)
-    found = search(code, np.array(p, dtype=float), weight)
-    if not np.isfinite(found).all():
-        refuse_far(p)
-    return found
+    try:
+        return search(code, np.array(p, dtype=float), weight)
+    except ArithmeticError as error:
+        raise too_far(p) from error
 
 
-def refuse_far(p: Vector) -> NoReturn:
-    """Raise what :func:`nearest` raises where it finds nothing."""
+def too_far(p: Vector) -> ParameterError:
+    """Return what :func:`nearest` raises where it finds nothing."""
     allowed = "a point nearer to the surface than its radius of curvature"
-    raise ParameterError("p", p.tolist(), allowed)
+    return ParameterError("p", p.tolist(), allowed)
 
 
 def uncoded(surface: Surface, which: int, p: Vector, gradient: Vector, hessian: Matrix) -> float:
@@ -60,8 +60,12 @@ def uncoded(surface: Surface, which: int, p: Vector, gradient: Vector, hessian: 
 
 @compiled
 def find_nearest(surface: Vector, p: Vector, metric: Matrix) -> Vector:
-    """Return what :func:`nearest` does, of a surface's code; NaN where it raises."""
-    d, nowhere = len(p), np.full(len(p), np.nan)
+    """Return what :func:`nearest` does, of a surface's code.
+
+    Raises:
+        ArithmeticError: If the search ends nowhere, or in a point that is not a local minimum.
+    """
+    d = len(p)
     gradient, hessian = np.empty(d), np.empty((d, d))
     system, right = np.zeros((d + 1, d + 1)), np.empty(d + 1)
     point, multiplier = p.copy(), 0.0
@@ -72,7 +76,7 @@ def find_nearest(surface: Vector, p: Vector, metric: Matrix) -> Vector:
         bent = metric - multiplier * hessian
         square = gradient @ gradient
         if not 0.0 < square < math.inf:
-            return nowhere
+            break
         system[:d, :d] = bent
         system[:d, d], system[d, :d] = -gradient, -gradient
         # Positive in every direction across the gradient: trace and determinant of that part.
@@ -85,8 +89,6 @@ def find_nearest(surface: Vector, p: Vector, metric: Matrix) -> Vector:
         point += solution[:d]
         multiplier = solution[d]
         size = np.max(np.abs(point))
-        if not size < math.inf:
-            return nowhere
         if minimal and np.max(np.abs(solution[:d])) <= _CONVERGED * max(1.0, size):
             return point
-    return nowhere
+    raise ArithmeticError("no nearest point")

@@ -44,7 +44,7 @@ from pydrake.systems.framework import (
 
 from chamfer.models.compiled import compiled, interpreted
 from chamfer.models.surfaces.friction import SurfaceFriction, friction_at
-from chamfer.models.surfaces.nearest import find_nearest, refuse_far, uncoded
+from chamfer.models.surfaces.nearest import find_nearest, too_far, uncoded
 from chamfer.models.surfaces.surface import Surface
 from chamfer.models.surfaces.surface_code import evaluate, surface_code
 from chamfer.models.validation import ParameterError, require_positive
@@ -173,10 +173,7 @@ def _is_outside(spring: Spring) -> bool:
 
 @compiled
 def _nearest(spring: Spring) -> Look:
-    """Return the point where the spring pushes along the normal alone.
-
-    Where there is none, nothing there is a number.
-    """
+    """Return the point where the spring pushes along the normal alone."""
     stiffness = np.empty((spring.d, spring.d))
     for i in range(spring.d):
         for j in range(spring.d):
@@ -419,8 +416,7 @@ def next_contact(
     """Return the contact after the nominal endpoint has moved, shape (5d + 1,).
 
     Point, velocity, normal and mode, as the block's ``contact``, then the force on the gripper, N,
-    and its rate, N/s. They are not finite where the nominal endpoint is too deep in the material
-    for a new contact.
+    and its rate, N/s.
 
     Args:
         surface: Its code.
@@ -428,6 +424,9 @@ def next_contact(
         stiffness: N/m, shape (d, d), symmetric positive definite.
         before: The contact before, of which the first 3d + 1 numbers are read.
         motion: The nominal endpoint, m, then its velocity, m/s, shape (2d,).
+
+    Raises:
+        ArithmeticError: If the nominal endpoint is too deep in the material for a new contact.
     """
     d = len(stiffness)
     spring = Spring(
@@ -468,10 +467,10 @@ def contact_on(surface: Surface) -> Callable[..., Array]:
         step = interpreted(next_contact, **own, find_nearest=interpreted(find_nearest, **own))
 
     def following(friction: Array, stiffness: Array, before: Array, motion: Array) -> Array:
-        found = step(code, friction, stiffness, before, motion)
-        if not math.isfinite(found[-1]):
-            refuse_far(motion[: len(stiffness)])
-        return found
+        try:
+            return step(code, friction, stiffness, before, motion)
+        except ArithmeticError as error:
+            raise too_far(motion[: len(stiffness)]) from error
 
     return following
 
