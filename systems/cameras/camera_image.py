@@ -71,8 +71,11 @@ def _levels(noise: float) -> Levels:
 
 @compiled
 def _add_levels(image: Image, levels: Levels, draw: NDArray[np.uint16], noisy: Image) -> None:
+    more = np.empty(len(image), np.int16)
     for k in range(len(image)):
-        noisy[k] = max(0, min(255, int(image[k]) + int(levels[draw[k]])))
+        more[k] = levels[draw[k]]
+    for k in range(len(image)):  # by itself: of many pixels at once
+        noisy[k] = max(0, min(255, np.int16(image[k]) + more[k]))
 
 
 _PERIODS: Final = (1e-4, 1.0)  # s, the least one of high-speed cameras; more may be in Hz

@@ -78,12 +78,11 @@ def paint(window: Window, polygon: Array, colour: Array, opaque: bool) -> None:
     share = coverage(polygon, left, top, right - left, bottom - top)
     for row in range(bottom - top):
         for column in range(right - left):
-            part = share[row, column]
+            part, u, v = share[row, column], left + column, top + row
             if part > 0.0:
-                pixel = window[top + row, left + column]
                 rest = 1.0 - part if opaque else 1.0
                 for k in range(channels):
-                    pixel[k] = rest * pixel[k] + part * colour[k]
+                    window[v, u, k] = rest * window[v, u, k] + part * colour[k]
 
 
 @compiled

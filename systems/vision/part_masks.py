@@ -137,17 +137,24 @@ def colour_mask(seen: Colours, part: Appearance, stricter: int = 0) -> Mask:
 
     They have to be more saturated than the part by ``stricter``, of 255.
     """
-    low, high = part.hue - part.hue_width, part.hue + part.hue_width
-    least = min(part.saturation + stricter, 255), part.value
-    mask = cv2.inRange(seen.hsv, (max(low, 0), *least), (high, 255, 255))
-    if low < 0 or high > 255:  # the hues left of 0 are those left of 256
-        first, last = (256 + low, 255) if low < 0 else (0, high - 256)
-        rest = cv2.inRange(seen.hsv, (first, *least), (last, 255, 255))
-        mask = cv2.bitwise_or(mask, rest)
-    if seen.neutral is not seen.hsv:
-        strong = cv2.inRange(seen.neutral, (0, least[0], 0), (255, 255, 255))
-        mask = cv2.bitwise_and(mask, strong)
-    return mask.astype(np.uint8, copy=False)
+    least = min(part.saturation + stricter, 255)
+    low, width = (part.hue - part.hue_width) % 256, 2 * part.hue_width
+    return _coloured(seen.hsv, seen.neutral, low, width, least, part.value)
+
+
+@compiled
+def _coloured(hsv: Image, neutral: Image, low: int, width: int, least: int, value: int) -> Mask:
+    """Return 255 where the hue is up to ``width`` beyond ``low``, once around if it has to be."""
+    mask = np.empty(hsv.shape[:2], np.uint8)
+    pixels, grey, found = hsv.ravel(), neutral.ravel(), mask.ravel()
+    first, reach, strong, bright = np.uint8(low), np.uint8(width), np.uint8(least), np.uint8(value)
+    for k in range(len(found)):
+        beyond = np.uint8(pixels[3 * k] - first)
+        coloured = (
+            (beyond <= reach) & (pixels[3 * k + 1] >= strong) & (pixels[3 * k + 2] >= bright)
+        )
+        found[k] = 255 if coloured & (grey[3 * k + 1] >= strong) else 0
+    return mask
 
 
 def blobs(mask: Mask, part: Appearance, *, bridged: bool) -> list[Blob]:
