@@ -38,9 +38,8 @@ from chamfer.diagrams.cell.work_cell import (
 )
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import ParameterError
-from chamfer.systems.force.desired_pose import CompensatedPose, StoppableMotion
+from chamfer.systems.force.desired_pose import CompensatedPose, FixedPose, StoppableMotion
 from chamfer.systems.ports import require_ports
-from chamfer.systems.pose import pose_vector
 from chamfer.systems.servo.compensator import TrajectoryCompensator
 from chamfer.systems.servo.compensator_law import COMPENSATES, CompensatorParams
 from chamfer.systems.servo.divergence_law import DivergenceParams, Watched
@@ -237,8 +236,7 @@ def _add_motion(
     """Add where an arm should be, over time."""
     goal = scenario.nominal_pose(arm)
     if arm == "hole" or not scenario.moves:
-        rest = ConstantVectorSource(pose_vector(goal))
-        pose = builder.AddNamedSystem(f"{arm} desired pose", rest)
+        pose = builder.AddNamedSystem(f"{arm} desired pose", FixedPose(goal))
         return DesiredMotion(pose.get_output_port())
     start, period = start_poses(scenario)["peg"].translation(), scenario.cameras.frames.period
     motion = StoppableMotion(start, goal, scenario.motion_time, period)

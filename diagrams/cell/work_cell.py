@@ -70,10 +70,11 @@ from chamfer.systems.force.arm_model import (
     Vector3,
     add_arm,
 )
+from chamfer.systems.force.desired_pose import FixedPose
 from chamfer.systems.force.impedance_controller import ImpedanceController
 from chamfer.systems.force.impedance_law import ImpedanceControllerParams
 from chamfer.systems.ports import require_ports
-from chamfer.systems.pose import POSE_SIZE, pose_vector
+from chamfer.systems.pose import POSE_SIZE
 
 Array = NDArray[np.float64]
 ArmName = Literal["peg", "hole"]
@@ -374,7 +375,7 @@ def add_work_cell(
     true = {arm: one.true_pose for arm, one in ports.items()}
     known = {arm: one.tool_pose for arm, one in ports.items()}
     for arm in tools.keys() - ports.keys():
-        place = ConstantVectorSource(pose_vector(scenario.nominal_pose(arm)))
+        place = FixedPose(scenario.nominal_pose(arm))
         fixed = builder.AddNamedSystem(f"{arm} fixture", place)
         true[arm] = known[arm] = fixed.get_output_port()
     return WorkCell(plant, ports, tools, true, known)

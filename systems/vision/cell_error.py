@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RotationMatrix
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 from pydrake.systems.framework import State as DrakeState
 
 from chamfer.models.validation import (
@@ -90,6 +90,7 @@ class ImageClock(NamedTuple):
 
 
 _INSTANT: Final = 1e-6  # periods
+_NEVER_AGAIN: Final = 1e9  # s, the period of what happens once
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,8 +183,9 @@ class CellError(LeafSystem):
     ``latency``. ``blind``, size 1, turns to 1 and stays so once more than ``most_misses`` in a row
     were missing.
 
-    Discrete state: the misses in a row, how old the last valid measurement was at once, s,
-    ``blind``, how many jumps were refused since, and that measurement, NaN before there was one.
+    Discrete state: whether it has begun, the misses in a row, how old the last valid measurement
+    was at once, s, ``blind``, how many jumps were refused since, and that measurement, NaN before
+    there was one.
     """
 
     def __init__(self, params: CellErrorParams) -> None:
@@ -192,7 +194,8 @@ class CellError(LeafSystem):
         self._measured_error = self.DeclareVectorInputPort("alignment_error", len(AXES))
         self._expected = self.DeclareVectorInputPort("expected_error", len(AXES))
         self._hidden = self.DeclareVectorInputPort("hidden", 1)
-        self.DeclareDiscreteState([0.0, 0.0, 0.0, 0.0, *[math.nan] * len(AXES)])
+        begin = params.begin - 0.5 * params.period
+        self.DeclareDiscreteState([float(begin <= 0), *[0.0] * 4, *[math.nan] * len(AXES)])
 
         def calc_error(context: Context, vector: BasicVector) -> None:
             measured = self._measured(context)
@@ -202,21 +205,24 @@ class CellError(LeafSystem):
             vector[0] = float(self._measured(context) is not None)
 
         def calc_age(context: Context, vector: BasicVector) -> None:
-            misses, old, *_ = _state(context)
+            _, misses, old, *_ = _state(context)
             vector[0] = old + params.period * misses
 
         def calc_blind(context: Context, vector: BasicVector) -> None:
-            vector[0] = _state(context)[2]
+            vector[0] = _state(context)[3]
 
-        seen = {self.all_input_ports_ticket(), self.time_ticket(), self.xd_ticket()}
+        # Not of time: what follows would be evaluated anew whenever it goes on.
+        seen = {self.all_input_ports_ticket(), self.xd_ticket()}
         self.DeclareVectorOutputPort("error", len(AXES), calc_error, seen)
         self.DeclareVectorOutputPort("valid", 1, calc_valid, seen)
         self.DeclareVectorOutputPort("age", 1, calc_age, {self.xd_ticket()})
         self.DeclareVectorOutputPort("blind", 1, calc_blind, {self.xd_ticket()})
         self.DeclarePeriodicUnrestrictedUpdateEvent(params.period, 0.0, self._count)
+        if begin > 0:
+            self.DeclarePeriodicDiscreteUpdateEvent(_NEVER_AGAIN, begin, self._begin)
 
-    def _waits(self, context: Context) -> bool:
-        return bool(context.get_time() < self._params.begin - 0.5 * self._params.period)
+    def _begin(self, context: Context, changed: DiscreteValues) -> None:
+        changed.set_value([1.0, *_state(context)[1:]])
 
     def _measured(self, context: Context) -> Array | None:
         """Return the error that is measured and believed; None if there is none."""
@@ -225,7 +231,7 @@ class CellError(LeafSystem):
 
     def _jumped(self, context: Context, error: Array) -> bool:
         params = self._params
-        misses, _, _, jumps, *last = _state(context)
+        _, misses, _, _, jumps, *last = _state(context)
         # A release has to come before the parts count as lost.
         most = min(params.continuity.most_jumps, params.most_misses)
         if not math.isfinite(last[0]) or jumps >= most:
@@ -235,7 +241,7 @@ class CellError(LeafSystem):
         return params.continuity.jumps(moved, turned, seconds)
 
     def _seen(self, context: Context) -> Array | None:
-        if self._waits(context):
+        if not _state(context)[0]:
             return None
         error: Array = np.array(self._measured_error.Eval(context))
         if not np.isfinite(error[_NEEDED]).all():
@@ -249,9 +255,9 @@ class CellError(LeafSystem):
         return error
 
     def _count(self, context: Context, state: DrakeState) -> None:
-        if self._waits(context):
+        begun, misses, old, blind, jumps, *last = _state(context)
+        if not begun:
             return
-        misses, old, blind, jumps, *last = _state(context)
         misses += 1
         seen = self._seen(context)
         if (
@@ -269,7 +275,7 @@ class CellError(LeafSystem):
                 old = 0.0
             misses, jumps, last = 0.0, 0.0, seen.tolist()
         blind = blind or float(misses > self._params.most_misses)
-        changed = np.array([misses, old, blind, jumps, *last])
+        changed = np.array([begun, misses, old, blind, jumps, *last])
         state.get_mutable_discrete_state().set_value(changed)
 
 
