@@ -12,6 +12,7 @@ from chamfer.analysis.campaign.trial_rows import Row, table_of, with_table
 from chamfer.analysis.contact.contact_metrics import QUANTITIES, contact_metrics, stability_metrics
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.scenario.experiment import Outcome, Progress
+from chamfer.diagrams.contact.compiled_hybrid_loop import run_compiled
 from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram
 from chamfer.diagrams.contact.hybrid_loop_stability import stability
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario, HybridTrials
@@ -30,11 +31,12 @@ def run_contact(scenario: HybridScenario, seed: int) -> Traces:
     true one along the motion; the endpoint's coordinates and the desired ones;
     :data:`CONTACT_SIGNALS`; ``mode``; joint positions, velocities and torques.
     """
-    arm = scenario.ARM
-    diagram = make_hybrid_diagram(scenario)
-    period = scenario.controller.period
-    run = simulate(diagram, duration=scenario.duration, step=period, seed=seed)
-    outputs, n = run.outputs, arm.num_joints
+    arm, period = scenario.ARM, scenario.controller.period
+    outputs, n = run_compiled(scenario, seed), arm.num_joints
+    if outputs is None:
+        diagram = make_hybrid_diagram(scenario)
+        run = simulate(diagram, duration=scenario.duration, step=period, seed=seed)
+        outputs = run.outputs
     q, v = outputs["encoders"][:, :n], outputs["encoders"][:, n:]
     endpoint = np.array([arm.endpoint(one) for one in q])
     # The controller's outputs are of the tick before, its errors belong to those encoders.
@@ -48,7 +50,7 @@ def run_contact(scenario: HybridScenario, seed: int) -> Traces:
     measured = np.roll(outputs["force_error"], -1, axis=0)
     measured[-1] = measured[-2]
     traces: Traces = {
-        "time": run.time,
+        "time": period * np.arange(len(q), dtype=np.float64),
         "force": push,
         "measured_force": scenario.task.force - measured @ direction,
         "position_error": error @ along,

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.common import RandomDistribution
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, LeafSystem, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain, TrajectorySource
@@ -23,6 +24,8 @@ from chamfer.systems.force.hybrid_controller import HybridController, require_hy
 from chamfer.systems.force.selection import Selection
 from chamfer.systems.force.surface_motion import GuardedMotion
 from chamfer.systems.sensing.force_sensor import LoadCellParams, gauges
+
+Array = NDArray[np.float64]
 
 
 class Manipulator(NamedTuple):
@@ -157,22 +160,29 @@ def add_friction_compensation(
 
 def add_kick(builder: DiagramBuilder, scenario: HybridScenario, arm: ArmInContact) -> None:
     """Add a blow that gives the tip a speed away from the surface."""
-    task = scenario.task
-    if task.kick_time is None:
+    blow = kick_of(scenario)
+    if blow is None:
         return
+    step, (first, force) = scenario.plant.period, blow
+    times = [first - step, first, first + step, first + 2 * step]
+    forces = np.column_stack([0 * force, force, 0 * force, 0 * force])
+    kick = builder.AddNamedSystem(
+        "kick", TrajectorySource(PiecewisePolynomial.ZeroOrderHold(times, forces))
+    )
+    builder.Connect(kick.get_output_port(), arm.GetInputPort("disturbance"))
+
+
+def kick_of(scenario: HybridScenario) -> tuple[float, Array] | None:
+    """Return the blow's begin, s, and its force on the tip, N, shape (3,), for a step of the arm.
+
+    It begins half a step early, so that rounding decides neither its first sample nor its last.
+    """
+    task, step = scenario.task, scenario.plant.period
+    if task.kick_time is None:
+        return None
     q = scenario.joint_positions(scenario.touching)
     state = scenario.dynamics().evaluate(q, np.zeros(len(q)))
     away = -np.array([*scenario.direction, 0.0, 0.0][:3])
     row = away @ state.J_v_WC
     mass = 1 / float(row @ np.linalg.solve(state.mass, row))
-    # A step of the arm long; half of one early, so that rounding decides neither its first sample
-    # nor its last.
-    step = scenario.plant.period
-    first = task.kick_time - step / 2
-    force = away * mass * task.kick_speed / step
-    blow = np.column_stack([0 * force, force, 0 * force, 0 * force])
-    times = [first - step, first, first + step, first + 2 * step]
-    kick = builder.AddNamedSystem(
-        "kick", TrajectorySource(PiecewisePolynomial.ZeroOrderHold(times, blow))
-    )
-    builder.Connect(kick.get_output_port(), arm.GetInputPort("disturbance"))
+    return task.kick_time - step / 2, away * mass * task.kick_speed / step

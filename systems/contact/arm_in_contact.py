@@ -294,6 +294,11 @@ class ArmInContact(LeafSystem):
             self._declare_output(name, self._outputs, part)
         self.DeclarePeriodicDiscreteUpdateEvent(params.period, 0.0, self._step)
 
+    def start(self) -> tuple[_World, Array, Array]:
+        """Return scene 0, and state and outputs at rest, from which :func:`update` goes on."""
+        values = self.CreateDefaultContext().get_discrete_state()
+        return self._worlds[0], *(values.value(i).copy() for i in (self._state, self._outputs))
+
     def _at_rest(self, q: Array, size: int) -> Array:
         world, still = self._worlds[0], np.zeros(len(q))
         outputs, parts = np.zeros(size), self._parts

@@ -242,7 +242,7 @@ class HybridLaw(HeldLaw[HybridMemory, HybridObservation, HybridMemory]):
         _require_domain(seen.selection.tobytes(), m, mode)
         x, J = self._kinematics(q)
         model = None if self._model is None else self._model(q, v)
-        found = control(
+        found, regular = control(
             self.code,
             # Copies, because compiled code tells views of a Context from arrays.
             HybridMemory(*(one.copy() for one in state)),
@@ -258,7 +258,7 @@ class HybridLaw(HeldLaw[HybridMemory, HybridObservation, HybridMemory]):
             np.zeros((n, n)) if model is None else model.mass,
             np.zeros(n) if model is None else model.bias,
         )
-        if found is None:
+        if not regular:
             allowed = "one in which the Jacobian is regular"
             raise ParameterError(f"the pose of the {self._arm.name}", q.tolist(), allowed)
         finite("torque", found.torque)
@@ -279,8 +279,8 @@ def _times(matrix: Array, vector: Array) -> Array:
 
 
 @compiled
-def _inverse(matrix: Array) -> Array | None:
-    """Return a matrix' inverse (Gauss-Jordan with pivots), None of one that is nearly singular."""
+def _inverse(matrix: Array) -> tuple[Array, bool]:
+    """Return a matrix' inverse (Gauss-Jordan with pivots), and whether it is well conditioned."""
     n = len(matrix)
     left, right = matrix.copy(), np.eye(n)
     for k in range(n):
@@ -289,7 +289,7 @@ def _inverse(matrix: Array) -> Array | None:
             if abs(left[i, k]) > abs(left[best, k]):
                 best = i
         if left[best, k] == 0.0:
-            return None
+            return right, False
         for j in range(n):
             left[k, j], left[best, j] = left[best, j], left[k, j]
             right[k, j], right[best, j] = right[best, j], right[k, j]
@@ -305,7 +305,7 @@ def _inverse(matrix: Array) -> Array | None:
             right[i, j] /= left[i, i]
             forth += matrix[i, j] ** 2
             back += right[i, j] ** 2
-    return right if forth * back < _WORST_CONDITION**2 else None
+    return right, forth * back < _WORST_CONDITION**2
 
 
 @compiled
@@ -323,16 +323,16 @@ def control(
     mode: float,
     mass: Array,
     bias: Array,
-) -> HybridMemory | None:
-    """Return the controller's memory after one period, None in a singular pose.
+) -> tuple[HybridMemory, bool]:
+    """Return the controller's memory after one period; False: it is none, in a singular pose.
 
     At joint velocities v, endpoint x and Jacobian J, with the position domain P; ``mass``, (n, n),
     and ``bias``, (n,), are the model's with full dynamics. See
     :class:`chamfer.systems.force.hybrid_controller.HybridController`.
     """
-    n, period, inverse = len(J), code.period, _inverse(J)
-    if inverse is None:
-        return None
+    n, period, (inverse, regular) = len(J), code.period, _inverse(J)
+    if not regular:
+        return memory, False
     before, contact = memory.mode[0], mode != APPROACH
     lost = code.loss_mode and mode == LOST
     switched = mode != before and (code.loss_mode or not contact or before == APPROACH)
@@ -400,16 +400,9 @@ def control(
             offset[i] = (kept[i] if lost else torque[i] - pushed[i]) - position[i]
     for i in range(n):
         torque[i] = position[i] + pushed[i] + offset[i] + code.known[i] - slowed[i]
-    return HybridMemory(
-        torque,
-        integral,
-        force_integral,
-        offset,
-        creep,
-        np.array([mode]),
-        position_error,
-        force_error,
-    )
+    now = np.array([mode])
+    errors = position_error, force_error
+    return HybridMemory(torque, integral, force_integral, offset, creep, now, *errors), True
 
 
 def efforts(units: tuple[str, ...]) -> tuple[str, ...]:

@@ -239,7 +239,7 @@ def sensor_code(
         known("full_scale", params.full_scale) * gauges.scale,
         known("resolution", params.resolution) * gauges.scale,
         round(known("tare", params.tare) / period),
-        max(int(late) + (part > 0), bandwidth > 0),
+        max(int(late) + int(part > 0), int(bandwidth > 0)),
     )
 
 
