@@ -203,6 +203,14 @@ def tracking_stability(scenario: TrackingScenario) -> Stability:
     return stability_of((tracking_loop(scenario),))
 
 
+def surface_motion(scenario: TrackingScenario) -> SurfaceMotion:
+    """Return the block that makes the task of the normal."""
+    axis = (0.0, 0.0, 1.0) if scenario.dimension == 2 else (0.0, -1.0, 0.0)
+    return SurfaceMotion(
+        scenario.task, start=scenario.start, axis=axis, period=scenario.controller.period
+    )
+
+
 def make_tracking_diagram(
     scenario: ResolvedTrackingScenario, *, controller: LeafSystem | None = None
 ) -> Diagram:
@@ -224,8 +232,7 @@ def make_tracking_diagram(
     if controller is None:
         controller = HybridController(kinematics, always_in_contact(scenario.controller))
     require_hybrid_ports(controller, kinematics)
-    d, period = scenario.dimension, scenario.controller.period
-    builder = DiagramBuilder()
+    d, builder = scenario.dimension, DiagramBuilder()
     connect = builder.Connect
     manipulator = builder.AddNamedSystem(
         "manipulator dynamics",
@@ -233,9 +240,7 @@ def make_tracking_diagram(
     )
     encoders = manipulator.get_output_port()
     contact, force, observer = add_observed_contact(builder, scenario, encoders)
-    axis = (0.0, 0.0, 1.0) if d == 2 else (0.0, -1.0, 0.0)
-    motion = SurfaceMotion(scenario.task, start=scenario.start, axis=axis, period=period)
-    task = builder.AddNamedSystem("task", motion)
+    task = builder.AddNamedSystem("task", surface_motion(scenario))
     mode = builder.AddNamedSystem("in contact", ConstantVectorSource([float(CONTACT)]))
     builder.AddNamedSystem("hybrid controller", controller)
     forces = builder.AddNamedSystem("sum of forces", Adder(2, d))

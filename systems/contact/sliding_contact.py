@@ -51,10 +51,7 @@ from chamfer.models.validation import ParameterError, require_positive
 from chamfer.systems.ports import finite_input
 
 Array = NDArray[np.float64]
-Triple = tuple[float, float, float]
-Rows = tuple[Triple, Triple, Triple]
 
-REST: Final = (0.0, 0.0, 0.0)
 ROUNDING: Final = 1e-12  # of a force, relative to the whole force
 
 _SLIPPERY: Final = 1e-9  # coefficient of friction that counts as none
@@ -69,30 +66,26 @@ SLIP: Final = 2
 
 
 class Spring(NamedTuple):
-    """A spring's force at any point of a surface, for one nominal position and velocity.
-
-    Vectors of the plane have a third component, 0.
-    """
+    """A spring's force at any point of a surface, for one nominal position and velocity."""
 
     surface: Array  # its code
     friction: Array  # its six numbers
-    d: int
-    K: Rows  # N/m, symmetric positive definite
-    x_nom: Triple
-    v_nom: Triple
+    K: Array  # (d, d), N/m, symmetric positive definite
+    x_nom: Array
+    v_nom: Array
 
 
 class Look(NamedTuple):
     """What is known at a point of the surface, or very near to it."""
 
-    p: Triple
+    p: Array
     level: float
     size: float  # of the level's gradient
-    n: Triple
-    hessian: Rows
-    force: Triple
+    n: Array
+    hessian: Array
+    force: Array
     push: float  # N
-    pull: Triple  # F_t
+    pull: Array  # F_t
     drag: float  # |F_t|
     mu: float
     rise: float  # 1/m, of mu along x
@@ -100,148 +93,94 @@ class Look(NamedTuple):
 
 
 @compiled
-def _dot(a: Triple, b: Triple) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+def _dot(a: Array, b: Array) -> float:
+    return float(a @ b)
 
 
 @compiled
-def _plus(a: Triple, scale: float, b: Triple) -> Triple:
-    return a[0] + scale * b[0], a[1] + scale * b[1], a[2] + scale * b[2]
+def _length(vector: Array) -> float:
+    return math.sqrt(_dot(vector, vector))
 
 
 @compiled
-def _scaled(a: Triple, scale: float) -> Triple:
-    return scale * a[0], scale * a[1], scale * a[2]
-
-
-@compiled
-def _length(a: Triple) -> float:
-    return math.sqrt(_dot(a, a))
-
-
-@compiled
-def _times(rows: Rows, a: Triple) -> Triple:
-    return _dot(rows[0], a), _dot(rows[1], a), _dot(rows[2], a)
-
-
-@compiled
-def _triple(values: Array) -> Triple:
-    return values[0], values[1], values[2] if len(values) == 3 else 0.0
-
-
-@compiled
-def _rows(matrix: Array) -> Rows:
-    return (
-        _triple(matrix[0]),
-        _triple(matrix[1]),
-        _triple(matrix[2]) if len(matrix) == 3 else (0.0, 0.0, 0.0),
-    )
-
-
-@compiled
-def _place(spring: Spring, p: Triple) -> Array:
-    place = np.empty(spring.d)
-    for i in range(spring.d):
-        place[i] = p[i]
-    return place
-
-
-@compiled
-def _look(spring: Spring, p: Triple) -> Look:
+def _look(spring: Spring, p: Array) -> Look:
     """Return what is known at a point, m."""
-    place, slope, bend = _place(spring, p), np.empty(spring.d), np.empty((spring.d, spring.d))
-    level = evaluate(spring.surface, 0, place, slope, bend)
-    gradient = _triple(slope)
+    gradient, hessian = np.empty_like(p), np.empty_like(spring.K)
+    level = evaluate(spring.surface, 0, p, gradient, hessian)
     size = _length(gradient)
-    n = (gradient[0] / size, gradient[1] / size, gradient[2] / size)
-    force = _times(spring.K, _plus(p, -1.0, spring.x_nom))
+    n = gradient / size
+    force = spring.K @ (p - spring.x_nom)
     push = _dot(n, force)
-    pull = _plus(force, -push, n)
+    pull = force - push * n
     drag = _length(pull)
     mu, rise = friction_at(spring.friction, p[0])
-    excess = drag - mu * push
-    return Look(p, level, size, n, _rows(bend), force, push, pull, drag, mu, rise, excess)
+    return Look(p, level, size, n, hessian, force, push, pull, drag, mu, rise, drag - mu * push)
 
 
 @compiled
 def _is_outside(spring: Spring) -> bool:
     """Return whether the nominal endpoint is outside of the material, or on the surface."""
-    place, slope = _place(spring, spring.x_nom), np.empty(spring.d)
-    level: float = evaluate(spring.surface, 0, place, slope, np.empty((spring.d, spring.d)))
-    return level >= 0.0
+    x, K = spring.x_nom, spring.K
+    return bool(evaluate(spring.surface, 0, x, np.empty_like(x), np.empty_like(K)) >= 0.0)
 
 
 @compiled
-def _nearest(spring: Spring) -> Look:
-    """Return the point where the spring pushes along the normal alone."""
-    stiffness = np.empty((spring.d, spring.d))
-    for i in range(spring.d):
-        for j in range(spring.d):
-            stiffness[i, j] = spring.K[i][j]
-    place = _place(spring, spring.x_nom)
-    return _look(spring, _triple(find_nearest(spring.surface, place, stiffness)))
-
-
-@compiled
-def _growth(spring: Spring, look: Look) -> Triple:
+def _growth(spring: Spring, look: Look) -> Array:
     """Return the excess' gradient for places along the surface and near it, N/m.
 
     From |F_t|' = (F_t . K u) / |F_t| - N (F_t . n') / |F_t| and N' = n . K u + F_t . n', with
     n' = P H u / size, where P takes away the part along n.
     """
-    stiff = _times(spring.K, _plus(_scaled(look.pull, 1.0 / look.drag), -look.mu, look.n))
-    bent = _times(look.hessian, look.pull)
-    growth = _plus(stiff, -(look.push / look.drag + look.mu) / look.size, bent)
-    return growth[0] - look.push * look.rise, growth[1], growth[2]
+    growth: Array = spring.K @ (look.pull / look.drag - look.mu * look.n)
+    growth -= (look.push / look.drag + look.mu) / look.size * (look.hessian @ look.pull)
+    growth[0] -= look.push * look.rise
+    return growth
 
 
 @compiled
-def _velocity(spring: Spring, look: Look) -> tuple[bool, Triple]:
+def _velocity(spring: Spring, look: Look) -> tuple[bool, Array]:
     """Return the velocity of a point where friction holds, or just holds.
 
     False, and rest, if it just holds and does not hold a little further on.
     """
-    whole = _length(look.force)
+    whole, rest = _length(look.force), np.zeros(len(look.p))
     if look.mu <= _SLIPPERY:
         return True, _frictionless(spring, look)
     if look.excess < -ROUNDING * whole or not look.drag > ROUNDING * whole:
-        return True, REST
-    ahead = _scaled(look.pull, -1.0 / look.drag)
-    ahead = _plus(ahead, -_dot(ahead, look.n), look.n)
-    driven = _times(spring.K, spring.v_nom)
+        return True, rest
+    ahead = look.pull / -look.drag
+    ahead -= _dot(ahead, look.n) * look.n
+    driven = spring.K @ spring.v_nom
     rate = _dot(ahead, driven) + look.mu * _dot(look.n, driven)
     if rate <= ROUNDING * _length(driven):
-        return True, REST
+        return True, rest
     growth = _dot(_growth(spring, look), ahead)
     if growth < 0.0:
-        return True, _scaled(ahead, -rate / growth)
-    return False, REST
+        return True, -rate / growth * ahead
+    return False, rest
 
 
 @compiled
-def _frictionless(spring: Spring, look: Look) -> Triple:
+def _frictionless(spring: Spring, look: Look) -> Array:
     """Return the velocity with which the force stays along the normal."""
-    d, driven = spring.d, _times(spring.K, spring.v_nom)
+    d = len(look.p)
     system, right = np.zeros((d + 1, d + 1)), np.zeros(d + 1)
-    for i in range(d):
-        right[i], system[i, d], system[d, i] = driven[i], look.n[i], look.n[i]
-        for j in range(d):
-            system[i, j] = spring.K[i][j] - look.push * look.hessian[i][j] / look.size
-    solution = np.linalg.solve(system, right).astype(np.float64)
-    return _triple(solution[:d])
+    system[:d, :d] = spring.K - look.push / look.size * look.hessian
+    system[d, :d], system[:d, d], right[:d] = look.n, look.n, spring.K @ spring.v_nom
+    return np.linalg.solve(system, right)[:d].astype(np.float64)
 
 
 # The way to the point where friction holds
 
 
 @compiled
-def _slide(spring: Spring, start: Look, before: Triple) -> tuple[bool, Look]:
+def _slide(spring: Spring, start: Look, before: Array) -> tuple[bool, Look]:
     """Return the point where a slide from a point where friction does not hold ends.
 
     That is the first on the way where it holds; False if the contact is lost before. ``before``,
     m/s, is the velocity before, zeros at the begin of sliding.
     """
-    ahead = _scaled(start.pull, -1.0 / start.drag)
+    ahead = start.pull / -start.drag
     found, end = _newton(spring, start, ahead)
     if found:
         return True, _straightened(spring, start, end, before)
@@ -260,40 +199,39 @@ def _unloaded(spring: Spring, start: Look) -> tuple[bool, Look]:
     """
     if _is_outside(spring):
         return False, start
-    goal = _nearest(spring)
-    way = _plus(goal.p, -1.0, start.p)
-    ahead = _plus(way, -_dot(way, start.n), start.n)
+    goal = _look(spring, find_nearest(spring.surface, spring.x_nom, spring.K))
+    way = goal.p - start.p
+    ahead = way - _dot(way, start.n) * start.n
     length = _length(ahead)
     if goal.excess >= 0.0 or length == 0.0:
         return True, goal
-    return True, _first(spring, start.p, way, _scaled(ahead, 1.0 / length), start.n, 1.0)
+    return True, _first(spring, start.p, way, ahead / length, start.n, 1.0)
 
 
 @compiled
-def _straightened(spring: Spring, start: Look, end: Look, before: Triple) -> Look:
+def _straightened(spring: Spring, start: Look, end: Look, before: Array) -> Look:
     """Return a slide's end in space along the mean of its first and last direction."""
     speed = _length(before)
-    if spring.d == 2 or speed == 0.0 or end.drag == 0.0:
+    if len(before) == 2 or speed == 0.0 or end.drag == 0.0:
         return end
-    x, y, z = before
-    ahead = _plus((x / speed, y / speed, z / speed), -1.0 / end.drag, end.pull)
-    ahead = _plus(ahead, -_dot(ahead, start.n), start.n)
-    length, travelled = _length(ahead), _length(_plus(end.p, -1.0, start.p))
+    ahead = before / speed - end.pull / end.drag
+    ahead -= _dot(ahead, start.n) * start.n
+    length, travelled = _length(ahead), _length(end.p - start.p)
     # In steps longer than the spring's tangential stretch the mean would swing to and fro.
     if length < 1.0 or travelled > end.drag / _stiffness_along(spring, end):
         return end
-    found, straight = _newton(spring, start, _scaled(ahead, 1.0 / length))
+    found, straight = _newton(spring, start, ahead / length)
     return straight if found else end
 
 
 @compiled
 def _stiffness_along(spring: Spring, look: Look) -> float:
     """Return the stiffness in the tangential force's direction, N/m."""
-    return _dot(look.pull, _times(spring.K, look.pull)) / (look.drag * look.drag)
+    return _dot(look.pull, spring.K @ look.pull) / (look.drag * look.drag)
 
 
 @compiled
-def _newton(spring: Spring, start: Look, ahead: Triple) -> tuple[bool, Look]:
+def _newton(spring: Spring, start: Look, ahead: Array) -> tuple[bool, Look]:
     """Return the end of a short, smooth slide; False if it is not clearly that."""
     here, first, travelled = start, 0.0, 0.0
     stiff = _stiffness_along(spring, start)
@@ -310,7 +248,7 @@ def _newton(spring: Spring, start: Look, ahead: Triple) -> tuple[bool, Look]:
         travelled += step
         if first == 0.0:
             first = step
-        here = _look(spring, _plus(_plus(here.p, step, along), down, across))
+        here = _look(spring, here.p + step * along + down * across)
         # Newton's error, at most about the step's square over the spring's stretch.
         if (step * step + down * down) * stiff < _CLOSE * here.drag:
             smooth = first > 0.0 and 0.5 * first <= travelled <= 2.0 * first
@@ -319,7 +257,7 @@ def _newton(spring: Spring, start: Look, ahead: Triple) -> tuple[bool, Look]:
 
 
 @compiled
-def _march(spring: Spring, start: Look, ahead: Triple) -> tuple[bool, Look]:
+def _march(spring: Spring, start: Look, ahead: Array) -> tuple[bool, Look]:
     """Follow the surface to the first point where friction holds.
 
     Returns:
@@ -330,9 +268,9 @@ def _march(spring: Spring, start: Look, ahead: Triple) -> tuple[bool, Look]:
     here = start
     for _ in range(_MARCH):
         along, _across, _tilt = _section(here.n, ahead, start.n)
-        bend = _dot(along, _times(here.hessian, along)) / here.size
+        bend = _dot(along, here.hessian @ along) / here.size
         step = min(stretch, 0.1 / (abs(bend) + 1e-9))
-        there = _onto(spring, _plus(here.p, step, along), ahead, start.n)
+        there = _onto(spring, here.p + step * along, ahead, start.n)
         if there.push >= 0.0 and there.excess <= 0.0:
             return True, _first(spring, here.p, along, ahead, start.n, step)
         if there.push < 0.0 or _dot(there.pull, along) >= 0.0:
@@ -342,9 +280,7 @@ def _march(spring: Spring, start: Look, ahead: Triple) -> tuple[bool, Look]:
 
 
 @compiled
-def _first(
-    spring: Spring, origin: Triple, way: Triple, ahead: Triple, up: Triple, end: float
-) -> Look:
+def _first(spring: Spring, origin: Array, way: Array, ahead: Array, up: Array, end: float) -> Look:
     """Return where friction holds first between an origin and a part of a way from it, by halving.
 
     It is one of the two if there is no such place between them.
@@ -352,14 +288,14 @@ def _first(
     here = _onto(spring, origin, ahead, up)
     if here.excess <= 0.0:
         return here
-    here = _onto(spring, _plus(origin, end, way), ahead, up)
+    here = _onto(spring, origin + end * way, ahead, up)
     if here.excess >= 0.0:
         return here
     first, step = 0.0, end
     for _ in range(_HALVINGS):
         step *= 0.5
         middle = first + step
-        here = _onto(spring, _plus(origin, middle, way), ahead, up)
+        here = _onto(spring, origin + middle * way, ahead, up)
         if here.excess >= 0.0:
             first = middle
         if here.excess == 0.0 or step < 1e-17 + 1e-15 * middle:
@@ -368,7 +304,7 @@ def _first(
 
 
 @compiled
-def _onto(spring: Spring, p: Triple, ahead: Triple, up: Triple) -> Look:
+def _onto(spring: Spring, p: Array, ahead: Array, up: Array) -> Look:
     """Return the point of the surface below or above p, in the plane of the two directions."""
     look = _look(spring, p)
     for _ in range(_NEWTON):
@@ -376,12 +312,12 @@ def _onto(spring: Spring, p: Triple, ahead: Triple, up: Triple) -> Look:
         down = -look.level / (look.size * tilt)
         if abs(down) < 1e-15:
             break
-        look = _look(spring, _plus(look.p, down, across))
+        look = _look(spring, look.p + down * across)
     return look
 
 
 @compiled
-def _section(n: Triple, ahead: Triple, up: Triple) -> tuple[Triple, Triple, float]:
+def _section(n: Array, ahead: Array, up: Array) -> tuple[Array, Array, float]:
     """Return the surface's directions in the plane of two orthonormal directions.
 
     Returns:
@@ -390,11 +326,11 @@ def _section(n: Triple, ahead: Triple, up: Triple) -> tuple[Triple, Triple, floa
     a, b = _dot(n, ahead), _dot(n, up)
     length = math.hypot(a, b)
     a, b = a / length, b / length
-    return _plus(_scaled(ahead, b), -a, up), _plus(_scaled(ahead, a), b, up), length
+    return b * ahead - a * up, a * ahead + b * up, length
 
 
 @compiled
-def _moved(spring: Spring, point: Triple, velocity: Triple) -> tuple[bool, Look]:
+def _moved(spring: Spring, point: Array, velocity: Array) -> tuple[bool, Look]:
     """Return where a contact point is now, from point and velocity before; False if it is lost."""
     look = _look(spring, point)
     least = ROUNDING * _length(look.force)
@@ -429,28 +365,18 @@ def next_contact(
         ArithmeticError: If the nominal endpoint is too deep in the material for a new contact.
     """
     d = len(stiffness)
-    spring = Spring(
-        surface, friction, d, _rows(stiffness), _triple(motion[:d]), _triple(motion[d:])
-    )
-    found = np.zeros(5 * d + 1)
+    spring = Spring(surface, friction, stiffness, motion[:d], motion[d:])
     kept = False
     if before[3 * d] != FREE:
-        kept, look = _moved(spring, _triple(before[:d]), _triple(before[d : 2 * d]))
+        kept, look = _moved(spring, before[:d].copy(), before[d : 2 * d])
     if not kept:
         if _is_outside(spring):
-            found[: 2 * d] = motion
-            return found
-        look = _nearest(spring)
+            return np.append(motion, np.zeros(3 * d + 1))
+        look = _look(spring, find_nearest(surface, spring.x_nom, stiffness))
     velocity = _velocity(spring, look)[1]  # at rest if it cannot slide steadily
-    rate = _times(spring.K, _plus(velocity, -1.0, spring.v_nom))  # (4-3)
-    for i in range(d):
-        found[i], found[d + i], found[2 * d + i] = look.p[i], velocity[i], look.n[i]
-        found[3 * d + 1 + i], found[4 * d + 1 + i] = look.force[i], rate[i]
-        if velocity[i] != 0.0:
-            found[3 * d] = SLIP
-    if found[3 * d] != SLIP:
-        found[3 * d] = STICK
-    return found
+    rate = stiffness @ (velocity - spring.v_nom)  # (4-3)
+    mode = np.full(1, float(SLIP if velocity.any() else STICK))
+    return np.concatenate((look.p, velocity, look.n, mode, look.force, rate))
 
 
 def contact_on(surface: Surface) -> Callable[..., Array]:

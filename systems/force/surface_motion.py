@@ -6,8 +6,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem
-from pydrake.systems.framework import State as DrakeState
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem, ValueProducer
 
 from chamfer.models.validation import (
     ParameterError,
@@ -187,6 +187,42 @@ class SurfaceMotionParams:
         require_finite(self, "speed")
 
 
+class SurfaceTask(NamedTuple):
+    """A motion along a surface for machine code, in d dimensions."""
+
+    turn: Array  # (d, d), what turns n to n x axis
+    speed: float  # m/s
+    growth: float  # m/s, of the speed in a period at most
+    period: float  # s
+
+
+@compiled
+def moved_along(task: SurfaceTask, n: Array, x: Array, held: Array, touches: bool) -> Array:
+    """Return the desired position, m, and speed, m/s, of the next period, shape (m + 1,).
+
+    Args:
+        task: The motion.
+        n: The normal, shape (m,), unit.
+        x: Where the endpoint is, m, shape (m,).
+        held: What this returned for the period before, shape (m + 1,).
+        touches: Whether there is contact; without it the desired position stands still.
+
+    Raises:
+        ArithmeticError: If the normal is along the axis.
+    """
+    m, d, ahead = len(x), len(task.turn), held.copy()
+    along = task.turn @ n[:d]
+    length = math.sqrt(along @ along)
+    if length < _TOLERANCE:
+        raise ArithmeticError("the normal is along the axis")
+    reached = min(abs(held[m]) + task.growth, abs(task.speed)) if touches else 0.0
+    ahead[m] = math.copysign(reached, task.speed)
+    ahead[:m] -= x
+    ahead[:d] += ahead[m] * task.period / length * along
+    ahead[:m] += x - (n @ ahead[:m]) * n
+    return ahead
+
+
 class SurfaceMotion(LeafSystem):
     """Turns an estimate of the surface's normal into a task for the hybrid controller.
 
@@ -251,25 +287,20 @@ class SurfaceMotion(LeafSystem):
         x, y, z = unit(np.array(axis), "axis").tolist()
         if d == 2 and (x or y):
             raise ParameterError("axis", axis, "along z in two dimensions")
-        turn = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])[:d, :d]  # n to n x axis
+        turn = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])[:d, :d]
+        growth = math.inf if params.acceleration is None else params.acceleration * period
+        self.task = task = SurfaceTask(turn.copy(), float(params.speed), growth, period)
         motion = self.DeclareVectorInputPort("endpoint_motion", 2 * m)
         normal = self.DeclareVectorInputPort("normal", d)
         mode = self.DeclareVectorInputPort("mode", 1)
         approach = self.DeclareVectorInputPort("approach", m)
         held = self.DeclareDiscreteState(np.array([*start, 0.0]))
-        growth = math.inf if params.acceleration is None else params.acceleration * period
 
         def domain(context: Context) -> int:
             return int(mode.Eval(context)[0]) if mode.HasValue(context) else CONTACT
 
         def full_normal(context: Context) -> Array:
             return np.append(_unit_normal(normal, context), np.zeros(m - d))
-
-        def speed(context: Context) -> float:
-            if domain(context) != CONTACT:
-                return 0.0
-            reached = abs(float(context.get_discrete_state(held).value()[m]))
-            return math.copysign(min(reached + growth, abs(params.speed)), params.speed)
 
         def calc_selection(context: Context, vector: BasicVector) -> None:
             n = full_normal(context)
@@ -279,33 +310,43 @@ class SurfaceMotion(LeafSystem):
         def calc_force(context: Context, vector: BasicVector) -> None:
             vector.SetFromVector(-params.force * full_normal(context))
 
-        def calc_position(context: Context, vector: BasicVector) -> None:
+        def step(context: Context) -> Array:
             if domain(context) == APPROACH:
-                vector.SetFromVector(finite_input(approach, context))
-                return
-            n = full_normal(context)
-            along = turn @ n[:d]
-            length = math.hypot(*along.tolist())
-            if length < _TOLERANCE:
+                return np.append(finite_input(approach, context), 0.0)
+            n, position = full_normal(context), finite_input(motion, context)[:m].copy()
+            before = context.get_discrete_state(held).value().copy()
+            try:
+                return moved_along(task, n, position, before, domain(context) == CONTACT)
+            except ArithmeticError as error:
                 allowed = f"a direction other than that of the axis {axis}"
-                raise ParameterError("normal", n[:d].tolist(), allowed)
-            position = finite_input(motion, context)[:m]
-            ahead = context.get_discrete_state(held).value()[:m] - position
-            ahead[:d] += speed(context) * period / length * along
-            vector.SetFromVector(position + ahead - (n @ ahead) * n)
+                raise ParameterError("normal", n[:d].tolist(), allowed) from error
 
         tickets = {normal.ticket(), mode.ticket()}
         self.DeclareVectorOutputPort("selection", m * m, calc_selection, tickets)
         self.DeclareVectorOutputPort("desired_force", m, calc_force, {normal.ticket()})
         tickets |= {motion.ticket(), approach.ticket(), self.discrete_state_ticket(held)}
-        desired = self.DeclareVectorOutputPort("desired_position", m, calc_position, tickets)
-
-        def tick(context: Context, state: DrakeState) -> None:
-            # The controller's own update has the same context: it sees this value, not the next.
-            settled = np.append(desired.Eval(context), speed(context))
-            state.get_mutable_discrete_state().set_value(held, settled)
-
-        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, tick)
+        following = self.DeclareCacheEntry(
+            "step",
+            ValueProducer(
+                lambda: AbstractValue.Make(None),
+                lambda context, value: value.set_value(step(context)),
+            ),
+            tickets,
+        )
+        self.DeclareVectorOutputPort(
+            "desired_position",
+            m,
+            lambda context, vector: vector.SetFromVector(following.Eval(context)[:m]),
+            {following.ticket()},
+        )
+        # The controller's own update has the same context: it sees this value, not the next.
+        self.DeclarePeriodicUnrestrictedUpdateEvent(
+            period,
+            0.0,
+            lambda context, state: state.get_mutable_discrete_state().set_value(
+                held, following.Eval(context)
+            ),
+        )
 
 
 def _unit_normal(port: InputPort, context: Context) -> Array:
