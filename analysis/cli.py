@@ -241,7 +241,8 @@ def _add_trials(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--fresh",
         action="store_true",
-        help="run experiments and trials again, also those that have finished before",
+        help="run experiments and trials again, also those that have finished before, and draw "
+        "what was drawn",
     )
 
 

@@ -12,7 +12,7 @@ from chamfer.analysis.campaign.campaign import Campaign, running
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.command.controllers import LOG, controllers, forget_logs, log_files
 from chamfer.analysis.command.output_folder import require_writable
-from chamfer.analysis.report.atomic_write import write_text, written
+from chamfer.analysis.report.atomic_write import locked, write_text, written
 from chamfer.analysis.report.checks import Paper, Published, check, load_paper
 from chamfer.analysis.report.console import say
 from chamfer.analysis.report.results import (
@@ -156,11 +156,19 @@ def read_scenario(path: Path, experiment: str) -> Mapping[Any, Any]:
 
 
 def run(
-    job: Job, *, seed: int, out: Path, progress: Progress, campaign: Campaign, log: bool = False
+    job: Job,
+    *,
+    seed: int,
+    out: Path,
+    progress: Progress,
+    campaign: Campaign,
+    log: bool = False,
+    fresh: bool = True,
 ) -> dict[str, Any]:
     """Run an experiment, write its folder in ``out`` and return the result's document.
 
-    With ``log`` what its controllers saw and answered is written too.
+    With ``log`` what its controllers saw and answered is written too. What its folder has drawn
+    of the same results, with the same versions, stays if the run is not ``fresh``.
 
     Raises:
         UserError: If a parameter turns out to be impossible only when it is used, or the folder
@@ -175,13 +183,15 @@ def run(
         with recording(recorder := Recorder() if log else None):
             outcome = experiment.run(scenario, seed, progress)
         wall_seconds = campaign.seconds + time.perf_counter() - started
-        figures = experiment.plot(scenario, outcome)
-        drawings = draw(job)
-        replay = _replay(job, outcome)
+    folder, plain = out / job.entry.name, unstructure(scenario)
     metrics = defined_metrics(outcome.metrics)
     checks = check(job.published, metrics, default=not job.overrides)
-    plain = unstructure(scenario)
-    document = {
+    tables = {"traces": outcome.traces, **outcome.tables}
+    files: dict[str, str | bytes] = {
+        SCENARIO: scenario_text(scenario),
+        **{f"{name}.parquet": table_bytes(table) for name, table in tables.items()},
+    }
+    document: dict[str, Any] = {
         "experiment": job.entry.name,
         "paper": job.entry.paper,
         "figure": job.entry.figure,
@@ -198,33 +208,54 @@ def run(
         "simulated_seconds": outcome.simulated_seconds,
         "wall_seconds": round(wall_seconds, 4),
         "command": command_text(job.command, job.entry.name, job.overrides, *options, seed=seed),
-        "figures": list(drawn := figure_files(figures)),
-        "drawings": [name for name in drawings if name.endswith(".svg")],
     }
-    tables = {"traces": outcome.traces, **outcome.tables}
-    files: dict[str, str | bytes] = {
-        SCENARIO: scenario_text(scenario),
-        **{f"{name}.parquet": table_bytes(table) for name, table in tables.items()},
-        **drawn,
-        **drawings,
-    }
+    old: dict[str, Any] = {}
+    with suppress(OSError, ValueError):
+        old = read_result(folder / RESULT)
+    drawn = None if fresh else _drawn(folder, old, document, files)
+    if drawn is None:
+        with named_failures(job.entry.name, job.overrides), running(campaign):
+            figures = figure_files(experiment.plot(scenario, outcome))
+            drawings, replay = draw(job), _replay(job, outcome)
+        document["figures"] = list(figures)
+        document["drawings"] = [name for name in drawings if name.endswith(".svg")]
+        document |= {} if replay is None else {"replay": REPLAY}
+        drawn = {**figures, **drawings, **({} if replay is None else {REPLAY: replay})}
+    files |= drawn
     if recorder is not None:
         about = ("experiment", "seed", "overrides", "scenario_sha256", "versions")
         logs = _logs(job, recorder, {name: document[name] for name in about})
         document[LOG] = list(logs)
         files |= logs
-    if replay is not None:
-        document["replay"] = REPLAY
-        files[REPLAY] = replay
-    folder = out / job.entry.name
-    old: dict[str, Any] = {}
-    with suppress(OSError, ValueError):
-        old = read_result(folder / RESULT)
     with written(folder):
         write_folder(folder, {**files, RESULT: json_text(document)})
         forget_logs(folder, old, document)
     campaign.finish()
     return document
+
+
+def _drawn(
+    folder: Path,
+    old: Mapping[str, Any],
+    document: dict[str, Any],
+    files: Mapping[str, str | bytes],
+) -> dict[str, str | bytes] | None:
+    """Return what there is in a folder if it was drawn of the same results, and document it."""
+    same = ("seed", "scenario_sha256", "versions", "metrics", "simulated_seconds")
+    try:
+        if any(old[name] != document[name] for name in same):
+            return None
+        names = [*old["figures"], *old["drawings"], *([REPLAY] if "replay" in old else [])]
+        names += [name.replace(".svg", ".mmd") for name in old["drawings"]]
+        with locked(folder):
+            for name, content in files.items():
+                if isinstance(content, bytes) and (folder / name).read_bytes() != content:
+                    return None
+            drawn: dict[str, str | bytes] = {n: (folder / n).read_bytes() for n in names}
+    except (OSError, LookupError, TypeError):
+        return None
+    document |= {name: old[name] for name in ("figures", "drawings", "replay") if name in old}
+    return drawn
 
 
 def _logs(job: Job, recorder: Recorder, about: Mapping[str, Any]) -> dict[str, bytes]:

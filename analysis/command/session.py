@@ -97,6 +97,7 @@ class Session:
                     progress=progress,
                     campaign=campaign,
                     log=log,
+                    fresh=self.order.fresh,
                 )
             self._take(result)
             self._write_report()

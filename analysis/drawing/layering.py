@@ -11,8 +11,7 @@ from itertools import pairwise
 from typing import Any, Final, TypeVar
 
 import numpy as np
-from scipy.optimize import LinearConstraint, milp
-from scipy.sparse import coo_array
+from pydrake.solvers import ClpSolver, MathematicalProgram
 
 Key = TypeVar("Key", bound=Hashable)
 Pair = tuple[Key, Key]
@@ -196,14 +195,20 @@ def align(
     both = [*gaps, *ties, *((after, before, -distance) for before, after, distance in ties)]
     before, after = [place[gap[0]] for gap in both], [place[gap[1]] for gap in both]
     slack = [number + i for i in range(len(ties))] * 2
-    data = np.repeat([-1.0, 1.0, 1.0], [rows, rows, len(slack)])
-    row = [*range(rows), *range(rows), *range(len(gaps), rows)]
-    matrix = coo_array((data, (row, [*before, *after, *slack])), (rows, number + len(ties)))
-    solution = milp(
-        [*[_UPWARDS] * number, *ties.values()],
-        constraints=LinearConstraint(matrix, [gap[2] for gap in both]),
-    )
-    return dict(zip(keys, solution.x.tolist(), strict=False)) if solution.success else None
+    matrix = np.zeros((rows, number + len(ties)), order="F")  # as Drake takes it without SciPy
+    matrix[range(rows), before] -= 1.0
+    matrix[range(rows), after] += 1.0
+    matrix[range(len(gaps), rows), slack] = 1.0
+    program = MathematicalProgram()
+    heights = program.NewContinuousVariables(number + len(ties))
+    program.AddLinearCost(np.array([*[_UPWARDS] * number, *ties.values()]), heights)
+    least = np.array([gap[2] for gap in both])
+    program.AddLinearConstraint(matrix, least, np.full(rows, np.inf), heights)
+    program.AddBoundingBoxConstraint(0.0, np.inf, heights)
+    solution = ClpSolver().Solve(program)  # Drake's: to import SciPy's takes longer than to solve
+    if not solution.is_success():
+        return None
+    return dict(zip(keys, solution.GetSolution(heights).tolist(), strict=False))
 
 
 def assign_tracks(pieces: Mapping[Key, Sides]) -> tuple[dict[Key, int], list[Pair[Key]]]:

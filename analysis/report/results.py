@@ -29,7 +29,12 @@ REPLAY: Final = "replay.html"
 _PACKAGES: Final = (
     *("drake", "numpy", "numba", "scipy", "control", "opencv", "matplotlib", "chamfer"),
 )
-_FORMATS: Final[Mapping[str, Any]] = {"svg": {"metadata": {"Date": None}}, "png": {"dpi": 150}}
+_POINTS: Final = 72  # an inch
+_FORMATS: Final[Mapping[str, Any]] = {
+    "svg": {"dpi": 100, "metadata": {"Date": None}},
+    # A fifth larger than at the level that is the default, in a third of the time.
+    "png": {"dpi": 150, "pil_kwargs": {"compress_level": 1}},
+}
 
 
 def defined_metrics(metrics: Mapping[str, Metric]) -> dict[str, Metric]:
@@ -153,14 +158,20 @@ def figure_files(figures: "Mapping[str, Figure]") -> dict[str, bytes]:
     if not figures:
         return {}
     from matplotlib import rc_context
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     files = {}
     # The salt makes the ids of an SVG, and a missing date its bytes, the same in every run.
     with rc_context({"svg.hashsalt": "chamfer"}):
         for name, figure in figures.items():
+            # Laid out once, with an SVG's letters: to save it would draw it for that, each time.
+            if (layout := figure.get_layout_engine()) is not None:
+                FigureCanvasSVG(figure)
+                figure.dpi = _POINTS
+                layout.execute(figure)
+                figure.set_layout_engine(None)
             for ending, options in _FORMATS.items():
                 buffer = io.BytesIO()
                 figure.savefig(buffer, format=ending, **options)
-                figure.set_layout_engine("none")  # it is laid out, which takes most of the time
                 files[f"{name}.{ending}"] = buffer.getvalue()
     return files

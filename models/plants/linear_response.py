@@ -1,10 +1,7 @@
 """The response of a linear system without input."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eig
 
 _SEEN = 0.01  # of the largest mode, from which on a mode shows in a response
 
@@ -37,8 +34,11 @@ def fastest_mode(
     That is its pole's magnitude, 0 if there is none. Modes of less than a hundredth of the largest
     one don't show; what is constant or grows with a power of the time only is no mode here.
     """
-    decomposed: Any = eig(dynamics, left=True, right=True)
-    poles, left, right = decomposed
+    poles, right = np.linalg.eig(dynamics)
+    # Each pole's left vector is what the dynamics without it take to nothing. SciPy has them too,
+    # and takes a quarter of a second to import.
+    each = [np.linalg.svd(dynamics - pole * np.eye(len(poles)))[0][:, -1] for pole in poles]
+    left = np.array(each).T
     speeds = np.abs(poles)
     moving = speeds > 1e-9 * speeds.max()
     scale = np.sum(left.conj() * right, axis=0)[moving]

@@ -187,6 +187,26 @@ def test_a_result_is_remade_from_the_scenario_beside_it(
     assert b"<dc:date>" not in (first / "fall" / "fall.svg").read_bytes()
 
 
+def test_figures_of_the_same_results_stay_and_others_are_drawn(
+    chamfer: Chamfer, out: Path
+) -> None:
+    figure = out / "fall" / "fall.png"
+
+    def drawn(*arguments: object) -> bool:
+        figure.write_bytes(b"kept")
+        assert chamfer("run", "fall", "--out", out, *arguments)[0] == 0
+        assert result(out, "fall")["figures"] == ["fall.svg", "fall.png"]
+        return figure.read_bytes() != b"kept"
+
+    assert chamfer("run", "fall", "--out", out)[0] == 0
+    assert not drawn()
+    assert drawn("--fresh")
+    assert drawn("--seed", 1)
+    assert drawn("--set", "height=6")
+    (out / "fall" / "fall.svg").unlink()
+    assert drawn("--set", "height=6")
+
+
 @pytest.mark.parametrize("strict", [[], ["--strict"]])
 def test_a_limit_is_judged_on_every_run_and_strict_ends_with_1_if_it_is_broken(
     chamfer: Chamfer, out: Path, strict: list[str]
