@@ -51,7 +51,6 @@ from chamfer.systems.sensing.force_sensor import (
 
 Array = NDArray[np.float64]
 
-_push_along = compiled(push_along)
 _is_beyond = compiled(is_beyond)
 
 
@@ -63,36 +62,29 @@ class _Loop(NamedTuple):
     material: Material
     tool: Tool
     contacts: Contacts
-    state: Array  # of :func:`update`, as are the outputs, both at rest
-    outputs: Array
+    start: tuple[Array, Array]  # state and outputs of :func:`update`, at rest
     encoders: EncoderCode
     sensor: SensorCode
-    cell: bool  # True: a load cell
+    cell: bool  # True: the sensor is a load cell
     undoing: Array  # (3, k) of a wrist sensor; (n, 1) of a load cell, its push
     task: GuardedCode
-    touching: Array  # (n, n), position domain in contact
+    domains: tuple[Array, Array]  # (n, n) each, of positions before and in contact
     force: Array  # (n,), N, desired
     ahead: Array  # (n,), unit, of the push
-    detect: float  # N
-    release: float  # N
-    samples: int
+    thresholds: tuple[float, float, int]  # N and N, of contact and its loss, and how often
     control: HybridCode
     memory: HybridMemory
     follow: Array  # (n,), of the friction compensation; 0 for none
-    delay: float  # s
-    jitter: float  # s
-    kicked: int  # the update in which the arm is pushed; -1 for none
-    kick: Array  # (3,), N
-    update: float  # s, of the arm
-    step: float  # s, in it
-    held: int  # steps in an update
-    window: int  # updates in a period
+    delay: tuple[float, float]  # s, of the computer, and its jitter
+    kick: tuple[int, Array]  # in which update, -1 for none, and N, (3,)
+    times: tuple[float, float]  # s, of an update and a step
+    counts: tuple[int, int]  # steps in an update, updates in a period
 
 
 class _Noise(NamedTuple):
     """Samples, before each tick or, of friction, each update, and the one after the last."""
 
-    friction: Array  # (updates + 1, 1), as long as there are no such samples zeros
+    friction: Array  # (updates + 1, 1); zeros where there is no noise, as of the others
     jitter: Array  # (ticks + 1, 1)
     sensor: Array  # (ticks + 1, k)
     drift: Array  # (ticks + 1, k)
@@ -101,7 +93,7 @@ class _Noise(NamedTuple):
 def run_compiled(scenario: HybridScenario, seed: int) -> dict[str, Array] | None:
     """Return what the diagram of a resolved scenario exports, a row a period.
 
-    None if only the diagram can do it: with another arm or surface than the built-in ones or while
+    None if only the diagram can do it: with another arm or surface than the built-in ones, while
     laws are recorded, and if the run ends early: the diagram says why.
     """
     loop = None if active() else _loop_of(scenario)
@@ -109,105 +101,92 @@ def run_compiled(scenario: HybridScenario, seed: int) -> dict[str, Array] | None
         return None
     rows = count_samples(scenario.duration, scenario.controller.period)
     log, complete = _run(loop, _noise_of(scenario, loop, rows, seed), rows)
-    if not complete:
-        return None
     n = scenario.ARM.num_joints
     sizes = {"encoders": 2 * n, "measured_encoders": 2 * n, "contact_force": 3, "contact": 6}
-    sizes |= {"torque": n, "position_error": n, "force_error": n, "mode": 1}
-    parts = np.split(log, np.cumsum([*sizes.values()])[:-1], axis=1)
-    outputs = dict(zip(sizes, parts, strict=True))
-    return outputs | {"mode": log[:, -1]}
+    sizes |= {"torque": n, "position_error": n, "force_error": n}
+    parts = np.split(log, np.cumsum([*sizes.values()]), axis=1)
+    return {**dict(zip(sizes, parts, strict=False)), "mode": log[:, -1]} if complete else None
 
 
 def _loop_of(scenario: HybridScenario) -> _Loop | None:
-    arm, task, settings = scenario.ARM, scenario.task, scenario.controller
-    n, plant, period = arm.num_joints, scenario.plant, settings.period
-    start = scenario.joint_positions(np.array(task.start))
-    world, state, outputs = ArmInContact(arm, scenario.make_surface(), plant, start).start()
-    index, detection, given = arm_index(arm), scenario.detection, scenario.sensor
-    if index is None or world.contacts is None:
+    arm, task, control = scenario.ARM, scenario.task, scenario.controller
+    n, plant, given, detection = (
+        arm.num_joints,
+        scenario.plant,
+        scenario.sensor,
+        scenario.detection,
+    )
+    q, ahead = scenario.joint_positions(np.array(task.start)), scenario.direction
+    world, state, outputs = ArmInContact(arm, scenario.make_surface(), plant, q).start()
+    _, chain, material, tool, contacts = world
+    index = arm_index(arm)
+    if index is None or contacts is None:
         return None
     law = HybridLaw(
-        arm, settings, dynamics=scenario.dynamics().evaluate if settings.full_dynamics else None
+        arm, control, dynamics=scenario.dynamics().evaluate if control.full_dynamics else None
     )
-    felt = gauges(given, scenario.arm.contact_offset)
-    cell, compensation = isinstance(given, LoadCellParams), scenario.friction_compensation
-    undoing = scenario.direction[:, np.newaxis]
+    undoing, follow, first = ahead[:, np.newaxis], np.zeros(n), -1
     if isinstance(given, ForceSensorParams):
         undoing = np.array(given.undoing, np.float64)
-    follow, kick = np.zeros(n), kick_of(scenario)
-    if compensation is not None:
-        follow = compensation.follow(period) * compensation.compensated(n)
-    first = -1
-    if kick is not None:
+    if (compensation := scenario.friction_compensation) is not None:
+        follow = compensation.follow(control.period) * compensation.compensated(n)
+    if (kick := kick_of(scenario)) is not None:
         near = round(kick[0] / plant.period)
         first = next(j for j in range(near - 1, near + 2) if j * plant.period >= kick[0])
+    felt = gauges(given, scenario.arm.contact_offset)
+    numbers = detection.detect, detection.release, control.computation_delay
+    detect, release, delay, jitter = (
+        float(known("number", one)) for one in (*numbers, control.computation_jitter)
+    )
     return _Loop(
         index,
-        world.chain,
-        world.material,
-        world.tool,
-        world.contacts,
-        state,
-        outputs,
-        encoder_code(scenario.encoders, n, period=period),
-        sensor_code(given, felt, step=plant.period, period=period),
-        cell,
+        chain,
+        material,
+        tool,
+        contacts,
+        (state, outputs),
+        encoder_code(scenario.encoders, n, period=control.period),
+        sensor_code(given, felt, step=plant.period, period=control.period),
+        isinstance(given, LoadCellParams),
         undoing,
         task.code,
-        position_selection(scenario.direction),
-        task.force * scenario.direction,
-        unit(scenario.direction),
-        float(known("detect", detection.detect)),
-        float(known("release", detection.release)),
-        known("samples", detection.samples),
+        (np.eye(n), position_selection(ahead)),
+        task.force * ahead,
+        unit(ahead),
+        (detect, release, known("samples", detection.samples)),
         law.code,
         law.start(),
         follow,
-        float(known("computation_delay", settings.computation_delay)),
-        float(known("computation_jitter", settings.computation_jitter)),
-        first,
-        np.zeros(3) if kick is None else kick[1],
-        plant.period,
-        plant.step,
-        plant.held,
-        plant.window,
+        (delay, jitter),
+        (first, np.zeros(3) if kick is None else kick[1]),
+        (plant.period, plant.step),
+        (plant.held, plant.window),
     )
 
 
 def _noise_of(scenario: HybridScenario, loop: _Loop, rows: int, seed: int) -> _Noise:
     """Return what the diagram's noise sources show."""
-    k, normal = len(loop.sensor.bias), RandomDistribution.kGaussian
-    uniform = RandomDistribution.kUniform
-    builder, updates = DiagramBuilder(), (rows - 1) * loop.window
+    k, builder, updates = len(loop.sensor.bias), DiagramBuilder(), (rows - 1) * loop.counts[1]
+    noise = [np.zeros((updates + 1, 1)), *(np.zeros((rows, size)) for size in (1, k, k))]
+    normal, uniform = RandomDistribution.kGaussian, RandomDistribution.kUniform
+    sensor, rough = loop.sensor, scenario.surface.friction_noise
     # Drake hands one generator from source to source, of which each takes a seed of its own; one
     # that draws all its samples at once draws the same ones. In the order of the diagram:
-    sources = [
-        (bool(scenario.surface.friction_noise), normal, updates + 1, 1),
-        (loop.jitter > 0, uniform, rows, 1),
-        (bool(loop.sensor.noise.any()), uniform, rows, k),
-        (bool(loop.sensor.walk.any()), normal, rows, k),
-    ]
-    found = [
-        builder.AddSystem(RandomSource(kind, count * size, 1.0)) if there else None
-        for there, kind, count, size in sources
-    ]
-    if not any(found):
-        return _Noise(*(np.zeros((count, size)) for *_, count, size in sources))
-    diagram = builder.Build()
-    context = diagram.CreateDefaultContext()
-    diagram.SetRandomContext(context, RandomGenerator(seed))
-    return _Noise(
-        *(
-            np.zeros((count, size))
-            if source is None
-            else source.get_output_port()
-            .Eval(source.GetMyContextFromRoot(context))
-            .reshape(count, size)
-            .copy()
-            for source, (*_, count, size) in zip(found, sources, strict=True)
-        )
-    )
+    there = rough, loop.delay[1], sensor.noise.any(), sensor.walk.any()
+    kinds = normal, uniform, uniform, normal
+    sources = {
+        i: builder.AddSystem(RandomSource(kinds[i], noise[i].size, 1.0))
+        for i in range(4)
+        if there[i]
+    }
+    if sources:
+        diagram = builder.Build()
+        context = diagram.CreateDefaultContext()
+        diagram.SetRandomContext(context, RandomGenerator(seed))
+    for i, source in sources.items():
+        own = source.GetMyContextFromRoot(context)
+        noise[i].flat[:] = source.get_output_port().Eval(own)
+    return _Noise(*noise)
 
 
 @compiled
@@ -218,81 +197,61 @@ def _run(loop: _Loop, noise: _Noise, rows: int) -> tuple[Array, bool]:
     the noise of before; then arm, sensor and encoders go on, also from what was before it, with
     the torque and the noise of after.
     """
-    period, n, k = loop.control.period, len(loop.ahead), len(loop.sensor.bias)
-    state, outputs, uneven = loop.state.copy(), loop.outputs.copy(), np.zeros(1)
-    q, v, base = state[:n], state[n : 2 * n], outputs[6 : 6 + n]
-    push, still, free = np.zeros(3), np.zeros(n), np.eye(n)
-    before = counted(loop.encoders.quanta, q)
-    tracked, velocity = before, still
-    line, walk, tare = np.zeros(k * loop.sensor.rows), np.zeros(k), np.zeros(k)
-    memory, estimate, earlier = loop.memory, still, still
-    mode, beyond, contact_time = APPROACH, 0, -1.0
-    mass, slow = np.zeros((n, n)), still
+    sensor, (update_time, step), (held, window) = loop.sensor, loop.times, loop.counts
+    n, k = len(loop.ahead), len(sensor.bias)
+    state, outputs, uneven = loop.start[0].copy(), loop.start[1].copy(), np.zeros(1)
+    q, v, felt, base = state[:n], state[n : 2 * n], outputs[3:6], outputs[6 : 6 + n]
+    still, none, walk, tare = np.zeros(n), np.zeros(3), np.zeros(k), np.zeros(k)
+    before, line = counted(loop.encoders.quanta, q), np.zeros(k * sensor.rows)
+    tracked, velocity, memory, estimate = before, still, loop.memory, still
+    detect, release, samples = loop.thresholds
+    mode, beyond, contact_time, model = APPROACH, 0, -1.0, (np.zeros((n, n)), still)
     log = np.empty((rows, 7 * n + 10))
     for row in range(rows):
-        time, now = row * period, log[row]
-        read = read_encoders(loop.encoders, q, v, before, tracked, velocity)
-        shown, speed = read[0].copy(), read[2].copy()
-        reading, measured = np.zeros(k), np.zeros(n)
-        if row >= loop.sensor.tares:
-            reading = converted(loop.sensor, outputs[3:6], line, walk, noise.sensor[row]) - tare
+        time, reading, measured = row * loop.control.period, np.zeros(k), np.zeros(n)
+        before, tracked, velocity = read_encoders(
+            loop.encoders, q.copy(), v.copy(), before, tracked, velocity
+        )
+        if row >= sensor.tares:
+            reading = converted(sensor, felt, line, walk, noise.sensor[row]) - tare
         if loop.cell:
             add_product(loop.undoing, reading, measured)
         else:
-            measured = force_in_world(loop.chain, loop.undoing, reading, shown, n)
-        now[: 2 * n] = state[: 2 * n]
-        now[2 * n : 3 * n], now[3 * n : 4 * n] = shown, speed
-        now[4 * n : 4 * n + 3] = outputs[:3]
-        now[4 * n + 3 : 4 * n + 9] = outputs[6 + n : 12 + n]
-        now[4 * n + 9 : 5 * n + 9] = memory.torque
-        now[5 * n + 9 : 6 * n + 9], now[6 * n + 9 : 7 * n + 9] = memory[6], memory[7]
-        now[7 * n + 9] = mode
+            measured = force_in_world(loop.chain, loop.undoing, reading, before, n)
+        seen, touch, now = (before, velocity), outputs[6 + n : 12 + n], np.array([float(mode)])
+        commanded = memory.torque, memory.position_error, memory.force_error, now
+        log[row] = np.concatenate((q, v, *seen, outputs[:3], touch, *commanded))
         if row == rows - 1:
             break
-        x, J = kinematics(loop.arm, shown)
+        x, J = kinematics(loop.arm, before)
         if loop.control.full_dynamics:
-            at = pose(loop.chain, shown)
-            mass, slow = mass_matrix(loop.chain, at), bias(loop.chain, at, speed)
+            at = pose(loop.chain, before)
+            model = mass_matrix(loop.chain, at), bias(loop.chain, at, velocity)
         earlier = memory.torque + estimate
         estimate = friction_estimate(estimate, memory.torque, base, loop.follow)
-        desired = guarded_position(loop.task, time, contact_time)
-        P = free if mode == APPROACH else loop.touching
+        desired = guarded_position(loop.task, time, contact_time), still, loop.force
+        P = loop.domains[0] if mode == APPROACH else loop.domains[1]
         memory, regular = control(
-            loop.control,
-            memory,
-            speed,
-            x,
-            J,
-            desired,
-            still,
-            loop.force,
-            measured,
-            P,
-            float(mode),
-            mass,
-            slow,
+            loop.control, memory, (velocity, x, J), desired, measured, P, float(mode), model
         )
         if not (regular and np.isfinite(memory.torque).all() and np.isfinite(reading).all()):
             return log, False
-        if _is_beyond(mode, _push_along(loop.ahead, measured), loop.detect, loop.release):
-            beyond += 1
-        else:
-            beyond = 0
-        if beyond == loop.samples:
+        ends = _is_beyond(mode, push_along(loop.ahead, measured), detect, release)
+        beyond = beyond + 1 if ends else 0
+        if beyond == samples:
             contact_time, beyond = time if mode == APPROACH else contact_time, 0
             mode = LOST if mode == CONTACT else CONTACT
-        if row < loop.sensor.tares:
-            raw = converted(loop.sensor, outputs[3:6], line, walk, noise.sensor[row + 1])
-            tare += (raw - tare) / (row + 1)
-        walk = walk + loop.sensor.walk * noise.drift[row + 1]
-        before, tracked, velocity = shown, read[1].copy(), speed
-        command = memory.torque + estimate
-        late = loop.delay + loop.jitter * (2.0 * noise.jitter[row + 1, 0] - 1.0)
-        for part in range(loop.window):
-            which = row * loop.window + part
-            torque = delayed(command, earlier, late, loop.update * part, loop.update)
-            line = filtered(loop.sensor, outputs[3:6], line)[: len(line)]
-            roughen(uneven, noise.friction[which + 1], outputs, n, loop.update)
+        if row < sensor.tares:
+            raw = converted(sensor, felt, line, walk, noise.sensor[row + 1])
+            tare = tare + (raw - tare) / (row + 1)
+        walk = walk + sensor.walk * noise.drift[row + 1]
+        late = loop.delay[0] + loop.delay[1] * (2.0 * noise.jitter[row + 1, 0] - 1.0)
+        for part in range(window):
+            count = row * window + part
+            since = update_time * part
+            torque = delayed(memory.torque + estimate, earlier, late, since, update_time)
+            line = filtered(sensor, felt, line)[: len(line)]
+            roughen(uneven, noise.friction[count + 1], outputs, n, update_time)
             _, unsolved = update(
                 loop.chain,
                 loop.material,
@@ -302,10 +261,10 @@ def _run(loop: _Loop, noise: _Noise, rows: int) -> tuple[Array, bool]:
                 outputs,
                 uneven,
                 torque,
-                loop.kick if which == loop.kicked else push,
+                loop.kick[1] if count == loop.kick[0] else none,
                 part > 0,
-                loop.step,
-                loop.held,
+                step,
+                held,
             )
             if unsolved or not np.isfinite(state).all():
                 return log, False

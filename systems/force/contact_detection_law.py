@@ -14,6 +14,7 @@ from typing import Final, NamedTuple, TypeAlias
 import numpy as np
 
 from chamfer.models.validation import ParameterError, known, require_not_negative, require_positive
+from chamfer.systems.compiled import compiled
 from chamfer.systems.force.projection import unit
 from chamfer.systems.law import Array, Signal
 from chamfer.systems.statechart.chart import Chart, State, Tick, Transition
@@ -83,8 +84,9 @@ Guard: TypeAlias = Callable[[Tick[Inputs, Memory]], bool]
 Action: TypeAlias = Callable[[Tick[Inputs, Memory]], Memory]
 
 
+@compiled
 def push_along(direction: Array, force: Array) -> float:
-    """Return a measured force's part along a unit vector, N."""
+    """Return a force's part along a unit vector."""
     total = 0.0
     for i in range(len(direction)):
         total += direction[i] * force[i]

@@ -20,7 +20,7 @@ from chamfer.models.validation import (
 )
 from chamfer.systems.compiled import add_product, compiled
 from chamfer.systems.force.arm_kinematics import arm_index, kinematics
-from chamfer.systems.force.contact_detection_law import APPROACH, LOST
+from chamfer.systems.force.contact_detection_law import APPROACH, LOST, push_along
 from chamfer.systems.force.projection import require_projection
 from chamfer.systems.law import Array, HeldLaw, Signal
 
@@ -158,25 +158,11 @@ def hybrid_code(params: HybridControllerParams, n: int) -> HybridCode:
     """Return the parameters of n joints for :func:`control`."""
     feedforward = known("feedforward_torque", params.feedforward_torque)
     inertia = known("inertia", params.inertia) if params.full_dynamics else (1.0,) * n
-    stiffness, integral, damping = params.for_joints(n)
-    return HybridCode(
-        law=LAWS.index(params.law),
-        stiffness=stiffness,
-        integral=integral,
-        damping=damping,
-        known=np.array(feedforward or [0.0] * n, np.float64),
-        inertia=np.array(inertia, np.float64),
-        held=np.isin(np.arange(n), params.held_integrators),
-        period=float(params.period),
-        force_integral=float(params.force_integral),
-        force_damping=float(params.force_damping),
-        creep_speed=float(params.creep_speed),
-        creep_damping=float(params.creep_damping),
-        creep_ramp=float(params.creep_ramp),
-        loss_mode=params.loss_mode,
-        bumpless=params.bumpless,
-        full_dynamics=params.full_dynamics,
-    )
+    made: list[Any] = [LAWS.index(params.law), *params.for_joints(n)]
+    made += [np.array(feedforward or [0.0] * n, np.float64), np.array(inertia, np.float64)]
+    made += [np.isin(np.arange(n), params.held_integrators)]
+    made += [float(getattr(params, name)) for name in HybridCode._fields[7:13]]
+    return HybridCode(*made, *(getattr(params, name) for name in HybridCode._fields[13:]))
 
 
 class HybridLaw(HeldLaw[HybridMemory, HybridObservation, HybridMemory]):
@@ -241,22 +227,19 @@ class HybridLaw(HeldLaw[HybridMemory, HybridObservation, HybridMemory]):
         mode, m = float(seen.mode[0]), len(seen.desired_position)
         _require_domain(seen.selection.tobytes(), m, mode)
         x, J = self._kinematics(q)
-        model = None if self._model is None else self._model(q, v)
+        rate, model = seen.desired_velocity, (np.zeros((n, n)), np.zeros(n))
+        if self._model is not None:
+            model = self._model(q, v)[:2]
         found, regular = control(
             self.code,
             # Copies, because compiled code tells views of a Context from arrays.
             HybridMemory(*(one.copy() for one in state)),
-            v,
-            x,
-            J,
-            seen.desired_position,
-            np.zeros(m) if seen.desired_velocity is None else seen.desired_velocity,
-            seen.desired_force,
+            (v, x, J),
+            (seen.desired_position, np.zeros(m) if rate is None else rate, seen.desired_force),
             seen.measured_force,
             seen.selection.reshape(m, m),
             mode,
-            np.zeros((n, n)) if model is None else model.mass,
-            np.zeros(n) if model is None else model.bias,
+            model,
         )
         if not regular:
             allowed = "one in which the Jacobian is regular"
@@ -272,136 +255,83 @@ class HybridLaw(HeldLaw[HybridMemory, HybridObservation, HybridMemory]):
 
 
 @compiled
-def _times(matrix: Array, vector: Array) -> Array:
+def _times(matrix: NDArray[Any], vector: Array) -> Array:
     result = np.zeros(len(matrix))
     add_product(matrix, vector, result)
     return result
 
 
 @compiled
-def _inverse(matrix: Array) -> tuple[Array, bool]:
-    """Return a matrix' inverse (Gauss-Jordan with pivots), and whether it is well conditioned."""
-    n = len(matrix)
-    left, right = matrix.copy(), np.eye(n)
-    for k in range(n):
-        best = k
-        for i in range(k + 1, n):
-            if abs(left[i, k]) > abs(left[best, k]):
-                best = i
-        if left[best, k] == 0.0:
-            return right, False
-        for j in range(n):
-            left[k, j], left[best, j] = left[best, j], left[k, j]
-            right[k, j], right[best, j] = right[best, j], right[k, j]
-        for i in range(n):
-            factor = left[i, k] / left[k, k]
-            if i != k:
-                for j in range(n):
-                    left[i, j] -= factor * left[k, j]
-                    right[i, j] -= factor * right[k, j]
-    forth, back = 0.0, 0.0
-    for i in range(n):
-        for j in range(n):
-            right[i, j] /= left[i, i]
-            forth += matrix[i, j] ** 2
-            back += right[i, j] ** 2
-    return right, forth * back < _WORST_CONDITION**2
-
-
-@compiled
 def control(
     code: HybridCode,
     memory: HybridMemory,
-    v: Array,
-    x: Array,
-    J: Array,
-    desired_position: Array,
-    desired_velocity: Array,
-    desired_force: Array,
+    arm: tuple[Array, Array, Array],
+    desired: tuple[Array, Array, Array],
     measured_force: Array,
     P: Array,
     mode: float,
-    mass: Array,
-    bias: Array,
+    model: tuple[Array, Array],
 ) -> tuple[HybridMemory, bool]:
     """Return the controller's memory after one period; False: it is none, in a singular pose.
 
-    At joint velocities v, endpoint x and Jacobian J, with the position domain P; ``mass``, (n, n),
-    and ``bias``, (n,), are the model's with full dynamics. See
+    ``arm`` is joint velocities, endpoint and Jacobian, ``desired`` position, velocity and force,
+    ``model`` mass matrix and bias, with full dynamics. See
     :class:`chamfer.systems.force.hybrid_controller.HybridController`.
     """
-    n, period, (inverse, regular) = len(J), code.period, _inverse(J)
-    if not regular:
+    v, x, J = arm
+    desired_position, desired_velocity, desired_force = desired
+    n, period, inverse = len(J), code.period, np.linalg.pinv(J, 0.0)
+    condition, rank = np.sum(J * J) * np.sum(inverse * inverse), np.sum(J * inverse.T)
+    if not (condition < _WORST_CONDITION**2 and rank > n - 0.5):
         return memory, False
-    before, contact = memory.mode[0], mode != APPROACH
     lost = code.loss_mode and mode == LOST
-    switched = mode != before and (code.loss_mode or not contact or before == APPROACH)
-    position_error, force_error = np.empty(n), np.empty(n)
-    for i in range(n):
-        position_error[i] = desired_position[i] - x[i]
-        force_error[i] = desired_force[i] - measured_force[i]
+    switched = mode != memory.mode[0] and (
+        code.loss_mode or mode == APPROACH or memory.mode[0] == APPROACH
+    )
     x_rate = _times(J, v)
-    e, rate, wanted = _times(P, position_error), _times(P, x_rate), _times(P, desired_velocity)
-    along_force, along_error = _times(P, desired_force), _times(P, force_error)
+    position_error, force_error = desired_position - x, desired_force - measured_force
+    e, rate = _times(P, position_error), _times(P, x_rate)
+    across = x_rate - rate
     # The force domain.
-    force_integral, creep = memory.force_integral.copy(), memory.creep.copy()
-    force, damped, push = np.empty(n), np.zeros(n), np.empty(n)
-    length, ahead = 0.0, 0.0
-    for i in range(n):
-        push[i] = desired_force[i] - along_force[i]
-        length += push[i] ** 2
-        ahead += push[i] * x_rate[i]
-    length = math.sqrt(length)
+    force_integral, creep, damped = memory.force_integral, memory.creep, np.zeros(n)
+    push = desired_force - _times(P, desired_force)
     if lost:
-        reached = ahead / length if length > 0.0 else 0.0
-        short = min(max(1.0 - reached / code.creep_speed, -1.0), 1.0)
-        creep[0] = 0.0 if switched else creep[0] + code.creep_ramp * period * short
-    for i in range(n):
-        across = x_rate[i] - rate[i]
-        if lost:
-            direction = push[i] / length if length > 0.0 else push[i]
-            force[i] = creep[0] * direction - code.creep_damping * across
-        else:
-            force_integral[i] += code.force_integral * period * (force_error[i] - along_error[i])
-            force[i] = push[i] + force_integral[i]
-            damped[i] = code.force_damping * across
-        rate[i] -= wanted[i]
+        length = math.sqrt(push_along(push, push))
+        direction = push / length if length > 0.0 else push
+        short = min(max(1.0 - push_along(direction, x_rate) / code.creep_speed, -1.0), 1.0)
+        creep = np.zeros(1) if switched else creep + code.creep_ramp * period * short
+        force = creep[0] * direction - code.creep_damping * across
+    else:
+        gain = code.force_integral * period
+        force_integral = force_integral + gain * (force_error - _times(P, force_error))
+        force = push + force_integral
+        damped = code.force_damping * across
     # The position domain.
+    rate = rate - _times(P, desired_velocity)
     if code.law == INVERSE:
         e, rate = _times(inverse, e), _times(inverse, rate)
     elif code.law == PROJECTED:
-        motion = np.empty((n, n))
-        for i in range(n):
-            motion[i] = _times(J.T, P[i])
-        projected: Array = np.linalg.pinv(motion, 1 / _WORST_CONDITION)  # type: ignore[assignment]
+        projected = np.linalg.pinv(P @ J, 1.0 / _WORST_CONDITION)
         e, rate = _times(projected, e), _times(projected, rate)
-    integral, position = memory.position_integral.copy(), np.empty(n)
-    for i in range(n):
-        if not (mode > LOST or (contact and code.held[i])):
-            integral[i] += code.integral[i] * e[i] * period
-        position[i] = code.stiffness[i] * e[i] + integral[i] - code.damping[i] * rate[i]
+    grown = code.integral * e * period
+    for j in range(n):
+        if mode > LOST or (mode != APPROACH and code.held[j]):
+            grown[j] = 0.0
+    integral = memory.position_integral + grown
+    position = code.stiffness * e + integral - code.damping * rate
     if code.law == TRANSPOSE:
         position = _times(J.T, position)
     elif code.full_dynamics:
-        for i in range(n):
-            position[i] /= code.inertia[i]
-        position = _times(mass, position)
-        for i in range(n):
-            # Gravity at the start is in the constant estimate already.
-            position[i] += bias[i] - code.known[i]
-    pushed, slowed, offset = _times(J.T, force), _times(J.T, damped), memory.offset.copy()
-    torque = np.empty(n)
+        # Gravity at the start is in the constant estimate already.
+        position = _times(model[0], position / code.inertia) + model[1] - code.known
+    law, offset = position + _times(J.T, force), memory.offset
     if switched and code.bumpless:
-        for i in range(n):
-            torque[i] = memory.torque[i] - code.known[i]
-        # Losing contact, keep what acts along the surface and let go of what pushes.
-        kept = _times(J.T, _times(P, _times(inverse.T, torque)))
-        for i in range(n):
-            offset[i] = (kept[i] if lost else torque[i] - pushed[i]) - position[i]
-    for i in range(n):
-        torque[i] = position[i] + pushed[i] + offset[i] + code.known[i] - slowed[i]
-    now = np.array([mode])
-    errors = position_error, force_error
+        before = memory.torque - code.known
+        offset = before - law
+        if lost:  # keep what acts along the surface and let go of what pushes
+            offset = _times(J.T, _times(P, _times(inverse.T, before))) - position
+    torque = law + offset + code.known - _times(J.T, damped)
+    now, errors = np.array([mode]), (position_error, force_error)
     return HybridMemory(torque, integral, force_integral, offset, creep, now, *errors), True
 
 

@@ -48,28 +48,13 @@ class ApproachParams:
         """Period of the motion in contact, s; None if the position is held."""
         return None
 
-    def approached(self, time: float) -> float:
-        """Return the distance covered in the approach, m, at a time >= 0, s."""
-        return approached(time, self.speed, self.acceleration)
-
-    @property
-    def sinusoid(self) -> tuple[float, float, float]:
-        """Amplitude, m, frequency, rad/s, and blend, s, of the motion in contact: none."""
-        return 0.0, 1.0, 1.0
-
-    def swing(self, time: float) -> float:
-        """Return the motion in contact, m along ``along``, at a time after contact, s."""
-        return swung(time, *self.sinusoid)
-
     @property
     def code(self) -> "GuardedCode":
         """The same for :func:`guarded_position`."""
         direction = unit(np.array(self.direction), "direction")
-        along = unit(np.array(self.along), "along")
+        along, start = unit(np.array(self.along), "along"), np.array(self.start, np.float64)
         ramp = float(self.speed), float(self.acceleration)
-        return GuardedCode(
-            np.array(self.start, np.float64), direction, along, *ramp, *self.sinusoid
-        )
+        return GuardedCode(start, direction, along, *ramp, 0.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,9 +76,10 @@ class GuardedMotionParams(ApproachParams):
         return 2 * math.pi / self.frequency if self.amplitude else None
 
     @property
-    def sinusoid(self) -> tuple[float, float, float]:
-        """Amplitude, m, frequency, rad/s, and blend, s, of the motion in contact."""
-        return float(self.amplitude), float(self.frequency), float(self.blend)
+    def code(self) -> "GuardedCode":
+        """The same for :func:`guarded_position`."""
+        numbers = float(self.amplitude), float(self.frequency), float(self.blend)
+        return GuardedCode(*super().code[:5], *numbers)
 
 
 class GuardedCode(NamedTuple):

@@ -17,6 +17,8 @@ from chamfer.systems.force.surface_motion import (
     GuardedMotionParams,
     SurfaceMotion,
     SurfaceMotionParams,
+    approached,
+    swung,
 )
 
 PERIOD = 0.25  # binary, so that the ticks' times are exact
@@ -220,21 +222,14 @@ class Approaching:
 
 @given(speed=st.floats(0.01, 3.0), acceleration=st.floats(0.1, 50.0), after=st.floats(0.0, 10.0))
 def test_approach_in_closed_form(speed: float, acceleration: float, after: float) -> None:
-    params = GuardedMotionParams(
-        start=(0.0, 0.0),
-        direction=(1.0, 0.0),
-        along=(0.0, 1.0),
-        speed=speed,
-        acceleration=acceleration,
-    )
     ramp = speed / acceleration
     time = ramp + after
     expected = speed * (time - speed / (2 * acceleration))
-    assert params.approached(time) == pytest.approx(expected, rel=1e-12)
+    assert approached(time, speed, acceleration) == pytest.approx(expected, rel=1e-12)
     # Up to there it is a fall.
     fall = acceleration * (0.6 * ramp) ** 2 / 2
-    assert params.approached(0.6 * ramp) == pytest.approx(fall, rel=1e-12)
-    assert params.approached(0.0) == 0.0
+    assert approached(0.6 * ramp, speed, acceleration) == pytest.approx(fall, rel=1e-12)
+    assert approached(0.0, speed, acceleration) == 0.0
 
 
 def test_approach_stops_where_contact_is() -> None:
@@ -251,7 +246,7 @@ def test_approach_stops_where_contact_is() -> None:
 @given(after=st.floats(0.0, 100.0))
 def test_sinusoid_after_the_blend(after: float) -> None:
     time = QUICK.blend + after
-    assert QUICK.swing(time) == pytest.approx(0.1 * math.sin(7.0 * time), abs=1e-15)
+    assert swung(time, 0.1, 7.0, 0.4) == pytest.approx(0.1 * math.sin(7.0 * time), abs=1e-15)
     driven = Approaching(QUICK)
     # -x: the vector ``along`` gives the sign, its length of 2 nothing.
     moved = driven.at(0.3 + time, 0.3)[0] - QUICK.start[0]
@@ -260,9 +255,11 @@ def test_sinusoid_after_the_blend(after: float) -> None:
 
 def test_sinusoid_grows_monotonically_within_the_blend() -> None:
     times = np.linspace(0.01, QUICK.blend, 100)
-    part = np.array([QUICK.swing(t) for t in times.tolist()]) / (0.1 * np.sin(7.0 * times))
+    part = np.array([swung(t, 0.1, 7.0, 0.4) for t in times.tolist()]) / (
+        0.1 * np.sin(7.0 * times)
+    )
     assert part[0] < 1e-3
     assert np.all(np.diff(part) > 0)
     assert part[-1] == pytest.approx(1.0, abs=1e-12)
     # Halfway it has half of the amplitude.
-    assert QUICK.swing(0.2) == pytest.approx(0.05 * math.sin(1.4), abs=1e-15)
+    assert swung(0.2, 0.1, 7.0, 0.4) == pytest.approx(0.05 * math.sin(1.4), abs=1e-15)
