@@ -16,7 +16,7 @@ from chamfer.diagrams.contact.contact_scenarios import (
     PlanarLoop,
 )
 from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram
-from chamfer.diagrams.contact.hybrid_scenario import HybridScenario, fill
+from chamfer.diagrams.contact.hybrid_scenario import fill
 from chamfer.models.arms.gripper import GripperCompliance
 from chamfer.models.arms.planar_two_link import PLANAR_TWO_LINK, endpoint
 from chamfer.models.surfaces.friction import SurfaceFriction
@@ -38,83 +38,64 @@ NEAR = (
     changed(PUMA_ROLLER_MOTION, "task", distance=0.004),
     changed(ADEPT_NUGGET_MOTION, "task", distance=0.002),
 )
+FEED = FrictionCompensationParams(bandwidth=10.0, joints=(0,))
+COUNTED = EncoderParams(counts=1e5, velocity="exact", bandwidth=0.0)
+TRACKED = EncoderParams(counts=0.0, velocity="tracked", bandwidth=20.0)
+COARSE = replace(COUNTED, counts=0.4)  # the planar arm's elbow seems straight
 
 
-def drawn(index: int) -> HybridScenario:
+def drawn(index: int) -> Any:
     """A loop near its surface: arm and law in turn, all else by lot."""
     lot = np.random.default_rng(index)
-    yes = lambda: bool(lot.random() < 0.5)  # noqa: E731
+
+    def one(*values: Any) -> Any:
+        return values[lot.integers(len(values))]
+
     scenario, law = NEAR[index % 3], LAWS[index // 3 % 3]
     if index % 3 == 1 and law != "transpose":  # the Puma's gains are in N/m
         scenario = changed(scenario, "controller", stiffness=100.0, integral=200.0, damping=6.0)
-    n, full = scenario.ARM.num_joints, law != "transpose" and yes()
-    scenario = changed(
-        scenario,
-        "task",
-        blend=lot.uniform(0.1, 0.3),
-        amplitude=lot.uniform(0.005, 0.02),
-        frequency=lot.uniform(3.0, 8.0),
-        kick_time=lot.uniform(0.5, 0.7) if yes() else None,
-    )
-    scenario = changed(
-        scenario,
-        "controller",
-        law=law,
-        full_dynamics=full,
-        loss_mode=yes(),
-        bumpless=yes(),
-        held_integrators=(n - 1,) if yes() else (),
-        force_damping=lot.uniform(0.0, 5.0),
-    )
-    friction = SurfaceFriction(coefficient=lot.uniform(0.0, 0.3))
-    scenario = changed(scenario, "surface", friction=friction)
-    if yes():
-        given = FrictionCompensationParams(bandwidth=lot.uniform(5.0, 20.0), joints=(0,))
-        scenario = replace(scenario, friction_compensation=given)
-    if yes():
-        scenario = replace(scenario, gripper=GripperCompliance(stiffness=2e3, damping=20.0))
-    if yes():
-        velocity = ("exact", "tracked")[int(yes())]
-        bandwidth = 20.0 if velocity == "tracked" else 0.0
-        encoders = EncoderParams(counts=1e5, velocity=velocity, bandwidth=bandwidth)  # type: ignore[arg-type]
-        scenario = replace(scenario, encoders=encoders)
-    sensing = ("ideal", "realistic")[int(index % 2 == 0 or yes())]
-    return fill(replace(scenario, duration=lot.uniform(0.9, 1.1), sensing=sensing))  # type: ignore[arg-type]
-
-
-def of_diagram(scenario: HybridScenario, seed: int) -> Any:
-    period = scenario.controller.period
-    diagram = make_hybrid_diagram(scenario)
-    return simulate(diagram, duration=scenario.duration, step=period, seed=seed).outputs
+    on_way = {"amplitude": 0.02, "blend": one(0.1, 0.3), "frequency": lot.uniform(3.0, 8.0)}
+    controller = {
+        "law": law,
+        "full_dynamics": law != "transpose" and one(True, False),
+        "held_integrators": one((), (1,)),
+        "force_damping": one(0.0, 5.0),
+        **{name: one(True, False) for name in ("loss_mode", "bumpless")},
+    }
+    scenario = changed(scenario, "task", kick_time=one(None, 0.6), **on_way)
+    scenario = changed(scenario, "controller", **controller)
+    scenario = changed(scenario, "surface", friction=SurfaceFriction(coefficient=one(0.0, 0.3)))
+    others = {
+        "friction_compensation": one(None, FEED),
+        "gripper": one(None, GripperCompliance(stiffness=2e3, damping=20.0)),
+        "encoders": one(EncoderParams(), COUNTED, TRACKED),
+        "sensing": one("ideal", "realistic"),
+    }
+    return fill(replace(scenario, duration=lot.uniform(0.9, 1.1), **others))
 
 
 def test_drawn_loops_do_what_their_diagrams_do() -> None:
     modes: set[float] = set()
     for index in range(12):
         scenario = drawn(index)
-        found, expected = run_compiled(scenario, index), of_diagram(scenario, index)
+        diagram, period = make_hybrid_diagram(scenario), scenario.controller.period
+        run = simulate(diagram, duration=scenario.duration, step=period, seed=index)
+        found = run_compiled(scenario, index)
         assert found is not None
-        assert list(found) == list(expected)
-        for name, values in expected.items():
+        assert list(found) == list(run.outputs)
+        for name, values in run.outputs.items():
             where = f"{name} of loop {index}"
             np.testing.assert_allclose(found[name], values, rtol=0, atol=1e-9, err_msg=where)
-        assert CONTACT in expected["mode"]
-        modes |= set(expected["mode"])
+        assert CONTACT in found["mode"]
+        modes |= set(found["mode"])
     assert modes == {APPROACH, CONTACT, LOST}
-
-
-# Counts so coarse that the elbow seems straight.
-COARSE = EncoderParams(counts=0.4, velocity="exact", bandwidth=0.0)
 
 
 @pytest.mark.parametrize(
     ("scenario", "message"),
     [
         (changed(NEAR[0], "controller", stiffness=1e9), r"velocity at t = 0\.\d+ s is \["),
-        (
-            replace(NEAR[0], encoders=COARSE),
-            r"the pose of the planar two-link arm is \[.*",
-        ),
+        (replace(NEAR[0], encoders=COARSE), r"the pose of the planar two-link arm is \[.*"),
     ],
 )
 def test_a_run_that_ends_early_is_the_diagrams_to_refuse(scenario: Any, message: str) -> None:
@@ -132,8 +113,8 @@ class OwnArm(PlanarLoop):
 
 def test_own_arms_and_recorded_laws_run_in_the_diagram() -> None:
     scenario = fill(replace(NEAR[0], duration=0.1))
-    own = OwnArm(task=scenario.task, duration=0.1)
-    assert run_compiled(fill(own), 0) is None
-    np.testing.assert_array_equal(run_contact(fill(own), 0)["x"], run_contact(scenario, 0)["x"])
+    own = fill(OwnArm(task=scenario.task, duration=0.1))
+    assert run_compiled(own, 0) is None
+    np.testing.assert_array_equal(run_contact(own, 0)["x"], run_contact(scenario, 0)["x"])
     with recording(Recorder()):
         assert run_compiled(scenario, 0) is None
