@@ -1,6 +1,7 @@
 """Machine code for the inner loops that Drake has no block for."""
 
 import hashlib
+import math
 import re
 from collections.abc import Callable
 from functools import cache, cached_property, update_wrapper
@@ -25,8 +26,8 @@ class _Compiled:
     for.
     """
 
-    def __init__(self, function: Callable[..., object]) -> None:
-        self._function = function
+    def __init__(self, function: Callable[..., object], **options: Any) -> None:
+        self._function, self._options = function, options
         update_wrapper(self, function)
 
     def __call__(self, *arguments: object) -> object:
@@ -45,9 +46,9 @@ class _Compiled:
         name = function.__qualname__
         function.__qualname__ = f"{name}{_stamp(Path(function.__code__.co_filename))}"
         try:
-            return njit(cache=True)(function)
+            return njit(cache=True, **self._options)(function)
         except RuntimeError:
-            return njit(function)
+            return njit(**self._options)(function)
         finally:
             function.__qualname__ = name
 
@@ -59,7 +60,21 @@ def compiled(function: Function) -> Function:
     into it, so these files are part of the name under which it is kept; so is its own, for Numba
     reads what it kept, with types that may be gone, before it looks whether that is still valid.
     """
-    return cast(Function, _Compiled(function))
+    return cast(Function, _Compiled(function, _nrt=True))
+
+
+def in_place(function: Function) -> Function:
+    """Compile a function that makes no arrays and returns none.
+
+    It only changes those that it is given, so nobody has to count who holds them, which costs more
+    than a small function does otherwise.
+    """
+    return cast(Function, _Compiled(function, _nrt=False))
+
+
+def within(function: Function) -> Function:
+    """Compile a function, as :func:`in_place` does, into the middle of each that calls it."""
+    return cast(Function, _Compiled(function, _nrt=False, forceinline=True))
 
 
 def _stamp(own: Path) -> str:
@@ -91,7 +106,7 @@ def _imported(file: Path) -> frozenset[Path]:
     return frozenset(place for place in places if place.is_file())
 
 
-@compiled
+@in_place
 def add_product(matrix: Array, vector: Array, total: Array) -> None:
     """Add the product of a matrix and a vector to a total."""
     for i in range(len(total)):
@@ -105,13 +120,25 @@ def inverse(matrix: Array) -> Array:
 
     A matrix that is singular to rounding gives entries that are not finite.
     """
-    n = len(matrix)
-    left, right = matrix.copy(), np.eye(n)
+    right = np.empty((len(matrix), len(matrix)))
+    invert(matrix.copy(), right)
+    return right
+
+
+@in_place
+def invert(left: Array, right: Array) -> None:
+    """Fill in the inverse of a matrix, which is lost; more rows stay as they are."""
+    n = len(left)
+    for i in range(n):
+        for j in range(n):
+            right[i, j] = 1.0 if i == j else 0.0
     for k in range(n):
         pivot = left[k, k]
         if pivot <= 0.0:
-            right[:] = np.nan
-            return right
+            for i in range(n):
+                for j in range(n):
+                    right[i, j] = math.nan
+            return
         for j in range(n):
             left[k, j] /= pivot
             right[k, j] /= pivot
@@ -121,7 +148,6 @@ def inverse(matrix: Array) -> Array:
                 for j in range(n):
                     left[i, j] -= factor * left[k, j]
                     right[i, j] -= factor * right[k, j]
-    return right
 
 
 def interpreted(function: Function, **instead: object) -> Function:

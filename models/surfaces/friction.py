@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.models.compiled import compiled
+from chamfer.models.compiled import in_place
 from chamfer.models.validation import (
     MOST_FRICTION,
     ParameterError,
@@ -61,7 +61,7 @@ class SurfaceFriction:
         return np.array([getattr(self, field.name) for field in fields(self)], dtype=np.float64)
 
 
-@compiled
+@in_place
 def friction_at(numbers: Vector, x: float) -> tuple[float, float]:
     """Return the coefficient at a place, m, and its slope, 1/m."""
     value, slope = numbers[0], 0.0

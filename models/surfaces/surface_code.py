@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.models.compiled import compiled
+from chamfer.models.compiled import compiled, in_place
 from chamfer.models.surfaces.surface import Surface
 
 Vector = NDArray[np.float64]
@@ -178,7 +178,7 @@ def _leaf(code: Vector, at: int, point: Vector, gradient: Vector, hessian: Matri
     return level
 
 
-@compiled
+@in_place
 def _plane(
     code: Vector, own: int, x: float, y: float, z: float, gradient: Vector, hessian: Matrix
 ) -> float:
@@ -199,7 +199,7 @@ def _plane(
     return level
 
 
-@compiled
+@in_place
 def _round(
     code: Vector, own: int, x: float, y: float, z: float, gradient: Vector, hessian: Matrix
 ) -> float:
@@ -220,7 +220,7 @@ def _round(
     return level
 
 
-@compiled
+@in_place
 def _ellipsoid(
     code: Vector, own: int, x: float, y: float, z: float, gradient: Vector, hessian: Matrix
 ) -> float:
@@ -241,7 +241,7 @@ def _ellipsoid(
     return level
 
 
-@compiled
+@in_place
 def _graph(
     code: Vector,
     own: int,
@@ -270,7 +270,7 @@ def _graph(
     return level
 
 
-@compiled
+@in_place
 def profile_bend(code: Vector, own: int, s: float) -> tuple[float, float]:
     """Return angle, rad, and curvature, 1/m, of a profile after a length of its curve.
 
@@ -291,7 +291,7 @@ def profile_bend(code: Vector, own: int, s: float) -> tuple[float, float]:
     return angle + turned, 0.5 * curvature * (1.0 - math.cos(wave * u))
 
 
-@compiled
+@in_place
 def profile_chord(code: Vector, own: int, begin: float, end: float) -> tuple[float, float]:
     """Return the way from one length of a profile's curve to another, m, along x and y."""
     half, x, y = 0.5 * (end - begin), 0.0, 0.0
@@ -302,7 +302,7 @@ def profile_chord(code: Vector, own: int, begin: float, end: float) -> tuple[flo
     return half * x, half * y
 
 
-@compiled
+@in_place
 def _profile(
     code: Vector, own: int, x: float, y: float, gradient: Vector, hessian: Matrix
 ) -> float:

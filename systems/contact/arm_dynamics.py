@@ -7,7 +7,7 @@ Newton-Euler for the bias, with all spatial vectors in the world's axes about it
 """
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from pydrake.multibody.tree import PrismaticJoint, RevoluteJoint
 
 from chamfer.models.arms.arm import Arm
 from chamfer.models.validation import ParameterError
-from chamfer.systems.compiled import add_product, compiled
+from chamfer.systems.compiled import compiled, in_place
 
 Array = NDArray[np.float64]
 
@@ -48,105 +48,209 @@ class Pose(NamedTuple):
     p_WE: Array  # (3,), m
 
 
-@compiled
-def add_cross(a: Array, b: Array, total: Array) -> None:
+Three = tuple[float, float, float]
+Nine = tuple[float, float, float, float, float, float, float, float, float]  # 3 rows of 3
+
+ZERO: Final = (0.0, 0.0, 0.0)
+_UNTURNED: Final = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+_NOTHING: Final = (0.0,) * 9
+
+
+@in_place
+def row(matrix: Array, i: int, first: int) -> Three:
+    """Return three numbers of a row."""
+    return matrix[i, first], matrix[i, first + 1], matrix[i, first + 2]
+
+
+@in_place
+def vector(values: Array) -> Three:
+    """Return the first three numbers."""
+    return values[0], values[1], values[2]
+
+
+@in_place
+def nine(values: Array) -> Nine:
+    """Return a matrix of 3 rows and columns."""
+    return (
+        *(values[0, 0], values[0, 1], values[0, 2]),
+        *(values[1, 0], values[1, 1], values[1, 2]),
+        *(values[2, 0], values[2, 1], values[2, 2]),
+    )
+
+
+@in_place
+def nine_of(values: Array, j: int) -> Nine:
+    """Return one of several matrices of 3 rows and columns."""
+    return (
+        *(values[j, 0, 0], values[j, 0, 1], values[j, 0, 2]),
+        *(values[j, 1, 0], values[j, 1, 1], values[j, 1, 2]),
+        *(values[j, 2, 0], values[j, 2, 1], values[j, 2, 2]),
+    )
+
+
+@in_place
+def scaled(v: Three, factor: float) -> Three:
+    """Return a multiple of a vector."""
+    return factor * v[0], factor * v[1], factor * v[2]
+
+
+@in_place
+def dot(a: Three, b: Three) -> float:
+    """Return the scalar product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@in_place
+def add(a: Three, b: Three) -> Three:
+    """Return the sum of two vectors."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@in_place
+def add_cross(a: Three, b: Three, total: Three) -> Three:
     """Add the cross product of a and b to a total."""
-    total[0] += a[1] * b[2] - a[2] * b[1]
-    total[1] += a[2] * b[0] - a[0] * b[2]
-    total[2] += a[0] * b[1] - a[1] * b[0]
+    return (
+        total[0] + (a[1] * b[2] - a[2] * b[1]),
+        total[1] + (a[2] * b[0] - a[0] * b[2]),
+        total[2] + (a[0] * b[1] - a[1] * b[0]),
+    )
 
 
-@compiled
-def product(left: Array, right: Array, result: Array) -> None:
-    """Fill in the product of two matrices of 3 rows and columns."""
-    for i in range(3):
-        for j in range(3):
-            total = 0.0
-            for k in range(3):
-                total += left[i, k] * right[k, j]
-            result[i, j] = total
+@in_place
+def add_turned(m: Nine, v: Three, total: Three) -> Three:
+    """Add the product of a matrix and a vector to a total."""
+    return (
+        total[0] + m[0] * v[0] + m[1] * v[1] + m[2] * v[2],
+        total[1] + m[3] * v[0] + m[4] * v[1] + m[5] * v[2],
+        total[2] + m[6] * v[0] + m[7] * v[1] + m[8] * v[2],
+    )
 
 
-@compiled
-def _rotation(axis: Array, angle: float, result: Array) -> None:
-    """Fill in the rotation about a unit axis (Rodrigues)."""
-    x, y, z = axis[0], axis[1], axis[2]
+@in_place
+def transposed(m: Nine) -> Nine:
+    """Return a matrix with rows for columns."""
+    return m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8]
+
+
+@in_place
+def product(left: Nine, right: Nine) -> Nine:
+    """Return the product of two matrices."""
+    a = add_turned(left, (right[0], right[3], right[6]), ZERO)
+    b = add_turned(left, (right[1], right[4], right[7]), ZERO)
+    c = add_turned(left, (right[2], right[5], right[8]), ZERO)
+    return a[0], b[0], c[0], a[1], b[1], c[1], a[2], b[2], c[2]
+
+
+@in_place
+def _rotation(axis: Three, angle: float) -> Nine:
+    """Return the rotation about a unit axis (Rodrigues)."""
+    x, y, z = axis
     c, s = math.cos(angle), math.sin(angle)
     u = 1.0 - c
-    result[0, 0], result[0, 1], result[0, 2] = c + u * x * x, u * x * y - s * z, u * x * z + s * y
-    result[1, 0], result[1, 1], result[1, 2] = u * x * y + s * z, c + u * y * y, u * y * z - s * x
-    result[2, 0], result[2, 1], result[2, 2] = u * x * z - s * y, u * y * z + s * x, c + u * z * z
+    a, b = u * x * y, u * x * z
+    d = u * y * z
+    return (
+        *(c + u * x * x, a - s * z, b + s * y),
+        *(a + s * z, c + u * y * y, d - s * x),
+        *(b - s * y, d + s * x, c + u * z * z),
+    )
+
+
+@compiled
+def no_pose(chain: Chain) -> Pose:
+    """Return a pose to be filled in."""
+    n = len(chain.mass)
+    moment, inertia = np.empty((n, 3)), np.empty((n, 3, 3))
+    return Pose(np.zeros((n, 6)), chain.mass, moment, inertia, np.empty((3, 3)), np.empty(3))
 
 
 @compiled
 def pose(chain: Chain, q: Array) -> Pose:
     """Return where the links are at joint positions q, shape (n,)."""
-    n = len(q)
-    twist, moment = np.zeros((n, 6)), np.zeros((n, 3))
-    inertia = np.empty((n, 3, 3))
-    rotations, turn, half = np.empty((n + 2, 3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    rotations[0] = np.eye(3)
-    place, centre = np.zeros(3), np.empty(3)
-    for j in range(n):
-        before, after = rotations[j], rotations[j + 1]
-        add_product(before, chain.offset[j], place)
-        angular, linear = twist[j, :3], twist[j, 3:]
+    at = no_pose(chain)
+    place_links(chain, q, at)
+    return at
+
+
+@in_place
+def place_links(chain: Chain, q: Array, at: Pose) -> None:
+    """Fill in where the links are at joint positions q, shape (n,)."""
+    turn, place = _UNTURNED, ZERO
+    for j in range(len(q)):
+        place = add_turned(turn, row(chain.offset, j, 0), place)
+        own = row(chain.axis, j, 0)
+        axis = add_turned(turn, own, ZERO)
+        first = 3 if chain.prismatic[j] else 0
+        for i in range(3):
+            at.twist[j, first + i] = axis[i]
         if chain.prismatic[j]:
-            add_product(before, chain.axis[j], linear)
-            for i in range(3):
-                place[i] += q[j] * linear[i]
-            after[:] = before
+            place = add(place, scaled(axis, q[j]))
         else:
-            add_product(before, chain.axis[j], angular)
-            add_cross(place, angular, linear)
-            _rotation(chain.axis[j], q[j], turn)
-            product(before, turn, after)
-        centre[:] = place
-        add_product(after, chain.centre[j], centre)
-        size = 0.0
+            linear = add_cross(place, axis, ZERO)
+            for i in range(3):
+                at.twist[j, 3 + i] = linear[i]
+            turn = product(turn, _rotation(own, q[j]))
+        centre = add_turned(turn, row(chain.centre, j, 0), place)
+        moment = scaled(centre, chain.mass[j])
+        inertia = product(product(turn, nine_of(chain.inertia, j)), transposed(turn))
+        size = dot(moment, centre)
         for i in range(3):
-            moment[j, i] = chain.mass[j] * centre[i]
-            size += moment[j, i] * centre[i]
-        product(after, chain.inertia[j], half)
-        product(half, after.T, inertia[j])
-        for i in range(3):
+            at.moment[j, i] = moment[i]
             for k in range(3):
-                inertia[j, i, k] -= moment[j, i] * centre[k]
-            inertia[j, i, i] += size
-    add_product(rotations[n], chain.endpoint, place)
-    product(rotations[n], chain.R_WE, rotations[n + 1])
-    return Pose(twist, chain.mass, moment, inertia, rotations[n + 1], place)
-
-
-@compiled
-def _momentum(mass: float, moment: Array, inertia: Array, twist: Array, total: Array) -> None:
-    """Add a body's spatial momentum, or its force for an acceleration, to a total."""
-    add_product(inertia, twist[:3], total[:3])
-    add_cross(moment, twist[3:], total[:3])
+                at.inertia[j, i, k] = inertia[3 * i + k] - moment[i] * centre[k]
+            at.inertia[j, i, i] += size
+    place = add_turned(turn, vector(chain.endpoint), place)
+    turn = product(turn, nine(chain.R_WE))
     for i in range(3):
-        total[3 + i] += mass * twist[3 + i]
-    add_cross(twist[:3], moment, total[3:])
+        at.p_WE[i] = place[i]
+        for k in range(3):
+            at.R_WE[i, k] = turn[3 * i + k]
+
+
+@in_place
+def _momentum(
+    mass: float, moment: Three, inertia: Nine, angular: Three, linear: Three
+) -> tuple[Three, Three]:
+    """Return a body's spatial momentum, or its force for an acceleration."""
+    turning = add_cross(moment, linear, add_turned(inertia, angular, ZERO))
+    return turning, add_cross(angular, moment, scaled(linear, mass))
+
+
+@in_place
+def _with_link(
+    at: Pose, j: int, mass: float, moment: Three, inertia: Nine
+) -> tuple[float, Three, Nine]:
+    """Return a body with a link more."""
+    a, b = inertia, nine_of(at.inertia, j)
+    both = (
+        *(a[0] + b[0], a[1] + b[1], a[2] + b[2]),
+        *(a[3] + b[3], a[4] + b[4], a[5] + b[5]),
+        *(a[6] + b[6], a[7] + b[7], a[8] + b[8]),
+    )
+    return mass + at.mass[j], add(moment, row(at.moment, j, 0)), both
 
 
 @compiled
 def mass_matrix(chain: Chain, at: Pose) -> Array:
     """Return the mass matrix, shape (n, n), with the drives' rotors."""
-    n = len(chain.mass)
-    matrix = np.empty((n, n))
-    mass, moment, inertia, force = 0.0, np.zeros(3), np.zeros((3, 3)), np.empty(6)
-    for j in range(n - 1, -1, -1):
-        mass += at.mass[j]
-        moment += at.moment[j]
-        inertia += at.inertia[j]
-        force[:] = 0.0
-        _momentum(mass, moment, inertia, at.twist[j], force)
+    result = np.empty((len(chain.mass), len(chain.mass)))
+    fill_mass_matrix(chain, at, result)
+    return result
+
+
+@in_place
+def fill_mass_matrix(chain: Chain, at: Pose, result: Array) -> None:
+    """Fill in the mass matrix."""
+    mass, moment, inertia = 0.0, ZERO, _NOTHING
+    for j in range(len(chain.mass) - 1, -1, -1):
+        mass, moment, inertia = _with_link(at, j, mass, moment, inertia)
+        a, b = _momentum(mass, moment, inertia, row(at.twist, j, 0), row(at.twist, j, 3))
         for i in range(j + 1):
-            total = 0.0
-            for k in range(6):
-                total += at.twist[i, k] * force[k]
-            matrix[i, j] = matrix[j, i] = total
-        matrix[j, j] += chain.rotor[j]
-    return matrix
+            total = dot(row(at.twist, i, 0), a)
+            for k in range(3):
+                total += at.twist[i, 3 + k] * b[k]
+            result[i, j] = result[j, i] = total
+        result[j, j] += chain.rotor[j]
 
 
 @compiled
@@ -156,37 +260,48 @@ def link_forces(chain: Chain, at: Pose, v: Array) -> Array:
     Moment about the world's origin, N m, and force, N, of its centripetal and Coriolis
     acceleration less its weight; shape (n, 6), world axes.
     """
-    n = len(chain.mass)
-    forces = np.zeros((n, 6))
-    speed, rate, joint, momentum = np.zeros(6), np.zeros(6), np.empty(6), np.empty(6)
-    rate[3:] = -chain.gravity
-    for j in range(n):
-        joint[:] = at.twist[j] * v[j]
-        momentum[:] = 0.0
-        speed += joint
-        add_cross(speed[:3], joint[:3], rate[:3])
-        add_cross(speed[:3], joint[3:], rate[3:])
-        add_cross(speed[3:], joint[:3], rate[3:])
-        _momentum(at.mass[j], at.moment[j], at.inertia[j], speed, momentum)
-        _momentum(at.mass[j], at.moment[j], at.inertia[j], rate, forces[j])
-        add_cross(speed[:3], momentum[:3], forces[j, :3])
-        add_cross(speed[3:], momentum[3:], forces[j, :3])
-        add_cross(speed[:3], momentum[3:], forces[j, 3:])
+    forces = np.empty((len(v), 6))
+    fill_link_forces(chain, at, v, forces)
     return forces
+
+
+@in_place
+def fill_link_forces(chain: Chain, at: Pose, v: Array, forces: Array) -> None:
+    """Fill in what each link takes."""
+    turning, moving, spinning = ZERO, ZERO, ZERO
+    falling = scaled(vector(chain.gravity), -1.0)
+    for j in range(len(v)):
+        w, u = scaled(row(at.twist, j, 0), v[j]), scaled(row(at.twist, j, 3), v[j])
+        turning, moving = add(turning, w), add(moving, u)
+        spinning = add_cross(turning, w, spinning)
+        falling = add_cross(moving, w, add_cross(turning, u, falling))
+        mass, moment, inertia = at.mass[j], row(at.moment, j, 0), nine_of(at.inertia, j)
+        a, b = _momentum(mass, moment, inertia, turning, moving)
+        torque, force = _momentum(mass, moment, inertia, spinning, falling)
+        torque = add_cross(moving, b, add_cross(turning, a, torque))
+        force = add_cross(turning, b, force)
+        for i in range(3):
+            forces[j, i], forces[j, 3 + i] = torque[i], force[i]
 
 
 @compiled
 def bias(chain: Chain, at: Pose, v: Array) -> Array:
     """Return Coriolis and centripetal less gravity torque at joint velocities v, shape (n,)."""
-    forces = link_forces(chain, at, v)
-    n = len(forces)
-    total = np.zeros(6)
-    torque = np.zeros(n)
-    for j in range(n - 1, -1, -1):
-        for i in range(6):
-            total[i] += forces[j, i]
-            torque[j] += at.twist[j, i] * total[i]
+    torque = np.empty(len(v))
+    fill_bias(chain, at, v, np.empty((len(v), 6)), torque)
     return torque
+
+
+@in_place
+def fill_bias(chain: Chain, at: Pose, v: Array, forces: Array, torque: Array) -> None:
+    """Fill in what each link takes, and the bias."""
+    fill_link_forces(chain, at, v, forces)
+    a, b = ZERO, ZERO
+    for j in range(len(v) - 1, -1, -1):
+        a, b = add(a, row(forces, j, 0)), add(b, row(forces, j, 3))
+        torque[j] = dot(row(at.twist, j, 0), a)
+        for i in range(3):
+            torque[j] += at.twist[j, 3 + i] * b[i]
 
 
 @compiled
@@ -196,32 +311,35 @@ def base_wrench(chain: Chain, at: Pose, v: Array, acceleration: Array) -> Array:
     For joint velocities v and accelerations, shape (n,). Moment about the world's origin, N m, and
     force, N, shape (6,), world axes.
     """
-    n = len(chain.mass)
-    forces = link_forces(chain, at, v)
-    total, force = np.zeros(6), np.empty(6)
-    mass, moment, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
-    for j in range(n - 1, -1, -1):
-        mass += at.mass[j]
-        moment += at.moment[j]
-        inertia += at.inertia[j]
-        force[:] = 0.0
-        _momentum(mass, moment, inertia, at.twist[j], force)
-        total += forces[j] + acceleration[j] * force
+    forces, total = link_forces(chain, at, v), np.zeros(6)
+    mass, moment, inertia = 0.0, ZERO, _NOTHING
+    for j in range(len(v) - 1, -1, -1):
+        mass, moment, inertia = _with_link(at, j, mass, moment, inertia)
+        a, b = _momentum(mass, moment, inertia, row(at.twist, j, 0), row(at.twist, j, 3))
+        for i in range(3):
+            total[i] += forces[j, i] + acceleration[j] * a[i]
+            total[3 + i] += forces[j, 3 + i] + acceleration[j] * b[i]
     return total
 
 
 @compiled
 def point_jacobian(at: Pose, point: Array) -> Array:
     """Return the translational Jacobian, (3, n), of a point, m, of the last link, world frame."""
-    n = len(at.twist)
-    jacobian = np.empty((3, n))
-    for j in range(n):
-        jacobian[:, j] = at.twist[j, 3:]
-        add_cross(at.twist[j, :3], point, jacobian[:, j])
-    return jacobian
+    jacobian = np.empty((1, 3, len(at.twist)))
+    fill_jacobian(at, vector(point), jacobian, 0)
+    return np.ascontiguousarray(jacobian[0])
 
 
-@compiled
+@in_place
+def fill_jacobian(at: Pose, point: Three, jacobian: Array, which: int) -> None:
+    """Fill in one of several Jacobians."""
+    for j in range(len(at.twist)):
+        column = add_cross(row(at.twist, j, 0), point, row(at.twist, j, 3))
+        for i in range(3):
+            jacobian[which, i, j] = column[i]
+
+
+@in_place
 def potential(chain: Chain, at: Pose) -> float:
     """Return the potential energy in the field of gravity, J, zero at the world's origin."""
     total = 0.0

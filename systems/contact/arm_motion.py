@@ -8,21 +8,44 @@ from numpy.typing import NDArray
 
 from chamfer.models.surfaces.friction import friction_at
 from chamfer.models.surfaces.surface_code import evaluate
-from chamfer.systems.compiled import add_product, compiled, inverse
+from chamfer.systems.compiled import compiled, in_place, inverse
 from chamfer.systems.contact.arm_dynamics import (
     GRAVITY,
+    ZERO,
     Chain,
+    Nine,
     Pose,
+    Three,
+    add,
     add_cross,
+    add_turned,
     base_wrench,
-    bias,
+    dot,
+    fill_bias,
+    fill_jacobian,
+    fill_mass_matrix,
     mass_matrix,
-    point_jacobian,
+    nine,
+    nine_of,
+    no_pose,
+    place_links,
     pose,
     potential,
     product,
+    row,
+    scaled,
+    transposed,
+    vector,
 )
-from chamfer.systems.contact.stick_slip import Material, Motion, StepModel, along, step
+from chamfer.systems.contact.stick_slip import (
+    SOLVED,
+    Material,
+    Motion,
+    StepModel,
+    along,
+    take_step,
+    workspace,
+)
 
 Array = NDArray[np.float64]
 
@@ -81,48 +104,45 @@ def output_sizes(n: int, points: int) -> dict[str, int]:
     }
 
 
-@compiled
-def _tip(at: Pose, offset: Array, stretch: Array) -> Array:
-    point = at.p_WE.copy()
-    add_product(at.R_WE, offset + stretch, point)
-    return point
+@in_place
+def _tip(at: Pose, offset: Three, stretch: Array) -> Three:
+    return add_turned(nine(at.R_WE), add(offset, vector(stretch)), vector(at.p_WE))
 
 
-@compiled
-def _locate(patch: Patch, which: int, point: Array, normal: Array) -> float:
-    """Fill in the normal of a surface at a point and return the gap, m.
+@in_place
+def _locate(patch: Patch, which: int, point: Three) -> tuple[float, Three]:
+    """Return the gap of a surface at a point, m, and its normal there.
 
     The gap is the level over its gradient's length, the normal the direction in which it grows:
     the contact's spring would else gain or lose energy where that length changes.
     """
-    level, hessian, gradient = float(patch.level[which]), patch.hessian[which], np.empty(3)
-    way = point - patch.point[which]
-    for i in range(3):
-        bend = along(hessian[i], way)
-        level += (patch.gradient[which, i] + bend / 2) * way[i]
-        gradient[i] = patch.gradient[which, i] + bend
-    square = along(gradient, gradient)
-    for i in range(3):
-        normal[i] = gradient[i] - level * along(hessian[i], gradient) / square
-    normal /= math.sqrt(along(normal, normal))
-    return level / math.sqrt(square)
+    hessian = nine_of(patch.hessian, which)
+    way = add(point, scaled(row(patch.point, which, 0), -1.0))
+    bend, flat = add_turned(hessian, way, ZERO), row(patch.gradient, which, 0)
+    level = patch.level[which] + (flat[0] + bend[0] / 2) * way[0]
+    level = level + (flat[1] + bend[1] / 2) * way[1] + (flat[2] + bend[2] / 2) * way[2]
+    gradient = add(flat, bend)
+    square = dot(gradient, gradient)
+    turned = add_turned(hessian, gradient, ZERO)
+    normal = (
+        gradient[0] - level * turned[0] / square,
+        gradient[1] - level * turned[1] / square,
+        gradient[2] - level * turned[2] / square,
+    )
+    length = math.sqrt(dot(normal, normal))
+    return level / math.sqrt(square), (
+        normal[0] / length,
+        normal[1] / length,
+        normal[2] / length,
+    )
 
 
-@compiled
-def _quadratic(vector: Array, matrix: Array) -> float:
-    total = 0.0
-    for i in range(len(vector)):
-        total += vector[i] * along(matrix[i], vector)
-    return total
-
-
-@compiled
-def _turned(rotation: Array, matrix: Array) -> Array:
-    """Return a matrix of the endpoint's frame in the world frame."""
-    half, result = np.empty((3, 3)), np.empty((3, 3))
-    product(rotation, matrix, half)
-    product(half, rotation.T, result)
-    return result
+@in_place
+def _fill_turned(turn: Nine, matrix: Array, result: Array) -> None:
+    """Fill in a matrix of the endpoint's frame in the world frame."""
+    turned = product(product(turn, nine(matrix)), transposed(turn))
+    for i in range(9):
+        result[i // 3, i % 3] = turned[i]
 
 
 @compiled
@@ -130,36 +150,59 @@ def energies(
     chain: Chain, material: Material, tool: Tool, q: Array, v: Array, stretch: Array, gap: Array
 ) -> Array:
     """Return kinetic, potential and elastic energy, J, shape (3,)."""
-    at = pose(chain, q)
-    elastic = 0.0
+    at, result = pose(chain, q), np.empty(3)
+    _fill_energies(chain, material, tool, at, mass_matrix(chain, at), v, stretch, gap, result, 0)
+    return result
+
+
+@in_place
+def _fill_energies(
+    chain: Chain,
+    material: Material,
+    tool: Tool,
+    at: Pose,
+    mass: Array,
+    v: Array,
+    stretch: Array,
+    gap: Array,
+    result: Array,
+    first: int,
+) -> None:
+    """Fill in the energies; the mass matrix is that of the pose."""
+    elastic, kinetic = 0.0, 0.0
     for point in range(len(gap)):
         elastic += material.stiffness[point] * min(gap[point], 0.0) ** 2
-    elastic += _quadratic(stretch, tool.stiffness)
-    kinetic = _quadratic(v, mass_matrix(chain, at)) / 2
-    return np.array([kinetic, potential(chain, at), elastic / 2])
+    elastic += dot(vector(stretch), add_turned(nine(tool.stiffness), vector(stretch), ZERO))
+    for j in range(len(v)):
+        moment = 0.0
+        for k in range(len(v)):
+            moment += mass[j, k] * v[k]
+        kinetic += v[j] * moment
+    result[first], result[first + 1] = kinetic / 2, potential(chain, at)
+    result[first + 2] = elastic / 2
 
 
 @compiled
 def gaps(chain: Chain, tool: Tool, patch: Patch, q: Array, stretch: Array) -> Array:
     """Return the gaps of the points, m, shape (m,)."""
-    at, normal = pose(chain, q), np.empty(3)
-    found = np.empty(len(tool.offset))
+    at, found = pose(chain, q), np.empty(len(tool.offset))
     for point in range(len(found)):
-        found[point] = _locate(patch, point, _tip(at, tool.offset[point], stretch), normal)
+        tip = _tip(at, row(tool.offset, point, 0), stretch)
+        found[point] = _locate(patch, point, tip)[0]
     return found
 
 
-@compiled
-def _carried(chain: Chain, tool: Tool, q: Array, v: Array) -> Array:
-    """Return the velocity of the load's centre of mass, m/s, shape (3,), world frame."""
-    at = pose(chain, q)
-    jacobian = point_jacobian(at, _tip(at, tool.centre, np.zeros(3)))
-    velocity = np.zeros(3)
-    add_product(jacobian, v, velocity)
-    return velocity
+@in_place
+def _velocity(at: Pose, point: Three, v: Array) -> Three:
+    """Return the velocity of a point of the last link, m/s, world frame."""
+    total = ZERO
+    for j in range(len(v)):
+        column = add_cross(row(at.twist, j, 0), point, row(at.twist, j, 3))
+        total = add(total, scaled(column, v[j]))
+    return total
 
 
-@compiled
+@in_place
 def coefficient(friction: Array, point: Array, force: Array, normal: Array) -> float:
     """Return the coefficient of friction, of a row of :class:`Contacts`.
 
@@ -176,7 +219,7 @@ def coefficient(friction: Array, point: Array, force: Array, normal: Array) -> f
     return mu
 
 
-@compiled
+@in_place
 def roughen(uneven: Array, drawn: Array, outputs: Array, n: int, period: float) -> None:
     """Change the friction's relative noise, shape (M,), as far as the points slip in a period.
 
@@ -279,111 +322,133 @@ def advance(
     Returns the largest error of the steps, and how many of them are not solved.
     """
     n, m, most = len(torque), len(tool.offset), (len(state) - 5 * len(torque) - 3) // 3
-    q = state[:n].copy()
-    motion = Motion(
-        state[n : 2 * n].copy(),
-        state[2 * n : 3 * n].copy(),
-        state[3 * n : 4 * n].copy(),
-        state[5 * n : 5 * n + 3 * m].copy().reshape((m, 3)),
+    q, mid, speed, change, slow = np.empty((5, n))
+    motion = Motion(np.empty(n), np.empty(n), np.empty(n), np.empty((m, 3)))
+    stretch, points, links = np.empty(3), np.empty((m, 3)), np.empty((n, 6))
+    for j in range(n):
+        q[j], motion.velocity[j], motion.sticking[j] = state[j], state[n + j], state[2 * n + j]
+        motion.joint_impulse[j], change[j] = state[3 * n + j], state[4 * n + j]
+    for i in range(3):
+        stretch[i] = state[5 * n + 3 * most + i]
+        for a in range(m):
+            motion.impulse[a, i] = state[5 * n + 3 * a + i]
+    model = StepModel(
+        np.empty((n, n)),
+        np.empty(n),
+        np.empty((m, 3, n)),
+        gaps(chain, tool, patch, q, stretch),
+        np.empty((m, 3)),
+        patch.mu,
+        tool.rigid,
+        np.zeros((3, 3)),
+        np.zeros((3, 3)),
+        np.zeros(3),
     )
-    change, stretch = state[4 * n : 5 * n].copy(), state[5 * n + 3 * most :].copy()
-    gap = gaps(chain, tool, patch, q, stretch)
+    work, at, v = workspace(model, material, h), no_pose(chain), motion.velocity
     matrix = np.zeros((3, 3))
     if not tool.rigid:
         matrix = inverse(h * tool.stiffness + tool.damping)
-    after = outputs.copy()
     # Where the outputs begin.
     base, contact = 3 * most + 3, 3 * most + 3 + n
     tip, energy = contact + 6 * most, contact + 12 * most
     if not lasting:
         for a in range(most):
-            after[contact + 6 * a + 3] = after[contact + 6 * a + 4] = 0.0
-    error, unsolved, dissipated = 0.0, 0, outputs[energy + 3]
-    normal, jacobian, points = np.empty((m, 3)), np.empty((m, 3, n)), np.empty((m, 3))
-    yielding, stiffness = np.zeros((3, 3)), np.zeros((3, 3))
-    began = np.zeros(3)
+            outputs[contact + 6 * a + 3] = outputs[contact + 6 * a + 4] = 0.0
+    largest, unsolved, began = 0.0, 0, ZERO
     for k in range(count):
         if tool.load > 0.0 and k == count - 1:
-            began = _carried(chain, tool, q, motion.velocity)
-        before = motion.velocity
-        speed = before + change / 2
-        at = pose(chain, q + h * speed / 2)
-        for a in range(m):
-            points[a] = _tip(at, tool.offset[a], stretch)
-            _locate(patch, a, points[a], normal[a])
-            jacobian[a] = point_jacobian(at, points[a])
-        slow = bias(chain, at, speed)
-        force, stretched = torque - slow, np.zeros(3)
-        add_product(jacobian[0].T, disturbance, force)
-        if not tool.rigid:
-            yielding, stiffness = _turned(at.R_WE, matrix), _turned(at.R_WE, tool.stiffness)
-            add_product(at.R_WE, stretch, stretched)
-        mass, mu, rigid = mass_matrix(chain, at), patch.mu, tool.rigid
-        model = StepModel(
-            mass, force, jacobian, gap, normal, mu, rigid, yielding, stiffness, stretched
-        )
-        done = step(model, material, motion, h)
-        motion, gap = done.motion, done.gap
-        change = motion.velocity - before
-        q += done.displacement
-        viscous = material.viscous * done.displacement
-        after[base : base + n] = torque + (motion.joint_impulse - viscous) / h
+            place_links(chain, q, at)
+            began = _velocity(at, _tip(at, vector(tool.centre), np.zeros(3)), v)
         for j in range(n):
-            after[energy + 4] += done.displacement[j] * (force[j] + slow[j])
-        add_product(at.R_WE.T, done.stretch, stretch)
+            speed[j] = v[j] + change[j] / 2
+            mid[j] = q[j] + h * speed[j] / 2
+            change[j] = v[j]
+        place_links(chain, mid, at)
+        turn = nine(at.R_WE)
         for a in range(m):
-            push, own = along(normal[a], motion.impulse[a]) / h, contact + 6 * a
-            after[own + 3] = max(after[own + 3], push)
-            after[own + 4] = max(after[own + 4], done.impact_speed[a])
-        dissipated += done.dissipated
-        error = max(error, done.error)
-        unsolved += 0 if done.solved else 1
-    wrench = base_wrench(chain, at, speed, change / h)
+            point = _tip(at, row(tool.offset, a, 0), stretch)
+            normal = _locate(patch, a, point)[1]
+            fill_jacobian(at, point, model.J_v_WC, a)
+            for i in range(3):
+                points[a, i], model.normal[a, i] = point[i], normal[i]
+        fill_bias(chain, at, speed, links, slow)
+        for j in range(n):
+            model.force[j] = torque[j] - slow[j]
+            for i in range(3):
+                model.force[j] += model.J_v_WC[0, i, j] * disturbance[i]
+        if not tool.rigid:
+            _fill_turned(turn, matrix, model.yielding)
+            _fill_turned(turn, tool.stiffness, model.stiffness)
+            stretched = add_turned(turn, vector(stretch), ZERO)
+            for i in range(3):
+                model.stretch[i] = stretched[i]
+        fill_mass_matrix(chain, at, model.mass)
+        dissipated, error = take_step(model, material, motion, work)
+        for j in range(n):
+            moved = work.displacement[j]
+            change[j] = v[j] - change[j]
+            q[j] += moved
+            viscous = material.viscous[j] * moved
+            outputs[base + j] = torque[j] + (motion.joint_impulse[j] - viscous) / h
+            outputs[energy + 4] += moved * (model.force[j] + slow[j])
+        for i in range(3):
+            for c in range(3):
+                stretch[i] += at.R_WE[c, i] * work.change[c]
+        for a in range(m):
+            own = contact + 6 * a
+            push = dot(row(model.normal, a, 0), row(motion.impulse, a, 0)) / h
+            outputs[own + 3] = max(outputs[own + 3], push)
+            outputs[own + 4] = max(outputs[own + 4], work.speeds[2, a])
+        outputs[energy + 3] += dissipated
+        largest = max(largest, error)
+        unsolved += 0 if error <= SOLVED else 1
+    for j in range(n):
+        mid[j] = change[j] / h
+    wrench = base_wrench(chain, at, speed, mid)
+    moment, force = vector(wrench), (wrench[3], wrench[4], wrench[5])
     for a in range(m):
-        pushed = motion.impulse[a] / h
+        pushed = scaled(row(motion.impulse, a, 0), 1.0 / h)
         if a == 0:
-            pushed = pushed + disturbance
-        add_cross(pushed, points[a], wrench[:3])
-        wrench[3:] -= pushed
-    after[energy + 5 :] = wrench
-    at = pose(chain, q)
-    after[: 3 * most + 3] = 0.0
+            pushed = add(pushed, vector(disturbance))
+        moment = add_cross(pushed, row(points, a, 0), moment)
+        force = add(force, scaled(pushed, -1.0))
+    place_links(chain, q, at)
+    fill_mass_matrix(chain, at, model.mass)
+    _fill_energies(chain, material, tool, at, model.mass, v, stretch, model.gap, outputs, energy)
+    for i in range(3):
+        outputs[energy + 5 + i], outputs[energy + 8 + i] = moment[i], force[i]
+    for i in range(base):
+        outputs[i] = 0.0
+    back, felt = transposed(nine(at.R_WE)), ZERO
     for a in range(most):
         own = contact + 6 * a
-        after[own + 5] = dissipated
+        outputs[own + 5] = outputs[energy + 3]
         if a >= m:
-            after[own], after[own + 1], after[own + 2] = NOWHERE, 0.0, 0.0
-            after[tip + 6 * a : tip + 6 * a + 6] = 0.0
+            outputs[own], outputs[own + 1], outputs[own + 2] = NOWHERE, 0.0, 0.0
+            for i in range(6):
+                outputs[tip + 6 * a + i] = 0.0
             continue
-        after[own] = gap[a]
-        after[own + 1] = done.approach_speed[a]
-        after[own + 2] = done.slip_speed[a]
-        point = _tip(at, tool.offset[a], stretch)
-        reached = point_jacobian(at, point)
+        outputs[own], outputs[own + 1] = model.gap[a], work.speeds[0, a]
+        outputs[own + 2] = work.speeds[1, a]
+        point = _tip(at, row(tool.offset, a, 0), stretch)
+        velocity = _velocity(at, point, v)
+        pushed = scaled(row(motion.impulse, a, 0), 1.0 / h)
         for i in range(3):
-            if gap[a] <= 0.0:
-                after[3 * a + i] = motion.impulse[a, i] / h
-                for k in range(3):
-                    after[3 * most + i] += at.R_WE[k, i] * motion.impulse[a, k] / h
-            after[tip + 6 * a + i] = point[i]
-            after[tip + 6 * a + 3 + i] = along(reached[i], motion.velocity)
+            outputs[tip + 6 * a + i], outputs[tip + 6 * a + 3 + i] = point[i], velocity[i]
+            if model.gap[a] <= 0.0:
+                outputs[3 * a + i] = pushed[i]
+        if model.gap[a] <= 0.0:
+            felt = add_turned(back, pushed, felt)
     if tool.load > 0.0:
-        speeding = (_carried(chain, tool, q, motion.velocity) - began) / h
-        lack = tool.load * (chain.gravity - speeding)
-        add_product(at.R_WE.T, lack, after[3 * most : 3 * most + 3])
-    after[energy : energy + 3] = energies(chain, material, tool, q, motion.velocity, stretch, gap)
-    after[energy + 3] = dissipated
-    state[:] = np.concatenate(
-        (
-            q,
-            motion.velocity,
-            motion.sticking,
-            motion.joint_impulse,
-            change,
-            motion.impulse.ravel(),
-            np.zeros(3 * (most - m)),
-            stretch,
-        )
-    )
-    outputs[:] = after
-    return error, unsolved
+        ended = _velocity(at, _tip(at, vector(tool.centre), np.zeros(3)), v)
+        speeding = scaled(add(ended, scaled(began, -1.0)), -1.0 / h)
+        felt = add_turned(back, scaled(add(vector(chain.gravity), speeding), tool.load), felt)
+    for i in range(3):
+        outputs[3 * most + i] = felt[i]
+        state[5 * n + 3 * most + i] = stretch[i]
+        for a in range(most):
+            state[5 * n + 3 * a + i] = motion.impulse[a, i] if a < m else 0.0
+    for j in range(n):
+        state[j], state[n + j], state[2 * n + j] = q[j], v[j], motion.sticking[j]
+        state[3 * n + j], state[4 * n + j] = motion.joint_impulse[j], change[j]
+    return largest, unsolved

@@ -38,11 +38,22 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from chamfer.systems.compiled import add_product, compiled, inverse
-from chamfer.systems.contact.arm_dynamics import add_cross
+from chamfer.systems.compiled import compiled, in_place, invert, within
+from chamfer.systems.contact.arm_dynamics import (
+    ZERO,
+    Three,
+    add,
+    add_cross,
+    add_turned,
+    dot,
+    nine,
+    row,
+    scaled,
+    vector,
+)
 
 
-@compiled
+@in_place
 def normal_impulse(
     gap: float, free: float, reach: float, spring: float, damping: float, rigid: bool
 ) -> float:
@@ -73,7 +84,7 @@ def normal_impulse(
     return spring * after * after / (2.0 * (gap - after)) - damping * after
 
 
-@compiled
+@in_place
 def normal_slope(gap: float, after: float, spring: float, damping: float, rigid: bool) -> float:
     """Return by how much p grows with the gap after the step, N s/m, where it pushes."""
     if not rigid:
@@ -121,10 +132,10 @@ class Conditions(NamedTuple):
     mu: Array  # (m,)
     rigid: bool
     h: float
-    scale: float  # m/s or rad/s, what an error is relative to
+    scale: Array  # (1,), m/s or rad/s, what an error is relative to
 
 
-@compiled
+@in_place
 def along(row: Array, vector: Array) -> float:
     """Return the scalar product."""
     total = 0.0
@@ -133,7 +144,7 @@ def along(row: Array, vector: Array) -> float:
     return total
 
 
-@compiled
+@within
 def act(problem: Conditions, velocity: Array, stretch: Array, row: int, impulse: float) -> None:
     """Let an impulse act along a row."""
     n = len(velocity)
@@ -144,7 +155,7 @@ def act(problem: Conditions, velocity: Array, stretch: Array, row: int, impulse:
             stretch[i] += problem.yielding[i, row - n] * impulse
 
 
-@compiled
+@within
 def moved(problem: Conditions, velocity: Array, stretch: Array, mean: float, row: int) -> float:
     """Return by how much a point moves along its normal or a tangent, m."""
     speed = mean * along(problem.rows[row], velocity)
@@ -152,7 +163,7 @@ def moved(problem: Conditions, velocity: Array, stretch: Array, mean: float, row
     return problem.h * speed + float(stretch[row])
 
 
-@compiled
+@within
 def _wanted_push(
     problem: Conditions, velocity: Array, stretch: Array, given: float, point: int
 ) -> float:
@@ -163,7 +174,7 @@ def _wanted_push(
     return normal_impulse(gap, free, push, spring, damping, problem.rigid)
 
 
-@compiled
+@in_place
 def _relax(
     problem: Conditions, velocity: Array, stretch: Array, impulse: Array, sweeps: int
 ) -> float:
@@ -202,9 +213,9 @@ def _relax(
                 act(problem, velocity, stretch, row + 2, second - impulse[row + 2])
                 impulse[row + 1], impulse[row + 2] = first, second
                 change = max(change, step * slide)
-        if change <= _TOLERANCE * problem.scale:
+        if change <= _TOLERANCE * problem.scale[0]:
             break
-    return change / problem.scale
+    return change / float(problem.scale[0])
 
 
 @compiled
@@ -316,19 +327,19 @@ def _newton(
     slope = np.empty_like(mobility)
     length = natural_map(problem, velocity, stretch, impulse, mobility, weight, lack, slope)
     for _ in range(_NEWTON):
-        if length <= _BALANCED * problem.scale:
+        if length <= _BALANCED * problem.scale[0]:
             break
         for j in range(n):
             slope[j, j] += _PROXIMAL * weight * mobility[j, j]
         for point in range(len(problem.gap)):
-            for row in range(n + 3 * point + 1, n + 3 * point + 3):
-                slope[row, row] += _PROXIMAL * weight * problem.slide[point]
+            for at in range(n + 3 * point + 1, n + 3 * point + 3):
+                slope[at, at] += _PROXIMAL * weight * problem.slide[point]
         way, before = np.linalg.solve(slope, lack), length
         part, done = 1.0, 0.0
         while done != part:
-            for row in range(len(impulse)):
-                act(problem, velocity, stretch, row, (done - part) * way[row])
-                impulse[row] += (done - part) * way[row]
+            for i in range(len(impulse)):
+                act(problem, velocity, stretch, i, (done - part) * way[i])
+                impulse[i] += (done - part) * way[i]
             length = natural_map(
                 problem, velocity, stretch, impulse, mobility, weight, lack, slope
             )
@@ -339,7 +350,7 @@ def _newton(
             break
 
 
-@compiled
+@in_place
 def solve(problem: Conditions, velocity: Array, stretch: Array, impulse: Array) -> float:
     """Change velocity v+, stretch and impulses until the conditions hold.
 
@@ -360,7 +371,7 @@ def solve(problem: Conditions, velocity: Array, stretch: Array, impulse: Array) 
     return error
 
 
-_SOLVED: Final = 1e-6  # relative error, beyond which a step counts as not solved
+SOLVED: Final = 1e-6  # relative error, beyond which a step counts as not solved
 _SLOW: Final = 1e-3  # rad/s or m/s, what a slow speed's change is relative to
 
 
@@ -414,148 +425,256 @@ class Moved(NamedTuple):
     solved: bool  # whether that is rounding
 
 
+class Work(NamedTuple):
+    """Room for a step, and what it did besides what it changed."""
+
+    problem: Conditions
+    axes: Array  # (3m, 3), rows: each point's normal and two tangents
+    damped: Array  # (n, n)
+    velocity: Array  # (n,)
+    stretch: Array  # (3m,)
+    impulse: Array  # (n + 3m,)
+    touched: Array  # (m,), 1 where a point pushed in the step before
+    displacement: Array  # (n,)
+    change: Array  # (3,), m, of the gripper's stretch, world frame
+    speeds: Array  # (3, m), m/s, approach, slip and impact speed
+
+
+@compiled
+def workspace(model: StepModel, material: Material, h: float) -> Work:
+    """Return room for steps of ``h`` seconds of a model, whose arrays are filled in for each."""
+    n, m = len(model.force), len(model.gap)
+    problem = Conditions(
+        np.empty((3 * m, n)),
+        np.empty((n + 3 * m, n)),
+        np.empty(n),
+        np.zeros((3 * m, 3 * m)),
+        1.0 if model.rigid else 0.5,
+        np.empty(3 * m),
+        model.gap,
+        np.empty(m),
+        np.empty(m),
+        h * material.stiffness,
+        material.damping,
+        model.mu,
+        model.rigid,
+        h,
+        np.empty(1),
+    )
+    return Work(
+        problem,
+        np.empty((3 * m, 3)),
+        np.empty((n, n)),
+        np.empty(n),
+        np.empty(3 * m),
+        np.empty(n + 3 * m),
+        np.empty(m),
+        np.empty(n),
+        np.empty(3),
+        np.empty((3, m)),
+    )
+
+
 @compiled
 def tangent(normal: Array) -> Array:
     """Return a unit vector at right angles to a unit normal."""
-    least = 0
-    for i in range(1, 3):
-        if abs(normal[i]) < abs(normal[least]):
-            least = i
-    length = math.sqrt(1.0 - normal[least] ** 2)
-    result = np.empty(3)
-    for i in range(3):
-        result[i] = ((1.0 if i == least else 0.0) - normal[least] * normal[i]) / length
-    return result
+    return np.array(_tangent(vector(normal)))
+
+
+@in_place
+def _tangent(normal: Three) -> Three:
+    x, y, z = normal
+    if abs(z) < min(abs(x), abs(y)):
+        length = math.sqrt(1.0 - z**2)
+        return -z * x / length, -z * y / length, (1.0 - z * z) / length
+    if abs(y) < abs(x):
+        length = math.sqrt(1.0 - y**2)
+        return -y * x / length, (1.0 - y * y) / length, -y * z / length
+    length = math.sqrt(1.0 - x**2)
+    return (1.0 - x * x) / length, -x * y / length, -x * z / length
 
 
 @compiled
 def _conditions(
     model: StepModel, material: Material, motion: Motion, axes: Array, compliance: Array, h: float
 ) -> Conditions:
-    velocity = motion.velocity
-    n, m = len(velocity), len(model.gap)
-    rows, before, largest = np.zeros((3 * m, n)), np.zeros(3 * m), 0.0
-    reach, bound = np.zeros((n + 3 * m, n)), np.empty(n)
+    problem = workspace(model, material, h).problem
+    problem.reach[: len(compliance)] = compliance
+    _fill_conditions(model, material, motion, axes, problem)
+    return problem
+
+
+@in_place
+def _fill_conditions(
+    model: StepModel, material: Material, motion: Motion, axes: Array, problem: Conditions
+) -> None:
+    """Fill in the conditions of a step but for the joints' reach, and what it adds to a point."""
+    velocity, h, mean, rows, reach = (
+        motion.velocity,
+        problem.h,
+        problem.mean,
+        problem.rows,
+        problem.reach,
+    )
+    n, largest, yielding = len(velocity), 0.0, problem.yielding
     for j in range(n):
         largest = max(largest, abs(velocity[j]))
-        fading = 1.0 if motion.sticking[j] else math.exp(-((velocity[j] / material.stribeck) ** 2))
-        bound[j] = h * material.coulomb[j] * (1.0 + (material.breakaway - 1.0) * fading)
-    reach[:n] = compliance
-    yielding = np.zeros((3 * m, 3 * m))
-    for i in range(3 * m):
-        add_product(model.J_v_WC[i // 3].T, axes[i], rows[i])
-        before[i] = along(rows[i], velocity)
-        add_product(compliance, rows[i], reach[n + i])
+        fading = 1.0
+        if motion.sticking[j] == 0.0:
+            fading = math.exp(-((velocity[j] / material.stribeck) ** 2))
+        problem.bound[j] = h * material.coulomb[j] * (1.0 + (material.breakaway - 1.0) * fading)
+    problem.scale[0] = _SLOW + largest
+    for i in range(len(axes)):
+        problem.before[i] = 0.0
+        for j in range(n):
+            rows[i, j] = 0.0
+            for k in range(3):
+                rows[i, j] += model.J_v_WC[i // 3, k, j] * axes[i, k]
+            problem.before[i] += rows[i, j] * velocity[j]
+        for j in range(n):
+            reach[n + i, j] = 0.0
+            for k in range(n):
+                reach[n + i, j] += reach[j, k] * rows[i, k]
         if not model.rigid:
-            for k in range(3 * m):
-                for j in range(3):
-                    yielding[i, k] += axes[i, j] * along(model.yielding[j], axes[k])
-    mean = 1.0 if model.rigid else 0.5
-    push, slide = np.empty(m), np.empty(m)
-    for point in range(m):
+            give = add_turned(nine(model.yielding), row(axes, i, 0), ZERO)
+            for k in range(len(axes)):
+                yielding[k, i] = dot(row(axes, k, 0), give)
+    for point in range(len(model.gap)):
         a, b, c = 3 * point, 3 * point + 1, 3 * point + 2
-        push[point] = h * along(rows[a], reach[n + a]) / 2 + yielding[a, a]
+        first, second, mixed, up = 0.0, 0.0, 0.0, 0.0
+        for j in range(n):
+            up += rows[a, j] * reach[n + a, j]
+            first += rows[b, j] * reach[n + b, j]
+            second += rows[c, j] * reach[n + c, j]
+            mixed += rows[b, j] * reach[n + c, j]
+        problem.push[point] = h * up / 2 + yielding[a, a]
         # The largest eigenvalue of the tangents' mobility: with less, sticking need not converge.
-        first = mean * along(rows[b], reach[n + b]) + yielding[b, b] / h
-        second = mean * along(rows[c], reach[n + c]) + yielding[c, c] / h
-        mixed = mean * along(rows[b], reach[n + c]) + yielding[b, c] / h
-        slide[point] = (first + second) / 2 + math.hypot((first - second) / 2, mixed)
-    return Conditions(
-        rows,
-        reach,
-        bound,
-        yielding,
-        mean,
-        before,
-        model.gap,
-        push,
-        slide,
-        h * material.stiffness,
-        material.damping,
-        model.mu,
-        model.rigid,
-        h,
-        _SLOW + largest,
-    )
+        first = mean * first + yielding[b, b] / h
+        second = mean * second + yielding[c, c] / h
+        mixed = mean * mixed + yielding[b, c] / h
+        difference = math.hypot((first - second) / 2, mixed)
+        problem.slide[point] = (first + second) / 2 + difference
 
 
 @compiled
 def step(model: StepModel, material: Material, motion: Motion, h: float) -> Moved:
     """Take a step of ``h`` seconds."""
-    mass, before = model.mass, motion.velocity
-    n, m = len(before), len(model.gap)
-    axes = np.zeros((3 * m, 3))  # rows: each point's normal and two tangents
+    after = Motion(
+        motion.velocity.copy(),
+        motion.sticking.copy(),
+        motion.joint_impulse.copy(),
+        motion.impulse.copy(),
+    )
+    now = StepModel(
+        model.mass,
+        model.force,
+        model.J_v_WC,
+        model.gap.copy(),
+        model.normal,
+        model.mu,
+        model.rigid,
+        model.yielding,
+        model.stiffness,
+        model.stretch,
+    )
+    work = workspace(now, material, h)
+    dissipated, error = take_step(now, material, after, work)
+    approach, slip, impact = work.speeds
+    solved = error <= SOLVED
+    done = work.displacement, work.change, now.gap, approach, slip, impact
+    return Moved(after, *done, dissipated, error, solved)
+
+
+@in_place
+def take_step(
+    model: StepModel, material: Material, motion: Motion, work: Work
+) -> tuple[float, float]:
+    """Take a step; change motion and gap, and return the energy dissipated, J, and the error."""
+    problem, axes, impulse, before = work.problem, work.axes, work.impulse, motion.velocity
+    n, m, h, velocity, stretch = (
+        len(before),
+        len(model.gap),
+        problem.h,
+        work.velocity,
+        work.stretch,
+    )
     for point in range(m):
-        own = axes[3 * point : 3 * point + 3]
-        own[0] = model.normal[point]
-        own[1] = tangent(own[0])
-        add_cross(own[0], own[1], own[2])
-    damped = mass.copy()
-    momentum = np.empty(n)
+        normal = row(model.normal, point, 0)
+        across = _tangent(normal)
+        other = add_cross(normal, across, ZERO)
+        for k in range(3):
+            axes[3 * point, k] = normal[k]
+            axes[3 * point + 1, k], axes[3 * point + 2, k] = across[k], other[k]
     for j in range(n):
-        damped[j, j] += h * material.viscous[j] / 2
-        momentum[j] = along(mass[j], before) + h * model.force[j]
-        momentum[j] -= h * material.viscous[j] * before[j] / 2
-    compliance = inverse(damped)
-    problem = _conditions(model, material, motion, axes, compliance, h)
-    velocity, stretch = np.zeros(n), np.zeros(3 * m)
-    add_product(compliance, momentum, velocity)
-    impulse, pull = np.zeros(n + 3 * m), np.zeros(3)
-    impulse[:n] = motion.joint_impulse
-    for i in range(3):
-        pull[i] = h * along(model.stiffness[i], model.stretch)  # what keeps the stretch
+        momentum = 0.0
+        for k in range(n):
+            work.damped[j, k] = model.mass[j, k]
+            momentum += model.mass[j, k] * before[k]
+        momentum += h * model.force[j]
+        momentum -= h * material.viscous[j] * before[j] / 2
+        work.damped[j, j] += h * material.viscous[j] / 2
+        impulse[j] = momentum
+    invert(work.damped, problem.reach)
+    _fill_conditions(model, material, motion, axes, problem)
+    for j in range(n):
+        velocity[j] = 0.0
+        for k in range(n):
+            velocity[j] += problem.reach[j, k] * impulse[k]
+    for j in range(n):
+        impulse[j] = motion.joint_impulse[j]
+    pull = scaled(add_turned(nine(model.stiffness), vector(model.stretch), ZERO), h)
     for i in range(3 * m):
-        impulse[n + i] = along(axes[i], motion.impulse[i // 3])
+        # The last impulse to start from, and what keeps the stretch.
+        impulse[n + i] = dot(row(axes, i, 0), row(motion.impulse, i // 3, 0))
+        stretch[i] = 0.0
         if not model.rigid:
             for k in range(3):
-                stretch[i] -= problem.yielding[i, k] * along(axes[k], pull)
-    touched = impulse[n::3] > 0.0
-    for row in range(n + 3 * m):
-        act(problem, velocity, stretch, row, impulse[row])
+                stretch[i] -= problem.yielding[i, k] * dot(row(axes, k, 0), pull)
+    for point in range(m):
+        work.touched[point] = impulse[n + 3 * point]
+    for i in range(n + 3 * m):
+        act(problem, velocity, stretch, i, impulse[i])
     error = solve(problem, velocity, stretch, impulse)
 
-    sticking, displacement, change = np.zeros(n), np.empty(n), np.zeros(3)
     dissipated = 0.0
     for j in range(n):
+        motion.sticking[j] = 0.0
         if abs(impulse[j]) < problem.bound[j]:
-            sticking[j] = 1.0
+            motion.sticking[j] = 1.0
             velocity[j] = 0.0
         mean = (before[j] + velocity[j]) / 2
-        displacement[j] = h * mean
+        work.displacement[j] = h * mean
+        motion.joint_impulse[j] = impulse[j]
         dissipated += (h * material.viscous[j] * mean - impulse[j]) * mean
     # What contact and gripper take of the work that the arm does on them, and don't store.
-    gap, world = np.empty(m), np.zeros((m, 3))
-    approach, slip, impact = np.empty(m), np.empty(m), np.zeros(m)
     for point in range(m):
         first = 3 * point
+        world, was = ZERO, model.gap[point]
         for i in range(first, first + 3):
             way = moved(problem, velocity, stretch, 0.5, i)
             dissipated -= impulse[n + i] * (way - stretch[i]) / h
             if i == first:
-                gap[point] = model.gap[point] + way
-            for k in range(3):
-                world[point, k] += axes[i, k] * impulse[n + i]
-        deep, was = min(gap[point], 0.0), min(model.gap[point], 0.0)
+                model.gap[point] = was + way
+            world = add(world, scaled(row(axes, i, 0), impulse[n + i]))
+        for k in range(3):
+            motion.impulse[point, k] = world[k]
+        deep, was = min(model.gap[point], 0.0), min(was, 0.0)
         dissipated -= material.stiffness[point] * (deep**2 - was**2) / 2
-        approach[point] = -moved(problem, velocity, stretch, problem.mean, first) / h
+        approach = -moved(problem, velocity, stretch, problem.mean, first) / h
         along_b = moved(problem, velocity, stretch, problem.mean, first + 1)
         along_c = moved(problem, velocity, stretch, problem.mean, first + 2)
-        slip[point] = math.hypot(along_b, along_c) / h
-        if impulse[n + first] > 0.0 and not touched[point]:
-            impact[point] = max(0.0, -problem.before[first])
-    add_product(axes[:3].T, stretch[:3], change)
+        work.speeds[0, point], work.speeds[1, point] = approach, math.hypot(along_b, along_c) / h
+        work.speeds[2, point] = 0.0
+        if impulse[n + first] > 0.0 and not work.touched[point] > 0.0:
+            work.speeds[2, point] = max(0.0, -problem.before[first])
+    change = ZERO
+    for i in range(3):
+        change = add(change, scaled(row(axes, i, 0), stretch[i]))
     if not model.rigid:
-        for i in range(3):
-            dissipated -= along(model.stiffness[i], model.stretch + change / 2) * change[i]
-    return Moved(
-        Motion(velocity, sticking, impulse[:n].copy(), world),
-        displacement,
-        change,
-        gap,
-        approach,
-        slip,
-        impact,
-        dissipated,
-        error,
-        error <= _SOLVED,
-    )
+        half = add(vector(model.stretch), scaled(change, 0.5))
+        dissipated -= dot(add_turned(nine(model.stiffness), half, ZERO), change)
+    for i in range(3):
+        work.change[i] = change[i]
+    for j in range(n):
+        before[j] = velocity[j]
+    return dissipated, error
