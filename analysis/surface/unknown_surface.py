@@ -47,6 +47,7 @@ from chamfer.analysis.surface.normal_metrics import (
     normalised_square,
     tracking_metrics,
 )
+from chamfer.diagrams.surface.compiled_surface_loop import run_compiled
 from chamfer.diagrams.surface.surface_estimation import (
     LARGE_NOISE,
     NOISE_FREE,
@@ -96,15 +97,18 @@ def run_surface(scenario: Resolved, seed: int) -> Traces:
     the gripper on the surface; ``travel`` m, of the contact point along x; where it is controlled,
     ``effort_x`` N and so on.
     """
-    if isinstance(scenario, ResolvedTrackingScenario):
-        diagram = make_tracking_diagram(scenario)
-    else:
-        diagram = make_estimation_diagram(scenario)
-    period = scenario.sensor_period
     # The last sample's estimate shows a row later; rounding must not decide about the last row.
-    samples = math.floor(scenario.duration / period + 1e-9)
-    run = simulate(diagram, duration=(samples + 1.5) * period, step=period, seed=seed)
-    outputs, d = run.outputs, scenario.dimension
+    period, d = scenario.sensor_period, scenario.dimension
+    samples = math.floor(scenario.duration / period + 1e-9) + 1
+    outputs = run_compiled(scenario, samples, seed)
+    if outputs is None:
+        if isinstance(scenario, ResolvedTrackingScenario):
+            diagram = make_tracking_diagram(scenario)
+        else:
+            diagram = make_estimation_diagram(scenario)
+        outputs = simulate(
+            diagram, duration=(samples + 0.5) * period, step=period, seed=seed
+        ).outputs
     # What the observer makes of a sample shows up in the next row.
     normal, deviation = outputs["normal"][1:], outputs["deviation"][1:]
     covariance = outputs["covariance"][1:].reshape(-1, d, d)
@@ -112,7 +116,7 @@ def run_surface(scenario: Resolved, seed: int) -> Traces:
     point, velocity, truth = contact[:, :d], contact[:, d : 2 * d], contact[:, 2 * d : 3 * d]
     first = np.broadcast_to(scenario.up, normal.shape)
     traces = {
-        "time": run.time[:-1],
+        "time": period * np.arange(samples, dtype=np.float64),
         "force": np.sum(force * truth, axis=1),
         "error": angle_between(normal, truth),
         "band": DEVIATIONS * np.degrees(deviation),
