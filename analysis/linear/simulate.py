@@ -8,7 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.common import RandomGenerator
 from pydrake.systems.analysis import DiscreteTimeApproximation, Simulator
-from pydrake.systems.framework import Context, DiagramBuilder, OutputPort, System
+from pydrake.systems.framework import (
+    Context,
+    Diagram,
+    DiagramBuilder,
+    EventStatus,
+    OutputPort,
+    System,
+)
 from pydrake.systems.primitives import LinearSystem, LogVectorOutput, Multiplexer
 
 from chamfer.analysis.scenario.experiment import Progress
@@ -95,6 +102,13 @@ def _solve(system: LinearSystem, time: NDArray[np.float64]) -> NDArray[np.float6
     return response
 
 
+def _watches(system: System) -> list[Callable[[Context], Callable[[Context], EventStatus]]]:
+    """Return what blocks of a diagram, at most one, want done after each step, of a root."""
+    found = getattr(system, "watch", None)
+    inside = system.GetSystems() if isinstance(system, Diagram) else []
+    return [found] if found else [watch for one in inside for watch in _watches(one)]
+
+
 def _step(
     system: System,
     ports: list[OutputPort],
@@ -116,6 +130,8 @@ def _step(
     root.SetRandomContext(context, RandomGenerator(seed))
     simulator = Simulator(root, context)
     simulator.set_target_realtime_rate(rate)
+    for watch in _watches(root):
+        simulator.set_monitor(watch(context))
     simulator.Initialize()
     count = _SLICES if ended is None else max(1, math.ceil(duration / (_LOOKS * step)))
     for i in range(count):

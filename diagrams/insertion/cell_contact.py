@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Final
 
+from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
@@ -18,6 +19,7 @@ from chamfer.diagrams.cell.work_cell import (
 from chamfer.models.peg.bore_contact import ContactMaterial, add_hole_contact, add_peg_contact
 from chamfer.models.peg.peg_and_hole import PegAndHole
 from chamfer.systems.contact.contact_approximation import Approximation, approximate
+from chamfer.systems.contact.near_walls import NearWalls
 from chamfer.systems.contact.peg_hole_contact_monitor import PegHoleContactMonitor
 
 _IN_TOOL: Final = RigidTransform()  # the bodies' frames are those of peg and mouth
@@ -63,10 +65,10 @@ class TouchingParts:
     def add(self, plant: MultibodyPlant, peg: RigidBody, hole: RigidBody) -> None:
         """Add what collides, before the plant is finalized."""
         approximate(plant, self._approximation)
-        self._peg, self._hole = (peg, _IN_TOOL), (hole, _IN_TOOL)
-        of = self._parts, self._material
-        self._peg_shapes = add_peg_contact(plant, *self._peg, *of)
-        self._hole_shapes = add_hole_contact(plant, *self._hole, *of)
+        self._peg, self._hole = peg, hole
+        of = _IN_TOOL, self._parts, self._material
+        self._peg_shapes = add_peg_contact(plant, peg, *of)
+        self._hole_shapes = add_hole_contact(plant, hole, *of)
 
     def monitor(
         self, builder: DiagramBuilder, plant: MultibodyPlant, seated_depth: float
@@ -75,6 +77,15 @@ class TouchingParts:
 
         The peg is seated from ``seated_depth`` on, m, of the tip below the mouth.
         """
+        near = None
+        if self._parts.is_round:
+            near = NearWalls(
+                self._parts,
+                next(one for one in builder.GetSystems() if isinstance(one, SceneGraph)),
+                (self._peg, self._hole),
+                self._peg_shapes,
+                self._hole_shapes[: self._material.facets],
+            ).watch
         contact: PegHoleContactMonitor = builder.AddNamedSystem(
             "contact",
             PegHoleContactMonitor(
@@ -82,8 +93,8 @@ class TouchingParts:
                 peg=self._peg,
                 hole=self._hole,
                 peg_shapes=self._peg_shapes,
-                hole_shapes=self._hole_shapes,
                 seated_depth=seated_depth,
+                watch=near,
             ),
         )
         for name in ("contact_results", "body_poses"):

@@ -220,7 +220,7 @@ def test_insertions_are_judged_by_statics(monkeypatch: pytest.MonkeyPatch) -> No
     assert row["statics: N"] is None  # nothing slides it
     findings = Findings(insertions=found)
     asked = [one.ok for one in targets(findings) if one.text.startswith("insertions:")]
-    assert asked == [True] * 3
+    assert asked == [True] * 3 + [None]
 
     wrong = found[CHAMFER]
     wrong[0.0, 5.0] = Result(False, 0.0048, 9.16, 1.0)
@@ -228,6 +228,8 @@ def test_insertions_are_judged_by_statics(monkeypatch: pytest.MonkeyPatch) -> No
     assert insertion.agreement(found) == 75.0
     assert insertion.worst_onset(found) == pytest.approx(0.3, abs=0.005)
     assert insertion.worst_force(found) == pytest.approx(9.9, abs=0.1)
+    found[insertion.PEER] = {(0.0, 5.0): Result(True, 0.0, 0.0, 2.0)}
+    assert insertion.slowest(found) == 0.5
 
 
 def test_a_missing_peer_is_left_out_and_named(monkeypatch: pytest.MonkeyPatch) -> None:

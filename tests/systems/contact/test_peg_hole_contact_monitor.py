@@ -18,8 +18,8 @@ from chamfer.models.peg.peg_and_hole import PegAndHole
 from chamfer.systems.contact.peg_hole_contact_monitor import (
     FEATURES,
     ContactState,
-    Points,
-    cluster,
+    shape_of,
+    told,
 )
 
 Array = NDArray[np.float64]
@@ -32,11 +32,26 @@ def pose(x: float, y: float = 0.0, tilt: float = 0.0) -> RigidTransform:
     return RigidTransform(RotationMatrix.MakeZRotation(-tilt), np.array([x, y, 0.0]))
 
 
-def points(*rows: tuple[Any, Any, float]) -> Points:
-    """Return contacts at a place, along a normal out of the hole, with a force, no friction."""
-    position, normal, force = (np.array(one, dtype=float) for one in zip(*rows, strict=True))
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    return Points(position, force[:, None] * normal, normal, np.zeros((len(rows), 2)))
+class Found:
+    """What the block says of contacts, in the mouth's frame: a place, a normal, and a force."""
+
+    def __init__(
+        self,
+        rows: Any,
+        X_MT: RigidTransform,
+        parts: PegAndHole,
+        X_WM: RigidTransform = RigidTransform(),  # noqa: B008
+    ) -> None:
+        table, R_WM = [], X_WM.rotation().matrix()
+        for position, normal, force in rows:
+            n = np.array(normal) / np.linalg.norm(normal)
+            on_hole = -force * n if np.isscalar(force) else -np.array(force)
+            turned = X_WM @ np.array(position), R_WM @ on_hole, R_WM @ n
+            table.append([*np.concatenate(turned), 0.02, -0.001, 1.0])
+        frames = X_WM.GetAsMatrix34(), (X_WM @ X_MT).GetAsMatrix34()
+        found = self.all = told(np.array(table), *frames, shape_of(parts))
+        self.state, self.wrench, self.forces = found[0], found[1:7], found[7:12]
+        self.sides, self.loss = found[12:15], found[16]
 
 
 LEFT, RIGHT = (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)  # out of the walls at -y and +y
@@ -48,8 +63,8 @@ def test_sixteen_pairs_may_be_one_point() -> None:
         ((EDGE, R * math.cos(a), R * math.sin(a)), (0.0, -math.cos(a), -math.sin(a)), 1.0)
         for a in angles
     ]
-    found = cluster(points(*rows), pose(0.02), PARTS)
-    assert found.state() == ContactState.ONE_POINT
+    found = Found(rows, pose(0.02), PARTS)
+    assert found.state == ContactState.ONE_POINT
     assert dict(zip(FEATURES, found.forces, strict=True)) == pytest.approx(
         {"mouth": 16.0, "tip": 0.0, "chamfer": 0.0, "face": 0.0, "bottom": 0.0}
     )
@@ -64,8 +79,8 @@ def test_two_points_are_at_the_mouth_and_across_at_the_tip(side: float) -> None:
         ((EDGE, side * R, 0.0), (0.05, -side, 0.0), 3.0),
         ((corner, -side * R, 0.0), (0.0, side, 0.0), 2.0),
     )
-    found = cluster(points(*rows), pose(depth, -side * (R - r), tilt), PARTS)
-    assert found.state() == ContactState.TWO_POINT
+    found = Found(rows, pose(depth, -side * (R - r), tilt), PARTS)
+    assert found.state == ContactState.TWO_POINT
     np.testing.assert_allclose(found.forces[:2], [3.0, 2.0], rtol=1e-9)
     assert math.cos(found.sides[0]) == pytest.approx(side)
     assert math.cos(found.sides[1]) == pytest.approx(-side)
@@ -75,7 +90,7 @@ def test_a_steep_peg_s_tip_is_told_from_the_mouth_close_above_it() -> None:
     tilt, depth = 0.21, 0.0058
     corner = depth - 0.002 * math.cos(tilt) - r * math.sin(tilt)
     rows = (((EDGE, R, 0.0), RIGHT, 3.0), ((corner, -R, 0.0), LEFT, 2.0))
-    found = cluster(points(*rows), pose(depth, -(R - r * math.cos(tilt)), tilt), PARTS)
+    found = Found(rows, pose(depth, -(R - r * math.cos(tilt)), tilt), PARTS)
     assert corner < EDGE  # the corner is not even in the bore
     np.testing.assert_allclose(found.forces[:2], [3.0, 2.0], rtol=1e-9)
 
@@ -86,32 +101,35 @@ def test_a_steep_peg_s_tip_is_told_from_the_mouth_close_above_it() -> None:
         ((0.001, R + 0.001, 0.0), (-1.0, -1.0, 0.0), ContactState.CHAMFER, "chamfer"),
         ((0.0, 0.013, 0.0), (-1.0, 0.0, 0.0), ContactState.FACE, "face"),
         ((0.0013, R + 0.0007, 0.0), (-1.0, -0.1, 0.0), ContactState.CHAMFER, "chamfer"),
-        ((0.03, 0.0, 0.0), (-1.0, 0.0, 0.0), ContactState.NONE, "bottom"),
+        ((0.03, 0.0, 0.0), (-1.0, 0.0, 0.0), ContactState.SEATED, "bottom"),
     ],
 )
 def test_normals_tell_the_features_apart(
     place: Any, normal: Any, state: ContactState, feature: str
 ) -> None:
     blind = PegAndHole(bore_depth=0.03)
-    found = cluster(points((place, normal, 2.0)), pose(max(place[0], 0.0)), blind)
-    assert found.state() == state
+    found = Found([(place, normal, 2.0)], pose(max(place[0], 0.0)), blind)
+    assert found.state == state
     assert found.forces[FEATURES.index(feature)] == pytest.approx(2.0)
 
 
 def test_wrench_and_loss() -> None:
-    pressed = Points(
-        np.array([[0.002, 0.01, 0.0]]),
-        np.array([[-1.0, -5.0, 0.0]]),  # friction against the insertion
-        np.array([[0.0, -1.0, 0.0]]),
-        np.array([[0.02, -0.001]]),
-    )
-    wrench, loss = pressed.wrench_and_loss[:6], pressed.wrench_and_loss[6]
-    np.testing.assert_allclose(wrench, [0, 0, 0.002 * -5 - 0.01 * -1, -1, -5, 0])
-    assert loss == pytest.approx(1.0 * 0.02 + 5.0 * 0.001)
+    rubbed = ((0.002, 0.01, 0.0), RIGHT, (-1.0, -5.0, 0.0))  # friction against the insertion
+    found = Found([rubbed], pose(0.0), PARTS)
+    np.testing.assert_allclose(found.wrench, [0, 0, 0.002 * -5 - 0.01 * -1, -1, -5, 0], atol=1e-15)
+    assert found.loss == pytest.approx(1.0 * 0.02 + 5.0 * 0.001)
     position, force = np.array([[0.3, 0.5, 0.7], [0.2, -0.4, 0.1]]), np.arange(6.0).reshape(2, 3)
-    both = Points(position, force, np.eye(3)[:2], np.zeros((2, 2))).wrench_and_loss
+    both = Found(zip(position, np.eye(3)[:2], force, strict=True), pose(0.0), PARTS).wrench
     np.testing.assert_allclose(both[:3], np.cross(position, force).sum(axis=0), atol=1e-12)
-    np.testing.assert_allclose(both[3:6], force.sum(axis=0))
+    np.testing.assert_allclose(both[3:], force.sum(axis=0))
+
+
+def test_the_hole_s_frame_counts_and_not_the_world_s() -> None:
+    rows = [((0.001, R + 0.001, 0.0), (-1.0, -1.0, 0.0), (-3.0, -2.0, 0.5))]
+    at_mouth = Found(rows, pose(0.004, 0.001, 0.02), PARTS)
+    X_WM = RigidTransform(RotationMatrix.MakeXRotation(0.3), np.array([1.0, -2.0, 0.5]))
+    elsewhere = Found(rows, pose(0.004, 0.001, 0.02), PARTS, X_WM)
+    np.testing.assert_allclose(elsewhere.all, at_mouth.all, atol=1e-12)
 
 
 def test_in_a_plant_the_hole_s_wrench_is_what_the_springs_put_on_the_peg() -> None:

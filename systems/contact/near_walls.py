@@ -1,0 +1,101 @@
+"""Contacts are looked for at those walls of a hole alone that its peg is near.
+
+Drake tries every wall against the peg: it bounds what is turned by spheres, and all of them
+overlap. Here a plane between the two tells most of them apart. What is passed over cannot touch,
+so that contacts and forces stay what they are, to the last digit.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.geometry import CollisionFilterDeclaration, GeometryId, GeometrySet, SceneGraph
+from pydrake.multibody.tree import RigidBody
+from pydrake.systems.framework import Context, EventStatus
+
+from chamfer.models.peg.peg_and_hole import PegAndHole
+from chamfer.systems.compiled import compiled
+
+Array = NDArray[np.float64]
+Watch = Callable[
+    [Context], Callable[[Context], EventStatus]
+]  # what is done after steps, of a root
+
+_NEAR: Final = 1e-6  # m, from where on a wall has to be looked at
+_AHEAD: Final = 0.05  # of the clearance: so near ones are looked at too, the next steps need them
+_TOO_MANY: Final = 6  # walls more than needed, before they are passed over again
+
+
+@compiled
+def wall_gaps(X_MT: Array, bore: float, radius: float, length: float, walls: int) -> Array:
+    """Return how far a round peg is from each wall of a bore, at least, m, shape (walls,).
+
+    The first wall faces +y in the mouth's frame, the others follow towards z; all are below the
+    mouth and beyond a plane at the bore's radius. ``X_MT``, shape (3, 4), is the peg's frame.
+    """
+    gaps = np.full(walls, np.inf)
+    axis, tip = X_MT[:, 0], X_MT[:, 3]
+    below = tip[0] + radius * math.sqrt(max(1.0 - axis[0] ** 2, 0.0))
+    if below < 0.0:
+        return gaps
+    back = min(length, below / axis[0]) if axis[0] > 0.0 else length  # what is farther is above
+    for k in range(walls):
+        y, z = math.cos(2.0 * math.pi * k / walls), math.sin(2.0 * math.pi * k / walls)
+        slope = y * axis[1] + z * axis[2]
+        middle = y * tip[1] + z * tip[2] + max(0.0, -slope * back)
+        gaps[k] = bore - middle - radius * math.sqrt(max(1.0 - slope**2, 0.0))
+    return gaps
+
+
+class NearWalls:
+    """Tells a plant, step by step, at which walls of a round hole to look for contacts.
+
+    The bodies' frames are those of peg and mouth; the walls are in the order of
+    :func:`wall_gaps`.
+    """
+
+    def __init__(
+        self,
+        parts: PegAndHole,
+        scene_graph: SceneGraph,
+        bodies: tuple[RigidBody, RigidBody],
+        peg: Sequence[GeometryId],
+        walls: Sequence[GeometryId],
+    ) -> None:
+        self._scene_graph, self._peg, self._walls = scene_graph, GeometrySet(peg), walls
+        self._plant, frames = bodies[0].GetParentPlant(), [one.body_frame() for one in bodies]
+        self._peg_frame, self._hole_frame = frames
+        self._sizes = parts.hole_radius, parts.peg_radius, parts.peg_length, len(walls)
+        self._ahead = _NEAR + _AHEAD * parts.clearance
+
+    def watch(self, root: Context) -> Callable[[Context], EventStatus]:
+        """Return what is to be done after each step of a simulation with this context."""
+        plant = self._plant.GetMyContextFromRoot(root)
+        geometry = self._scene_graph.GetMyMutableContextFromRoot(root)
+        frames = self._hole_frame, self._peg_frame
+        looked_at = np.ones(len(self._walls), dtype=bool)
+
+        def look(_root: Context) -> EventStatus:
+            X_MT = self._plant.CalcRelativeTransform(plant, *frames).GetAsMatrix34()
+            gaps = wall_gaps(X_MT, *self._sizes)
+            needed = gaps < _NEAR
+            seen = np.count_nonzero(needed & looked_at)
+            missing = np.count_nonzero(needed) - seen
+            if missing or np.count_nonzero(looked_at) > seen + _TOO_MANY:
+                wanted = gaps < self._ahead
+                changed = CollisionFilterDeclaration()
+                for filtered, which in (
+                    (changed.AllowBetween, wanted & ~looked_at),
+                    (changed.ExcludeBetween, looked_at & ~wanted),
+                ):
+                    filtered(
+                        self._peg,
+                        GeometrySet([self._walls[i] for i in np.flatnonzero(which).tolist()]),
+                    )
+                self._scene_graph.collision_filter_manager(geometry).Apply(changed)
+                looked_at[:] = wanted
+            return EventStatus.DidNothing()
+
+        return look

@@ -1,0 +1,71 @@
+"""What is passed over as the contacts of a step are looked for."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.plant import MultibodyPlant
+
+from chamfer.analysis.linear.simulate import simulate
+from chamfer.diagrams.insertion.peg_insertion import (
+    PEG_INSERTION,
+    make_peg_insertion_diagram,
+    resolve_peg_insertion,
+)
+from chamfer.models.peg.peg_and_hole import PegAndHole
+from chamfer.systems.contact.near_walls import wall_gaps
+
+
+@pytest.mark.parametrize("preset", ["paper", "nist-12.675mm", "factory-8mm"])
+def test_walls_that_touch_are_near_however_the_peg_stands(preset: str) -> None:
+    """Against all the pairs that Drake finds, in poses drawn around the wall and the mouth."""
+    parts = PegAndHole(**PegAndHole.PRESETS[preset])  # type: ignore[arg-type]
+    scenario = resolve_peg_insertion(replace(PEG_INSERTION, parts=parts, speed=0.001))
+    diagram = make_peg_insertion_diagram(scenario)
+    context = diagram.CreateDefaultContext()
+    plant = diagram.GetSubsystemByName("plant")
+    assert isinstance(plant, MultibodyPlant)
+    of_plant = plant.GetMyContextFromRoot(context)
+    body = plant.GetBodyByName("peg")
+    sizes = parts.hole_radius, parts.peg_radius, parts.peg_length, scenario.contact.facets
+    inspector = diagram.GetSubsystemByName("geometry").model_inspector()  # type: ignore[attr-defined]
+    rng = np.random.default_rng(4)
+    touching, apart = 0, 0
+    for _ in range(150):
+        depth, tilt = rng.uniform(-0.002, 0.03), rng.uniform(-0.1, 0.1, 2)
+        across = rng.uniform(-2, 2, 2) * parts.clearance
+        turned = RollPitchYaw([0.0, *tilt]).ToRotationMatrix()
+        X_WT = RigidTransform(turned, [depth, *across])
+        centre = X_WT @ np.array([-scenario.support.centre_distance, 0.0, 0.0])
+        plant.SetPositions(of_plant, np.array([*centre, tilt[1], tilt[0]]))
+        X_WT = plant.EvalBodyPoseInWorld(of_plant, body)
+        gaps = wall_gaps(X_WT.GetAsMatrix34(), *sizes)
+        query = plant.get_geometry_query_input_port().Eval(of_plant)
+        names = [
+            inspector.GetName(one)
+            for pair in query.ComputePointPairPenetration()
+            for one in (pair.id_A, pair.id_B)
+        ]
+        walls = {int(name.split()[-1]) for name in names if "wedge" in name}
+        assert walls <= set(np.flatnonzero(gaps < 0.0).tolist())
+        touching += bool(walls)
+        apart += int(np.count_nonzero(gaps > 0.0))
+    assert touching > 50
+    assert apart > 30 * 150  # of 64: it is no use to look at all of them
+
+
+@pytest.mark.parametrize("tilt", [0.045, 0.08])  # slides, is held
+def test_a_run_is_to_the_last_digit_what_it_is_with_all_walls(tilt: float) -> None:
+    scenario = replace(PEG_INSERTION, lateral=0.001, tilt=tilt, speed=0.04, gap=0.001, depth=0.01)
+    scenario = resolve_peg_insertion(scenario)
+    outputs = []
+    for watched in (True, False):
+        diagram = make_peg_insertion_diagram(scenario)
+        if not watched:
+            diagram.GetSubsystemByName("contact").watch = None  # type: ignore[attr-defined]
+        run = simulate(diagram, duration=scenario.released, step=scenario.step)
+        outputs.append(run.outputs)
+    for name, values in outputs[0].items():
+        np.testing.assert_array_equal(values, outputs[1][name], name)
+    assert outputs[0]["normal_forces"].max() > 1.0
