@@ -21,7 +21,7 @@ from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.command.running import prepare, run
 from chamfer.analysis.report.console import table
 from chamfer.analysis.scenario.experiment import Entry, quiet, select
-from chamfer.systems import compiled
+from chamfer.models import compiled
 
 Function = tuple[str, int, str]  # file, line, name
 Shares = dict[str, float]  # of stages
