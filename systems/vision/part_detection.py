@@ -21,8 +21,8 @@ from chamfer.systems.vision.part_masks import (
     Mask,
     blobs,
     colour_mask,
+    colour_of,
     colours,
-    median,
 )
 
 _SHARED: Final = 0.5  # of the smaller blob, in the other one
@@ -128,10 +128,7 @@ def _looked_at(image: Image, blob: Blob, part: Appearance, other: Mask | None) -
 
 
 def _measured(image: Image, blob: Blob, part: Appearance, other: Mask | None) -> _Found:
-    rows, columns = blob.own.shape
-    box = image[blob.top : blob.top + rows, blob.left : blob.left + columns]
-    some = box[::4, ::2][blob.own[::4, ::2]]
-    colour = median(some if len(some) else box[blob.own])
+    colour = colour_of(image, blob)
     axis = find_axis(image, blob, colour, part)
     if not isinstance(axis, Axis):
         return _Found(Detection(status=Status[axis]), blob)

@@ -1,9 +1,9 @@
 """The axis and the end face of a part in an image, from lines and half ellipses in its edges."""
 
 import math
+from functools import lru_cache
 from typing import Final, Literal, NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -96,12 +96,12 @@ _STRAIGHT: Final = 0.2  # pixels; residuals below are never left out
 
 
 @compiled
-def fit_line(u: Array, v: Array) -> tuple[float, float, float, int, float]:
-    """Fit a :class:`Line`, leaving out what does not lie on it; NaN in v is no point."""
+def fit_line(u: Array, v: Array) -> Line:
+    """Fit a line, leaving out what does not lie on it; NaN in v is no point."""
     basis = np.ones((len(u), 2))
     basis[:, 1] = u - u[0]
     x, rms, points, bend = robust_fit(basis, v)
-    return x[0] - x[1] * u[0], x[1], rms, points, bend
+    return Line(x[0] - x[1] * u[0], x[1], rms, points, bend)
 
 
 @compiled
@@ -132,6 +132,24 @@ def fit_end(across: Array, along: Array, flat: bool = False) -> tuple[float, flo
 _BULGE: Final = 0.05  # weight of the expectation that the end's edge is straight
 
 
+class _Looks(NamedTuple):
+    """What of an :class:`Appearance` tells of edges."""
+
+    front: int
+    end_ratio: float
+    band: float
+    seen: float
+    length: int
+    flat: bool
+    straight: float
+    window: tuple[int, int]
+
+
+@lru_cache(maxsize=64)
+def _looks(part: Appearance) -> _Looks:
+    return _Looks._make(getattr(part, name) for name in _Looks._fields)
+
+
 Flaw = Literal["NOT_STRAIGHT", "NO_CONTRAST", "BLURRED"]  # as in Status
 
 _SEEN: Final = 0.65  # of the columns between the ends, in which an edge has to be on its line
@@ -159,98 +177,94 @@ class Axis(NamedTuple):
         return self.u + along * cos - across * sin, self.v + along * sin + across * cos
 
 
-class _Side(NamedTuple):
-    """One of the long edges as the mask has it."""
-
-    starts: EdgeStarts  # columns and rows of where to look for the edge
-    step: Step  # out of the part
-    rough: Line
+_FLAWS: Final[tuple[Flaw, ...]] = ("NOT_STRAIGHT", "NO_CONTRAST", "BLURRED")
+_NOT_STRAIGHT, _NO_CONTRAST, _BLURRED = range(len(_FLAWS))
+_NONE: Final = -1  # no flaw
+_OUT: Final[tuple[Step, Step]] = ((0, -1), (0, 1))  # of the long edges, upper and lower
 
 
 def find_axis(image: Image, blob: Blob, colour: Array, part: Appearance) -> Axis | Flaw:
     """Return the axis of a blob, whose mean colour is given, or why it has none."""
-    width = blob.own.shape[1]
-    u = np.arange(blob.left, blob.left + width, dtype=float)
-    begin, stop = (round(share * width) for share in _MIDDLE)
-    if stop - begin < part.length:
-        return "NOT_STRAIGHT"
-    middle = slice(begin, stop)
-    upper, lower = outline(blob.own, blob.top)
-    sides = (
-        _side(u, upper, (0, -1), middle, part.window[0]),
-        _side(u, lower, (0, 1), middle, part.window[0]),
-    )
-    reach = part.window[1] + 1
-    blurs = [blur(image, side.starts[middle], side.step, colour, reach) for side in sides]
-    known = [wide for wide, _ in blurs if not math.isnan(wide)]
+    axis, flaw = _axis(image, blob, colour, _looks(part))
+    return axis if flaw == _NONE else _FLAWS[flaw]
+
+
+@compiled
+def _axis(image: Image, blob: Blob, colour: Array, looks: _Looks) -> tuple[Axis, int]:
+    """Return the axis, and the number of its flaw."""
+    width, (least, most) = blob.own.shape[1], looks.window
+    no = Axis(0.0, 0.0, 0.0, 0.0, 0, 0.0, np.zeros(3))
+    u = blob.left + np.arange(width).astype(np.float64)
+    begin, stop = round(_MIDDLE[0] * width), round(_MIDDLE[1] * width)
+    if stop - begin < looks.length:
+        return no, _NOT_STRAIGHT
+    masks = outline(blob)
+    lines = [fit_line(u[begin:stop], mask[begin:stop]) for mask in masks]
+    starts = [_starts(u, masks[k], lines[k], least) for k in range(2)]
+    wide, places = math.nan, np.empty(2)
+    for k in range(2):
+        blurred, places[k] = blur(image, starts[k][begin:stop], _OUT[k], colour, most + 1)
+        wide = np.fmin(wide, blurred)
     # Both are as blurred: what else is beside one of them is no blur.
-    outside = max(window(min(known)), part.window[0]) if known else reach
-    if outside > part.window[1]:
-        return _why_not(image, sides, middle, colour)
-    edges, beside = [], np.zeros(3)
-    for side, (_, place) in zip(sides, blurs, strict=True):
-        starts = moved(side.starts, side.step, place)
-        soft, background = edge_beyond(image, starts, side.step, colour, outside)
-        edges.append(starts[:, 1] + side.step[1] * soft)
+    outside = most + 1 if math.isnan(wide) else max(window(wide), least)
+    if outside > most:
+        if max(lines[0].rms, lines[1].rms) > _RAGGED:
+            return no, _NOT_STRAIGHT
+        for k in range(2):
+            beyond, _, count = colour_beyond(image, starts[k][begin:stop], _OUT[k], *NEAR)
+            both = contrast(colour, beyond)[3], contrast(beyond, colour)[3]
+            if count == 0 or min(both) == 0.0:
+                return no, _NO_CONTRAST
+        return no, _BLURRED
+    edges, beside = np.empty((2, width)), np.zeros(3)
+    for k in range(2):
+        start = moved(starts[k], _OUT[k], places[k])
+        soft, background = edge_beyond(image, start, _OUT[k], colour, outside)
+        edges[k] = start[:, 1] + _OUT[k][1] * soft
         beside += background / 2
-    if not contrast(colour, beside)[3]:
-        return "NO_CONTRAST"
+    if contrast(colour, beside)[3] == 0.0:
+        return no, _NO_CONTRAST
 
     # All of the edges that are straight: without the ends, as far as they are aslant.
-    upper_line, lower_line = (side.rough for side in sides)
-    slope = (upper_line.slope + lower_line.slope) / 2
-    half = (lower_line.intercept - upper_line.intercept) / 2
-    half += (lower_line.slope - upper_line.slope) / 2 * u[width // 2]
+    slope = (lines[0].slope + lines[1].slope) / 2
+    half = (lines[1].intercept - lines[0].intercept) / 2
+    half += (lines[1].slope - lines[0].slope) / 2 * u[width // 2]
     half *= math.cos(math.atan(slope))
     end = math.ceil(half * abs(slope)) + outside + 1
-    chamfer = math.ceil(half * (1 - part.end_ratio))
-    begin, stop = (end, chamfer + end)[:: part.front]
-    stop = width - stop
-    if stop - begin < part.length:
-        return "NOT_STRAIGHT"
-    here = u[begin:stop]
-    lines = [Line(*fit_line(here, edge[begin:stop])) for edge in edges]
-    if min(line.points for line in lines) < part.length:
-        return "NOT_STRAIGHT"
+    chamfer = math.ceil(half * (1 - looks.end_ratio))
+    begin = end + (chamfer if looks.front < 0 else 0)
+    stop = width - end - (chamfer if looks.front > 0 else 0)
+    if stop - begin < looks.length:
+        return no, _NOT_STRAIGHT
+    lines = [fit_line(u[begin:stop], edges[k, begin:stop]) for k in range(2)]
+    points = min(lines[0].points, lines[1].points)
+    if points < looks.length:
+        return no, _NOT_STRAIGHT
     slope = (lines[0].slope + lines[1].slope) / 2
     intercept = (lines[0].intercept + lines[1].intercept) / 2
     angle = math.atan(slope)
-    u0 = float(here[np.isfinite(edges[0][begin:stop])].mean())
+    u0 = u[begin:stop][np.isfinite(edges[0, begin:stop])].mean()
     half = lines[1].intercept - lines[0].intercept
     half = (half + (lines[1].slope - lines[0].slope) * u0) / 2 * math.cos(angle)
-    if not _straight(lines, stop - begin, half, part):
-        return "NOT_STRAIGHT"
-    return Axis(u0, intercept + slope * u0, angle, half, outside, min(known) / 1.35, beside)
-
-
-def _side(u: Array, edge: Array, step: Step, middle: slice, near: int) -> _Side:
-    """Return where to look for an edge: at the mask's, or on its line where that is elsewhere."""
-    rough = Line(*fit_line(u[middle], edge[middle]))
-    line = rough.intercept + rough.slope * u
-    found = np.where(np.abs(edge - line) <= near, edge, np.rint(line))
-    starts = np.empty((len(u), 2), np.int64)
-    starts[:, 0], starts[:, 1] = u, found
-    return _Side(starts, step, rough)
-
-
-def _why_not(image: Image, sides: tuple[_Side, _Side], middle: slice, colour: Array) -> Flaw:
-    """Return why the edges' blur is not known, or is more than can be measured."""
-    if max(side.rough.rms for side in sides) > _RAGGED:
-        return "NOT_STRAIGHT"
-    for side in sides:
-        beyond, _, count = colour_beyond(image, side.starts[middle], side.step, *NEAR)
-        if not (count and contrast(colour, beyond)[3] and contrast(beyond, colour)[3]):
-            return "NO_CONTRAST"
-    return "BLURRED"
-
-
-def _straight(lines: list[Line], columns: int, half_width: float, part: Appearance) -> bool:
-    return (
-        min(line.points for line in lines) >= max(_LONG * 2 * half_width, _SEEN * columns)
-        and max(line.bend for line in lines) <= part.straight
-        and max(line.rms for line in lines) <= _ROUGH * part.straight
+    if not (
+        points >= max(_LONG * 2 * half, _SEEN * (stop - begin))
+        and max(lines[0].bend, lines[1].bend) <= looks.straight
+        and max(lines[0].rms, lines[1].rms) <= _ROUGH * looks.straight
         and abs(lines[1].slope - lines[0].slope) < _PARALLEL
-    )
+    ):
+        return no, _NOT_STRAIGHT
+    return Axis(u0, intercept + slope * u0, angle, half, outside, wide / 1.35, beside), _NONE
+
+
+@compiled
+def _starts(u: Array, edge: Array, line: Line, near: int) -> EdgeStarts:
+    """Return where to look for an edge: at the mask's, or on its line where that is elsewhere."""
+    starts = np.empty((len(u), 2), np.int64)
+    for k in range(len(u)):
+        on_line = line.intercept + line.slope * u[k]
+        starts[k, 0] = u[k]
+        starts[k, 1] = edge[k] if abs(edge[k] - on_line) <= near else np.rint(on_line)
+    return starts
 
 
 # Standard deviations of the blur that corners reach: of the end face with a chamfer beside it,
@@ -284,51 +298,68 @@ def find_end(
 
     The mask of the ``other`` part says where that may be before it.
     """
-    radius = axis.half_width * part.end_ratio
+    hider = _NO_MASK if other is None else other
+    found, level, bulge, background = _end(image, blob, colour, axis, _looks(part), hider)
+    return End(axis.at(part.front * level, 0.0), level, bulge, background) if found else None
+
+
+_NO_MASK: Final = np.zeros((0, 0), np.uint8)
+
+
+@compiled
+def _end(
+    image: Image, blob: Blob, colour: Array, axis: Axis, looks: _Looks, other: Mask
+) -> tuple[bool, float, float, Array]:
+    """Return whether there is an :class:`End`, and all of it but the tip."""
+    no, (narrow, most) = (False, 0.0, 0.0, np.zeros(3)), looks.window
+    radius = axis.half_width * looks.end_ratio
     blurred = min(radius - _FACE * axis.blur, axis.half_width - _SIDE * axis.blur)
-    reach = min(part.band * radius, blurred)
-    starts = _rows(blob, axis, part.front, reach)
+    reach = min(looks.band * radius, blurred)
+    starts = _rows(blob, axis, looks.front, reach)
     n = len(starts)
     if n < 3 or reach < _CLEAR * radius:
-        return None
-    step = (part.front, 0)
-    wide, place = blur(image, starts, step, colour, part.window[1] + 1)
+        return no
+    step = (looks.front, 0)
+    wide, place = blur(image, starts, step, colour, most + 1)
     starts = moved(starts, step, place)
-    outside = axis.outside if math.isnan(wide) else max(window(wide), part.window[0])
-    if outside > part.window[1]:
-        return None
+    outside = axis.outside if math.isnan(wide) else max(window(wide), narrow)
+    if outside > most:
+        return no
     background, kept = end_background(image, starts, step, outside, axis.background)
     soft = soft_edges(image, kept, step, colour, background, outside + 1, outside)
-    along, across = _along_and_across(starts, soft, axis, part.front)
+    along, across = _along_and_across(starts, soft, axis, looks.front)
     across /= radius
     good = np.isfinite(along) & (np.abs(across) < 1)
     count = int(np.count_nonzero(good))
-    least = max(part.seen * n, 4.0)
+    least = max(looks.seen * n, 4.0)
     if count < _FREE * n:
-        least = max(least, _FREE * (n - _hidden(starts, part, outside, other)))
+        least = max(least, _FREE * (n - _hidden(starts, looks.front, outside, other)))
     if count < least:
-        return None
-    level, bulge, rms, points = fit_end(across[good], along[good], part.flat)
-    if rms > part.straight or points < max(least, _FIT * count):
-        return None
-    return End(axis.at(part.front * level, 0.0), level, bulge, background.mean(axis=0))
+        return no
+    level, bulge, rms, points = fit_end(across[good], along[good], looks.flat)
+    if rms > looks.straight or points < max(least, _FIT * count):
+        return no
+    return True, level, bulge, background.sum(axis=0) / n
 
 
-def _hidden(starts: EdgeStarts, part: Appearance, outside: int, other: Mask | None) -> int:
+@compiled
+def _hidden(starts: EdgeStarts, front: int, outside: int, other: Mask) -> int:
     """Return how many lines across an end lead to the other part, or close by."""
-    if other is None:
-        return 0
-    u = starts[:, 0] + part.front * outside
-    inside = (starts[:, 0] >= 0) & (u >= 0) & (u < other.shape[1])
-    there = np.zeros(len(starts), np.uint8)
-    there[inside] = other[starts[inside, 1], u[inside]] > 0
-    return int(np.count_nonzero(cv2.dilate(there, np.ones((2 * outside + 1, 1), np.uint8))))
+    there, close = np.zeros(len(starts), np.bool_), 0
+    for k in range(len(starts)):
+        u = starts[k, 0] + front * outside
+        if starts[k, 0] >= 0 and 0 <= u < other.shape[1]:
+            there[k] = other[starts[k, 1], u] > 0
+    for k in range(len(starts)):
+        close += int(there[max(k - outside, 0) : k + outside + 1].any())
+    return close
 
 
 def proportions(image: Image, blob: Blob, part: Appearance, axis: Axis, end: End) -> Proportions:
     """Return how long a part is for its width, as if it were not turned towards the camera."""
     far = blob.left if part.front > 0 else blob.left + blob.own.shape[1] - 1
-    aspect = _length(blob, part, axis, end) / (2 * axis.half_width)
+    length = _length(blob, _looks(part), axis, end.along, end.bulge)
+    aspect = length / (2 * axis.half_width)
     return Proportions(aspect, axis.half_width, 2 < far < image.shape[1] - 3)
 
 
@@ -365,32 +396,35 @@ def is_the_parts(
     return True
 
 
-def _length(blob: Blob, part: Appearance, axis: Axis, end: End) -> float:
+@compiled
+def _length(blob: Blob, looks: _Looks, axis: Axis, end: float, bulge: float) -> float:
     """Return how long the blob is, as if its axis were at right angles to the line of sight.
 
     Both ends bulge by as much as the axis is turned away from that. The far one is measured in
     the mask, to about half a pixel.
     """
-    starts = _rows(blob, axis, -part.front, part.band * axis.half_width)
+    starts = _rows(blob, axis, -looks.front, looks.band * axis.half_width)
     if len(starts) < 3:
         return math.nan
     half_a_pixel = np.full(len(starts), 0.5)
-    behind, across = _along_and_across(starts, half_a_pixel, axis, -part.front)
+    behind, across = _along_and_across(starts, half_a_pixel, axis, -looks.front)
     across /= axis.half_width
     inside = (np.abs(across) < 1) & (starts[:, 0] >= 0)
-    level, bulge, _, _ = fit_end(across[inside], behind[inside], part.flat)
-    turned = min((end.bulge / part.end_ratio + bulge) / (2 * axis.half_width), 0.9)
-    return (end.along + level) / math.sqrt(1 - turned**2)
+    level, far, _, _ = fit_end(across[inside], behind[inside], looks.flat)
+    turned = min((bulge / looks.end_ratio + far) / (2 * axis.half_width), 0.9)
+    return (end + level) / math.sqrt(1 - turned**2)
 
 
+@compiled
 def _rows(blob: Blob, axis: Axis, front: int, reach: float) -> EdgeStarts:
     """Return a blob's foremost pixels, column and row, as far from its axis as ``reach``."""
     end = blob.left + (blob.own.shape[1] - 1 if front > 0 else 0)
     middle, half = axis.v + math.tan(axis.angle) * (end - axis.u), reach * math.cos(axis.angle)
     first, last = math.ceil(middle - half), math.floor(middle + half)
-    return row_ends(blob.own, blob.left, blob.top, front, first, last, axis.half_width)
+    return row_ends(blob, front, first, last, axis.half_width)
 
 
+@compiled
 def _along_and_across(
     starts: EdgeStarts, beyond: Array, axis: Axis, front: int
 ) -> tuple[Array, Array]:

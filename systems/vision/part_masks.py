@@ -41,8 +41,9 @@ class Blob(NamedTuple):
 
 
 @compiled
-def outline(own: Own, top: int) -> tuple[Array, Array]:
-    """Return a :class:`Blob`'s first and last row in each column, NaN where it has none."""
+def outline(blob: Blob) -> tuple[Array, Array]:
+    """Return a blob's first and last row in each column, NaN where it has none."""
+    own, _, top = blob
     rows, columns = own.shape
     first, last = np.full(columns, np.nan), np.full(columns, np.nan)
     for j in range(columns):
@@ -58,10 +59,8 @@ def outline(own: Own, top: int) -> tuple[Array, Array]:
 
 
 @compiled
-def row_ends(
-    own: Own, left: int, top: int, front: int, first: int, last: int, most: float
-) -> EdgeStarts:
-    """Return the foremost pixel of a :class:`Blob` in each row of the image from first to last.
+def row_ends(blob: Blob, front: int, first: int, last: int, most: float) -> EdgeStarts:
+    """Return the foremost pixel of a blob in each row of the image from first to last.
 
     It is the one on the right (front 1) or on the left (-1). A row that a highlight crosses seems
     to end there, more than ``most`` pixels away from the median of all.
@@ -70,6 +69,7 @@ def row_ends(
         Column and row, shape (n, 2), of the rows that the blob has; the column is -1 where there
         is none.
     """
+    own, left, top = blob
     rows, columns = own.shape
     first, last = max(first, top), min(last, top + rows - 1)
     ends = np.full((max(last - first + 1, 0), 2), -1)
@@ -130,6 +130,20 @@ def median(values: NDArray[np.uint8]) -> Array:
             below += counts[c, level]
         middle[c] = level
     return middle
+
+
+@compiled
+def colour_of(image: Image, blob: Blob) -> Array:
+    """Return the median colour of a blob, of one pixel in eight if there are such."""
+    own, left, top = blob
+    for down, right in ((4, 2), (1, 1)):
+        rows, columns = np.nonzero(own[::down, ::right])
+        if len(rows) > 0:
+            break
+    values = np.empty((len(rows), 3), np.uint8)
+    for k in range(len(rows)):
+        values[k] = image[top + down * rows[k], left + right * columns[k]]
+    return median(values)
 
 
 def colour_mask(seen: Colours, part: Appearance, stricter: int = 0) -> Mask:

@@ -37,18 +37,23 @@ _LOW, _HIGH = 0.25, 0.75  # shares between which the blur of an edge is measured
 _SHADE: Final = (0.5, 1.6)  # brightness of a background beyond the end, of the one beside
 
 
+@compiled
 def moved(starts: EdgeStarts, step: Step, middle: float) -> EdgeStarts:
     """Return starts at the last pixel that shows more of the part than not.
 
     A mask ends there, but where the part's colour gives way to another one long before. The middle
     is that of :func:`blur`.
     """
-    if math.isnan(middle) or round(middle - 0.5) == 0:
-        return starts
-    there = starts[:, :1] >= 0
-    return np.where(there, starts + round(middle - 0.5) * np.array(step), starts)
+    count = 0 if math.isnan(middle) else round(middle - 0.5)
+    there = starts.copy()
+    for k in range(len(starts) if count else 0):
+        if starts[k, 0] >= 0:
+            there[k, 0] += count * step[0]
+            there[k, 1] += count * step[1]
+    return there
 
 
+@compiled
 def window(width: float) -> int:
     """Return how many pixels of the background an edge needs that is blurred.
 
