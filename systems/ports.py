@@ -4,7 +4,15 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import Context, InputPort, PortDataType, System
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    InputPort,
+    LeafSystem,
+    OutputPort,
+    PortDataType,
+    System,
+)
 
 from chamfer.models.validation import ParameterError, finite
 
@@ -14,6 +22,18 @@ Array = NDArray[np.float64]
 def finite_input(port: InputPort, context: Context) -> Array:
     """Return what comes in at a vector port, checked as :func:`finite` does."""
     return finite(port.get_name(), port.Eval(context))
+
+
+def fixed_output(system: LeafSystem, name: str, value: Array) -> OutputPort:
+    """Declare an output that never changes; what depends on it alone is evaluated once.
+
+    What depends on Drake's ``ConstantVectorSource`` is so whenever time goes on.
+    """
+
+    def calc(context: Context, vector: BasicVector) -> None:
+        vector.SetFromVector(value)
+
+    return system.DeclareVectorOutputPort(name, len(value), calc, {system.nothing_ticket()})
 
 
 def require_ports(

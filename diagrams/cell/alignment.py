@@ -38,8 +38,9 @@ from chamfer.diagrams.cell.work_cell import (
 )
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import ParameterError
-from chamfer.systems.force.desired_pose import CompensatedPose, FixedPose, StoppableMotion
-from chamfer.systems.ports import require_ports
+from chamfer.systems.force.desired_pose import CompensatedPose, StoppableMotion
+from chamfer.systems.ports import fixed_output, require_ports
+from chamfer.systems.pose import pose_vector
 from chamfer.systems.servo.compensator import TrajectoryCompensator
 from chamfer.systems.servo.compensator_law import COMPENSATES, CompensatorParams
 from chamfer.systems.servo.divergence_law import DivergenceParams, Watched
@@ -236,8 +237,8 @@ def _add_motion(
     """Add where an arm should be, over time."""
     goal = scenario.nominal_pose(arm)
     if arm == "hole" or not scenario.moves:
-        pose = builder.AddNamedSystem(f"{arm} desired pose", FixedPose(goal))
-        return DesiredMotion(pose.get_output_port())
+        rest = builder.AddNamedSystem(f"{arm} desired pose", LeafSystem())
+        return DesiredMotion(fixed_output(rest, "pose", pose_vector(goal)))
     start, period = start_poses(scenario)["peg"].translation(), scenario.cameras.frames.period
     motion = StoppableMotion(start, goal, scenario.motion_time, period)
     builder.AddNamedSystem("peg desired motion", motion)

@@ -41,7 +41,14 @@ from pydrake.multibody.tree import (
     SpatialInertia,
     UnitInertia,
 )
-from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort, System
+from pydrake.systems.framework import (
+    Diagram,
+    DiagramBuilder,
+    InputPort,
+    LeafSystem,
+    OutputPort,
+    System,
+)
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
 from chamfer.models.arms.position_arm import ServoParams
@@ -70,11 +77,10 @@ from chamfer.systems.force.arm_model import (
     Vector3,
     add_arm,
 )
-from chamfer.systems.force.desired_pose import FixedPose
 from chamfer.systems.force.impedance_controller import ImpedanceController
 from chamfer.systems.force.impedance_law import ImpedanceControllerParams
-from chamfer.systems.ports import require_ports
-from chamfer.systems.pose import POSE_SIZE
+from chamfer.systems.ports import fixed_output, require_ports
+from chamfer.systems.pose import POSE_SIZE, pose_vector
 
 Array = NDArray[np.float64]
 ArmName = Literal["peg", "hole"]
@@ -375,9 +381,9 @@ def add_work_cell(
     true = {arm: one.true_pose for arm, one in ports.items()}
     known = {arm: one.tool_pose for arm, one in ports.items()}
     for arm in tools.keys() - ports.keys():
-        place = FixedPose(scenario.nominal_pose(arm))
-        fixed = builder.AddNamedSystem(f"{arm} fixture", place)
-        true[arm] = known[arm] = fixed.get_output_port()
+        fixture = builder.AddNamedSystem(f"{arm} fixture", LeafSystem())
+        pose = pose_vector(scenario.nominal_pose(arm))
+        true[arm] = known[arm] = fixed_output(fixture, "pose", pose)
     return WorkCell(plant, ports, tools, true, known)
 
 

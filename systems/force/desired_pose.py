@@ -21,30 +21,6 @@ from chamfer.systems.pose import POSE_SIZE, pose_vector
 Array = NDArray[np.float64]
 
 
-class FixedPose(LeafSystem):
-    """Gives a pose that never changes.
-
-    .. pydrake_system::
-
-        name: FixedPose
-        input_ports: []
-        output_ports:
-        - pose
-
-    ``pose``, shape (7,), is quaternion w, x, y, z and position, m. What depends on it alone is
-    evaluated once; on Drake's ``ConstantVectorSource`` whenever time goes on.
-    """
-
-    def __init__(self, X: RigidTransform) -> None:
-        super().__init__()
-        fixed = pose_vector(X)
-
-        def calc(context: Context, vector: BasicVector) -> None:
-            vector.SetFromVector(fixed)
-
-        self.DeclareVectorOutputPort("pose", POSE_SIZE, calc, {self.nothing_ticket()})
-
-
 class StoppableMotion(LeafSystem):
     """Goes on a line from a position to a goal, unless it is stopped.
 

@@ -17,6 +17,7 @@ from chamfer.models.validation import (
     require_positive,
 )
 from chamfer.systems.cameras.software_camera import PosePorts
+from chamfer.systems.ports import fixed_output
 from chamfer.systems.vision.part_detection import ContinuityParams
 from chamfer.systems.vision.part_detector import ERROR_SIZE
 
@@ -143,12 +144,7 @@ class NoSight(LeafSystem):
         super().__init__()
         sizes = {"error": len(AXES), "compensation": len(AXES)}
         for name in ("error", "valid", "age", "blind", "diverged", "stop", "compensation"):
-            said = np.full(sizes.get(name, 1), float(name == "valid"))
-
-            def calc(context: Context, vector: BasicVector, said: Array = said) -> None:
-                vector.SetFromVector(said)
-
-            self.DeclareVectorOutputPort(name, len(said), calc, {self.nothing_ticket()})
+            fixed_output(self, name, np.full(sizes.get(name, 1), float(name == "valid")))
 
 
 class CellError(LeafSystem):
