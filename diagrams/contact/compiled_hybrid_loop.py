@@ -32,7 +32,8 @@ from chamfer.systems.force.contact_detection_law import (
     push_along,
 )
 from chamfer.systems.force.friction_compensation import friction_estimate
-from chamfer.systems.force.hybrid_law import HybridCode, HybridLaw, HybridMemory, control
+from chamfer.systems.force.hybrid_controller import HybridController
+from chamfer.systems.force.hybrid_law import HybridCode, HybridMemory, control
 from chamfer.systems.force.projection import position_selection, unit
 from chamfer.systems.force.surface_motion import GuardedCode, guarded_position
 from chamfer.systems.recording import active
@@ -58,11 +59,8 @@ class _Loop(NamedTuple):
     """A resolved scenario with an arm of n joints, and a sensor of k channels."""
 
     arm: int  # of :func:`kinematics`
-    chain: Chain
-    material: Material
-    tool: Tool
-    contacts: Contacts
-    start: tuple[Array, Array]  # state and outputs of :func:`update`, at rest
+    body: tuple[Chain, Material, Tool, Contacts]  # of :func:`update`
+    start: tuple[Array, Array]  # its state and outputs at rest
     encoders: EncoderCode
     sensor: SensorCode
     cell: bool  # True: the sensor is a load cell
@@ -71,7 +69,8 @@ class _Loop(NamedTuple):
     domains: tuple[Array, Array]  # (n, n) each, of positions before and in contact
     force: Array  # (n,), N, desired
     ahead: Array  # (n,), unit, of the push
-    thresholds: tuple[float, float, int]  # N and N, of contact and its loss, and how often
+    thresholds: tuple[float, float]  # N, of contact and of its loss
+    samples: int  # beyond them
     control: HybridCode
     memory: HybridMemory
     follow: Array  # (n,), of the friction compensation; 0 for none
@@ -81,13 +80,9 @@ class _Loop(NamedTuple):
     counts: tuple[int, int]  # steps in an update, updates in a period
 
 
-class _Noise(NamedTuple):
-    """Samples, before each tick or, of friction, each update, and the one after the last."""
-
-    friction: Array  # (updates + 1, 1); zeros where there is no noise, as of the others
-    jitter: Array  # (ticks + 1, 1)
-    sensor: Array  # (ticks + 1, k)
-    drift: Array  # (ticks + 1, k)
+# Samples of friction, before each update, and of jitter, sensor noise and drift, before each tick,
+# and of each one more, shape (., channels); zeros where there is no noise.
+_Noise = tuple[Array, Array, Array, Array]
 
 
 def run_compiled(scenario: HybridScenario, seed: int) -> dict[str, Array] | None:
@@ -110,54 +105,45 @@ def run_compiled(scenario: HybridScenario, seed: int) -> dict[str, Array] | None
 
 def _loop_of(scenario: HybridScenario) -> _Loop | None:
     arm, task, control = scenario.ARM, scenario.task, scenario.controller
-    n, plant, given, detection = (
-        arm.num_joints,
-        scenario.plant,
-        scenario.sensor,
-        scenario.detection,
-    )
+    n, plant, given, period = arm.num_joints, scenario.plant, scenario.sensor, control.period
     q, ahead = scenario.joint_positions(np.array(task.start)), scenario.direction
     world, state, outputs = ArmInContact(arm, scenario.make_surface(), plant, q).start()
-    _, chain, material, tool, contacts = world
-    index = arm_index(arm)
+    index, contacts = arm_index(arm), world.contacts
     if index is None or contacts is None:
         return None
-    law = HybridLaw(
-        arm, control, dynamics=scenario.dynamics().evaluate if control.full_dynamics else None
-    )
-    undoing, follow, first = ahead[:, np.newaxis], np.zeros(n), -1
+    model = scenario.dynamics() if control.full_dynamics else None
+    law = HybridController(arm, control, dynamics=model).law
+    felt, undoing = gauges(given, scenario.arm.contact_offset), ahead[:, np.newaxis]
     if isinstance(given, ForceSensorParams):
         undoing = np.array(given.undoing, np.float64)
+    follow, first = np.zeros(n), -1
     if (compensation := scenario.friction_compensation) is not None:
-        follow = compensation.follow(control.period) * compensation.compensated(n)
+        follow = compensation.follow(period) * compensation.compensated(n)
     if (kick := kick_of(scenario)) is not None:
         near = round(kick[0] / plant.period)
         first = next(j for j in range(near - 1, near + 2) if j * plant.period >= kick[0])
-    felt = gauges(given, scenario.arm.contact_offset)
-    numbers = detection.detect, detection.release, control.computation_delay
-    detect, release, delay, jitter = (
-        float(known("number", one)) for one in (*numbers, control.computation_jitter)
-    )
+
+    def number(params: object, name: str) -> float:
+        return float(known(name, getattr(params, name)))
+
     return _Loop(
         index,
-        chain,
-        material,
-        tool,
-        contacts,
+        (world.chain, world.material, world.tool, contacts),
         (state, outputs),
-        encoder_code(scenario.encoders, n, period=control.period),
-        sensor_code(given, felt, step=plant.period, period=control.period),
+        encoder_code(scenario.encoders, n, period=period),
+        sensor_code(given, felt, step=plant.period, period=period),
         isinstance(given, LoadCellParams),
         undoing,
         task.code,
         (np.eye(n), position_selection(ahead)),
         task.force * ahead,
         unit(ahead),
-        (detect, release, known("samples", detection.samples)),
+        (number(scenario.detection, "detect"), number(scenario.detection, "release")),
+        known("samples", scenario.detection.samples),
         law.code,
         law.start(),
         follow,
-        (delay, jitter),
+        (number(control, "computation_delay"), number(control, "computation_jitter")),
         (first, np.zeros(3) if kick is None else kick[1]),
         (plant.period, plant.step),
         (plant.held, plant.window),
@@ -174,11 +160,8 @@ def _noise_of(scenario: HybridScenario, loop: _Loop, rows: int, seed: int) -> _N
     # that draws all its samples at once draws the same ones. In the order of the diagram:
     there = rough, loop.delay[1], sensor.noise.any(), sensor.walk.any()
     kinds = normal, uniform, uniform, normal
-    sources = {
-        i: builder.AddSystem(RandomSource(kinds[i], noise[i].size, 1.0))
-        for i in range(4)
-        if there[i]
-    }
+    add, used = builder.AddSystem, [i for i in range(4) if there[i]]
+    sources = {i: add(RandomSource(kinds[i], noise[i].size, 1.0)) for i in used}
     if sources:
         diagram = builder.Build()
         context = diagram.CreateDefaultContext()
@@ -186,7 +169,7 @@ def _noise_of(scenario: HybridScenario, loop: _Loop, rows: int, seed: int) -> _N
     for i, source in sources.items():
         own = source.GetMyContextFromRoot(context)
         noise[i].flat[:] = source.get_output_port().Eval(own)
-    return _Noise(*noise)
+    return noise[0], noise[1], noise[2], noise[3]
 
 
 @compiled
@@ -197,14 +180,20 @@ def _run(loop: _Loop, noise: _Noise, rows: int) -> tuple[Array, bool]:
     the noise of before; then arm, sensor and encoders go on, also from what was before it, with
     the torque and the noise of after.
     """
-    sensor, (update_time, step), (held, window) = loop.sensor, loop.times, loop.counts
+    sensor, chain, (update_time, step), (held, window) = (
+        loop.sensor,
+        loop.body[0],
+        loop.times,
+        loop.counts,
+    )
+    rough, jitter, scatter, drift = noise
     n, k = len(loop.ahead), len(sensor.bias)
     state, outputs, uneven = loop.start[0].copy(), loop.start[1].copy(), np.zeros(1)
     q, v, felt, base = state[:n], state[n : 2 * n], outputs[3:6], outputs[6 : 6 + n]
     still, none, walk, tare = np.zeros(n), np.zeros(3), np.zeros(k), np.zeros(k)
     before, line = counted(loop.encoders.quanta, q), np.zeros(k * sensor.rows)
     tracked, velocity, memory, estimate = before, still, loop.memory, still
-    detect, release, samples = loop.thresholds
+    detect, release = loop.thresholds
     mode, beyond, contact_time, model = APPROACH, 0, -1.0, (np.zeros((n, n)), still)
     log = np.empty((rows, 7 * n + 10))
     for row in range(rows):
@@ -213,11 +202,11 @@ def _run(loop: _Loop, noise: _Noise, rows: int) -> tuple[Array, bool]:
             loop.encoders, q.copy(), v.copy(), before, tracked, velocity
         )
         if row >= sensor.tares:
-            reading = converted(sensor, felt, line, walk, noise.sensor[row]) - tare
+            reading = converted(sensor, felt, line, walk, scatter[row]) - tare
         if loop.cell:
             add_product(loop.undoing, reading, measured)
         else:
-            measured = force_in_world(loop.chain, loop.undoing, reading, before, n)
+            measured = force_in_world(chain, loop.undoing, reading, before, n)
         seen, touch, now = (before, velocity), outputs[6 + n : 12 + n], np.array([float(mode)])
         commanded = memory.torque, memory.position_error, memory.force_error, now
         log[row] = np.concatenate((q, v, *seen, outputs[:3], touch, *commanded))
@@ -225,8 +214,8 @@ def _run(loop: _Loop, noise: _Noise, rows: int) -> tuple[Array, bool]:
             break
         x, J = kinematics(loop.arm, before)
         if loop.control.full_dynamics:
-            at = pose(loop.chain, before)
-            model = mass_matrix(loop.chain, at), bias(loop.chain, at, velocity)
+            at = pose(chain, before)
+            model = mass_matrix(chain, at), bias(chain, at, velocity)
         earlier = memory.torque + estimate
         estimate = friction_estimate(estimate, memory.torque, base, loop.follow)
         desired = guarded_position(loop.task, time, contact_time), still, loop.force
@@ -238,33 +227,23 @@ def _run(loop: _Loop, noise: _Noise, rows: int) -> tuple[Array, bool]:
             return log, False
         ends = _is_beyond(mode, push_along(loop.ahead, measured), detect, release)
         beyond = beyond + 1 if ends else 0
-        if beyond == samples:
+        if beyond == loop.samples:
             contact_time, beyond = time if mode == APPROACH else contact_time, 0
             mode = LOST if mode == CONTACT else CONTACT
         if row < sensor.tares:
-            raw = converted(sensor, felt, line, walk, noise.sensor[row + 1])
+            raw = converted(sensor, felt, line, walk, scatter[row + 1])
             tare = tare + (raw - tare) / (row + 1)
-        walk = walk + sensor.walk * noise.drift[row + 1]
-        late = loop.delay[0] + loop.delay[1] * (2.0 * noise.jitter[row + 1, 0] - 1.0)
+        walk = walk + sensor.walk * drift[row + 1]
+        late = loop.delay[0] + loop.delay[1] * (2.0 * jitter[row + 1, 0] - 1.0)
         for part in range(window):
             count = row * window + part
             since = update_time * part
             torque = delayed(memory.torque + estimate, earlier, late, since, update_time)
             line = filtered(sensor, felt, line)[: len(line)]
-            roughen(uneven, noise.friction[count + 1], outputs, n, update_time)
+            roughen(uneven, rough[count + 1], outputs, n, update_time)
+            push = loop.kick[1] if count == loop.kick[0] else none
             _, unsolved = update(
-                loop.chain,
-                loop.material,
-                loop.tool,
-                loop.contacts,
-                state,
-                outputs,
-                uneven,
-                torque,
-                loop.kick[1] if count == loop.kick[0] else none,
-                part > 0,
-                step,
-                held,
+                *loop.body, state, outputs, uneven, torque, push, part > 0, step, held
             )
             if unsolved or not np.isfinite(state).all():
                 return log, False
