@@ -61,13 +61,14 @@ class NearWalls:
         parts: PegAndHole,
         scene_graph: SceneGraph,
         bodies: tuple[RigidBody, RigidBody],
-        peg: Sequence[GeometryId],
+        peg_shapes: Sequence[GeometryId],
         walls: Sequence[GeometryId],
     ) -> None:
-        self._scene_graph, self._peg, self._walls = scene_graph, GeometrySet(peg), walls
+        self._scene_graph, self._peg, self._walls = scene_graph, GeometrySet(peg_shapes), walls
         self._plant, frames = bodies[0].GetParentPlant(), [one.body_frame() for one in bodies]
         self._peg_frame, self._hole_frame = frames
-        self._sizes = parts.hole_radius, parts.peg_radius, parts.peg_length, len(walls)
+        peg = parts.peg
+        self._sizes = parts.hole.radius, peg.radius, peg.length, len(walls)
         self._ahead = _NEAR + _AHEAD * parts.clearance
 
     def watch(self, root: Context) -> Callable[[Context], EventStatus]:
