@@ -100,15 +100,15 @@ def run_surface(scenario: Resolved, seed: int) -> Traces:
     # The last sample's estimate shows a row later; rounding must not decide about the last row.
     period, d = scenario.sensor_period, scenario.dimension
     samples = math.floor(scenario.duration / period + 1e-9) + 1
-    outputs = run_compiled(scenario, samples, seed)
+    outputs = None
+    if isinstance(scenario, ResolvedTrackingScenario):
+        outputs = run_compiled(scenario, samples, seed)
+        make = partial(make_tracking_diagram, scenario)
+    else:
+        make = partial(make_estimation_diagram, scenario)
     if outputs is None:
-        if isinstance(scenario, ResolvedTrackingScenario):
-            diagram = make_tracking_diagram(scenario)
-        else:
-            diagram = make_estimation_diagram(scenario)
-        outputs = simulate(
-            diagram, duration=(samples + 0.5) * period, step=period, seed=seed
-        ).outputs
+        time = (samples + 0.5) * period
+        outputs = simulate(make(), duration=time, step=period, seed=seed).outputs
     # What the observer makes of a sample shows up in the next row.
     normal, deviation = outputs["normal"][1:], outputs["deviation"][1:]
     covariance = outputs["covariance"][1:].reshape(-1, d, d)
