@@ -125,6 +125,7 @@ def targets(found: Findings) -> Iterator[Target]:
     yield Target(text, "<=", 20.0, 1e4 * trial)
     command, imports = (median(found.cold.get(name, ())) for name in (COMMAND, IMPORTS))
     yield Target(f"{COMMAND} / {IMPORTS}", "<=", 2.0, command / imports)
+    yield Target(f"{COMMAND}, s in a fresh process", "<=", 2.0, command)
     for name, bound in speed.REAL_TIME.items():
         factor = median(found.real_time.get(name, ()))
         yield Target(f"{name}: simulated / elapsed", ">=", bound, factor)

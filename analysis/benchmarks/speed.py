@@ -15,6 +15,7 @@ from typing import Any, Final, NamedTuple
 from pydrake.systems.framework import Diagram
 
 from chamfer.analysis.benchmarks.__main__ import THREADS
+from chamfer.analysis.contact.contact_runs import measure, run_contact
 from chamfer.analysis.linear.simulate import simulate
 from chamfer.analysis.surface.normal_trials import (
     Contender,
@@ -23,11 +24,13 @@ from chamfer.analysis.surface.normal_trials import (
     observer_of,
     slide,
 )
+from chamfer.analysis.surface.unknown_surface import run_surface
 from chamfer.diagrams.cell.alignment import make_alignment_diagram
 from chamfer.diagrams.cell.alignment import resolve as resolve_alignment
 from chamfer.diagrams.cell.alignment_scenario import AlignmentScenario
 from chamfer.diagrams.cell.cell_vision import CameraSettings
-from chamfer.diagrams.contact.compiled_hybrid_loop import run_compiled
+from chamfer.diagrams.charging.charging_loop import make_charging_diagram
+from chamfer.diagrams.charging.charging_scenario import CRUCIBLE_CHARGING, resolve_charging
 from chamfer.diagrams.contact.contact_scenarios import (
     ADEPT_NUGGET_HOLD,
     ADEPT_NUGGET_MOTION,
@@ -39,6 +42,8 @@ from chamfer.diagrams.contact.contact_scenarios import (
 from chamfer.diagrams.contact.hybrid_loop import make_hybrid_diagram
 from chamfer.diagrams.contact.hybrid_loop_stability import resolve
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
+from chamfer.diagrams.insertion.insertion import InsertionScenario, make_insertion_diagram
+from chamfer.diagrams.insertion.insertion import resolve as resolve_insertion
 from chamfer.diagrams.skills.connector_loop import make_connector_diagram
 from chamfer.diagrams.skills.connector_scenario import BncConnectorScenario, DConnectorScenario
 from chamfer.diagrams.skills.connector_scenario import resolve as resolve_connector
@@ -59,18 +64,24 @@ ALL_IMPORTS: Final = "import pydrake.all, control, matplotlib"
 COMMAND: Final = "chamfer run step-response"
 NEWTON: Final = "thesis, by Newton's iteration"
 
+SLIDES: Final = "20 slides of 10 s"
 REAL_TIME: Final = {  # simulated over elapsed, at least
-    "planar-slide": 10.0,
-    "adept-roller-hold": 3.0,
-    "adept-roller-motion": 3.0,
-    "adept-nugget-hold": 3.0,
-    "adept-nugget-motion": 3.0,
+    "planar-slide": 60.0,
+    SLIDES: 1e4 / 30,  # 1,000 of them in 30 s
+    "puma-roller-motion": 25.0,
+    "adept-roller-hold": 25.0,
+    "adept-roller-motion": 25.0,
+    "adept-nugget-hold": 25.0,
+    "adept-nugget-motion": 25.0,
     "unknown-surface-control": 5.0,
-    "unknown-surface-control, adaptive": 5.0,
-    "alignment": 1.0,
+    "unknown-surface-control, adaptive": 25.0,
+    "alignment": 4.0,
     "alignment, VTK": 0.5,
-    "d-connector": 1.0,
-    "bnc-connector": 1.0,
+    "insertion, contact at 2 ms": 3.0,
+    "insertion, contact at 1 ms": 2.0,
+    "d-connector": 12.0,
+    "bnc-connector": 12.0,
+    "crucible-charging, realistic": 6.0,
 }
 UPDATES: Final[Mapping[str, float]] = {"thesis": 40.0, "adaptive": 200.0}  # us, at most
 
@@ -83,7 +94,7 @@ def measure_cold_start(times: Rounds, failures: dict[str, str], *, rounds: int) 
     """
     python = sys.executable
     with tempfile.TemporaryDirectory() as folder:
-        run = ["-m", "chamfer.analysis.cli", "run", "step-response", "--out", folder]
+        run = ["-m", "chamfer.analysis.cli", "run", "step-response", "--fresh", "--out", folder]
         commands = {
             IMPORTS: [python, "-c", IMPORTS],
             ALL_IMPORTS: [python, "-c", ALL_IMPORTS],
@@ -131,23 +142,35 @@ def loops() -> Mapping[str, TimedLoop]:
         resolved = resolve(scenario)
         make = partial(make_hybrid_diagram, resolved)
         timed = TimedLoop(make, resolved.duration, resolved.controller.period)
-        return timed._replace(run=lambda time: run_compiled(replace(resolved, duration=time), 0))
+        return timed._replace(run=lambda time: run_contact(replace(resolved, duration=time), 0))
 
     def tracking(kind: ObserverKind) -> TimedLoop:
-        scenario = TrackingScenario(observer=ObserverSettings(kind=kind))
-        make = partial(make_tracking_diagram, resolve_tracking(scenario))
-        return TimedLoop(make, scenario.duration, scenario.controller.period)
+        resolved = resolve_tracking(TrackingScenario(observer=ObserverSettings(kind=kind)))
+        make = partial(make_tracking_diagram, resolved)
+        timed = TimedLoop(make, resolved.duration, resolved.observer.period)
+        return timed._replace(run=lambda time: run_surface(replace(resolved, duration=time), 0))
 
     def alignment(**settings: Any) -> TimedLoop:
         scenario = AlignmentScenario(cameras=CameraSettings(**settings))
         make = partial(make_alignment_diagram, resolve_alignment(scenario))
         return TimedLoop(make, scenario.duration, scenario.cameras.frames.period)
 
+    def insertion(step: float) -> TimedLoop:
+        scenario = resolve_insertion(InsertionScenario(step=step))
+        return TimedLoop(partial(make_insertion_diagram, scenario), 6.7, step)
+
     def connector(scenario: DConnectorScenario | BncConnectorScenario, time: float) -> TimedLoop:
         make = partial(make_connector_diagram, resolve_connector(scenario))
         return TimedLoop(make, time, scenario.accommodation.period)
 
-    return {
+    long = resolve(replace(PLANAR_SLIDE, duration=10.0))
+
+    def slides(time: float) -> None:
+        for seed in range(round(time / long.duration)):
+            measure(long, run_contact(long, seed))
+
+    charging = resolve_charging(replace(CRUCIBLE_CHARGING, sensing="realistic"))
+    timed = {
         "planar-slide": hybrid(PLANAR_SLIDE),
         "puma-roller-motion": hybrid(PUMA_ROLLER_MOTION),
         "adept-roller-hold": hybrid(ADEPT_ROLLER_HOLD),
@@ -158,10 +181,19 @@ def loops() -> Mapping[str, TimedLoop]:
         "unknown-surface-control, adaptive": tracking("adaptive"),
         "alignment": alignment(renderer="software"),
         "alignment, VTK": alignment(renderer="vtk")._replace(missing=missing_graphics),
+        "insertion, contact at 2 ms": insertion(0.002),
+        "insertion, contact at 1 ms": insertion(0.001),
         "d-connector": connector(DConnectorScenario(), 20.0),
         "bnc-connector": connector(BncConnectorScenario(), 25.0),
         "d-connector, WAM": connector(DConnectorScenario(robot="wam"), 20.0),
+        "crucible-charging, realistic": TimedLoop(
+            partial(make_charging_diagram, charging), 30.0, charging.controller.period
+        ),
     }
+    # The same in Drake, as a user extends it.
+    wired = {f"{name}, diagram": one._replace(run=None) for name, one in timed.items() if one.run}
+    batch = timed["planar-slide"]._replace(run=slides, duration=20 * long.duration)
+    return {**timed, **wired, SLIDES: batch}
 
 
 def measure_real_time(
