@@ -14,10 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common import RandomDistribution, RandomGenerator
-from pydrake.systems.analysis import DiscreteTimeApproximation, Simulator
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import LogVectorOutput, RandomSource
+from pydrake.common import RandomDistribution
+from pydrake.systems.analysis import DiscreteTimeApproximation
 from scipy.linalg import block_diag
 
 from chamfer.diagrams.servo.servo_scenario import ServoScenario, fsm_axis, has_feedforward
@@ -25,6 +23,7 @@ from chamfer.models.plants.servo_plant import Form
 from chamfer.models.validation import ParameterError
 from chamfer.systems.compiled import compiled
 from chamfer.systems.exact_discretisation import count_samples
+from chamfer.systems.sensing.drawn_noise import drawn_noise
 from chamfer.systems.servo.compensator_law import (
     AxisParams,
     class_increment,
@@ -118,9 +117,12 @@ def run_fsm_trials(
     rows = count_samples(duration, step)
     camera = scenario.measurement
     ticks = -(-(rows - 1) // substeps)
-    samples = _camera_noise(scenario, len(axes), ticks, seed) if camera.noise else np.empty((0, 0))
     # Trajectory, of 1 m, and plant beside each other, with exact steps.
     unit = make_desired_trajectory(replace(scenario.desired, amplitude=1.0))
+    samples, shape = np.empty((0, 0)), (ticks + 1, len(axes))
+    if camera.noise:
+        before = make_desired_trajectory(scenario.desired)
+        samples = drawn_noise(RandomDistribution.kUniform, shape, after=before, seed=seed)
     start = unit.CreateDefaultContext().get_continuous_state_vector().CopyToVector()
     trajectory = DiscreteTimeApproximation(unit, step)
     plant = DiscreteTimeApproximation(make_spring_mass_damper(scenario.plant, form), step)
@@ -150,28 +152,6 @@ def run_fsm_trials(
         allowed = "finite numbers, these parameters make it overflow"
         raise ParameterError("actual_trajectory", unbounded, allowed)
     return trials
-
-
-def _camera_noise(scenario: ServoScenario, trials: int, ticks: int, seed: int) -> Array:
-    """Return the samples, 0 to 1, that the diagram's noise source shows before each tick.
-
-    Shape (ticks + 1, trials).
-    """
-    period = scenario.measurement.period
-    builder = DiagramBuilder()
-    # Drake hands one generator from block to block, and the trajectory, which comes before the
-    # noise, draws its initial state from it, though that has no spread.
-    builder.AddSystem(make_desired_trajectory(scenario.desired))
-    source = builder.AddSystem(RandomSource(RandomDistribution.kUniform, trials, period))
-    logger = LogVectorOutput(source.get_output_port(), builder, publish_period=period)
-    diagram = builder.Build()
-    context = diagram.CreateDefaultContext()
-    diagram.SetRandomContext(context, RandomGenerator(seed))
-    simulator = Simulator(diagram, context)
-    simulator.Initialize()
-    simulator.AdvanceTo((ticks + 0.5) * period)
-    samples: Array = logger.FindLog(context).data().T.copy()
-    return samples
 
 
 @compiled

@@ -12,9 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common import RandomDistribution, RandomGenerator
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import LinearSystem, RandomSource
+from pydrake.common import RandomDistribution
 
 from chamfer.diagrams.surface.surface_tracking import (
     ResolvedTrackingScenario,
@@ -32,6 +30,7 @@ from chamfer.systems.force.contact_detection_law import CONTACT
 from chamfer.systems.force.hybrid_law import HybridCode, HybridLaw, HybridMemory, control
 from chamfer.systems.force.surface_motion import SurfaceTask, moved_along
 from chamfer.systems.recording import active
+from chamfer.systems.sensing.drawn_noise import drawn_noise
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -87,14 +86,17 @@ def run_compiled(
     plant = make_cartesian_manipulator(
         scenario.manipulator, start=scenario.start, step=scenario.step
     )
-    rate = scenario.force_rate
+    rate, sensor, normals = scenario.force_rate, scenario.sensor, RandomDistribution.kGaussian
+    errors = drawn_noise(normals, (samples + 2, 2 * d), after=plant, seed=seed)
+    errors *= np.repeat([sensor.force_noise, sensor.force_rate_noise], d) / math.sqrt(3)
+    errors[:, :d] += 0.0 if sensor.bias is None else sensor.bias
     loop = _Loop(
         (code, scenario.friction.numbers, np.array(scenario.gripper.matrix(d), np.float64)),
         (np.ascontiguousarray(plant.A()), np.ascontiguousarray(plant.B())),
         surface_motion(scenario).task,
         float(scenario.task.force),
         controller.code,
-        _errors(scenario, plant, samples, seed),
+        errors,
         round(scenario.force_delay / period),
         0.0 if rate is None else rate.share(period),
         (np.isin(times, ticks), np.isin(times, steps)),
@@ -135,26 +137,6 @@ def run_compiled(
         held = np.array([getattr(one, name) for one in states])[np.searchsorted(looks, ticks)]
         outputs[name] = held if signal.size > 1 else held[:, 0]
     return outputs
-
-
-def _errors(
-    scenario: ResolvedTrackingScenario, plant: LinearSystem, samples: int, seed: int
-) -> Array:
-    """Return the sensor's errors before each tick and after the last, N and N/s."""
-    d, sensor, builder = scenario.dimension, scenario.sensor, DiagramBuilder()
-    # Drake hands one generator from block to block, also to one whose state has no spread. One
-    # sample of all is the same as one after the other.
-    builder.AddSystem(plant)
-    size = 2 * d * (samples + 2)
-    source = builder.AddSystem(RandomSource(RandomDistribution.kGaussian, size, 1.0))
-    diagram = builder.Build()
-    context = diagram.CreateDefaultContext()
-    diagram.SetRandomContext(context, RandomGenerator(seed))
-    drawn = source.get_output_port().Eval(source.GetMyContextFromRoot(context)).reshape(-1, 2 * d)
-    scale = np.repeat([sensor.force_noise, sensor.force_rate_noise], d) / math.sqrt(3)
-    errors: Array = scale * drawn
-    errors[:, :d] += 0.0 if sensor.bias is None else sensor.bias
-    return errors
 
 
 @compiled

@@ -264,16 +264,12 @@ class Own:
 
 
 @pytest.mark.parametrize("surface", [Wave(), SHEET], ids=["plane", "space"])
-def test_surface_of_an_own_class(surface: Surface) -> None:
+@pytest.mark.parametrize("friction", [VARIED, SurfaceFriction(coefficient=0.0)])
+def test_surface_of_an_own_class(surface: Surface, friction: SurfaceFriction) -> None:
     d = surface.dimension
-    modes = set()
-    for friction in (VARIED, SurfaceFriction(coefficient=0.0)):
-        cases = [Case(one, friction, SKEW[-d:, -d:]) for one in (surface, Own(surface))]
-        ways = [case.follow(random_motion(3, d), np.arange(0, 2, 0.04)) for case in cases]
-        for known, own in zip(*ways, strict=True):
-            np.testing.assert_allclose(row(own), row(known), atol=1e-12)
-            modes.add(own.mode)
-    assert modes >= {STICK, SLIP}
+    cases = [Case(one, friction, SKEW[-d:, -d:]) for one in (surface, Own(surface))]
+    known, own = (case.follow(random_motion(3, d), np.arange(0, 2, 0.04)) for case in cases)
+    np.testing.assert_allclose([*map(row, own)], [*map(row, known)], atol=1e-12)
 
 
 def test_too_deep_for_a_contact() -> None:
