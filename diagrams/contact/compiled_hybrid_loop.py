@@ -239,7 +239,8 @@ def _run(loop: _Loop, noise: _Noise, rows: int) -> tuple[Array, bool]:
             count = row * window + part
             since = update_time * part
             torque = delayed(memory.torque + estimate, earlier, late, since, update_time)
-            line = filtered(sensor, felt, line)[: len(line)]
+            if sensor.rows:
+                line = filtered(sensor, felt, line)[: len(line)]
             roughen(uneven, rough[count + 1], outputs, n, update_time)
             push = loop.kick[1] if count == loop.kick[0] else none
             _, unsolved = update(
