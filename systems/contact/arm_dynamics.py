@@ -95,6 +95,12 @@ def scaled(v: Three, factor: float) -> Three:
 
 
 @in_place
+def shared(v: Three, parts: float) -> Three:
+    """Return a part of a vector."""
+    return v[0] / parts, v[1] / parts, v[2] / parts
+
+
+@in_place
 def dot(a: Three, b: Three) -> float:
     """Return the scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
@@ -311,15 +317,20 @@ def base_wrench(chain: Chain, at: Pose, v: Array, acceleration: Array) -> Array:
     For joint velocities v and accelerations, shape (n,). Moment about the world's origin, N m, and
     force, N, shape (6,), world axes.
     """
-    forces, total = link_forces(chain, at, v), np.zeros(6)
-    mass, moment, inertia = 0.0, ZERO, _NOTHING
-    for j in range(len(v) - 1, -1, -1):
+    torque, force = base_forces(at, link_forces(chain, at, v), acceleration)
+    return np.array([*torque, *force])
+
+
+@in_place
+def base_forces(at: Pose, forces: Array, acceleration: Array) -> tuple[Three, Three]:
+    """Return what the base gives, from what each link takes and joint accelerations."""
+    mass, moment, inertia, torque, force = 0.0, ZERO, _NOTHING, ZERO, ZERO
+    for j in range(len(acceleration) - 1, -1, -1):
         mass, moment, inertia = _with_link(at, j, mass, moment, inertia)
         a, b = _momentum(mass, moment, inertia, row(at.twist, j, 0), row(at.twist, j, 3))
-        for i in range(3):
-            total[i] += forces[j, i] + acceleration[j] * a[i]
-            total[3 + i] += forces[j, 3 + i] + acceleration[j] * b[i]
-    return total
+        torque = add(torque, add(row(forces, j, 0), scaled(a, acceleration[j])))
+        force = add(force, add(row(forces, j, 3), scaled(b, acceleration[j])))
+    return torque, force
 
 
 @compiled

@@ -47,6 +47,7 @@ from chamfer.systems.contact.arm_motion import (
     coefficient,
     energies,
     gaps,
+    make_room,
     output_sizes,
     roughen,
     update,
@@ -74,7 +75,7 @@ class ContactParams:
 
         Shape (3,) each; the force, N, is that of the surface, the normal is out of it.
         """
-        return coefficient(self.numbers, point, force, normal)
+        return coefficient(self.numbers, float(point[0]), float(force @ normal), float(normal[2]))
 
     @property
     def loose(self) -> tuple[float, float]:
@@ -353,8 +354,10 @@ class ArmInContact(LeafSystem):
         pushes, times = (torque.copy(), disturbance.copy()), (params.step, params.held)
         arm = world.chain, world.material, world.tool
         if world.contacts is None:
-            patch = self._patch(world, outputs, uneven)
-            error, unsolved = advance(*arm, patch, state, outputs, *pushes, lasting, *times)
+            room = make_room(*arm, params.step)
+            for own, found in zip(room.patch, self._patch(world, outputs, uneven), strict=True):
+                own[:] = found
+            error, unsolved = advance(*arm, room, state, outputs, *pushes, lasting, *times)
         else:
             now = state, outputs, uneven
             error, unsolved = update(*arm, world.contacts, *now, *pushes, lasting, *times)

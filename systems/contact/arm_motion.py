@@ -19,7 +19,7 @@ from chamfer.systems.contact.arm_dynamics import (
     add,
     add_cross,
     add_turned,
-    base_wrench,
+    base_forces,
     dot,
     fill_bias,
     fill_jacobian,
@@ -34,6 +34,7 @@ from chamfer.systems.contact.arm_dynamics import (
     product,
     row,
     scaled,
+    shared,
     transposed,
     vector,
 )
@@ -42,7 +43,7 @@ from chamfer.systems.contact.stick_slip import (
     Material,
     Motion,
     StepModel,
-    along,
+    Work,
     take_step,
     workspace,
 )
@@ -105,8 +106,8 @@ def output_sizes(n: int, points: int) -> dict[str, int]:
 
 
 @in_place
-def _tip(at: Pose, offset: Three, stretch: Array) -> Three:
-    return add_turned(nine(at.R_WE), add(offset, vector(stretch)), vector(at.p_WE))
+def _tip(at: Pose, offset: Three, stretch: Three) -> Three:
+    return add_turned(nine(at.R_WE), add(offset, stretch), vector(at.p_WE))
 
 
 @in_place
@@ -124,17 +125,8 @@ def _locate(patch: Patch, which: int, point: Three) -> tuple[float, Three]:
     gradient = add(flat, bend)
     square = dot(gradient, gradient)
     turned = add_turned(hessian, gradient, ZERO)
-    normal = (
-        gradient[0] - level * turned[0] / square,
-        gradient[1] - level * turned[1] / square,
-        gradient[2] - level * turned[2] / square,
-    )
-    length = math.sqrt(dot(normal, normal))
-    return level / math.sqrt(square), (
-        normal[0] / length,
-        normal[1] / length,
-        normal[2] / length,
-    )
+    normal = add(gradient, shared(scaled(turned, -level), square))
+    return level / math.sqrt(square), shared(normal, math.sqrt(dot(normal, normal)))
 
 
 @in_place
@@ -187,7 +179,7 @@ def gaps(chain: Chain, tool: Tool, patch: Patch, q: Array, stretch: Array) -> Ar
     """Return the gaps of the points, m, shape (m,)."""
     at, found = pose(chain, q), np.empty(len(tool.offset))
     for point in range(len(found)):
-        tip = _tip(at, row(tool.offset, point, 0), stretch)
+        tip = _tip(at, row(tool.offset, point, 0), vector(stretch))
         found[point] = _locate(patch, point, tip)[0]
     return found
 
@@ -203,19 +195,18 @@ def _velocity(at: Pose, point: Three, v: Array) -> Three:
 
 
 @in_place
-def coefficient(friction: Array, point: Array, force: Array, normal: Array) -> float:
+def coefficient(friction: Array, x: float, push: float, up: float) -> float:
     """Return the coefficient of friction, of a row of :class:`Contacts`.
 
-    At a point, m, with the force, N, of the surface and the normal out of it, shape (3,) each. The
+    At x, m, where the surface pushes with a normal force, N, along a normal whose z is ``up``. The
     row's last numbers are mass, kg, and slip friction of a body that lies loose, mass 0 if there
     is none. Of two dry frictions in series, that on it and that of it on what it lies on, the
     weaker gives. The latter holds ``slip_friction (N + m g)``; on a slope it is as down the slope.
     """
-    mu, push = friction_at(friction, point[0])[0], along(force, normal)
+    mu = friction_at(friction, x)[0]
     if friction[7] > 0.0 and push > 0.0:
         holds = math.atan(friction[8] * (1.0 + friction[7] * GRAVITY / push))
-        slope = math.acos(min(max(normal[2], 0.0), 1.0))
-        mu = min(mu, math.tan(max(holds - slope, 0.0)))
+        mu = min(mu, math.tan(max(holds - math.acos(min(max(up, 0.0), 1.0)), 0.0)))
     return mu
 
 
@@ -231,38 +222,61 @@ def roughen(uneven: Array, drawn: Array, outputs: Array, n: int, period: float) 
         uneven[a] = kept * uneven[a] + math.sqrt(1.0 - kept**2) * drawn[a]
 
 
-@compiled
-def patch_at(contacts: Contacts, outputs: Array, uneven: Array, n: int, period: float) -> Patch:
-    """Return the surfaces about where the points, with velocities, are in half a period."""
-    m, most = len(contacts.friction), len(uneven)
-    tip = 3 * most + 3 + n + 6 * most
-    found = Patch(
-        np.empty((m, 3)), np.empty(m), np.empty((m, 3)), np.empty((m, 3, 3)), np.empty(m)
-    )
-    for a in range(m):
-        point, gradient, hessian = found.point[a], found.gradient[a], found.hessian[a]
-        way = 0.0
+@in_place
+def fill_patch(
+    contacts: Contacts, outputs: Array, uneven: Array, n: int, period: float, patch: Patch
+) -> None:
+    """Fill in the surfaces about where the points, with velocities, are in half a period."""
+    tip = 3 * len(uneven) + 3 + n + 6 * len(uneven)
+    for a in range(len(patch.mu)):
+        point, slope, way = patch.point[a], patch.gradient[a], 0.0
         for i in range(3):
             ahead = period / 2 * outputs[tip + 6 * a + 3 + i]
             point[i] = outputs[tip + 6 * a + i] + ahead
             way += ahead**2
-        level = evaluate(contacts.surfaces, a, point, gradient, hessian)
-        found.level[a], found.mu[a] = level, 0.0
-        length = math.sqrt(along(gradient, gradient))
-        if level > (FAR + 2.0 * math.sqrt(way)) * length:
-            # Out of reach, where a level function may have any shape.
-            hessian[:] = 0.0
-            if length == 0.0:
-                gradient[0] = 1.0
-            else:
-                found.level[a] /= length
-                gradient /= length
+        level = evaluate(contacts.surfaces, a, point, slope, patch.hessian[a])
+        patch.level[a], patch.mu[a] = level, 0.0
+        length = math.sqrt(dot(vector(slope), vector(slope)))
+        if level <= (FAR + 2.0 * math.sqrt(way)) * length:
+            force, normal = vector(outputs[3 * a : 3 * a + 3]), scaled(vector(slope), 1.0 / length)
+            mu = coefficient(contacts.friction[a], point[0], dot(force, normal), normal[2])
+            patch.mu[a] = mu * max(1.0 + contacts.friction[a, 6] * uneven[a], 0.0)
             continue
-        mu = coefficient(
-            contacts.friction[a], point, outputs[3 * a : 3 * a + 3], gradient / length
-        )
-        found.mu[a] = mu * max(1.0 + contacts.friction[a, 6] * uneven[a], 0.0)
-    return found
+        # Out of reach, where a level function may have any shape.
+        slope[0] = 1.0 if length == 0.0 else slope[0]
+        for i in range(3):
+            slope[i] /= length or 1.0
+            for k in range(3):
+                patch.hessian[a, i, k] = 0.0
+        patch.level[a] /= length or 1.0
+
+
+class Room(NamedTuple):
+    """Room for the steps of an arm."""
+
+    at: Pose
+    patch: Patch
+    model: StepModel
+    work: Work
+    joints: Array  # (3, n)
+    links: Array  # (n, 6)
+    points: Array  # (m, 3)
+    compliance: Array  # (3, 3), (h K + D)^-1 of the gripper
+
+
+@compiled
+def make_room(chain: Chain, material: Material, tool: Tool, h: float) -> Room:
+    """Return room for steps of ``h`` seconds."""
+    n, m = len(chain.mass), len(tool.offset)
+    patch = Patch(
+        np.empty((m, 3)), np.empty(m), np.empty((m, 3)), np.empty((m, 3, 3)), np.empty(m)
+    )
+    a, b, c = np.empty((n, n)), np.empty(n), np.empty((m, 3, n))
+    gap, normal, gripper, stretch = np.empty(m), np.empty((m, 3)), np.zeros((2, 3, 3)), np.zeros(3)
+    model = StepModel(a, b, c, gap, normal, patch.mu, tool.rigid, gripper[0], gripper[1], stretch)
+    work, joints, links = workspace(model, material, h), np.empty((3, n)), np.empty((n, 6))
+    compliance = np.zeros((3, 3)) if tool.rigid else inverse(h * tool.stiffness + tool.damping)
+    return Room(no_pose(chain), patch, model, work, joints, links, np.empty((m, 3)), compliance)
 
 
 @compiled
@@ -286,18 +300,19 @@ def update(
     rest is as :func:`advance` has it. Returns the largest error of the steps, and how many of them
     are not solved.
     """
-    patch = patch_at(contacts, outputs, uneven, len(torque), h * count)
+    room = make_room(chain, material, tool, h)
+    fill_patch(contacts, outputs, uneven, len(torque), h * count, room.patch)
     return advance(
-        chain, material, tool, patch, state, outputs, torque, disturbance, lasting, h, count
+        chain, material, tool, room, state, outputs, torque, disturbance, lasting, h, count
     )
 
 
-@compiled
+@in_place
 def advance(
     chain: Chain,
     material: Material,
     tool: Tool,
-    patch: Patch,
+    room: Room,
     state: Array,
     outputs: Array,
     torque: Array,
@@ -306,7 +321,7 @@ def advance(
     h: float,
     count: int,
 ) -> tuple[float, int]:
-    """Take ``count`` steps of ``h`` seconds; change state and outputs.
+    """Take ``count`` steps of ``h`` seconds at the patch of the room; change state and outputs.
 
     Mass matrix, bias, Jacobians and normals are those of each step's middle, with the velocity's
     change in the step before taken to go on: second order in h wherever forces are smooth.
@@ -322,32 +337,14 @@ def advance(
     Returns the largest error of the steps, and how many of them are not solved.
     """
     n, m, most = len(torque), len(tool.offset), (len(state) - 5 * len(torque) - 3) // 3
-    q, mid, speed, change, slow = np.empty((5, n))
-    motion = Motion(np.empty(n), np.empty(n), np.empty(n), np.empty((m, 3)))
-    stretch, points, links = np.empty(3), np.empty((m, 3)), np.empty((n, 6))
-    for j in range(n):
-        q[j], motion.velocity[j], motion.sticking[j] = state[j], state[n + j], state[2 * n + j]
-        motion.joint_impulse[j], change[j] = state[3 * n + j], state[4 * n + j]
-    for i in range(3):
-        stretch[i] = state[5 * n + 3 * most + i]
-        for a in range(m):
-            motion.impulse[a, i] = state[5 * n + 3 * a + i]
-    model = StepModel(
-        np.empty((n, n)),
-        np.empty(n),
-        np.empty((m, 3, n)),
-        gaps(chain, tool, patch, q, stretch),
-        np.empty((m, 3)),
-        patch.mu,
-        tool.rigid,
-        np.zeros((3, 3)),
-        np.zeros((3, 3)),
-        np.zeros(3),
-    )
-    work, at, v = workspace(model, material, h), no_pose(chain), motion.velocity
-    matrix = np.zeros((3, 3))
-    if not tool.rigid:
-        matrix = inverse(h * tool.stiffness + tool.damping)
+    at, patch, model, work, (mid, speed, slow), links, points, _ = room
+    q, v, sticking, pushes, change = state[: 5 * n].reshape((5, n))
+    impulse, stretch = state[5 * n : 5 * n + 3 * m].reshape((m, 3)), state[5 * n + 3 * most :]
+    motion = Motion(v, sticking, pushes, impulse)
+    place_links(chain, q, at)
+    for a in range(m):
+        tip_at = _tip(at, row(tool.offset, a, 0), vector(stretch))
+        model.gap[a] = _locate(patch, a, tip_at)[0]
     # Where the outputs begin.
     base, contact = 3 * most + 3, 3 * most + 3 + n
     tip, energy = contact + 6 * most, contact + 12 * most
@@ -358,7 +355,7 @@ def advance(
     for k in range(count):
         if tool.load > 0.0 and k == count - 1:
             place_links(chain, q, at)
-            began = _velocity(at, _tip(at, vector(tool.centre), np.zeros(3)), v)
+            began = _velocity(at, _tip(at, vector(tool.centre), ZERO), v)
         for j in range(n):
             speed[j] = v[j] + change[j] / 2
             mid[j] = q[j] + h * speed[j] / 2
@@ -366,7 +363,7 @@ def advance(
         place_links(chain, mid, at)
         turn = nine(at.R_WE)
         for a in range(m):
-            point = _tip(at, row(tool.offset, a, 0), stretch)
+            point = _tip(at, row(tool.offset, a, 0), vector(stretch))
             normal = _locate(patch, a, point)[1]
             fill_jacobian(at, point, model.J_v_WC, a)
             for i in range(3):
@@ -377,7 +374,7 @@ def advance(
             for i in range(3):
                 model.force[j] += model.J_v_WC[0, i, j] * disturbance[i]
         if not tool.rigid:
-            _fill_turned(turn, matrix, model.yielding)
+            _fill_turned(turn, room.compliance, model.yielding)
             _fill_turned(turn, tool.stiffness, model.stiffness)
             stretched = add_turned(turn, vector(stretch), ZERO)
             for i in range(3):
@@ -389,14 +386,14 @@ def advance(
             change[j] = v[j] - change[j]
             q[j] += moved
             viscous = material.viscous[j] * moved
-            outputs[base + j] = torque[j] + (motion.joint_impulse[j] - viscous) / h
+            outputs[base + j] = torque[j] + (pushes[j] - viscous) / h
             outputs[energy + 4] += moved * (model.force[j] + slow[j])
         for i in range(3):
             for c in range(3):
                 stretch[i] += at.R_WE[c, i] * work.change[c]
         for a in range(m):
             own = contact + 6 * a
-            push = dot(row(model.normal, a, 0), row(motion.impulse, a, 0)) / h
+            push = dot(row(model.normal, a, 0), row(impulse, a, 0)) / h
             outputs[own + 3] = max(outputs[own + 3], push)
             outputs[own + 4] = max(outputs[own + 4], work.speeds[2, a])
         outputs[energy + 3] += dissipated
@@ -404,10 +401,9 @@ def advance(
         unsolved += 0 if error <= SOLVED else 1
     for j in range(n):
         mid[j] = change[j] / h
-    wrench = base_wrench(chain, at, speed, mid)
-    moment, force = vector(wrench), (wrench[3], wrench[4], wrench[5])
+    moment, force = base_forces(at, links, mid)
     for a in range(m):
-        pushed = scaled(row(motion.impulse, a, 0), 1.0 / h)
+        pushed = shared(row(impulse, a, 0), h)
         if a == 0:
             pushed = add(pushed, vector(disturbance))
         moment = add_cross(pushed, row(points, a, 0), moment)
@@ -430,9 +426,8 @@ def advance(
             continue
         outputs[own], outputs[own + 1] = model.gap[a], work.speeds[0, a]
         outputs[own + 2] = work.speeds[1, a]
-        point = _tip(at, row(tool.offset, a, 0), stretch)
-        velocity = _velocity(at, point, v)
-        pushed = scaled(row(motion.impulse, a, 0), 1.0 / h)
+        point = _tip(at, row(tool.offset, a, 0), vector(stretch))
+        velocity, pushed = _velocity(at, point, v), shared(row(impulse, a, 0), h)
         for i in range(3):
             outputs[tip + 6 * a + i], outputs[tip + 6 * a + 3 + i] = point[i], velocity[i]
             if model.gap[a] <= 0.0:
@@ -440,15 +435,9 @@ def advance(
         if model.gap[a] <= 0.0:
             felt = add_turned(back, pushed, felt)
     if tool.load > 0.0:
-        ended = _velocity(at, _tip(at, vector(tool.centre), np.zeros(3)), v)
-        speeding = scaled(add(ended, scaled(began, -1.0)), -1.0 / h)
+        ended = _velocity(at, _tip(at, vector(tool.centre), ZERO), v)
+        speeding = shared(add(ended, scaled(began, -1.0)), -h)
         felt = add_turned(back, scaled(add(vector(chain.gravity), speeding), tool.load), felt)
     for i in range(3):
         outputs[3 * most + i] = felt[i]
-        state[5 * n + 3 * most + i] = stretch[i]
-        for a in range(most):
-            state[5 * n + 3 * a + i] = motion.impulse[a, i] if a < m else 0.0
-    for j in range(n):
-        state[j], state[n + j], state[2 * n + j] = q[j], v[j], motion.sticking[j]
-        state[3 * n + j], state[4 * n + j] = motion.joint_impulse[j], change[j]
     return largest, unsolved

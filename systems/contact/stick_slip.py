@@ -226,8 +226,9 @@ def mobility_of(problem: Conditions) -> Array:
     """
     n, rows = len(problem.bound), len(problem.before)
     result = np.empty((n + rows, n + rows))
-    result[:n] = problem.reach.T
     for cause in range(n + rows):
+        for j in range(n):
+            result[j, cause] = problem.reach[cause, j]
         for i in range(rows):
             mean = problem.mean if i % 3 else 0.5
             speed = mean * along(problem.rows[i], problem.reach[cause])
@@ -237,7 +238,13 @@ def mobility_of(problem: Conditions) -> Array:
     return result
 
 
-@compiled
+@within
+def _add_row(slope: Array, mobility: Array, i: int, share: float) -> None:
+    for k in range(len(mobility)):
+        slope[i, k] += share * mobility[i, k]
+
+
+@in_place
 def natural_map(
     problem: Conditions,
     velocity: Array,
@@ -256,13 +263,15 @@ def natural_map(
     one of its generalised derivatives by the impulses.
     """
     n, h = len(velocity), problem.h
-    slope[:] = 0.0
+    for i in range(len(lack)):
+        for k in range(len(lack)):
+            slope[i, k] = 0.0
     for j in range(n):
         scale = weight * mobility[j, j]
         wanted = impulse[j] - velocity[j] / scale
         if abs(wanted) <= problem.bound[j]:
             lack[j] = velocity[j]
-            slope[j] = mobility[j]
+            _add_row(slope, mobility, j, 1.0)
         else:
             lack[j] = scale * (impulse[j] - math.copysign(problem.bound[j], wanted))
             slope[j, j] = scale
@@ -277,7 +286,7 @@ def natural_map(
             spring, damping = problem.spring[point], problem.damping[point]
             stiff = -normal_slope(problem.gap[point], after, spring, damping, problem.rigid)
             share = push * stiff / (1.0 + push * stiff)
-            slope[row] += share * mobility[row]
+            _add_row(slope, mobility, row, share)
             slope[row, row] -= share * push / h
         a, b, scale = row + 1, row + 2, weight * problem.slide[point]
         if scale <= 0.0:
@@ -290,7 +299,8 @@ def natural_map(
         size, most = math.hypot(x, y), problem.mu[point] * max(0.0, impulse[row])
         if size <= most:
             lack[a], lack[b] = first, second
-            slope[a], slope[b] = mobility[a], mobility[b]
+            _add_row(slope, mobility, a, 1.0)
+            _add_row(slope, mobility, b, 1.0)
         else:
             x, y, share = x / size, y / size, most / size
             lack[a] = scale * (impulse[a] - most * x)
@@ -324,7 +334,7 @@ def _newton(
     short as it takes to shorten the map.
     """
     n, mobility, lack = len(velocity), mobility_of(problem), np.empty(len(impulse))
-    slope = np.empty_like(mobility)
+    slope = np.empty((len(lack), len(lack)))
     length = natural_map(problem, velocity, stretch, impulse, mobility, weight, lack, slope)
     for _ in range(_NEWTON):
         if length <= _BALANCED * problem.scale[0]:
