@@ -14,7 +14,13 @@ from chamfer.models.validation import ParameterError, require_positive
 from chamfer.systems.cameras.camera_image import Image
 from chamfer.systems.vision.detections import Detection, Status
 from chamfer.systems.vision.part_appearance import Appearance, Proportions, Range, agree
-from chamfer.systems.vision.part_edges import Axis, find_axis, find_end, is_the_parts, proportions
+from chamfer.systems.vision.part_edges import (
+    find_axis,
+    find_end,
+    is_the_parts,
+    looks_of,
+    proportions,
+)
 from chamfer.systems.vision.part_masks import (
     Blob,
     Colours,
@@ -38,7 +44,8 @@ def detect(image: Image, part: Appearance) -> Detection:
     else than background just beyond it counts as occluded, also where the part is in front.
     """
     seen = colours(image)
-    return _find(image, seen, part, colour_mask(seen, part), None).detection
+    mask = colour_mask(seen, part)
+    return _find(image, seen, part, mask, np.zeros_like(mask)).detection
 
 
 def detect_parts(image: Image, peg: Appearance, hole: Appearance) -> tuple[Detection, Detection]:
@@ -85,7 +92,7 @@ def _same(one: Blob | None, other: Blob | None) -> bool:
     return bool(np.count_nonzero(both) > _SHARED * smaller)
 
 
-def _find(image: Image, seen: Colours, part: Appearance, own: Mask, other: Mask | None) -> _Found:
+def _find(image: Image, seen: Colours, part: Appearance, own: Mask, other: Mask) -> _Found:
     """Return the one blob that is the part, or why none is.
 
     First with all pieces together that a highlight or a thin thing before the part separates, then
@@ -104,9 +111,7 @@ def _find(image: Image, seen: Colours, part: Appearance, own: Mask, other: Mask 
     return first
 
 
-def _in_mask(
-    image: Image, mask: Mask, part: Appearance, other: Mask | None, *, bridged: bool
-) -> _Found:
+def _in_mask(image: Image, mask: Mask, part: Appearance, other: Mask, *, bridged: bool) -> _Found:
     found = [_looked_at(image, blob, part, other) for blob in blobs(mask, part, bridged=bridged)]
     if not found:
         return _Found(Detection(status=Status.NO_COLOUR))
@@ -119,7 +124,7 @@ def _in_mask(
     return found[0]  # why the largest is not it
 
 
-def _looked_at(image: Image, blob: Blob, part: Appearance, other: Mask | None) -> _Found:
+def _looked_at(image: Image, blob: Blob, part: Appearance, other: Mask) -> _Found:
     """Return where a part is if it is this blob."""
     found = _measured(image, blob, part, other)
     if found.detection.status != Status.VALID and blob.touches(image, part.front):
@@ -127,18 +132,19 @@ def _looked_at(image: Image, blob: Blob, part: Appearance, other: Mask | None) -
     return found
 
 
-def _measured(image: Image, blob: Blob, part: Appearance, other: Mask | None) -> _Found:
+def _measured(image: Image, blob: Blob, part: Appearance, other: Mask) -> _Found:
     colour = colour_of(image, blob)
-    axis = find_axis(image, blob, colour, part)
-    if not isinstance(axis, Axis):
-        return _Found(Detection(status=Status[axis]), blob)
+    looks = looks_of(part)
+    axis, status = find_axis(image, blob, colour, looks)
+    if status != Status.VALID:
+        return _Found(Detection(status=Status(status)), blob)
     if not _within(axis.half_width, part.half_width):
         return _Found(Detection(status=Status.WRONG_SIZE), blob)
-    end = find_end(image, blob, colour, part, axis, other)
+    end, is_seen = find_end(image, blob, colour, looks, axis, other)
     point = (axis.u, axis.v)
-    if end is None:
+    if not is_seen:
         return _Found(Detection(status=Status.OCCLUDED, angle=axis.angle, point=point), blob)
-    shape = None if part.aspect is None else proportions(image, blob, part, axis, end)
+    shape = None if part.aspect is None else proportions(image, blob, looks, axis, end)
     if not is_the_parts(image, colour, part, axis, end, shape):
         return _Found(Detection(status=Status.WRONG_SHAPE), blob)
     valid = Detection(status=Status.VALID, tip=end.tip, angle=axis.angle, point=point)

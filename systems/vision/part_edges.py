@@ -2,13 +2,14 @@
 
 import math
 from functools import lru_cache
-from typing import Final, Literal, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chamfer.systems.cameras.camera_image import Image
 from chamfer.systems.compiled import compiled
+from chamfer.systems.vision.detections import Status
 from chamfer.systems.vision.part_appearance import Appearance, Proportions
 from chamfer.systems.vision.part_masks import Blob, Mask, outline, row_ends
 from chamfer.systems.vision.soft_edges import (
@@ -132,7 +133,7 @@ def fit_end(across: Array, along: Array, flat: bool = False) -> tuple[float, flo
 _BULGE: Final = 0.05  # weight of the expectation that the end's edge is straight
 
 
-class _Looks(NamedTuple):
+class Looks(NamedTuple):
     """What of an :class:`Appearance` tells of edges."""
 
     front: int
@@ -146,11 +147,10 @@ class _Looks(NamedTuple):
 
 
 @lru_cache(maxsize=64)
-def _looks(part: Appearance) -> _Looks:
-    return _Looks._make(getattr(part, name) for name in _Looks._fields)
+def looks_of(part: Appearance) -> Looks:
+    """Return them."""
+    return Looks._make(getattr(part, name) for name in Looks._fields)
 
-
-Flaw = Literal["NOT_STRAIGHT", "NO_CONTRAST", "BLURRED"]  # as in Status
 
 _SEEN: Final = 0.65  # of the columns between the ends, in which an edge has to be on its line
 _LONG: Final = 0.4  # least length of the straight edges, relative to the width
@@ -171,27 +171,23 @@ class Axis(NamedTuple):
     blur: float  # pixels, standard deviation
     background: Array  # red, green and blue beside the part, the mean of both sides
 
-    def at(self, along: float, across: float) -> tuple[float, float]:
-        """Return the pixel so far along the axis from its point, and to the right of it."""
-        cos, sin = math.cos(self.angle), math.sin(self.angle)
-        return self.u + along * cos - across * sin, self.v + along * sin + across * cos
+
+@compiled
+def _at(axis: Axis, along: float, across: float) -> tuple[float, float]:
+    """Return the pixel so far along an axis from its point, and to the right of it."""
+    cos, sin = math.cos(axis.angle), math.sin(axis.angle)
+    return axis.u + along * cos - across * sin, axis.v + along * sin + across * cos
 
 
-_FLAWS: Final[tuple[Flaw, ...]] = ("NOT_STRAIGHT", "NO_CONTRAST", "BLURRED")
-_NOT_STRAIGHT, _NO_CONTRAST, _BLURRED = range(len(_FLAWS))
-_NONE: Final = -1  # no flaw
+_VALID, _NOT_STRAIGHT, _NO_CONTRAST, _BLURRED = map(
+    int, (Status.VALID, Status.NOT_STRAIGHT, Status.NO_CONTRAST, Status.BLURRED)
+)
 _OUT: Final[tuple[Step, Step]] = ((0, -1), (0, 1))  # of the long edges, upper and lower
 
 
-def find_axis(image: Image, blob: Blob, colour: Array, part: Appearance) -> Axis | Flaw:
-    """Return the axis of a blob, whose mean colour is given, or why it has none."""
-    axis, flaw = _axis(image, blob, colour, _looks(part))
-    return axis if flaw == _NONE else _FLAWS[flaw]
-
-
 @compiled
-def _axis(image: Image, blob: Blob, colour: Array, looks: _Looks) -> tuple[Axis, int]:
-    """Return the axis, and the number of its flaw."""
+def find_axis(image: Image, blob: Blob, colour: Array, looks: Looks) -> tuple[Axis, int]:
+    """Return the axis of a blob, whose mean colour is given, and if it is one or why not."""
     width, (least, most) = blob.own.shape[1], looks.window
     no = Axis(0.0, 0.0, 0.0, 0.0, 0, 0.0, np.zeros(3))
     u = blob.left + np.arange(width).astype(np.float64)
@@ -253,7 +249,7 @@ def _axis(image: Image, blob: Blob, colour: Array, looks: _Looks) -> tuple[Axis,
         and abs(lines[1].slope - lines[0].slope) < _PARALLEL
     ):
         return no, _NOT_STRAIGHT
-    return Axis(u0, intercept + slope * u0, angle, half, outside, wide / 1.35, beside), _NONE
+    return Axis(u0, intercept + slope * u0, angle, half, outside, wide / 1.35, beside), _VALID
 
 
 @compiled
@@ -287,10 +283,11 @@ class End(NamedTuple):
     background: Array  # red, green and blue, beyond
 
 
+@compiled
 def find_end(
-    image: Image, blob: Blob, colour: Array, part: Appearance, axis: Axis, other: Mask | None
-) -> End | None:
-    """Return the end face, or None where too little of its edge is in sight.
+    image: Image, blob: Blob, colour: Array, looks: Looks, axis: Axis, other: Mask
+) -> tuple[End, bool]:
+    """Return the end face, and whether it is one: enough of its edge is in sight.
 
     The edge is seen as half an ellipse as narrow as the face is turned away from the camera: its
     ends, not its outermost point, are level with the middle of the face. A square face has a
@@ -298,20 +295,7 @@ def find_end(
 
     The mask of the ``other`` part says where that may be before it.
     """
-    hider = _NO_MASK if other is None else other
-    found, level, bulge, background = _end(image, blob, colour, axis, _looks(part), hider)
-    return End(axis.at(part.front * level, 0.0), level, bulge, background) if found else None
-
-
-_NO_MASK: Final = np.zeros((0, 0), np.uint8)
-
-
-@compiled
-def _end(
-    image: Image, blob: Blob, colour: Array, axis: Axis, looks: _Looks, other: Mask
-) -> tuple[bool, float, float, Array]:
-    """Return whether there is an :class:`End`, and all of it but the tip."""
-    no, (narrow, most) = (False, 0.0, 0.0, np.zeros(3)), looks.window
+    no, (narrow, most) = (End((0.0, 0.0), 0.0, 0.0, np.zeros(3)), False), looks.window
     radius = axis.half_width * looks.end_ratio
     blurred = min(radius - _FACE * axis.blur, axis.half_width - _SIDE * axis.blur)
     reach = min(looks.band * radius, blurred)
@@ -339,7 +323,8 @@ def _end(
     level, bulge, rms, points = fit_end(across[good], along[good], looks.flat)
     if rms > looks.straight or points < max(least, _FIT * count):
         return no
-    return True, level, bulge, background.sum(axis=0) / n
+    tip = _at(axis, looks.front * level, 0.0)
+    return End(tip, level, bulge, background.sum(axis=0) / n), True
 
 
 @compiled
@@ -355,10 +340,23 @@ def _hidden(starts: EdgeStarts, front: int, outside: int, other: Mask) -> int:
     return close
 
 
-def proportions(image: Image, blob: Blob, part: Appearance, axis: Axis, end: End) -> Proportions:
-    """Return how long a part is for its width, as if it were not turned towards the camera."""
-    far = blob.left if part.front > 0 else blob.left + blob.own.shape[1] - 1
-    length = _length(blob, _looks(part), axis, end.along, end.bulge)
+@compiled
+def proportions(image: Image, blob: Blob, looks: Looks, axis: Axis, end: End) -> Proportions:
+    """Return how long a part is for its width, as if it were not turned towards the camera.
+
+    Both ends bulge by as much as the axis is turned away from that. The far one is measured in
+    the mask, to about half a pixel.
+    """
+    starts, length = _rows(blob, axis, -looks.front, looks.band * axis.half_width), math.nan
+    if len(starts) >= 3:
+        half_a_pixel = np.full(len(starts), 0.5)
+        behind, across = _along_and_across(starts, half_a_pixel, axis, -looks.front)
+        across /= axis.half_width
+        inside = (np.abs(across) < 1) & (starts[:, 0] >= 0)
+        level, bulge, _, _ = fit_end(across[inside], behind[inside], looks.flat)
+        turned = min((end.bulge / looks.end_ratio + bulge) / (2 * axis.half_width), 0.9)
+        length = (end.along + level) / math.sqrt(1 - turned**2)
+    far = blob.left if looks.front > 0 else blob.left + blob.own.shape[1] - 1
     aspect = length / (2 * axis.half_width)
     return Proportions(aspect, axis.half_width, 2 < far < image.shape[1] - 3)
 
@@ -389,30 +387,11 @@ def is_the_parts(
     for side in (-1.0, 1.0):
         corners = ((0.0, radius), (0.0, axis.half_width), (-height, axis.half_width))
         triangle = [
-            axis.at(part.front * (ahead + along), side * across) for along, across in corners
+            _at(axis, part.front * (ahead + along), side * across) for along, across in corners
         ]
         if mean_share(image, np.array(triangle), colour, end.background) > _CUT:
             return False
     return True
-
-
-@compiled
-def _length(blob: Blob, looks: _Looks, axis: Axis, end: float, bulge: float) -> float:
-    """Return how long the blob is, as if its axis were at right angles to the line of sight.
-
-    Both ends bulge by as much as the axis is turned away from that. The far one is measured in
-    the mask, to about half a pixel.
-    """
-    starts = _rows(blob, axis, -looks.front, looks.band * axis.half_width)
-    if len(starts) < 3:
-        return math.nan
-    half_a_pixel = np.full(len(starts), 0.5)
-    behind, across = _along_and_across(starts, half_a_pixel, axis, -looks.front)
-    across /= axis.half_width
-    inside = (np.abs(across) < 1) & (starts[:, 0] >= 0)
-    level, far, _, _ = fit_end(across[inside], behind[inside], looks.flat)
-    turned = min((bulge / looks.end_ratio + far) / (2 * axis.half_width), 0.9)
-    return (end + level) / math.sqrt(1 - turned**2)
 
 
 @compiled
