@@ -69,6 +69,7 @@ from chamfer.diagrams.surface.surface_tracking import (
     resolve_tracking,
     tracking_stability,
 )
+from chamfer.systems.compiled import compiled
 from chamfer.systems.estimation.normal_filter import instantaneous_normal
 
 Array = NDArray[np.float64]
@@ -143,17 +144,20 @@ def run_surface(scenario: Resolved, seed: int) -> Traces:
 
 def _instantaneous(scenario: ResolvedSurfaceScenario, outputs: dict[str, Array]) -> Array:
     """Return the angle that each sample alone shows, deg; NaN where it shows none."""
-    observer = scenario.observer
-    compliance, noise = observer.compliance, observer.velocity_noise
-    none = np.zeros(scenario.dimension)
-    angles = []
     names = ("measured_force", "measured_force_rate", "nominal_motion")
-    logs = (np.ascontiguousarray(outputs[name]) for name in names)
-    for force, rate, motion in zip(*logs, strict=True):
-        v = motion[scenario.dimension :] - compliance @ rate
-        found, u = instantaneous_normal(-force, v, 1.0, noise, none)
-        angles.append(np.degrees(np.arctan2(found[1], found[0])) if np.isfinite(u) else np.nan)
-    return np.array(angles)
+    force, rate, motion = (np.ascontiguousarray(outputs[name]) for name in names)
+    velocity = motion[:, scenario.dimension :] - rate @ scenario.observer.compliance.T
+    return _angles(-force, velocity, scenario.observer.velocity_noise)
+
+
+@compiled
+def _angles(force: Array, velocity: Array, noise: float) -> Array:
+    angles = np.full(len(force), math.nan)
+    for i in range(len(force)):
+        found, u = instantaneous_normal(force[i], velocity[i], 1.0, noise, np.zeros(2))
+        if u < math.inf:
+            angles[i] = math.degrees(math.atan2(found[1], found[0]))
+    return angles
 
 
 def run_trials(scenario: Resolved, seed: int, progress: Progress) -> Outcome:

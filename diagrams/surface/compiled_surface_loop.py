@@ -55,7 +55,6 @@ class _Now(NamedTuple):
 
     motion: Array  # (2d,), m and m/s, nominal
     contact: Array  # (5d + 1,), of :func:`next_contact`
-    before: Array  # the same at the last step
     filtered: Array  # (d,), N
     samples: Array  # (1,), ticks so far
     held: Array  # (d + 1,), of :func:`moved_along`
@@ -103,7 +102,6 @@ def run_compiled(
     )
     now = _Now(
         np.append(start, np.zeros(d)),
-        next_contact(*loop.contact, np.zeros(5 * d + 1), np.append(start, np.zeros(d))),
         np.zeros(5 * d + 1),
         np.zeros(d),
         np.zeros(1),
@@ -115,6 +113,7 @@ def run_compiled(
     sizes |= {"measured_force_rate": d, "later": 2 * d, "nominal_motion": 2 * d}
     rows, states = np.zeros((samples + 1, sum(sizes.values()))), [law.start()]
     try:
+        now.contact[:] = next_contact(*loop.contact, now.contact, now.motion)
         for first, last in itertools.pairwise([*np.searchsorted(times, looks), len(times)]):
             sample = int(now.samples[0])
             past = rows[max(sample + 1 - observer.average, 0) : sample, -4 * d :]
@@ -191,8 +190,7 @@ def _follow(
             now.filtered[:] += loop.share * (later[:d] - now.filtered)
             now.samples[0] += 1.0
         if steps[event]:
-            now.before[:] = now.contact
             force = memory.torque + now.contact[3 * d + 1 : 4 * d + 1]
             now.motion[:] = A @ now.motion + B @ force
             surface, friction, stiffness = loop.contact
-            now.contact[:] = next_contact(surface, friction, stiffness, now.before, now.motion)
+            now.contact[:] = next_contact(surface, friction, stiffness, now.contact, now.motion)
