@@ -10,9 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common import RandomDistribution, RandomGenerator
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import RandomSource
+from pydrake.common import RandomDistribution as Random
 
 from chamfer.diagrams.contact.hybrid_loop import kick_of
 from chamfer.diagrams.contact.hybrid_scenario import HybridScenario
@@ -38,6 +36,7 @@ from chamfer.systems.force.projection import position_selection, unit
 from chamfer.systems.force.surface_motion import GuardedCode, guarded_position
 from chamfer.systems.recording import active
 from chamfer.systems.sensing.computation_delay import delayed
+from chamfer.systems.sensing.drawn_noise import drawn_noise
 from chamfer.systems.sensing.encoders import EncoderCode, counted, encoder_code, read_encoders
 from chamfer.systems.sensing.force_sensor import (
     ForceSensorParams,
@@ -151,25 +150,17 @@ def _loop_of(scenario: HybridScenario) -> _Loop | None:
 
 
 def _noise_of(scenario: HybridScenario, loop: _Loop, rows: int, seed: int) -> _Noise:
-    """Return what the diagram's noise sources show."""
-    k, builder, updates = len(loop.sensor.bias), DiagramBuilder(), (rows - 1) * loop.counts[1]
-    noise = [np.zeros((updates + 1, 1)), *(np.zeros((rows, size)) for size in (1, k, k))]
-    normal, uniform = RandomDistribution.kGaussian, RandomDistribution.kUniform
-    sensor, rough = loop.sensor, scenario.surface.friction_noise
-    # Drake hands one generator from source to source, of which each takes a seed of its own; one
-    # that draws all its samples at once draws the same ones. In the order of the diagram:
-    there = rough, loop.delay[1], sensor.noise.any(), sensor.walk.any()
-    kinds = normal, uniform, uniform, normal
-    add, used = builder.AddSystem, [i for i in range(4) if there[i]]
-    sources = {i: add(RandomSource(kinds[i], noise[i].size, 1.0)) for i in used}
-    if sources:
-        diagram = builder.Build()
-        context = diagram.CreateDefaultContext()
-        diagram.SetRandomContext(context, RandomGenerator(seed))
-    for i, source in sources.items():
-        own = source.GetMyContextFromRoot(context)
-        noise[i].flat[:] = source.get_output_port().Eval(own)
-    return noise[0], noise[1], noise[2], noise[3]
+    """Return what the diagram's noise sources show, in its order."""
+    sensor, updates = loop.sensor, (rows - 1) * loop.counts[1]
+    normal, uniform, channels = Random.kGaussian, Random.kUniform, len(sensor.bias)
+    rough, jitter, scatter, drift = drawn_noise(
+        (normal if scenario.surface.friction_noise else None, (updates + 1, 1)),
+        (uniform if loop.delay[1] else None, (rows, 1)),
+        (uniform if sensor.noise.any() else None, (rows, channels)),
+        (normal if sensor.walk.any() else None, (rows, channels)),
+        seed=seed,
+    )
+    return rough, jitter, scatter, drift
 
 
 @compiled

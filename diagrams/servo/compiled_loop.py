@@ -122,7 +122,7 @@ def run_fsm_trials(
     samples, shape = np.empty((0, 0)), (ticks + 1, len(axes))
     if camera.noise:
         before = make_desired_trajectory(scenario.desired)
-        samples = drawn_noise(RandomDistribution.kUniform, shape, after=before, seed=seed)
+        (samples,) = drawn_noise((RandomDistribution.kUniform, shape), after=before, seed=seed)
     start = unit.CreateDefaultContext().get_continuous_state_vector().CopyToVector()
     trajectory = DiscreteTimeApproximation(unit, step)
     plant = DiscreteTimeApproximation(make_spring_mass_damper(scenario.plant, form), step)

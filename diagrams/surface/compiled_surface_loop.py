@@ -86,7 +86,7 @@ def run_compiled(
         scenario.manipulator, start=scenario.start, step=scenario.step
     )
     rate, sensor, normals = scenario.force_rate, scenario.sensor, RandomDistribution.kGaussian
-    errors = drawn_noise(normals, (samples + 2, 2 * d), after=plant, seed=seed)
+    (errors,) = drawn_noise((normals, (samples + 2, 2 * d)), after=plant, seed=seed)
     errors *= np.repeat([sensor.force_noise, sensor.force_rate_noise], d) / math.sqrt(3)
     errors[:, :d] += 0.0 if sensor.bias is None else sensor.bias
     loop = _Loop(
