@@ -707,6 +707,14 @@ CATALOGUE: Final = Catalogue(
             plot="planar_figures",
             reduced=("trials=1", "duration=3.5", "measure_after=3", "task.kick_time=2.8"),
         ),
+        _hybrid_study(
+            name="scaling",
+            summary="what a second costs over joints, trials, points of contact and pixels",
+            seconds=20,
+            module="chamfer.analysis.benchmarks.scaling",
+            scenario="SCALING",
+            reduced=("trials=[1,2,4]", "widths=[64,96,128]", "duration=0.02", "rounds=1"),
+        ),
         _primitives(
             name="lissajous",
             figure="Fig. 2",

@@ -41,7 +41,7 @@ PURE_NUMBERS: Final = {
         "level",
         "real part",
     ),
-    *("retries", "runs"),
+    *("joints", "pixels", "points of contact", "retries", "runs", "trials"),
 }
 UNITS: Final = {
     *("", "%", "1/(kg m^2)", "1/m", "1/s", "J", "N", "N m", "N s/m", "N/m", "deg", "kg", "m"),
@@ -62,7 +62,7 @@ NOT_LOGGED: Final = {
     "hand-camera",
     *("design-accuracy", "insertion-repeatability", "calibration-accuracy", "hybrid-stability"),
     *("contact-convergence", "contact-stability", "friction-remedies", "search-capture"),
-    *("observer-model-error", "charging-campaign", "observer-comparison"),
+    *("observer-model-error", "charging-campaign", "observer-comparison", "scaling"),
     *("measured-slide", "measured-toss", "sensing-sensitivity", "vision-primitives"),
     *("peg-skill-success", "d-connector-success", "bnc-connector-success"),
     *("rj45-connector-success", "d-connector-ablation", "bnc-connector-ablation"),
@@ -272,7 +272,7 @@ def _tables(outcome: Outcome) -> dict[str, Table]:
 
 def _lasting(outcome: Outcome) -> dict[str, Metric]:
     """Return the metrics that don't depend on the machine."""
-    clocks = ("real_time_factor", "cost")
+    clocks = ("real_time_factor", "cost", "cost_slope", "cost_slope_error")
     return {
         name: metric
         for name, metric in outcome.metrics.items()

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from chamfer.analysis.benchmarks import benchmark_report as report
-from chamfer.analysis.benchmarks import peers, speed
+from chamfer.analysis.benchmarks import peers, scaling, speed
 from chamfer.analysis.benchmarks import peg_benchmark as insertion
 from chamfer.analysis.benchmarks.benchmark_report import (
     Findings,
@@ -34,6 +34,7 @@ from chamfer.analysis.benchmarks.peers import COMPILED, EXTRA, PEERS, missing
 from chamfer.analysis.benchmarks.peg_benchmark import CHAMFER, STATICS, TABLE, Result, sure
 from chamfer.analysis.benchmarks.profile import label, stages
 from chamfer.analysis.benchmarks.speed import COMMAND, IMPORTS, NEWTON
+from chamfer.analysis.scenario.experiment import quiet
 from chamfer.systems.compiled import inverse
 from chamfer.systems.estimation.normal_filter import KINDS, ConstrainedFilter
 
@@ -360,3 +361,16 @@ def test_a_profile_shares_time_among_stages_and_names_machine_code() -> None:
         "built-in method pydrake.systems.analysis.AdvanceTo (Drake C++)",
         "compiled.inverse (Numba)",
     ]
+
+
+def test_costs_grow_with_the_power_that_is_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    def cost(make: object, number: int, scenario: object) -> float:
+        return float(number**3)
+
+    monkeypatch.setattr(scaling, "_cost", cost)
+    metrics = scaling.run(scaling.SCALING, 0, quiet).metrics
+    slopes = {name: one.value for name, one in metrics.items() if name.endswith("slope")}
+    # Of images the widths are given; their pixels grow with the square.
+    expected = {"joints": 3.0, "trials": 3.0, "points": 3.0, "pixels": 1.5}
+    assert slopes == {f"{name}.cost_slope": pytest.approx(one) for name, one in expected.items()}
+    assert metrics["trials.cost_slope_error"].value == pytest.approx(0.0, abs=1e-6)
