@@ -18,7 +18,14 @@ from chamfer.models.validation import known
 from chamfer.systems.compiled import add_product, compiled
 from chamfer.systems.contact.arm_dynamics import Chain, bias, mass_matrix, pose
 from chamfer.systems.contact.arm_in_contact import ArmInContact
-from chamfer.systems.contact.arm_motion import Contacts, Tool, roughen, update
+from chamfer.systems.contact.arm_motion import (
+    Contacts,
+    Tool,
+    advance,
+    fill_patch,
+    make_room,
+    roughen,
+)
 from chamfer.systems.contact.stick_slip import Material
 from chamfer.systems.exact_discretisation import count_samples
 from chamfer.systems.force.arm_kinematics import arm_index, kinematics
@@ -186,6 +193,8 @@ def _run(loop: _Loop, noise: _Noise, rows: int) -> tuple[Array, bool]:
     tracked, velocity, memory, estimate = before, still, loop.memory, still
     detect, release = loop.thresholds
     mode, beyond, contact_time, model = APPROACH, 0, -1.0, (np.zeros((n, n)), still)
+    chain, material, tool, contacts = loop.body
+    room = make_room(chain, material, tool, step)
     log = np.empty((rows, 7 * n + 10))
     for row in range(rows):
         time, reading, measured = row * loop.control.period, np.zeros(k), np.zeros(n)
@@ -234,9 +243,9 @@ def _run(loop: _Loop, noise: _Noise, rows: int) -> tuple[Array, bool]:
                 line = filtered(sensor, felt, line)[: len(line)]
             roughen(uneven, rough[count + 1], outputs, n, update_time)
             push = loop.kick[1] if count == loop.kick[0] else none
-            _, unsolved = update(
-                *loop.body, state, outputs, uneven, torque, push, part > 0, step, held
-            )
+            fill_patch(contacts, outputs, uneven, n, update_time, room.patch)
+            going = torque, push, part > 0, step, held
+            _, unsolved = advance(chain, material, tool, room, state, outputs, *going)
             if unsolved or not np.isfinite(state).all():
                 return log, False
     return log, True
