@@ -254,6 +254,9 @@ def add_connector_plant(
     plant.set_name("connectors")
     scene_graph.set_name("geometry")
     approximate(plant, approximation)
+    # Springs and poses are known of the state at once: a step copies nothing, all blocks see it
+    # as it is at their tick.
+    plant.SetUseSampledOutputPorts(False)
     held = add_wrist(plant, plant.world_frame(), wrist)
     connector.add_plug(plant, held.body, X_TP)
     connector.add_socket(plant, X_WS)
