@@ -3,19 +3,13 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common import RandomGenerator
 from pydrake.systems.analysis import DiscreteTimeApproximation, Simulator
-from pydrake.systems.framework import (
-    Context,
-    Diagram,
-    DiagramBuilder,
-    EventStatus,
-    OutputPort,
-    System,
-)
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import LinearSystem, LogVectorOutput, Multiplexer
 
 from chamfer.analysis.scenario.experiment import Progress
@@ -102,11 +96,12 @@ def _solve(system: LinearSystem, time: NDArray[np.float64]) -> NDArray[np.float6
     return response
 
 
-def _watches(system: System) -> list[Callable[[Context], Callable[[Context], EventStatus]]]:
+def _watches(system: System) -> list[Callable[[Context], Any]]:
     """Return what blocks of a diagram, at most one, want done after each step, of a root."""
-    found = getattr(system, "watch", None)
+    if found := getattr(system, "watch", None):
+        return [found]
     inside = system.GetSystems() if isinstance(system, Diagram) else []
-    return [found] if found else [watch for one in inside for watch in _watches(one)]
+    return [watch for one in inside for watch in _watches(one)]
 
 
 def _step(

@@ -27,32 +27,23 @@ def test_walls_that_touch_are_near_however_the_peg_stands(preset: str) -> None:
     plant = diagram.GetSubsystemByName("plant")
     assert isinstance(plant, MultibodyPlant)
     of_plant = plant.GetMyContextFromRoot(context)
-    body = plant.GetBodyByName("peg")
     sizes = parts.hole_radius, parts.peg_radius, parts.peg_length, scenario.contact.facets
     inspector = diagram.GetSubsystemByName("geometry").model_inspector()  # type: ignore[attr-defined]
     rng = np.random.default_rng(4)
-    touching, apart = 0, 0
+    touching = 0
     for _ in range(150):
-        depth, tilt = rng.uniform(-0.002, 0.03), rng.uniform(-0.1, 0.1, 2)
-        across = rng.uniform(-2, 2, 2) * parts.clearance
-        turned = RollPitchYaw([0.0, *tilt]).ToRotationMatrix()
-        X_WT = RigidTransform(turned, [depth, *across])
+        depth, off = rng.uniform(-0.002, 0.03), rng.uniform(-2, 2, 4) * parts.clearance
+        across, tilt = off[:2], off[2:] / 0.01
+        X_WT = RigidTransform(RollPitchYaw([0.0, *tilt]), [depth, *across])
         centre = X_WT @ np.array([-scenario.support.centre_distance, 0.0, 0.0])
         plant.SetPositions(of_plant, np.array([*centre, tilt[1], tilt[0]]))
-        X_WT = plant.EvalBodyPoseInWorld(of_plant, body)
         gaps = wall_gaps(X_WT.GetAsMatrix34(), *sizes)
         query = plant.get_geometry_query_input_port().Eval(of_plant)
-        names = [
-            inspector.GetName(one)
-            for pair in query.ComputePointPairPenetration()
-            for one in (pair.id_A, pair.id_B)
-        ]
-        walls = {int(name.split()[-1]) for name in names if "wedge" in name}
+        names = [inspector.GetName(one.id_B) for one in query.ComputePointPairPenetration()]
+        walls = {int(name.split()[-1]) for name in names}
         assert walls <= set(np.flatnonzero(gaps < 0.0).tolist())
-        touching += bool(walls)
-        apart += int(np.count_nonzero(gaps > 0.0))
+        touching += 0 < len(walls) < 0.5 * len(gaps) and np.mean(gaps < 0.0) < 0.5
     assert touching > 50
-    assert apart > 30 * 150  # of 64: it is no use to look at all of them
 
 
 @pytest.mark.parametrize("tilt", [0.045, 0.08])  # slides, is held
