@@ -16,7 +16,6 @@ from pydrake.systems.framework import (
     OutputPort,
     System,
 )
-from pydrake.systems.primitives import ConstantVectorSource
 
 from chamfer.diagrams.cell.alignment_scenario import (
     AlignmentScenario,
@@ -309,9 +308,9 @@ def add_command(
 
     if arm == "peg" and any(scenario.initial_error) and scenario.servo is None:
         # The wrong pose that a wrong kinematic model makes of the right one.
-        error = ConstantVectorSource(np.array(scenario.initial_error))
-        error = builder.AddNamedSystem("initial error", error)
-        desired = add("peg kinematic error", 1.0, error.get_output_port())
+        error = builder.AddNamedSystem("initial error", LeafSystem())
+        given = fixed_output(error, "error", np.array(scenario.initial_error))
+        desired = add("peg kinematic error", 1.0, given)
     if arm in scenario.arms:
         desired = add(f"{arm} command", SHARES[scenario.compensated][arm], compensation)
     builder.ExportOutput(desired, f"{arm}.command")
