@@ -132,7 +132,9 @@ class _Solid:
 
     def whole(self) -> list[Shape]:
         """Return the solid as it is."""
-        return self._shape(self.points.reshape(-1, 3), [self.points[k] for k in self._ends])
+        pixels = self._camera.project(self.points.reshape(-1, 3))
+        of_rings = pixels.reshape(*self.points.shape[:2], 2)
+        return self._shape(pixels, [of_rings[k] for k in self._ends])
 
     def cut(self, keep: Array, end: int) -> list[Shape]:
         """Return what is left where ``keep``, shape (n, sides), is not negative; one end face."""
@@ -143,13 +145,14 @@ class _Solid:
         crossings = start + share[:, np.newaxis] * (stop - start)
         kept = np.concatenate([self.points[keep >= 0], crossings])
         faces = [self.points[end][keep[end] >= 0]] if end in self._ends else []
-        return self._shape(kept, faces)
+        project = self._camera.project
+        return self._shape(project(kept), [project(face) for face in faces])
 
-    def _shape(self, points: Array, faces: list[Array]) -> list[Shape]:
-        around = outline(self._camera, points)
+    def _shape(self, pixels: Array, faces: list[Array]) -> list[Shape]:
+        around = _hull(pixels)
         if around is None:
             return []
-        seen = [outline(self._camera, face) for face in faces]
+        seen = [_hull(face) for face in faces]
         patches = tuple(Patch(face, self._face) for face in seen if face is not None)
         return [Shape(Patch(around, self.colour), patches)]
 
@@ -169,7 +172,10 @@ def outline(camera: Camera, p_W: Array) -> Array | None:
 
     The camera has no distortion; None of a part that is not all before it.
     """
-    pixels = camera.project(p_W)
+    return _hull(camera.project(p_W))
+
+
+def _hull(pixels: Array) -> Array | None:
     if len(pixels) < 3 or not (np.abs(pixels) < _FAR).all():
         return None
     # Single precision is finest about 0.
