@@ -166,7 +166,7 @@ def loops() -> Mapping[str, TimedLoop]:
     long = resolve(replace(PLANAR_SLIDE, duration=10.0))
 
     def slides(time: float) -> None:
-        for seed in range(round(time / long.duration)):
+        for seed in range(max(1, round(time / long.duration))):  # one to warm up
             measure(long, run_contact(long, seed))
 
     charging = resolve_charging(replace(CRUCIBLE_CHARGING, sensing="realistic"))
