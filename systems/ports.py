@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import (
     BasicVector,
     Context,
+    DiagramBuilder,
     InputPort,
     LeafSystem,
     OutputPort,
@@ -34,6 +35,11 @@ def fixed_output(system: LeafSystem, name: str, value: Array) -> OutputPort:
         vector.SetFromVector(value)
 
     return system.DeclareVectorOutputPort(name, len(value), calc, {system.nothing_ticket()})
+
+
+def add_fixed(builder: DiagramBuilder, name: str, value: Array) -> OutputPort:
+    """Add a block that gives a vector for good, see :func:`fixed_output`."""
+    return fixed_output(builder.AddNamedSystem(name, LeafSystem()), "fixed", value)
 
 
 def require_ports(

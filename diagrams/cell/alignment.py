@@ -38,7 +38,7 @@ from chamfer.diagrams.cell.work_cell import (
 from chamfer.models.peg.peg_and_hole import ColouredParts
 from chamfer.models.validation import ParameterError
 from chamfer.systems.force.desired_pose import CompensatedPose, StoppableMotion
-from chamfer.systems.ports import fixed_output, require_ports
+from chamfer.systems.ports import add_fixed, require_ports
 from chamfer.systems.pose import pose_vector
 from chamfer.systems.servo.compensator import TrajectoryCompensator
 from chamfer.systems.servo.compensator_law import COMPENSATES, CompensatorParams
@@ -236,8 +236,7 @@ def _add_motion(
     """Add where an arm should be, over time."""
     goal = scenario.nominal_pose(arm)
     if arm == "hole" or not scenario.moves:
-        rest = builder.AddNamedSystem(f"{arm} desired pose", LeafSystem())
-        return DesiredMotion(fixed_output(rest, "pose", pose_vector(goal)))
+        return DesiredMotion(add_fixed(builder, f"{arm} desired pose", pose_vector(goal)))
     start, period = start_poses(scenario)["peg"].translation(), scenario.cameras.frames.period
     motion = StoppableMotion(start, goal, scenario.motion_time, period)
     builder.AddNamedSystem("peg desired motion", motion)
@@ -308,9 +307,8 @@ def add_command(
 
     if arm == "peg" and any(scenario.initial_error) and scenario.servo is None:
         # The wrong pose that a wrong kinematic model makes of the right one.
-        error = builder.AddNamedSystem("initial error", LeafSystem())
-        given = fixed_output(error, "error", np.array(scenario.initial_error))
-        desired = add("peg kinematic error", 1.0, given)
+        error = add_fixed(builder, "initial error", np.array(scenario.initial_error))
+        desired = add("peg kinematic error", 1.0, error)
     if arm in scenario.arms:
         desired = add(f"{arm} command", SHARES[scenario.compensated][arm], compensation)
     builder.ExportOutput(desired, f"{arm}.command")

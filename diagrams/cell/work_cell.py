@@ -41,14 +41,7 @@ from pydrake.multibody.tree import (
     SpatialInertia,
     UnitInertia,
 )
-from pydrake.systems.framework import (
-    Diagram,
-    DiagramBuilder,
-    InputPort,
-    LeafSystem,
-    OutputPort,
-    System,
-)
+from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort, System
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
 from chamfer.models.arms.position_arm import ServoParams
@@ -79,7 +72,7 @@ from chamfer.systems.force.arm_model import (
 )
 from chamfer.systems.force.impedance_controller import ImpedanceController
 from chamfer.systems.force.impedance_law import ImpedanceControllerParams
-from chamfer.systems.ports import fixed_output, require_ports
+from chamfer.systems.ports import add_fixed, require_ports
 from chamfer.systems.pose import POSE_SIZE, pose_vector
 
 Array = NDArray[np.float64]
@@ -381,9 +374,8 @@ def add_work_cell(
     true = {arm: one.true_pose for arm, one in ports.items()}
     known = {arm: one.tool_pose for arm, one in ports.items()}
     for arm in tools.keys() - ports.keys():
-        fixture = builder.AddNamedSystem(f"{arm} fixture", LeafSystem())
         pose = pose_vector(scenario.nominal_pose(arm))
-        true[arm] = known[arm] = fixed_output(fixture, "pose", pose)
+        true[arm] = known[arm] = add_fixed(builder, f"{arm} fixture", pose)
     return WorkCell(plant, ports, tools, true, known)
 
 

@@ -6,6 +6,7 @@ an image by the size of a pixel alone, as in the paper, without calibration.
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final, NamedTuple
 
 import cv2
@@ -21,6 +22,19 @@ _SLACK: Final = 0.03  # of a part's length over its width, relative to it
 
 def _in_order(limits: Range | None) -> bool:
     return limits is None or 0 < limits[0] <= limits[1] < math.inf
+
+
+class Looks(NamedTuple):
+    """What of an :class:`Appearance` tells of edges, for machine code."""
+
+    front: int
+    end_ratio: float
+    band: float
+    seen: float
+    length: int
+    flat: bool
+    straight: float
+    window: tuple[int, int]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,6 +88,11 @@ class Appearance:
         ):
             if not good:
                 raise ParameterError(name, getattr(self, name), allowed)
+
+    @cached_property
+    def looks(self) -> Looks:
+        """What tells of edges."""
+        return Looks._make(getattr(self, name) for name in Looks._fields)
 
     def oblong(self) -> "Appearance":
         """Return this as it may look in pixels that are less square than believed.

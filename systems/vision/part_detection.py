@@ -14,13 +14,7 @@ from chamfer.models.validation import ParameterError, require_positive
 from chamfer.systems.cameras.camera_image import Image
 from chamfer.systems.vision.detections import Detection, Status
 from chamfer.systems.vision.part_appearance import Appearance, Proportions, Range, agree
-from chamfer.systems.vision.part_edges import (
-    find_axis,
-    find_end,
-    is_the_parts,
-    looks_of,
-    proportions,
-)
+from chamfer.systems.vision.part_edges import find_axis, find_end, is_the_parts, proportions
 from chamfer.systems.vision.part_masks import (
     Blob,
     Colours,
@@ -134,17 +128,16 @@ def _looked_at(image: Image, blob: Blob, part: Appearance, other: Mask) -> _Foun
 
 def _measured(image: Image, blob: Blob, part: Appearance, other: Mask) -> _Found:
     colour = colour_of(image, blob)
-    looks = looks_of(part)
-    axis, status = find_axis(image, blob, colour, looks)
+    axis, status = find_axis(image, blob, colour, part.looks)
     if status != Status.VALID:
         return _Found(Detection(status=Status(status)), blob)
     if not _within(axis.half_width, part.half_width):
         return _Found(Detection(status=Status.WRONG_SIZE), blob)
-    end, is_seen = find_end(image, blob, colour, looks, axis, other)
+    end, is_seen = find_end(image, blob, colour, part.looks, axis, other)
     point = (axis.u, axis.v)
     if not is_seen:
         return _Found(Detection(status=Status.OCCLUDED, angle=axis.angle, point=point), blob)
-    shape = None if part.aspect is None else proportions(image, blob, looks, axis, end)
+    shape = None if part.aspect is None else proportions(image, blob, part.looks, axis, end)
     if not is_the_parts(image, colour, part, axis, end, shape):
         return _Found(Detection(status=Status.WRONG_SHAPE), blob)
     valid = Detection(status=Status.VALID, tip=end.tip, angle=axis.angle, point=point)

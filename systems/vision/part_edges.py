@@ -1,7 +1,6 @@
 """The axis and the end face of a part in an image, from lines and half ellipses in its edges."""
 
 import math
-from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 from chamfer.systems.cameras.camera_image import Image
 from chamfer.systems.compiled import compiled
 from chamfer.systems.vision.detections import Status
-from chamfer.systems.vision.part_appearance import Appearance, Proportions
+from chamfer.systems.vision.part_appearance import Appearance, Looks, Proportions
 from chamfer.systems.vision.part_masks import Blob, Mask, outline, row_ends
 from chamfer.systems.vision.soft_edges import (
     NEAR,
@@ -131,25 +130,6 @@ def fit_end(across: Array, along: Array, flat: bool = False) -> tuple[float, flo
 
 
 _BULGE: Final = 0.05  # weight of the expectation that the end's edge is straight
-
-
-class Looks(NamedTuple):
-    """What of an :class:`Appearance` tells of edges."""
-
-    front: int
-    end_ratio: float
-    band: float
-    seen: float
-    length: int
-    flat: bool
-    straight: float
-    window: tuple[int, int]
-
-
-@lru_cache(maxsize=64)
-def looks_of(part: Appearance) -> Looks:
-    """Return them."""
-    return Looks._make(getattr(part, name) for name in Looks._fields)
 
 
 _SEEN: Final = 0.65  # of the columns between the ends, in which an edge has to be on its line
