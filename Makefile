@@ -55,8 +55,7 @@ bench: setup
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
 	$(BIN)/python -m chamfer.analysis.benchmarks
 
-# Where the time of an experiment goes: make profile NAME=planar-slide, or with some settings,
-# SET="--set duration=5".
+# Where the time of an experiment goes: make profile NAME=planar-slide SET=duration=5
 profile: setup
 	@$(BIN)/python -m chamfer.analysis.benchmarks.profile $(NAME) $(SET)
 

@@ -713,7 +713,7 @@ CATALOGUE: Final = Catalogue(
             seconds=20,
             module="chamfer.analysis.benchmarks.scaling",
             scenario="SCALING",
-            reduced=("trials=[1,2,4]", "widths=[64,96,128]", "duration=0.02", "rounds=1"),
+            reduced=("duration=0.02", "rounds=1"),
         ),
         _primitives(
             name="lissajous",

@@ -212,7 +212,8 @@ def run(
     old: dict[str, Any] = {}
     with suppress(OSError, ValueError):
         old = read_result(folder / RESULT)
-    drawn = None if fresh else _drawn(folder, old, document, files)
+    kept = None if fresh else finished(job, seed=seed, out=out)
+    drawn = _drawn(folder, kept, document, files)
     if drawn is None:
         with named_failures(job.entry.name, job.overrides), running(campaign):
             figures = figure_files(experiment.plot(scenario, outcome))
@@ -235,27 +236,23 @@ def run(
 
 
 def _drawn(
-    folder: Path,
-    old: Mapping[str, Any],
-    document: dict[str, Any],
-    files: Mapping[str, str | bytes],
+    folder: Path, old: Mapping[str, Any] | None, document: dict[str, Any], files: Mapping[str, Any]
 ) -> dict[str, str | bytes] | None:
-    """Return what there is in a folder if it was drawn of the same results, and document it."""
-    same = ("seed", "scenario_sha256", "versions", "metrics", "simulated_seconds")
-    try:
-        if any(old[name] != document[name] for name in same):
-            return None
-        names = [*old["figures"], *old["drawings"], *([REPLAY] if "replay" in old else [])]
-        names += [name.replace(".svg", ".mmd") for name in old["drawings"]]
-        with locked(folder):
-            for name, content in files.items():
-                if isinstance(content, bytes) and (folder / name).read_bytes() != content:
-                    return None
-            drawn: dict[str, str | bytes] = {n: (folder / n).read_bytes() for n in names}
-    except (OSError, LookupError, TypeError):
+    """Return what an earlier run drew if its results are the same ones, and document it."""
+    if old is None or old["metrics"] != document["metrics"]:
         return None
-    document |= {name: old[name] for name in ("figures", "drawings", "replay") if name in old}
-    return drawn
+    told = {name: old[name] for name in ("figures", "drawings", "replay") if name in old}
+    names = [*told["figures"], *told["drawings"], *([REPLAY] if "replay" in told else [])]
+    names += [name.replace(".svg", ".mmd") for name in told["drawings"]]
+    try:
+        with locked(folder):
+            there = {name: (folder / name).read_bytes() for name in (*names, *files)}
+    except OSError:
+        return None
+    if any(there[name] != one for name, one in files.items() if isinstance(one, bytes)):
+        return None
+    document |= told
+    return {name: there[name] for name in names}
 
 
 def _logs(job: Job, recorder: Recorder, about: Mapping[str, Any]) -> dict[str, bytes]:

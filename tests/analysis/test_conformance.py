@@ -279,7 +279,7 @@ def _tables(outcome: Outcome) -> dict[str, Table]:
 
 def _lasting(outcome: Outcome) -> dict[str, Metric]:
     """Return the metrics that don't depend on the machine."""
-    clocks = ("real_time_factor", "cost", "cost_slope", "cost_slope_error")
+    clocks = ("real_time_factor", "cost", "cost_slope")
     return {
         name: metric
         for name, metric in outcome.metrics.items()
