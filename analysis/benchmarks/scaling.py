@@ -37,8 +37,8 @@ Simulation = Callable[[float], object]  # for a time, s
 class ScalingScenario:
     """How long and how often each size is simulated."""
 
-    duration: float = 0.5  # s
-    rounds: int = 3  # of which the least counts
+    duration: float = 0.5  # s, simulated each time
+    rounds: int = 3  # of each size, of which the least time counts
 
     def __post_init__(self) -> None:
         require_positive(self, "duration", "rounds")
