@@ -331,10 +331,9 @@ class ArmInContact(LeafSystem):
         # Copies, because compiled code tells views of a Context from arrays.
         state = context.get_discrete_state(self._state).value().copy()
         outputs = context.get_discrete_state(self._outputs).value().copy()
-        torque = finite("torque", self._torque.Eval(context))
-        disturbance = np.zeros(3)
+        torque, disturbance = self._torque.Eval(context).copy(), np.zeros(3)
         if self._disturbance.HasValue(context):
-            disturbance = finite("disturbance", self._disturbance.Eval(context))
+            disturbance = self._disturbance.Eval(context).copy()
         scene, last = 0, round(float(context.get_discrete_state(self._last_scene)[0]))
         if self._scene.HasValue(context):
             asked = float(self._scene.Eval(context)[0])
@@ -344,6 +343,7 @@ class ArmInContact(LeafSystem):
         world = self._worlds[scene]
         if scene != last:
             self._change_scene(world, state, outputs)
+            values.set_value(self._last_scene, [scene])
         uneven = context.get_discrete_state(self._uneven).value().copy()
         if self._friction_noise.HasValue(context):
             # The noise is one of places: it changes as far as the points slip.
@@ -351,7 +351,7 @@ class ArmInContact(LeafSystem):
             roughen(uneven, drawn, outputs, len(torque), params.period)
             values.set_value(self._uneven, uneven)
         lasting = round(context.get_time() / params.period) % params.window > 0
-        pushes, times = (torque.copy(), disturbance.copy()), (params.step, params.held)
+        pushes, times = (torque, disturbance), (params.step, params.held)
         arm = world.chain, world.material, world.tool
         if world.contacts is None:
             room = make_room(*arm, params.step)
@@ -361,11 +361,12 @@ class ArmInContact(LeafSystem):
         else:
             now = state, outputs, uneven
             error, unsolved = update(*arm, world.contacts, *now, *pushes, lasting, *times)
-        if unsolved or not all(map(math.isfinite, state.tolist())):
+        if unsolved:
+            finite("torque", torque)
+            finite("disturbance", disturbance)
             self._refuse(context.get_time(), state, error)
         values.set_value(self._state, state)
         values.set_value(self._outputs, outputs)
-        values.set_value(self._last_scene, [scene])
 
     def _refuse(self, time: float, state: Array, error: float) -> None:
         """Say that a run diverges, or that a step is not solved."""

@@ -334,7 +334,8 @@ def advance(
     on from those of ``outputs``. ``torque``, (n,), N m or N, is held, and so is ``disturbance``,
     (3,), N, on the arm at the first point, world frame.
 
-    Returns the largest error of the steps, and how many of them are not solved.
+    Returns the largest error of the steps, and how many of them are not solved, more than 0 too if
+    the state is not finite.
     """
     n, m, most = len(torque), len(tool.offset), (len(state) - 5 * len(torque) - 3) // 3
     at, patch, model, work, (mid, speed, slow), links, points, _ = room
@@ -440,4 +441,6 @@ def advance(
         felt = add_turned(back, scaled(add(vector(chain.gravity), speeding), tool.load), felt)
     for i in range(3):
         outputs[3 * most + i] = felt[i]
+    for value in state:
+        unsolved += 0 if math.isfinite(value) else 1
     return largest, unsolved

@@ -174,7 +174,7 @@ def _wanted_push(
     return normal_impulse(gap, free, push, spring, damping, problem.rigid)
 
 
-@in_place
+@within
 def _relax(
     problem: Conditions, velocity: Array, stretch: Array, impulse: Array, sweeps: int
 ) -> float:
@@ -360,7 +360,7 @@ def _newton(
             break
 
 
-@in_place
+@within
 def solve(problem: Conditions, velocity: Array, stretch: Array, impulse: Array) -> float:
     """Change velocity v+, stretch and impulses until the conditions hold.
 
@@ -454,35 +454,16 @@ class Work(NamedTuple):
 def workspace(model: StepModel, material: Material, h: float) -> Work:
     """Return room for steps of ``h`` seconds of a model, whose arrays are filled in for each."""
     n, m = len(model.force), len(model.gap)
-    problem = Conditions(
+    rows, reach, yielding = (
         np.empty((3 * m, n)),
         np.empty((n + 3 * m, n)),
-        np.empty(n),
         np.zeros((3 * m, 3 * m)),
-        1.0 if model.rigid else 0.5,
-        np.empty(3 * m),
-        model.gap,
-        np.empty(m),
-        np.empty(m),
-        h * material.stiffness,
-        material.damping,
-        model.mu,
-        model.rigid,
-        h,
-        np.empty(1),
     )
-    return Work(
-        problem,
-        np.empty((3 * m, 3)),
-        np.empty((n, n)),
-        np.empty(n),
-        np.empty(3 * m),
-        np.empty(n + 3 * m),
-        np.empty(m),
-        np.empty(n),
-        np.empty(3),
-        np.empty((3, m)),
-    )
+    moving = rows, reach, np.empty(n), yielding, 1.0 if model.rigid else 0.5, np.empty(3 * m)
+    pushing = model.gap, np.empty(m), np.empty(m), h * material.stiffness, material.damping
+    problem = Conditions(*moving, *pushing, model.mu, model.rigid, h, np.empty(1))
+    solved = np.empty((n, n)), np.empty(n), np.empty(3 * m), np.empty(n + 3 * m), np.empty(m)
+    return Work(problem, np.empty((3 * m, 3)), *solved, np.empty(n), np.empty(3), np.empty((3, m)))
 
 
 @compiled
@@ -514,19 +495,13 @@ def _conditions(
     return problem
 
 
-@in_place
+@within
 def _fill_conditions(
     model: StepModel, material: Material, motion: Motion, axes: Array, problem: Conditions
 ) -> None:
     """Fill in the conditions of a step but for the joints' reach, and what it adds to a point."""
-    velocity, h, mean, rows, reach = (
-        motion.velocity,
-        problem.h,
-        problem.mean,
-        problem.rows,
-        problem.reach,
-    )
-    n, largest, yielding = len(velocity), 0.0, problem.yielding
+    velocity, h, mean, yielding = motion.velocity, problem.h, problem.mean, problem.yielding
+    n, largest, rows, reach = len(velocity), 0.0, problem.rows, problem.reach
     for j in range(n):
         largest = max(largest, abs(velocity[j]))
         fading = 1.0
@@ -569,30 +544,15 @@ def _fill_conditions(
 @compiled
 def step(model: StepModel, material: Material, motion: Motion, h: float) -> Moved:
     """Take a step of ``h`` seconds."""
-    after = Motion(
-        motion.velocity.copy(),
-        motion.sticking.copy(),
-        motion.joint_impulse.copy(),
-        motion.impulse.copy(),
-    )
-    now = StepModel(
-        model.mass,
-        model.force,
-        model.J_v_WC,
-        model.gap.copy(),
-        model.normal,
-        model.mu,
-        model.rigid,
-        model.yielding,
-        model.stiffness,
-        model.stretch,
-    )
+    velocity, sticking, joint_impulse, impulse = motion
+    after = Motion(velocity.copy(), sticking.copy(), joint_impulse.copy(), impulse.copy())
+    mass, force, J, gap, normal, mu, rigid, give, spring, stretch = model
+    now = StepModel(mass, force, J, gap.copy(), normal, mu, rigid, give, spring, stretch)
     work = workspace(now, material, h)
     dissipated, error = take_step(now, material, after, work)
     approach, slip, impact = work.speeds
-    solved = error <= SOLVED
     done = work.displacement, work.change, now.gap, approach, slip, impact
-    return Moved(after, *done, dissipated, error, solved)
+    return Moved(after, *done, dissipated, error, error <= SOLVED)
 
 
 @in_place

@@ -202,6 +202,23 @@ def test_driven_planar_arm_converges_with_its_step(simulate: Any) -> None:
     np.testing.assert_allclose([errors[0] / errors[1], errors[1] / errors[2]], 4.0, atol=0.3)
 
 
+class OwnPlane(RippledPlane):
+    """A table of a class that machine code does not know."""
+
+    def level(self, p: np.ndarray) -> float:
+        return super().level(p)
+
+
+def test_a_surface_of_ones_own_acts_as_a_known_one(simulate: Any) -> None:
+    given = params(3, contact=ContactParams(friction=SurfaceFriction(coefficient=0.3)))
+    falls = [
+        simulate(PUMA_250, PUMA_Q, given, 0.2, kind(**dataclasses.asdict(TABLE)))
+        for kind in (RippledPlane, OwnPlane)
+    ]
+    assert np.max(falls[0].signal("peak_force")) > 1.0
+    np.testing.assert_allclose(falls[1].contact_force, falls[0].contact_force, atol=1e-9)
+
+
 PUMA_START = np.array([0.4, 0.6, -1.1])
 
 
