@@ -96,12 +96,12 @@ def _solve(system: LinearSystem, time: NDArray[np.float64]) -> NDArray[np.float6
     return response
 
 
-def _watches(system: System) -> list[Callable[[Context], Any]]:
+def _after_steps(system: System) -> list[Callable[[Context], Any]]:
     """Return what blocks of a diagram, at most one, want done after each step, of a root."""
-    if found := getattr(system, "watch", None):
+    if found := getattr(system, "after_steps", None):
         return [found]
     inside = system.GetSystems() if isinstance(system, Diagram) else []
-    return [watch for one in inside for watch in _watches(one)]
+    return [found for one in inside for found in _after_steps(one)]
 
 
 def _step(
@@ -125,8 +125,8 @@ def _step(
     root.SetRandomContext(context, RandomGenerator(seed))
     simulator = Simulator(root, context)
     simulator.set_target_realtime_rate(rate)
-    for watch in _watches(root):
-        simulator.set_monitor(watch(context))
+    for after_steps in _after_steps(root):
+        simulator.set_monitor(after_steps(context))
     simulator.Initialize()
     count = _SLICES if ended is None else max(1, math.ceil(duration / (_LOOKS * step)))
     for i in range(count):

@@ -85,7 +85,7 @@ class TouchingParts:
                 (self._peg, self._hole),
                 self._peg_shapes,
                 self._hole_shapes[: self._material.facets],
-            ).watch
+            ).after_steps
         contact: PegHoleContactMonitor = builder.AddNamedSystem(
             "contact",
             PegHoleContactMonitor(
@@ -94,7 +94,7 @@ class TouchingParts:
                 hole=self._hole,
                 peg_shapes=self._peg_shapes,
                 seated_depth=seated_depth,
-                watch=near,
+                after_steps=near,
             ),
         )
         for name in ("contact_results", "body_poses"):

@@ -19,13 +19,11 @@ from chamfer.models.peg.peg_and_hole import PegAndHole
 from chamfer.systems.compiled import compiled
 
 Array = NDArray[np.float64]
-Watch = Callable[
-    [Context], Callable[[Context], EventStatus]
-]  # what is done after steps, of a root
+AfterSteps = Callable[[Context], Callable[[Context], EventStatus]]  # of a root's context
 
 _NEAR: Final = 1e-6  # m, from where on a wall has to be looked at
-_AHEAD: Final = 0.05  # of the clearance: so near ones are looked at too, the next steps need them
-_TOO_MANY: Final = 6  # walls more than needed, before they are passed over again
+_AHEAD: Final = 0.02  # of the clearance: so near ones are looked at too, the next steps need them
+_TOO_MANY: Final = 1  # walls that are not near any more, before they are passed over again
 
 
 @compiled
@@ -47,6 +45,16 @@ def wall_gaps(X_MT: Array, bore: float, radius: float, length: float, walls: int
         middle = y * tip[1] + z * tip[2] + max(0.0, -slope * back)
         gaps[k] = bore - middle - radius * math.sqrt(max(1.0 - slope**2, 0.0))
     return gaps
+
+
+@compiled
+def _changes(gaps: Array, looked_at: NDArray[np.bool_], ahead: float) -> bool:
+    far = 0
+    for gap, looked in zip(gaps, looked_at):  # noqa: B905, which Numba does not know
+        if gap < _NEAR and not looked:
+            return True
+        far += looked and gap >= ahead
+    return far > _TOO_MANY
 
 
 class NearWalls:
@@ -71,7 +79,7 @@ class NearWalls:
         self._sizes = parts.hole.radius, peg.radius, peg.length, len(walls)
         self._ahead = _NEAR + _AHEAD * parts.clearance
 
-    def watch(self, root: Context) -> Callable[[Context], EventStatus]:
+    def after_steps(self, root: Context) -> Callable[[Context], EventStatus]:
         """Return what is to be done after each step of a simulation with this context."""
         plant = self._plant.GetMyContextFromRoot(root)
         geometry = self._scene_graph.GetMyMutableContextFromRoot(root)
@@ -81,22 +89,15 @@ class NearWalls:
         def look(_root: Context) -> EventStatus:
             X_MT = self._plant.CalcRelativeTransform(plant, *frames).GetAsMatrix34()
             gaps = wall_gaps(X_MT, *self._sizes)
-            needed = gaps < _NEAR
-            seen = np.count_nonzero(needed & looked_at)
-            missing = np.count_nonzero(needed) - seen
-            if missing or np.count_nonzero(looked_at) > seen + _TOO_MANY:
-                wanted = gaps < self._ahead
-                changed = CollisionFilterDeclaration()
-                for filtered, which in (
-                    (changed.AllowBetween, wanted & ~looked_at),
-                    (changed.ExcludeBetween, looked_at & ~wanted),
-                ):
-                    filtered(
-                        self._peg,
-                        GeometrySet([self._walls[i] for i in np.flatnonzero(which).tolist()]),
-                    )
+            if _changes(gaps, looked_at, self._ahead):
+                wanted, changed = gaps < self._ahead, CollisionFilterDeclaration()
+                changed.AllowBetween(self._peg, self._at(wanted & ~looked_at))
+                changed.ExcludeBetween(self._peg, self._at(looked_at & ~wanted))
                 self._scene_graph.collision_filter_manager(geometry).Apply(changed)
                 looked_at[:] = wanted
             return EventStatus.DidNothing()
 
         return look
+
+    def _at(self, places: NDArray[np.bool_]) -> GeometrySet:
+        return GeometrySet([self._walls[i] for i in np.flatnonzero(places).tolist()])

@@ -17,7 +17,7 @@ from pydrake.systems.primitives import Demultiplexer
 
 from chamfer.models.peg.peg_and_hole import PegAndHole
 from chamfer.systems.compiled import compiled
-from chamfer.systems.contact.near_walls import Watch
+from chamfer.systems.contact.near_walls import AfterSteps
 
 Array = NDArray[np.float64]
 
@@ -213,7 +213,7 @@ class PegHoleContactMonitor(Diagram):
 
     The frames of the bodies ``peg`` and ``hole`` are those of peg and mouth; ``peg_shapes`` is the
     peg's collision geometry, which touches nothing but the hole's. From ``seated_depth``, m, of
-    the tip on a peg in the bore is seated. ``watch`` is for whoever simulates, see
+    the tip on a peg in the bore is seated. ``after_steps`` is for whoever simulates, see
     :class:`chamfer.systems.contact.near_walls.NearWalls`.
     """
 
@@ -225,10 +225,10 @@ class PegHoleContactMonitor(Diagram):
         hole: RigidBody,
         peg_shapes: Collection[GeometryId],
         seated_depth: float,
-        watch: Watch | None = None,
+        after_steps: AfterSteps | None = None,
     ) -> None:
         super().__init__()
-        self.watch = watch
+        self.after_steps = after_steps
         builder = DiagramBuilder()
         reader = _Reader(shape_of(parts, seated_depth), peg, hole, peg_shapes)
         builder.AddNamedSystem("reading", reader)

@@ -54,7 +54,7 @@ def test_a_run_is_to_the_last_digit_what_it_is_with_all_walls(tilt: float) -> No
     for watched in (True, False):
         diagram = make_peg_insertion_diagram(scenario)
         if not watched:
-            diagram.GetSubsystemByName("contact").watch = None  # type: ignore[attr-defined]
+            diagram.GetSubsystemByName("contact").after_steps = None  # type: ignore[attr-defined]
         run = simulate(diagram, duration=scenario.released, step=scenario.step)
         outputs.append(run.outputs)
     for name, values in outputs[0].items():
