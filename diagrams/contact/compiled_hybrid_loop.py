@@ -246,6 +246,6 @@ def _run(loop: _Loop, noise: _Noise, rows: int) -> tuple[Array, bool]:
             fill_patch(contacts, outputs, uneven, n, update_time, room.patch)
             going = torque, push, part > 0, step, held
             _, unsolved = advance(chain, material, tool, room, state, outputs, *going)
-            if unsolved or not np.isfinite(state).all():
+            if unsolved:
                 return log, False
     return log, True
