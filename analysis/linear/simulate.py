@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,14 +95,6 @@ def _solve(system: LinearSystem, time: NDArray[np.float64]) -> NDArray[np.float6
     return response
 
 
-def _after_steps(system: System) -> list[Callable[[Context], Any]]:
-    """Return what blocks of a diagram, at most one, want done after each step, of a root."""
-    if found := getattr(system, "after_steps", None):
-        return [found]
-    inside = system.GetSystems() if isinstance(system, Diagram) else []
-    return [found for one in inside for found in _after_steps(one)]
-
-
 def _step(
     system: System,
     ports: list[OutputPort],
@@ -125,8 +116,9 @@ def _step(
     root.SetRandomContext(context, RandomGenerator(seed))
     simulator = Simulator(root, context)
     simulator.set_target_realtime_rate(rate)
-    for after_steps in _after_steps(root):
-        simulator.set_monitor(after_steps(context))
+    for one in system.GetSystems() if isinstance(system, Diagram) else []:
+        if after_steps := getattr(one, "after_steps", None):  # of one block at most
+            simulator.set_monitor(after_steps(context))
     simulator.Initialize()
     count = _SLICES if ended is None else max(1, math.ceil(duration / (_LOOKS * step)))
     for i in range(count):
