@@ -20,6 +20,7 @@ from chamfer.analysis.campaign.campaign import Campaign
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.command.running import prepare, run
 from chamfer.analysis.report.console import table
+from chamfer.analysis.scenario.errors import ExperimentError, UserError
 from chamfer.analysis.scenario.experiment import Entry, quiet, select
 from chamfer.models import compiled
 
@@ -103,5 +104,10 @@ def label(function: Function) -> str:
 
 
 if __name__ == "__main__":
-    (chosen,) = select(CATALOGUE.entries, sys.argv[1:2] or [""])
-    print(profile(chosen, sys.argv[2:]))
+    if len(sys.argv) < 2:
+        sys.exit("make profile: NAME is missing, allowed: an experiment of `chamfer list`")
+    try:
+        (chosen,) = select(CATALOGUE.entries, sys.argv[1:2])
+        print(profile(chosen, sys.argv[2:]))
+    except (UserError, ExperimentError) as error:
+        sys.exit(f"make profile: {error}")
