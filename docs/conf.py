@@ -19,7 +19,7 @@ os.environ["PATH"] = os.pathsep.join((str(Path(sys.executable).parent), os.envir
 project = "Chamfer"
 author = "the authors of Chamfer"
 project_copyright = "the authors of Chamfer, BSD-3-Clause"
-extensions = ["myst_nb", "docs._ext.reference_pages"]
+extensions = ["myst_nb", "docs._ext.reference_pages", "docs._ext.page_shell"]
 exclude_patterns = ["reference/generated/_*"]
 nitpicky = True
 
