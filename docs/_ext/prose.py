@@ -109,9 +109,9 @@ def page_text(path: Path) -> Text:
     """Return the prose of a Markdown page: paragraphs, items of lists and cells of tables."""
     text = _FRONT.sub("", path.read_text(encoding="utf-8"))
     captions = re.findall(r"^\s*(?:caption|alt): *[|>]?-? *(.*(?:\n {4,}.+)*)", text, re.M)
-    for match in _FENCE.finditer(text):
-        if re.match(r"\{(note|tip|warning|important|admonition|glossary|figure)", match[2]):
-            captions.append(re.sub(r"^(?::.*|[`:]{3}.*)$", "", match[0], flags=re.M))
+    for fence in _FENCE.finditer(text):
+        if re.match(r"\{(note|tip|warning|important|admonition|glossary|figure)", fence[2]):
+            captions.append(re.sub(r"^(?::.*|[`:]{3}.*)$", "", fence[0], flags=re.M))
     if path == _RULES:  # its table has the words to avoid
         text = re.sub(r"^\|.*\n", "", text, flags=re.M)
     text = _FORMULA.sub("\n\n", _FENCE.sub("\n\n", text))
@@ -151,8 +151,9 @@ def first_lines(folders: Sequence[str]) -> Iterator[Text]:
     for folder in folders:
         for path in sorted((ROOT / folder).rglob("*.py")):
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-                documented = isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
-                if documented and (said := ast.get_docstring(node)):
+                if not isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+                    continue
+                if said := ast.get_docstring(node):
                     place = f"{path.relative_to(ROOT)}:{getattr(node, 'lineno', 1)}"
                     yield Text(place, tuple(_docstring(said.split("\n\n")[0])))
 
