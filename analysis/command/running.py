@@ -22,6 +22,7 @@ from chamfer.analysis.report.results import (
     check_document,
     command_text,
     defined_metrics,
+    figure_captions,
     figure_files,
     json_text,
     metric_document,
@@ -216,9 +217,10 @@ def run(
     drawn = _drawn(folder, kept, document, files)
     if drawn is None:
         with named_failures(job.entry.name, job.overrides), running(campaign):
-            figures = figure_files(experiment.plot(scenario, outcome))
-            drawings, replay = draw(job), _replay(job, outcome)
+            plots = experiment.plot(scenario, outcome)
+            figures, drawings, replay = figure_files(plots), draw(job), _replay(job, outcome)
         document["figures"] = list(figures)
+        document["captions"] = figure_captions(plots)
         document["drawings"] = [name for name in drawings if name.endswith(".svg")]
         document |= {} if replay is None else {"replay": REPLAY}
         drawn = {**figures, **drawings, **({} if replay is None else {REPLAY: replay})}
@@ -241,7 +243,8 @@ def _drawn(
     """Return what an earlier run drew if its results are the same ones, and document it."""
     if old is None or old["metrics"] != document["metrics"]:
         return None
-    told = {name: old[name] for name in ("figures", "drawings", "replay") if name in old}
+    drawn = ("figures", "captions", "drawings", "replay")
+    told = {name: old[name] for name in drawn if name in old}
     names = [*told["figures"], *told["drawings"], *([REPLAY] if "replay" in told else [])]
     names += [name.replace(".svg", ".mmd") for name in told["drawings"]]
     try:

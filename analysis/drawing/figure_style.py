@@ -38,9 +38,17 @@ BAND: Final[Style] = {"color": "#9a9a9a", "alpha": 0.3, "linewidth": 0}
 NOTE: Final[Style] = {"fontsize": 8, "color": "#b00020"}
 
 
-def new_figure(width: float = 10.0, height: float = 7.0) -> Figure:
-    """Return an empty figure, inches, that lays itself out."""
-    return Figure(figsize=(width, height), layout="constrained")
+def new_figure(width: float = 8.0, height: float = 6.0, *, caption: str = "") -> Figure:
+    """Return an empty figure that lays itself out.
+
+    Args:
+        width: In inches; a page shows at most 8, with letters of at least 9 pixels.
+        height: In inches.
+        caption: Say what is seen, answer first, in one or two sentences. It is the figure's label.
+    """
+    figure = Figure(figsize=(width, height), layout="constrained")
+    figure.set_label(caption)
+    return figure
 
 
 def dress(axes: Axes, *, title: str, x: str, y: str) -> None:

@@ -89,7 +89,7 @@ def run_fall(scenario, seed, progress):
 
 
 def plot_fall(scenario, outcome):
-    figure = Figure(figsize=(2, 1))
+    figure = Figure(figsize=(2, 1), label="It falls & rests.")
     figure.add_subplot().plot(outcome.traces["time"], outcome.traces["position"])
     return {"fall": figure}
 

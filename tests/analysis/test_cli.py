@@ -138,6 +138,7 @@ def test_run_writes_the_result_in_the_form_of_the_design(chamfer: Chamfer, out: 
         "simulated_seconds": 1.0,
         "command": "chamfer run fall --seed 3",
         "figures": ["fall.svg", "fall.png"],
+        "captions": {"fall.svg": "It falls & rests."},
         "drawings": [],
     }
 
@@ -184,7 +185,9 @@ def test_a_result_is_remade_from_the_scenario_beside_it(
     assert a["command"] == " ".join(["chamfer run fall", *given])
     for figure in ("fall.svg", "fall.png"):
         assert (first / "fall" / figure).read_bytes() == (second / "fall" / figure).read_bytes()
-    assert b"<dc:date>" not in (first / "fall" / "fall.svg").read_bytes()
+    drawn = (first / "fall" / "fall.svg").read_text()
+    assert "<dc:date>" not in drawn
+    assert "<dc:description>It falls &amp; rests.</dc:description>" in drawn
 
 
 @pytest.mark.parametrize("new", [["--fresh"], ["--seed", 1], ["--set", "height=6"], []])
@@ -195,6 +198,7 @@ def test_figures_of_the_same_results_stay_and_others_are_drawn(
     (out / "fall" / "fall.png").write_bytes(b"kept")
     assert chamfer("run", "fall", "--out", out, *new)[0] == 0
     assert result(out, "fall")["figures"] == ["fall.svg", "fall.png"]
+    assert result(out, "fall")["captions"] == {"fall.svg": "It falls & rests."}
     assert ((out / "fall" / "fall.png").read_bytes() == b"kept") == (not new)
 
 

@@ -9,8 +9,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from docs._ext.svg_text import LEAST, PAGE
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from chamfer.analysis.catalogue import CATALOGUE
 from chamfer.analysis.command.controllers import LOG, controllers, log_files
@@ -86,6 +88,84 @@ QUICK: Final = {
     "surface-estimation",
     "unknown-surface-control",
     "unknown-surface-control-adaptive",
+}
+
+
+# Their figures are too wide for a page, too small in print or without a caption: to be mended.
+UNFIT: Final = {
+    "adept-nugget-hold",
+    "adept-nugget-motion",
+    "adept-roller-hold",
+    "adept-roller-motion",
+    "adept-unknown-wall",
+    "alignment",
+    "alignment-fsm-vs-pid",
+    "bnc-connector",
+    "bnc-connector-ablation",
+    "bnc-connector-success",
+    "calibration-accuracy",
+    "camera-accuracy",
+    "camera-errors",
+    "charging-campaign",
+    "compliance-centre",
+    "contact-convergence",
+    "contact-recovery",
+    "contact-stability",
+    "correlation",
+    "crucible-charging",
+    "d-connector",
+    "d-connector-ablation",
+    "d-connector-success",
+    "design-accuracy",
+    "detection-conditions",
+    "friction-remedies",
+    "fsm-stability",
+    "hand-camera",
+    "hybrid-stability",
+    "insertion",
+    "insertion-map",
+    "insertion-repeatability",
+    "jamming-diagram",
+    "lissajous",
+    "measured-slide",
+    "measured-toss",
+    "observer-comparison",
+    "observer-model-error",
+    "peg-insertion",
+    "peg-skill",
+    "peg-skill-success",
+    "planar-hold",
+    "planar-slide",
+    "planar-slide-late",
+    "planar-unknown-wall",
+    "plant-identification",
+    "puma-nugget-hold",
+    "puma-nugget-motion",
+    "puma-roller-hold",
+    "puma-roller-motion",
+    "puma-roller-motion-soft",
+    "puma-unknown-wall",
+    "repeatability",
+    "rj45-connector",
+    "rj45-connector-success",
+    "scaling",
+    "search-capture",
+    "sensing-sensitivity",
+    "servo-comparison",
+    "sinusoid-response",
+    "skill",
+    "step-response",
+    "surface-estimation",
+    "surface-estimation-large-noise",
+    "surface-estimation-noise-free",
+    "surface-estimation-smooth",
+    "unknown-surface-control",
+    "unknown-surface-control-adaptive",
+    "unknown-surface-control-noise-free",
+    "vertical-tracking",
+    "vision-primitives",
+    "wedging-diagram",
+    "wrist-contention",
 }
 
 
@@ -275,6 +355,19 @@ def test_titles_lie_side_by_side_in_the_figure(ran: Ran) -> None:
             assert box.x1 <= figure.bbox.width + 1, name
             assert box.y1 <= figure.bbox.height + 1, name
             assert not any(box.overlaps(other) for other in boxes[:i]), name
+
+
+def test_figures_fit_a_page_and_have_captions(ran: Ran, request: pytest.FixtureRequest) -> None:
+    if ran.job.entry.name in UNFIT:
+        request.applymarker(pytest.mark.xfail(strict=True))
+    for name, figure in ran.figures.items():
+        width = 96 * figure.get_figwidth()
+        assert width <= 96 * 8, name
+        texts = [one for one in figure.findobj(Text) if one.get_visible() and one.get_text()]
+        least = min(texts, key=lambda text: text.get_fontsize())
+        size = least.get_fontsize() / 72 * 96 * min(1.0, PAGE / width)
+        assert size >= LEAST, (name, least)
+        assert re.fullmatch(r"[A-Z].{20,300}[.]", str(figure.get_label())), name
 
 
 def _finite(metric: Metric) -> bool:
