@@ -40,6 +40,7 @@ test: setup
 	$(BIN)/python -m pytest -n auto --dist worksteal --hypothesis-profile=$(EXAMPLES) -m "$(SKIPPED:%=not %)"
 
 check: setup
+	$(BIN)/python -m docs._ext.prose
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy

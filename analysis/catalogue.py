@@ -130,7 +130,8 @@ CATALOGUE: Final = Catalogue(
         _servoing_study(
             name="jamming-diagram",
             figure="Fig. 1",
-            summary="which loads slide the peg over its depth, with those of simulated insertions",
+            summary="which loads slide the peg at each depth, with the loads of simulated "
+            "insertions",
             module="chamfer.analysis.insertion.jamming_diagram",
             scenario="JAMMING",
             resolve="resolve",
@@ -146,8 +147,7 @@ CATALOGUE: Final = Catalogue(
         _servoing(
             name="peg-insertion",
             figure="Fig. 1",
-            summary="a peg on a spring support is fed into its hole: forces, "
-            "contact states, wedging",
+            summary="a peg on a spring support enters its hole: forces, contact states, wedging",
             seconds=3,
             module="chamfer.analysis.insertion.peg_insertion",
             scenario="chamfer.diagrams.insertion.peg_insertion:PEG_INSERTION",
@@ -159,8 +159,7 @@ CATALOGUE: Final = Catalogue(
         _servoing(
             name="wedging-diagram",
             figure="Fig. 2",
-            summary="from which initial errors the peg goes in without wedging, "
-            "and with what force",
+            summary="which initial errors enter without wedging, and with which force",
             seconds=22,
             module="chamfer.analysis.cell.wedging_diagram",
             scenario="WEDGING",
@@ -175,7 +174,7 @@ CATALOGUE: Final = Catalogue(
         _servoing_study(
             name="compliance-centre",
             figure="section 2",
-            summary="where the centre of an RCC should be: push, margin to wedging, deflection",
+            summary="where to place the centre of an RCC: push force, wedging margin, deflection",
             seconds=6,
             module="chamfer.analysis.insertion.compliance_centre",
             scenario="COMPLIANCE_CENTRE",
@@ -185,7 +184,8 @@ CATALOGUE: Final = Catalogue(
         _servoing_study(
             name="search-capture",
             figure="section 5",
-            summary="how often a spiral finds its hole: theory, its track, and simulated searches",
+            summary="how often a spiral finds the hole: theory, the planned track, simulated "
+            "searches",
             seconds=60,
             module="chamfer.analysis.insertion.search_capture",
             scenario="SEARCH_CAPTURE",
@@ -201,8 +201,8 @@ CATALOGUE: Final = Catalogue(
         _servoing_study(
             name="insertion-map",
             figure="Fig. 2",
-            summary="which errors go in, wedge, jam or miss in the cell, beside "
-            "what theory says of them",
+            summary="which errors insert, wedge, jam or miss in the cell, and which theory "
+            "predicts",
             module="chamfer.analysis.insertion.insertion_map",
             scenario="INSERTION_MAP",
             resolve="resolve",
@@ -230,7 +230,7 @@ CATALOGUE: Final = Catalogue(
         _servo(
             name="step-response",
             figure="Fig. 8",
-            summary="PID and FSM loop answer a step of 1 m",
+            summary="PID and FSM loops respond to a step of 1 m",
             scenario="chamfer.diagrams.servo.servo_scenario:STEP",
             run="run_step",
             run_swept="run_step_compiled",
@@ -240,7 +240,7 @@ CATALOGUE: Final = Catalogue(
         _servo(
             name="sinusoid-response",
             figure="Fig. 9",
-            summary="PID and FSM loop follow a sinusoid between -1 and 1 m",
+            summary="PID and FSM loops follow a sinusoid between -1 and 1 m",
             scenario="chamfer.diagrams.servo.servo_scenario:SINUSOID",
             run="run_sinusoid",
             run_swept="run_sinusoid_compiled",
@@ -250,7 +250,8 @@ CATALOGUE: Final = Catalogue(
         _servoing(
             name="vertical-tracking",
             figure="Fig. 11",
-            summary="the peg goes up to the hole's height, with and without compensation by sight",
+            summary="the peg rises to the height of the hole, with and without visual "
+            "compensation",
             seconds=12,
             module="chamfer.analysis.cell.alignment",
             scenario="chamfer.diagrams.cell.alignment_scenario:VERTICAL_TRACKING",
@@ -264,7 +265,7 @@ CATALOGUE: Final = Catalogue(
         _servoing(
             name="alignment",
             figure="Figs. 12-14",
-            summary="cameras and compensator align peg and hole from pixels to torques",
+            summary="cameras and compensator align peg and hole, from pixels to joint torques",
             module="chamfer.analysis.cell.alignment",
             scenario="chamfer.diagrams.cell.alignment_scenario:BY_SIGHT",
             resolve="resolve_alignment",
@@ -286,8 +287,8 @@ CATALOGUE: Final = Catalogue(
         _servoing_study(
             name="camera-accuracy",
             figure="section 4",
-            summary="how exactly both cameras see the parts: tips, axes, error "
-            "signal, and in space",
+            summary="how accurately the cameras measure tips, axes, the error signal and points "
+            "in space",
             module="chamfer.analysis.sight.camera_accuracy",
             scenario="ACCURACY",
             resolve="resolve_camera_accuracy",
@@ -296,8 +297,7 @@ CATALOGUE: Final = Catalogue(
         _servoing_study(
             name="detection-conditions",
             figure="section 4",
-            summary="in which light and with what beside them the parts are "
-            "found, refused, or mistaken",
+            summary="in which light and clutter the parts are found, refused or mistaken",
             module="chamfer.analysis.sight.detection_conditions",
             scenario="STUDY",
             resolve="resolve_detection_conditions",
@@ -306,8 +306,8 @@ CATALOGUE: Final = Catalogue(
         _servoing_study(
             name="hand-camera",
             figure="section 4",
-            summary="how exactly a camera in the hand sees the mouth of a hole, "
-            "and which pictures it refuses",
+            summary="how accurately a camera in the hand measures the hole, and which pictures it "
+            "refuses",
             module="chamfer.analysis.sight.hand_camera",
             scenario="STUDY",
             resolve="resolve_hand_camera",
@@ -316,8 +316,7 @@ CATALOGUE: Final = Catalogue(
         _servoing(
             name="repeatability",
             figure="section 5",
-            summary="many alignments with random starts and model errors, and "
-            "the margins they leave",
+            summary="repeated alignments with random starts and model errors, and their margins",
             seconds=42,
             module="chamfer.analysis.cell.alignment",
             scenario="chamfer.analysis.cell.alignment_runs:REPEATABILITY",
@@ -329,8 +328,7 @@ CATALOGUE: Final = Catalogue(
         _servoing_study(
             name="camera-errors",
             figure="section 5",
-            summary="what errors of the cameras leave of the alignment, each "
-            "alone and all at once",
+            summary="how much alignment error each camera error causes, alone and combined",
             module="chamfer.analysis.cell.camera_errors",
             scenario="CAMERA_ERRORS",
             resolve="resolve",
@@ -347,8 +345,8 @@ CATALOGUE: Final = Catalogue(
         _servoing_study(
             name="design-accuracy",
             figure="section 5",
-            summary="whether designs are what they are called: randomised cells, each "
-            "assessed and simulated",
+            summary="how often design verdicts are right: randomised cells, each assessed and "
+            "simulated",
             module="chamfer.analysis.design.design_accuracy",
             scenario="DRAWN_DESIGNS",
             reduced=("designs=2", "trials=1", "draws=72", "duration=0.4"),
@@ -356,8 +354,8 @@ CATALOGUE: Final = Catalogue(
         _servoing(
             name="insertion",
             figure="section 5",
-            summary="cameras align peg and hole, a chart decides and inserts: "
-            "from pixels to a seated peg",
+            summary="cameras align peg and hole, a state chart inserts: from pixels to a seated "
+            "peg",
             seconds=12,
             module="chamfer.analysis.insertion.insertion",
             scenario="chamfer.diagrams.insertion.insertion:INSERTION_BY_SIGHT",
@@ -370,8 +368,8 @@ CATALOGUE: Final = Catalogue(
         _servoing_study(
             name="insertion-repeatability",
             figure="section 5",
-            summary="many insertions by sight from random starts: success, "
-            "force, time, and other ways",
+            summary="repeated visual insertions from random starts: success, force, time, "
+            "variants",
             module="chamfer.analysis.insertion.insertion_repeatability",
             scenario="chamfer.analysis.insertion.insertion_repeatability:INSERTION_REPEATABILITY",
             resolve="chamfer.analysis.insertion.insertion_repeatability:resolve_insertion_trials",
@@ -385,7 +383,8 @@ CATALOGUE: Final = Catalogue(
         ),
         _servoing_study(
             name="calibration-accuracy",
-            summary="how exactly cameras are calibrated from rendered boards, and if it says so",
+            summary="how accurate camera calibrations from rendered boards are, and their "
+            "intervals",
             module="chamfer.analysis.calibration.calibration_accuracy",
             scenario="CALIBRATION",
             reduced=("sets=2", "pictures=5"),
@@ -402,7 +401,7 @@ CATALOGUE: Final = Catalogue(
         ),
         _servoing_study(
             name="contact-stability",
-            summary="the damping with which a position-controlled arm bears a stiff contact",
+            summary="the damping that a position-controlled arm needs in stiff contact",
             seconds=10,
             module="chamfer.analysis.insertion.admittance_stability",
             scenario="CONTACT_STABILITY",
@@ -410,8 +409,8 @@ CATALOGUE: Final = Catalogue(
         ),
         _servoing_study(
             name="contact-convergence",
-            summary="depth and forces of an insertion over steps, stiffness, "
-            "facets and approximations",
+            summary="depth and forces of an insertion over step, stiffness, facets and "
+            "approximation",
             module="chamfer.analysis.insertion.contact_convergence",
             scenario="CONVERGENCE",
             resolve="resolve",
@@ -430,8 +429,7 @@ CATALOGUE: Final = Catalogue(
         ),
         _servoing_study(
             name="servo-comparison",
-            summary="FSM or PID for a plant and a camera of one's own, both "
-            "designed from one number",
+            summary="FSM or PID for your plant and camera, both designed from one number",
             module="chamfer.analysis.servo.servo_comparison",
             scenario="COMPARISON",
             resolve="resolve_comparison",
@@ -448,13 +446,13 @@ CATALOGUE: Final = Catalogue(
         _contact(
             "planar-slide",
             "Fig. 2-6",
-            "it slides along the crucible and keeps the force",
+            "a two-link arm slides along the crucible and holds the force",
             *_PLANAR,
         ),
         _contact(
             "planar-slide-late",
             "Fig. 2-6",
-            "the same with a torque one sample late, which the thesis' gains would not bear",
+            "a two-link arm slides with its torque one sample late, at gains that tolerate it",
             *_PLANAR,
         ),
         _contact(
@@ -464,7 +462,7 @@ CATALOGUE: Final = Catalogue(
         _contact(
             "puma-roller-motion-soft",
             "section 3.1.4",
-            "the same on a table that is more compliant and damped",
+            "the Puma 250 rolls along a table that is more compliant and damped",
             *_SHORT,
         ),
         _contact(
@@ -508,7 +506,7 @@ CATALOGUE: Final = Catalogue(
         _contact(
             "wrist-contention",
             "Fig. 3-15",
-            "the wrist's angular integrator disturbs the force, switched off it does not",
+            "the integrator of the wrist's angle disturbs the force unless it is switched off",
             "task.speed=0.05",
             *_SHORT,
             run="run_contention",
@@ -518,8 +516,8 @@ CATALOGUE: Final = Catalogue(
         _estimation(
             name="surface-estimation",
             figure="Fig. 5-3",
-            summary="a gripper slides along an unknown surface, and an observer "
-            "estimates the normal",
+            summary="a gripper slides along an unknown surface, and an observer estimates the "
+            "normal",
             seconds=10,
             scenario="chamfer.diagrams.surface.surface_estimation:SURFACE_ESTIMATION",
             plot="estimation_figures",
@@ -527,7 +525,7 @@ CATALOGUE: Final = Catalogue(
         _estimation(
             name="surface-estimation-smooth",
             figure="Fig. 5-4",
-            summary="the same with a surface that is known to be smooth",
+            summary="the observer of the normal on a surface that is known to be smooth",
             seconds=9,
             scenario="chamfer.diagrams.surface.surface_estimation:SMOOTH",
             plot="smooth_figures",
@@ -535,7 +533,7 @@ CATALOGUE: Final = Catalogue(
         _estimation(
             name="surface-estimation-noise-free",
             figure="Fig. 5-5",
-            summary="the same without noise: the normal is found exactly",
+            summary="the observer of the normal without noise: the estimate becomes exact",
             seconds=3,
             scenario="chamfer.diagrams.surface.surface_estimation:NOISE_FREE",
             plot="noise_free_figures",
@@ -544,7 +542,7 @@ CATALOGUE: Final = Catalogue(
         _estimation(
             name="surface-estimation-large-noise",
             figure="Fig. 5-6",
-            summary="the same with a sensor that is taken to be useless: the first estimate stays",
+            summary="the observer with a large assumed noise: the first estimate stays",
             scenario="chamfer.diagrams.surface.surface_estimation:LARGE_NOISE",
             plot="large_noise_figures",
         ),
@@ -560,7 +558,7 @@ CATALOGUE: Final = Catalogue(
         _tracking(
             name="unknown-surface-control-noise-free",
             figure="Fig. 5-9",
-            summary="the same without noise: the force settles at the desired one",
+            summary="control along an estimated surface without noise: the force settles",
             seconds=3,
             scenario="chamfer.diagrams.surface.surface_tracking:SURFACE_CONTROL_NOISE_FREE",
             plot="control_noise_free_figures",
@@ -583,8 +581,8 @@ CATALOGUE: Final = Catalogue(
         _hybrid_study(
             name="hybrid-stability",
             figure="section 2.1.3",
-            summary="where the Jacobian-inverse law is unstable out of contact, "
-            "and what the loop bears",
+            summary="where the Jacobian-inverse law is unstable in free motion, and the loop's "
+            "margins",
             module="chamfer.analysis.contact.hybrid_stability",
             scenario="HYBRID_STABILITY",
             resolve="resolve_hybrid_stability",
@@ -594,7 +592,7 @@ CATALOGUE: Final = Catalogue(
         _hybrid_study(
             name="contact-recovery",
             figure="section 2.1.4",
-            summary="a blow breaks the contact: bounces that grow, and a mode that ends them",
+            summary="an impact breaks the contact: bounces that grow, and a mode that ends them",
             module="chamfer.analysis.contact.contact_recovery",
             scenario="chamfer.diagrams.contact.contact_scenarios:CONTACT_RECOVERY",
             resolve="chamfer.diagrams.contact.hybrid_loop_stability:resolve",
@@ -607,7 +605,7 @@ CATALOGUE: Final = Catalogue(
         _hybrid_study(
             name="friction-remedies",
             figure="section 3.3",
-            summary="what friction compensation, decoupling and full-dynamics control buy",
+            summary="how much friction compensation, decoupling and full-dynamics control help",
             module="chamfer.analysis.contact.friction_remedies",
             scenario="FRICTION_REMEDIES",
             resolve="resolve_friction_remedies",
@@ -625,8 +623,7 @@ CATALOGUE: Final = Catalogue(
         _hybrid_study(
             name="observer-model-error",
             figure="section 4.2",
-            summary="observers that are told a wrong stiffness, with a bias, a "
-            "delay, a differenced rate",
+            summary="observers with a wrong stiffness, a bias, a delay or a differentiated rate",
             module="chamfer.analysis.surface.observer_model_error",
             scenario="MODEL_ERROR",
             resolve="resolve_model_error",
@@ -636,8 +633,7 @@ CATALOGUE: Final = Catalogue(
         _hybrid_study(
             name="observer-comparison",
             figure="section 4.5",
-            summary="eight observers of the normal on the same slides: error, "
-            "honesty of the band, cost",
+            summary="eight observers of the normal on the same slides: error, coverage, cost",
             seconds=600,
             module="chamfer.analysis.surface.observer_comparison",
             scenario="OBSERVER_COMPARISON",
@@ -648,7 +644,7 @@ CATALOGUE: Final = Catalogue(
         _tracking(
             name="unknown-surface-control-adaptive",
             figure="section 5.3.4",
-            summary="the same by the adaptive observer, which is given means of the force",
+            summary="control along an estimated surface with the adaptive observer",
             seconds=20,
             scenario="chamfer.diagrams.surface.surface_tracking:SURFACE_CONTROL_ADAPTIVE",
             plot="control_adaptive_figures",
@@ -657,7 +653,7 @@ CATALOGUE: Final = Catalogue(
         _hybrid_study(
             name="sensing-sensitivity",
             figure="section 6.2",
-            summary="what each imperfection of sensors and computer costs the hybrid loops",
+            summary="how much each imperfection of sensors and computer costs the hybrid loops",
             module="chamfer.analysis.contact.sensing_sensitivity",
             scenario="SENSING_SENSITIVITY",
             resolve="resolve_sensing_sensitivity",
@@ -677,8 +673,8 @@ CATALOGUE: Final = Catalogue(
         _hybrid_study(
             name="charging-campaign",
             figure="section 6.3",
-            summary="how many drawn charging cycles keep each limit, as they are "
-            "and with remedies",
+            summary="how many randomised charging cycles keep each limit, with and without "
+            "remedies",
             module="chamfer.analysis.charging.charging_campaign",
             scenario="CHARGING_CAMPAIGN",
             resolve="resolve_campaign",
@@ -709,7 +705,7 @@ CATALOGUE: Final = Catalogue(
         ),
         _hybrid_study(
             name="scaling",
-            summary="what a second costs over joints, trials, points of contact and pixels",
+            summary="computing time over joints, trials, contact points and pixels",
             seconds=20,
             module="chamfer.analysis.benchmarks.scaling",
             scenario="SCALING",
@@ -718,7 +714,7 @@ CATALOGUE: Final = Catalogue(
         _primitives(
             name="lissajous",
             figure="Fig. 2",
-            summary="what two dithers with the frequency ratio (N + 1) / N cover",
+            summary="the area that two dithers with the frequency ratio (N + 1) / N cover",
             module="chamfer.analysis.skills.lissajous",
             scenario="LISSAJOUS",
             reduced=("repeats=[2, 4]",),
@@ -726,8 +722,7 @@ CATALOGUE: Final = Catalogue(
         _primitives(
             name="skill",
             figure="Fig. 4",
-            summary="a skill of one's own, from a YAML file, runs with a "
-            "connector or a part of one's own",
+            summary="your skill, from a YAML file, with a connector or your own part",
             module="chamfer.analysis.skills.own_skill",
             scenario="OWN_SKILL",
             resolve="resolve_own_skill",
@@ -739,22 +734,22 @@ CATALOGUE: Final = Catalogue(
         _connector(
             name="d-connector",
             figure="Fig. 5",
-            summary="a skill grasps a 25-pin D connector by sight and inserts it by force",
+            summary="a skill grasps a 25-pin D connector with cameras and inserts it by force",
             seconds=9,
             scenario="chamfer.diagrams.skills.connector_scenario:D_CONNECTOR",
         ),
         _connector(
             name="bnc-connector",
             figure="Fig. 6",
-            summary="a skill grasps a BNC connector by sight, finds its slots by "
-            "force and locks it",
+            summary="a skill grasps a BNC connector with cameras, finds its slots by force and "
+            "locks it",
             seconds=9,
             scenario="chamfer.diagrams.skills.connector_scenario:BNC_CONNECTOR",
         ),
         _primitives(
             name="correlation",
             figure="eq. (1)",
-            summary="what the correlation of command and motion shows, and what it cannot",
+            summary="what the correlation of command and motion detects, and what it misses",
             module="chamfer.analysis.skills.correlation_cases",
             scenario="CASES_SCENARIO",
             resolve="resolve_cases",
@@ -764,15 +759,14 @@ CATALOGUE: Final = Catalogue(
         _connector(
             name="peg-skill",
             figure="section 2",
-            summary="a skill grasps a round peg by sight, aligns it by touch and "
-            "searches its hole",
+            summary="a skill grasps a round peg with cameras, aligns it by force and searches the "
+            "hole",
             scenario="chamfer.diagrams.skills.connector_scenario:ROUND_PEG",
         ),
         _success(
             name="peg-skill-success",
             figure="section 2",
-            summary="a round peg is inserted in many randomised scenarios, by dithers, along a "
-            "spiral and leaning",
+            summary="a round peg in many randomised scenarios: search by dithers, spiral and tilt",
             scenario="ROUND_PEG",
             resolve="resolve_peg_campaign",
             run="run_searches",
@@ -782,8 +776,7 @@ CATALOGUE: Final = Catalogue(
         _primitives(
             name="vision-primitives",
             figure="section 3.1",
-            summary="vision primitives settle with wrongly calibrated cameras, "
-            "and how wrong they may be",
+            summary="vision primitives settle with miscalibrated cameras, up to a limit",
             seconds=23,
             module="chamfer.analysis.skills.vision_trials",
             scenario="VISION_PRIMITIVES",
@@ -794,7 +787,7 @@ CATALOGUE: Final = Catalogue(
         _connector(
             name="rj45-connector",
             figure="section 4",
-            summary="a skill grasps an RJ45 plug by sight, aligns it by touch and latches it",
+            summary="a skill grasps an RJ45 plug with cameras, aligns it by force and latches it",
             seconds=8,
             scenario="chamfer.diagrams.skills.connector_scenario:RJ45_CONNECTOR",
         ),
@@ -816,12 +809,12 @@ CATALOGUE: Final = Catalogue(
         ),
         _ablation(
             name="d-connector-ablation",
-            summary="a 25-pin D connector is inserted by skills that lack one of their primitives",
+            summary="D connector insertions by skills that lack one primitive",
             scenario="D_ABLATION",
         ),
         _ablation(
             name="bnc-connector-ablation",
-            summary="a BNC connector is inserted by skills that lack one of their primitives",
+            summary="BNC connector insertions by skills that lack one primitive",
             scenario="BNC_ABLATION",
         ),
         Entry(
@@ -839,7 +832,7 @@ CATALOGUE: Final = Catalogue(
         Entry(
             name="measured-toss",
             paper=RECORDINGS,
-            summary="recorded tosses of a cube beside simulations, by settings of contact",
+            summary="recorded tosses of a cube beside simulations, by contact settings",
             module="chamfer.analysis.measured.measured_toss",
             scenario="MEASURED_TOSS",
             study=True,

@@ -67,7 +67,7 @@ def main(argv: Sequence[str] | None = None, *, catalogue: Catalogue = CATALOGUE)
     except (KeyboardInterrupt, SystemError) as error:
         if not _interrupted(error):
             raise
-        say("interrupted, experiments and trials that had ended are kept")
+        say("interrupted; finished experiments and trials are kept")
         return _INTERRUPTED
     except OutputError as error:
         discard_output()
@@ -124,8 +124,9 @@ class _Version(argparse.Action):
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="chamfer",
-        description="Simulates published experiments on compliant assembly and puts the "
-        "measured numbers beside the published ones.",
+        description="Simulates published experiments on compliant assembly and compares the "
+        "measured "
+        "numbers with the published ones.",
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
@@ -139,7 +140,7 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--log",
         action="store_true",
-        help="write what each controller saw and answered too, for `chamfer replay`",
+        help="also write the inputs and outputs of each controller, for `chamfer replay`",
     )
     run.set_defaults(command=_run)
     sweep, design, compare = add_sweep(commands), add_design(commands), add_compare(commands)
@@ -149,10 +150,11 @@ def _parser() -> argparse.ArgumentParser:
     reproduce = commands.add_parser(
         "reproduce",
         help="run the papers' experiments with their default scenarios",
-        description="Runs the papers' own figures and tables with their default scenarios, or "
-        "with --studies what goes beyond them, which takes hours. What had ended before with the "
-        "same sources and seed is kept. An experiment that ends with an error doesn't keep the "
-        "next ones from running. All checks go into OUT/results.md too, as a table.",
+        description="Runs the papers' figures and tables with their default scenarios. With "
+        "--studies"
+        " it runs the studies beyond them, which takes longer. Results of an earlier run "
+        "with the same sources and seed are kept. An experiment that fails does not stop "
+        "the others. OUT/results.md has a table of all checks.",
     )
     reproduce.add_argument("--paper", metavar="PAPER", help="only the experiments of this paper")
     reproduce.add_argument(
@@ -165,11 +167,12 @@ def _parser() -> argparse.ArgumentParser:
     diagram = commands.add_parser(
         "diagram",
         help="draw an experiment's block diagram",
-        description="Draws an experiment's block diagram as OUT/NAME/diagram.svg and, in "
-        "Mermaid, diagram.mmd. Nothing has to be installed for it.",
+        description="Draws an experiment's block diagram as OUT/NAME/diagram.svg and as Mermaid "
+        "text,"
+        " diagram.mmd. No other program is needed.",
     )
     diagram.add_argument("name", metavar="NAME", help="an experiment of `chamfer list`")
-    diagram.add_argument("--chart", action="store_true", help="draw its state charts too")
+    diagram.add_argument("--chart", action="store_true", help="also draw its state charts")
     diagram.set_defaults(command=_diagram)
 
     export, view = add_export(commands), add_view(commands)
@@ -188,8 +191,8 @@ def _parser() -> argparse.ArgumentParser:
         command.add_argument(
             "--strict",
             action="store_true",
-            help="end with status 1 if a specification is broken: a limit of the task, of an arm "
-            "or of parts",
+            help="end with status 1 if a specification is broken: a limit of the task, the arm or "
+            "the parts",
         )
     for command in (*results, listing, fields, compare):
         _add_json(command)
@@ -201,8 +204,8 @@ def _add_scenario(parser: argparse.ArgumentParser) -> None:
         "--scenario",
         type=Path,
         metavar="FILE",
-        help="fields that differ from the defaults, in YAML, or the scenario.yaml or result.json "
-        "of a run",
+        help="a YAML file of fields that differ from the defaults, or the scenario.yaml or "
+        "result.json of a run",
     )
     parser.add_argument(
         "--set",
@@ -210,18 +213,18 @@ def _add_scenario(parser: argparse.ArgumentParser) -> None:
         default=[],
         dest="settings",
         metavar="path=value",
-        help="override one field, such as plant.mass=2; repeat it for more",
+        help="override one field, such as plant.mass=2; can be repeated",
     )
 
 
 def _add_out(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--out", type=Path, default=Path("out"), help="the results' folder (default: out)"
+        "--out", type=Path, default=Path("out"), help="folder of the results (default: out)"
     )
 
 
 def _add_seed(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--seed", type=_seed, default="0", help="of all randomness (default: 0)")
+    parser.add_argument("--seed", type=_seed, default="0", help="random seed (default: 0)")
 
 
 def _add_trials(parser: argparse.ArgumentParser) -> None:
@@ -229,25 +232,25 @@ def _add_trials(parser: argparse.ArgumentParser) -> None:
         "--workers",
         type=_workers,
         metavar="N",
-        help="processes for experiments and for their trials (default: one a core); results are "
-        "the same",
+        help="number of processes (default: one per core); results do not depend on it",
     )
     parser.add_argument(
         "--cluster",
         type=_cluster,
         metavar="ADDRESS",
-        help="run trials on a Dask cluster, tcp://HOST:PORT of its scheduler, or local",
+        help="run trials on a Dask cluster: tcp://HOST:PORT of its scheduler, or local",
     )
     parser.add_argument(
         "--fresh",
         action="store_true",
-        help="run experiments and trials again, also those that have finished before, and draw "
-        "what was drawn",
+        help="run finished experiments and trials again, and draw all figures again",
     )
 
 
 def _add_json(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--json", action="store_true", help="print one JSON document instead")
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON document instead of text"
+    )
 
 
 def _list(arguments: argparse.Namespace, catalogue: Catalogue) -> int:

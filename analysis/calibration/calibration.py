@@ -259,7 +259,7 @@ def run(arguments: argparse.Namespace) -> int:
         with TerminalProgress(_FOLDER) as progress:
             found = _found(board, files, known, poses, progress)
         if (folder / CAMERA).exists():
-            say(f"what is in {folder} is replaced")
+            say(f"files in {folder} are replaced")
         hand = {} if found.hand_eye is None else {"hand-eye": plot_hand_eye(found.hand_eye)}
         figures = figure_files({"residuals": plot_residuals(found), **hand})
         write_folder(folder, {**figures, CAMERA: camera_text(found.cameras)})

@@ -1,1 +1,1 @@
-"""What the commands do: running experiments, and what they print."""
+"""Runs the commands: experiments, their output folders and their printed text."""

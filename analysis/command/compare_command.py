@@ -16,8 +16,8 @@ def add_compare(commands: "argparse._SubParsersAction[Any]") -> argparse.Argumen
     """Add the command; ``--json`` is left to be added."""
     compare: argparse.ArgumentParser = commands.add_parser(
         "compare",
-        help="put two results side by side",
-        description="Shows in which fields of the scenario and in which metrics two results "
+        help="compare two results",
+        description="Shows the fields of the scenario and the metrics in which two results "
         "differ.",
     )
     for which in ("first", "second"):

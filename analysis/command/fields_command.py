@@ -21,8 +21,8 @@ def add_fields(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
         "fields",
         help="list the fields of an experiment's scenario",
         description="Lists the fields that --set and --scenario take: default, unit, meaning and "
-        "what is allowed. A default of null is derived from other fields; what it comes to is in "
-        "brackets. Those of a design: `chamfer design NAME --fields`.",
+        "allowed values. A default of null is derived from other fields; its value is in "
+        "brackets. For the fields of a design use `chamfer design NAME --fields`.",
     )
     fields.add_argument("name", metavar="NAME", help="an experiment of `chamfer list`")
     fields.add_argument(
@@ -30,7 +30,7 @@ def add_fields(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
         metavar="PREFIX",
         nargs="?",
         default="",
-        help="only fields that begin so, such as plant or controller.st",
+        help="only fields that begin with this text, such as plant or controller.st",
     )
     fields.set_defaults(command=_fields)
     return fields

@@ -31,4 +31,4 @@ def require_writable(out: Path, names: Sequence[str], result: str = "") -> None:
         raise UserError(f"--out is {str(out)!r}, which {reason}, allowed: a folder") from error
     replaced = [str(out / name) for name in names if result and (out / name / result).exists()]
     if replaced:
-        say(f"what is in {', '.join(replaced)} is replaced")
+        say(f"files in {', '.join(replaced)} are replaced")

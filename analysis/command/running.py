@@ -70,7 +70,7 @@ class Job:
 
     @property
     def published(self) -> list[Published]:
-        """What its paper prints of the experiment, and the limits that it is to keep."""
+        """Return the published values and the specifications of the experiment."""
         return [one for one in self.paper.published if one.experiment == self.entry.name]
 
 
@@ -265,7 +265,7 @@ def _logs(job: Job, recorder: Recorder, about: Mapping[str, Any]) -> dict[str, b
     lacking = sorted(set(recorder.runs) - set(runs))
     if lacking or not runs:
         names = ", ".join(lacking) or "any controller"
-        say(f"{job.entry.name}: no log of {names}, which its loops don't have as it ran")
+        say(f"{job.entry.name}: no log of {names}, which is not in its loops")
     return log_files(runs, about)
 
 

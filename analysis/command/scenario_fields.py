@@ -184,7 +184,7 @@ def _refusal(scenario: object, path: str, wrong: object) -> str:
 
 
 def _with(scenario: Any, path: str, value: object) -> Any:
-    """Return the scenario with a field set, of which only what is around it is made anew."""
+    """Return the scenario with one field set; only the objects around the field are copied."""
     name, _, inner = path.partition(".")
     group = getattr(scenario, name)
     # Whether a number is finite is looked at last, when all dataclasses are made.

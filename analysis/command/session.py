@@ -43,7 +43,7 @@ _QUICK: Final = 5.0  # s, what an experiment may take that is among the first
 
 @dataclass(frozen=True, kw_only=True)
 class Order:
-    """What the runs of a command have in common."""
+    """Options that all runs of a command share."""
 
     catalogue: Catalogue
     out: Path  # the folder of the results
@@ -54,7 +54,7 @@ class Order:
 
 @dataclass(frozen=True, kw_only=True)
 class Ended:
-    """What became of an experiment: its result, or the error that ended it."""
+    """A finished experiment: its result, or the error that ended it."""
 
     entry: Entry
     result: dict[str, Any] | None = None  # its document
@@ -84,7 +84,7 @@ class Session:
             label = name if len(jobs) == 1 else f"[{i + 1}/{len(jobs)}] {name}"
             log = self.order.log and bool(job.entry.diagram or job.entry.loops)
             if log != self.order.log:
-                say(f"{name}: no log, it has no controllers of its own")
+                say(f"{name}: no log, the experiment has no controllers")
             campaign = self._campaign(name, fresh=self.order.fresh or log)
             campaign.here = log
             # An experiment that prints must not spoil the JSON document.

@@ -17,12 +17,13 @@ def add_view(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentPa
     view: argparse.ArgumentParser = commands.add_parser(
         "view",
         help="run an experiment and show the run in 3-D",
-        description="Runs an experiment, then serves the run as an animation in 3-D, on "
-        "localhost only, until Ctrl-C. Nothing is written.",
+        description="Runs an experiment, then serves the run as a 3-D animation on localhost "
+        "until "
+        "Ctrl-C. Writes nothing.",
     )
     view.add_argument("name", metavar="NAME", help="an experiment of `chamfer list`")
     view.add_argument(
-        "--port", metavar="PORT", help="where to serve (default: the first free one from 7000)"
+        "--port", metavar="PORT", help="port of the server (default: the first free one from 7000)"
     )
     view.set_defaults(command=_view)
     return view

@@ -13,47 +13,46 @@ def add_design(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
     """Add the command; scenario, folder, seed, trials' options and ``--json`` are left."""
     design: argparse.ArgumentParser = commands.add_parser(
         "design",
-        help="say whether an insertion will go in, what limits it and what to change",
-        description="Puts camera, compensation, arms, support and parts into one chain: what each "
-        "link needs, what it is allowed, and the margin in its own unit; the smallest one limits. "
-        "The verdict is certain (all bounds inside), likely (a share of the drawn errors) or no; "
-        "insertions are simulated beside what is certain. "
-        "Then what to change: how the smallest margin follows each field, and the smallest "
-        "change, or two, that makes it certain. Writes OUT/design-NAME: result.json, "
-        "scenario.yaml, design.html (one page, on paper one sheet of A4), and with --map "
-        "map.parquet and its figure.",
+        help="predict whether an insertion succeeds, what limits it and what to change",
+        description="Checks camera, compensation, arms, support and parts as one chain. Each link "
+        "has"
+        " a need, an allowance and a margin in its own unit; the smallest margin limits "
+        "the design. The verdict is certain (all bounds are inside their limits), likely "
+        "(with the share of drawn errors that pass) or no. If it is certain, insertions "
+        "are simulated as a check. The answer also says how the smallest margin depends "
+        "on each field, and the smallest change, or two, that makes the design certain. "
+        "Writes OUT/design-NAME: result.json, scenario.yaml, design.html (one page, one "
+        "A4 sheet), and with --map map.parquet and its figure.",
         allow_abbrev=False,
     )
     design.add_argument("name", metavar="NAME", choices=_DESIGNS, help=", ".join(_DESIGNS))
     design.add_argument(
         "--no-changes",
         action="store_true",
-        help="don't look for what to change, which takes most of the time",
+        help="skip the search for changes, which takes most of the time",
     )
     design.add_argument(
         "--map",
         nargs=2,
         default=[],
         metavar="PATH:a:b",
-        help="the verdict over two fields, each from a to b, at 41 x 41 points",
+        help="draw the verdict over two fields, each from a to b, at 41 x 41 points",
     )
     verify = design.add_mutually_exclusive_group()
     verify.add_argument(
         "--verify",
         metavar="N",
-        help="simulate N insertions with drawn errors and put them beside the prediction; by "
-        "default 4 where the design is certain",
+        help="simulate N insertions with drawn errors and compare them with the prediction "
+        "(default: 4 if the design is certain)",
     )
-    verify.add_argument(
-        "--no-verify", action="store_true", help="simulate nothing, whatever is predicted"
-    )
+    verify.add_argument("--no-verify", action="store_true", help="simulate no insertion")
     design.add_argument(
         "--fields",
         nargs="?",
         const="",
         metavar="PREFIX",
-        help="only list the fields that --set and --scenario take, as `chamfer fields` does: the "
-        "experiment's, and spread.*, draws and pictures of the errors that are drawn",
+        help="only list the fields that --set and --scenario take, as `chamfer fields` does: "
+        "those of the experiment, and spread.*, draws and pictures of the drawn errors",
     )
     design.set_defaults(command=_design)
     return design

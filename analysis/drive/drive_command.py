@@ -18,11 +18,12 @@ def add_drive(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
     """Add the command, whose jobs are :func:`driven`; what `chamfer run` has too is left."""
     drive: argparse.ArgumentParser = commands.add_parser(
         "drive",
-        help="drive a robot by an experiment's controller",
-        description="Runs an experiment's controller, as it is in the diagram, in this process, "
-        "and lets it drive a robot, with a guard around every command. The simulated one is "
-        "another process, on this machine alone, that keeps real time. Ctrl-C stops the robot "
-        "first. Writes OUT/drive/NAME as `chamfer run --log` writes OUT/NAME.",
+        help="drive a robot with an experiment's controller",
+        description="Runs an experiment's controller in this process and drives a robot with it. "
+        "A "
+        "guard checks every command. The simulated robot is another process on this "
+        "machine and keeps real time. Ctrl-C stops the robot first. Writes "
+        "OUT/drive/NAME, with the same files as `chamfer run --log`.",
     )
     drive.add_argument("names", nargs=1, metavar="NAME", choices=_DRIVEN, help=", ".join(_DRIVEN))
     drive.add_argument(
@@ -32,8 +33,8 @@ def add_drive(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
         "--rate",
         type=_rate,
         default=str(_RATE),
-        help="seconds that the robot simulates in one, at most 1 (default: "
-        f"{_RATE:g}), or {_LOCKSTEP}: it steps when it is told to",
+        help="simulated seconds per second, at most 1 (default: "
+        f"{_RATE:g}), or {_LOCKSTEP}: it steps with the controller",
     )
     drive.set_defaults(log=True, fresh=True, strict=False, workers=1, cluster=None)
     return drive

@@ -22,13 +22,15 @@ def add_export(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
     export: argparse.ArgumentParser = commands.add_parser(
         "export",
         help="write an experiment's controllers as C, FMU, SCXML or Mermaid",
-        description="Writes what an experiment's controllers decide into OUT/NAME/export. c: "
-        "C99 without allocation, that answers to the last bit as what was simulated. fmu: the "
-        "same as a unit for co-simulation, FMI 2.0. scxml: its state charts, for any engine of "
-        "the W3C's. mermaid: drawings of the block diagram and of the charts, as text.",
+        description="Writes an experiment's controllers into OUT/NAME/export. Format c is C99 "
+        "without"
+        " dynamic allocation, with outputs that equal the simulated ones to the last bit."
+        " Format fmu is the same code as a co-simulation unit, FMI 2.0. Format scxml has "
+        "the state charts, for any W3C SCXML engine. Format mermaid has the block diagram"
+        " and the charts as text.",
     )
     export.add_argument("name", metavar="NAME", help="an experiment of `chamfer list`")
-    export.add_argument("--format", required=True, choices=_FORMATS, help="what is written")
+    export.add_argument("--format", required=True, choices=_FORMATS, help="format of the files")
     export.set_defaults(command=_export)
     return export
 

@@ -19,37 +19,41 @@ def add_identify(commands: "argparse._SubParsersAction[Any]") -> argparse.Argume
     """Add the command; the folder and ``--json`` are left to be added."""
     identify: argparse.ArgumentParser = commands.add_parser(
         "identify",
-        help="say what a robot's log tells: sensor, tool, stiffness, friction, delay",
-        description="Reads a log of a robot and says what it tells, each quantity with its 95 % "
-        "interval, or why it can't. Writes OUT/identify: result.json, figures of what is left and "
-        "identified.yaml, a scenario that `chamfer run insertion` and `chamfer design` take.",
-        epilog="Quantities: time, force (of the surface on the tool), moment, position (of the "
-        "tip), rotation (of the tool in the base, a rotation vector, or a quaternion, w first), "
-        "velocity, reference_position (of the impedance), joint_position, joint_velocity, "
-        "joint_torque. Columns such as time, force_x, Fx, 'force[0]', x or qw are found by "
-        "themselves, with units as in 'force_x (lbf)'; an npz has arrays of these names.",
+        help="identify sensor, tool, stiffness, friction and delay from a robot's log",
+        description="Identifies quantities from a robot's log. Each has a 95 % interval, or a "
+        "reason "
+        "why the log does not determine it. Writes OUT/identify: result.json, figures of "
+        "the residuals, and identified.yaml, a scenario for `chamfer run insertion` and "
+        "`chamfer design`.",
+        epilog="Quantities are time, force (of the surface on the tool), moment, position (of "
+        "the tip), velocity and rotation. Others are reference_position (of the "
+        "impedance), joint_position, joint_velocity and joint_torque. Rotation is that of"
+        " the tool in the base frame: a rotation vector, or a quaternion with w first. "
+        "Columns such as time, force_x, Fx, 'force[0]', x or qw are recognised, with "
+        "units as in 'force_x (lbf)'. An npz file has arrays of these names.",
         allow_abbrev=False,
     )
-    identify.add_argument("log", type=Path, metavar="LOG", help="a file .csv, .parquet or .npz")
+    identify.add_argument("log", type=Path, metavar="LOG", help="a .csv, .parquet or .npz file")
     identify.add_argument(
         "--columns",
         nargs="+",
         default=[],
         metavar="NAME=COLUMNS",
-        help="of quantities, and their unit unless it is the SI's: force=load1,load2,load3:lbf "
-        "time=stamp:ms; name[3..5] are three columns, and name is name[0], name[1] and so on too",
+        help="columns of a quantity, with a unit if it is not SI: force=load1,load2,load3:lbf "
+        "time=stamp:ms. The text name[3..5] means three columns; name alone means "
+        "name[0], name[1] and so on",
     )
     identify.add_argument(
         "--stiffness",
         type=float,
         metavar="N/m",
-        help="what the impedance was set to, if it is known: it tells the unit of the forces",
+        help="stiffness of the impedance, if you know it: it determines the unit of the forces",
     )
     identify.add_argument(
         "--cell",
         default="wam-pair",
         choices=tuple(CELLS),
-        help="of the insertion that identified.yaml is for (default: wam-pair)",
+        help="the cell that identified.yaml is for (default: wam-pair)",
     )
     identify.set_defaults(command=_identify)
     return identify

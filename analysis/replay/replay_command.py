@@ -15,18 +15,19 @@ def add_replay(commands: "argparse._SubParsersAction[Any]") -> argparse.Argument
     replay: argparse.ArgumentParser = commands.add_parser(
         "replay",
         help="feed a log to the same controllers again",
-        description="Feeds what controllers saw, in a log of `chamfer run --log` or of a robot, "
-        "to an experiment's controllers, and compares what they command with what is logged. The "
-        "scenario is the log's unless there is a file; --set asks what another one would have "
-        "done. A robot's log is Parquet or CSV with columns such as 'observation.error[0] (m)'. "
-        "Writes OUT/NAME/replay: result.json, a figure and a table for each controller.",
+        description="Feeds logged observations to an experiment's controllers and compares their "
+        "commands with the logged ones. The log is of `chamfer run --log` or of a robot. "
+        "The scenario is the log's, unless you give a file; with --set you see the "
+        "commands of another scenario. A robot's log is Parquet or CSV with columns such "
+        "as 'observation.error[0] (m)'. Writes OUT/NAME/replay: result.json, a figure and"
+        " a table for each controller.",
     )
     replay.add_argument("name", metavar="NAME", help="an experiment of `chamfer list`")
     replay.add_argument("log", type=Path, metavar="LOG", help="a log, or a folder of logs")
     replay.add_argument(
         "--controller",
         metavar="PATH",
-        help="which controller, by its path in the block diagram or the end of it",
+        help="the controller, by its path in the block diagram or the end of that path",
     )
     replay.add_argument(
         "--strict", action="store_true", help="end with status 1 if a step differs"

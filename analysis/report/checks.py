@@ -88,7 +88,7 @@ class Check:
 
     @property
     def verdict(self) -> Verdict:
-        """What the measured value says of the published one."""
+        """Return how the measured value compares with the published one."""
         return "holds" if self.ok else self.published.otherwise
 
 

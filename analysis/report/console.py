@@ -22,7 +22,7 @@ def say(message: str) -> None:
 
 @contextmanager
 def plain_warnings() -> Iterator[None]:
-    """Say what runs warn of in one line each; the warnings of libraries stay as they are."""
+    """Print the warnings of runs in one line each; warnings of libraries are not changed."""
     with warnings.catch_warnings():
         shown = warnings.showwarning
 

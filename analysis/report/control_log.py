@@ -1,4 +1,4 @@
-"""What a controller saw and answered, as a Parquet file whose columns have their units.
+"""Logs of a controller's inputs and outputs, as Parquet files with units in the columns.
 
 A row is a step of its law: ``time`` in s, ``observation.<input>[i]`` and ``command.<output>[i]``;
 null where an optional input was missing. The unit of a column is in its field's metadata, what

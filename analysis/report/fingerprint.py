@@ -1,4 +1,4 @@
-"""What a trial's result depends on, as digests: its function and task, the code, the machine."""
+"""Digests of everything a trial's result depends on: function, task, code and machine."""
 
 import enum
 import hashlib
@@ -22,7 +22,7 @@ _DISTRIBUTIONS: Final = ("drake", "numpy", "scipy", "numba", "opencv-python-head
 
 @dataclass(frozen=True, kw_only=True)
 class Code:
-    """What computes: any difference may change a result's last digits, or more."""
+    """The computing environment: any difference may change a result's last digits, or more."""
 
     sources: str  # digest of the project's files, and of those that the function comes from
     versions: tuple[tuple[str, str], ...]

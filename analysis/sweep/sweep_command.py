@@ -14,11 +14,13 @@ def add_sweep(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
     sweep: argparse.ArgumentParser = commands.add_parser(
         "sweep",
         help="run an experiment at many points of its scenario",
-        description="Runs an experiment at many points of its scenario and writes "
-        "OUT/sweep-NAME: points.csv and points.parquet with a row for each point (fields, "
-        "metrics, broken: how many specifications are, status: ok or why there is no result, "
-        "seed), trials.parquet with a row for each point and seed, and a figure. A point that is "
-        "refused or fails doesn't keep the others from running.",
+        description="Runs an experiment at many points of its scenario and writes OUT/sweep-NAME. "
+        "The"
+        " files points.csv and points.parquet have one row per point: fields, metrics, "
+        "seed, number of broken specifications, and a status (ok, or the reason for no "
+        "result). The file trials.parquet has one row per point and seed. A figure shows "
+        "the metrics that change. A point that is refused or fails does not stop the "
+        "others.",
     )
     sweep.add_argument("name", metavar="NAME", help="an experiment of `chamfer list`")
     sweep.add_argument(
@@ -28,19 +30,19 @@ def add_sweep(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
         default=[],
         metavar="PATH=VALUES",
         help="a field and its values: PATH=a:b:n (n values from a to b), PATH=v1,v2,... or "
-        "PATH~a:b (drawn from a to b); several for more fields",
+        "PATH~a:b (drawn from a to b)",
     )
     sweep.add_argument(
         "--design",
         choices=("grid", "sobol", "random"),
-        help="grid: all combinations of the values; sobol, random: --points draws, evenly spread "
-        "or independent (default: grid, or sobol where a field is drawn)",
+        help="grid: all combinations of the values. sobol and random: --points draws, evenly "
+        "spread or independent (default: grid, or sobol if a field is drawn)",
     )
-    sweep.add_argument("--points", metavar="N", help="how many to draw (default: 64)")
+    sweep.add_argument("--points", metavar="N", help="number of drawn points (default: 64)")
     sweep.add_argument(
         "--trials",
         metavar="N",
-        help="seeds of each point, from --seed on: metrics are means, with 95 %% intervals "
+        help="seeds per point, starting at --seed; metrics are means with 95 %% intervals "
         "(default: 1)",
     )
     sweep.add_argument(

@@ -295,7 +295,7 @@ def _find(arguments: argparse.Namespace) -> int:
     except OSError as error:
         raise UserError(f"{arguments.out} can't be written: {error.strerror or error}") from error
     if found.replaced:
-        say(f"what is in {folder} is replaced")
+        say(f"files in {folder} are replaced")
     if saved is not None:
         paths.append(folder / FRAMES)
     if found.frames == 0:

@@ -71,7 +71,7 @@ def test_results_that_a_run_replaces_are_named(chamfer: Chamfer, out: Path) -> N
     status, _, err = chamfer("run", "trials", "--out", out)
     assert (status, err) == (0, "")
     *_, err = chamfer("run", "fall", "trials", "--out", out)
-    assert err == f"chamfer: what is in {out}/trials is replaced\n"
+    assert err == f"chamfer: files in {out}/trials are replaced\n"
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_a_disk_that_is_full_is_one_line(
     assert files(out) == []
 
 
-INTERRUPTED = "chamfer: interrupted, experiments and trials that had ended are kept\n"
+INTERRUPTED = "chamfer: interrupted; finished experiments and trials are kept\n"
 
 
 def test_an_interrupted_run_keeps_what_had_ended(chamfer: Chamfer, out: Path) -> None:

@@ -86,7 +86,7 @@ def test_a_signal_ends_the_run_in_one_line(
         process.send_signal(sent)
         _, err = process.communicate(timeout=10)
     assert process.returncode == 130
-    assert err == "chamfer: interrupted, experiments and trials that had ended are kept\n"
+    assert err == "chamfer: interrupted; finished experiments and trials are kept\n"
     assert files(out) == ["index.html", *TRIALS]
 
 
@@ -109,7 +109,7 @@ def test_an_interrupted_campaign_ends_at_once(
         _, err = process.communicate(timeout=30)
         assert time.monotonic() - begin < 20
     assert process.returncode == 130
-    assert err == "chamfer: interrupted, experiments and trials that had ended are kept\n"
+    assert err == "chamfer: interrupted; finished experiments and trials are kept\n"
     assert {*files(out), "campaign/trials.sqlite"} == {  # which may not have been begun
         *("campaign/trials.sqlite", "index.html", *TRIALS)
     }

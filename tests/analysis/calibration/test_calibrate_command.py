@@ -61,7 +61,7 @@ def test_photographs(photographs: Path, out: Path, capsys: pytest.CaptureFixture
     said = "in the picture's corners the distortion is known to 23 pixels only"
     assert lines[-4].startswith(said)
     assert lines[-3:] == [f"{out}/calibrate/{name}" for name in NAMES]
-    assert printed.err == f"chamfer: what is in {out}/calibrate is replaced\n"
+    assert printed.err == f"chamfer: files in {out}/calibrate are replaced\n"
     found = read_camera(out / "calibrate" / "camera.yaml").left
     # OpenCV's own calibration; its rms is 0.244, with corners that are not as exact.
     assert (found.width, found.height) == (640, 480)

@@ -74,7 +74,7 @@ def test_names_that_are_no_text_or_could_be_formulas(
             "a\\xff.png",
         ]
     assert main(["track", *files, "--out", str(out), "--no-video"]) == 0
-    assert capsys.readouterr().err == f"chamfer: what is in {out}/track is replaced\n"
+    assert capsys.readouterr().err == f"chamfer: files in {out}/track are replaced\n"
 
 
 @pytest.mark.parametrize(
