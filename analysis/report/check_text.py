@@ -1,4 +1,4 @@
-"""How numbers, checks and all results are said: in the terminal, on the page, in a table."""
+"""Text of numbers, checks and results for the terminal, the report page and the table."""
 
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -16,17 +16,17 @@ WORDS: Final["dict[Verdict, str]"] = {
 }
 _PLURAL: Final = {"holds": "hold", "does_not_hold": "do not hold", "not_reached": "not reached"}
 EXPLAINED: Final = (
-    "A predicted value follows from published numbers; for a calibrated one a free parameter was "
-    "chosen to fit; a measured one is compared with a recording of a real robot. A claim that "
-    "does not hold fails on the paper's own model; one that is not reached, our simulation "
-    "misses. A bound that is kept by more than a factor of two is not exceeded, or not undercut: "
-    "that agrees with the paper, but reproduces no number of it. A specification is a limit of "
-    "the task, of an arm or of parts: it is kept or broken, and judged on every run. Published "
-    "values are of the default scenario alone."
+    "A predicted value follows from published numbers. A calibrated value has a free parameter "
+    "that was chosen to fit. A measured value is compared with a recording of a real robot. A "
+    "claim that does not hold fails on the paper's own model. A value that is not reached is one "
+    "that our simulation misses. Not exceeded, or not undercut, means that a bound is kept by "
+    "more than a factor of two: this agrees with the paper, but reproduces no number of it. A "
+    "specification is a limit of the task, the arm or the parts, and every run is judged by it. "
+    "Published values apply to the default scenario only."
 )
 LIMIT: Final = "specification"  # kind of check
 _SIGNS: Final = {"at_most": "<=", "at_least": ">="}
-_COLUMNS: Final = ("experiment", "figure", "metric", "expected", "measured", "kind", "verdict")
+_COLUMNS: Final = ("experiment", "metric", "expected", "measured", "verdict")
 _FAR: Final = 2.0  # times a bound, beyond which keeping it does not reproduce its number
 
 
@@ -106,22 +106,22 @@ def results_table(
     Args:
         results: The results' documents, those of a paper one after the other.
         titles: The papers' titles by key.
-        errors: What ended without a result, each with the reason.
+        errors: Experiments without a result, each with the reason.
         studies: Experiments whose rows are marked as such.
-        seed: Of all randomness.
+        seed: Random seed.
     """
     checks = [check for result in results for check in result["checks"]]
     command = f"chamfer reproduce --seed {seed}" if seed else "chamfer reproduce"
     lines = [
-        "# Results: published against measured",
-        "",
-        f"Made by `{command}`, rows marked *study* by `{command} --studies`, don't edit. "
-        f"{EXPLAINED}",
+        "# Published and measured values",
         "",
         f"**{len(results)} experiments, {counts_text(checks)}.**",
+        "",
+        f"`{command}` makes this page, and `{command} --studies` the rows marked *study*. "
+        f"{EXPLAINED}",
     ]
     if errors:
-        lines += ["", "Ended with an error:", "", *(f"- {error}" for error in errors)]
+        lines += ["", "Failed with an error:", "", *(f"- {error}" for error in errors)]
     for paper, group in groupby(results, lambda result: str(result["paper"])):
         lines += ["", f"## {titles[paper]}", "", _row(_COLUMNS), _row(["---"] * len(_COLUMNS))]
         reasons = []
@@ -138,20 +138,22 @@ def results_table(
 
 
 def _rows(result: Mapping[str, Any], mark: str) -> Iterator[list[str]]:
-    first = [f"`{result['experiment']}`{mark}", str(result["figure"])]
+    figure = f", {result['figure']}" if result["figure"] else ""
+    first = f"`{result['experiment']}`{mark}{figure}"
     for check in result["checks"]:
         measured, verdict, unit = check["measured"], verdict_text(check), check["unit"]
+        kind = "" if check["kind"] == LIMIT else f", {check['kind']}"
         yield [
-            *first,
+            first,
             f"`{check['metric']}`",
             f"{typeset(relation(check))} {unit}".rstrip(),
             "undefined" if measured is None else f"{number(measured)} {unit}".rstrip(),
-            check["kind"],
-            verdict if check["ok"] else f"**{verdict}**",
+            f"{verdict if check['ok'] else f'**{verdict}**'}{kind}",
         ]
+        first = ""
     if not result["checks"]:
         count = len(result["metrics"])
-        yield [*first, "", "", f"{count} metric{'s' * (count != 1)}", "", ""]
+        yield [first, "", "", f"{count} metric{'s' * (count != 1)}", ""]
 
 
 def _row(cells: Sequence[str]) -> str:

@@ -114,32 +114,34 @@ def test_every_check_is_a_row_and_what_is_not_as_published_is_explained() -> Non
     text = results_table(results, {"one": "On falling", "two": "On turning"}, studies={"turn"})
     assert "**3 experiments, 3 published values: 2 hold, 0 do not hold, 1 not reached.**" in text
     header = """\
-| experiment | figure | metric | expected | measured | kind | verdict |
-| --- | --- | --- | --- | --- | --- | --- |
+| experiment | metric | expected | measured | verdict |
+| --- | --- | --- | --- | --- |
 """
     expected = f"""\
 ## On falling
 
 {header}\
-| `fall` | Fig. 1 | `end` | 1 ± 0.5 m | 1.25 m | predicted | holds |
-| `fall` | Fig. 1 | `end` | 1 ± 0.5 m | undefined | predicted | **not reached** |
-| `rise` | | | | 2 metrics | | |
+| `fall`, Fig. 1 | `end` | 1 ± 0.5 m | 1.25 m | holds, predicted |
+| | `end` | 1 ± 0.5 m | undefined | **not reached**, predicted |
+| `rise` | | | 2 metrics | |
 
 - `fall` `end` not reached: it ends before
 
 ## On turning
 
 {header}\
-| `turn` *study* | | `end` | ≤ 1 | 0.1 | calibrated | holds (not exceeded) |
+| `turn` *study* | `end` | ≤ 1 | 0.1 | holds (not exceeded), calibrated |
 """
     assert text[text.index("## On falling") :] == expected
 
 
 def test_what_ended_with_an_error_is_in_the_table() -> None:
     text = results_table([], {}, ["fall: too deep", "rise: too high"])
-    assert "`chamfer reproduce`, rows marked *study* by `chamfer reproduce --studies`" in text
+    assert (
+        "`chamfer reproduce` makes this page, and `chamfer reproduce --studies` the rows" in text
+    )
     assert "`chamfer reproduce --seed 7 --studies`" in results_table([], {}, seed=7)
-    assert text.endswith("Ended with an error:\n\n- fall: too deep\n- rise: too high\n")
+    assert text.endswith("Failed with an error:\n\n- fall: too deep\n- rise: too high\n")
 
 
 def test_what_the_documents_table_lists_exists() -> None:
