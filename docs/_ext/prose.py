@@ -108,11 +108,12 @@ def forbidden() -> re.Pattern[str]:
 def page_text(path: Path) -> Text:
     """Return the prose of a Markdown page: paragraphs, items of lists and cells of tables."""
     text = _FRONT.sub("", path.read_text(encoding="utf-8"))
+    text = re.sub(r"\*Not: .+?\.\*", "", text)  # words to avoid
     captions = re.findall(r"^\s*(?:caption|alt): *[|>]?-? *(.*(?:\n {4,}.+)*)", text, re.M)
     for fence in _FENCE.finditer(text):
         if re.match(r"\{(note|tip|warning|important|admonition|glossary|figure)", fence[2]):
             captions.append(re.sub(r"^(?::.*|[`:]{3}.*)$", "", fence[0], flags=re.M))
-    if path == _RULES:  # its table has the words to avoid
+    if path == _RULES:  # so has its table
         text = re.sub(r"^\|.*\n", "", text, flags=re.M)
     text = _FORMULA.sub("\n\n", _FENCE.sub("\n\n", text))
     text = _ROLE.sub(r"`\1`", _LINK.sub(r"\1", _INDENTED.sub("\n\n", text)))
