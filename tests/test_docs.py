@@ -73,7 +73,7 @@ def test_the_strategies_page_names_every_state_once(
     sections = {part.partition("\n")[0]: part for part in page.split("\n### ")}
     rows = [
         line.split("|")[1]
-        for name in ("Grasp and transport, of both", connector)
+        for name in ("Grasp and transport", connector)
         for line in sections[name].splitlines()
         if line.startswith("| `")
     ]
