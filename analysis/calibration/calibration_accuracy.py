@@ -40,7 +40,7 @@ _TRIES: Final = 300  # of a random pose
 
 @dataclass(frozen=True, kw_only=True)
 class BoardPicture(PictureQuality):
-    """What pictures of a board suffer from."""
+    """The errors of pictures of a board."""
 
     noise: float = 2.0  # grey levels, standard deviation
 

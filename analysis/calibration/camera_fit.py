@@ -62,7 +62,7 @@ class Places(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Adjustment:
-    """What fits best, and how well it is known."""
+    """The best fit, and its uncertainty."""
 
     places: Places
     parameters: Array  # shape (n,)
@@ -260,7 +260,7 @@ class Picture:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
-    """What fits best, and what became of the pictures."""
+    """The best fit, and the use of each picture."""
 
     adjustment: Adjustment
     sights: Mapping[Owner, BoardView]
@@ -274,7 +274,7 @@ class Fit:
 
     @property
     def residuals(self) -> dict[Owner, Array]:
-        """What remains in each picture, seen minus projected, pixels, shape (n, 2)."""
+        """The residuals of each picture, seen minus projected, pixels, shape (n, 2)."""
         return dict(zip(self.sights, self.adjustment.residuals, strict=True))
 
     @property

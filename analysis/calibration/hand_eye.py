@@ -99,7 +99,7 @@ class HandEye:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is to be said of it, a line each."""
+        """The remarks on the result, a line each."""
         (axes, about), count = self.turns, len(self.names)
         return (
             f"hand-eye: {count} poses, of standard deviations of {1e3 * self.arm[1]:.2g} mm along "

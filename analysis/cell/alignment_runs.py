@@ -404,7 +404,7 @@ def wrong_arm(arm: ArmT, payload_error: float, mass: float, friction: float) -> 
 
 
 class TrialErrors(NamedTuple):
-    """What is drawn of a trial."""
+    """The random values of a trial."""
 
     error: tuple[float, ...]  # of the peg's command, m and rad, in AXES' order
     arms: tuple[tuple[float, float, float], ...]

@@ -45,7 +45,7 @@ _WARM: Final = (1.0, 0.0, -1.0)  # of red, green and blue: a lamp instead of day
 
 
 class AssumedCameraError(NamedTuple):
-    """An error of cameras that nobody knows of."""
+    """An error of cameras that the controller does not know."""
 
     name: str
     unit: str
@@ -62,7 +62,7 @@ class AssumedCameraError(NamedTuple):
 def with_error(
     scenario: ScenarioT, error: AssumedCameraError, size: float, off_axis: float
 ) -> ScenarioT:
-    """Return a resolved scenario whose cameras have an error; its controllers stay as they are.
+    """Return a resolved scenario whose cameras have an error, with unchanged controllers.
 
     The size is in the error's unit, with its sign; parts off the axes are ``off_axis`` off, m.
     """

@@ -1,4 +1,4 @@
-"""What errors of the cameras do to the alignment: each alone, and all of them at once."""
+"""The effect of camera errors on the alignment: each alone, and all of them at once."""
 
 import math
 from collections.abc import Mapping, Sequence

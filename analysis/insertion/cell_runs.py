@@ -275,7 +275,7 @@ def insertion_metrics(
 
 
 def _searched(done: CellInsertion, scenario: ResolvedInsertionScenario) -> dict[str, float | None]:
-    """Return how long it was searched by touch, and whether the last search led into the hole."""
+    """Return the time of the search by contact, and whether the last search led into the hole."""
     states = [name for name in SEARCHES if name in done.states]
     rows = np.flatnonzero(done.when(*states)) if states else np.zeros(0, dtype=np.intp)
     if not len(rows):

@@ -1,4 +1,4 @@
-"""What of a simulated insertion depends on the solver: steps, stiffness, facets, approximation."""
+"""The dependence of an insertion on the solver: steps, stiffness, facets, approximation."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence

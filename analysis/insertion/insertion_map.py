@@ -1,4 +1,4 @@
-"""What becomes of blind feeds from a grid of errors, beside what the planar theory says."""
+"""Feeds without cameras from a grid of errors, compared with the planar theory."""
 
 import math
 from collections.abc import Mapping
@@ -59,7 +59,7 @@ _CHAMFER, _FACE, _BOTTOM = (FEATURES.index(name) for name in ("chamfer", "face",
 
 
 class FeedOutcome(IntEnum):
-    """What became of a peg that was fed."""
+    """The outcome of a peg that was fed."""
 
     SEATED = 0  # as deep as it has to be, or on the bottom
     WEDGED = 1  # in the bore, held when the push is taken away
@@ -181,7 +181,7 @@ _BEYOND: Final = 1.1  # of the errors, drawn
 
 @dataclass(frozen=True, kw_only=True)
 class ModelErrors:
-    """What a controller does not know of its arm, drawn for each trial and arm."""
+    """The unknown errors of an arm's model, drawn for each trial and arm."""
 
     payload: float = 0.0865  # kg, from 0 to this; the cell's own error is the largest
     link_mass: float = 0.02  # relative, within plus and minus this; assumed

@@ -1,4 +1,4 @@
-"""Many insertions by sight: how often the peg is seated, how hard, how soon; and other ways."""
+"""Many insertions by vision: how often the peg is seated, force, time; and other methods."""
 
 from collections import Counter
 from collections.abc import Mapping

@@ -36,7 +36,7 @@ _PERIODS = 34.0  # rise times in a run, long after the response has settled
 
 @dataclass(frozen=True, kw_only=True)
 class PlantFamily:
-    """What is known of the plants that are looked for."""
+    """The known properties of the plants to identify."""
 
     stiffness: tuple[float, ...] = (400.0, 500.0, 600.0, 700.0, 800.0, 900.0, 1000.0)
     # N/m, for which the plant behind the response is looked for

@@ -1,4 +1,4 @@
-"""What an engineer reads off a step response, and off a loop that follows a sinusoid."""
+"""Metrics of a step response, and of a loop that follows a sinusoid."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""State machine or PID for a plant and a camera of one's own, designed alike and compared."""
+"""State machine or PID for your own plant and camera, designed alike and compared."""
 
 import math
 from collections.abc import Mapping
@@ -84,7 +84,7 @@ CRITERIA: Final = {
 
 @dataclass(frozen=True, kw_only=True)
 class Disturbances:
-    """What controllers meet that they are not designed for, one at a time and all together."""
+    """Disturbances that controllers are not designed for, one at a time and all together."""
 
     noise: float | None = None
     # m, half-width of the camera's noise instead of its own; None: three times its largest error
@@ -131,7 +131,7 @@ COMPARISON: Final = ServoComparisonScenario()
 
 @dataclass(frozen=True, kw_only=True)
 class ResolvedDisturbances(Disturbances):
-    """What controllers meet, with nothing left open."""
+    """Disturbances of the controllers, with nothing left open."""
 
     noise: float = field()
     friction: float = field()

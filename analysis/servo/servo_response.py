@@ -74,7 +74,7 @@ _TRANSIENT = 0.1  # of the first period
 
 @dataclass(frozen=True, kw_only=True)
 class ServoRun:
-    """What the loops did."""
+    """The results of the loops."""
 
     traces: dict[str, Array]  # time, desired_trajectory and <loop>.<signal>
     growth: dict[str, float]  # 1/s, of each unstable loop
@@ -378,7 +378,7 @@ def _compensator_metrics(scenario: ResolvedServoScenario) -> dict[str, Metric]:
 
 
 def _camera_metrics(scenario: ResolvedServoScenario, run: ServoRun) -> dict[str, Metric]:
-    """Return how much delay both PIDs bear, and which gains the camera's has."""
+    """Return the delay margins of both PIDs, and the gains of the camera's."""
     gains, period = camera_pid(scenario, "pid_designed")[0], scenario.fsm.period
     frames = 0
     for more in (64, 32, 16, 8, 4, 2, 1):

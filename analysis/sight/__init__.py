@@ -1,1 +1,1 @@
-"""What cameras see of the parts: how exactly, and in which conditions."""
+"""The cameras' view of the parts: its accuracy, and its conditions."""

@@ -401,7 +401,7 @@ Asked = Literal["found", "refused", "either"]
 
 
 class Condition(NamedTuple):
-    """What makes it hard to see the parts."""
+    """Conditions that make the parts hard to see."""
 
     said: str  # in a few words, with the level as {}
     levels: tuple[float, float, float]

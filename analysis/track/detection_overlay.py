@@ -1,4 +1,4 @@
-"""What was detected, drawn over the frames, and the video of it.
+"""Detections drawn over the frames, and their video.
 
 Below the frame a panel says in words what was found, so that no text covers a part.
 """
@@ -61,7 +61,7 @@ def scale(width: int, height: int) -> float:
 
 
 class SeenParts(NamedTuple):
-    """What was found in one frame of one camera."""
+    """The detections in one frame of one camera."""
 
     image: Image  # red, green, blue, shape (height, width, 3), in which it was found
     peg: Detection

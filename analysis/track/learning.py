@@ -1,4 +1,4 @@
-"""What the parts look like, from one picture and a box around each of them."""
+"""The appearance of the parts, from one picture and a box around each of them."""
 
 import math
 import re
@@ -205,7 +205,7 @@ def read_box(text: str, name: str) -> Box:
 
 
 class Learned(NamedTuple):
-    """What the parts look like, and what is found of them in the picture."""
+    """The appearance of the parts, and their detections in the picture."""
 
     looks: tuple[Appearance, Appearance]
     found: tuple[Detection, Detection]

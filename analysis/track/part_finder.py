@@ -39,7 +39,7 @@ _FLAT: Final = 0.1  # rad, between the planes through an axis and each of the ca
 
 
 class Sighting(NamedTuple):
-    """What was found at one moment."""
+    """The detections at one moment."""
 
     seen: tuple[SeenParts, ...]  # by each camera
     values: list[float]  # of the columns

@@ -1,4 +1,4 @@
-"""What tracking leaves on disk: tables, the overlay video, the frames of a live camera."""
+"""The files of tracking: tables, the overlay video, the frames of a live camera."""
 
 import csv
 import fcntl

@@ -86,7 +86,7 @@ def stop_request() -> Iterator[Callable[[], bool]]:
 
 @dataclass(frozen=True, kw_only=True)
 class TrackScenario:
-    """What to look for in frames."""
+    """The parts to find in frames."""
 
     peg: Appearance = PEG
     hole: Appearance = HOLE_PART
@@ -145,7 +145,7 @@ class SynchronisedFrames:
 
 @dataclass(frozen=True, kw_only=True)
 class Track:
-    """What was found in frames."""
+    """The detections in frames."""
 
     table: Table  # a row per frame
     size: tuple[int, int]  # pixels, width and height
@@ -347,7 +347,7 @@ def _limit(text: str | None) -> int | None:
 
 
 def _cameras(arguments: argparse.Namespace) -> tuple[Camera, ...]:
-    """Return the cameras as they are calibrated; none if that is not known."""
+    """Return the calibrated cameras, or none without a calibration."""
     if arguments.right and arguments.device is not None:
         raise UserError("--right and --device are given, allowed: --right with FILES")
     if arguments.camera_model is None:

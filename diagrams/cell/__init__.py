@@ -1,1 +1,1 @@
-"""The two-arm work cell of the first paper: alignment by sight."""
+"""The two-arm work cell of the first paper: alignment by vision."""

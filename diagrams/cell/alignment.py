@@ -1,4 +1,4 @@
-"""The two arms align the parts by sight: cameras, compensator, impedance control (section 5)."""
+"""Aligns the parts of two arms by vision: cameras, compensator, impedance control (section 5)."""
 
 import math
 from collections.abc import Mapping
@@ -119,21 +119,24 @@ def make_alignment_diagram(
 ) -> Diagram:
     """Return the work cell with the vision loop closed (Fig. 10).
 
-    Where the hole is a fixture its command is its place, and it has no encoders. The tools carry
-    the shapes of the parts, for whoever adds a visualizer.
+    A fixed hole has its fixed pose as command, and no encoders. The tools carry the shapes of the
+    parts, for a visualizer.
 
-    Outputs: ``<arm>.true_pose``, ``<arm>.tool_pose``, ``<arm>.desired_pose`` (before error and
-    compensation), ``<arm>.command``, ``<arm>.encoders``, ``<arm>.saturated``; of the vision
-    ``error`` (pixels and rad), ``valid``, ``age`` and ``blind``; ``diverged``, whether the
-    compensation has been stopped since the error grew; ``compensation`` (m and rad, of the peg
-    relative to the hole, in the hole's axes as the error is).
+    Outputs:
+
+    - of each arm ``<arm>.true_pose``, ``<arm>.tool_pose``, ``<arm>.desired_pose`` (before error
+      and compensation), ``<arm>.command``, ``<arm>.encoders``, ``<arm>.saturated``;
+    - of the vision ``error`` (pixels and rad), ``valid``, ``age`` and ``blind``;
+    - ``diverged``: whether the compensation has stopped because the error grew;
+    - ``compensation``: m and rad, of the peg relative to the hole, in the hole's axes like the
+      error.
 
     Args:
         scenario: Resolved.
-        controller: A user's own, in the place of the state machine or the PID laws. It needs the
+        controller: Your own controller instead of the state machine or the PID laws. It needs the
             inputs ``error`` (6,), pixels and rad along and about the hole's axes, and ``valid``
             (1,), 1 where the error is measured, and the output ``compensation`` (6,), m and rad.
-        arm_controllers: Of each arm likewise in the place of its impedance law, see
+        arm_controllers: Your own controllers of the arms instead of the impedance law, see
             :func:`chamfer.diagrams.cell.work_cell.add_work_cell`.
     """
     builder = DiagramBuilder()

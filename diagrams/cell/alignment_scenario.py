@@ -1,4 +1,4 @@
-"""What the alignment by sight is: arms, cameras, controllers, and the starts that it admits."""
+"""The scenario of the alignment by vision: arms, cameras, controllers and valid starts."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
@@ -101,7 +101,7 @@ ControllerKind = Literal["fsm", "pid"]
 
 @dataclass(frozen=True, kw_only=True)
 class ControllerChoice:
-    """What makes compensation of the cameras' errors."""
+    """The controllers that turn the cameras' errors into compensation."""
 
     kind: ControllerKind = "fsm"  # the state machine of compensator.*, or the PID laws of pid.*
 

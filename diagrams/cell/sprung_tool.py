@@ -12,7 +12,7 @@ from chamfer.models.arms.wrist import SIZE, Wrist, WristParams, along_tool, in_j
 
 
 class Springs(NamedTuple):
-    """What was added to a builder; displacements are of the tip, rad above m, and their rates."""
+    """The added blocks of a builder; displacements of the tip, rad above m, and their rates."""
 
     desired: InputPort  # where the carrier has the tip without force, shape (12,)
     wrench: OutputPort  # of the tool on the springs, about the tip, N m above N, shape (6,)

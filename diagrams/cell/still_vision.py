@@ -1,4 +1,4 @@
-"""What the cell's cameras measure of parts at rest: without noise, frames or a diagram."""
+"""Measurements of the cell's cameras of parts at rest, without noise, frames or a diagram."""
 
 from collections.abc import Callable
 from typing import Final

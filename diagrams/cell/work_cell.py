@@ -179,7 +179,7 @@ class CellArmSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class HoleSettings(CellArmSettings):
-    """What holds the hole: an arm as the other one, or a fixture, which has none of its fields."""
+    """The holder of the hole: an arm like the other one, or a fixture without an arm's fields."""
 
     kind: HoleKind = "arm"  # or fixture: the hole is fixed in the world
     position_error: float = 0.0
@@ -314,7 +314,7 @@ class ArmPorts(NamedTuple):
 
 
 class WorkCell(NamedTuple):
-    """What was added to a builder; poses are of the frames T and M, shape (7,)."""
+    """The added blocks of a builder; poses are of the frames T and M, shape (7,)."""
 
     plant: MultibodyPlant
     arms: dict[ArmName, ArmPorts]  # those that there are
@@ -607,7 +607,7 @@ def make_work_cell_view(
 ) -> tuple[Diagram, MultibodyPlant]:
     """Return a diagram that shows the cell in Meshcat when it publishes, and its plant.
 
-    The plant's positions are those of the arms, one after the other.
+    The plant's positions are those of the arms, in their order.
     """
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, scenario.step)

@@ -131,9 +131,9 @@ def resolve_fed_cell(scenario: CellT) -> CellT:
 
 
 def make_blind_feed_diagram(scenario: BlindFeedScenario) -> Diagram:
-    """Return the cell in contact, the peg's arm fed, of a resolved scenario.
+    """Return the cell in contact for a resolved scenario; the peg's arm is fed without cameras.
 
-    Outputs: ``<arm>.true_pose``, and as ``contact.<name>`` those of the contact's monitor.
+    Outputs: ``<arm>.true_pose``, and the outputs of the contact's monitor as ``contact.<name>``.
     """
     builder = DiagramBuilder()
     X_WT = scenario.start()

@@ -1,4 +1,4 @@
-"""Many alignments by sight at once, compiled: the arms linear about their rest posture.
+"""Many alignments by vision at once, compiled: the arms linear about their rest posture.
 
 Each arm is its joints: the simulated mass with payload and rotors, dry friction joint by joint as
 the plant has it, and the impedance law as its controller samples and limits it, with what it
@@ -66,7 +66,7 @@ class ArmLaw(NamedTuple):
 
 
 class ArmMass(NamedTuple):
-    """What of an arm's plant is linear in the links' scale and the payload: bare, scale, kg."""
+    """The part of an arm's plant that is linear in links' scale and payload: bare, scale, kg."""
 
     mass: Array  # kg m^2, shape (3, n, n)
     gravity: Array  # N m, that holds it, shape (3, n)
@@ -75,7 +75,7 @@ class ArmMass(NamedTuple):
 
 
 class Draws(NamedTuple):
-    """What differs from trial to trial; D draws, arms in the scenario's order."""
+    """The variation from trial to trial; D draws, arms in the scenario's order."""
 
     commanded: Array  # m and rad, the error of the peg's command, shape (D, 6)
     payload: Array  # kg, shape (D, arms)
@@ -95,7 +95,7 @@ class ArmPlant(NamedTuple):
 
 
 class Alignments(NamedTuple):
-    """What became of the draws."""
+    """The results of the draws."""
 
     decided: Array  # s, from the compensation's begin; infinite: there is no decision
     touch: Array  # true error, m and rad, as the tip comes to the mouth, shape (D, 6); else NaN

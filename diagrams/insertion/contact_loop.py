@@ -51,7 +51,7 @@ _TURN: Final = np.kron(np.eye(2), WRIST_AXES.rotation().matrix())  # wrist's axe
 
 @dataclass(frozen=True, kw_only=True)
 class ContactLoop:
-    """What the loop consists of; sixes are about and along the hole's axes, x into it."""
+    """The elements of the loop; sixes are about and along the hole's axes, x into it."""
 
     servo: ServoParams
     admittance: ContactAdmittanceParams  # damping None: what the contact needs
@@ -229,7 +229,7 @@ def least_factor(
 
 
 class Remedies(NamedTuple):
-    """What by itself would make an unstable loop stable; None: nothing of the kind does."""
+    """Changes that each make an unstable loop stable alone; None where none does."""
 
     damping: dict[str, float]  # N m s/rad or N s/m, at least, of the axes that grow
     softer: float | None  # a factor on the wrist's springs, at most

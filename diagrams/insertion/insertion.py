@@ -1,4 +1,4 @@
-"""From pixels to a seated peg: the alignment by sight, and a chart that inserts (section 5)."""
+"""Aligns the parts by vision and inserts the peg with a state chart (section 5)."""
 
 import math
 from collections.abc import Mapping
@@ -412,16 +412,19 @@ def make_insertion_diagram(
 ) -> Diagram:
     """Return the work cell with the vision loop closed, the parts in contact, and the task.
 
-    Outputs: those of :func:`chamfer.diagrams.cell.alignment.make_alignment_diagram`,
-    ``<arm>.command`` before the feed; ``feed``, ``attempts``, ``measured`` (errors of the
-    decision), ``sensed_force``, ``sensed_depth``, ``trouble`` and ``state`` of the task; and
-    ``contact.*``, the truth of the contact.
+    Outputs:
+
+    - those of :func:`chamfer.diagrams.cell.alignment.make_alignment_diagram`, with
+      ``<arm>.command`` before the feed;
+    - of the task ``feed``, ``attempts``, ``measured`` (errors of the decision), ``sensed_force``,
+      ``sensed_depth``, ``trouble`` and ``state``;
+    - ``contact.*``, the true quantities of the contact.
 
     Args:
         scenario: Resolved.
-        controller: A user's own, in the place of the state machine or the PID laws, with the ports
-            that :func:`chamfer.diagrams.cell.alignment.make_alignment_diagram` names.
-        arm_controllers: Of each arm likewise in the place of its impedance law.
+        controller: Your own controller instead of the state machine or the PID laws, with the
+            ports of :func:`chamfer.diagrams.cell.alignment.make_alignment_diagram`.
+        arm_controllers: Your own controllers of the arms instead of the impedance law.
     """
     builder = DiagramBuilder()
     connect = builder.Connect
@@ -484,7 +487,7 @@ def _add_cell(
     scenario: ResolvedInsertionScenario,
     arm_controllers: Mapping[ArmName, System] | None = None,
 ) -> tuple[WorkCell, PegHoleContactMonitor, Sensed | None]:
-    """Add what there is of the cell, and what an arm that takes positions senses."""
+    """Add the cell, and the sensor of an arm that takes positions."""
     there = scenario.there
     seated, shapes = SEATED * task_params(scenario).target, partial(add_part_shapes, there)
     if scenario.servo is not None:
@@ -554,14 +557,14 @@ def controller_of(scenario: ResolvedInsertionScenario) -> InsertionController:
 
 
 def make_insertion_robot(scenario: ResolvedInsertionScenario, controller: System) -> Diagram:
-    """Return the diagram with one block for all that :func:`controller_of` has.
+    """Return the diagram with one block that replaces :func:`controller_of`.
 
     Its outputs are those of :func:`make_insertion_diagram`.
 
     Args:
         scenario: Resolved.
-        controller: Has the ports of :class:`InsertionController`; it may be the robot's end of a
-            connection.
+        controller: A block with the ports of :class:`InsertionController`, such as the robot's end
+            of a connection.
     """
     builder = DiagramBuilder()
     connect = builder.Connect

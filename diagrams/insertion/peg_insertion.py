@@ -151,11 +151,12 @@ def make_peg_insertion_diagram(
 
     Args:
         scenario: Resolved.
-        continuous: Leave the steps to an integrator, as CENIC; the scenario's step and
-            approximation of contact do not count.
+        continuous: Leave the steps to an integrator such as CENIC. The scenario's step and
+            approximation of contact are then not used.
 
-    Outputs: ``joints``, positions above velocities of :data:`JOINTS`, shape (10,); ``drives``, N
-    and N m, of feed and springs on the peg, shape (5,); those of :class:`PegHoleContactMonitor`.
+    Outputs: ``joints``, positions above velocities of :data:`JOINTS`, shape (10,). ``drives``, N
+    and N m, of feed and springs on the peg, shape (5,). Also those of
+    :class:`PegHoleContactMonitor`.
     """
     builder = DiagramBuilder()
     step = 0.0 if continuous else scenario.step

@@ -63,7 +63,7 @@ class WristSensorParams(WrenchSensorParams):
 
 
 class Sensed(NamedTuple):
-    """What the arm knows of its load and its way."""
+    """The arm's knowledge of its load and its path."""
 
     force: OutputPort  # N, of the tool on what it touches, along the hole's axes, shape (3,)
     advance: OutputPort  # m, beyond the mouth along its axis, size 1

@@ -1,4 +1,4 @@
-"""A state machine or a PID that undoes a step by sight, on any linear plant with its flaws.
+"""A state machine or a PID with a camera corrects a step, on any linear plant with its flaws.
 
 One plant and one camera, and the two controllers that are designed for them from one number.
 """
@@ -80,7 +80,7 @@ class ServoCameraParams(CameraErrorParams):
 
 @dataclass(frozen=True, kw_only=True)
 class ComparedLoopScenario:
-    """A step that is undone by sight; a state machine and a PID are designed for it alike."""
+    """A step that a camera measures, for a state machine and a PID of like design."""
 
     desired: Step = field(default_factory=lambda: Step(amplitude=0.02))
     plant: ServoPlantParams = field(default_factory=ServoPlantParams)
@@ -173,15 +173,15 @@ def make_compared_diagram(
     *,
     controller: LeafSystem | None = None,
 ) -> Diagram:
-    """Build one of the two loops; it exports ``position`` and ``command``, m.
+    """Build one of the two loops, with the outputs ``position`` and ``command``, m.
 
     The plant takes exact steps of a sixteenth of the camera's period, to which its dead time is
     rounded. Noise and lost frames are the same for both controllers with one seed.
 
     Args:
         scenario: With both controllers.
-        kind: Which of the two.
-        controller: A user's own in its place. Its ports are vectors of size 1: the input
+        kind: The controller to use.
+        controller: Your own controller instead. Its ports are vectors of size 1: the input
             ``error``, m, desired minus measured position, NaN while nothing is seen; the output
             ``compensation``, m, the command.
 

@@ -66,7 +66,7 @@ def compensate(
 
 
 class FsmTrials(NamedTuple):
-    """What n trials of the FSM loop did: the diagram's outputs at m times, and t ticks."""
+    """The results of n trials of the FSM loop: the diagram's outputs at m times, and t ticks."""
 
     time: Array  # s, shape (m,)
     desired_trajectory: Array  # m, shape (n, m)

@@ -66,24 +66,24 @@ def make_servo_diagram(
     """Build loops of :data:`LOOPS` side by side.
 
     Args:
-        scenario: What they follow and with which parameters.
-        loops: Which loops; None: ``pid`` and ``fsm``, or the latter alone with a controller.
-        signals: Which outputs of each are exported, as ``<loop>.<signal>``:
+        scenario: The trajectory and the parameters.
+        loops: The loops to build. None: ``pid`` and ``fsm``, or ``fsm`` alone with a controller.
+        signals: The outputs of each to export, as ``<loop>.<signal>``:
             ``desired_trajectory``, ``controller`` (force N or compensation m),
             ``actual_trajectory``.
-        step: s. None leaves everything that is linear continuous, one block per block of the
-            paper's figures. Otherwise the linear parts, a whole PID loop or the FSM's plant and
-            trajectory, take exact steps of that size; the FSM's period has to be a multiple of
+        step: s. None keeps every linear part continuous, one block per block of the paper's
+            figures. Otherwise the linear parts, a whole PID loop or the FSM's plant and
+            trajectory, take exact steps of that size. The FSM's period has to be a multiple of
             it, best by a power of two.
-        controller: A user's own in place of the law of the one loop. Its ports are vectors of
-            size 1: the input ``error``, m, desired minus actual trajectory, which an FSM loop
-            shows as the camera measures it, NaN while it has seen nothing; the output
-            ``compensation``, N or, with a plant in position form, m. With feedforward the input
-            ``desired_trajectory``, m, and the output ``command``, m, have to be there too.
+        controller: Your own controller instead of the law of the one loop. Its ports are vectors
+            of size 1. The input ``error``, m, is desired minus actual trajectory. In an FSM loop
+            it is the camera's measurement, NaN while it has seen nothing. The output
+            ``compensation`` is in N or, with a plant in position form, m. With feedforward it
+            also needs the input ``desired_trajectory``, m, and the output ``command``, m.
 
     Raises:
-        ParameterError: If the controller has other ports, or there is not one loop for it; one
-            behind the camera is ``fsm``.
+        ParameterError: If the controller has other ports, or there is not one loop for it. The
+            loop behind the camera is ``fsm``.
     """
     if loops is None:
         loops = ("pid", "fsm") if controller is None else ("fsm",)
@@ -128,7 +128,7 @@ def make_pid_loop(
 ) -> Diagram:
     """Build Fig. 6: the PID of eq. (2), which sees the continuous error, and a plant.
 
-    With a user's own controller only trajectory and plant take exact steps.
+    With your own controller only trajectory and plant take exact steps.
     """
     if controller is None and step is not None:
         return discretise(_wire("PID", scenario, form, None), step)
@@ -163,8 +163,8 @@ def make_fsm_loop(
 ) -> Diagram:
     """Build Fig. 7: the state machine, which sees the camera's error, and a plant.
 
-    With feedforward (None: as the scenario says) the compensation is added to the desired
-    trajectory, as on the robot; only a plant that takes a commanded position can have it.
+    With feedforward (None: the scenario's choice) the compensation is added to the desired
+    trajectory, as on the robot. Only a plant that takes a commanded position can have it.
     """
     if feedforward is None:
         feedforward = has_feedforward(scenario)

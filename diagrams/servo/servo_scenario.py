@@ -68,7 +68,7 @@ class FsmParams(OpenAxisParams):
 
 @dataclass(frozen=True, kw_only=True)
 class CameraParams(CameraErrorParams):
-    """What the camera does to the error; its period is the FSM's."""
+    """The camera's errors; its period is the FSM's."""
 
     resolution: float = 0.005  # m, 0.5 % of the step, assumed
 

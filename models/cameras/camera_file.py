@@ -62,7 +62,7 @@ class FramePose:
 
 @dataclass(frozen=True, kw_only=True)
 class Intrinsics:
-    """What lies within a camera, or its standard deviations."""
+    """The intrinsic parameters of a camera, or their standard deviations."""
 
     focal_length: Pair  # pixels, along u and v
     principal_point: Pair  # pixels, where the optical axis meets the image
@@ -71,7 +71,7 @@ class Intrinsics:
 
 @dataclass(frozen=True, kw_only=True)
 class CalibratedCamera(Intrinsics):
-    """What a calibration says of a camera, wherever it stands."""
+    """The result of a camera's calibration, independent of its pose."""
 
     width: int  # pixels
     height: int  # pixels

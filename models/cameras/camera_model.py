@@ -1,4 +1,4 @@
-"""What is believed of a camera, and what is true of it, where that is not as its stand says."""
+"""The believed and the true camera, where they differ from the nominal stand."""
 
 import math
 from dataclasses import dataclass, replace

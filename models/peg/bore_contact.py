@@ -173,7 +173,7 @@ def _wedge_points(hole: HolePart, beside: tuple[float, float]) -> Array:
 
 
 def point_contact(stiffness: float, dissipation: float, friction: float) -> ProximityProperties:
-    """Return how points touch: N/m, s/m as Hunt and Crossley have it, and Coulomb's mu."""
+    """Return the contact of points: N/m, Hunt-Crossley dissipation in s/m, and Coulomb's mu."""
     properties = ProximityProperties()
     AddContactMaterial(
         dissipation=dissipation,

@@ -23,7 +23,7 @@ RCC: Final[Mapping[str, float]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Support:
-    """What holds the peg, or the hole, or both in series, in the plane of insertion.
+    """The springs that hold peg, hole or both in series, in the plane of insertion.
 
     The defaults are those of the wedging diagram of section 5: one arm's stiffness, and a centre
     that is assumed. What the arms of a cell are to a peg follows from them, see

@@ -1,4 +1,4 @@
-"""What the planar theory says of a peg that is fed blindly: it goes in, it may, or it does not.
+"""The planar theory of a peg fed without cameras: it goes in, may go in, or does not.
 
 Arguments are those of :mod:`chamfer.models.peg_theory.wedging`; ``support_at`` and ``push_at``
 take the depth of the tip below the mouth, m, as ``depth`` is here too.
@@ -28,7 +28,7 @@ _ONSETS: Final = 21  # depths for whose support the onset of two points is
 
 
 class FeedVerdict(IntEnum):
-    """What theory says."""
+    """The prediction of the theory."""
 
     SAFE = 0  # it goes in
     MAY = 1  # it may wedge, or sit on the bore's edge
@@ -36,7 +36,7 @@ class FeedVerdict(IntEnum):
 
 
 class Limits(NamedTuple):
-    """What the planar limits say of several starts, each of their shape."""
+    """The planar limits of several starts, each field of their shape."""
 
     inside: NDArray[np.bool_]  # on the chamfers, free of wedging, and a push slides it
     on_edge: NDArray[np.bool_]  # the rim may sit on the bore's edge
@@ -51,7 +51,7 @@ class Limits(NamedTuple):
 
 
 class FeedPrediction(NamedTuple):
-    """What theory says of several starts, each of their shape."""
+    """The prediction of the theory for several starts, each field of their shape."""
 
     verdict: NDArray[np.int64]  # of :class:`FeedVerdict`
     limits: Limits

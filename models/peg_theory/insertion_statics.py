@@ -153,7 +153,7 @@ def two_point_onset(
 def enters(
     parts: PegHoleGeometry, support: Support, lateral: ArrayLike, rotation: ArrayLike
 ) -> NDArray[np.bool_]:
-    """Say whether the peg meets the chamfer and is upright enough for the mouth at its end."""
+    """Return whether the peg meets the chamfer and leaves it upright enough for the mouth."""
     eps0, theta0 = np.broadcast_arrays(*_floats(lateral, rotation))
     tilt = cross_chamfer(parts, support, eps0, theta0, chamfer_depth(parts, eps0)).tilt
     leaning = np.maximum(np.abs(theta0), np.abs(tilt))

@@ -196,7 +196,7 @@ _ROUNDING: Final = 1e-6  # of the clearance, and of K_x times it
 
 
 class Contact(IntEnum):
-    """What of the peg touches the hole."""
+    """The parts of the peg that touch the hole."""
 
     NONE = 0
     MOUTH = 1  # one point, the mouth's edge on the peg's side

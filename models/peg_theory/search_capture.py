@@ -64,7 +64,7 @@ class SpiralCoverage:
         return float(np.mean(np.minimum(1.0, (reach / size) ** 2))) * self.between_turns()
 
     def track(self, generator: np.random.Generator | None = None) -> Array:
-        """Return where the peg passes, m, shape (n, 2), with noise anew each quarter of a turn."""
+        """Return where the peg passes, m, shape (n, 2), with new noise each quarter of a turn."""
         last = 2 * math.pi * self.radius / self.pitch
         ways = np.linspace(0.0, 1.0, max(100, int(_FINE * last * self.radius / self.pitch)))
         angle = last * np.sqrt(ways)  # evenly along it, but for the middle

@@ -243,7 +243,7 @@ def require_stiff(parts: PegHoleGeometry, support: Support) -> None:
 
 
 class BoxMargin(NamedTuple):
-    """What is left of each limit, as a share of it; below zero beyond the limit."""
+    """The margin to each limit, as a share of it; below zero beyond the limit."""
 
     lateral: Array
     rotation: Array

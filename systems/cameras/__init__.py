@@ -1,1 +1,1 @@
-"""What draws images: cameras, their lenses and sensors, and the frames that they deliver."""
+"""Cameras with their lenses and sensors, and the frames that they deliver."""

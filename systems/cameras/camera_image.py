@@ -122,14 +122,14 @@ class FrameGrabber(LeafSystem):
         output_ports:
         - image
 
-    The exposure is at ``offset + k period``, of the input as it is before anything else is
+    The exposure is at ``offset + k period``. It samples the input before anything else is
     updated at that instant. With a plant that steps at the same instants rounding decides
     whether it has stepped: an offset of half a step keeps them apart. The output shows the frame
-    from ``latency`` periods later until the next one comes; a block with a discrete update at
-    that very instant already reads it. There is no image (fourth channel 0) before the first one
+    from ``latency`` periods later until the next one arrives. A block with a discrete update at
+    that same instant already reads it. There is no image (fourth channel 0) before the first one
     arrives, and for a whole period where a frame was dropped.
 
-    ``trigger``, size 1: where it is 0 nothing is exposed, and no image arrives.
+    ``trigger``, size 1: while it is 0 the block exposes nothing, and no image arrives.
 
     ``random``, shape (2,), uniform from 0 to 1 (Drake's ``RandomSource`` with the same period):
     the seed of the frame's noise, and whether it is dropped.

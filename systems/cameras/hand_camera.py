@@ -158,7 +158,7 @@ class HandMount:
 
     @property
     def covariance(self) -> Array:
-        """What calibration leaves of the camera's pose, m and rad, in its axes, shape (6, 6)."""
+        """The covariance of the camera's calibrated pose, m and rad, in its axes, shape (6, 6)."""
         sides = [self.position_deviation] * 3 + [self.angle_deviation] * 3
         return np.diag(np.maximum(sides, 1e-9) ** 2)
 
@@ -186,7 +186,7 @@ class HandMount:
 
 
 class HandCamera(LeafSystem):
-    """The image of the mouth, and of the peg, by a camera that moves with the peg.
+    """Draws the image of the mouth, and of the peg, for a camera that moves with the peg.
 
     .. pydrake_system::
 

@@ -28,7 +28,7 @@ _FAR: Final = 1e5  # pixels; what reaches further is not drawn
 
 @dataclass(frozen=True, kw_only=True)
 class SceneStyle:
-    """What a camera sees beside the parts' shapes and colours; all of it is assumed."""
+    """The visible scene besides the parts' shapes and colours; all of it is assumed."""
 
     background: Colour = (200, 200, 200)
     face: float = 0.85  # brightness of the end faces, relative to the sides

@@ -153,7 +153,7 @@ def _blank(width: int, height: int, colour: Colour) -> Image:
 
 
 class SoftwareCamera(LeafSystem):
-    """The image of the peg and the hole part, drawn without a graphics library.
+    """Draws the image of the peg and the hole part without a graphics library.
 
     .. pydrake_system::
 
@@ -164,13 +164,13 @@ class SoftwareCamera(LeafSystem):
         output_ports:
         - image
 
-    ``peg_pose`` and ``hole_pose`` are of the frames T and M in the world, shape (7,): quaternion
-    w, x, y, z and position in m; not connected, the part is not in view. The image follows the
-    poses; a :class:`~chamfer.systems.cameras.camera_image.FrameGrabber` samples, holds, delays
-    and adds noise.
+    ``peg_pose`` and ``hole_pose`` are the poses of the frames T and M in the world, shape (7,):
+    quaternion w, x, y, z and position in m. A part whose port is not connected is not in view.
+    The image follows the poses; a :class:`~chamfer.systems.cameras.camera_image.FrameGrabber`
+    samples, holds, delays and adds noise.
 
-    With an exposure there are ``peg_pose_at_opening`` and ``hole_pose_at_opening`` too, where the
-    parts were when the shutter opened; a part of which that is not known has not moved since.
+    With an exposure the block also has ``peg_pose_at_opening`` and ``hole_pose_at_opening``, the
+    poses when the shutter opened. A part without that pose has not moved since.
     """
 
     def __init__(

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Solid:
-    """What a camera sees of a body: the convex hull of its vertices, in one colour."""
+    """A visible body: the convex hull of its vertices, in one colour."""
 
     name: str
     vertices: Array  # m, in the body's frame, shape (n, 3), n >= 4
@@ -77,7 +77,7 @@ def render_solids(
 
 
 class SolidsCamera(LeafSystem):
-    """The image of coloured convex solids.
+    """Draws the image of coloured convex solids.
 
     .. pydrake_system::
 
@@ -89,9 +89,9 @@ class SolidsCamera(LeafSystem):
         - image
 
     The inputs are poses in the world, shape (7,): quaternion w, x, y, z and position in m. A
-    solid whose port is not connected is not in view. ``camera_pose`` is of the camera's frame, z
-    along the optical axis, of a camera that moves; not connected, the camera stands where
-    ``camera`` says.
+    solid whose port is not connected is not in view. ``camera_pose`` is the pose of a moving
+    camera's frame, z along the optical axis. Without a connection the camera has the fixed pose
+    of ``camera``.
 
     Raises:
         ParameterError: If there are no solids, or two have the same name.

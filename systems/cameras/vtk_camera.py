@@ -79,7 +79,7 @@ def missing_graphics() -> str | None:
 
 
 class VtkCamera(Diagram):
-    """The image of the peg and the hole part, drawn by Drake's ``RgbdSensor`` with VTK.
+    """Draws the image of the peg and the hole part with Drake's ``RgbdSensor`` and VTK.
 
     .. pydrake_system::
 
@@ -90,12 +90,12 @@ class VtkCamera(Diagram):
         output_ports:
         - image
 
-    The ports are those of :class:`~chamfer.systems.cameras.software_camera.SoftwareCamera`, and so
-    is what is seen within half a pixel, but for light and shade; there is no blur. Edges are
-    sampled rather than exact.
+    The ports are those of :class:`~chamfer.systems.cameras.software_camera.SoftwareCamera`, and
+    the images agree within half a pixel, except light and shade. There is no blur. Edges are
+    sampled, not exact.
 
     Raises:
-        RuntimeError: Of Drake, where OpenGL is missing; ask :func:`missing_graphics` before.
+        RuntimeError: By Drake, if OpenGL is missing; call :func:`missing_graphics` first.
     """
 
     def __init__(self, parts: ColouredParts, camera: Camera) -> None:

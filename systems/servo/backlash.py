@@ -17,9 +17,9 @@ class Backlash(LeafSystem):
         output_ports:
         - followed
 
-    Both have the size 1. The output stays where it is until the input is further away than the
-    half width, and follows at that distance then. It is exact for an input that is held between
-    updates.
+    Input and output have the size 1. The output stays until the input is further away than the
+    half width, then follows at that distance. The block is exact for an input that is held
+    between updates.
 
     Discrete state: the output before the input's last change, which starts at 0.
 

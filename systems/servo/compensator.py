@@ -26,10 +26,13 @@ class TrajectoryCompensator(StateMachine[CompensatorInputs, CompensatorMemory]):
         - axis_state
         - state
 
-    All ports but ``valid`` (1: the measurement counts) and ``state`` have one element per axis.
-    ``command`` is the desired trajectory plus the compensation, ``increment`` what the last tick
-    asked for before the limit, ``axis_state`` the state of each axis' chart as an index into
-    ``axis_chart.state_names``. An error that is not finite counts as not valid.
+    All ports except ``valid`` (1: use the measurement) and ``state`` have one element per axis:
+
+    - ``command``: the desired trajectory plus the compensation;
+    - ``increment``: the increment of the last tick, before the limit;
+    - ``axis_state``: the state of each axis' chart, as an index into ``axis_chart.state_names``.
+
+    An error that is not finite counts as not valid.
     """
 
     def __init__(self, params: CompensatorParams) -> None:

@@ -1,4 +1,4 @@
-"""The trajectory compensator of Figs. 3 and 4: a state machine that corrects by sight.
+"""The trajectory compensator of Figs. 3 and 4: a state machine that corrects errors from cameras.
 
 Source: Ruybal, Lumia and Wood, section 3. The chart of Fig. 3 decides once per measurement whether
 the compensation is modified; the chart of Fig. 4, one per degree of freedom, decides by how much.
@@ -116,14 +116,14 @@ class CompensatorParams:
 
 
 class AxisMemory(NamedTuple):
-    """What the chart of Fig. 4 remembers."""
+    """The memory of the chart of Fig. 4."""
 
     compensation: float  # the total so far
     increment: float  # what the last tick asked for
 
 
 class CompensatorInputs(NamedTuple):
-    """What the chart of Fig. 3 reads; an optional port that is not connected is None."""
+    """The inputs of the chart of Fig. 3; an optional port that is not connected is None."""
 
     error: tuple[float, ...]
     valid: tuple[float, ...] | None
@@ -131,7 +131,7 @@ class CompensatorInputs(NamedTuple):
 
 
 class CompensatorMemory(NamedTuple):
-    """What the chart of Fig. 3 remembers."""
+    """The memory of the chart of Fig. 3."""
 
     axes: tuple[Snapshot[AxisMemory], ...]
     desired: tuple[float, ...]

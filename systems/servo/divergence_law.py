@@ -43,7 +43,7 @@ class DivergenceParams:
 
 
 class DivergenceState(NamedTuple):
-    """What one frame hands to the next."""
+    """The state between two frames."""
 
     start: Array  # sizes of the first valid error, shape (watched,), NaN before
     frames: Array  # that said that it has grown, shape (1,)
@@ -51,7 +51,7 @@ class DivergenceState(NamedTuple):
 
 
 class DivergenceObservation(NamedTuple):
-    """What the law reads."""
+    """The inputs of the law."""
 
     error: Array
     valid: Array
@@ -59,7 +59,7 @@ class DivergenceObservation(NamedTuple):
 
 
 class DivergenceCommand(NamedTuple):
-    """What the law gives, shape (1,) each."""
+    """The outputs of the law, shape (1,) each."""
 
     valid: Array
     diverged: Array

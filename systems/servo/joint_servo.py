@@ -22,7 +22,7 @@ _DAMPED: Final = 1e-3  # rad and m, of the inverse kinematics' least squares
 
 
 class JointServo(LeafSystem):
-    """An arm whose joints follow commanded positions, whatever forces act on its tool.
+    """Moves an arm's joints to commanded positions, whatever forces act on its tool.
 
     .. pydrake_system::
 
@@ -35,35 +35,37 @@ class JointServo(LeafSystem):
         - saturated
         - motion
 
-    Once a period of the servos the tool's reference pose becomes joint positions, by a step of
-    Newton's method with damped least squares from the last ones. They arrive whole samples later,
-    and are held. Each joint follows as a critically damped second-order system,
+    Once a period of the servos the block turns the tool's reference pose into joint positions, by
+    a step of Newton's method with damped least squares from the last ones. They arrive whole
+    samples later, and are held. Each joint follows as a critically damped second-order system,
 
         q'' = w^2 (q_cmd - q) - 2 w q',
 
     exact for a held command, with rate and acceleration limited. An arm with fewer than six joints
     comes as near to the pose as it can.
 
-    ``reference_pose``, shape (7,), quaternion w, x, y, z and position, m, of the tool's frame
-    where its springs are not deflected. Of n joints: ``tool_pose``, shape (7,), where the encoders
-    say that this frame is; ``encoders``, shape (2 n,), rad and rad/s, or m; ``saturated``, shape
-    (n,), 1 where a joint is at its limit of rate, acceleration or range. ``motion``, shape (12,),
-    is where the frame truly is: its displacement from ``rest``, rad above m, in the axes of rest,
-    and its rate, for the plant alone.
+    The input ``reference_pose``, shape (7,), is quaternion w, x, y, z and position, m, of the
+    tool's frame with its springs not deflected. The outputs of n joints:
 
-    Discrete state: q and its rate, the commands on their way, and what is saturated.
+    - ``tool_pose``, shape (7,), the pose of this frame by the encoders;
+    - ``encoders``, shape (2 n,), rad and rad/s, or m;
+    - ``saturated``, shape (n,), 1 where a joint is at its limit of rate, acceleration or range;
+    - ``motion``, shape (12,), the true displacement of the frame from ``rest``, rad above m, in
+      the axes of rest, and its rate, for the plant alone.
+
+    Discrete state: q and its rate, the commands on their way, and the saturated joints.
 
     Args:
         params: The servos.
-        model: What is known of the arm.
-        posture: Joint positions at the begin, shape (n,).
-        step: s, of the plant, a whole part of the servos' period.
+        model: The controller's model of the arm.
+        posture: Initial joint positions, shape (n,).
+        step: s, of the plant; the servos' period is a multiple of it.
         rest: X_WS, from which the motion is measured.
-        X_TS: That frame in the tool's.
-        true: What turns a pose in the world as it is known into the true one.
+        X_TS: Pose of that frame in the tool's.
+        true: Turns a believed pose in the world into the true one.
 
     Raises:
-        ParameterError: In a run if the reference pose is not finite.
+        ParameterError: During a run, if the reference pose is not finite.
     """
 
     def __init__(

@@ -1,11 +1,11 @@
-"""What of a measured error a controller is to compensate, as a block."""
+"""Selects the part of a measured error that a controller compensates, as a block."""
 
 from chamfer.systems.law_block import LawBlock
 from chamfer.systems.servo.selector_law import SelectorLaw
 
 
 class MeasurementSelector(LawBlock[SelectorLaw]):
-    """Lets a measured error through to a controller, or holds it back.
+    """Passes a measured error to a controller, or blocks it.
 
     .. pydrake_system::
 
@@ -18,13 +18,15 @@ class MeasurementSelector(LawBlock[SelectorLaw]):
         - error
         - valid
 
-    ``error``, shape (size,), and ``valid``, shape (1,), are as measured. ``open``, shape (2,): 1
-    in the first element lets errors through, else none is valid, so that a controller holds what
-    it has; 1 in the second one lets that along the first axis through, else it is 0.
+    The inputs ``error``, shape (size,), and ``valid``, shape (1,), are the measurement. The input
+    ``open``, shape (2,), controls it:
+
+    - First element: 1 passes errors. Else none is valid, so that a controller holds its output.
+    - Second element: 1 passes the error along the first axis. Else that error is 0.
 
     Args:
-        size: Of the error.
-        period: s, in which errors come.
+        size: Number of elements of the error.
+        period: s, between errors.
     """
 
     def __init__(self, size: int, *, period: float = 1 / 80) -> None:

@@ -73,7 +73,7 @@ def pid_step(
 
 
 class PidState(NamedTuple):
-    """What one sample hands to the next, shape (size,) each."""
+    """The state between two samples, shape (size,) each."""
 
     compensation: Array
     integral: Array  # the part of it
@@ -81,7 +81,7 @@ class PidState(NamedTuple):
 
 
 class PidObservation(NamedTuple):
-    """What the law reads."""
+    """The inputs of the law."""
 
     error: Array
     valid: Array | None

@@ -12,7 +12,7 @@ from chamfer.systems.servo.settling import SettlingPlant
 
 
 class SampledPid(LawBlock[PidLaw]):
-    """Turns a sampled error into a compensation, each axis with a PID law of its own.
+    """Turns a sampled error into a compensation, with one PID law per axis.
 
     .. pydrake_system::
 
@@ -23,14 +23,14 @@ class SampledPid(LawBlock[PidLaw]):
         output_ports:
         - compensation
 
-    It takes the place of :class:`chamfer.systems.servo.compensator.TrajectoryCompensator`:
-    ``error`` and ``compensation`` have one element per axis. Once a period
-    ``c = P e + I sum(e) T + D (e - e_last) / T``, held until the next one and limited; the
-    integral part stops where it would drive the total further beyond a limit, and keeps the limit
-    itself. While ``valid`` (size 1) is 0, or an error is not finite, everything stays as it is,
-    and the next difference is 0.
+    It replaces :class:`chamfer.systems.servo.compensator.TrajectoryCompensator`:
+    ``error`` and ``compensation`` have one element per axis. Once a period it computes
+    ``c = P e + I sum(e) T + D (e - e_last) / T``, limits it and holds it until the next one. The
+    integral part stops where it would drive the total further beyond a limit, and is itself
+    limited too. While ``valid`` (size 1) is 0, or an error is not finite, the output is held, and
+    the next difference is 0.
 
-    Discrete state: the compensation, the integral part and the last error, NaN if there is none.
+    Discrete state: the compensation, the integral part and the last error (NaN before the first).
     """
 
     def __init__(self, params: SampledPidParams) -> None:

@@ -1,4 +1,4 @@
-"""What of a measured error a controller is to compensate."""
+"""Selects the part of a measured error that a controller compensates."""
 
 from typing import NamedTuple
 
@@ -8,7 +8,7 @@ from chamfer.systems.law import Array, Law, Signal
 
 
 class SelectorObservation(NamedTuple):
-    """What the law reads."""
+    """The inputs of the law."""
 
     error: Array
     valid: Array
@@ -16,7 +16,7 @@ class SelectorObservation(NamedTuple):
 
 
 class SelectorCommand(NamedTuple):
-    """What the law lets through."""
+    """The outputs of the law."""
 
     error: Array
     valid: Array

@@ -27,9 +27,9 @@ def make_spring_mass_damper(params: SpringMassDamperParams, form: Form) -> Linea
 def make_plant(params: SpringMassDamperParams, form: Form) -> Diagram:
     """Build the inner loop of Fig. 5, with the transfer function of :func:`state_space`.
 
-    A(s) is the free mass, force N to (position m, velocity m/s); B(s) the reaction of spring and
-    damper. In the position form the stiffness K_p of eq. (1) turns the commanded position into a
-    force.
+    A(s) is the free mass, from force N to (position m, velocity m/s). B(s) is the reaction of
+    spring and damper. In the position form the stiffness K_p of eq. (1) turns the commanded
+    position into a force.
     """
     model = state_space(params, form)
     builder = DiagramBuilder()

@@ -69,7 +69,7 @@ _ROUNDING = 1e-6  # samples, so that floor() does not lose one
 
 @dataclass(frozen=True)
 class SettlingPlant:
-    """What the theorem needs to know of a plant."""
+    """The properties of a plant that the theorem needs."""
 
     gain: float  # output per compensation at rest, g
     undelivered: Array  # d_1, d_2, ..., of the unit-gain step response
@@ -146,7 +146,7 @@ def sample_plant(
 
 @dataclass(frozen=True)
 class Guarantee:
-    """What the settling theorem guarantees for one axis."""
+    """The guarantees of the settling theorem for one axis."""
 
     small_band: bool  # from rest within the small band: condition 1
     everywhere: bool  # from rest at any error: both conditions

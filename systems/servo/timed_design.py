@@ -24,7 +24,7 @@ _LONGEST: Final = 10_000  # ticks that are looked at
 
 @dataclass(frozen=True, kw_only=True)
 class SettlingTask:
-    """What is wanted of a controller: to have undone an error of a size after a time."""
+    """The requirement for a controller: to correct an error of a given size within a time."""
 
     error: float  # m, at the start
     tolerance: float  # m, within which it counts as settled

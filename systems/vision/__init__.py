@@ -1,1 +1,1 @@
-"""Blocks that measure by sight."""
+"""Blocks that measure with cameras."""

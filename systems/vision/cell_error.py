@@ -1,4 +1,4 @@
-"""What the compensator gets from the cameras: an error, and whether it can be trusted."""
+"""Computes the compensator's input from the cameras: an error, and whether it is valid."""
 
 import math
 from dataclasses import dataclass, field
@@ -39,7 +39,7 @@ def image_plane_error(xz: Array, xy: Array) -> Array:
 
 
 class ImagePlaneError(LeafSystem):
-    """The way of the peg in pixels and image-plane angles, from one camera for each plane.
+    """Measures the peg's error in pixels and image-plane angles, with one camera for each plane.
 
     .. pydrake_system::
 
@@ -52,9 +52,9 @@ class ImagePlaneError(LeafSystem):
 
     The inputs are :func:`chamfer.systems.vision.part_detector.alignment_error` of the camera that
     looks along Y and of the one that looks down, shape (3,), with X to the right in both images.
-    Nothing is calibrated: ``alignment_error``, shape (6,), desired minus actual, has pixels along
-    X, Y and Z and rad about them (:data:`AXES`); parts of revolution need no turn about X. The
-    distance along X is that of the first camera. What was not measured is NaN.
+    It needs no calibration. ``alignment_error``, shape (6,), desired minus actual, has pixels
+    along X, Y and Z and rad about them (:data:`AXES`). Parts of revolution need no turn about X.
+    The first camera measures the distance along X. Elements that were not measured are NaN.
     """
 
     def __init__(self) -> None:
@@ -120,7 +120,7 @@ class CellErrorParams:
 
 
 class NoSight(LeafSystem):
-    """Stands where cameras would, and says that the peg is where it is commanded to be.
+    """Replaces the cameras, and reports that the peg is at its commanded pose.
 
     .. pydrake_system::
 
@@ -148,7 +148,7 @@ class NoSight(LeafSystem):
 
 
 class CellError(LeafSystem):
-    """The peg's alignment error, desired minus actual; it ages while a part is lost.
+    """Computes the peg's alignment error, desired minus actual, with its validity and age.
 
     .. pydrake_system::
 
@@ -163,25 +163,30 @@ class CellError(LeafSystem):
         - age
         - blind
 
-    ``alignment_error``, shape (6,): along X, Y and Z in pixels, the way of the tip to the mouth,
-    and about them in rad (:data:`AXES`), NaN where it was not measured. ``error``, shape (6,), is
-    that less the gap to be kept along X, and less ``expected_error``, shape (6,), what should be
-    seen at this point of a trajectory; 0 if it is not connected. Along X it is 0 while the tip is
-    hidden, and about X always: the parts are round.
+    Inputs:
 
-    A measurement that differs from the last valid one by more than the parts can have moved
-    since is none, but for the one after ``continuity.most_jumps`` in a row.
+    - ``alignment_error``, shape (6,): the displacement from the tip to the mouth along X, Y and Z
+      in pixels, and about them in rad (:data:`AXES`). It is NaN where it was not measured.
+    - ``expected_error``, shape (6,): the error at this point of a trajectory; 0 if it is not
+      connected.
+    - ``hidden``, size 1: while it is 1 a missing measurement is no miss.
 
-    Where ``hidden``, size 1, is 1, what is not measured is no miss.
+    Outputs:
 
-    ``valid``, size 1, is 1 if Y, Z and the angles were measured, else 0 and the error is 0;
-    ``age``, size 1, s, is how old the last valid measurement is: the older of its images, beyond
-    ``latency``. ``blind``, size 1, turns to 1 and stays so once more than ``most_misses`` in a row
-    were missing.
+    - ``error``, shape (6,): the alignment error less the commanded gap along X, and less
+      ``expected_error``. Along X it is 0 while the tip is hidden, and about X always: the parts
+      are round.
+    - ``valid``, size 1: 1 if Y, Z and the angles were measured; else 0, and the error is 0.
+    - ``age``, size 1, s: the age of the last valid measurement, of the older of its images,
+      beyond ``latency``.
+    - ``blind``, size 1: turns to 1 and stays so after more than ``most_misses`` in a row.
 
-    Discrete state: whether it has begun, the misses in a row, how old the last valid measurement
-    was at once, s, ``blind``, how many jumps were refused since, and that measurement, NaN before
-    there was one.
+    A jump is a measurement that differs from the last valid one by more than the parts can have
+    moved since. The block refuses it, except after ``continuity.most_jumps`` in a row.
+
+    Discrete state: whether it has begun, the misses in a row, the initial age of the last valid
+    measurement, s, ``blind``, the jumps refused since, and that measurement (NaN before the
+    first).
     """
 
     def __init__(self, params: CellErrorParams) -> None:
@@ -284,7 +289,7 @@ _WORLD: Final = RotationMatrix()
 
 
 class ExpectedError(LeafSystem):
-    """The alignment error that remains, on purpose, at a point of a trajectory.
+    """Computes the alignment error that a trajectory intends at its present point.
 
     .. pydrake_system::
 
@@ -295,10 +300,10 @@ class ExpectedError(LeafSystem):
         output_ports:
         - expected_error
 
-    The poses, shape (7,), are those that are commanded, before any compensation;
-    ``expected_error``, shape (6,), is what :class:`CellError` subtracts: from peg to hole, pixels
-    along and rad about axes H, x into the hole. Pixels need no more of the cameras than their
-    size, m. The gap, pixels, counts as no error along X.
+    The input poses, shape (7,), are the commanded ones, before any compensation. The output
+    ``expected_error``, shape (6,), is subtracted by :class:`CellError`. It leads from peg to hole,
+    in pixels along and rad about axes H, x into the hole. It needs only the size of the cameras'
+    pixels, m. The gap, pixels, is no error along X.
     """
 
     def __init__(self, *, pixel_size: float, gap: float, R_WH: RotationMatrix = _WORLD) -> None:

@@ -1,4 +1,4 @@
-"""What is seen in an image, as values and as the vectors that ports and logs hold."""
+"""Detections in an image, as values and as the vectors of ports and logs."""
 
 import math
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ CROSS_SECTION_UNITS: Final = ("", "pixels", "pixels", "rad", *("pixels",) * 4)
 
 
 class Status(IntEnum):
-    """What was found of a part, or why it was not."""
+    """The detection of a part, or the reason why it was not found."""
 
     VALID = 0  # tip and axis
     OCCLUDED = 1  # the axis; no background is seen beyond the end, which may not be the part's
@@ -74,7 +74,7 @@ def unpack_detections(detections: Array | Sequence[float]) -> tuple[Detection, .
 
 @dataclass(frozen=True, kw_only=True)
 class CrossSection:
-    """What is seen of a cross-section; NaN for what is not known.
+    """The detection of a cross-section; unknown values are NaN.
 
     Pixel coordinates u to the right, v down, (0, 0) in the middle of the first pixel.
     """

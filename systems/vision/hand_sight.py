@@ -1,4 +1,4 @@
-"""What a camera in the hand says of the peg's way to the hole."""
+"""Measures the peg's displacement to the hole with a camera in the hand."""
 
 import math
 from typing import Final
@@ -23,7 +23,7 @@ _SURE: Final = np.array([2.5e-4] * 3 + [0.01] * 2)  # m and rad, standard deviat
 
 
 class HandSight(LeafSystem):
-    """The way of the peg's tip to the mouth that a camera beside the peg sees.
+    """Measures the displacement from the peg's tip to the mouth with a camera next to the peg.
 
     .. pydrake_system::
 
@@ -36,19 +36,21 @@ class HandSight(LeafSystem):
         - hidden
         - looks
 
-    ``tool_pose``, shape (7,), is that of the peg by its arm's encoders; from it are the axes of
-    the error, and where about the mouth is looked for. ``alignment_error``, shape (6,), is that of
-    :class:`~chamfer.systems.vision.cell_error.CellError`, NaN where no mouth was found, or its
-    pose, with what calibration leaves of the camera's, is not sure. ``hidden``, size 1: 1 where
-    the peg is so near to where the mouth should be that it may hide some of it; ``looks``: 0 where
-    it is so near that nobody looks any more.
+    The input ``tool_pose``, shape (7,), is the peg's pose by its arm's encoders. It gives the axes
+    of the error, and the region in which the block searches the mouth. Outputs:
+
+    - ``alignment_error``, shape (6,): that of
+      :class:`~chamfer.systems.vision.cell_error.CellError`. It is NaN where no mouth was found, or
+      where its pose is not sure, with the camera's calibration error included.
+    - ``hidden``, size 1: 1 where the peg is so near the expected mouth that it may hide a part.
+    - ``looks``: 0 where the peg is so near that the camera takes no more images.
 
     Args:
-        parts: Peg and hole, as they are believed to be.
-        mount: The camera, with nothing open.
+        parts: The believed peg and hole.
+        mount: The camera, with no field left open.
         gap: m, at which it sees the whole mouth.
-        X_WM: Where the hole is believed to be.
-        pixel_size: m, for which the error has a pixel.
+        X_WM: The believed pose of the hole.
+        pixel_size: m, of a pixel of the error.
     """
 
     def __init__(

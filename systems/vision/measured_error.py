@@ -22,7 +22,7 @@ _MOST_DELAYED: Final = 10_000  # samples, all of them state
 
 @dataclass(frozen=True, kw_only=True)
 class CameraErrorParams:
-    """What a camera does to the error that it sees."""
+    """Camera errors that act on the measured error."""
 
     resolution: float = 0.0  # m, the error is rounded to multiples of it; 0: not rounded
     latency: float = 0.0  # s, taken up to the next whole sample
@@ -78,7 +78,7 @@ def seen(error: float, sample: float, noise: float, resolution: float) -> float:
 
 
 class MeasuredError(LeafSystem):
-    """Subtracts the actual from the desired trajectory as a camera would see the difference.
+    """Measures desired minus actual trajectory with the errors of a camera.
 
     .. pydrake_system::
 
@@ -92,11 +92,11 @@ class MeasuredError(LeafSystem):
         - error
 
     ``error`` is in the inputs' unit, one element per axis. While ``visible`` (size 1) is below one
-    half it is NaN, which compensators take for nothing seen. ``noise`` is a sample from 0 to 1 per
-    axis (Drake's uniform ``RandomSource``), made an error of up to the parameter of that name in
-    either direction; it has to be connected where that parameter is not 0. Without latency the
-    output follows the inputs directly; with it it is held between samples and the first ones are
-    NaN. A block that samples at the same instants sees the whole delay.
+    half it is NaN, which compensators treat as no measurement. ``noise`` is a sample from 0 to 1
+    per axis (Drake's uniform ``RandomSource``). The block scales it to an error of up to the
+    parameter of that name in either direction. It has to be connected if that parameter is not 0.
+    Without latency the output follows the inputs directly. With latency it is held between samples
+    and the first ones are NaN. A block that samples at the same instants sees the whole delay.
 
     Discrete state: the errors on their way, oldest last, NaN where nothing was seen.
 

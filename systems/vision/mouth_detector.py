@@ -65,7 +65,7 @@ class MouthParams:
 
 
 class Mouth(NamedTuple):
-    """What was found of a mouth."""
+    """The detection of a mouth."""
 
     status: MouthStatus
     seen: tuple[SeenRim, ...] = ()  # the bore's rim, and the chamfer's; empty unless found
@@ -90,7 +90,7 @@ _SAME: Final = 0.05  # of the radius: what is as near is the same mouth
 
 
 class _Asked(NamedTuple):
-    """What a rim has to show."""
+    """The requirements for a rim."""
 
     share: float  # of it, seen
     gap: float  # rad, the most without any of it

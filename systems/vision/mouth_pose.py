@@ -49,7 +49,7 @@ class SeenRim(NamedTuple):
 
 
 class Look(NamedTuple):
-    """What one picture shows, and where its camera is believed to have been."""
+    """The detection in one picture, and the believed pose of its camera."""
 
     camera: Camera  # straight; its place in any frame that all looks share
     seen: tuple[SeenRim, ...]

@@ -1,4 +1,4 @@
-"""What to look for in an image: colour, size and shape of a part as a camera sees it.
+"""The appearance of a part in an image: its colour, size and shape.
 
 Everything is in pixels: what is known of the parts in metres becomes what is expected of them in
 an image by the size of a pixel alone, as in the paper, without calibration.
@@ -25,7 +25,7 @@ def _in_order(limits: Range | None) -> bool:
 
 
 class Looks(NamedTuple):
-    """What of an :class:`Appearance` tells of edges, for machine code."""
+    """The edge properties of an :class:`Appearance`, for compiled code."""
 
     front: int
     end_ratio: float
@@ -39,7 +39,7 @@ class Looks(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Appearance:
-    """What to look for."""
+    """The appearance of a part to find."""
 
     hue: int  # 0 to 255 once around the colours: 0 red, 85 green, 171 blue
     front: int  # 1: the tip is the right end; -1: the left one
@@ -91,7 +91,7 @@ class Appearance:
 
     @cached_property
     def looks(self) -> Looks:
-        """What tells of edges."""
+        """The properties of edges, for compiled code."""
         return Looks._make(getattr(self, name) for name in Looks._fields)
 
     def oblong(self) -> "Appearance":

@@ -167,7 +167,7 @@ class ContinuityParams:
 
 
 class LastSeen(NamedTuple):
-    """What is remembered of a part."""
+    """The remembered appearance of a part."""
 
     detection: Detection | None = None  # that was last believed; None: none yet
     time: float = -math.inf  # s, of that

@@ -35,7 +35,7 @@ _FLOOR: Final = 0.02  # pixels, of a point without noise: what a row gains or lo
 
 
 class ImageMeasurement(LeafSystem):
-    """Gives a vector of a size that is measured in an image.
+    """Outputs a vector of a given size that is measured in an image.
 
     .. pydrake_system::
 
@@ -45,8 +45,8 @@ class ImageMeasurement(LeafSystem):
         output_ports:
         - (the measured vector)
 
-    The output follows the image, so that it is as old as it is, and holds nothing back: what is
-    not found in this image is NaN, with the reason in the status.
+    The output follows the image, so it has the image's age. Elements that are not found in this
+    image are NaN, with the reason in the status.
     """
 
     def __init__(self, output: str, size: int) -> None:
@@ -163,7 +163,7 @@ def measurement_spread(noise: float, peg: float, hole: float, gap: float) -> Mea
 
 
 class PartsDetector(ImageMeasurement):
-    """Finds any parts in an image, by what they look like.
+    """Finds any parts in an image, by their appearance.
 
     .. pydrake_system::
 

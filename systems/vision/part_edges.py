@@ -255,7 +255,7 @@ _FREE: Final = 0.6  # of an end's edge that the other part does not hide, which 
 
 
 class End(NamedTuple):
-    """What was measured of the end face."""
+    """The measurements of the end face."""
 
     tip: tuple[float, float]  # pixels, its middle
     along: float  # pixels, of it, from the axis' point, out of the part

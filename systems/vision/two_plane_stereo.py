@@ -114,7 +114,7 @@ def metric_error(peg: PartInSpace, hole: PartInSpace) -> Array:
 
 
 class TwoPlaneStereo(LeafSystem):
-    """Puts together what the two cameras see: the metric option.
+    """Combines the detections of two cameras into poses in m: the metric option.
 
     .. pydrake_system::
 
@@ -127,10 +127,10 @@ class TwoPlaneStereo(LeafSystem):
         - alignment_error
 
     The inputs are the detections of two
-    :class:`~chamfer.systems.vision.part_detector.PartDetector`. ``parts``, shape (14,): of the
-    peg, then of the hole part, the status, the tip, m, and the direction of the x axis, world
-    frame. ``alignment_error``, shape (6,), is that of :func:`metric_error`. What is not known is
-    NaN.
+    :class:`~chamfer.systems.vision.part_detector.PartDetector`. ``parts``, shape (14,), has
+    the status, the tip, m, and the direction of the x axis, world frame, of the peg, then of the
+    hole part. ``alignment_error``, shape (6,), is that of :func:`metric_error`. Unknown elements
+    are NaN.
 
     Raises:
         ParameterError: If the cameras look in the same direction within 0.1 rad.
