@@ -184,9 +184,8 @@ class CellError(LeafSystem):
     A jump is a measurement that differs from the last valid one by more than the parts can have
     moved since. The block refuses it, except after ``continuity.most_jumps`` in a row.
 
-    Discrete state: whether it has begun, the misses in a row, the initial age of the last valid
-    measurement, s, ``blind``, the jumps refused since, and that measurement (NaN before the
-    first).
+    Discrete state: whether it has begun, the misses in a row and ``blind``. Also the last valid
+    measurement (NaN before the first), its age when it was new, s, and the jumps refused since.
     """
 
     def __init__(self, params: CellErrorParams) -> None:
