@@ -14,8 +14,8 @@ RISE_TIME: Final = 0.00888  # s, Fig. 8
 OVERSHOOT: Final = 10.5  # %, Fig. 8
 
 _ZERO_DC_GAIN = (
-    "force to velocity has zero DC gain: a level is held only by adding an increment at every "
-    "tick, so an error remains that keeps the compensator adding"
+    "force to velocity has zero DC gain: a level needs an increment in every tick, so an error "
+    "remains that keeps the compensator adding"
 )
 _ASSUMED_SINUSOID = "frequency (1 rad/s) and feedforward are assumed, the paper prints neither"
 
@@ -28,17 +28,17 @@ PUBLISHED: Final[tuple[Published, ...]] = (
              "relative to the final value; relative to the step it is 7.1 %"),
         at_least("pid.steady_state_error", 0.005, "m",
                  "section 3, Fig. 8: settles with some steady-state error",
-                 "k/(k + I), 3.1 % of the step; asked for is more than the camera resolves",
+                 "k/(k + I), 3.1 % of the step; the bound is above the camera's resolution",
                  kind="predicted"),
         near("fsm.overshoot", 0.0, 0.5, "%", "section 3, Fig. 8",
              "increment and thresholds are not published, they follow from the settling theorem"),
         at_most("fsm.error_max", 0.005, "m",
                 "section 3, Fig. 8: none within the camera's resolution",
-                "the largest in the last fifth, which the mean of an oscillation is not"),
+                "the largest error in the last fifth; a mean would hide an oscillation"),
         at_least("fsm.rise_time", RISE_TIME, "s", "section 3, Fig. 8: slower than the PID"),
         at_least("fsm.slope_ratio", 2.0, "",
                  "section 3, Fig. 8: the slope changes where the error becomes small",
-                 "the divider of Fig. 4 makes it 5 where the plant has followed"),
+                 "5 with the divider of Fig. 4, once the plant has followed"),
         at_most("fsm_velocity.error_max", 0.01, "m",
                 "section 3: no steady-state error, on the plant said to be simulated",
                 _ZERO_DC_GAIN, otherwise="does_not_hold"),
@@ -53,9 +53,8 @@ PUBLISHED: Final[tuple[Published, ...]] = (
                  "section 3, Fig. 9: PID slightly better in the transient", _ASSUMED_SINUSOID),
         at_most("error_rms_ratio_compensation", 1.0, "",
                 "section 3, Fig. 9, the plant driven by the compensation alone",
-                "increments that settle can't follow 1 rad/s, which is assumed as the "
-                "increments are; they follow slower sinusoids, see the frequencies in the "
-                "figure"),
+                "increments that settle can't follow 1 rad/s; frequency and increments are "
+                "assumed. They follow slower sinusoids, see the frequencies in the figure"),
         at_most("error_rms_ratio_velocity", 1.0, "",
                 "section 3, Fig. 9, on the plant said to be simulated", _ZERO_DC_GAIN,
                 otherwise="does_not_hold")),
@@ -67,11 +66,11 @@ PUBLISHED: Final[tuple[Published, ...]] = (
         at_least("compensation.tarraf_properties", 3, "",
                  "section 3: meets all of Tarraf's three properties",
                  "the accumulated compensation keeps any stored level without input, and two "
-                 "levels never merge; for the closed loop the settling theorem takes the claim's"
-                 " place", kind="predicted", otherwise="does_not_hold"),
+                 "levels never merge; for the closed loop the settling theorem replaces the "
+                 "claim", kind="predicted", otherwise="does_not_hold"),
         at_least("gore_criteria", 2, "", "section 3: meets Gore's two criteria",
-                 "Fig. 3 as it is drawn; the chart that runs does a lap in one tick and never "
-                 "returns to the state in which it begins (folded.gore_criteria)",
+                 "Fig. 3 as drawn; the chart that runs does a lap in one tick and never returns "
+                 "to its initial state (folded.gore_criteria)",
                  kind="predicted")),
     *of("wedging-diagram",
         near("clearance_ratio", 0.0255107, 5e-08, "", "section 4", kind="predicted"),
@@ -87,9 +86,9 @@ PUBLISHED: Final[tuple[Published, ...]] = (
              kind="predicted"),
         at_least("published_worst.parallelogram_margin", 31, "%",
                  "section 5: at least 31 % with respect to the wedging diagram",
-                 "31 % is the margin to a box; the diagram of Fig. 2 has sloped sides, and if "
-                 "both errors have one sign, with the compliance centre where they are steepest,"
-                 " less is left", kind="predicted", otherwise="does_not_hold"),
+                 "31 % is the margin to a box; the diagram of Fig. 2 has sloped sides. With "
+                 "errors of one sign and the compliance centre where the sides are steepest, "
+                 "less remains", kind="predicted", otherwise="does_not_hold"),
         at_least("published_worst.exact_margin", 0, "%",
                  "section 5: met the alignment goals with respect to the wedging diagram",
                  "with the exact sides and the compliance centre that leaves least",
@@ -97,12 +96,12 @@ PUBLISHED: Final[tuple[Published, ...]] = (
     *of("insertion-map",
         at_most("predicted_safe.failed", 0, "",
                 "sections 2 and 5: inside the wedging limits the peg assembles",
-                "by the errors at touch; asked for of at least 240 cells, which points=21 has",
+                "by the errors at touch; checked with at least 240 cells, which points=21 has",
                 kind="predicted"),
         at_least("agreement", 90, "%",
                  "sections 2 and 5: inside the wedging limits the peg assembles",
-                 "a target of ours, where the prediction is not that it may wedge; the joints' "
-                 "friction, which theory does not know, moves a peg on the mouth's edge",
+                 "the project's target, without the cells that may wedge by prediction; the "
+                 "joints' friction, which theory ignores, moves a peg on the mouth's edge",
                  kind="predicted")),
     *WORK_CELL,
 )

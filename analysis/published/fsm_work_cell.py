@@ -12,7 +12,7 @@ SIGNAL_ACCURACY: Final = 0.001  # m, sub-millimetre, section 4
 
 _ASSUMED_CELL = (
     "posture, dry friction, model errors, cameras and increments are assumed; friction and "
-    "payload have the size that makes the published droop"
+    "payload are chosen for the published droop"
 )
 
 
@@ -23,12 +23,12 @@ def _limits(way: str = "", *, contact: bool = True) -> tuple[Row, ...]:
         at_most(f"{way}saturated", 0.0, "%", "limit of the arms",
                 "of the time, with a joint at its torque limit"),
         at_least(f"{way}joints.margin", 0.001, "rad", "limit of the arms",
-                 "to the nearest end of a joint's travel; nearer is at the stop"),
+                 "to the nearest end of a joint's travel; below the bound it is at the stop"),
     )
     parts = at_most(f"{way}force.share", 100.0, "%", "limit of the parts",
                     "of insert.force_limit, assumed; largest median of 10 ms")
     device = at_most("compliance.deflection", 100.0, "%", "limit of the compliance",
-                     "of what it may give way by, at most; beyond it, it is at its stop")
+                     "of its largest deflection; beyond it the device is at its stop")
     return specified(*arms, *[parts] * contact, *[device] * (contact and not way))
 
 
@@ -36,29 +36,29 @@ WORK_CELL: Final[tuple[Published, ...]] = (
     *of("camera-accuracy", *(
         at_most(f"wide.noisy.{view}.scaled.{direction}.max", SIGNAL_ACCURACY, "m",
                 "section 4: sub-millimetre accuracy of the error signal, in pixels",
-                "the largest error of pixels times 0.5 mm, the assumed size of a pixel; what is "
-                "left is perspective, the cameras' distance is assumed too")
+                "the largest error in pixels times 0.5 mm, the assumed size of a pixel. The "
+                "remaining error is perspective; the cameras' distance is assumed too")
         for view in ("xz", "xy") for direction in ("lateral", "axial"))),
     *of("vertical-tracking",
         near("uncompensated.height_error", DROOP, 0.0001, "m",
              "section 5, Fig. 11: 1.5 mm below its goal height",
-             "the payload that the controller does not know is chosen for it, with friction on"),
+             "the payload, unknown to the controller, is chosen for this droop, with friction on"),
         near("compensated.height_error", 0.0, 0.0005, "m",
              "section 5, Fig. 11: very accurately aligned with the hole",
-             "the paper prints no number; asked for is a third of the droop")),
+             "the paper prints no number; the bound is a third of the droop")),
     *of("alignment",
         at_most("lateral_error", 0.019814, "m", "section 5: within the no-wedge box after 2.5 s"),
         at_most("rotational_error", 0.05817, "rad",
                 "section 5: within the no-wedge box after 2.5 s"),
         at_most("compensation.late_lateral_share", 5, "%",
                 "section 5, Fig. 13: a constant, steady-state value",
-                "the paper prints no number; asked for is a change in the last 0.5 s of at most"
-                " 5 % of the largest compensation"),
+                "the paper prints no number; the bound is a change in the last 0.5 s of at most "
+                "5 % of the largest compensation"),
         at_most("compensation.late_rotational_share", 5, "%",
                 "section 5, Fig. 14: a constant, steady-state value",
-                "measured as the lateral one; the yaw overshoots while the lateral motion "
-                "disturbs it, and the joints' dry friction then holds it while the compensation"
-                " winds back")),
+                "measured like the lateral share; the yaw overshoots while the lateral motion "
+                "disturbs it. The joints' dry friction then holds it while the compensation "
+                "winds back")),
     *of("repeatability",
         at_most("lateral_error.mean", MEAN_ERROR[0], "m", "section 5, ten runs", _ASSUMED_CELL),
         at_most("lateral_error.max", WORST_ERROR[0], "m", "section 5, ten runs", _ASSUMED_CELL),
@@ -71,16 +71,16 @@ WORK_CELL: Final[tuple[Published, ...]] = (
              "section 5, mean of the ten runs",
              "at the tip no error of the cameras makes it; the paper does not say where along "
              "the axis it measured. The angle, 22 mrad, is not reached either: 13 mrad in 40 "
-             "draws, too unlike each other for the few of a default run to decide it"),
+             "draws. The few draws of a default run differ too much to decide it"),
         near("distortion_off_axis.image.rest.rotational_error", MEAN_ERROR[1], 0.004, "rad",
              "section 5, mean of the ten runs",
              "a hypothesis: k1 and the parts' distance from the optical axes are chosen; a "
-             "rotational dead zone of 29 mrad makes the same")),
+             "rotational dead zone of 29 mrad has the same effect")),
     *of("insertion",
         at_least("seated", 1, "", "abstract: aligned well enough to avoid wedging during assembly",
-                 "the paper inserts nothing itself; section 5 proposes to", kind="predicted"),
+                 "the paper inserts nothing itself; section 5 proposes it", kind="predicted"),
         at_most("touch.rotational_error", 0.05817, "rad", "section 4: limit of the rotation",
-                "alone, as the errors are where peg and hole touch", kind="predicted"),
+                "of the rotation alone, where peg and hole touch", kind="predicted"),
         at_least("touch.margin", 0, "%",
                  "section 5: insert as soon as the errors are inside the wedging limits",
                  "of the exact region for both arms in series and the chamfers' reach, worst "
@@ -88,12 +88,13 @@ WORK_CELL: Final[tuple[Published, ...]] = (
     *of("insertion-repeatability",
         at_least("success_rate", 99, "%",
                  "abstract: allows an impedance controlled robot to avoid wedging during assembly",
-                 "a target of ours, the paper inserts nothing; starts and models are assumed; "
-                 "ten of ten show 69 % or more, 200 of 200 (98.2 %) are what docs/insertion.md "
-                 "has"),
+                 "the project's target, the paper inserts nothing; starts and models are "
+                 "assumed. Ten of ten show 69 % or more; docs/insertion.md has 200 of 200 (98.2 "
+                 "%)"),
         at_least("frozen.success_rate", 99, "%",
                  "section 5: insert as soon as the errors are inside the wedging limits",
-                 "likewise; the compensation ends with the alignment, as in the paper")),
+                 "the project's target; the compensation ends with the alignment, as in the "
+                 "paper")),
     *(row for name in ("vertical-tracking", "alignment", "repeatability")
         for row in of(name, *_limits(contact=False))),
     *of("insertion", *_limits()),
