@@ -1,1 +1,1 @@
-"""What is simulated, without Drake systems: plants, robots, parts, surfaces, mechanics."""
+"""Simulated things without Drake systems: plants, robots, parts, surfaces, mechanics."""

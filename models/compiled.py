@@ -22,8 +22,7 @@ _FROM: Final = re.compile(r"^from ([\w.]+) import", re.MULTILINE)
 class _Compiled:
     """A function that is compiled once it is called, or compiled into another one.
 
-    Numba takes a quarter of a second to import, which nothing that only holds a law has to wait
-    for.
+    Numba takes a quarter of a second to import. Code that only holds a law does not wait for it.
     """
 
     def __init__(self, function: Callable[..., object], **options: Any) -> None:
@@ -54,11 +53,11 @@ class _Compiled:
 
 
 def compiled(function: Function) -> Function:
-    """Compile a function when it is first called, and keep the result where that can be written.
+    """Compile a function when it is first called, and keep the result on a writable disk.
 
-    What the function takes from other files, called functions, constants and types, is compiled
-    into it, so these files are part of the name under which it is kept; so is its own, for Numba
-    reads what it kept, with types that may be gone, before it looks whether that is still valid.
+    Called functions, constants and types from other files are compiled into the function. So these
+    files are part of the name under which it is kept. Its own file is too, because Numba reads the
+    kept code, with types that may be gone, before it checks whether that is still valid.
     """
     return cast(Function, _Compiled(function, _nrt=True))
 
@@ -66,8 +65,8 @@ def compiled(function: Function) -> Function:
 def in_place(function: Function) -> Function:
     """Compile a function that makes no arrays and returns none.
 
-    It only changes those that it is given, so nobody has to count who holds them, which costs more
-    than a small function does otherwise.
+    It only changes its arguments. So no reference counts are needed, which otherwise cost more
+    than a small function does.
     """
     return cast(Function, _Compiled(function, _nrt=False))
 
@@ -78,7 +77,7 @@ def within(function: Function) -> Function:
 
 
 def _stamp(own: Path) -> str:
-    """Return a hash of a file and of those that it imports from, and these from."""
+    """Return a hash of a file and of those that it imports from, recursively."""
     stamp = hashlib.sha256()
     for file in sorted(_reached(own)):
         stamp.update(file.read_bytes() if file.is_file() else b"")
@@ -97,7 +96,7 @@ def _reached(own: Path) -> frozenset[Path]:
 
 @cache
 def _imported(file: Path) -> frozenset[Path]:
-    """Return this project's files that a file imports from, and those beside it."""
+    """Return this project's files that a file imports from, and those next to it."""
     if not file.is_file():
         return frozenset()
     names = _FROM.findall(file.read_text(encoding="utf-8"))
@@ -127,7 +126,7 @@ def inverse(matrix: Array) -> Array:
 
 @in_place
 def invert(left: Array, right: Array) -> None:
-    """Fill in the inverse of a matrix, which is lost; more rows stay as they are."""
+    """Fill in the inverse of a matrix, which is overwritten; further rows do not change."""
     n = len(left)
     for i in range(n):
         for j in range(n):
@@ -151,10 +150,10 @@ def invert(left: Array, right: Array) -> None:
 
 
 def interpreted(function: Function, **instead: object) -> Function:
-    """Return a compiled function as the Python that it is written in.
+    """Return a compiled function as its Python source function.
 
-    So are those of its file that it calls; ``instead`` are others in place of what it calls, by
-    name.
+    So are the functions of its file that it calls; ``instead`` has replacements of called
+    functions, by name.
     """
     scope: dict[str, Any] = dict(cast(_Compiled, function).__wrapped__.__globals__)
     for name, value in scope.items():

@@ -1,4 +1,4 @@
-"""Rotations as numbers, for what knows neither Drake nor SciPy."""
+"""Rotations as numbers, for code without Drake and SciPy."""
 
 import math
 from collections.abc import Sequence

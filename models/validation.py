@@ -1,8 +1,8 @@
-"""What a parameter may be, and the one line that says so when it is not.
+"""Checks of parameters, with one-line messages.
 
-Parameter dataclasses call these from ``__post_init__``. Every message has the form
-``mass is -1.0, allowed: a finite number > 0``, so that a caller that knows where the value
-came from (the command line) only has to put the path in front.
+Parameter dataclasses call these from ``__post_init__``. Every message has the form ``mass is -1.0,
+allowed: a finite number > 0``. A caller that knows the source of the value (the command line) only
+has to put the path in front.
 """
 
 import math
@@ -36,7 +36,7 @@ class ParameterError(ValueError):
         self.allowed = allowed
 
     def __reduce__(self) -> tuple[type["ParameterError"], tuple[str, object, str]]:
-        """Say how to make it again in another process: not from its message."""
+        """Return how to make it again in another process: not from its message."""
         return type(self), (self.name, self.value, self.allowed)
 
 
@@ -49,7 +49,7 @@ def finite(name: str, value: Array) -> Array:
     """Return a vector if all of it is finite.
 
     Raises:
-        ParameterError: If it is not; it stops what would hang or crash an integrator.
+        ParameterError: If it is not; it stops values that would hang or crash an integrator.
     """
     if not all(map(math.isfinite, value.tolist())):
         raise ParameterError(name, value.tolist(), "finite numbers")
@@ -57,7 +57,7 @@ def finite(name: str, value: Array) -> Array:
 
 
 def known(name: str, value: Value | None) -> Value:
-    """Return a value that may be left open in a scenario, but not where it is used.
+    """Return a value that a scenario may leave open, but not its user.
 
     Raises:
         ParameterError: If it is None.
@@ -69,7 +69,7 @@ def known(name: str, value: Value | None) -> Value:
 
 @contextmanager
 def within(path: str) -> Iterator[None]:
-    """Put a path in front of the names of parameters that are refused."""
+    """Put a path in front of the names of refused parameters."""
     try:
         yield
     except ParameterError as error:
@@ -95,7 +95,7 @@ def require_numbers(params: object, count: int, *names: str) -> None:
 def require_positive(params: object, *names: str, most: float = math.inf, unit: str = "") -> None:
     """Raise :class:`ParameterError` unless every named field is finite, > 0 and <= ``most``.
 
-    None, as a field is that is still open, is allowed, here and by :func:`require_not_negative`.
+    None, the value of an open field, is allowed, here and by :func:`require_not_negative`.
     """
     for name in names:
         if (value := getattr(params, name)) is None:
@@ -139,14 +139,14 @@ def require_between(params: object, low: float, high: float, *names: str, unit: 
 
 
 def require_same(params: object, default: object, path: str, *names: str, why: str) -> None:
-    """Raise :class:`ParameterError` unless every named field, which nothing reads, is as it was.
+    """Raise :class:`ParameterError` unless every named field, which nothing reads, is unchanged.
 
     Args:
-        params: Whose fields.
-        default: What they are by default; the dataclass itself, or one of its kind.
-        path: Of them in the scenario; empty where who builds it says so.
+        params: The dataclass with the fields.
+        default: The defaults; the dataclass itself, or one of its kind.
+        path: The path of the fields in the scenario; empty where the builder names it.
         names: The fields.
-        why: Nothing reads them.
+        why: The reason why nothing reads them.
     """
     for name in names:
         value, was = getattr(params, name), getattr(default, name)

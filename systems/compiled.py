@@ -1,4 +1,4 @@
-"""Machine code, under the name that blocks know it by."""
+"""Machine code for blocks: the compilers of :mod:`chamfer.models.compiled`."""
 
 from chamfer.models.compiled import add_product, compiled, in_place, inverse, invert, within
 

@@ -1,8 +1,8 @@
 """Exact stepping of linear diagrams.
 
 A linear time-invariant diagram is fused into one system and discretised with the matrix
-exponential. At the steps this is exact for inputs that are constant between them, at any step
-and however stiff the diagram is; block by block it would add a step of delay at every block.
+exponential. At the steps this is exact for inputs that are constant between them, at any step and
+stiffness. Block by block it would add a step of delay at every block.
 """
 
 from collections.abc import Iterator
@@ -33,7 +33,7 @@ _LINEAR_BLOCKS = (LinearSystem, Adder, Gain, MatrixGain, Multiplexer, Demultiple
 
 
 def is_linear(system: System) -> bool:
-    """Say whether a system has continuous state only and consists of Drake's linear blocks."""
+    """Return whether a system has continuous state only and consists of Drake's linear blocks."""
     states = system.CreateDefaultContext()
     if states.num_abstract_states() or not states.num_continuous_states():
         return False
@@ -58,7 +58,7 @@ def fuse(system: System) -> LinearSystem:
     the ports. The default state is kept.
 
     Raises:
-        ParameterError: If the system has discrete or abstract state, or is seen not to be linear
+        ParameterError: If the system has discrete or abstract state, or proves not to be linear
             and time-invariant.
     """
     context = system.CreateDefaultContext()
@@ -114,7 +114,7 @@ def _agrees(system: System, context: Context, fused: LinearSystem) -> bool:
 
 
 def count_samples(duration: float, period: float) -> int:
-    """Return how many multiples of the period, zero included, are not beyond the duration."""
+    """Return how many multiples of the period, zero included, are within the duration."""
     count = int(duration / period)
     return count + 1 + int((count + 1) * period <= duration) - int(count * period > duration)
 

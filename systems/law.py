@@ -1,8 +1,8 @@
-"""What a controller decides, without Drake: it starts, and makes a command of each observation.
+"""Laws: controllers without Drake, which start, and make a command of each observation.
 
-A law holds what never changes, its parameters. What changes is in its state, an immutable value
+A law holds its parameters, which never change. The changing part is its state, an immutable value
 that one step hands to the next. The same law runs in a diagram, in a
-:class:`~chamfer.systems.law_block.LawBlock`, beside a robot, and on a log.
+:class:`~chamfer.systems.law_block.LawBlock`, on a robot, and on a log.
 """
 
 import math
@@ -37,10 +37,10 @@ class Signal(NamedTuple):
 
 
 class Law(ABC, Generic[State, Observation, Command]):
-    """What a controller decides once a ``period``, s, from a ``start``, its first state, on.
+    """A controller that decides once a ``period``, s, from its first state, ``start``, on.
 
-    ``inputs`` and ``outputs`` have a :class:`Signal` for each field of the named tuples that are
-    observed and commanded, in their order; ``observation`` is the former's class.
+    ``inputs`` and ``outputs`` have a :class:`Signal` for each field of the named tuples of
+    observation and command, in their order. ``observation`` is the class of the former.
 
     Raises:
         ParameterError: If the period or a size is not positive.
@@ -67,7 +67,7 @@ class Law(ABC, Generic[State, Observation, Command]):
         self._start = start
 
     def in_units(self, **units: str | tuple[str, ...]) -> None:
-        """Say what inputs and outputs of these names are in, of a law that takes any unit."""
+        """Set the units of the named inputs and outputs, of a law that takes any unit."""
         self.inputs, self.outputs = (
             {name: one._replace(unit=units.get(name, one.unit)) for name, one in signals.items()}
             for signals in (self.inputs, self.outputs)
@@ -82,11 +82,11 @@ class Law(ABC, Generic[State, Observation, Command]):
         """Return the state after a step, and its command; the time is in s."""
 
     def abort(self, state: State, observation: Observation, time: float) -> State:
-        """Return the state after a step in which the robot is stopped; a chart answers that."""
+        """Return the state after a step in which the robot is stopped; a chart handles that."""
         return state
 
     def observe(self, values: Vectors) -> Observation:
-        """Return what is seen, of vectors by name.
+        """Return the observation from vectors by name.
 
         They are copies, so that a state may hold them though a robot writes its next reading
         there.
@@ -100,7 +100,7 @@ class Law(ABC, Generic[State, Observation, Command]):
 class HeldLaw(Law[State, Observation, Command]):
     """A law whose command is a function of its state, and held until the next step.
 
-    By default it is the state itself, among whose fields are then those of the ``outputs``.
+    By default it is the state itself, which then has the fields of the ``outputs``.
     """
 
     @abstractmethod
@@ -108,7 +108,7 @@ class HeldLaw(Law[State, Observation, Command]):
         """Return the state after a step."""
 
     def command(self, state: State) -> Any:
-        """Return what is commanded in a state."""
+        """Return the command in a state."""
         return state
 
     def step(self, state: State, observation: Observation, time: float) -> tuple[State, Command]:

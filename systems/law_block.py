@@ -43,15 +43,16 @@ class LawBlock(LeafSystem, Generic[LawT]):
         output_ports:
         - (one per output of the law)
 
-    What a :class:`~chamfer.systems.law.HeldLaw` commands is held between steps. Any other law's
-    command follows the inputs at once, with the state of the last step.
+    The block holds the command of a :class:`~chamfer.systems.law.HeldLaw` between steps. Any other
+    law's command follows the inputs at once, with the state of the last step.
 
-    The step is an ``unrestricted`` update by default. Drake runs those before the discrete
-    updates of the same instant, so that a discrete plant that steps at the tick already sees the
-    new command: the loop has the delay of a zero-order hold and nothing more. A plant with
-    sampled outputs steps by an unrestricted update itself; a law whose step is to come after that
-    of the same instant ``updates`` by a discrete one. ``at_start`` it steps before the time
-    begins too.
+    The step is an ``unrestricted`` update by default. Drake runs those before the discrete updates
+    of the same instant. So a discrete plant that steps at the tick already receives the new
+    command: the loop has the delay of a zero-order hold and nothing more.
+
+    A plant with sampled outputs steps by an unrestricted update itself. A law whose step has to
+    come after that of the same instant ``updates`` by a discrete one. ``at_start`` it steps before
+    the time begins too.
 
     State: the law's. A named tuple of arrays is a discrete state each, anything else one abstract
     state.
@@ -95,7 +96,7 @@ class LawBlock(LeafSystem, Generic[LawT]):
 
     @property
     def path(self) -> str:
-        """Where the block is in its diagram; a root without a name is left out."""
+        """The block's place in its diagram; a root without a name is left out."""
         path: str = self.GetSystemPathname()
         return path.strip(":").removeprefix("_::")
 
@@ -148,7 +149,7 @@ class LawBlock(LeafSystem, Generic[LawT]):
         value.set_value(self._made(context))
 
     def _made(self, context: Context) -> tuple[Mapping[str, Array | None], tuple[Any, Any]]:
-        """Return what a step sees, and what it makes of it."""
+        """Return the observation of a step, and its result."""
         values, time = self._values(context), context.get_time()
         return values, self.law.step(self.state(context), self.law.observe(values), time)
 

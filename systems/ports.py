@@ -1,4 +1,4 @@
-"""What comes in at a block's ports, and whether a user's own block has those that are wanted."""
+"""Checks inputs at a block's ports, and the ports of a user's own block."""
 
 from collections.abc import Mapping
 
@@ -21,14 +21,14 @@ Array = NDArray[np.float64]
 
 
 def finite_input(port: InputPort, context: Context) -> Array:
-    """Return what comes in at a vector port, checked as :func:`finite` does."""
+    """Return the value at a vector port, checked as :func:`finite` does."""
     return finite(port.get_name(), port.Eval(context))
 
 
 def fixed_output(system: LeafSystem, name: str, value: Array) -> OutputPort:
-    """Declare an output that never changes; what depends on it alone is evaluated once.
+    """Declare an output that never changes; outputs that depend on it alone are evaluated once.
 
-    What depends on Drake's ``ConstantVectorSource`` is so whenever time goes on.
+    Outputs that depend on Drake's ``ConstantVectorSource`` are evaluated whenever time advances.
     """
 
     def calc(context: Context, vector: BasicVector) -> None:
@@ -38,25 +38,25 @@ def fixed_output(system: LeafSystem, name: str, value: Array) -> OutputPort:
 
 
 def add_fixed(builder: DiagramBuilder, name: str, value: Array) -> OutputPort:
-    """Add a block that gives a vector for good, see :func:`fixed_output`."""
+    """Add a block that gives a constant vector, see :func:`fixed_output`."""
     return fixed_output(builder.AddNamedSystem(name, LeafSystem()), "fixed", value)
 
 
 def require_ports(
     name: str, system: System, *, inputs: Mapping[str, int], outputs: Mapping[str, int]
 ) -> None:
-    """Raise unless a system has the vector ports that are wanted, by name with their sizes.
+    """Raise unless a system has the required vector ports, by name with their sizes.
 
-    Further ports may be there, inputs if the system can do without them.
+    It may have further ports, inputs if the system works without them.
 
     Args:
-        name: What the system is given as, "controller".
+        name: Its name in the message, "controller".
         system: A user's own.
         inputs: Sizes by name.
         outputs: Sizes by name.
 
     Raises:
-        ParameterError: Saying which port is wanted and which ones are there.
+        ParameterError: With the missing port and the available ones.
     """
     there = {
         "input": [system.get_input_port(i) for i in range(system.num_input_ports())],

@@ -1,4 +1,4 @@
-"""Keeps what laws saw and answered while a run lasts."""
+"""Keeps inputs and outputs of laws while a run lasts."""
 
 import math
 from array import array
@@ -56,7 +56,7 @@ def _vector(numbers: Iterator[float], size: int) -> list[float] | None:
 
 
 class Recorder:
-    """The steps of every law, by the path of its block in the diagram, a run after the other."""
+    """The steps of every law, by the path of its block in the diagram, in consecutive runs."""
 
     def __init__(self) -> None:
         self.runs: dict[str, list[Records]] = {}
@@ -83,7 +83,7 @@ _active: list[Recorder | None] = [None]
 
 
 def active() -> Recorder | None:
-    """Return what records now, if anything does."""
+    """Return the active recorder, if there is one."""
     return _active[-1]
 
 

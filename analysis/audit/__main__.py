@@ -1,4 +1,4 @@
-"""``python -m chamfer.analysis.audit``: which fields of scenarios change nothing."""
+"""``python -m chamfer.analysis.audit``: lists the fields of scenarios that change nothing."""
 
 import argparse
 import sys
@@ -49,14 +49,14 @@ def main(argv: Sequence[str] | None = None, *, catalogue: Catalogue = CATALOGUE)
 
 
 def is_wrong(verdict: FieldVerdict, exemptions: Sequence[Context]) -> bool:
-    """Whether a verdict has to be looked at."""
+    """Return whether a verdict needs attention."""
     exempt = any(one.holds_for(verdict.experiment, verdict.path) for one in exemptions)
     crashed = any(CRASH in what for _, what in verdict.tried)
     return crashed or (verdict.kind in ("silent", "undecided") and not exempt)
 
 
 def report(verdicts: Sequence[FieldVerdict], exemptions: Sequence[Context]) -> str:
-    """Return a table of the experiments and what has to be looked at, with all that was tried."""
+    """Return a table of the experiments, the verdicts that need attention, and all attempts."""
     rows: list[tuple[str, ...]] = [("experiment", "fields", *KINDS, "CPU s")]
     for name in dict.fromkeys(verdict.experiment for verdict in verdicts):
         of_it = [verdict for verdict in verdicts if verdict.experiment == name]

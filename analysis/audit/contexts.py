@@ -1,4 +1,4 @@
-"""Where fields act that do nothing by default, and which fields may do nothing.
+"""Contexts in which fields act that do nothing by default, and fields that may do nothing.
 
 Paths are patterns of :mod:`fnmatch`, where ``*`` stands for any text. A ``*`` that begins a
 pattern and a setting stands in both for the same fields above.
@@ -10,14 +10,14 @@ from typing import Final, NamedTuple
 
 
 class Context(NamedTuple):
-    """Settings, ``path=value``, with which fields act; none for fields that are right not to."""
+    """Settings, ``path=value``, with which fields act; none for fields that may do nothing."""
 
     paths: str  # patterns, with spaces between them
     settings: tuple[str, ...] = ()
     experiment: str = "*"
 
     def holds_for(self, experiment: str, path: str) -> bool:
-        """Whether it is for that field of that experiment."""
+        """Return whether it is for that field of that experiment."""
         return fnmatchcase(experiment, self.experiment) and self._pattern(path) is not None
 
     def settings_for(self, path: str) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Perturbs one field of an experiment after the other and looks whether anything changes."""
+"""Perturbs each field of an experiment in turn and checks whether anything changes."""
 
 import hashlib
 import json
@@ -56,7 +56,7 @@ KINDS: Final[tuple[Kind, ...]] = get_args(Kind)  # the weightiest first
 
 @dataclass(frozen=True, kw_only=True)
 class Base:
-    """What a field is perturbed around: an experiment at reduced size, in a context or not."""
+    """The experiment around which a field is perturbed: at reduced size, in a context or not."""
 
     entry: Entry
     settings: tuple[tuple[str, ...], ...]  # groups of path=value, each over those before it
@@ -72,7 +72,7 @@ class Base:
 
 @dataclass(frozen=True, kw_only=True)
 class Reference:
-    """What a base measures unperturbed."""
+    """The measurements of a base without perturbation."""
 
     # A digest of each metric and column, None for what comes out differently each time, as wall
     # times do.
@@ -80,7 +80,7 @@ class Reference:
     seconds: float = 0.0
 
     def differs(self, measured: Mapping[str, str]) -> bool:
-        """Whether a run measured anything else."""
+        """Return whether a run measured anything else."""
         unstable = {name for name, one in self.measured.items() if one is None}
         names = (self.measured.keys() | measured.keys()) - unstable
         return any(self.measured.get(name) != measured.get(name) for name in names)
@@ -97,7 +97,7 @@ class FieldTask:
 
 @dataclass(frozen=True, kw_only=True)
 class FieldVerdict:
-    """What came of a field."""
+    """The result of auditing a field."""
 
     experiment: str
     path: str
@@ -106,17 +106,17 @@ class FieldVerdict:
 
     @property
     def kind(self) -> Kind:
-        """What the weightiest perturbation says of the field.
+        """The verdict of the most significant perturbation of the field.
 
-        It is effective if one changed what is measured. Else it bounds if one was refused for the
-        sake of another field; it is silent if one ran, undecided if those that ran took too long
-        or ended with a traceback, or if no context allows it, and refused if all were.
+        It is effective if one changed a measurement. Else it bounds if one was refused because of
+        another field. It is silent if one ran. It is undecided if those that ran took too long or
+        ended with a traceback, or if no context allows it. It is refused if all were.
         """
         return min((kind for kind, _ in self.tried), key=KINDS.index, default="refused")
 
 
 class _TooLongError(BaseException):
-    """A run was given up; not an Exception, so that no campaign takes it for a failed trial."""
+    """A run was stopped; not an Exception, so that no campaign counts it as a failed trial."""
 
 
 def audit(
@@ -126,9 +126,9 @@ def audit(
     contexts: Sequence[Context] = (),
     settings: Sequence[str] = (),
 ) -> list[FieldVerdict]:
-    """Return what comes of each leaf of each experiment, in the contexts where fields act.
+    """Return the verdict on each leaf of each experiment, in the contexts where fields act.
 
-    The settings are over those that reduce an experiment's size.
+    The settings override those that reduce an experiment's size.
 
     Raises:
         UserError: If an experiment doesn't run unperturbed.
@@ -162,7 +162,7 @@ def audit(
 
 
 def audit_field(task: FieldTask) -> Row:
-    """Return what was ``tried`` of a field, as JSON, and the ``seconds`` of a verdict.
+    """Return all attempts on a field, ``tried``, as JSON, and the ``seconds`` of a verdict.
 
     It is perturbed in every way, around every base, until something changes.
 
@@ -198,7 +198,7 @@ def _reference(base: Base) -> Reference | None:
 
 
 def digests(outcome: Outcome) -> dict[str, str]:
-    """Return a digest of all that a run measured, by name; how long it simulated is not in it."""
+    """Return a digest of all measurements of a run, by name, without the simulated time."""
     plain: dict[str, object] = {f"metric {name}": one for name, one in outcome.metrics.items()}
     for title, table in {"": outcome.traces, **outcome.tables}.items():
         for name, column in table.items():
@@ -224,7 +224,7 @@ def _bases(plain: Base, leaf: Leaf, contexts: Sequence[Context]) -> tuple[Base, 
 
 
 def _perturbed(base: Base, path: str) -> Iterator[str]:
-    """Yield settings of the field that differ from what it is."""
+    """Yield settings of the field that differ from its value."""
     scenario = base.scenario()
     (leaf,) = (one for one in leaves(scenario) if one.path == path)
     resolved = {one.path: one.value for one in leaves(load(base.entry).resolve(scenario))}
@@ -233,7 +233,7 @@ def _perturbed(base: Base, path: str) -> Iterator[str]:
 
 
 def _try(base: Base, setting: str, reference: Reference) -> tuple[Kind, str]:
-    """Return what comes of a perturbation, and the same in words."""
+    """Return the kind of result of a perturbation, and the same in words."""
     limit = max(_LEAST, _LONGEST * reference.seconds)
     try:
         scenario = make_scenario(base.scenario(), settings=[setting])
@@ -251,7 +251,7 @@ def _try(base: Base, setting: str, reference: Reference) -> tuple[Kind, str]:
 
 
 def _is_about(refusal: str, setting: str) -> bool:
-    """Whether a refusal is about the field itself, and not about what others may then be."""
+    """Return whether a refusal is about the field itself, not about limits of others."""
     named, said, _ = refusal.partition(" is ")
     name = setting.partition("=")[0].rpartition(".")[2]
     return not said or re.sub(r"\[[0-9]+\]", "", named).rpartition(".")[2] == name
@@ -266,7 +266,7 @@ def _run(scenario: Any, entry: Entry) -> dict[str, str]:
 
 @contextmanager
 def _at_most(seconds: float) -> Iterator[None]:
-    """Give up what takes longer; only in a process's main thread."""
+    """Stop code that takes longer; only in a process's main thread."""
 
     def give_up(number: int, frame: FrameType | None) -> None:
         raise _TooLongError
@@ -283,8 +283,8 @@ def _at_most(seconds: float) -> Iterator[None]:
 def perturbations(value: Any, kind: Any, resolved: Any) -> Iterator[Any]:
     """Yield values other than a field's, as YAML would give them; not all need be allowed.
 
-    Its ``kind`` says what it could be where the value doesn't; ``resolved`` is what a run takes it
-    to be, which differs where None is derived.
+    Its ``kind`` gives its type where the value doesn't; ``resolved`` is its value in a run, which
+    differs where None is derived.
     """
     seen = [list(value) if isinstance(value, tuple) else value]
     for candidate in _candidates(value, kind, resolved):

@@ -1,7 +1,7 @@
-"""The benchmark's findings: targets, tables and a document; and its command line.
+"""The benchmark's findings: targets, tables, a document and the command line.
 
 Targets are ratios that do not depend on the machine. Results are compared before any time is
-taken; what is timed is the way from a built model to the arrays of results.
+taken. The timed part is from a built model to the arrays of results.
 """
 
 import argparse
@@ -47,7 +47,7 @@ _INTERRUPTED: Final = 130  # exit status
 
 @dataclass
 class Findings:
-    """Everything that has been found so far."""
+    """All findings of the benchmark so far."""
 
     loops: dict[LoopName, list[LoopEngine]] = field(default_factory=dict)
     cold: Rounds = field(default_factory=dict)  # s, of fresh processes by what they did
@@ -59,7 +59,7 @@ class Findings:
 
 
 class Table(NamedTuple):
-    """A table of what was found: numbers, texts, and lists that are in the document alone."""
+    """A table of findings: numbers, texts, and lists that are in the document alone."""
 
     title: str
     columns: Sequence[str]
@@ -108,7 +108,7 @@ class Target(NamedTuple):
 
 
 def targets(found: Findings) -> Iterator[Target]:
-    """Yield the targets with what was measured: to be ahead of every peer, and by how much."""
+    """Yield the targets with their measurements: ahead of every peer, and by how much."""
     runs: defaultdict[tuple[str, str], float] = defaultdict(lambda: math.nan)
     runs |= {
         (loop, one.name): median(one.running) for loop, of in found.loops.items() for one in of
@@ -168,7 +168,7 @@ def times(loop: LoopName, compared: Sequence[LoopEngine]) -> Table:
 
 
 def insertions(found: insertion.Insertions) -> Table:
-    """Return outcome, onset and peak of each engine's insertions, and what they cost."""
+    """Return outcome, onset and peak of each engine's insertions, and their cost."""
     columns = ["mm", "degrees", "sure"]
     for name in found:
         columns += [name, f"{name}: onset mm", f"{name}: N", f"{name}: ms"]
@@ -212,7 +212,7 @@ def tables(found: Findings) -> list[Table]:
 
 
 def report_text(found: Findings) -> str:
-    """Return all tables but those of the agreement, what is missing and versions."""
+    """Return all tables but those of the agreement, missing engines and versions."""
     shown = [one.text() for one in tables(found) if one.rows]
     shown += [
         f"{name} is not installed and left out: pip install '.[bench]'" for name in missing()

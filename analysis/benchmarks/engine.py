@@ -1,4 +1,4 @@
-"""The two loops of the first paper as numbers, what solves them exactly, and what times a solver.
+"""The two loops of the first paper as numbers, their exact solution, and a timer of solvers.
 
 Another simulator is a :class:`LoopEngine`: it builds a model of a loop and runs it. Its result is
 compared with the exact one before any time is taken.
@@ -48,9 +48,10 @@ class LoopCase:
 
     @cached_property
     def compensate(self) -> Callable[[float, float], float]:
-        """A tick: from the compensation and the true error, m, to the compensation, m.
+        """Return the compensation, m, after a tick, from the last one and the true error, m.
 
-        The camera rounds the error to its resolution; Fig. 4 decides by what it shows.
+        The camera rounds the error to its resolution; the decision of Fig. 4 uses the rounded
+        error.
         """
         axis, resolution = fsm_axis(self.scenario, "position"), self.scenario.camera.resolution
         law = (axis.dead_zone, axis.large_error, axis.increment, axis.divider, axis.limit)
@@ -90,7 +91,7 @@ def exact(case: LoopCase) -> Samples:
 
 @dataclass(kw_only=True)
 class LoopEngine:
-    """A simulator with one of the loops, and what was found of it."""
+    """A simulator with one of the loops, and its results."""
 
     name: str
     build: Callable[[], Any] = lambda: None  # returns a model that is good for one run
@@ -115,7 +116,7 @@ class LoopEngine:
 def agree(engine: LoopEngine, case: LoopCase, solution: Samples) -> None:
     """Run an engine once and compare it with the exact solution.
 
-    Another version of a peer may not know the calls made here: that is a finding, not the end.
+    Another version of a peer may not have the functions called here: that is a finding, no abort.
     """
     try:
         output = engine.run(engine.build())
@@ -141,11 +142,11 @@ def interleave(
     share: float,
     clock: Callable[[], float] = perf_counter,
 ) -> None:
-    """Time the engines in turns, so that a busy machine is busy for all of them.
+    """Time the engines in turns, so that a busy machine affects all of them.
 
     Every round begins with another engine, so that none always follows the same one. An engine
-    that would exceed its ``share`` of the time, s, sits the rest out, after one round at least.
-    An interrupt leaves what there is.
+    that would exceed its ``share`` of the time, s, skips the rest, after one round at least. An
+    interrupt keeps the results so far.
     """
     for number in range(rounds):
         first = number % len(engines)

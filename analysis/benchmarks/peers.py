@@ -1,6 +1,6 @@
 """The two loops in Chamfer and in other simulators: a function for each yields its engines.
 
-What not every machine has is imported when the function is called.
+Packages that are not on every machine are imported when the function is called.
 """
 
 import io
@@ -51,7 +51,7 @@ def chamfer(case: LoopCase) -> Iterator[LoopEngine]:
 
 
 def compiled(case: LoopCase) -> Iterator[LoopEngine]:
-    """Yield what a trial of a map or a sweep takes: FSM loops by the thousand."""
+    """Yield the loops that a trial of a map or a sweep uses: thousands of FSM loops."""
     if case.loop == "pid":
         return  # runs as it does alone
     axis = fsm_axis(case.scenario, "position")
@@ -72,7 +72,7 @@ def compiled(case: LoopCase) -> Iterator[LoopEngine]:
 
 
 def drake(case: LoopCase) -> Iterator[LoopEngine]:
-    """Yield Drake as it comes: the same blocks, continuous in C++, with an integrator."""
+    """Yield Drake's own blocks, continuous in C++, with an integrator."""
     stiff = case.loop == "pid"
     Model = tuple[Simulator, Context, VectorLogSink]
 

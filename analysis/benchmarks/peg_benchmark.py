@@ -1,8 +1,9 @@
 """A sprung peg fed into its hole: Chamfer in Drake, ``fullseye`` in MuJoCo, and exact statics.
 
-Part, spring, speed and cap are the same for all; ``fullseye``'s peg has its chamfer on the hole
-alone, and its carriage in series with its wrist, which is why a stiffness of 521.7 N/m holds for
-both directions. Of ``fullseye`` its scene is used with a feed of ours, without its cameras.
+Part, spring, speed and cap are the same for all. The peg of ``fullseye`` has its chamfer on the
+hole alone, and its carriage in series with its wrist. So a stiffness of 521.7 N/m holds for both
+directions. The benchmark uses the scene of ``fullseye`` with the project's feed, without its
+cameras.
 """
 
 import math
@@ -41,7 +42,7 @@ _NEAR_TIP: Final = 1.5e-3  # m along the peg: closer contacts are the tip's, as 
 
 
 class Result(NamedTuple):
-    """What an engine makes of a cell."""
+    """The result of an engine for a cell."""
 
     seated: bool
     onset: float  # l, m; NaN: two points never touch
@@ -176,7 +177,7 @@ def _mujoco_contacts(scene: dict[str, Any]) -> tuple[float, bool]:
 
 
 def predict(scenario: PegInsertionScenario) -> Result:
-    """Return what exact statics say; the force is infinite where no push slides the peg."""
+    """Return the prediction of exact statics; infinite force if no push slides the peg."""
     started = time.process_time()
     said = statics(scenario)
     seconds = time.process_time() - started
@@ -189,7 +190,7 @@ def predict(scenario: PegInsertionScenario) -> Result:
 
 
 def sure(one: Cell) -> bool:
-    """Whether the statics leave no doubt of a cell: a tenth more or less tilt changes nothing."""
+    """Return whether the statics are unambiguous: a tenth more or less tilt changes nothing."""
     scenario = cell(*one)
     return len({predict(replace(scenario, tilt=by * scenario.tilt)).seated for by in _DOUBT}) == 1
 
@@ -198,7 +199,7 @@ def sure(one: Cell) -> bool:
 
 
 def agreement(found: Insertions) -> float:
-    """Return in which share of the sure cells Chamfer does what the statics say, %."""
+    """Return the share of unambiguous cells in which Chamfer agrees with the statics, %."""
     right = [
         result.seated == found[STATICS][one].seated
         for one, result in found.get(CHAMFER, {}).items()
@@ -215,7 +216,7 @@ def slowest(found: Insertions) -> float:
 
 
 def worst_onset(found: Insertions) -> float:
-    """Return by how much Chamfer's onsets differ at most from Whitney's closed form, mm."""
+    """Return the largest difference of Chamfer's onsets from Whitney's closed form, mm."""
     differences = []
     for one, result in found.get(CHAMFER, {}).items():
         if not math.isnan(result.onset):
@@ -226,7 +227,7 @@ def worst_onset(found: Insertions) -> float:
 
 
 def worst_force(found: Insertions) -> float:
-    """Return by how much Chamfer's peaks at 3 to 5 degrees differ from exact statics, %."""
+    """Return the largest difference of Chamfer's peaks at 3 to 5 degrees from statics, %."""
     differences = [
         100 * abs(result.force / found[STATICS][one].force - 1)
         for one, result in found.get(CHAMFER, {}).items()

@@ -1,8 +1,8 @@
-"""Where the time of an experiment goes: ``python -m chamfer.analysis.benchmarks.profile NAME``.
+"""Profiles an experiment by stages: ``python -m chamfer.analysis.benchmarks.profile NAME``.
 
-It runs as ``chamfer run`` runs it, trials in this process, three times: short, so that what
-compiles has compiled; for the time that it takes; and under Python's profiler. A function's own
-time counts for the stages that it was called in, in shares of the time of its calls.
+It runs like ``chamfer run``, with trials in this process, three times. The first run is short and
+compiles, the second takes the time, the third is under Python's profiler. A function's own time
+counts for the stages in which it was called, in shares of the time of its calls.
 """
 
 import cProfile
@@ -38,7 +38,7 @@ _ROUNDS: Final = 60  # in which callers pass their shares on, more than calls ar
 
 
 def profile(entry: Entry, settings: Sequence[str]) -> str:
-    """Return where the time of an experiment with some settings goes, as tables."""
+    """Return the time of an experiment with some settings by stages and functions, as tables."""
     with tempfile.TemporaryDirectory() as folder:
         _run(entry, entry.reduced, folder)
         document = _run(entry, settings, folder)
@@ -93,7 +93,7 @@ def stages(found: Mapping[Function, Any]) -> dict[Function, dict[str, float]]:
 
 @cache
 def label(function: Function) -> str:
-    """Return a function's name and what it is of: a module, Numba's or Drake's machine code."""
+    """Return a function's name and its origin: a module, Numba's or Drake's machine code."""
     file, _, name = function
     if file == "~":
         return f"{name.strip('<>')}{' (Drake C++)' if 'pydrake.' in name else ''}"

@@ -1,6 +1,6 @@
-"""What a simulated second costs, over joints, trials, points of contact and pixels.
+"""Costs of a simulated second over joints, trials, points of contact and pixels.
 
-Costs are of this process, the least of some rounds, and so metrics; the traces, which a seed
+Costs are of this process, the least of several rounds, and so metrics. The traces, which a seed
 fixes, have the sizes alone.
 """
 
@@ -35,7 +35,7 @@ Simulation = Callable[[float], object]  # for a time, s
 
 @dataclass(frozen=True, kw_only=True)
 class ScalingScenario:
-    """How long and how often each size is simulated."""
+    """The simulated time and the number of rounds of each size."""
 
     duration: float = 0.5  # s, simulated each time
     rounds: int = 3  # of each size, of which the least time counts
@@ -70,7 +70,7 @@ def _servo(trials: int) -> Simulation:
 
 
 def _cameras(pixels: int) -> Simulation:
-    """Return the cell's loop with two cameras that see the same in so many pixels."""
+    """Return the cell's loop with two cameras that have the same view in so many pixels."""
     width, paper = round((4 * pixels / 3) ** 0.5), CameraSettings()
     size = paper.pixel_size * paper.width / width
     cameras = CameraSettings(width=width, height=3 * width // 4, pixel_size=size)
@@ -118,7 +118,7 @@ def run(scenario: ScalingScenario, seed: int, progress: Progress) -> Outcome:
 
 
 def _cost(make: Callable[[int], Simulation], size: int, scenario: ScalingScenario) -> float:
-    """Return the time of a simulated second, s; what compiles has then compiled."""
+    """Return the time of a simulated second, s, after compilation."""
     spent = []
     for _ in range(scenario.rounds + 1):
         simulation, began = make(size), process_time()
@@ -128,7 +128,7 @@ def _cost(make: Callable[[int], Simulation], size: int, scenario: ScalingScenari
 
 
 def figures(scenario: ScalingScenario, outcome: Outcome) -> dict[str, Figure]:
-    """Draw the costs and the powers that fit them."""
+    """Draw the costs and the fitted powers."""
     figure = new_figure(10, 7)
     grid, metrics = figure.subplots(2, 2, sharey=True), outcome.metrics
     for axes, (over, (title, sizes, _)) in zip(grid.flat, _PANELS.items(), strict=True):

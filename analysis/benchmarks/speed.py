@@ -1,4 +1,4 @@
-"""What Chamfer takes by itself: a fresh process, loops against real time, surface observers."""
+"""Times of Chamfer alone: a fresh process, loops against real time, surface observers."""
 
 import gc
 import os
@@ -87,10 +87,10 @@ UPDATES: Final[Mapping[str, float]] = {"thesis": 40.0, "adaptive": 200.0}  # us,
 
 
 def measure_cold_start(times: Rounds, failures: dict[str, str], *, rounds: int) -> None:
-    """Time the command in a fresh process, s, against the imports no result can do without.
+    """Time the command in a fresh process, s, against the imports that every result needs.
 
-    The processes start in turns, with as many threads as they like; the first round only warms
-    the file cache. One that fails is not started again, and its last line is kept.
+    The processes start in turns, with any number of threads; the first round only warms the file
+    cache. One that fails is not started again, and its last line is kept.
     """
     python = sys.executable
     with tempfile.TemporaryDirectory() as folder:
@@ -136,7 +136,7 @@ class TimedLoop(NamedTuple):
 
 
 def loops() -> Mapping[str, TimedLoop]:
-    """Return what is timed, by experiment."""
+    """Return the timed loops, by experiment."""
 
     def hybrid(scenario: HybridScenario) -> TimedLoop:
         resolved = resolve(scenario)
@@ -201,8 +201,7 @@ def measure_real_time(
 ) -> None:
     """Run each loop once a round on one core, and keep simulated over elapsed seconds.
 
-    A first short run compiles what is compiled at first use; loops for which something is missing
-    are left out.
+    A first short run compiles the functions; loops with missing dependencies are left out.
     """
     timed = loops() if timed is None else timed
     timed = {name: loop for name, loop in timed.items() if loop.missing() is None}

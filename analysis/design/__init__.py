@@ -1,1 +1,1 @@
-"""A cell on paper: does it insert, how sure is that, what limits it, and what to change."""
+"""Insertion design: the verdict on a cell, its certainty, the limiting link and what to change."""

@@ -1,8 +1,8 @@
-"""What an arm's model brings unasked, or leaves unsaid, and a design takes as it is.
+"""Lists the properties of an arm's model that no field of the scenario sets.
 
-What is set in the scenario is no assumption. Suspicious is what looks like a placeholder: arms
-with gears have friction and rotors, viscous friction that leaves them most of their torque at
-full speed, and motors that are no stronger than they have to be.
+A value that the scenario sets is no assumption. A value is suspicious if it looks like a
+placeholder. Geared arms have friction and rotors, viscous friction that leaves most of the torque
+at full speed, and motors that are no stronger than needed.
 """
 
 from collections.abc import Iterator
@@ -28,7 +28,7 @@ _GEARS: Final = "arms with gears have some, and do worse for it"
 
 @dataclass(frozen=True)
 class Assumption:
-    """Something that is taken as it is."""
+    """A property that the design assumes."""
 
     field: str  # path where it may be said; <arm>.model: in the file itself
     value: Values  # of each joint, or link
@@ -38,7 +38,7 @@ class Assumption:
 
 
 def assumptions(given: WorkCellScenario, resolved: WorkCellScenario) -> tuple[Assumption, ...]:
-    """Return what is assumed of the arms of a scenario as it is given, and resolved."""
+    """Return the assumptions about the arms of a scenario, as given and resolved."""
     found = (one for name in given.arms for one in _of_arm(name, given, resolved))
     return tuple(dict.fromkeys(found))
 
@@ -81,7 +81,7 @@ def _of_arm(
 
 
 def _damping(field: str, arm: SerialArm, whose: str) -> Assumption:
-    """Return what a URDF says of its joints' viscous friction."""
+    """Return the viscous friction of the joints in a URDF."""
     damping = tuple(_number(one.find("dynamics"), "damping") for one in _moving(arm))
     share = float(np.max(np.divide(damping, arm.torque_limits)))
     takes = f"at 1 rad/s up to {percent(share)} of a largest torque, a placeholder?"
@@ -95,7 +95,7 @@ def _moving(arm: SerialArm) -> list[ElementTree.Element]:
 
 
 def _of_file(field: str, arm: SerialArm) -> Iterator[Assumption]:
-    """Yield what a URDF says, or does not, that no field of a scenario says otherwise."""
+    """Yield properties of a URDF that no field of a scenario overrides."""
     root, whose = ElementTree.fromstring(arm.urdf), "by the file"
     moving = _moving(arm)
     speed = tuple(_number(one.find("limit"), "velocity") for one in moving)

@@ -80,7 +80,7 @@ Document = Mapping[str, Any]
 
 
 def cell_picture(document: Document) -> str:
-    """Return the cell of a ``result.json`` as an SVG element, to stand in a page with STYLE."""
+    """Return the cell of a ``result.json`` as an SVG element for a page with STYLE."""
     limiting = next(one for one in document["links"] if one["name"] == document["limiting_link"])
     limits, outside = _part(limiting), {_part(one) for one in document["links"] if _outside(one)}
     cell = document.get("scenario", {})

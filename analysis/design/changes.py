@@ -1,6 +1,6 @@
-"""What to change: fields and choices that make a cell certain, alone or two together.
+"""Finds fields and choices that make a cell certain, alone or in pairs.
 
-Each is looked at with few drawn cells and pictures; what is said to be certain is so with all.
+The search uses few random cells and pictures; all of them confirm an answer of "certain".
 """
 
 import math
@@ -34,7 +34,7 @@ from chamfer.models.validation import ParameterError
 
 @dataclass(frozen=True)
 class DesignField:
-    """A field, and the range in which it is looked for a change."""
+    """A field, and the range in which a change is searched."""
 
     path: str
     unit: str
@@ -83,7 +83,7 @@ def _with_clearance(scenario: DesignScenario, value: float) -> DesignScenario:
 
 
 def _with_pixels(scenario: DesignScenario, value: float) -> DesignScenario:
-    """Return cameras that see as much with pixels of another size."""
+    """Return cameras with the same field of view and another pixel size."""
     if not value > 0:
         raise ParameterError("cameras.pixel_size", value, "> 0")
     cameras = scenario.cameras
@@ -173,7 +173,7 @@ _OF_POSITIONS: Final = ("admittance.", "compliance.")  # likewise
 
 
 def has_field(scenario: ResolvedDesignScenario, path: str) -> bool:
-    """Return whether a cell has a field at all, which another kind of cell has."""
+    """Return whether a cell has a field; other kinds of cells may not."""
     others: tuple[str, ...] = _OF_POSITIONS if scenario.servo is None else _OF_TORQUES
     if scenario.cameras.kind == "none":
         others += ("compensator.", "cameras.", "controller.", "insert.compensation")
@@ -190,7 +190,7 @@ _CHAMFERS: Final = (0.05, 0.1, 0.2)  # of the peg's radius, where there are none
 
 @dataclass(frozen=True)
 class DesignChoice:
-    """A choice, and what else it may be."""
+    """A choice, and its other values."""
 
     path: str
     unit: str
@@ -199,9 +199,9 @@ class DesignChoice:
 
 
 def _bases(scenario: ResolvedDesignScenario) -> list[Value]:
-    """Return the nearest places of the peg's arm from which it can feed, if it can't from its own.
+    """Return the nearest bases of the peg's arm that allow the feed, if its own does not.
 
-    They are shifted along the way between the arms, and up and down.
+    The search moves them along the line between the arms, and up and down.
     """
 
     def good(scenario: ResolvedDesignScenario) -> bool:
@@ -234,7 +234,7 @@ def _chamfers(scenario: ResolvedDesignScenario) -> list[Value]:
 
 
 def _searches(scenario: ResolvedDesignScenario) -> list[Value]:
-    """Return the other searches; of arms that torques move this chain knows none."""
+    """Return the other searches; the chain has none for torque-controlled arms."""
     kinds = [] if scenario.servo is None else ["spiral", "tilt"]
     return [kind for kind in kinds if kind != scenario.search.kind]
 
@@ -251,7 +251,7 @@ CHOICES: Final = {choice.path: choice for choice in _CHOICES}
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """What a field or a choice does to a design."""
+    """The effect of a field or a choice on a design."""
 
     path: str
     unit: str
@@ -278,7 +278,7 @@ class Pair:
 
 @dataclass(frozen=True, kw_only=True)
 class Advice:
-    """What to change."""
+    """The changes that make a design certain or better."""
 
     changes: tuple[Change, ...]  # what makes it certain, what helps, what has a large sensitivity
     pairs: tuple[Pair, ...] = ()  # that help more than both alone, likewise
@@ -292,7 +292,7 @@ class Advice:
 
 
 def size(of: Change | Pair) -> float:
-    """Return how large a change is: the logarithm of its factor, ln 2 of a choice; of both."""
+    """Return the size of a change: log of its factor, ln 2 for a choice; the sum for a pair."""
     if isinstance(of, Pair):
         return sum(map(size, of.changes))
     return _OF_CHOICE if of.best is None else _distance(of.value, of.best)
@@ -311,10 +311,11 @@ Asked = tuple[str, Value, tuple[Value, ...]]  # a path, its value, and a choice'
 
 
 def advise(scenario: DesignScenario, seed: int = 0, progress: Progress = quiet) -> Advice:
-    """Return what fields and choices do to a design, not resolved, alone and two together.
+    """Return the effects of fields and choices on an unresolved design, alone and in pairs.
 
-    What is left open in the scenario follows each change: increments are designed anew for other
-    arms and cameras. Pairs are tried where no change alone by a factor of two makes it certain.
+    Open fields of the scenario follow each change: increments are designed again for other arms
+    and cameras. Pairs are tried where no single change by a factor of two makes the design
+    certain.
     """
     resolved = resolve_design(scenario)
     found = assess(resolved, seed)
@@ -396,7 +397,7 @@ def _settings(scenario: DesignScenario, *moves: Move) -> tuple[str, ...]:
 
 
 def _looked_at(scenario: DesignScenario, seed: int, *moves: Move) -> Design | None:
-    """Return what changes come to by few draws and pictures; None where they are refused."""
+    """Return the results of changes with few draws and pictures; None where one is refused."""
     try:
         moved = _moved(scenario, *moves)
         few = replace(moved, pictures=min(moved.pictures, _PICTURES))
@@ -406,7 +407,7 @@ def _looked_at(scenario: DesignScenario, seed: int, *moves: Move) -> Design | No
 
 
 def _confirmed(scenario: DesignScenario, seed: int, *moves: Move) -> Design:
-    """Return what they come to by all."""
+    """Return the results of changes with all draws and pictures."""
     return assess(resolve_design(_moved(scenario, *moves)), seed)
 
 
@@ -430,7 +431,7 @@ def _rounded(value: float) -> float:
 
 
 def _merit(design: Design, distance: float) -> tuple[float, ...]:
-    """Return how good a change is: near and certain; or share, few links beyond, and margin."""
+    """Return the merit of a change: near and certain; or share, few links beyond, and margin."""
     if design.verdict == "certain":
         return 1.0, -distance, 0.0, 0.0
     beyond = sum(link.margin < 0 for link in design.links)
@@ -440,7 +441,7 @@ def _merit(design: Design, distance: float) -> tuple[float, ...]:
 def _searched(
     scenario: DesignScenario, seed: int, here: Design, certain: bool, asked: Asked
 ) -> Row:
-    """Return what a field or a choice does, and which of its values does it best."""
+    """Return the effect of a field or a choice, and its best value."""
     path, value, others = asked
     sensitivity, ways = None, [others]
     if not others and isinstance(value, float):
@@ -462,7 +463,7 @@ def _searched(
 def _scaled(
     scenario: DesignScenario, seed: int, here: Design, path: str, value: float
 ) -> tuple[float, list[tuple[Value, ...]]]:
-    """Return a number's sensitivity, and its values to try on the sides that may be better."""
+    """Return a number's sensitivity, and its values to try in the directions that may help."""
     side, near = 1, _looked_at(scenario, seed, (path, (1 + _STEP) * value))
     if near is None:
         side, near = -1, _looked_at(scenario, seed, (path, (1 - _STEP) * value))
@@ -484,7 +485,7 @@ def _scaled(
 
 
 def _bears(links: Mapping[str, Link], moved: Mapping[str, Link]) -> bool:
-    """Return whether a field does anything to a link that is beyond its limit, or to none is."""
+    """Return whether a field affects a link beyond its limit, or no link is beyond."""
     beyond = [link for link in links.values() if link.margin < 0]
     return (
         not beyond
@@ -500,7 +501,7 @@ def _bears(links: Mapping[str, Link], moved: Mapping[str, Link]) -> bool:
 def _along(
     scenario: DesignScenario, seed: int, asked: Asked, way: Sequence[Value]
 ) -> Iterator[tuple[Design, Value]]:
-    """Yield designs with values that go away from a field's own, as long as they get better."""
+    """Yield designs with values further and further from a field's own, while they improve."""
     path, inner, others = asked
     last: tuple[float, ...] = ()
     for outer in way:
@@ -519,7 +520,7 @@ def _along(
 def _nearest(
     scenario: DesignScenario, seed: int, path: str, inner: Value, outer: Value
 ) -> tuple[Design, Value]:
-    """Return the nearest value that is certain, the outer one at most, and its design."""
+    """Return the nearest value that is certain, at most the outer one, and its design."""
     widest = outer
     if isinstance(inner, float) and isinstance(outer, float) and inner:
         for _ in range(_HALVINGS):

@@ -1,4 +1,4 @@
-"""Whether a cell inserts: its chain's tightest link, a verdict, and simulations beside it."""
+"""Assesses whether a cell inserts: tightest link, verdict, and simulated insertions."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -57,7 +57,7 @@ _SELDOM: Final = 0.05  # share of the drawn errors that could go in, below which
 
 @dataclass(frozen=True, kw_only=True)
 class Bound:
-    """A tolerance bound: so large a share of all cells is within it, with that confidence."""
+    """A tolerance bound: a share of all cells is within it, with a confidence."""
 
     bound: float
     unit: str
@@ -67,7 +67,7 @@ class Bound:
 
 @dataclass(frozen=True, kw_only=True)
 class Design:
-    """What is said of a cell."""
+    """The assessment of a cell."""
 
     links: tuple[Link, ...]  # in the order of the chain
     verdict: Verdict
@@ -91,11 +91,11 @@ class Design:
 
 
 def assess(scenario: ResolvedDesignScenario, seed: int = 0, *, draws: int | None = None) -> Design:
-    """Return what theory says of an insertion; nothing is simulated.
+    """Return the theory's assessment of an insertion, without simulation.
 
-    Certain: every link's bound is within its limit, and so are all drawn errors. No: of the drawn
-    errors hardly any could go in, by an interval below 5 %. Else likely, with the share of the
-    drawn errors that is inside. None ``draws``: as many as the scenario says.
+    Certain: every link's bound is within its limit, and so are all random errors. No: less than 5
+    % of the random errors could go in, by their interval. Else likely, with the share of the
+    random errors within the limits. None ``draws``: the scenario's number.
     """
     count = draws or scenario.draws
     if scenario.servo:
@@ -178,7 +178,7 @@ def _warnings(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> tuple[str
 def chain(scenario: ResolvedDesignScenario, seen: Sight, drawn: DrawnErrors) -> tuple[Link, ...]:
     """Return the links from the cameras to the seated peg, of a resolved scenario.
 
-    Where no drawn errors become small enough to insert, the chain ends there.
+    The chain ends early where no random errors become small enough to insert.
     """
     loop, saturated = loop_links(scenario, drawn)
     looks = sight_links(scenario, seen)
@@ -208,10 +208,11 @@ def interval(inside: int, count: int) -> tuple[float, float]:
 def _inside(
     scenario: ResolvedDesignScenario, seen: Sight, links: tuple[Link, ...], drawn: DrawnErrors
 ) -> tuple[int, int]:
-    """Return how many drawn cells go in, and how many could.
+    """Return how many random cells go in, and how many could.
 
-    Those begin, meet the mouth, need less push than there is, by exact statics, and don't sit on
-    the bore's edge, which some that could go in do. Of the way the worst places count.
+    A cell goes in if it starts, meets the mouth, needs less push than is available by exact
+    statics, and does not sit on the bore's edge. Some that sit there could go in. The worst places
+    on the way count.
     """
     begun = (drawn.force <= scenario.insert.force_limit) & drawn.decided
     kept = all(link.margin >= 0 for link in links if link.supposed)
@@ -235,7 +236,7 @@ MOST_TRIALS: Final = 10_000
 
 @dataclass(frozen=True, kw_only=True)
 class Verified:
-    """What became of simulated insertions of a design."""
+    """The outcomes of simulated insertions of a design."""
 
     trials: int  # that finished
     seated: int  # of them, as the chart says and as is true
@@ -260,10 +261,11 @@ def is_within(name: str, value: float, bound: float) -> bool:
 
 
 def insert_drawn(scenario: ResolvedDesignScenario, seed: int, trial: int) -> Row:
-    """Simulate one insertion with drawn errors; it depends on its arguments alone.
+    """Simulate one insertion with random errors; it depends on its arguments alone.
 
-    It is seated where the chart says so and it is true. Of what :data:`BOUNDED` names, those at
-    the touch are of the first attempt; what the run did not come to is None.
+    It is seated if the state machine reports it and the peg really is seated. Of the values that
+    :data:`BOUNDED` names, those at the touch are of the first attempt; None if the run did not
+    reach them.
     """
     one = drawn_design(scenario, seed, trial)
     done = run_cell_insertion(one, trial_seed(seed, trial))
@@ -288,7 +290,7 @@ def insert_drawn(scenario: ResolvedDesignScenario, seed: int, trial: int) -> Row
 def verify(
     scenario: ResolvedDesignScenario, design: Design, trials: int, seed: int, progress: Progress
 ) -> Verified:
-    """Simulate insertions with drawn errors, and put them beside the prediction."""
+    """Simulate insertions with random errors, and compare them with the prediction."""
     found = run_each(partial(insert_drawn, scenario, seed), range(trials), progress)
     seated = int(found.column("seated").sum())
     low, high = interval(seated, len(found))
@@ -317,9 +319,8 @@ def verify(
 def contradiction(design: Design, seated: int, trials: int) -> str:
     """Return in a sentence how simulated insertions contradict a design, "" if they do not.
 
-    A certain design has no error within its bounds that doesn't go in, and one that is not to go
-    in none that does: a single one says otherwise. Where it is likely, the intervals of the
-    predicted and the simulated share have to overlap.
+    A single failure contradicts "certain", and a single success contradicts "no". Where a design
+    is likely, the intervals of the predicted and the simulated share have to overlap.
     """
     said = f"the design is called {design.verdict!r}"
     if design.verdict == "certain" and seated < trials:

@@ -1,4 +1,4 @@
-"""Whether designs are as they are called: randomised cells, each assessed and simulated."""
+"""Compares the verdicts of designs with simulated insertions of random cells."""
 
 import math
 from collections import Counter
@@ -43,10 +43,10 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class DrawnDesignsScenario:
-    """Which designs are drawn, and how often each is simulated.
+    """The ranges of random designs, and the number of insertions of each.
 
-    Lengths of the parts go with their radius as the default ones do, the turning stiffness with
-    the root of the stiffness, and all cameras see as much as the default ones.
+    Lengths of the parts scale with their radius as the default ones do, the turning stiffness with
+    the root of the stiffness. All cameras have the default field of view.
     """
 
     designs: int = 20  # that are drawn
@@ -82,7 +82,7 @@ class DrawnDesignsScenario:
         require_positive(self, "duration")
 
     def sizes(self, seed: int, design: int) -> dict[str, float]:
-        """Return what is drawn of one of a seed's designs, in the fields' units."""
+        """Return the random sizes of one of a seed's designs, in the fields' units."""
         generator = np.random.default_rng([seed, design])
 
         def logarithmic(ends: Range) -> float:
@@ -98,7 +98,7 @@ class DrawnDesignsScenario:
         }
 
     def _kinds(self, generator: np.random.Generator) -> dict[str, float]:
-        """Return which of each two kinds a design is, by number, and whether it has chamfers."""
+        """Return the design's kind in each pair, by number, and whether it has chamfers."""
         found = {}
         for name, kinds in _EITHER.items():
             drawn, given = int(generator.integers(len(kinds))), getattr(self, name)
@@ -109,7 +109,7 @@ class DrawnDesignsScenario:
         """Return one of a seed's designs, not resolved.
 
         Raises:
-            ParameterError: If there can be no such design.
+            ParameterError: If such a design is not possible.
         """
         sizes = self.sizes(seed, design)
         radius, stiffness, width = sizes["radius"], sizes["stiffness"], int(sizes["width"])
@@ -173,7 +173,7 @@ Task = tuple[int, int]  # a design and a trial of it
 def assess_drawn(scenario: DrawnDesignsScenario, seed: int, design: int) -> Row:
     """Draw and assess a design; it depends on its arguments alone.
 
-    The row has the bounds that are promised as ``bound.<name>``, None where none is.
+    The row has the promised bounds as ``bound.<name>``, None where there is none.
     """
     row: Row = dict.fromkeys(("margin", "share", "share.low", "share.high"))
     bounds: Row = dict.fromkeys(f"bound.{name}" for name in BOUNDED)
@@ -189,14 +189,14 @@ def assess_drawn(scenario: DrawnDesignsScenario, seed: int, design: int) -> Row:
 
 
 def insert_once(scenario: DrawnDesignsScenario, seed: int, task: Task) -> Row:
-    """Simulate one insertion of a drawn design, see :func:`insert_drawn`."""
+    """Simulate one insertion of a random design, see :func:`insert_drawn`."""
     design, trial = task
     cell = resolve_design(scenario.drawn(seed, design))
     return insert_drawn(cell, trial_seed(seed, design), trial)  # no two designs share their errors
 
 
 def run(scenario: DrawnDesignsScenario, seed: int, progress: Progress) -> Outcome:
-    """Assess all designs, and simulate those that there can be."""
+    """Assess all designs, and simulate those that can exist."""
     # What is kept of a trial doesn't depend on how many there are: more can be asked for later.
     drawn = replace(scenario, designs=1, trials=1)
     assessed = run_each(
@@ -226,7 +226,7 @@ def run(scenario: DrawnDesignsScenario, seed: int, progress: Progress) -> Outcom
 def _designs(
     scenario: DrawnDesignsScenario, seed: int, assessed: Trials[int], inserted: Trials[Task]
 ) -> Table:
-    """Return a row a design: what it is, how it is called, and what became of its insertions."""
+    """Return a row for each design: its kind, its verdict, and the outcomes of its insertions."""
     good = dict.fromkeys(assessed.tasks, 0.0)
     promised = dict(zip(assessed.tasks, assessed.rows, strict=True))
     within = {f"{name}.{end}": good.copy() for name in BOUNDED for end in ("within", "of")}
@@ -269,7 +269,7 @@ def _designs(
 
 
 def accuracy(traces: Table) -> dict[str, Metric]:
-    """Return what verdicts are worth, of designs that were simulated."""
+    """Return the accuracy of verdicts on simulated designs."""
     verdict, seated, trials = traces["verdict"], traces["seated"], traces["trials"]
     simulated = trials > 0
     became = {
@@ -317,7 +317,7 @@ def accuracy(traces: Table) -> dict[str, Metric]:
 
 
 def _share(name: str, good: int, count: int, note: str) -> dict[str, Metric]:
-    """Return a share of a count that may be none, %."""
+    """Return a share of a count that may be zero, %."""
     if count:
         return rate(name, good, count, f"of {count} {note}")
     return {

@@ -1,4 +1,4 @@
-"""What is asked of a design, answered, and the folder with the document, the page and the map."""
+"""Answers the command, and writes the folder with the document, the page and the map."""
 
 import math
 from collections import Counter
@@ -35,7 +35,7 @@ TRIALS: Final = 4  # insertions that are simulated beside what is certain
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
-    """What is found of a design."""
+    """The answer about a design."""
 
     scenario: DesignScenario  # resolved
     seed: int
@@ -47,7 +47,7 @@ class Answer:
 
     @property
     def verdict(self) -> Verdict:
-        """What is said at last: likely where simulated insertions contradict what is sure."""
+        """The final verdict: likely where simulated insertions contradict what is certain."""
         contradicted = self.verified is not None and self.verified.warning
         return "likely" if contradicted else self.design.verdict
 
@@ -61,13 +61,13 @@ def answer(
     seed: int,
     progress: Progress,
 ) -> Answer:
-    """Answer what is asked of a design, not resolved: what it leaves open follows changes.
+    """Answer the question about an unresolved design; its open fields follow changes.
 
-    To look for changes takes most of the time. None ``axes``: no map. ``trials`` insertions are
+    The search for changes takes most of the time. None ``axes``: no map. ``trials`` insertions are
     simulated; None: :data:`TRIALS` where the design is certain, else none.
 
     Raises:
-        ParameterError: If there can be no such design.
+        ParameterError: If such a design is not possible.
     """
     scenario = resolve_design(given)
     design = assess(scenario, seed)
@@ -96,9 +96,9 @@ PAGE: Final = "design.html"
 def design_document(
     name: str, answer: Answer, *, overrides: Sequence[str], wall_seconds: float
 ) -> dict[str, Any]:
-    """Return what ``result.json`` holds; numbers are in SI units, null where not finite.
+    """Return the content of ``result.json``, in SI units, null where not finite.
 
-    The overrides are the settings that make the design of the default one.
+    The overrides are the settings that turn the default design into this one.
     """
     design = answer.design
     plain = unstructure(answer.scenario)

@@ -1,4 +1,4 @@
-"""The command ``chamfer design``: does it assemble, what limits it, and what to change."""
+"""The command ``chamfer design``: verdict on a cell, limiting link, and what to change."""
 
 import argparse
 import time
@@ -10,7 +10,7 @@ _DESIGNS: Final = ("insertion",)
 
 
 def add_design(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentParser:
-    """Add the command; scenario, folder, seed, trials' options and ``--json`` are left."""
+    """Add the command, without the options for scenario, folder, seed, trials and ``--json``."""
     design: argparse.ArgumentParser = commands.add_parser(
         "design",
         help="predict whether an insertion succeeds, what limits it and what to change",

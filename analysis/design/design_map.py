@@ -1,9 +1,9 @@
 """The verdict over any two fields of a design.
 
 A coarse grid comes first. Between four points with the same verdict and the same limiting link
-nothing more is computed, and numbers are interpolated; elsewhere the grid is halved, until it is
-as fine as asked for, at last for the verdict alone. So a verdict's borders are exact to a point,
-those of a link to two, but an island that lies between the points of the coarse grid is not seen.
+nothing more is computed, and numbers are interpolated. Elsewhere the grid is halved until it is as
+fine as requested, the last time only where verdicts differ. So borders of the verdict are exact to
+a point, those of a link to two, but an island between the points of the coarse grid is missed.
 """
 
 import re
@@ -53,7 +53,7 @@ class MapAxis:
 
 @dataclass(frozen=True, kw_only=True)
 class DesignMap:
-    """What becomes of a design over two fields; all arrays have shape (y, x)."""
+    """The design over two fields; all arrays have shape (y, x)."""
 
     x: MapAxis
     y: MapAxis
@@ -76,7 +76,7 @@ class DesignMap:
 
 
 def parse_map(resolved: DesignScenario, texts: Sequence[str], points: int) -> list[MapAxis]:
-    """Return the two axes that ``--map`` says, texts ``PATH:a:b``, of a resolved design.
+    """Return the two axes of ``--map``, texts ``PATH:a:b``, of a resolved design.
 
     A field is one of :data:`chamfer.analysis.design.changes.FIELDS`, which may stand for several
     that change together, or any other number of the scenario.
@@ -95,9 +95,9 @@ def parse_map(resolved: DesignScenario, texts: Sequence[str], points: int) -> li
 def map_design(
     scenario: DesignScenario, axes: Sequence[MapAxis], seed: int, progress: Progress
 ) -> DesignMap:
-    """Return the verdict at every point; a point that can't be is refused, and the others go on.
+    """Return the verdict at every point; an impossible point is refused, and the others go on.
 
-    What the scenario, not resolved, leaves open follows from the two fields too.
+    Open fields of the unresolved scenario follow from the two fields too.
     """
     x, y = axes
     shape = len(y.values), len(x.values)
@@ -126,7 +126,7 @@ def map_design(
 
 
 def _refined(found: DesignMap, stride: int) -> NDArray[np.bool_]:
-    """Fill in points between alike ones of twice the stride; return which are to be computed."""
+    """Fill in points between equal ones of twice the stride; return which are to be computed."""
     wanted = np.zeros(found.verdict.shape, dtype=np.bool_)
     wide = 2 * stride
     for row, column in product(*(range(0, count - 1, wide) for count in found.verdict.shape)):
@@ -147,7 +147,7 @@ def _refined(found: DesignMap, stride: int) -> NDArray[np.bool_]:
 
 
 def _bilinear(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what is between four values, and they, shape (3, 3)."""
+    """Return the values between four corner values, with the corners, shape (3, 3)."""
     left, right = corners[:, 0], corners[:, 1]
     low, high = np.stack([left, (left + right) / 2, right], axis=1)
     return np.stack([low, (low + high) / 2, high])
@@ -160,7 +160,7 @@ def _compute(
     seed: int,
     progress: Progress,
 ) -> None:
-    """Compute points, a row at a time, as what its designs share is computed once."""
+    """Compute points, a row at a time, because their designs share results."""
     x, y = found.x, found.y
     rows = [row for row in range(len(y.values)) if wanted[row].any()]
     tasks = [
@@ -231,7 +231,7 @@ def _axis(resolved: DesignScenario, text: str, points: int) -> MapAxis:
 
 
 def _with(scenario: DesignScenario, path: str, value: float) -> DesignScenario:
-    """Return a scenario with another value of a field that can be changed alone or with others."""
+    """Return a scenario with another value of a field, and of the fields that change with it."""
     if path in FIELDS:
         return FIELDS[path].set(scenario, value)
     text = int(value) if value == int(value) else value
@@ -257,7 +257,7 @@ _HERE: Final[Style] = {
 
 
 def plot_map(found: DesignMap) -> Figure:
-    """Draw the verdict over two fields, beside the link that limits."""
+    """Draw the verdict over two fields, next to the limiting link."""
     figure = new_figure(10.0, 4.6)
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     refused = found.verdict == REFUSED
@@ -284,7 +284,7 @@ def plot_map(found: DesignMap) -> Figure:
 
 
 def _verdict_colours(found: DesignMap) -> Array:
-    """Return colours, shape (y, x, 3): likely is the deeper, the fewer errors are inside."""
+    """Return colours, shape (y, x, 3): the fewer errors inside, the deeper likely is."""
     colours = np.full((*found.verdict.shape, 3), to_rgb(_REFUSED))
     for name, colour in VERDICTS.items():
         colours[found.verdict == name] = to_rgb(colour)

@@ -103,7 +103,7 @@ Document = Mapping[str, Any]
 
 
 def design_page(document: Document, said: str, figure: bytes | None) -> str:
-    """Return the page of a ``result.json``, what is designed in a sentence, and the map as SVG."""
+    """Return the page of a ``result.json``, with a sentence on the cell and the map as SVG."""
     title = f"Design of an {document['design']}"
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'

@@ -1,4 +1,4 @@
-"""The cell whose insertion is asked for, how its errors are spread, and the region it goes by."""
+"""The scenario of a design: the cell, the spread of its errors, and its region of success."""
 
 import math
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ OFF_AXIS: Final = 0.02  # m, from the optical axes to the parts, at most; as of 
 
 @dataclass(frozen=True, kw_only=True)
 class DesignSpread(Spread):
-    """By how much cells of a design differ: uniform within plus and minus each range."""
+    """The variation between the cells of a design: uniform within plus and minus each range."""
 
     cameras: float = 0.0
     # share of the errors that cameras may well have uncalibrated; 0: they are as believed
@@ -36,7 +36,7 @@ class DesignSpread(Spread):
 
 @dataclass(frozen=True, kw_only=True)
 class DesignScenario(InsertionScenario):
-    """The insertion by sight, and the spread of its errors about what is said."""
+    """The insertion with its cell, and the spread of errors about the given values."""
 
     initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # the middle of the starts
     spread: DesignSpread = field(default_factory=DesignSpread)
@@ -55,14 +55,14 @@ class DesignScenario(InsertionScenario):
 
 @dataclass(frozen=True, kw_only=True)
 class ResolvedDesignScenario(ResolvedInsertionScenario, DesignScenario):
-    """The same with nothing left open."""
+    """A design's scenario without open fields."""
 
 
 ScenarioT = TypeVar("ScenarioT", bound=DesignScenario)
 
 
 def resolve_design(scenario: DesignScenario) -> ResolvedDesignScenario:
-    """Resolve the insertion, once it is sure that every start has something to see.
+    """Resolve the insertion, once every start is certain to show the parts.
 
     Raises:
         ParameterError: If a part is out of an image at a start, or the cell can't be built.
@@ -78,7 +78,7 @@ def resolve_design(scenario: DesignScenario) -> ResolvedDesignScenario:
 def drawn_design(scenario: ScenarioT, seed: int, trial: int) -> ScenarioT:
     """Return a resolved scenario with the errors of one of a seed's trials, to be simulated.
 
-    Its controllers are those that were designed for what is believed.
+    Its controllers are those designed for the believed values.
     """
     one = drawn(scenario, scenario.spread, seed, trial)
     share = scenario.spread.cameras
@@ -86,6 +86,6 @@ def drawn_design(scenario: ScenarioT, seed: int, trial: int) -> ScenarioT:
 
 
 def target_of(scenario: ResolvedInsertionScenario) -> float:
-    """Return how deep the tip is to be, m."""
+    """Return the target depth of the tip, m."""
     bore = scenario.parts.bore_depth
     return min(scenario.insert.depth, math.inf if bore is None else bore)

@@ -1,4 +1,4 @@
-"""How a design is said: the sentences and numbers of the terminal and of the page."""
+"""The sentences and numbers of a design in the terminal and on the page."""
 
 import shlex
 import textwrap
@@ -24,13 +24,13 @@ Document = Mapping[str, Any]
 
 
 def scaled(value: float, unit: str) -> tuple[float, str]:
-    """Return a value as it is shown, and the unit that it is shown in."""
+    """Return a value in the unit in which it is shown, and that unit."""
     shown, factor = _SHOWN.get(unit, (unit, 1.0))
     return factor * value, shown
 
 
 def quantity(value: float | str | None, unit: str) -> str:
-    """Return a number with its unit, both as they are shown; a text as it is."""
+    """Return a number with its unit, both formatted; a text unchanged."""
     if isinstance(value, str):
         return value
     shown, its = scaled(0.0 if value is None else value, unit)
@@ -43,7 +43,7 @@ def percent(share: float | None, sign: str = "") -> str:
 
 
 def described(scenario: DesignScenario) -> str:
-    """Return in a sentence what is designed."""
+    """Return a sentence that describes the cell."""
     parts, cameras, spread = scenario.parts, scenario.cameras, scenario.spread
     across, about = scenario.stiffness[1], scenario.stiffness[5]
     arms = "two arms" if scenario.hole.kind == "arm" else "an arm against a fixture"
@@ -66,14 +66,14 @@ def described(scenario: DesignScenario) -> str:
 
 
 def verdict_sentence(document: Document) -> str:
-    """Return what a design comes to."""
+    """Return the verdict in a sentence."""
     if (predicted := document["predicted_verdict"]) != document["verdict"]:
         return f"{document['verdict']}: predicted {predicted!r} is contradicted by simulation"
     return _SAID[document["verdict"]]
 
 
 def limit_sentence(document: Document) -> str:
-    """Return what limits a design, and by how much."""
+    """Return the limiting link, and its margin."""
     name = document["limiting_link"]
     link = next(one for one in document["links"] if one["name"] == name)
     bound = "infinite" if link["bound"] is None else quantity(link["bound"], link["unit"])
@@ -112,7 +112,7 @@ def effective(document: Document) -> tuple[list[Document], str]:
 
 
 def relation(link: Document) -> str:
-    """Return on which side of what is allowed a link has to be."""
+    """Return on which side of the allowed value a link has to be."""
     bound, allowed, margin = (link[name] for name in ("bound", "allowed", "margin"))
     if None in (bound, allowed, margin):
         return "at most"
@@ -120,7 +120,7 @@ def relation(link: Document) -> str:
 
 
 def share_sentence(document: Document) -> str:
-    """Return how many of the drawn errors every link admits."""
+    """Return how many of the random errors every link admits."""
     share = document["share"]
     ends = " to ".join(percent(share[name]) for name in ("low", "high"))
     return (
@@ -130,7 +130,7 @@ def share_sentence(document: Document) -> str:
 
 
 def change_sentence(document: Document) -> str:
-    """Return the smallest change, or two, that makes a design certain."""
+    """Return the smallest change, or pair, that makes a design certain."""
     least = document["smallest_change"]
     if document["verdict"] == "certain":
         return "Nothing has to be changed"
@@ -144,14 +144,14 @@ def change_sentence(document: Document) -> str:
 
 
 def pair_sentences(document: Document) -> list[str]:
-    """Return what the best pairs of changes come to, that are not said yet."""
+    """Return the effects of the best pairs that no other sentence has."""
     said = change_sentence(document)
     pairs = [_said(pair) for pair in document["pairs"][: _MOST_PAIRS + 1]]
     return [pair for pair in pairs if pair not in said][:_MOST_PAIRS]
 
 
 def _said(change: Document) -> str:
-    """Return in words what a change, or a pair, is and does."""
+    """Return a change, or a pair, and its effect in words."""
     parts = change.get("changes", [change])
     each = []
     for one in parts:
@@ -178,7 +178,7 @@ def verified_sentence(verified: Document) -> str:
 
 
 def ending_sentences(verified: Document) -> list[str]:
-    """Return how the insertions ended that were not seated, and which bounds some did not keep."""
+    """Return the endings of insertions that were not seated, and the bounds they broke."""
     ends = [f"{count}: {ending}" for ending, count in verified["endings"].items()]
     of = verified["outside"].items()
     return [*ends, *(f"{count}: outside of the bound of the {name}" for name, count in of)]
@@ -191,7 +191,7 @@ def map_sentence(found: Document) -> str:
 
 
 def bound_rows(document: Document) -> list[tuple[str, ...]]:
-    """Return name, bound, coverage and confidence of what is promised, if anything is."""
+    """Return name, bound, coverage and confidence of each promised bound."""
     return [
         (
             name,
@@ -204,7 +204,7 @@ def bound_rows(document: Document) -> list[tuple[str, ...]]:
 
 
 def assumed(document: Document) -> list[tuple[str, str, bool]]:
-    """Return fields, what is assumed, and whether that is suspicious; first what is."""
+    """Return fields, assumptions, and whether one is suspicious; the suspicious ones first."""
     found: dict[tuple[str, bool], list[str]] = {}
     for one in document.get("assumptions", ()):
         found.setdefault((one["says"], one["suspicious"]), []).append(one["field"])

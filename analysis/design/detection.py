@@ -1,4 +1,4 @@
-"""What the cameras measure of the parts: are they found, how far off is it, how sure."""
+"""Assesses the cameras: whether they find the parts, and the bias and noise of the measurement."""
 
 import math
 from dataclasses import replace
@@ -33,7 +33,7 @@ _CAMERA_DRAWS: Final = 8  # of the cameras' errors, of which the largest bias co
 
 
 class _Way(NamedTuple):
-    """How the parts are looked at on the way into the hole."""
+    """The pictures of the parts on the way into the hole."""
 
     depth: float  # m
     across: float  # m, that both may be moved in the images by the compensation
@@ -42,7 +42,7 @@ class _Way(NamedTuple):
 
 
 class Sight(NamedTuple):
-    """What is measured of parts at rest that are aligned, in the order of AXES."""
+    """The measurement of aligned parts at rest, in the order of AXES."""
 
     bias: Array  # the largest size of measured minus true, m and rad, shape (6,)
     spread: Array  # standard deviation of one frame, m and rad, shape (6,)
@@ -57,23 +57,26 @@ class Sight(NamedTuple):
 
     @property
     def seen(self) -> bool:
-        """Whether the cameras see enough for an insertion to be begun and ended.
+        """Whether the cameras see enough for an insertion to begin and end.
 
-        Where they lose the parts more often than not at two places in a row they are blind.
+        They are blind if they lose the parts in more than half of the pictures at two places in a
+        row.
         """
         lost = any(max(pair) < _BLIND for pair in pairwise(self.way))
         return self.starts > 0 and self.way[0] > 0 and not lost
 
 
 def sight(scenario: ResolvedDesignScenario) -> Sight:
-    """Return what the cameras measure, by rendered images and by the law of edges.
+    """Return the cameras' measurement, from rendered images and the law of edges.
 
-    The bias is that of a picture without noise of the aligned parts, with the true cameras, their
-    light and lenses, measured with the believed ones; if ``spread.cameras`` is not zero, the
-    largest of as many drawn cameras. Parts are sought in pictures with noise: at the gap, at
-    corners of the starts, and on the way into the hole, where the peg hides more and more of the
-    mouth, up to where it comes to rest. How far noise moves the measurement is
-    :func:`chamfer.systems.vision.part_detector.measurement_spread`.
+    The bias is that of a noise-free picture of the aligned parts, drawn by the true cameras with
+    their light and lenses, measured with the believed ones. If ``spread.cameras`` is not zero, it
+    is the largest of several random cameras.
+
+    Parts are searched in pictures with noise: at the gap, at corners of the starts, and on the way
+    into the hole, up to where the peg comes to rest. There the peg hides more and more of the
+    mouth. :func:`chamfer.systems.vision.part_detector.measurement_spread` gives the effect of
+    noise on the measurement.
     """
     starts, share = _corners(scenario), scenario.spread.cameras
     tilt = scenario.compensator.rotational.dead_zone or 0.0
@@ -98,9 +101,9 @@ def sight_links(scenario: ResolvedDesignScenario, seen: Sight) -> list[Link]:
 
 
 def smallest_part(scenario: AlignmentScenario) -> float:
-    """Return how large the smaller part is in an image, over the least that is looked for.
+    """Return the size of the smaller part in an image over the least that is detected.
 
-    The least of length of the edges, and root of the area.
+    It is the smaller of the length of the edges, and the root of the area.
     """
     parts, found = scenario.parts, []
     radii, columns = (parts.peg_radius, parts.outer_radius), edge_columns(scenario)
@@ -172,7 +175,7 @@ def _is_found(error: Array) -> bool:
 
 
 def _seen(scenario: ResolvedDesignScenario) -> AlignmentScenario:
-    """Return what of a scenario the cameras see, without what they don't."""
+    """Return the part of a scenario that the cameras see."""
     usual = {name: getattr(ColouredParts, name) for name in OF_CONTACT}
     return AlignmentScenario(
         parts=replace(scenario.parts, **usual),

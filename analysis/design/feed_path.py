@@ -1,6 +1,6 @@
-"""What the arms' postures make of the feed: singularities, joint limits, torques, and friction.
+"""Assesses the arms' postures along the feed: singularities, joint limits, torques, friction.
 
-The peg's arm is looked at from the gap to the depth, the hole's arm where it rests.
+The peg's arm is computed from the gap to the depth, the hole's arm at rest.
 """
 
 from functools import lru_cache
@@ -40,7 +40,7 @@ class Place(NamedTuple):
 
 
 def feed_path(scenario: ResolvedDesignScenario) -> tuple[Place, ...]:
-    """Return where the arms go, with the most friction and payload that are drawn."""
+    """Return the arms' places on the way, with the largest random friction and payload."""
     spread = scenario.spread
     length = scenario.gap + target_of(scenario)
     more = 1 + spread.joint_friction, 1 + spread.payload

@@ -1,8 +1,8 @@
-"""What the errors at the touch make of the insertion: reach, wedging, jamming, forces, depth.
+"""Links from the touch to the depth: reach of the chamfers, wedging, jamming, forces, depth.
 
-Errors are those of the drawn cells (:mod:`chamfer.analysis.design.remaining_errors`), times what
-the compiled model may be wrong by, and each link's bound is that of the worst one: of n drawn ones
-it bounds 1 - 3 / n of all, with 95 % confidence (order statistics).
+Errors are those of the random cells (:mod:`chamfer.analysis.design.remaining_errors`), times the
+model's possible error. Each link's bound is that of the worst one. By order statistics it bounds 1
+- 3 / n of all with 95 % confidence, for n random ones.
 """
 
 import math
@@ -36,14 +36,14 @@ MODEL_ERROR: Final = {"lateral": 1.4, "tilt": 1.1, "time": 1.1}
 
 
 class Starts(NamedTuple):
-    """Bounds of the errors as the parts touch, of the draws that are decided, shape (n,) each."""
+    """Bounds of the errors at the touch, of the random cells that decide, shape (n,) each."""
 
     lateral: Array  # m, >= 0
     tilt: Array  # rad, of the same sign if they add
 
     @classmethod
     def of(cls, drawn: DrawnErrors) -> Self:
-        """Return those of drawn cells, with what the model may be wrong by."""
+        """Return those of random cells, with the possible error of the model."""
         lateral, tilt = drawn.lateral[drawn.decided], drawn.tilt[drawn.decided]
         if drawn.exact:
             return cls(lateral, tilt)
@@ -59,9 +59,9 @@ class Starts(NamedTuple):
 
 
 def start_link(scenario: ResolvedDesignScenario) -> Link:
-    """Return what the springs pull with as the arms begin: commands are off, and not yet tared.
+    """Return the force of the springs at the start, before commands are on and tared.
 
-    The chart stops where the arm's springs say more than the limit in any direction.
+    The state machine stops where the arm's springs exceed the limit in any direction.
     """
     spread = (0.0, scenario.spread.lateral, scenario.spread.lateral)
     reach = np.abs(scenario.initial_error[:3]) + spread
@@ -71,7 +71,7 @@ def start_link(scenario: ResolvedDesignScenario) -> Link:
 
 
 def time_link(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> list[Link]:
-    """Return how long it takes until the errors are small enough to insert, if that decides."""
+    """Return the time until the errors are small enough to insert, if that decides."""
     if scenario.decide.kind != "margin":
         return []
     source = "slowest of the drawn errors until decide.margin is kept; decide.timeout"
@@ -81,7 +81,7 @@ def time_link(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> list[Link
 
 
 def region_links(scenario: ResolvedDesignScenario, starts: Starts) -> list[Link]:
-    """Return chamfers' reach, wedging, and jamming, by the exact limits of the parts there are."""
+    """Return the chamfers' reach, wedging and jamming, by the exact limits of the parts."""
     parts, support = scenario.there.parts, scenario.wedging_support
     lateral = float(starts.lateral.max())
     source = "largest error at the touch; width of the chamfers and clearance"
@@ -104,7 +104,7 @@ def region_links(scenario: ResolvedDesignScenario, starts: Starts) -> list[Link]
 def turn_link(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> list[Link]:
     """Return the push that turns square parts about the axis to where they fit.
 
-    They do where ``r (cos phi + sin phi) <= R``. Beyond, the chamfers push the corners, with
+    They fit where ``r (cos phi + sin phi) <= R``. Beyond, the chamfers push the corners, with
     friction, against the spring about the axis: an estimate.
     """
     parts = scenario.there.parts
@@ -126,10 +126,10 @@ def turn_link(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> list[Link
 def stiffened(
     scenario: ResolvedDesignScenario, support: Support, lateral: float, tilt: float
 ) -> Support:
-    """Return a support with the joints' dry friction as if it were stiffness.
+    """Return a support with the joints' dry friction represented as stiffness.
 
-    A spring that is moved by an error pushes with its own force and what the joints hold: the
-    secant, for arms that share the error. It is why two-point forces are 2 to 4 times those of the
+    A spring that an error moves pushes with its own force and the friction of the joints: the
+    secant, for arms that share the error. So two-point forces are 2 to 4 times those of the
     springs.
     """
     wound = wound_up(scenario)
@@ -164,7 +164,7 @@ def worst_push(scenario: ResolvedDesignScenario, starts: Starts) -> tuple[float,
 
 
 def force_links(scenario: ResolvedDesignScenario, starts: Starts) -> list[Link]:
-    """Return the push that is needed, and what the arm feels, against their limits."""
+    """Return the required push, and the force that the arm senses, against their limits."""
     insert, (axial, across) = scenario.insert, worst_push(scenario, starts)
     push = axial + 2 * float(wound_up(scenario)[0])
     source = "exact statics of the worst errors, joints' friction as stiffness and twice along"
@@ -177,7 +177,7 @@ def force_links(scenario: ResolvedDesignScenario, starts: Starts) -> list[Link]:
 
 
 def edge_link(scenario: ResolvedDesignScenario, starts: Starts) -> Link:
-    """Return the push that turns upright the worst rim that may sit on the bore's edge."""
+    """Return the push that turns the worst rim upright that may sit on the bore's edge."""
     source = "push that turns a rim upright that may sit on the bore's edge; insert.push"
     edge = float(edge_forces(scenario, starts).max())
     return at_most("edge", edge, scenario.insert.push, "N", source, by_design=not edge)
@@ -186,8 +186,9 @@ def edge_link(scenario: ResolvedDesignScenario, starts: Starts) -> Link:
 def edge_forces(scenario: ResolvedDesignScenario, starts: Starts) -> Array:
     """Return the pushes, N, that turn pegs upright whose rim may sit on the bore's edge, or 0.
 
-    The two points on which it sits, across the plane of the errors, are a radius from the middle:
-    the push turns the support by its lever on the chamfer, less what friction takes of it.
+    The two points on which the rim sits, across the plane of the errors, are a radius from the
+    middle. The push turns the support by its lever on the chamfer, less the friction of the
+    points.
     """
     parts = scenario.there.parts
     sits = sits_on_edge(parts, starts.lateral, starts.tilt)
@@ -200,9 +201,9 @@ def edge_forces(scenario: ResolvedDesignScenario, starts: Starts) -> Array:
 
 
 def depth_link(scenario: ResolvedDesignScenario, seen: Sight, tilt: float) -> Link:
-    """Return how far short the peg may stop because the gap is known by the cameras alone.
+    """Return how far short the peg may stop, because only cameras measure the gap.
 
-    Of parts that are tilted by as much, rad, the edge is seen that is nearer or farther.
+    For parts tilted by an angle, rad, the cameras see the nearer or the farther edge.
     """
     along = AXES.index("x")
     frames = scenario.decide.frames

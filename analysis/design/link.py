@@ -1,4 +1,4 @@
-"""A link of the chain from the cameras to the seated peg: what it comes to, and what it may."""
+"""A link of the chain from the cameras to the seated peg: its bound and its allowed value."""
 
 import math
 from collections.abc import Iterable
@@ -22,7 +22,7 @@ class Link:
 
     @property
     def share(self) -> float:
-        """The margin as a share of what is allowed, by which links are compared."""
+        """The margin as a share of the allowed value, by which links are compared."""
         if math.isinf(self.bound):
             return -math.inf
         if math.isinf(self.allowed):
@@ -34,7 +34,7 @@ class Link:
 def at_most(
     name: str, bound: float, allowed: float, unit: str, source: str, *, by_design: bool = False
 ) -> Link:
-    """Return a link whose bound has to be below what is allowed."""
+    """Return a link whose bound has to be below the allowed value."""
     margin = -math.inf if math.isinf(bound) else float(allowed - bound)
     bound, allowed = float(bound), float(allowed)
     return Link(name, bound, allowed, margin, unit, source, by_design)
@@ -43,22 +43,22 @@ def at_most(
 def at_least(
     name: str, bound: float, allowed: float, unit: str, source: str, *, by_design: bool = False
 ) -> Link:
-    """Return a link whose bound has to be above what is needed."""
+    """Return a link whose bound has to be above the required value."""
     bound, allowed = float(bound), float(allowed)
     return Link(name, bound, allowed, bound - allowed, unit, source, by_design)
 
 
 def supposed(links: Iterable[Link]) -> list[Link]:
-    """Return links as such that the others suppose to be kept."""
+    """Return links marked as kept by design, which the others suppose."""
     return [replace(link, supposed=True) for link in links]
 
 
 def tightest(links: Iterable[Link]) -> Link:
     """Return the link with the smallest share left, of those that are not kept by design.
 
-    A bound without an end is a consequence: if links before it are beyond their limits, the one
-    that is so the furthest is the tightest. Of links that the others suppose to be kept, one
-    beyond its limit comes first.
+    An infinite bound is a symptom: if upstream links are beyond their limits, the one that fails
+    most is the tightest. A link that the others suppose to be kept comes first if it is beyond its
+    limit.
     """
     chain = list(links)
     chain = [link for link in chain if link.supposed and link.margin < 0] or chain

@@ -1,8 +1,8 @@
-"""What is left as the parts touch where the arm takes positions, of drawn fixtures and arms.
+"""Errors at the touch of random cells whose arm is position-controlled.
 
-No model of the arm has to be run. Without cameras nothing is taken off: fixture and repeatability,
-the tip that hangs on its springs, the feed along an axis that is off itself, and what the sensor's
-noise and drift make of the admittance since its zero was taken.
+No model of the arm is run. Without cameras the errors stay: those of fixture and repeatability,
+the tip's sag on its springs, the feed along a misaligned axis, and the admittance's response to
+noise and drift of the sensor since its zero was taken.
 """
 
 from typing import Final
@@ -27,7 +27,7 @@ _SLOWEST: Final = 1e-3  # 1/s, of an admittance's return, below which it has non
 
 
 def drawn_touches(scenario: ResolvedDesignScenario, seed: int, draws: int) -> DrawnErrors:
-    """Return what drawn cells touch with; they are other ones than the trials, by the same law."""
+    """Return the errors of random cells at the touch; same law as the trials, other draws."""
     insert, decide, spread = scenario.insert, scenario.decide, scenario.spread
     middle, off = scenario.initial_error, scenario.repeatability
     trials = [
@@ -66,10 +66,10 @@ def drawn_touches(scenario: ResolvedDesignScenario, seed: int, draws: int) -> Dr
 def align_by_hand(
     scenario: ResolvedDesignScenario, error: Array, generator: np.random.Generator
 ) -> Array:
-    """Take off drawn errors, (n, 6), what a camera in the hand does; return how long it takes, s.
+    """Remove from errors, (n, 6), what a camera in the hand corrects; return its time, s.
 
-    The feed begins with what the decision lets be; to the dead zone they are compensated further
-    until the peg hides the mouth. What calibration has left of the camera's pose adds.
+    The feed begins with the errors that the decision accepts. They are compensated further, to the
+    dead zone, until the peg hides the mouth. The calibration error of the camera's pose adds.
     """
     region, margin, hand = region_of(scenario), scenario.decide.margin, scenario.cameras.hand
     own, period = scenario.compensator, scenario.cameras.frames.period
@@ -96,9 +96,9 @@ def align_by_hand(
 
 
 def hanging(scenario: ResolvedDesignScenario, payload: Array) -> Array:
-    """Return how far tips hang down on their springs, m and rad in AXES' order, shape (n, 6).
+    """Return how far tips sag on their springs, m and rad in AXES' order, shape (n, 6).
 
-    Of tools that weigh more, kg, than the scenario says, shape (n,).
+    The tools weigh more than in the scenario by these masses, kg, shape (n,).
     """
     R_TS = WRIST_AXES.rotation().matrix()
     to_wrist = R_TS.T @ scenario.hole_axes.matrix().T
@@ -112,10 +112,11 @@ def hanging(scenario: ResolvedDesignScenario, payload: Array) -> Array:
 
 
 def unrest_of(scenario: ResolvedDesignScenario, since: float) -> Array:
-    """Return how unsure y, z, pitch and yaw are by the sensor, m and rad, one standard deviation.
+    """Return the standard deviation of y, z, pitch and yaw by the sensor, m and rad.
 
-    An admittance ``D x' + K x = F`` makes of a white noise F, of a zero that is the mean of n
-    readings, and of a random walk, a time T after the zero was taken, with D / K = tau::
+    An admittance ``D x' + K x = F`` is driven by a white noise F, by a zero that is the mean of n
+    readings, and by a random walk. A time T after the zero was taken, with D / K = tau, its
+    variance is::
 
         s^2 h / (2 D K) (1 - e^(-2 T / tau)) + s^2 / (n K^2) (1 - e^(-T / tau))^2
         + d^2 / K^2 (T - 2 tau (1 - e^(-T / tau)) + tau / 2 (1 - e^(-2 T / tau)))

@@ -1,7 +1,7 @@
-"""Links of a cell whose arm takes positions: contact loop, first touch, way in, RCC, cycle time.
+"""Links of a position-controlled cell: contact loop, first touch, way in, RCC, cycle time.
 
-The admittance gives way as its springs do, but not at once: what it takes from the touch on, over
-a way s at the feed's speed v, counts as a spring of ``K + D v / s``.
+The admittance yields as its springs do, but not at once. From the touch on, over a distance s at
+the feed's speed v, it counts as a spring of ``K + D v / s``.
 """
 
 import math
@@ -51,7 +51,7 @@ def _stability(loop: ContactLoop) -> Stability:
 
 
 def contact_links(scenario: ResolvedDesignScenario) -> list[Link]:
-    """Return whether the loop of force comes to rest in contact and free, and what it bears."""
+    """Return whether the force loop settles in contact and free, and its margins."""
     if scenario.admittance.kind == "none":
         return []
     found = _stability(contact_loop(scenario))
@@ -70,13 +70,13 @@ def contact_links(scenario: ResolvedDesignScenario) -> list[Link]:
 
 
 def touch_force(scenario: ResolvedDesignScenario, *, beside: bool) -> float:
-    """Return the most that a peg is pushed with as it first touches, N, at the feed's speed v.
+    """Return the largest force of the first touch, N, at the feed's speed v.
 
-    ``v (sqrt(k_c m) + k tau + D)``: the tool of mass m is stopped by the points that touch, k_c;
-    the springs in series, k, are compressed until the loop answers after its lag, tau; then the
-    force that the damping D makes of the speed. For ``D x'(t) = -k x(t - tau)`` the force is k
-    tau v after tau, and goes beyond that by less than D v where the loop is stable. Without an
-    admittance the chart stops the feed, after its own period. Beside the hole, or on a chamfer.
+    ``v (sqrt(k_c m) + k tau + D)``: the touching points, k_c, stop the tool of mass m. The springs
+    in series, k, are compressed until the loop answers after its lag, tau. The damping D adds its
+    force. For ``D x'(t) = -k x(t - tau)`` the force is k tau v after tau, and exceeds that by less
+    than D v where the loop is stable. Without an admittance the state machine stops the feed,
+    after its own period. The touch is next to the hole, or on a chamfer.
     """
     loop, parts, insert = contact_loop(scenario), scenario.parts, scenario.insert
     stiff, axial = _TOUCHING * scenario.contact.stiffness / 2, scenario.compliance.resolved().axial
@@ -98,7 +98,7 @@ def touch_force(scenario: ResolvedDesignScenario, *, beside: bool) -> float:
 
 
 def repeatability_link(scenario: ResolvedDesignScenario) -> Link:
-    """Return what the arm itself is off by at the touch, which no search knows of."""
+    """Return the error of the arm itself at the touch, which no search corrects."""
     since = scenario.insert.pause + scenario.gap / scenario.insert.speed
     unsure = _SURE * float(np.hypot(*unrest_of(scenario, since)[:2]))
     down = float(np.hypot(*hanging(scenario, np.zeros(1))[0, 1:3]))
@@ -108,7 +108,7 @@ def repeatability_link(scenario: ResolvedDesignScenario) -> Link:
 
 
 def detection_links(scenario: ResolvedDesignScenario) -> list[Link]:
-    """Return how far off a hole may be seen to be by a camera in the hand."""
+    """Return the error of a hole's position as a camera in the hand measures it."""
     if scenario.cameras.kind != "hand":
         return []
     off = scenario.cameras.pixel_size * measurement_error(scenario, "lateral")
@@ -118,7 +118,7 @@ def detection_links(scenario: ResolvedDesignScenario) -> list[Link]:
 
 
 class WayIn(NamedTuple):
-    """Of starts, the most on the way to the depth, shape (n,) each."""
+    """The largest values on the way to the depth for each start, shape (n,) each."""
 
     push: Array  # N, along; infinite: no push slides it
     across: Array  # N
@@ -127,10 +127,11 @@ class WayIn(NamedTuple):
 
 
 def way_in(scenario: ResolvedDesignScenario, starts: Starts) -> WayIn:
-    """Return what pegs feel that are fed in, by exact statics and the admittance's damping.
+    """Return the forces on pegs during the feed, by exact statics and the admittance's damping.
 
-    The feed goes along the peg's own axis: across the hole it moves by the tilt. Along it the
-    admittance gives way too. With b N at rest, a N s/m of damping across, and x m given way::
+    The feed goes along the peg's own axis: across the hole it moves by the tilt. Along its axis
+    the admittance yields too. With b N at rest, a N s/m of damping across, and a deflection of x
+    m::
 
         b + a w = D (v - w) + K x,  x' = v - w
     """
@@ -166,7 +167,7 @@ def way_in(scenario: ResolvedDesignScenario, starts: Starts) -> WayIn:
 
 
 def yielding(scenario: ResolvedDesignScenario, tip: float) -> Support:
-    """Return what holds a peg that is fed to a depth, m, with the admittance's damping."""
+    """Return the support of a peg fed to a depth, m, with the admittance's damping."""
     admittance, device = scenario.admittance, scenario.compliance.resolved().support
     if admittance.kind == "none":
         return scenario.support_at(tip)
@@ -177,7 +178,7 @@ def yielding(scenario: ResolvedDesignScenario, tip: float) -> Support:
 
 
 def way_links(scenario: ResolvedDesignScenario, found: WayIn) -> list[Link]:
-    """Return the push on the way in, what the arm feels, and how far an RCC gives way."""
+    """Return the push on the way in, the force that the arm senses, and an RCC's deflection."""
     insert, push = scenario.insert, MODEL_ERROR * float(found.push.max())
     felt = math.hypot(push, MODEL_ERROR * float(found.across.max()))
     source = "exact statics of the worst errors at the speed of the feed"
@@ -201,7 +202,7 @@ def short_link(scenario: ResolvedDesignScenario, tilt: float) -> Link:
 
 
 def after_search(scenario: ResolvedDesignScenario, starts: Starts) -> Starts:
-    """Return starts where a search by touch has taken those beside the hole to its chamfers."""
+    """Return the starts after a search by contact: those next to the hole at its chamfers."""
     if scenario.search.kind == "none":
         return starts
     edge = (1 - 1e-9) * scenario.parts.chamfer_limit
@@ -209,9 +210,9 @@ def after_search(scenario: ResolvedDesignScenario, starts: Starts) -> Starts:
 
 
 def search_links(scenario: ResolvedDesignScenario, starts: Starts) -> list[Link]:
-    """Return whether a search comes to where the hole may be, and whether it passes it by.
+    """Return whether a search reaches the possible places of the hole, and does not pass it.
 
-    Tracks of a spiral leave half a pitch between; what the arm is unsure of adds to it.
+    Tracks of a spiral leave half a pitch between; the arm's uncertainty adds to it.
     """
     search, captures = scenario.search, scenario.parts.chamfer_limit
     if (touch := task_params(scenario).search) is None:
@@ -228,11 +229,11 @@ def search_links(scenario: ResolvedDesignScenario, starts: Starts) -> list[Link]
 
 
 def search_time(scenario: ResolvedDesignScenario, lateral: Array) -> Array:
-    """Return how long the search may take to holes that are off by m, s, shape (n,).
+    """Return how long the search may take to holes at an offset, m, s, shape (n,).
 
-    All that press on the face or the chamfers search. A spiral takes ``pi r^2 / (p v)``, and as
-    much as half of it where it is held on its way. A peg that leans leans over, stands up, and
-    slides: at a third of its speed as it gives way.
+    All pegs that press on the face or the chamfers search. A spiral takes ``pi r^2 / (p v)``, and
+    up to half of it more where it is held on its way. A tilting peg tilts, stands up, and slides:
+    at a third of its speed as it yields.
     """
     search = scenario.search
     if search.kind == "spiral":
@@ -267,7 +268,7 @@ def attempts_of(scenario: ResolvedDesignScenario, starts: Starts) -> float:
 def cycle_link(
     scenario: ResolvedDesignScenario, drawn: DrawnErrors, starts: Starts, found: WayIn
 ) -> Link:
-    """Return how long it takes from the begin until the peg is seated, retries and all."""
+    """Return the cycle time from the start until the peg is seated, including retries."""
     insert, way = scenario.insert, scenario.gap + target_of(scenario)
     searched = search_time(scenario, starts.lateral)
     once = drawn.time.max() + insert.pause + way / insert.speed + found.lag.max() + searched.max()
@@ -278,7 +279,7 @@ def cycle_link(
 
 
 def position_links(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> tuple[Link, ...]:
-    """Return the links of an arm that takes positions, from its posture to the seated peg."""
+    """Return the links of a position-controlled arm, from its posture to the seated peg."""
     touched = Starts.of(drawn)
     starts, searches = after_search(scenario, touched), scenario.search.kind != "none"
     found = way_in(scenario, starts.worst)
@@ -303,7 +304,7 @@ def position_links(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> tupl
 
 
 def goes_in(scenario: ResolvedDesignScenario, touched: Starts) -> NDArray[np.bool_]:
-    """Return which starts come to the mouth, and need less than there is."""
+    """Return which starts reach the mouth, and need less push than available."""
     starts, insert = after_search(scenario, touched), scenario.insert
     found = way_in(scenario, starts)
     meets = ~limits(scenario.parts, scenario.support_at, *starts).misses
@@ -315,7 +316,7 @@ def goes_in(scenario: ResolvedDesignScenario, touched: Starts) -> NDArray[np.boo
 
 
 def position_warnings(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> tuple[str, ...]:
-    """Return what an arm that takes positions is warned of."""
+    """Return the warnings about a position-controlled arm."""
     starts = after_search(scenario, Starts.of(drawn))
     sits = int(np.sum(edge_forces(scenario, starts) > scenario.insert.push))
     says = (

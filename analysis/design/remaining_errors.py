@@ -1,7 +1,7 @@
-"""What the compensation leaves of drawn errors, how soon, and whether the arms' loops are stable.
+"""Errors after the compensation, its time, and the stability of the arms' loops.
 
-Drawn are cells, of which each is run by the compiled model of arms, cameras, compensator and
-decision (:mod:`chamfer.diagrams.insertion.compiled_alignment`) until the parts touch.
+The compiled model of arms, cameras, compensator and decision
+(:mod:`chamfer.diagrams.insertion.compiled_alignment`) runs each random cell until the parts touch.
 """
 
 import math
@@ -43,7 +43,7 @@ _DESIGNED: Final = 0.91  # of the theorem's bound, which designed increments use
 
 
 class DrawnErrors(NamedTuple):
-    """What becomes of drawn cells, shape (draws,) each but for the pairs."""
+    """The results of random cells, shape (draws,) each except for the pairs."""
 
     force: Array  # N, of the peg's springs as the arms begin
     push: Array  # N, most that they take along the feed up to the mouth
@@ -67,10 +67,10 @@ class DrawnErrors(NamedTuple):
 def drawn_cells(
     scenario: ResolvedDesignScenario, seen: Sight, seed: int, draws: int
 ) -> DrawnErrors:
-    """Return what becomes of drawn starts, models and pictures until the parts touch.
+    """Return the results of random starts, models and pictures until the parts touch.
 
-    They are other ones of the seed than the trials that are simulated, by the same law. The
-    cameras' bias has either sign, their noise is that of every frame.
+    They follow the same law as the simulated trials, with other draws of the seed. The cameras'
+    bias has either sign, their noise is that of every frame.
     """
     arms, spread = scenario.arms, scenario.spread
     trials = [
@@ -116,9 +116,10 @@ def in_one_plane(error: Array) -> tuple[Array, Array, Array]:
 
 
 def start_error(scenario: ResolvedDesignScenario) -> Array:
-    """Return the true error, desired minus actual, that commands and bases make, shape (6,).
+    """Return the true error, desired minus actual, from commands and bases, shape (6,).
 
-    Of the middle of the starts, in AXES' order along and about the hole's axes, m and rad.
+    It is that of the middle of the starts, in AXES' order along and about the hole's axes, m and
+    rad.
     """
     peg = true_pose(scenario, "peg", wrong_pose(scenario, scenario.nominal_pose("peg")))
     hole = scenario.nominal_pose("hole")
@@ -132,9 +133,10 @@ def start_error(scenario: ResolvedDesignScenario) -> Array:
 
 
 def loop_links(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> list[Link]:
-    """Return whether the sampled impedance loops come to rest, and how long torques are limited.
+    """Return whether the sampled impedance loops settle, and how long torques are limited.
 
-    Dry friction holds a loop that grows up to some kick, so a calm run says nothing of it.
+    Dry friction stabilises a growing loop until a disturbance is large enough, so a calm run
+    proves nothing.
     """
     decay = -math.log(drawn.growth) / scenario.impedance.period if drawn.growth > 0 else math.inf
     source = "slowest decay of the sampled impedance loops, drawn arms, no dry friction"
@@ -147,7 +149,7 @@ def loop_links(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> list[Lin
 
 
 def settling_links(scenario: ResolvedDesignScenario, drawn: DrawnErrors) -> list[Link]:
-    """Return how near the compensation comes, whether by design, and how far it has to go."""
+    """Return how small the compensation makes errors, whether by design, and its range."""
     region, margin = region_of(scenario), 0.0
     source = "largest error as sure as it was decided by, of the drawn cells"
     if by_margin := scenario.decide.kind == "margin":

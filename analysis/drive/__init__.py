@@ -1,1 +1,1 @@
-"""A controller in its own process drives a robot."""
+"""Runs a controller in its own process to drive a robot."""

@@ -1,4 +1,4 @@
-"""An insertion whose controller runs in this process, and whose robot in another one."""
+"""An insertion with the controller in this process, and the robot in another one."""
 
 import math
 import time
@@ -43,7 +43,7 @@ _MARGIN: Final = 0.05  # m, of the workspace around where the peg is to go; assu
 
 
 def _guard(scenario: ResolvedInsertionScenario, law: InsertionController) -> CommandGuard:
-    """Return what may be commanded: poses around the hole, at twice the speed that is meant."""
+    """Return the limits of commands: poses around the hole, at twice the intended speed."""
     period, offset = scenario.cameras.frames.period, math.hypot(*scenario.start_offset)
     # The feed, and the cubic motion to the gap at its fastest.
     speed = max(_SPEED, 2 * scenario.insert.speed, 3 * offset / scenario.motion_time)
@@ -69,13 +69,13 @@ def drive(
 ) -> Outcome:
     """Insert the peg once, by a robot in another process.
 
-    What the controllers saw and answered is recorded as in a diagram, if anything records.
+    Inputs and outputs of the controllers are recorded as in a diagram, if a recorder is active.
 
     Args:
         scenario: Resolved.
-        seed: Of all randomness of the robot.
-        progress: Told how far it is.
-        rate: Seconds that the robot simulates in one; None: it steps when it is told to.
+        seed: Random seed of the robot.
+        progress: Receives the progress.
+        rate: Seconds that the robot simulates in one; None: it steps on request.
 
     Raises:
         ExperimentError: If the robot ends or does not answer, or the guard stops it.
@@ -152,7 +152,7 @@ def _seating(scenario: ResolvedInsertionScenario, done: CellInsertion) -> float 
 
 
 def _record(law: InsertionController, records: Sequence[Record]) -> None:
-    """Give what each law saw and answered to whoever records, under its block's path."""
+    """Pass inputs and outputs of each law to the active recorder, under its block's path."""
     if (recorder := active()) is None:
         return
     state, kept = law.start(), {name: Records(one) for name, one in law.laws.items()}

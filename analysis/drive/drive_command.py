@@ -15,7 +15,7 @@ _RATE: Final = 0.5  # of real time, that two cores of 2020 keep with cameras
 
 
 def add_drive(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentParser:
-    """Add the command, whose jobs are :func:`driven`; what `chamfer run` has too is left."""
+    """Add the command with its jobs, :func:`driven`, without the options of `chamfer run`."""
     drive: argparse.ArgumentParser = commands.add_parser(
         "drive",
         help="drive a robot with an experiment's controller",

@@ -1,4 +1,4 @@
-"""The robot of ``chamfer drive insertion --robot simulated``: a process of its own."""
+"""The robot of ``chamfer drive insertion --robot simulated``, a separate process."""
 
 from contextlib import suppress
 from dataclasses import replace
@@ -20,7 +20,7 @@ _LOOKS = 4  # camera periods, after which all that is compiled is there
 
 
 def main() -> None:
-    """Simulate the cell as who started this says, until that wants no more."""
+    """Simulate the cell for the parent process until it ends the run."""
     order, link = served()
     scenario = resolve_insertion(make_scenario(InsertionScenario(), given=order["scenario"]))
     with suppress(LinkError):  # then nobody is there to be told
@@ -46,7 +46,7 @@ def main() -> None:
 
 
 def _warm_up(scenario: ResolvedInsertionScenario) -> None:
-    """Compile what the first images need, so that the robot keeps its time with them."""
+    """Compile the code of the first images, so that the robot keeps its time with them."""
     period = scenario.cameras.frames.period
     soon = replace(scenario, begin=period)
     diagram = make_insertion_robot(soon, LawBlock(controller_of(soon)))

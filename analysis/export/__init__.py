@@ -1,1 +1,1 @@
-"""Laws and charts for where no Python is: C, FMI, SCXML and Mermaid."""
+"""Exports laws and state machines to C, FMI, SCXML and Mermaid."""

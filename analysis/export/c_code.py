@@ -1,14 +1,14 @@
-"""Laws in C99, by the templates that stand beside them.
+"""Writes laws in C99 by the templates next to them.
 
 A law of ``pid_law.py`` is written by ``pid_law.c.jinja`` in the same folder; its functions and
-files are named ``pid``. The template holds what C has to say of that law alone:
+files are named ``pid``. The template holds the C of that law alone:
 
 - ``title``: one sentence on the law.
 - ``dimension``: the name of the first input's size, which others have too.
 - ``scalars``: signals of one element that are no arrays.
-- ``about``: what inputs and outputs are, beside their units.
-- ``missing``: what may be given for an optional input instead of nothing, 0 by default.
-- ``refusals``: the statuses but OK that a step returns, each with what is wrong.
+- ``about``: meanings of inputs and outputs, beside their units.
+- ``missing``: the value that stands for a missing optional input, 0 by default.
+- ``refusals``: the statuses but OK that a step returns, each with its cause.
 - ``state()``: the members of the state. ``code()``: constants and functions.
 """
 
@@ -39,7 +39,7 @@ _NOT_PLAIN: Final = re.compile(r"[^ -~]|(?<=\*)/|(?<=/)\*|\?(?=\?)|\\$")
 
 @dataclass(frozen=True, kw_only=True)
 class Element:
-    """One number that a law reads or gives."""
+    """One number of a law's inputs or outputs."""
 
     name: str  # error, or error[1] of several
     member: str  # of the struct in C
@@ -66,14 +66,14 @@ class LawInC:
         }
 
     def render(self, template: str, **values: Any) -> str:
-        """Return what a template of this folder makes of the law."""
+        """Render a template of this folder for the law."""
         own = {"form": self.form, "head": self.head, "members": self._members}
         text = _environment(Path(__file__).parent).get_template(template)
         return text.render(self._values | own | values)
 
     @property
     def elements(self) -> Iterator[Element]:
-        """All that is read, then all that is given, in order."""
+        """All elements of the inputs, then of the outputs, in order."""
         start = self.law.command(self.law.start())._asdict()
         signals: Mapping[str, Mapping[str, Signal]] = {
             "input": self.law.inputs,
@@ -96,7 +96,7 @@ class LawInC:
 
     @cached_property
     def form(self) -> Any:
-        """What the law's own template says."""
+        """The content of the law's own template."""
         path = template_of(self.law)
         assert path is not None
         return _environment(path.parent).get_template(path.name).make_module(self._values)
@@ -161,7 +161,7 @@ def laws_in_c(diagram: "System", origin: Sequence[str] = ()) -> list[LawInC]:
 
 
 def template_of(law: Any) -> Path | None:
-    """Return the template in C that stands beside a law, None if there is none."""
+    """Return the template in C next to a law, None if there is none."""
     file = getattr(inspect.getmodule(type(law)), "__file__", None)
     if file is None or not isinstance(law, HeldLaw):
         return None
@@ -178,7 +178,7 @@ def in_c(value: Any) -> str:
 
 
 def _remarked(code: str, remark: str, *, indent: int) -> str:
-    """Return code with a comment behind it, or before it where the line would be too long."""
+    """Return code with a comment after it, or before it where the line would be too long."""
     if not remark:
         return code
     comment = f"/* {_plain(remark)} */"

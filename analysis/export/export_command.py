@@ -1,4 +1,4 @@
-"""The command ``chamfer export``: laws and charts for where no Python is."""
+"""The command ``chamfer export``: laws and state machines without Python."""
 
 import argparse
 import re
@@ -18,7 +18,7 @@ Files = Mapping[str, str | bytes]
 
 
 def add_export(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentParser:
-    """Add the command; the scenario's options and ``--out`` are left to be added."""
+    """Add the command, without the scenario's options and ``--out``."""
     export: argparse.ArgumentParser = commands.add_parser(
         "export",
         help="write an experiment's controllers as C, FMU, SCXML or Mermaid",

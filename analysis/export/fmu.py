@@ -1,4 +1,4 @@
-"""Laws as units for co-simulation, FMI 2.0: sources, and a binary where there is a compiler.
+"""Laws as units for co-simulation, FMI 2.0: sources, and a binary if a compiler is available.
 
 Modelica Association, Functional Mock-up Interface 2.0.4. The unit holds no Python. Its bytes
 follow from the law and the compiler alone.
@@ -28,7 +28,7 @@ _MOST: Final = 60.0  # s, that a compiler may take
 
 
 def compiler() -> str | None:
-    """Return the C compiler, None if none is found or it makes nothing for Linux on x86-64."""
+    """Return the C compiler, None if there is none or it does not build for Linux on x86-64."""
     if (sys.platform, platform.machine()) != ("linux", "x86_64"):
         return None
     return next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)

@@ -1,8 +1,8 @@
-"""State charts as SCXML, whose events are the labels of the transitions.
+"""State machines as SCXML, whose events are the labels of the transitions.
 
-W3C, State Chart XML (SCXML), 2015. The documents hold no expressions: what has been measured is
-judged by the law, which raises one event in a tick in which it takes a transition, and none in any
-other: what keeps a state is no event. Time is the law's too, and that an abort is the last event.
+W3C, State Chart XML (SCXML), 2015. The documents hold no expressions. The law judges the
+measurements, and raises one event in a tick with a transition, none in any other: staying in a
+state is no event. The law also counts the time, and makes an abort the last event.
 """
 
 import re
@@ -21,7 +21,7 @@ _SYMBOL: Final = re.compile("|".join(_WORDS))
 def scxml(chart: Chart[Any, Any]) -> str:
     """Return a chart as an SCXML document; transitions are in the order of their priority.
 
-    What may be taken from any state is written out in each. A chart's final states end it.
+    Transitions from any state are written out in each. A chart's final states end it.
     """
     ids = state_ids(chart)
     root = ElementTree.Element(
@@ -65,7 +65,7 @@ def event(chart: Chart[Any, Any], record: TransitionRecord) -> str:
 def _events(chart: Chart[Any, Any], state: State[Any, Any]) -> dict[tuple[str, str], str]:
     """Return the event of each way out of a state by label and target, in order of priority.
 
-    One label names one event wherever it stands, but for where it leads to several states.
+    One label names one event in all states, unless it leads to several states.
     """
     if state.outcome is not None:
         return {}

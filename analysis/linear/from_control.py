@@ -12,14 +12,14 @@ def from_control(
 ) -> LinearSystem | MatrixGain:
     """Return a linear system of python-control as a Drake block with its name.
 
-    A sampled one becomes a block that is updated once a period, one without states a gain. The
-    block's vector input and output have the order of the system's; a transfer function's states
-    are those that python-control chooses.
+    A sampled system becomes a block that is updated once a period, one without states a gain. The
+    block's vector input and output have the order of the system's. python-control chooses the
+    states of a transfer function.
 
     Raises:
         ParameterError: If it is not linear, has more zeros than poles, has several inputs or
-            outputs as a transfer function, is sampled with no period, or is not of finite real
-            numbers.
+            outputs as a transfer function, is sampled with no period, or has numbers that are not
+            finite and real.
     """
     if not isinstance(system, control.StateSpace | control.TransferFunction):
         raise ParameterError(

@@ -1,4 +1,4 @@
-"""Run a diagram and return what its output ports did."""
+"""Runs a diagram and returns the signals of its output ports."""
 
 import math
 from collections.abc import Callable
@@ -42,18 +42,18 @@ def simulate(
 ) -> Run:
     """Simulate a system from its default state and log its vector outputs.
 
-    A linear time-invariant system without input, such as a PID loop with its trajectory, is
-    solved exactly; everything else is stepped by Drake's simulator.
+    A linear time-invariant system without input, such as a PID loop with its trajectory, is solved
+    exactly. Drake's simulator steps everything else.
 
     Args:
-        system: All its outputs are logged; it is used up by the call.
+        system: All its outputs are logged; the call uses it up.
         duration: s.
         step: s, time between log entries; the first is at t = 0.
         seed: For the system's random sources.
-        progress: Told how far the run is.
-        ended: Asked, with the root's context, between log entries whether the run is over before
-            its duration is.
-        rate: How many seconds are simulated in one at most; 0: as many as can be.
+        progress: Receives the progress of the run.
+        ended: Called with the root's context between log entries; returns whether the run is over
+            before its duration.
+        rate: Largest simulated time per second of real time; 0: no limit.
 
     Raises:
         ParameterError: If the run would be too long to be stored, or an output is not finite,

@@ -1,4 +1,4 @@
-"""Any system or diagram of Drake as a linear system of python-control."""
+"""Linear models in python-control of any Drake system or diagram."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -91,7 +91,7 @@ def own_ports(system: System, way: Way) -> list[Port]:
 
 
 def find_ports(system: System, way: Way, wanted: Ports) -> list[Port]:
-    """Return the ports that are meant, as :func:`to_control` describes them.
+    """Return the named ports, as :func:`to_control` describes them.
 
     Raises:
         ParameterError: If there is none of that name, or it has no vector.
@@ -189,36 +189,38 @@ def to_control(
     period: float | None = None,
     whole: bool = False,
 ) -> "control.StateSpace":
-    """Return what a system does to small changes, as a linear system of python-control.
+    """Return the linearisation of a system, as a linear system of python-control.
 
-    Without discrete states it is continuous: exact, by automatic differentiation, where all blocks
-    are C++ of Drake's, by central differences where a Python block is in the way. With discrete
-    states it is sampled, with inputs held over a period: exact likewise for a diagram of such
-    blocks of one rate, by differences of a simulation over a period for any other, which may have
-    continuous states too, several rates, delays and offsets. Abstract states and random numbers
-    are left as they are. States are x(k) just before what happens at the k-th tick, named after
-    their blocks, and outputs are seen then.
+    Without discrete states it is continuous: exact, by automatic differentiation, if all blocks
+    are Drake's in C++, by central differences with a Python block.
 
-    An input inside of a diagram opens the loop there: what is connected to it is replaced. If no
-    output is named then, the result is the loop's return ratio, what comes back with the opposite
-    sign, as python-control takes it. It is seen as the block sees it, at a tick or held after it;
-    which of the two is told by closing the loop again.
+    With discrete states it is sampled, with inputs held over a period. A diagram of C++ blocks of
+    one rate is exact too. Any other is done by differences of a simulation over a period. It may
+    have continuous states too, several rates, delays and offsets. Abstract states and random
+    numbers stay constant. States are x(k) just before the events of the k-th tick, named after
+    their blocks, and outputs are read then.
+
+    An input inside a diagram opens the loop there: it replaces the connection. If you name no
+    output, the result is the loop's return ratio: the signal that returns, with the opposite sign,
+    as python-control takes it. It is the signal that the block reads, at a tick or held after it.
+    Closing the loop again decides which of the two.
 
     Args:
         system: A diagram or a block.
         input: A port or several: objects, or names, ``port`` of the system, ``block::port`` of a
             block in it, ``block`` if that is its only one. None: all vector inputs of the system.
         output: Likewise.
-        at: Where: a context of the system; a time, s, until which it is simulated from its
-            default; None, its default. Inputs without a value are 0.
-        period: s, of the whole diagram. None: known, for continuous systems and such of one rate
-            in C++.
+        at: Operating point: a context of the system; a time, s, until which it is simulated from
+            its default; None, its default. Inputs without a value are 0.
+        period: s, of the whole diagram. None: derived, for continuous systems and C++ systems of
+            one rate.
         whole: Keeps the states too that the inputs can't move or the outputs don't show, such as
             a desired trajectory's.
 
     Raises:
         ParameterError: If a port or the period is not one of the system's, a continuous state is
-            too fast to be simulated, or what returns to an opened loop changes within a period.
+            too fast to be simulated, or the signal that returns to an opened loop changes within a
+            period.
     """
     context = _context(system, at)
     inputs = find_ports(system, "input", input)
@@ -258,7 +260,7 @@ def to_control(
 
 
 def _context(system: System, at: Context | float | None) -> Context:
-    """Return a context of one's own, with a value for every vector input of the system."""
+    """Return a new context, with a value for every vector input of the system."""
     context = at.Clone() if isinstance(at, Context) else system.CreateDefaultContext()
     for port in own_ports(system, "input"):
         if not port.of(system).HasValue(context):
@@ -299,7 +301,7 @@ def _states_of(context: Context) -> Array:
 
 
 def _set_states(context: Context, states: Array) -> None:
-    """Set what :func:`_states_of` returns."""
+    """Set the states that :func:`_states_of` returns."""
     first = context.num_continuous_states()
     if first:
         context.SetContinuousState(states[:first])
@@ -311,7 +313,7 @@ def _set_states(context: Context, states: Array) -> None:
 
 
 def _fix(system: System, context: Context, ports: Sequence[Port], values: Array) -> None:
-    """Give inputs their values, shape (m,), whatever is connected to them."""
+    """Give inputs their values, shape (m,), and override their connections."""
     first = 0
     for port in ports:
         port.of(system).FixValue(port.context(system, context), values[first : first + port.size])
@@ -379,15 +381,16 @@ class _Model:
     def over_a_period(self, period: float) -> tuple[_Matrices, _Matrices]:
         """Return the derivatives over a period with inputs held, by central differences.
 
-        The period begins a little before the context's time, so that whatever happens at that time
-        does so within it, and what happens at its end belongs to the next one.
+        The period begins a little before the context's time. So the events of that time are within
+        it, and those of its end belong to the next one.
 
         Returns:
-            With outputs just before what happens at the period's begin, and just behind it.
+            With outputs just before the events at the period's start, and just after them.
 
         Raises:
             ParameterError: If the continuous states are too fast to be integrated over the
-                period, or the next period is not as this one: it is none of the whole system.
+                period, or the next period differs from this one: it is not that of the whole
+                system.
         """
         point, s = self.point, len(_states_of(self.context))
         found = _differences(self._run(period), point)
@@ -416,7 +419,7 @@ class _Model:
         return self.split(after, at_tick), self.split(after, behind_tick)
 
     def _run(self, period: float) -> Callable[[Array], Array]:
-        """Return what gives the states after a period, and outputs before and behind its tick."""
+        """Return the function that gives states after a period, and outputs around its tick."""
         longest = self._longest_step(period)
 
         def run(point: Array) -> Array:
@@ -466,9 +469,9 @@ class _Model:
 def _returning(
     at_tick: _Matrices, behind_tick: _Matrices, expected: Array, port: Port
 ) -> _Matrices:
-    """Return which of the two is what returns to an opened loop, as the block sees it.
+    """Return which of the two returns to an opened loop, as the block reads it.
 
-    Closed with it the loop has to be the diagram's.
+    Closed with it, the loop has to be the diagram's.
     """
     scale = max(1.0, np.abs(expected).max(initial=0.0))
     for found in (at_tick, behind_tick):
@@ -498,7 +501,7 @@ def _differences(
 
 
 def _between(found: _Matrices) -> NDArray[np.bool_]:
-    """Return which states the inputs move, if there are any, and the outputs show, likewise."""
+    """Return which states the inputs, if any, move and which the outputs, if any, show."""
 
     def reached(start: NDArray[np.bool_], flow: NDArray[np.bool_]) -> NDArray[np.bool_]:
         for _ in range(len(start)):

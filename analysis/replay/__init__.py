@@ -1,1 +1,1 @@
-"""Logs fed to the same controllers again: what they would do."""
+"""Feeds logs to the same controllers again."""

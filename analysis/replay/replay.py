@@ -1,6 +1,6 @@
-"""Steps controllers through logs, and compares what they command with what is logged.
+"""Steps controllers through logs, and compares their commands with the logged ones.
 
-It is open loop: a law sees what was logged, whatever it commands.
+It is open loop: a law receives the logged inputs, whatever it commands.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 
 class Output(NamedTuple):
-    """What a controller commands at one of its outputs, shape (steps, size)."""
+    """The commands of a controller at one of its outputs, shape (steps, size)."""
 
     name: str
     units: tuple[str, ...]
@@ -35,20 +35,20 @@ class Output(NamedTuple):
     differs: NDArray[np.bool_]  # False where it is not in the log
 
     def value(self, number: float) -> float | str:
-        """Return a number as it is told: a state by its name."""
+        """Return a number as messages show it: a state by its name."""
         known = number in range(len(self.states))
         return self.states[int(number)] if known else float(number)
 
 
 class Replay(NamedTuple):
-    """What a controller would have done beside what it did."""
+    """The replayed commands of a controller next to the logged ones."""
 
     controller: str  # the path of its block
     times: Array  # s
     outputs: Sequence[Output]
 
     def document(self) -> dict[str, Any]:
-        """Return how much differs, the first number that does, and the first state."""
+        """Return how many steps differ, and the first number and state that do."""
         differ = np.hstack([one.differs for one in self.outputs]).any(axis=1)
         compared = any(not np.isnan(one.logged).all() for one in self.outputs)
         return {
@@ -75,7 +75,7 @@ class Replay(NamedTuple):
         return unstructure(first)
 
     def side_by_side(self) -> dict[str, Array]:
-        """Return a table of what was commanded, NaN where it is not logged, and what would be."""
+        """Return a table of logged commands, NaN where missing, and replayed ones."""
         columns = {"time": self.times}
         for one in self.outputs:
             for i, (was, now) in enumerate(zip(one.logged.T, one.replayed.T, strict=True)):
@@ -87,7 +87,7 @@ def replay(controller: str, law: AnyLaw, logged: Sequence[Record]) -> Replay:
     """Step a law through a log, and compare.
 
     Raises:
-        UserError: If the law refuses what it sees.
+        UserError: If the law refuses an input.
     """
     state, commands = law.start(), []
     for record in logged:
@@ -122,12 +122,12 @@ def replay_logs(
     Args:
         entry: The experiment.
         path: A log, or a folder of logs.
-        controller: The path of its block or the end of it; None: what the log says.
-        file: The scenario's fields, None: those of the run that the log is of.
-        settings: Fields that are to be others, ``path=value``.
+        controller: The path of its block or the end of it; None: the log's own.
+        file: The scenario's fields, None: those of the logged run.
+        settings: Fields to override, ``path=value``.
 
     Returns:
-        The result's document, and what each log led to by the name of its file.
+        The result's document, and each log's replay by the name of its file.
 
     Raises:
         UserError: If there is no log, it is no log of the controller, or it doesn't fit.
@@ -188,7 +188,7 @@ def replay_logs(
 def _law(
     known: Mapping[str, Sequence[AnyLaw]], asked: str | None, about: Mapping[str, Any], path: Path
 ) -> tuple[str, AnyLaw]:
-    """Return the path and the law of the controller that is asked for, or that a log is of."""
+    """Return path and law of the requested controller, or of the one that the log names."""
     wanted = asked or about["controller"] or (next(iter(known)) if len(known) == 1 else None)
     if wanted is None:
         names = ", ".join(known)

@@ -1,4 +1,4 @@
-"""The command ``chamfer replay``: what a controller would have done with what a log saw."""
+"""The command ``chamfer replay``: feeds a log to its controller again."""
 
 import argparse
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ FOLDER: Final = "replay"
 
 
 def add_replay(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentParser:
-    """Add the command; the scenario's options, the folder and ``--json`` are left to be added."""
+    """Add the command, without the scenario's options, the folder and ``--json``."""
     replay: argparse.ArgumentParser = commands.add_parser(
         "replay",
         help="feed a log to the same controllers again",
@@ -73,7 +73,7 @@ def _replay(arguments: argparse.Namespace, catalogue: Catalogue) -> int:
 
 
 def _line(found: Mapping[str, Any]) -> str:
-    """Return what a controller's replay found, in a line."""
+    """Return the result of a controller's replay in a line."""
     first, state = found["first_difference"], found["states_differ"]
     said = "no commands in the log" if found["mismatches"] is None else "none differs"
     if first:

@@ -1,4 +1,4 @@
-"""The figure of a replay: what was commanded in the log, and what would be."""
+"""The figure of a replay: logged and replayed commands."""
 
 from itertools import cycle
 from typing import Final
@@ -21,9 +21,9 @@ _A_STATE: Final = 0.14  # inches of height
 
 
 def replay_figure(found: Replay) -> Figure:
-    """Draw states and commands over time, in the log and replayed; what is constant is left out.
+    """Draw states and commands over time, logged and replayed, without constant ones.
 
-    Behind them are the visits to the replayed states, and where an output differs.
+    The visits to the replayed states are behind them, with the times at which an output differs.
     """
     times = found.times
     moving = {one.name: _moving(one) for one in found.outputs}

@@ -1,13 +1,13 @@
-"""The errors that the command line says in one line, without a traceback."""
+"""Errors that the command line reports in one line, without a traceback."""
 
 from collections.abc import Mapping
 from typing import Any
 
 
 class UserError(Exception):
-    """A mistake in what was asked for.
+    """A mistake in the user's input.
 
-    The message names the thing, its value and what would have been valid.
+    The message names the item, its value and the valid values.
     """
 
 
@@ -16,7 +16,7 @@ class ExperimentError(Exception):
 
 
 def valid_name(kind: str, name: str, names: Mapping[str, Any]) -> str:
-    """Return the name if it is one of the names, and else say which are.
+    """Return the name if it is one of the names, and else list them.
 
     Raises:
         UserError: If it is none of them.

@@ -1,4 +1,4 @@
-"""What an experiment is, and what running one returns."""
+"""Experiments, their catalogue, and the outcome of a run."""
 
 import math
 import re
@@ -26,21 +26,21 @@ Table = Mapping[str, "NDArray[Any]"]  # columns of equal length by name, in orde
 
 
 class Progress(Protocol):
-    """Told by a run how far it is."""
+    """Receives the progress of a run."""
 
     def __call__(self, fraction: float, doing: str = "") -> None:
-        """Report the fraction done, 0 to 1, and in a few words what is being done.
+        """Report the fraction done, 0 to 1, and the current activity in a few words.
 
-        The fraction is NaN where nobody knows how much there is to do.
+        The fraction is NaN where the total is unknown.
         """
 
 
 def quiet(fraction: float, doing: str = "") -> None:
-    """Tell nobody."""
+    """Report to nobody."""
 
 
 def part_of(progress: Progress, begin: float, end: float, name: str = "") -> Progress:
-    """Return what is told by a part of a run, from one fraction of it to another."""
+    """Return the progress of a part of a run, from one fraction of it to another."""
 
     def told(fraction: float, doing: str = "") -> None:
         progress(begin + (end - begin) * fraction, f"{name} {doing}".strip())
@@ -50,7 +50,7 @@ def part_of(progress: Progress, begin: float, end: float, name: str = "") -> Pro
 
 @dataclass(frozen=True, kw_only=True)
 class Metric:
-    """A measured number; ``value`` is None where it is undefined, and ``note`` says why."""
+    """A measured number; if it is undefined, ``value`` is None and ``note`` gives the reason."""
 
     value: float | None
     unit: str  # "" for a pure number
@@ -59,7 +59,7 @@ class Metric:
 
 
 def measured(value: float | None, unit: str, *, note: str = "", missing: str) -> Metric:
-    """Return a metric that is undefined, and says why, without a finite number."""
+    """Return a metric, which is undefined with a note if the number is not finite."""
     if value is None or not math.isfinite(value):
         return Metric(value=None, unit=unit, note=missing)
     return Metric(value=float(value), unit=unit, note=note)
@@ -67,7 +67,7 @@ def measured(value: float | None, unit: str, *, note: str = "", missing: str) ->
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What a run measured.
+    """The measurements of a run.
 
     ``traces`` has one row per log time (campaigns: per trial); ``tables`` holds further tables
     that the figures need, by file name without ending.
@@ -103,9 +103,9 @@ class Experiment(Generic[Scenario]):
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """An experiment as a catalogue lists it: what is known of it without importing it.
+    """An experiment as a catalogue lists it, without importing it.
 
-    ``scenario``, ``run`` and the names below it are of ``module``, or say their own:
+    ``scenario``, ``run`` and the names below it are of ``module``, or name their own:
     ``chamfer.diagrams.servo.servo_loops:make_servo_diagram``. They are the fields of
     :class:`Experiment`.
     """
@@ -140,7 +140,7 @@ class Entry:
 
 @dataclass(frozen=True, kw_only=True)
 class Catalogue:
-    """Experiments, and the package that has the published values, a module a paper.
+    """Experiments, and the package with the published values, a module for each paper.
 
     Raises:
         UserError: If two experiments have the same name.
@@ -189,10 +189,10 @@ def column(values: "Sequence[float] | NDArray[Any]") -> "NDArray[np.float64]":
 
 
 def valid_integer(option: str, text: str | None, low: int, high: int) -> int | None:
-    """Return the integer that an option is given, None if it is not.
+    """Return the integer of an option, None if it has none.
 
     Raises:
-        UserError: If it is none, or outside the range.
+        UserError: If it is no integer, or outside the range.
     """
     if text is None:
         return None

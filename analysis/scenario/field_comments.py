@@ -1,17 +1,17 @@
 """Unit and meaning of a dataclass's fields, read from the comments in its source.
 
-A field's comment stands at the end of its last line, on the lines below it, or both::
+A field's comment is at the end of its last line, on the lines below it, or both::
 
     period: float = 1 / 80  # s, between two exposures
     target: Vector3 = (0.0, 0.0, 0.1)
     # m, of the socket in the world
 
-What comes before the first comma, semicolon or colon is the unit if it reads as one (``m/s``,
-``rad above m``, ``N m or N``); the rest is the meaning. A field without a unit is a pure number,
-as is an integer: its ``m`` is a symbol.
+The text before the first comma, semicolon or colon is the unit if it reads as one (``m/s``, ``rad
+above m``, ``N m or N``); the rest is the meaning. A field without a unit is a pure number. So is
+an integer: its ``m`` is a symbol.
 
-The class that introduces a field says what it means. One that overrides its default may say why;
-that is added to the meaning. It may also narrow the unit.
+The class that introduces a field gives its meaning. One that overrides its default may give the
+reason, which is added to the meaning. It may also narrow the unit.
 """
 
 import ast
@@ -39,14 +39,14 @@ _YAML_WORDS: Final = {"None": "null", "True": "true", "False": "false"}
 
 @dataclass(frozen=True, kw_only=True)
 class FieldComment:
-    """What is said of a field."""
+    """The comment of a field."""
 
     unit: str  # "" for a pure number
     meaning: str  # "" if nothing is said
 
 
 def field_comment(cls: type, name: str) -> FieldComment:
-    """Return what a dataclass and its ancestors say of the field ``name``."""
+    """Return the comment of the field ``name`` in a dataclass and its ancestors."""
     said = [
         comments[name]
         for ancestor in cls.__mro__
@@ -76,7 +76,7 @@ def parse_comment(text: str, *, has_unit: bool = True) -> FieldComment:
 
 @cache
 def _own_comments(cls: type) -> Mapping[str, FieldComment]:
-    """Return what is said of each field that the body of ``cls`` itself declares."""
+    """Return the comments of the fields that the body of ``cls`` itself declares."""
     source = textwrap.dedent(inspect.getsource(cls))
     (definition,) = ast.parse(source).body
     assert isinstance(definition, ast.ClassDef)
@@ -96,7 +96,7 @@ def _own_comments(cls: type) -> Mapping[str, FieldComment]:
 
 
 def _comments_by_line(source: str) -> tuple[dict[int, str], dict[int, str]]:
-    """Return the comments behind code and those on lines of their own, by line number."""
+    """Return the comments behind code and those on separate lines, by line number."""
     behind: dict[int, str] = {}
     alone: dict[int, str] = {}
     for token in tokenize.generate_tokens(io.StringIO(source).readline):

@@ -1,4 +1,4 @@
-"""Dataclasses of plain data, as YAML and JSON hold it, and back.
+"""Converts dataclasses to plain data, as YAML and JSON hold it, and back.
 
 A type may stand for several dataclasses, each given by its name: ``Stick: {speed: 0.1}``.
 """
@@ -27,12 +27,12 @@ _DESCRIPTIONS: Final[dict[Any, str]] = {
 
 
 def structured(plain: Any, kind: Any, *, path: str = "", named: Named = _NONE) -> Any:
-    """Return the dataclass, or another value of the type ``kind``, that plain data stands for.
+    """Return the dataclass, or another value of the type ``kind``, for plain data.
 
     ``path`` leads to it, for messages; ``named`` has types that stand for several dataclasses.
 
     Raises:
-        UserError: If a field doesn't exist or its value is not allowed; it says the path.
+        UserError: If a field doesn't exist or its value is not allowed; the message has the path.
     """
     if type(plain) is kind and kind in _DESCRIPTIONS:
         return plain
@@ -75,7 +75,7 @@ def plain_data(
 ) -> Any:
     """Return a value, whose declared type is ``kind``, as :func:`structured` takes it.
 
-    Fields that are as by default may be left out.
+    Fields with their default may be left out.
 
     Raises:
         UserError: If a dataclass has no name although its type stands for several.
@@ -116,7 +116,7 @@ def plain_data(
 
 
 def joined(path: str, name: str) -> str:
-    """Return the path of a field in what a path leads to."""
+    """Return the path of a field below another path."""
     return f"{path}.{name}" if path else name
 
 
@@ -156,7 +156,7 @@ def _made(plain: Mapping[Any, Any], cls: Any, path: str, named: Named) -> Any:
 def _of_union(plain: Any, kind: Any, path: str, named: Named) -> Any:
     """Return a value of the first type that takes it.
 
-    A mapping can only be meant for a dataclass, whose own message is the better one.
+    A mapping can only mean a dataclass, whose own message is the better one.
     """
     choices = [choice for choice in get_args(kind) if choice is not types.NoneType]
     if plain is None and len(choices) < len(get_args(kind)):
@@ -171,7 +171,7 @@ def _of_union(plain: Any, kind: Any, path: str, named: Named) -> Any:
 
 
 def _scalar(value: Any, kind: Any) -> Any:
-    """Return a value of a type that has no others in it.
+    """Return a value of a type without element types.
 
     Raises:
         ValueError: If it is none; TypeError and OverflowError too.
@@ -191,7 +191,7 @@ def _scalar(value: Any, kind: Any) -> Any:
 
 
 def _described(kind: Any) -> str:
-    """Return in words what a type allows."""
+    """Return a description of the values that a type allows."""
     origin, arguments = get_origin(kind), get_args(kind)
     if origin is Literal:
         return ", ".join(map(str, arguments))
@@ -217,7 +217,7 @@ def _is_union(kind: Any) -> bool:
 
 
 def _element_kinds(kind: Any, count: int) -> Sequence[Any]:
-    """Return the types of the elements of a tuple or a sequence, of which there are so many."""
+    """Return the element types of a tuple or a sequence of this length."""
     arguments = get_args(kind) or (Any,)
     fixed = get_origin(kind) is tuple and arguments[-1] is not Ellipsis
     return arguments if fixed else (arguments[0],) * count

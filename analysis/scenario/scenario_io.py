@@ -1,19 +1,19 @@
-"""Scenarios from defaults, a YAML file and ``--set path=value``, and back.
+"""Builds scenarios from defaults, a YAML file and ``--set path=value``, and writes them.
 
-A scenario is a frozen keyword-only dataclass, nested as deep as it likes, of numbers, texts,
-booleans, Literals, tuples of these and ``X | None``. Every mistake ends in a
+A scenario is a frozen keyword-only dataclass, nested to any depth, of numbers, texts, booleans,
+Literals, tuples of these and ``X | None``. Every mistake ends in a
 :class:`~chamfer.analysis.scenario.errors.UserError` with the full dotted path of the field.
 
-A scenario may say that a group which is left open is as another one:
-``LIKE: ClassVar[Mapping[str, str]]``, such as ``{"believed_part": "part"}``. Where only some
-fields of it are given, the others are those of that other group, and not defaults.
+A scenario may declare that an open group equals another one: ``LIKE: ClassVar[Mapping[str,
+str]]``, such as ``{"believed_part": "part"}``. If only some of its fields are given, the others
+are those of that other group, and not defaults.
 
-A group may be given by the name of a preset, ``parts=factory-8mm``. Its dataclass says which there
-are: ``PRESETS: ClassVar[Mapping[str, Mapping[str, object]]]``, by name the fields that are not as
-by default. A scenario may have presets of all of it, ``cell=ur5e-fixture``; what else is given
-goes on top: ``WHOLE: ClassVar[Mapping[str, Mapping[str, Mapping[str, object]]]]``, by their word
-and by name. A field of a group in a dataclass may have a short name, ``connector.friction``:
-``SHORT: ClassVar[Mapping[str, tuple[str, str]]]``, by name the group and the field.
+A group may be given by the name of a preset, ``parts=factory-8mm``. Its dataclass lists them:
+``PRESETS: ClassVar[Mapping[str, Mapping[str, object]]]``, by name the fields that differ from the
+default. A scenario may have presets of all of it, ``cell=ur5e-fixture``; other settings override
+them: ``WHOLE: ClassVar[Mapping[str, Mapping[str, Mapping[str, object]]]]``, by their word and by
+name. A field of a group in a dataclass may have a short name, ``connector.friction``: ``SHORT:
+ClassVar[Mapping[str, tuple[str, str]]]``, by name the group and the field.
 """
 
 import hashlib
@@ -33,13 +33,13 @@ Scenario = TypeVar("Scenario")
 def make_scenario(
     default: Scenario, *, given: Mapping[Any, Any] | None = None, settings: Sequence[str] = ()
 ) -> Scenario:
-    """Return ``default`` with what is given, and then what the settings override.
+    """Return ``default`` with the given fields, overridden by the settings.
 
     Args:
-        default: The scenario that every field comes from that nothing overrides.
+        default: The scenario with the fields that nothing overrides.
         given: The fields to override, as a scenario file has them.
-        settings: ``path=value``, where the path is dotted and the value is YAML; behind the name
-            of a preset single fields of it may be set, too.
+        settings: ``path=value``, where the path is dotted and the value is YAML. Single fields of
+            a preset may follow its name.
 
     Raises:
         UserError: If a field doesn't exist or its value is not allowed.
@@ -57,7 +57,7 @@ def make_scenario(
 
 
 def _whole_presets(default: object, overrides: list[dict[Any, Any]]) -> list[Mapping[str, object]]:
-    """Return the fields of the presets of a whole scenario that are named; take the names out."""
+    """Return the fields of the named presets of a whole scenario; remove the names."""
     found = []
     for word, presets in getattr(type(default), "WHOLE", {}).items():
         for override in overrides:
@@ -71,7 +71,7 @@ def _whole_presets(default: object, overrides: list[dict[Any, Any]]) -> list[Map
 
 
 def likes(cls: type[Any]) -> Mapping[str, str]:
-    """Return the groups of a scenario that, left open, are as another one."""
+    """Return the groups of a scenario that, left open, equal another one."""
     found: Mapping[str, str] = getattr(cls, "LIKE", {})
     return found
 
@@ -131,7 +131,7 @@ def _at(nested: Any, path: str) -> Any:
 def _merge(
     plain: Mapping[Any, Any], override: Mapping[Any, Any], default: object, path: str = ""
 ) -> dict[Any, Any]:
-    """Return plain data with what overrides it; ``default`` says which presets there are."""
+    """Return plain data with its overrides; ``default`` has the presets."""
     merged = dict(plain)
     for name, (group, field) in getattr(type(default), "SHORT", {}).items():
         of = override.get(group)
@@ -154,8 +154,8 @@ def _merge(
 def _refuse_not_finite(value: object, default: object, path: str) -> None:
     """Refuse NaN and infinity where the default is finite.
 
-    Parameters check themselves; this is the net below those that don't, because a NaN in a
-    derivative hangs the integrator. An infinite default says that infinity is allowed.
+    Parameters check themselves; this covers those that don't, because a NaN in a derivative hangs
+    the integrator. An infinite default means that infinity is allowed.
     """
     if is_dataclass(value):
         same = type(value) is type(default)

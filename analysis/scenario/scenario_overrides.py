@@ -1,4 +1,4 @@
-"""The settings that make one scenario of another."""
+"""The settings that turn one scenario into another."""
 
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import fields, is_dataclass
@@ -14,11 +14,11 @@ Scenario = TypeVar("Scenario")
 def overrides(
     scenario: Scenario, default: Scenario, resolve: Callable[[Scenario], Scenario]
 ) -> list[str]:
-    """Return the settings, ``path=value``, that make from ``default`` what ``scenario`` means.
+    """Return the settings, ``path=value``, that turn ``default`` into ``scenario``.
 
-    Two scenarios mean the same if they resolve to the same. A value that the default leaves open
-    (None) is not among the settings where it is the one that resolving gives anyway, so those of
-    a resolved scenario are as few as those of the scenario that it came from.
+    Two scenarios are equivalent if they resolve to the same. A value that the default leaves open
+    (None) is no setting if resolving derives the same value. So a resolved scenario has as few
+    settings as the scenario from which it came.
     """
     if scenario == default or (resolved := resolve(scenario)) == resolve(default):
         return []
@@ -30,7 +30,7 @@ def overrides(
             left_open.append(path)
 
     def without(some: Collection[str]) -> Scenario | None:
-        """Return what the settings come to without some, None where they are refused."""
+        """Return the scenario of the settings but some, None where they are refused."""
         others = [setting for path, setting in settings.items() if path not in some]
         try:
             return resolve(make_scenario(default, settings=others))

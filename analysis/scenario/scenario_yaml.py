@@ -1,7 +1,7 @@
-"""YAML as scenarios use it: safe, with the scalars of YAML 1.2, and no key twice.
+"""YAML for scenarios: safe, with the scalars of YAML 1.2, and no key twice.
 
-PyYAML reads YAML 1.1, where ``1e-3`` is a text, ``1:30`` is 90, ``010`` is 8 and ``off`` is
-false; someone who types a number or a name means the number or the name.
+PyYAML reads YAML 1.1, where ``1e-3`` is a text, ``1:30`` is 90, ``010`` is 8 and ``off`` is false;
+someone who types a number or a name means the number or the name.
 """
 
 import json
@@ -28,7 +28,7 @@ _KINDS: Final = {list: "list", str: "text", int: "number", float: "number"}
 
 
 class _Loader(yaml.SafeLoader):
-    """Reads plain data only, and refuses a key that is given twice and a bomb of aliases.
+    """Reads plain data only; refuses a repeated key and an alias bomb.
 
     Keys are texts, whatever they look like: a field may be called true.
     """
@@ -63,7 +63,7 @@ def _resolve(tag: str, pattern: str, first: list[str]) -> None:
 
 
 def _require_few(document: yaml.Node) -> None:
-    """Refuse a document with too many values and keys, each as often as an alias names it."""
+    """Refuse a document with too many values and keys, counted once for each alias."""
     inside = [document]
     for _ in range(_MOST):
         if not inside:
@@ -129,7 +129,7 @@ def parse_value(text: str) -> Any:
 
 
 def one_line(plain: Any) -> str:
-    """Return YAML in one line that is read back as ``plain``, as plain as it can be."""
+    """Return YAML in one line that reads back as ``plain``, as simple as possible."""
     if isinstance(plain, Mapping):
         return f"{{{', '.join(f'{name}: {one_line(value)}' for name, value in plain.items())}}}"
     if isinstance(plain, list | tuple):
@@ -143,7 +143,7 @@ def one_line(plain: Any) -> str:
 
 
 def block(plain: Mapping[str, Any]) -> str:
-    """Return YAML that is read back as ``plain``, with a line for each field."""
+    """Return YAML that reads back as ``plain``, with a line for each field."""
     return "".join(f"{line}\n" for line in _lines(plain))
 
 
