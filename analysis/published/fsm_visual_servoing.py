@@ -14,8 +14,8 @@ RISE_TIME: Final = 0.00888  # s, Fig. 8
 OVERSHOOT: Final = 10.5  # %, Fig. 8
 
 _ZERO_DC_GAIN = (
-    "force to velocity has zero DC gain: a level needs an increment in every tick, so an error "
-    "remains that keeps the compensator adding"
+    "zero DC gain from force to velocity: a level needs an increment in every tick, and an error "
+    "that causes it"
 )
 _ASSUMED_SINUSOID = "frequency (1 rad/s) and feedforward are assumed, the paper prints neither"
 
@@ -44,7 +44,7 @@ PUBLISHED: Final[tuple[Published, ...]] = (
                 _ZERO_DC_GAIN, otherwise="does_not_hold"),
         near("fsm_velocity.overshoot", 0.0, 0.5, "%",
              "section 3, Fig. 8, on the plant said to be simulated",
-             f"relative to the final value, which stays below the step; {_ZERO_DC_GAIN}",
+             f"relative to the final value, below the step; {_ZERO_DC_GAIN}",
              otherwise="does_not_hold")),
     *of("sinusoid-response",
         at_most("error_rms_ratio", 1.0, "", "section 3, Fig. 9: FSM better in steady state",
