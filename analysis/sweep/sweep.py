@@ -53,7 +53,7 @@ KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 
 @dataclass(frozen=True, kw_only=True)
 class SweepPlan:
-    """What a sweep runs."""
+    """Holds the fields, points and seeds of a sweep."""
 
     job: Job  # the experiment, with the scenario that fields are varied of
     varied: tuple[VariedField, ...]
@@ -90,7 +90,7 @@ class SweepTable(dict[str, NDArray[Any]]):
 
 @dataclass(frozen=True, kw_only=True)
 class SweepResult:
-    """What a sweep measured."""
+    """Holds the measurements of a sweep."""
 
     plan: SweepPlan
     table: SweepTable  # a row per point

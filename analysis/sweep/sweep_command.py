@@ -50,7 +50,7 @@ def add_sweep(commands: "argparse._SubParsersAction[Any]") -> argparse.ArgumentP
         action="extend",
         nargs="+",
         metavar="METRIC",
-        help="what to keep and draw (default: keep all, draw the first that change)",
+        help="what to keep and draw (default: keep all, draw those with the largest effects)",
     )
     sweep.set_defaults(command=_sweep)
     return sweep

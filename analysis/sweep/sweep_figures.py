@@ -1,6 +1,7 @@
 """The figure of a sweep: lines over one field, maps over two, a panel for each of several."""
 
 import math
+import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
@@ -19,19 +20,27 @@ from numpy.typing import NDArray
 
 from chamfer.analysis.campaign.trial_metrics import mean_interval
 from chamfer.analysis.drawing.figure_kit import colour_bar
-from chamfer.analysis.drawing.figure_style import LOOPS, Style, dress, legend, new_figure
+from chamfer.analysis.drawing.figure_style import LOOPS, Style, dress, new_figure
 from chamfer.analysis.sweep.sweep import INTERVAL, OK, SweepResult, as_column
 from chamfer.analysis.sweep.sweep_design import Drawn, VariedField
+from chamfer.analysis.sweep.sweep_effects import (
+    MOST_LEVELS,
+    Effects,
+    intervals,
+    ranked,
+    sweep_effects,
+)
 
 Array = NDArray[np.float64]
 
 _MOST_PANELS: Final = 6
-_MOST_ROWS: Final = 4  # of panels, where each field has one
+_COLUMNS: Final = 3  # of panels, where each field has one
+_MOST_ROWS: Final = 4
+_WIDTH: Final = 8.0  # inches
+_LARGE: Final = 0.1  # share of a metric's largest effect, from which a title names a field
 _MOST_LINES: Final = 8  # in a panel
 _MOST_MARKERS: Final = 60  # on a line, before they hide it
 _MOST_SHAPES: Final = 1000  # that are drawn as such, and not as a picture of them
-_BINS: Final = 8  # of a drawn field's interval, for means
-_IN_A_BIN: Final = 8  # points, at least
 _FEW: Final = 6  # places along an axis that get a tick each
 _FAR: Final = 50.0  # ratio of values from which an axis is logarithmic
 _MAP: Final = "viridis"
@@ -107,36 +116,89 @@ def _labelled(text: str, unit: str) -> str:
     return f"{text} / {divisor}" if unit else text
 
 
+@dataclass(frozen=True, kw_only=True)
+class Shown:
+    """The metrics that a sweep shows first."""
+
+    fields: list[_FieldAxis]  # that take several values
+    metrics: list[str]  # those asked for, or those that depend on a field, by effect
+    effects: Effects
+    chosen: bool  # by name
+    beyond: str  # what an effect has to be beyond
+
+    def claim(self, name: str) -> str:
+        """Return how a metric depends on the fields."""
+        real = {path: one for path, one in self.effects[name].items() if one.real}
+        if not real:
+            return f"{name}: no effect beyond {self.beyond}"
+        least = _LARGE * max(one.size for one in real.values())
+        words: dict[str, list[str]] = {}
+        for field in self.fields:
+            if field.path in real and real[field.path].size >= least:
+                word = "varies" if field.ticks else real[field.path].word
+                words.setdefault(word, []).append(field.path.rpartition(".")[2])
+        return f"{name} " + ", ".join(f"{w} with {' and '.join(of)}" for w, of in words.items())
+
+    def left_out(self, drawn: int) -> str:
+        """Return how many metrics there are beside those drawn, and why they are not."""
+        several = len(self.metrics)
+        if self.chosen:
+            return f"{drawn} of {several} metrics asked for" if drawn < several else ""
+        real = any(one.real for of in self.effects.values() for one in of.values())
+        which = "depend on a varied field" if real else "change, none beyond scatter"
+        text = f"{drawn} of {several} metrics that {which}, largest effects first"
+        if rest := len(self.effects) - several:
+            text += f"; {rest} others do not beyond {self.beyond if real else 'rounding'}"
+        return text
+
+
+def shown_metrics(result: SweepResult) -> Shown:
+    """Return what a sweep's figure and table show first."""
+    fields = [_field_axis(result, varied) for varied in result.plan.varied]
+    fields = [field for field in fields if len(field.places) > 1]
+    effects = sweep_effects(result, {field.path: field.at for field in fields})
+    chosen = result.plan.metrics is not None
+    every = [name for name in result.metrics.values() if np.isfinite(result.table[name]).any()]
+    metrics = every if chosen else ranked(effects)
+    exact = result.plan.trials == 1 and (result.plan.design == "grid" or len(fields) == 1)
+    return Shown(
+        fields=fields,
+        metrics=metrics,
+        effects=effects,
+        chosen=chosen,
+        beyond="rounding" if exact else "scatter or rounding",
+    )
+
+
 def plot_sweep(result: SweepResult) -> Figure | None:
     """Draw the metrics over the fields that take several values; None if nothing can be drawn.
 
-    The metrics are those asked for, or those that change.
+    The metrics are those asked for, or those with the largest effects.
     """
-    fields = [_field_axis(result, varied) for varied in result.plan.varied]
-    fields = [field for field in fields if len(field.places) > 1]
-    shown = [
-        name
-        for name in result.metrics.values()
-        if (_changes if result.plan.metrics is None else _defined)(result.table[name])
-    ]
-    if not fields or not shown:
+    shown = shown_metrics(result)
+    fields = shown.fields
+    if not fields or not shown.metrics:
         return None
     if len(fields) == 1:
-        return _lines(result, fields[0], _panels_of_metrics(result, shown), shown)
+        return _lines(result, fields[0], _panels_of_metrics(result, shown.metrics), shown)
     if len(fields) == 2 and not any(field.ticks for field in fields):
         return _maps(result, fields[0], fields[1], shown)
     if len(fields) == 2:
         over, by = sorted(fields, key=lambda field: bool(field.ticks))
-        return _lines(result, over, _panels_of_values(result, by, shown), shown, by.path)
-    return _grid(result, fields, shown)
+        return _lines(result, over, _panels_of_values(result, by, shown.metrics), shown, by.path)
+    return _grid(result, shown)
 
 
-def _defined(values: Array) -> bool:
-    return bool(np.isfinite(values).any())
+def _wrapped(title: str) -> str:
+    return textwrap.fill(title, 40, break_long_words=False)
+
+
+def _known(values: Array) -> Array:
+    return values[np.isfinite(values)]
 
 
 def _changes(values: Array) -> bool:
-    known = values[np.isfinite(values)]
+    known = _known(values)
     return len(known) > 1 and float(np.ptp(known)) > 1e-9 * float(np.max(np.abs(known)))
 
 
@@ -169,11 +231,15 @@ def _panels_of_values(
     result: SweepResult, by: _FieldAxis, shown: Sequence[str]
 ) -> list[list[_Line]]:
     """Return each metric as a panel, with a line for each value of a field that is no number."""
-    looks = list(zip(by.ticks, _COLORS, _MARKERS, strict=False))
+    styles = [
+        LOOPS.get(label, ("", {"color": color}))[1]
+        for label, color in zip(by.ticks, _COLORS, strict=False)
+    ]
+    looks = list(zip(by.ticks, styles, _MARKERS, strict=False))
     return [
         [
-            _Line(name, np.flatnonzero(by.at == i), label, {"color": color, "marker": marker})
-            for i, (label, color, marker) in enumerate(looks)
+            _Line(name, np.flatnonzero(by.at == i), label, {**style, "marker": marker})
+            for i, (label, style, marker) in enumerate(looks)
         ]
         for name in shown[:_MOST_PANELS]
     ]
@@ -183,25 +249,26 @@ def _lines(
     result: SweepResult,
     over: _FieldAxis,
     panels: Sequence[Sequence[_Line]],
-    shown: Sequence[str],
+    shown: Shown,
     by: str = "",
 ) -> Figure:
     figure, each = _subplots(len(panels))
+    labels: dict[str, Line2D] = {}
     for axes, lines in zip(each, panels, strict=True):
-        for line in lines:
-            _draw(axes, result, over, line)
+        labels |= {line.label: _draw(axes, result, over, line) for line in lines}
         name = lines[0].metric
-        last = name.rpartition(".")[2]
-        metrics = {line.metric for line in lines}
-        title = name if len(metrics) == 1 else last
-        dress(axes, title=title, x=over.label, y=_measured(result, name))
+        claim = shown.claim(name) if by or len(lines) == 1 else _most(result, lines)
+        dress(axes, title=_wrapped(claim), x=over.label, y=_measured(result, name))
         over.dress(axes.xaxis)
-        if by:
-            legend(axes, title=by, title_fontsize=8)
-        elif len(lines) > 1:
-            legend(axes)
         _mark_missing(axes, result, over)
     handles: list[Line2D | Patch] = []
+    if len(labels) > 1:
+        own = f"{by.rpartition('.')[2]} = " if by else ""
+        for label, line in labels.items():
+            style: Style = {"marker": line.get_marker(), "ms": 4, "label": own + label}
+            handles.append(
+                Line2D([], [], color=line.get_color(), linestyle=line.get_linestyle(), **style)
+            )
     if result.plan.trials > 1:
         text = f"mean of {result.plan.trials} seeds"
         handles.append(Line2D([], [], color="#333333", marker="o", markersize=4, label=text))
@@ -211,7 +278,14 @@ def _lines(
     return _finish(figure, result, shown, count, handles)
 
 
-def _draw(axes: Axes, result: SweepResult, field: _FieldAxis, line: _Line) -> None:
+def _most(result: SweepResult, lines: Sequence[_Line]) -> str:
+    """Return which of several metrics of the same name changes most."""
+    ranges = {line.label: float(np.ptp(_known(result.table[line.metric]))) for line in lines}
+    name = lines[0].metric.rpartition(".")[2].replace("_", " ")
+    return f"{name} changes most for {max(ranges, key=lambda label: ranges[label])}"
+
+
+def _draw(axes: Axes, result: SweepResult, field: _FieldAxis, line: _Line) -> Line2D:
     order = line.points[np.argsort(field.at[line.points], kind="stable")]
     x, y = field.at[order], result.table[line.metric][order]
     style = {**line.style, "markersize": 4}
@@ -221,12 +295,13 @@ def _draw(axes: Axes, result: SweepResult, field: _FieldAxis, line: _Line) -> No
         style["marker"] = ""
     (drawn,) = axes.plot(x, y, label=line.label, **style)
     if result.plan.trials == 1:
-        return
+        return drawn
     half, color = result.table[f"{line.metric}{INTERVAL}"][order], drawn.get_color()
     if field.ticks:
         axes.errorbar(x, y, half, color=color, linestyle="", capsize=4)
     else:
         axes.fill_between(x, y - half, y + half, color=color, alpha=0.2, linewidth=0)
+    return drawn
 
 
 def _measured(result: SweepResult, name: str) -> str:
@@ -252,29 +327,31 @@ def _missing(result: SweepResult, handle: Line2D | Patch) -> list[Line2D | Patch
 def _finish(
     figure: Figure,
     result: SweepResult,
-    shown: Sequence[str],
+    shown: Shown,
     count: int,
     handles: Sequence[Line2D | Patch],
 ) -> Figure:
     """Write the title, which says how many of the metrics there are, and the legend."""
     title = f"Sweep of {result.plan.job.entry.name}"
-    if count < len(shown):
-        title += f": {count} of the {len(shown)} metrics that change (--metric chooses)"
-    figure.suptitle(title, fontsize=11)
+    paths = " and ".join(field.path for field in shown.fields)
+    left_out = shown.left_out(count)
+    figure.set_label(f"{title} over {paths}{': ' if left_out else ''}{left_out}.")
+    chooses = "" if shown.chosen else " (--metric chooses)"
+    figure.suptitle(textwrap.fill(f"{title}: {left_out}{chooses}".rstrip(": "), 105), fontsize=9)
     if handles:
         place: Style = {"loc": "outside lower center", "fontsize": 8, "frameon": False}
-        figure.legend(handles=list(handles), ncols=4, **place)
+        figure.legend(handles=list(handles), ncols=3, **place)
     return figure
 
 
-def _maps(result: SweepResult, x: _FieldAxis, y: _FieldAxis, shown: Sequence[str]) -> Figure:
+def _maps(result: SweepResult, x: _FieldAxis, y: _FieldAxis, shown: Shown) -> Figure:
     """Draw each metric as a map, with contours."""
-    drawn = shown[:_MOST_PANELS]
-    figure, each = _subplots(len(drawn), width=4.6, height=3.7)
+    drawn = shown.metrics[:_MOST_PANELS]
+    figure, each = _subplots(len(drawn))
     cells = result.plan.design == "grid"
     for axes, name in zip(each, drawn, strict=True):
         (_cells if cells else _scattered)(axes, result, x, y, name)
-        dress(axes, title=name, x=x.label, y=y.label)
+        dress(axes, title=_wrapped(shown.claim(name)), x=x.label, y=y.label)
         axes.grid(False)
         x.dress(axes.xaxis)
         y.dress(axes.yaxis)
@@ -312,7 +389,7 @@ def _cells(axes: Axes, result: SweepResult, x: _FieldAxis, y: _FieldAxis, name: 
 
 def _name(axes: Axes, contours: ContourSet) -> None:
     contours.set(path_effects=_HALO)
-    for text in axes.clabel(contours, fontsize=7, fmt="%.3g"):
+    for text in axes.clabel(contours, fontsize=8, fmt="%.3g"):
         text.set_path_effects(_HALO)
 
 
@@ -338,23 +415,30 @@ def _scattered(axes: Axes, result: SweepResult, x: _FieldAxis, y: _FieldAxis, na
     axes.plot(x.at[gone], y.at[gone], **_GONE)
 
 
-def _grid(result: SweepResult, fields: Sequence[_FieldAxis], shown: Sequence[str]) -> Figure:
-    """Draw each metric over each field, all others being what they are."""
-    drawn = shown[:_MOST_ROWS]
-    fields = fields[:_MOST_PANELS]
-    figure = new_figure(1.0 + 3.0 * len(fields), 1.3 + 2.5 * len(drawn))
-    grid = figure.subplots(len(drawn), len(fields), squeeze=False, sharey="row")
+def _grid(result: SweepResult, shown: Shown) -> Figure:
+    """Draw each metric over each field, with the points of all values of the others."""
+    fields = sorted(shown.fields, key=lambda field: -_largest(shown, field))[:_MOST_PANELS]
+    fields = [field for field in shown.fields if field in fields]
+    rows = math.ceil(len(fields) / _COLUMNS)
+    drawn = shown.metrics[: max(_MOST_ROWS // rows, len(fields))]
+    columns = min(len(fields), _COLUMNS)
+    figure = new_figure(_WIDTH, 1.2 + 2.3 * rows * len(drawn))
     dots: Style = {"color": "#1b4f9c", "alpha": 0.35, "markersize": 5}
-    for row, name in zip(grid, drawn, strict=True):
+    blocks = figure.subfigures(len(drawn), 1, squeeze=False).ravel()
+    for block, name in zip(blocks, drawn, strict=True):
         values = result.table[name]
         many = len(values) > _MOST_SHAPES
-        for axes, field in zip(row, fields, strict=True):
+        block.suptitle(shown.claim(name), fontsize=10, fontweight="bold", x=0.02, ha="left")
+        grid = block.subplots(rows, columns, squeeze=False, sharey=True).ravel()
+        for axes in grid[len(fields) :]:
+            axes.set_axis_off()
+        for i, (axes, field) in enumerate(zip(grid, fields, strict=False)):
             axes.plot(field.at, values, ".", rasterized=many, **dots)
             x, y, half = zip(*_means(field, values), strict=True)
             style = {"marker": "_", "linestyle": ""} if field.ticks else {}
             axes.errorbar(x, y, half, color="#e07b00", linewidth=1.6, capsize=3, **style)
-            title, label = (name, _measured(result, name)) if axes is row[0] else ("", "")
-            dress(axes, title=title, x=field.label, y=label)
+            label = "" if i % columns else _measured(result, name)
+            dress(axes, title="", x=field.label, y=label)
             field.dress(axes.xaxis)
             _mark_missing(axes, result, field)
     handles: list[Line2D | Patch] = [
@@ -365,27 +449,26 @@ def _grid(result: SweepResult, fields: Sequence[_FieldAxis], shown: Sequence[str
     return _finish(figure, result, shown, len(drawn), handles)
 
 
+def _largest(shown: Shown, field: _FieldAxis) -> float:
+    return max(of[field.path].size for of in shown.effects.values())
+
+
 def _means(field: _FieldAxis, values: Array) -> Iterator[tuple[float, float, float]]:
     """Yield places along a field, the points' mean there and half of its interval."""
-    if len(field.places) <= _BINS:
+    if len(field.places) <= MOST_LEVELS:
         places, of = np.unique(field.at, return_inverse=True)
     else:
-        bins = min(_BINS, max(2, len(values) // _IN_A_BIN))
-        scaled = field.scaled(field.at)
-        edges = np.linspace(scaled.min(), scaled.max(), bins + 1)
-        of = np.clip(np.digitize(scaled, edges) - 1, 0, bins - 1)
+        edges, of = intervals(field.scaled(field.at))
         places = field.unscaled((edges[1:] + edges[:-1]) / 2)
     for k, place in enumerate(places.tolist()):
         known = values[(of == k) & np.isfinite(values)]
         yield place, *(mean_interval(known) if len(known) else (math.nan, math.nan))
 
 
-def _subplots(
-    count: int, *, width: float = 4.2, height: float = 3.2
-) -> tuple[Figure, Sequence[Axes]]:
-    columns = min(count, 3 if count != 4 else 2)
+def _subplots(count: int) -> tuple[Figure, Sequence[Axes]]:
+    columns = min(count, 2)
     rows = math.ceil(count / columns)
-    figure = new_figure(max(5.5, width * columns), 0.8 + height * rows)
+    figure = new_figure(_WIDTH if count > 1 else 5.5, 1.0 + 2.8 * rows)
     each = figure.subplots(rows, columns, squeeze=False).ravel()
     for unused in each[count:]:
         unused.set_axis_off()

@@ -12,6 +12,7 @@ from chamfer.analysis.report.console import table
 from chamfer.analysis.report.results import (
     SWEEP,
     command_text,
+    figure_captions,
     figure_files,
     json_text,
     versions,
@@ -20,7 +21,7 @@ from chamfer.analysis.report.results import (
 from chamfer.analysis.report.traces import table_bytes
 from chamfer.analysis.scenario.scenario_io import unstructure
 from chamfer.analysis.sweep.sweep import OK, SweepPlan, SweepResult
-from chamfer.analysis.sweep.sweep_figures import plot_sweep
+from chamfer.analysis.sweep.sweep_figures import plot_sweep, shown_metrics
 
 _FORMULA: Final = ("=", "+", "-", "@")  # a text that begins so is one to a spreadsheet
 _SHOWN_POINTS: Final = 40  # in a terminal
@@ -39,8 +40,10 @@ def write_sweep(out: Path, result: SweepResult, wall_seconds: float) -> dict[str
         OSError: If it can't be written.
     """
     figure = plot_sweep(result)
-    figures = figure_files({} if figure is None else {"sweep": figure})
+    drawn = {} if figure is None else {"sweep": figure}
+    figures = figure_files(drawn)
     document = _document(result, wall_seconds, list(figures))
+    document["captions"] = figure_captions(drawn)
     points = io.StringIO(newline="")
     writer = csv.writer(points, lineterminator="\n")
     writer.writerow(result.table)
@@ -59,22 +62,25 @@ def write_sweep(out: Path, result: SweepResult, wall_seconds: float) -> dict[str
 
 def sweep_text(result: SweepResult, document: Mapping[str, Any]) -> list[str]:
     """Return the points as a table for a terminal, shortened, and what became of them."""
-    metrics = list(result.metrics.values())
+    shown = shown_metrics(result)
+    metrics = (shown.metrics or list(result.metrics.values()))[:_SHOWN_METRICS]
     ends = [name for name in ("broken", "status") if name in result.table]
-    columns = [one.path for one in result.plan.varied] + [*metrics[:_SHOWN_METRICS], *ends]
+    columns = [one.path for one in result.plan.varied] + [*metrics, *ends]
     units = [result.table.units.get(name, "") for name in columns]
     cells = [list(map(_shown, result.table[name][:_SHOWN_POINTS])) for name in columns]
     lines = table([columns, units, *zip(*cells, strict=True)], right=range(len(columns) - 1))
     left_out = [
         f"{count} more {what}"
         for what, count in (
-            ("metrics", len(metrics) - _SHOWN_METRICS),
+            ("metrics", len(result.metrics) - len(metrics)),
             ("points", document["points"] - _SHOWN_POINTS),
         )
         if count > 0
     ]
     if left_out:
         lines.append(f"... {' and '.join(left_out)} in points.csv")
+    if shown.metrics and (text := shown.left_out(len(metrics))):
+        lines.append(text if shown.chosen else f"{text} (--metric chooses)")
     lines += ["", f"{document['points_ok']} of {document['points']} points ok"]
     lines += [f"{n} with a broken specification: {name}" for name, n in result.broken.items()]
     return lines + [f"{n} without a result: {reason}" for reason, n in result.reasons.items()]
