@@ -1,4 +1,4 @@
-"""What the thesis on hybrid position/force control prints about its runs."""
+"""Published results of the thesis on hybrid position/force control, for its runs."""
 
 from typing import Final
 
@@ -15,27 +15,27 @@ TITLE: Final = (
 _ASSUMED_PUMA = "masses, friction, contact and gains of the Puma are not published"
 _ASSUMED_ADEPT = "masses, friction, contact and gains of the Adept are not published"
 _LATE = (
-    "the arm lags in the approach: its gains are those that give two centimeters of error in "
-    "motion, and stiffer ones that are in time give a few millimeters"
+    "the arm lags in the approach: its gains give two centimeters of error in motion; stiffer "
+    "gains arrive in time but give a few millimeters"
 )
-_HELD = "of what is held, at any time: the mean of an oscillation may be right too"
+_HELD = "at any time while it holds: the mean alone may be right in spite of an oscillation"
 _ASSUMED_PLANAR = "gains, friction and contact stiffness are not published"
 
-_FIFTEEN = "chapter 2's own task is 15 N, three times what scratches"
+_FIFTEEN = "chapter 2's own task is 15 N, three times the force that scratches"
 _FIVE = "the thesis' own task is 5 N, the limit itself"
 _FAST = "section 2.2 approaches at 0.33 m/s, beyond the thesis' own limit"
 
 # fmt: off
 _KEPT: Final[tuple[Row, ...]] = specified(
     at_most("contact.losses", 0.0, "", "section 1.1.2: without losing contact",
-            "from the first touch on, bounces too, but for what a blow takes off"))
+            "from the first touch on, bounces included, losses by a blow not"))
 
 
 def _scratch(note: str) -> tuple[Row, ...]:
     """Return the limit of a sustained force on glass; the note says why a task breaks it."""
     return specified(
         at_most("damage.scratch_time", 1.0, "s", "section C.1: sustained above 5 N",
-                f"{note}; how long is sustained is not said, 1 s is assumed",
+                f"{note}; the thesis gives no duration, 1 s is assumed",
                 otherwise="does_not_hold"))
 
 
@@ -43,7 +43,7 @@ def _impact(note: str = "") -> tuple[Row, ...]:
     """Return the limit of impacts on glass; a note says why a task breaks it."""
     return specified(
         at_most("damage.safe_speed_share", 100.0, "%", "section C.2: 20 cm/s",
-                note or "less than half of what damages, 0.44 m/s and more",
+                note or "less than half of the damaging speed, 0.44 m/s and more",
                 otherwise="does_not_hold" if note else "not_reached"))
 
 
@@ -56,19 +56,19 @@ PUBLISHED: Final[tuple[Published, ...]] = (
         at_most("force.deviation", 0.75, "N", "section 2.3: force errors below 5 %",
                 _ASSUMED_PLANAR),
         at_least("force.peak", 30.0, "N", "section 2.2, Fig. 2-5: a large initial force spike",
-                 "asked for is twice the desired force; it grows with the root of the stiffness")),
+                 "the limit is twice the desired force; it grows with the root of the stiffness")),
     *of("planar-slide",
         near("contact_time", 4.5, 0.1, "s", "section 2.2, Fig. 2-6", "1.5 m at 0.33 m/s",
              kind="predicted"),
         near("force.deviation", 0.5, 0.1, "N", "section 2.2, Fig. 2-6: approximately 0.5",
-             f"which keeps section 2.3's 5 %, 0.75 N; {_ASSUMED_PLANAR}"),
+             f"within section 2.3's 5 %, 0.75 N; {_ASSUMED_PLANAR}"),
         near("position.lag_error", 0.003, 0.0005, "m", "section 2.2, Fig. 2-6: about 0.003",
              "lag of Kd/Kp; the gains are not published")),
     *of("planar-slide-late",
         near("force.deviation", 0.5, 0.1, "N", "section 2.2, Fig. 2-6: approximately 0.5",
-             "of a torque in time; here it is one sample late, with other gains"),
+             "published without delay; here the torque is one sample late, with other gains"),
         at_most("position.lag_error", 0.003, "m", "section 2.2, Fig. 2-6: about 0.003",
-                "of a torque in time; here it is one sample late, with other gains")),
+                "published without delay; here the torque is one sample late, with other gains")),
     *of("contact-recovery",
         at_least("without_loss_mode.growth_at_5", 1.0, "",
                  "section 2.1.4: retreats faster than before",
@@ -95,8 +95,8 @@ PUBLISHED: Final[tuple[Published, ...]] = (
     *of("puma-roller-motion-soft",
         at_least("force.deviation", 2.5, "N",
                  "section 3.1.4: on softer, damped surfaces the force spikes were still present",
-                 "asked for is half the 5 N of Fig. 3-6; the surfaces are not published, here a "
-                 "tenth of the table's stiffness and three times its damping")),
+                 "the limit is half the 5 N of Fig. 3-6; the surfaces are not published, assumed "
+                 "are a tenth of the table's stiffness and three times its damping")),
     *of("puma-nugget-hold",
         near("contact_time", 0.5, 0.1, "s", "section 3.1.3, Fig. 3-7", _LATE),
         near("force.final", 5.0, 0.25, "N", "section 3.1.3, Fig. 3-7", "integral action"),
@@ -108,7 +108,7 @@ PUBLISHED: Final[tuple[Published, ...]] = (
         near("force.below", -5.0, 1.0, "N", "section 3.1.3, Fig. 3-8", _ASSUMED_PUMA),
         near("position.lag_error", 0.02, 0.005, "m",
              "section 3.1.3, Fig. 3-8: up to two centimeters",
-             "with softer gains than the roller test: no one set gives both errors")),
+             "with softer gains than the roller test: no single set gives both errors")),
     *of("adept-roller-hold",
         near("contact_time", 6.0, 0.1, "s", "section 3.2.3, Fig. 3-11", _ASSUMED_ADEPT),
         near("force.final", 20.0, 0.5, "N", "section 3.2.3, Fig. 3-11", "integral action"),
@@ -117,7 +117,7 @@ PUBLISHED: Final[tuple[Published, ...]] = (
         near("contact_time", 1.8, 0.1, "s", "section 3.2.3, Fig. 3-12", _ASSUMED_ADEPT),
         near("force.final", 20.0, 0.5, "N", "section 3.2.3, Fig. 3-12", "integral action"),
         near("force.deviation", 15.0, 1.5, "N", "section 3.2.3, Fig. 3-12: up to 15 N",
-             "stiction of the quill on a plate that is assumed to be tilted by 0.011 rad"),
+             "stiction of the quill on a plate with an assumed tilt of 0.011 rad"),
         at_least("contact.share", 100.0, "%", "section 3.2.3, Fig. 3-12: always nonzero",
                  "of the time from the first touch on"),
         near("position.lag_error", 0.005, 0.001, "m",
@@ -140,23 +140,23 @@ PUBLISHED: Final[tuple[Published, ...]] = (
     *of("wrist-contention",
         at_least("force.deviation_ratio", 1.1, "",
                  "section 3.2.4, Fig. 3-15: the force suffers while the orientation is corrected",
-                 "asked for is 10 % more deviation; contact beside the wrist's axis is assumed")),
+                 "the limit is 10 % more deviation; contact off the wrist's axis is assumed")),
     *of("friction-remedies",
         between("roller.rubber_ratio", 0.5, 2.0, "",
                 "section 3.2.4: qualitatively similar on a rubber-covered plate",
-                "here the deviation is stiction times tilt and stiffness, and rubber yields; "
+                "here the deviation is stiction times tilt and stiffness, and rubber is soft; "
                 "the thesis' disturbance must have other causes too"),
         at_least("roller.gain_without_friction", 2.0, "",
                  "section 3.3: performance degrades largely by joint friction",
-                 "asked for is half the deviation without it"),
+                 "the limit is half the deviation without friction"),
         at_least("nugget.gain_without_friction", 2.0, "",
                  "section 3.3: performance degrades largely by joint friction",
-                 "asked for is half the deviation without it")),
+                 "the limit is half the deviation without friction")),
     *of("hybrid-stability",
         at_most("positive.inverse.growth", 0.01, "1/s",
                 "section 2.1.3: both schemes can be shown to be stable under PD control",
-                "true of position control alone; with a selection the Jacobian inverse can turn "
-                "feedback around (An and Hollerbach, 1987)", otherwise="does_not_hold"),
+                "true under position control only; with a selection the Jacobian inverse can "
+                "reverse the feedback (An and Hollerbach, 1987)", otherwise="does_not_hold"),
         at_most("positive.transpose.growth", 0.01, "1/s",
                 "section 2.1.3: both schemes can be shown to be stable under PD control")),
     *OBSERVER,
