@@ -52,7 +52,7 @@ OBSERVER: Final[tuple[Published, ...]] = (
     *of("surface-estimation-smooth",
         near("band.mean", 3.0, 0.3, "deg", "section 5.2.2, Fig. 5-4", _CALIBRATED),
         at_least("coverage", 99.0, "%", "section 5.2.2: has improved the accuracy significantly",
-                 "the band is halved, the error is not. Q grows with the square of the sample time,"
+                 "the band is halved, the error is not. Q grows with the square of the sample time"
                  " as if the surface turned at random, so the band is narrower than the lag",
                  otherwise="does_not_hold")),
     *of("surface-estimation-noise-free",
