@@ -13,9 +13,7 @@ from urllib.parse import quote
 from chamfer.analysis.report.atomic_write import locked, write_text, written
 from chamfer.analysis.report.check_text import (
     EXPLAINED,
-    WORDS,
     counts,
-    counts_text,
     kept,
     number,
     relation,
@@ -41,6 +39,7 @@ class _Section(NamedTuple):
     name: str
     paper: str
     figure: str
+    summary: str
     anchor: str
     checks: Sequence[Mapping[str, Any]]
     counted: Mapping[Verdict, int]
@@ -87,13 +86,18 @@ def report_text(out: Path, catalogue: Catalogue, *, running: str = "") -> str:
         for kind, count in counted.items()
         if count or kind == "experiment"
     ]
+    checks = [check for one in sections for check in one.checks]
     page = _macros().page(
         papers=[
             (load_paper(key, catalogue), list(group))
             for key, group in groupby(sections, lambda one: one.paper)
         ],
-        total=", ".join([*total, counts_text(check for one in sections for check in one.checks)]),
-        verdicts=WORDS,
+        total=", ".join(total),
+        counted=counts(checks),
+        far=sum(
+            "not exceeded" in said or "not undercut" in said for said in map(verdict_text, checks)
+        ),
+        limits=kept(checks),
         explained=EXPLAINED,
         unreadable=unreadable,
         running=running,
@@ -114,7 +118,7 @@ def _section(path: Path, summaries: Mapping[str, str]) -> _Section:
     macro = getattr(_macros(), kind)
     if kind == "experiment":
         name = experiment if folder.name == experiment else f"{experiment} ({folder.name})"
-        html, checks = macro(folder, document, summaries.get(experiment, "")), document["checks"]
+        html, checks = macro(folder, document), document["checks"]
     else:
         name, html, checks = f"{experiment} ({kind})", macro(folder, document), ()
     return _Section(
@@ -123,6 +127,7 @@ def _section(path: Path, summaries: Mapping[str, str]) -> _Section:
         name=name,
         paper=str(document["paper"]),
         figure=str(document["figure"]),
+        summary=summaries.get(experiment, "") if kind == "experiment" else "",
         anchor=re.sub(r"[^A-Za-z0-9-]+", "-", folder.name),
         checks=checks,
         counted=counts(checks),
@@ -177,13 +182,17 @@ def _caption(file: str) -> str:
     return words.capitalize() if chart == stem else f"State chart: {words}"
 
 
-def _encoded(folder: Path, name: str) -> str:
-    """Return a figure for an image of its own, so that the ids of two figures don't collide."""
+def _encoded(folder: Path, name: str) -> tuple[str, str]:
+    """Return a figure for an image of its own, and whether it is drawn or has pixels.
+
+    Images keep the ids of two figures apart. What is drawn may be inverted for a dark page.
+    """
     _link(folder, name)
     try:
-        return base64.b64encode((folder / name).read_bytes()).decode()
+        content = (folder / name).read_bytes()
     except OSError:
-        return ""
+        return "", ""
+    return base64.b64encode(content).decode(), "photo" if b"<image" in content else "drawn"
 
 
 def _link(folder: Path, name: str) -> str:

@@ -110,8 +110,11 @@ def test_page_is_self_contained_and_its_links_lead_somewhere(tmp_path: Path) -> 
     page = Page(report_text(tmp_path, known("fall", "rise")))
     assert not page.tags & {"script", "link", "iframe", "object"}
     assert len(page.ids) == len(set(page.ids))
-    assert {link.removeprefix("#") for link in page.links} <= set(page.ids)
-    assert all(link.startswith("#") for link in page.links)
+    own = {link.removeprefix("#") for link in page.links if link.startswith("#")}
+    assert own <= set(page.ids)
+    assert all(
+        (tmp_path / link).is_file() for link in set(page.links) - {f"#{one}" for one in own}
+    )
     prefix = "data:image/svg+xml;base64,"
     images = [base64.b64decode(src.removeprefix(prefix)) for src in page.images]
     assert images == [SVG.encode()] * 4
@@ -123,7 +126,7 @@ def test_a_copied_result_is_shown_too_and_its_replay_linked_where_it_is(tmp_path
     (tmp_path / "a:b #1" / "replay.html").write_text("<p>the replay</p>")
     page = Page(report_text(tmp_path, NONE))
     assert {"fall", "a-b-1"} <= set(page.ids)
-    (link,) = [one for one in page.links if not one.startswith("#")]
+    (link,) = [one for one in page.links if one.endswith(".html")]
     url = urljoin((tmp_path / "index.html").as_uri(), link)
     assert Path(unquote(urlsplit(url).path)).read_text() == "<p>the replay</p>"
 
@@ -136,7 +139,9 @@ def test_a_replay_or_figure_that_is_missing_is_said_and_not_linked(tmp_path: Pat
     assert "The figure response.svg is missing." in text
     assert "The 3-D replay replay.html is missing." in text
     assert words(text).count("3-D") == 1
-    assert all(link.startswith("#") for link in Page(text).links)
+    assert not [
+        link for link in Page(text).links if not link.startswith("#") and "svg" not in link
+    ]
 
 
 def test_checks_show_published_beside_measured_and_the_verdict_in_words(tmp_path: Path) -> None:
@@ -161,11 +166,30 @@ def test_checks_show_published_beside_measured_and_the_verdict_in_words(tmp_path
         "0.5 s calibrated section 3, &lt;Fig. 8&gt; △ not reached",
         "1 to 2.5 % 1.5 % calibrated",
         "≤ 1 s 2 s specification section 3, &lt;Fig. 8&gt; ✗ broken",
-        "1 experiment, 5 published values: 3 hold, 1 does not hold, 1 not reached; 1 of 2 "
-        "specifications kept",
-        "fall Fig. 1 3 ✗ 1 △ 1 ✗ 1 of 2",  # in the contents
+        "3 of 5 published values reproduced (bounds kept by more than a factor of two: 1) 1 claim "
+        "fails on the paper&#39;s own model 1 missed by our simulation 1 of 2 specifications kept",
+        "fall Fig. 1 ✓&nbsp;3 ✗&nbsp;1 △&nbsp;1 ✗&nbsp;1 of 2 specifications kept",
     ):
         assert row in said
+
+
+def test_a_figure_comes_before_its_checks_with_its_caption_and_opens_at_full_size(
+    tmp_path: Path,
+) -> None:
+    put(tmp_path, result(checks=[check()], captions={"response.svg": "It falls <fast>."}))
+    (tmp_path / "fall" / "diagram.svg").write_text("<svg><image/></svg>")
+    text = report_text(tmp_path, NONE)
+    figure, checks = text.index("<figcaption>It falls &lt;fast&gt;."), text.index('class="checks"')
+    assert figure < checks < text.index("<figcaption>Block diagram")
+    assert '<a href="fall/response.svg"><img class="drawn" alt="It falls &lt;fast&gt;."' in text
+    assert '<img class="photo" alt="Block diagram"' in text
+
+
+def test_sections_fold_and_the_first_is_open(tmp_path: Path) -> None:
+    for name in ("fall", "rise"):
+        put(tmp_path, result(name))
+    folded = [report_text(tmp_path, NONE, running=one) for one in ("", "1 of 3")]
+    assert [text.count('<details class="experiment" open>') for text in folded] == [1, 2]
 
 
 def test_everything_that_is_needed_to_remake_it_is_there(tmp_path: Path) -> None:
@@ -239,7 +263,7 @@ def test_a_design_is_shown_with_its_verdict_and_its_page(tmp_path: Path) -> None
     }
     (folder / "result.json").write_text(json_text(document))
     html = report_text(tmp_path, NONE)
-    assert "0 experiments, 1 design, " in html
+    assert "0 experiments, 1 design, no checks." in html
     assert "Verdict: <strong>likely</strong>, limited by a &lt; b." in html
     assert 'href="design-fall/design.html"' in html
     assert "Not the default scenario: <code>mass=2</code>." in html
@@ -265,7 +289,7 @@ def test_a_page_of_a_run_that_goes_on_says_so_and_reloads_itself(tmp_path: Path)
     assert Page(text).ids[-1] == "fall"
     text = write_report(tmp_path / "empty", NONE).read_text()
     assert "refresh" not in text
-    assert "0 experiments, no checks" in words(text)
+    assert "0 experiments, no checks." in words(text)
 
 
 def test_a_page_that_can_t_be_written_is_one_line(tmp_path: Path) -> None:

@@ -73,7 +73,7 @@ def test_report_shows_the_sweep_behind_its_experiment(toys: Catalogue, out: Path
     assert main(["run", "fall", "--out", str(out)], catalogue=toys) == 0
     assert run(out, toys, "fall", "--vary", "height=1,2,200") == 0
     page = (out / "index.html").read_text()
-    assert "1 experiment, 1 sweep, " in page
+    assert "1 experiment, 1 sweep" in page
     assert page.index('<article id="fall">') < page.index('<article id="sweep-fall">')
     section = page[page.index('<article id="sweep-fall">') :]
     assert "3 points of its scenario (grid), 2 with a result" in section
