@@ -51,7 +51,7 @@ class BoardPoses:
 
     tilt: float = 0.7  # rad, between its normal and the optical axis, at most
     roll: float = 0.4  # rad, about its normal, at most
-    extent: tuple[float, float] = (0.4, 0.8)  # of the picture's width, that its width covers
+    extent: tuple[float, float] = (0.4, 0.8)  # share of the picture's width that the board covers
 
     def __post_init__(self) -> None:
         require_between(self, 0, 1.2, "tilt")
@@ -169,7 +169,7 @@ class DrawnCameras:
     width: int = 640  # pixels
     height: int = 480  # pixels
     focal_length: tuple[float, float] = (500.0, 900.0)  # pixels, least and most
-    aspect: float = 0.01  # of fy to fx from 1, at most
+    aspect: float = 0.01  # largest deviation of fy/fx from 1
     principal_point: float = 15.0  # pixels, from the image's middle along u and v, at most
     k1: tuple[float, float] = (-0.3, 0.1)  # of the distortion, least and most
     k2: tuple[float, float] = (0.0, 0.15)  # of the distortion, least and most
@@ -213,7 +213,7 @@ class CalibrationScenario:
 
     sets: int = 40  # of pictures
     pictures: int = 12  # of a set
-    board: str = "chessboard:9x6:25mm"  # as chamfer calibrate takes it
+    board: str = "chessboard:9x6:25mm"  # in the notation of chamfer calibrate
     cameras: DrawnCameras = field(default_factory=DrawnCameras)
     poses: BoardPoses = field(default_factory=BoardPoses)
     picture: BoardPicture = field(default_factory=BoardPicture)

@@ -66,7 +66,7 @@ class AlignmentComparisonScenario(AlignmentTrialsScenario):
     """
 
     trials: int = 10
-    tuning_trials: int = 0  # of every candidate; 0: the scenario's own parameters
+    tuning_trials: int = 0  # trials of every candidate; 0: the scenario's own parameters
     small_lateral: tuple[float, ...] = (2e-5, 3e-5)  # m, candidates for the state machine
     small_rotational: tuple[float, ...] = (4e-4, 6e-4, 8e-4, 1e-3)
     # rad, candidates for the state machine

@@ -499,7 +499,7 @@ class RepeatabilityScenario(AlignmentTrialsScenario):
     """The same, with the support to whose wedging diagram the errors belong."""
 
     support: OpenSupport = field(default_factory=OpenSupport)
-    # for the margins; what is left open: of the arms, where two points may begin to wedge
+    # for the margins; open fields: derived from the arms, where two points may begin to wedge
 
     UNUSED_OF_PARTS: ClassVar[tuple[str, ...]] = ("bore_depth",)
 

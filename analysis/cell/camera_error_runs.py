@@ -212,14 +212,14 @@ class CameraErrorsScenario(AlignmentTrialsScenario):
 
     initial_error: tuple[float, ...] = AlignmentScenario.initial_error
     trials: int = 4  # runs with drawn errors and starts, each with and without the errors
-    compensation_time: float = 6.0  # s, the end: what is left then is bias, the rest was slow
-    soon: float = 2.5  # s, of the compensation, after which is looked too; section 5
-    behind: float = 0.1  # m, from the tip, where the peg's axis is looked at too
-    off_axis: float = 0.02  # m, from the optical axes to parts that are off them; assumed
-    points: int = 3  # sizes of an error of parts at rest, up to the largest; 0: none at rest
-    largest: float = 1.0  # of the sizes that an error may well have: the largest that is tried
-    drawn: float = 0.5  # of them: drawn errors are at most as large
-    errors: tuple[str, ...] = ()  # names of those to be tried alone; none: all
+    compensation_time: float = 6.0  # s, the end; the error left then is bias, the rest was slow
+    soon: float = 2.5  # s, time of the compensation for an earlier evaluation; section 5
+    behind: float = 0.1  # m, from the tip, where the peg's axis is evaluated too
+    off_axis: float = 0.02  # m, distance of off-axis parts from the optical axes; assumed
+    points: int = 3  # sizes of an error with parts at rest, up to the largest; 0: none at rest
+    largest: float = 1.0  # largest error tried, over its realistic size
+    drawn: float = 0.5  # largest drawn error, over its realistic size
+    errors: tuple[str, ...] = ()  # names of the errors to try alone; none: all
     controllers: tuple[ControllerKind, ...] = ("fsm",)  # of the loop: fsm, pid
     measurements: tuple[Measured, ...] = ("image",)  # image, metric
 

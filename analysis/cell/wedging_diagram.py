@@ -82,7 +82,7 @@ class WedgingScenario:
 
     parts: ColouredParts = field(default_factory=ColouredParts)
     support: Support = field(default_factory=Support)
-    # of the paper's figure and its errors, and not what the cell's arms are to the peg
+    # of the paper's figure and its errors; not the support by the cell's arms
     centre_distances: tuple[float, ...] = (0.0, 0.03)  # m, L_g, more regions to draw; assumed
     published_mean: InitialErrors = InitialErrors(lateral=MEAN_ERROR[0], rotation=MEAN_ERROR[1])
     published_worst: InitialErrors = InitialErrors(lateral=WORST_ERROR[0], rotation=WORST_ERROR[1])
@@ -91,7 +91,7 @@ class WedgingScenario:
     )  # in the box; assumed
     alignment: RepeatabilityScenario | None = field(
         default_factory=lambda: RepeatabilityScenario(trials=10)
-    )  # whose trials' ends are drawn in, with these parts, ten as in section 5; null: none
+    )  # whose final errors are drawn, with these parts, ten as in section 5; null: none
     depth: float = 0.06  # m, of the bore; assumed
     points: int = 401  # of every curve
 

@@ -35,9 +35,9 @@ class CentreScenario:
 
     parts: PegAndHole = field(default_factory=lambda: PegAndHole(**_NIST_16MM))
     compliance: ComplianceParams = ComplianceParams(kind="rcc")  # its own centre is marked
-    arm: Support | None = None  # that gives way behind it, from the tip; None: none does
+    arm: Support | None = None  # compliance of the arm behind it, from the tip; None: a rigid arm
     start: InitialErrors = InitialErrors(lateral=0.001, rotation=0.01)
-    # of equal signs they add; assumed
+    # errors; with equal signs they add; assumed
     nearest: float = -0.02  # m, the first centre, from the tip away from the hole
     farthest: float = 0.15  # m, the last
     points: int = 41  # centres between them

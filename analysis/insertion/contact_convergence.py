@@ -62,7 +62,8 @@ class ConvergenceScenario:
             lateral=0.0, tilt=0.045, depth=0.02, gap=0.001, speed=0.04
         )
     )
-    stuck_tilt: float = 0.08  # rad, of a start beyond the last tilt that a push slides; assumed
+    stuck_tilt: float = 0.08
+    # rad, of a start beyond the last tilt at which a push slides the peg; assumed
     steps: tuple[float, ...] = (2e-3, 1e-3, 5e-4, 2.5e-4)  # s, of the plant, the finest last
     stiffnesses: tuple[float, ...] = (1e5, 1e6, 1e7, 1e8)  # N/m, of a contact at a point
     facets: tuple[int, ...] = (32, 64, 128)  # of the bore

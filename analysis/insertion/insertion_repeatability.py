@@ -72,8 +72,9 @@ class InsertionTrialsScenario(InsertionScenario, AlignmentTrialsScenario):
     """
 
     initial_error: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # the middle of the starts
-    trials: int = 10  # as section 5's runs; 200 for the issue of its rates
-    beside: tuple[Way, ...] = ("wait", "frozen", "settling")  # of the same starts
+    trials: int = 10  # as in section 5; use 200 for success rates
+    beside: tuple[Way, ...] = ("wait", "frozen", "settling")
+    # further variants with the same starts
 
     WHOLE: ClassVar[Mapping[str, Cells]] = {"cell": CELLS}
 

@@ -57,7 +57,7 @@ class JammingScenario:
     )  # the starts are below
     tilts: tuple[float, ...] = (0.02, 0.03, 0.04, 0.05, 0.06)  # rad, of the starts
     laterals: tuple[float, ...] = (0.0, 0.001)  # m, of the starts, each with each tilt
-    depth_ratios: tuple[float, ...] = (0.9, 1.2, 1.6, 2.2)  # lambda, of what is drawn
+    depth_ratios: tuple[float, ...] = (0.9, 1.2, 1.6, 2.2)  # lambda, of the drawn parallelograms
 
     def __post_init__(self) -> None:
         for name in ("tilts", "laterals"):

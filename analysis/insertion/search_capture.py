@@ -50,7 +50,7 @@ class SearchCaptureScenario:
         default_factory=lambda: make_scenario(InsertionScenario(), settings=_CELL)
     )
     errors: tuple[float, ...] = (0.0025, 0.0035, 0.0045)
-    # m: the radius of a disc, over which it is drawn evenly
+    # m: radius of a disc over which the error is uniform
     trials: int = 5  # of each error, simulated
     draws: int = 2000  # likewise, by geometry
 

@@ -39,7 +39,7 @@ class PlantFamily:
     """The known properties of the plants to identify."""
 
     stiffness: tuple[float, ...] = (400.0, 500.0, 600.0, 700.0, 800.0, 900.0, 1000.0)
-    # N/m, for which the plant behind the response is looked for
+    # N/m, of the plant to identify from the response
 
     def __post_init__(self) -> None:
         if not self.stiffness or not all(0 < k < math.inf for k in self.stiffness):

@@ -89,9 +89,10 @@ class Disturbances:
     noise: float | None = None
     # m, half-width of the camera's noise instead of its own; None: three times its largest error
     friction: float | None = None
-    # m of the command, by which it goes ahead of the plant, either way; None: twice the tolerance
-    lost: float = 0.3  # share of frames in which nothing is found
-    plant: float = 0.3  # share, by which gain and all times of the plant are off, either way
+    # m of the command, largest lead of the command over the plant, either way; None: twice the
+    # tolerance
+    lost: float = 0.3  # share of frames without a measurement
+    plant: float = 0.3  # relative error of gain and all times of the plant, either way
 
     def __post_init__(self) -> None:
         require_not_negative(self, "noise", "friction")
@@ -105,7 +106,7 @@ class Disturbances:
 class StepSpread:
     """By how much trials differ, beside their noise."""
 
-    step: float = 0.25  # share, of the step's height, uniform within plus and minus it
+    step: float = 0.25  # relative spread of the step's height, uniform within plus and minus this
 
     def __post_init__(self) -> None:
         if not 0 <= self.step < 1:

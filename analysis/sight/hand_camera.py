@@ -44,8 +44,8 @@ class HandCameraScenario:
     )
     camera: HandMount = HandMount()
     gap: float = 0.03  # m, from the peg's tip to the hole's mouth
-    lateral: float = 0.002  # m, half-width, of where the hole is, along each axis
-    rotational: float = 0.035  # rad, likewise, about each axis
+    lateral: float = 0.002  # m, half-width of the hole's position, along each axis
+    rotational: float = 0.035  # rad, half-width of the hole's angle, about each axis
 
     def __post_init__(self) -> None:
         require_positive(self, "gap", "lateral", "rotational")

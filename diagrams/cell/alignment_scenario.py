@@ -114,18 +114,18 @@ class AlignmentScenario(WorkCellScenario):
     """The arms hold the parts at a distance, and the cameras align them (Figs. 12 to 14)."""
 
     compensated: Compensated | None = None
-    # which arm takes the compensation; None: both, section 5, or what there is of them
+    # the arm that takes the compensation; None: both, section 5, or the only one
     controller: ControllerChoice = ControllerChoice()
     cameras: CameraSettings = field(default_factory=CameraSettings)
     compensator: SixAxisSettings = field(default_factory=SixAxisSettings)
     pid: SixAxisPid = field(default_factory=SixAxisPid)
     initial_error: tuple[float, ...] = (0.0, 0.006, -0.008, 0.0, 0.05, -0.06)
-    # m and rad, of the peg's commanded pose, as errors of the kinematic model make it, along and
+    # m and rad, of the peg's commanded pose, caused by errors of the kinematic model, along and
     # about the hole's axes; assumed
-    start_offset: Vector3 = (0.0, 0.0, 0.0)  # m, likewise, from the peg's goal to where it starts
+    start_offset: Vector3 = (0.0, 0.0, 0.0)  # m, likewise, from the peg's goal to its start
     motion_time: float = 2.0  # s, from there to the goal
     begin: float = 1.5  # s, of the compensation; until then impedance control alone
-    compensation_time: float = 2.5  # s, how long the compensation lasts; section 5
+    compensation_time: float = 2.5  # s, duration of the compensation; section 5
 
     UNUSED_OF_PARTS: ClassVar[tuple[str, ...]] = OF_CONTACT
 

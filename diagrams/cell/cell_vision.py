@@ -92,16 +92,16 @@ class CameraSettings(CellCameras):
     """The cameras, what delivers their images, and what is measured in them."""
 
     kind: CamerasKind = "pair"
-    # pair: two that stand at right angles; hand: one beside the peg, that sees the mouth of a hole
-    # in a plate; none: the arm goes where it believes the hole to be
+    # pair: two at right angles; hand: one next to the peg that sees the mouth of a hole in a
+    # plate; none: the arm goes to the believed position of the hole
     hand: HandMount = HandMount()
-    measured: Measured = "image"  # metric: by stereo, with the cameras' places known
+    measured: Measured = "image"  # metric: by stereo, with the cameras' believed poses
     frames: FrameGrabberParams = field(default_factory=FrameGrabberParams)
-    # of both; at its period the controller ticks
+    # of both; their period is also that of the controller
     xz: ViewSettings = ViewSettings()
     xy: ViewSettings = ViewSettings()
     most_misses: int = CellErrorParams.most_misses
-    # of the slower camera's frames in a row; more and the approach stops
+    # missed frames of the slower camera in a row; with more the approach stops
     continuity: ContinuityParams = field(default_factory=ContinuityParams)
 
     def __post_init__(self) -> None:

@@ -102,19 +102,20 @@ class CellArmSettings:
     model: str = "wam"
     # wam, ur5e, scara, or path of a URDF with six or more revolute joints
     tool_frame: str | None = None  # its link that carries the tool; None: the arm's end
-    base: Placement  # X_WB, where the controller takes the base to be; assumed
+    base: Placement  # X_WB, the controller's believed pose of the base; assumed
     posture: tuple[float, ...] | None = None
-    # rad, near which the rest posture is sought; None: the WAM's, assumed, or searched
+    # rad, start of the search for the rest posture; None: the WAM's, assumed, or searched
     tool: ToolParams
     payload_error: float  # kg, unknown to the controller
     payload_position: Vector3  # m, of it in the tool's frame
-    mass_scale: float = 1.0  # the links' masses over those that the controller knows
-    base_error: Placement = field(default_factory=Placement)  # true base in the supposed one
+    mass_scale: float = 1.0  # the links' masses over those in the controller's model
+    base_error: Placement = field(default_factory=Placement)
+    # pose of the true base in the believed one
     joint_friction: tuple[float, ...] | Literal["panda"] | None = None
     # N m, Coulomb, of each joint, mean of both directions, unknown to the controller; 0: none;
-    # None: the model's; panda: as measured of a Panda, with asymmetry and damping
+    # None: the model's; panda: measured on a Panda, with asymmetry and damping
     friction_asymmetry: tuple[float, ...] | None = None
-    # of it, forward less backward over their sum, from -1 to 1; None: as much either way
+    # forward less backward friction over their sum, from -1 to 1; None: equal
     joint_damping: tuple[float, ...] | None = None
     # N m s/rad, viscous, of each joint; None: the model's
     rotor_inertia: tuple[float, ...] | None = None
@@ -181,10 +182,9 @@ class CellArmSettings:
 class HoleSettings(CellArmSettings):
     """The holder of the hole: an arm like the other one, or a fixture without an arm's fields."""
 
-    kind: HoleKind = "arm"  # or fixture: the hole is fixed in the world
-    position_error: float = 0.0
-    # m, half-width, by which a fixture is believed to be off across its axis at most
-    angle_error: float = 0.0  # rad, likewise, by which its axis is tilted
+    kind: HoleKind = "arm"  # fixture: the hole is fixed in the world
+    position_error: float = 0.0  # m, half-width of the believed error of a fixture across its axis
+    angle_error: float = 0.0  # rad, half-width of the believed tilt of its axis
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -49,14 +49,15 @@ class FedCellScenario(WorkCellScenario):
     peg: CellArmSettings = replace(PEG_ARM, payload_error=0.0)
     hole: HoleSettings = replace(HOLE_ARM, payload_error=0.0)
     gap: float = 0.006  # m, from tip to mouth at the start; assumed
-    feed: float = 0.12  # m; what is not depth is push, by the arms' stiffness; assumed
+    feed: float = 0.12
+    # m; the part beyond the depth becomes push, by the arms' stiffness; assumed
     speed: float = 0.02  # m/s, of the feed; assumed
     depth: float = 0.04  # m, of the tip below the mouth, at which the peg is in; assumed
     rest: float = 0.2  # s, between the feed and its end; assumed
-    withdrawal_speed: float = 0.1  # m/s, with which the push is taken away; assumed
+    withdrawal_speed: float = 0.1  # m/s, with which the push is removed; assumed
     contact: ContactMaterial = field(default_factory=ContactMaterial)
     support: OpenSupport = field(default_factory=OpenSupport)
-    # that theory goes by; what is left open: of the arms, at the depth in question
+    # of the theory; open fields: derived from the arms, at the depth in question
     approximation: Convex = "lagged"  # of contact, by Drake
     step: float = 0.001  # s, of the plant
 

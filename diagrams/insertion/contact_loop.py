@@ -54,7 +54,7 @@ class ContactLoop:
     """The elements of the loop; sixes are about and along the hole's axes, x into it."""
 
     servo: ServoParams
-    admittance: ContactAdmittanceParams  # damping None: what the contact needs
+    admittance: ContactAdmittanceParams  # damping None: designed for the contact
     wrist: WristParams  # springs and tool
     contact: tuple[float, ...]  # N m/rad and N/m, of part and fixture at the tip, 0: none
     bandwidth: float = 0.0  # Hz, of the sensor's first-order filter, 0: none

@@ -116,17 +116,20 @@ class InsertionScenario(AlignmentScenario):
     insert: InsertParams = field(default_factory=InsertParams)
     search: SearchParams = field(default_factory=SearchParams)
     contact: ContactMaterial = field(default_factory=ContactMaterial)
-    approximation: Approximation = "lagged"  # of contact, by Drake; tamsi: of such an arm alone
+    approximation: Approximation = "lagged"  # of contact, by Drake; tamsi: only with such an arm
     support: OpenSupport = field(default_factory=OpenSupport)
-    # that the decision and theory go by; what is left open: of the arms, at the depth in question
-    arm: ArmInterface = field(default_factory=ArmInterface)  # what the peg's arm takes
+    # of the decision and the theory; open fields: derived from the arms, at the depth in question
+    arm: ArmInterface = field(default_factory=ArmInterface)
+    # the peg's arm: its commands and servos
     admittance: ContactAdmittanceParams = field(default_factory=ContactAdmittanceParams)
     # of an arm that takes positions
-    compliance: ComplianceParams = field(default_factory=ComplianceParams)  # of such a one too
+    compliance: ComplianceParams = field(default_factory=ComplianceParams)
+    # also of an arm that takes positions
     sensor: WristSensorParams = field(default_factory=WristSensorParams)  # at its wrist
     peg_excess: float = 0.0
-    # m, of the peg's radius over that of parts: a wrong part; from 5 % on it is not recognised
-    duration: float = 60.0  # s, how long the run may last
+    # m, excess of the peg's radius over that of parts: a wrong part; from 5 % on it is not
+    # recognised
+    duration: float = 60.0  # s, longest run
 
     UNUSED_OF_PARTS: ClassVar[tuple[str, ...]] = ()
     WHOLE: ClassVar[Mapping[str, Cells]] = {"cell": single(CELLS)}

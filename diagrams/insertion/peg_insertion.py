@@ -61,7 +61,7 @@ class FeedSupport(Support):
     """The support with what Whitney's theory does not need."""
 
     axial_stiffness: float = 2e4  # N/m, of feed and support along the axis; assumed
-    damping_ratio: float = 0.1  # of the peg on each spring; assumed, little: quasi-static
+    damping_ratio: float = 0.1  # of the peg on each spring; assumed, small: quasi-static
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -79,11 +79,11 @@ class FeedScenario:
     parts: PegAndHole = field(default_factory=PegAndHole)
     support: FeedSupport = field(default_factory=FeedSupport)
     speed: float = 0.02  # m/s, of the feed; assumed
-    force_cap: float = 40.0  # N, the hardest push of the feed; assumed
+    force_cap: float = 40.0  # N, largest push of the feed; assumed
     depth: float = 0.03  # m, commanded, of the tip below the mouth; assumed
     gap: float = 0.003  # m, from tip to mouth at the start; assumed
     rest: float = 0.1  # s, between the feed and the withdrawal; assumed
-    mass: float = 0.25  # kg, of the peg and what moves with it; assumed
+    mass: float = 0.25  # kg, of the peg and the bodies that move with it; assumed
     contact: ContactMaterial = field(default_factory=ContactMaterial)
     stiction: float = 1e-4  # m/s, speed below which a contact sticks, creeping; by Drake
     approximation: Convex = "lagged"  # of contact, by Drake

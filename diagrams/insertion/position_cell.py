@@ -53,7 +53,7 @@ class WristSensorParams(WrenchSensorParams):
     cross_talk: Matrix6 = _NO_CROSS_TALK
     origin: tuple[float, float, float] = (0.0, 0.0, 0.1)
     # m, where moments are taken, from the peg's tip, z away from the hole
-    tool_mass: float | None = None  # kg, believed; None: what tool and device weigh
+    tool_mass: float | None = None  # kg, believed; None: the mass of tool and device
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -59,7 +59,7 @@ class ServoCameraParams(CameraErrorParams):
     resolution: float = 2e-4  # m, assumed
     latency: float = 0.02  # s, assumed
     noise: float = 1e-4  # m, assumed
-    lost: float = 0.0  # share of frames in which nothing is found
+    lost: float = 0.0  # share of frames without a measurement
 
     def __post_init__(self) -> None:
         super().__post_init__()

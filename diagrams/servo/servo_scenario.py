@@ -40,7 +40,7 @@ _AT_REST = 0.2  # of the run, at its end, in which the loop should be at rest
 class PlantParams(SpringMassDamperParams):
     """The plant of the FSM loop; the PID always drives the force-to-velocity form, as eq. (2)."""
 
-    form: Form = "position"  # velocity: what the paper says it simulated; compliance: force in
+    form: Form = "position"  # velocity: the plant that the paper names; compliance: force in
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -58,8 +58,8 @@ class FsmParams(OpenAxisParams):
     dead_zone: float = 0.01  # m, 1 % of the step, assumed
     period: float = 1 / 80  # s, between two ticks; section 4
     feedforward: bool | None = None
-    # the desired trajectory goes to the plant too, as on the robot, which takes a plant in
-    # position form; None: a sinusoid does, a step does not
+    # the desired trajectory goes to the plant too, as on the robot, which needs a plant in
+    # position form; None: for a sinusoid, not for a step
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -27,12 +27,12 @@ class CameraModel:
     """
 
     focal_length: tuple[float, float] | None = None  # pixels, along u and v
-    principal_point: tuple[float, float] | None = None  # pixels, where the optical axis is seen
+    principal_point: tuple[float, float] | None = None  # pixels, image of the optical axis
     distortion: Coefficients | None = None  # k1, k2, p1, p2, k3 of OpenCV's model
     position: tuple[float, float, float] | None = None  # m: right, down, ahead
     tilt: tuple[float, float] | None = None  # rad, about u and about v
     roll: float | None = None  # rad, beyond the other one's
-    file: str | None = None  # that chamfer calibrate wrote; says what is open
+    file: str | None = None  # written by chamfer calibrate; fills the open fields
     camera: Eye | None = None  # of a file of two, None: left
 
     def __post_init__(self) -> None:

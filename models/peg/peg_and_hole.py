@@ -255,7 +255,7 @@ class PegAndHole(PegHoleGeometry):
     is parallel to faces: what touches are lines across it.
     """
 
-    section: Section = "round"  # of both; of square ones a radius is half the width
+    section: Section = "round"  # of both parts; with square ones a radius is half the width
     peg_chamfer_share: float = 0.5  # part of the chamfers' width that is on the peg; assumed
     peg_chamfer_angle: float = math.pi / 4
     # rad, of the peg's chamfer, from the end face; chamfer_angle is the hole's; assumed

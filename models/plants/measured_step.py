@@ -35,8 +35,8 @@ class IdentifiedPlant:
 
     gain: float  # position per command at rest
     lag: float  # s, the sum of the plant's lags
-    ratio: float  # of the second power, over the square of the lag
-    dead_time: float  # s, before anything moves
+    ratio: float  # coefficient of the second power, over the square of the lag
+    dead_time: float  # s, before the position moves
     covariance: tuple[float, ...]  # of these four, 16 numbers row by row, in their units
 
     def __post_init__(self) -> None:

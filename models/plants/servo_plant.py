@@ -88,7 +88,8 @@ class ServoPlantParams(SpringMassDamperParams):
     denominator: tuple[float, ...] | None = None  # of that transfer function, highest power first
     measured: str | None = None
     # a CSV file with the columns time s, command and position, of a step, instead of both
-    identified: IdentifiedPlant | None = None  # what was found in it; None: to be found
+    identified: IdentifiedPlant | None = None
+    # the plant identified from it; None: not identified yet
     dead_time: float = 0.0  # s, of the plant alone, without the camera's
 
     def __post_init__(self) -> None:

@@ -88,8 +88,8 @@ class FrameGrabberParams:
     period: float = 1 / 80  # s, between exposures, section 4
     offset: float = 0.0  # s, of the first exposure
     latency: int = 1  # of an image, in periods from the exposure to its arrival
-    noise: float = 4.0  # grey levels, standard deviation; not 0: the port random has to be fed
-    miss: float = 0.0  # probability that a frame is dropped; as for noise
+    noise: float = 4.0  # grey levels, standard deviation; if not 0, connect the port random
+    miss: float = 0.0  # probability that a frame is dropped; if not 0, connect the port random
 
     def __post_init__(self) -> None:
         require_between(self, *_PERIODS, "period", unit="s, not Hz")
@@ -210,7 +210,7 @@ NEUTRAL: Final = (1.0, 1.0, 1.0)
 class SensorParams:
     """A camera's shutter, the light that its lens loses, and the colours that it sees."""
 
-    exposure: float = 0.0  # s, how long the shutter is open, until the frame's instant
+    exposure: float = 0.0  # s, time that the shutter is open, until the frame's instant
     vignetting: float = 0.0  # share of the light that is lost in the image's corners
     white_balance: tuple[float, float, float] = NEUTRAL  # gains of red, green and blue
 

@@ -58,16 +58,17 @@ class HandMount:
     width: int = 640  # pixels
     height: int = 480  # pixels
     distortion: Coefficients = UNDISTORTED  # k1, k2, p1, p2, k3 of OpenCV's model
-    reach: float = 0.004  # m, how far from where it is expected the mouth is looked for
+    reach: float = 0.004  # m, largest distance of the mouth from its expected position
     error: tuple[float, ...] = (0.0,) * 6
-    # m and rad, of the true camera along and about the believed one's axes, after calibration
+    # m and rad, error of the true camera along and about the believed one's axes, after
+    # calibration
     frames: FrameGrabberParams = FrameGrabberParams(period=0.05)
-    # assumed; it looks while the mouth is not hidden
+    # assumed; it takes frames while the mouth is not hidden
     file: str | None = None
-    # of `chamfer calibrate --poses`, which says lens and deviations; None: as they are here
+    # of `chamfer calibrate --poses`, with lens and deviations; None: the fields here
     angle_deviation: float = 2.5e-4
-    # rad, an axis, that calibration states: trials draw errors so large
-    position_deviation: float = 4e-5  # m, likewise, of where it is mounted
+    # rad, standard deviation about an axis, by calibration: trials draw such errors
+    position_deviation: float = 4e-5  # m, likewise, of its position
 
     def __post_init__(self) -> None:
         require_positive(self, "distance", "reach")

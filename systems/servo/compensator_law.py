@@ -60,9 +60,9 @@ class OpenAxisParams:
     """
 
     dead_zone: float | None = None
-    # m or rad or pixels, a measured error smaller than this is left alone
-    divider: float = 5.0  # a small error gets the increment over this; n/5 of Fig. 4
-    large_error: float | None = None  # m or rad or pixels, from here on an error is large
+    # m or rad or pixels, a smaller measured error gets no increment
+    divider: float = 5.0  # a small error gets the increment divided by this; n/5 of Fig. 4
+    large_error: float | None = None  # m or rad or pixels, least error that counts as large
     increment: float | None = None  # m or rad or N, n of Fig. 4, added per tick to a large error
     limit: float | None = None  # m or rad or N, bound on the total compensation
 

@@ -27,7 +27,7 @@ class Sinusoid:
     """``amplitude sin(frequency t)``; the paper prints the amplitude but not the frequency."""
 
     amplitude: float = 1.0  # m, half of the way from peak to peak; Fig. 9
-    frequency: float = 1.0  # rad/s, assumed: what Simulink's block starts with
+    frequency: float = 1.0  # rad/s, assumed: the default of Simulink's block
 
     def __post_init__(self) -> None:
         require_finite(self, "amplitude")

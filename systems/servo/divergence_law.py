@@ -25,8 +25,9 @@ class DivergenceParams:
 
     watched: tuple[Watched, ...]
     size: int  # of the error
-    factor: float = 1.5  # of the start, beyond which an error has grown; infinity: none has
-    frames: int = 5  # that have to say so, each that does not takes back a quarter; assumed
+    factor: float = 1.5  # ratio to the start beyond which an error has grown; infinity: never
+    frames: int = 5
+    # frames with grown errors until it reports; each other frame takes back a quarter; assumed
     period: float = 1 / 80  # s, section 4
 
     def __post_init__(self) -> None:

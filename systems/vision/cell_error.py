@@ -99,11 +99,13 @@ class CellErrorParams:
     """Parameters of :class:`CellError`."""
 
     gap: float = 60.0  # pixels, to be kept between tip and mouth: 3 cm at 0.5 mm a pixel
-    most_misses: int = 4  # measurements in a row without which the parts count as lost; assumed
-    begin: float = 0.0  # s, before which nothing is compensated: not valid, and no miss
+    most_misses: int = 4
+    # missing measurements in a row after which the parts count as lost; assumed
+    begin: float = 0.0
+    # s, start of the compensation; before it no measurement is valid, and none is a miss
     period: float = 1 / 80  # s, section 4
-    latency: float = 2 / 80  # s, of an image that counts as new, when it is acted on
-    images: tuple[ImageClock, ...] = ()  # of the cameras, if they don't keep the period
+    latency: float = 2 / 80  # s, age of a new image when the controller acts on it
+    images: tuple[ImageClock, ...] = ()  # clocks of the cameras, if they differ from the period
     continuity: ContinuityParams = field(default_factory=ContinuityParams)
 
     def __post_init__(self) -> None:

@@ -154,7 +154,7 @@ class ContinuityParams:
 
     speed: float = 2000.0  # pixels/s, at most; 1 m/s at 0.5 mm a pixel, assumed
     turning: float = 10.0  # rad/s, at most, of an axis in the image; assumed
-    most_jumps: int = 2  # in a row that are refused; what is still there then is believed; assumed
+    most_jumps: int = 2  # refused jumps in a row; the next one is accepted; assumed
 
     def __post_init__(self) -> None:
         require_positive(self, "speed", "turning")
