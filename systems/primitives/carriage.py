@@ -1,4 +1,4 @@
-"""What a carriage grips and carries, and the guard of the plant that it moves."""
+"""The gripper of a carriage, the parts that it carries, and the guard of its plant."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -38,15 +38,16 @@ class PartGripperParams:
     """Parameters of :class:`PartGripper`."""
 
     reach: float = 0.004  # m, between fingers and part, within which it grips; assumed
-    period: float = 0.01  # s, between two looks at its command; assumed
-    senses: bool = True  # whether its fingers feel a part; without, a part is weighed at the wrist
+    period: float = 0.01  # s, between two readings of its command; assumed
+    senses: bool = True
+    # whether its fingers detect a part; without, a part is weighed at the wrist
 
     def __post_init__(self) -> None:
         require_positive(self, "reach", "period")
 
 
 class PartGripper(LeafSystem):
-    """Decides what it holds, and how.
+    """Decides which part the gripper holds, and in which pose.
 
     .. pydrake_system::
 
@@ -60,21 +61,29 @@ class PartGripper(LeafSystem):
         - selection
         - holding
 
-    ``carriage``, shape (12,), is a displacement, rad above m, and its rate. ``closed``, size 1, is
-    1 for closed fingers. A part is gripped when the fingers close within reach of it, as it is
-    then; until that, and after the fingers have opened, it rests where it is.
+    Inputs:
 
-    All outputs change at ticks alone; :func:`add_gripper` makes where the part is to be of them.
-    ``offset`` and ``resting``, shape (12,), are the displacement of a part that is held relative
-    to the carriage, and where one rests that is not, both with a rate of zero; ``selection``, an
-    ``InputPortIndex``, is :data:`HELD` or :data:`RESTS`; ``holding``, size 1, is 1 while it holds
-    a part.
+    - ``carriage``, shape (12,): a displacement, rad above m, and its rate.
+    - ``closed``, size 1: 1 for closed fingers.
+
+    Outputs, which change at ticks only:
+
+    - ``offset``, shape (12,): the displacement of a held part relative to the carriage, with a
+      rate of zero.
+    - ``resting``, shape (12,): the displacement at which a part rests that is not held, with a
+      rate of zero.
+    - ``selection``, an ``InputPortIndex``: :data:`HELD` or :data:`RESTS`.
+    - ``holding``, size 1: 1 while it holds a part.
+
+    The gripper takes a part if the fingers close within reach of it, in its pose at that time.
+    Before that, and after the fingers have opened, the part rests where it is. :func:`add_gripper`
+    makes the pose of the part from the outputs.
 
     Discrete state: whether it holds the part; ``offset``; ``resting``; whether the fingers were
     closed at the last tick.
 
-    The part is ``resting`` at first, rad above m, shape (6,); one that is held from the begin has
-    an ``offset``, likewise.
+    The part is ``resting`` at first, rad above m, shape (6,). A part that is held from the start
+    has an ``offset``, likewise.
 
     Raises:
         ParameterError: At construction if ``resting`` or ``offset`` is not six finite numbers; in
@@ -136,16 +145,16 @@ class PartGripper(LeafSystem):
 
 
 class Gripped(NamedTuple):
-    """What :func:`add_gripper` added."""
+    """The output ports that :func:`add_gripper` adds."""
 
-    part: OutputPort  # where the part is to be: displacement, rad above m, and rate, shape (12,)
+    part: OutputPort  # of the part: displacement, rad above m, and rate, shape (12,)
     holding: OutputPort  # 1 while it holds the part, size 1
 
 
 def add_gripper(
     builder: DiagramBuilder, gripper: PartGripper, *, carriage: OutputPort, closed: OutputPort
 ) -> Gripped:
-    """Add a gripper, and what moves the part with it: no Python between its ticks.
+    """Add a gripper and the systems that move its part; no Python runs between its ticks.
 
     The ``carriage`` is a displacement, rad above m, and its rate, shape (12,).
     """
@@ -171,7 +180,7 @@ def _at_rest(displacement: Array) -> Array:
 
 
 class CarriedPoses(LeafSystem):
-    """Gives the poses of what is fixed to a carriage.
+    """Computes the poses of the things that are fixed to a carriage.
 
     .. pydrake_system::
 
@@ -182,9 +191,9 @@ class CarriedPoses(LeafSystem):
         - (<name>_pose of each thing)
 
     ``displacement``, shape (6,), rad above m, is that of
-    :func:`chamfer.models.arms.wrist.tip_pose`: the integral of a velocity while the carriage turns
-    about one axis, and nearly so for small turns. The poses are in the world, shape (7,):
-    quaternion w, x, y, z and position in m. What is ``carried`` is X_EB of each thing, in the
+    :func:`chamfer.models.arms.wrist.tip_pose`. It is the integral of a velocity while the carriage
+    turns about one axis, and nearly so for small turns. The poses are in the world, shape (7,):
+    quaternion w, x, y, z and position in m. ``carried`` has the pose X_EB of each thing in the
     carriage's frame, by its name.
 
     Raises:
@@ -211,7 +220,7 @@ class CarriedPoses(LeafSystem):
 
 
 class PoseDisplacement(LeafSystem):
-    """Gives the displacement of a pose, :class:`CarriedPoses` undone.
+    """Computes the displacement of a pose, the inverse of :class:`CarriedPoses`.
 
     .. pydrake_system::
 
@@ -235,7 +244,7 @@ class PoseDisplacement(LeafSystem):
 
 
 class TrueMotion(LeafSystem):
-    """Picks a body's true displacement and velocity out of a plant's; not for controllers.
+    """Returns the true displacement and velocity of a plant's body; not for controllers.
 
     .. pydrake_system::
 
@@ -270,7 +279,7 @@ class TrueMotion(LeafSystem):
 
 
 class DivergenceGuard(LeafSystem):
-    """Stops a simulation whose signals are beyond all that is physical.
+    """Stops a simulation whose signals exceed physical limits.
 
     .. pydrake_system::
 
@@ -278,8 +287,8 @@ class DivergenceGuard(LeafSystem):
         input_ports:
         - (one per entry of ``limits``)
 
-    It looks once a period, s, before whatever was added to the diagram after it. The limits are
-    size and largest element of each signal.
+    It checks once a period, s, before the systems that were added to the diagram after it. The
+    limits are the size and the largest element of each signal.
 
     Raises:
         ParameterError: In a run, if a signal is not finite or beyond its limit, with its time.

@@ -1,4 +1,4 @@
-r"""The correlation primitive: is the commanded motion obstructed, eq. (1).
+r"""The correlation primitive, eq. (1), which detects that a commanded motion is obstructed.
 
 Source: Morrow, Nelson and Khosla, section 3.2. The commanded velocity f, a dither, is correlated
 with the velocity g that accommodation makes of it, over a window of N samples::
@@ -7,15 +7,15 @@ with the velocity g that accommodation makes of it, over a window of N samples::
 
 Two equal sines over a period, sampled where they are zero, have C = (N^2 / 8) tan^2(pi / N) for
 even N, near pi^2 / 8 = 1.2337. (A cosine of N = 4 m + 2 samples is not zero on any of them:
-(N^2 / 8) sin^2(pi / N).) A phase lag phi of g lowers it by cos(phi), and so a constraint with the
+(N^2 / 8) sin^2(pi / N).) A phase lag phi of g lowers it by cos(phi). A constraint with the
 stiffness k under the damping D and at the frequency w gives (pi^2 / 8) / sqrt(1 + (k / (D w))^2).
-As C is normalised it cannot see a constraint that takes from g without shifting it: a stop on one
-side leaves C at pi^2 / 8. The ratio of the amplitudes, sum|g| / sum|f|, sees that, and the mean of
-g sees that the motion is one-sided.
+C is normalised, so that it cannot detect a constraint that reduces g without shifting it: a stop
+on one side leaves C at pi^2 / 8. The ratio of the amplitudes, sum|g| / sum|f|, detects that stop,
+and the mean of g shows that the motion is one-sided.
 
-Eq. (1) is for a command that is a pure dither and for a motion without bias: a mean of g adds to
-sum|g|, and so does noise, and both lower C though nothing obstructs. :class:`Phasors` keep of both
-signals only what has the dither's frequency: with
+Eq. (1) is for a command that is a pure dither and for a motion without bias. A mean of g adds to
+sum|g|, and so does noise, and both lower C without any obstruction. :class:`Phasors` keep of both
+signals only the part at the dither's frequency: with
 
     F = integral of f d(e^(-2 pi i t)),  G = integral of g d(e^(-2 pi i t))
 
@@ -37,7 +37,7 @@ FREE = math.pi**2 / 8  # C of two sines without phase lag, of many samples
 
 
 class Correlation(NamedTuple):
-    """What a window shows."""
+    """The correlation of a window and its companions."""
 
     value: float  # C of eq. (1); 0 where one of the signals is zero
     amplitude_ratio: float  # sum|g| / sum|f|; 0 without a command
@@ -45,7 +45,7 @@ class Correlation(NamedTuple):
 
 
 class Phasors(NamedTuple):
-    """What a cycle of a dither has summed up so far of both signals at the dither's frequency."""
+    """Sums of both signals at the dither's frequency, over the part of a cycle so far."""
 
     command: complex = 0j
     motion: complex = 0j
@@ -56,7 +56,7 @@ class Phasors(NamedTuple):
         return Phasors(self.command + command * turn, self.motion + motion * turn)
 
     def correlation(self) -> Correlation:
-        """Return what the cycle shows; its bias is left out, and so 0."""
+        """Return the correlation of the cycle; its bias is left out, and so 0."""
         f, g = abs(self.command), abs(self.motion)
         product = (self.command * self.motion.conjugate()).real
         return Correlation(

@@ -1,4 +1,4 @@
-"""Dithers in a diagram without a skill: the block that moves, and the one that watches."""
+"""Dithers in a diagram without a skill: one block commands them, one correlates them."""
 
 import math
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from chamfer.systems.primitives.trajectory_primitives import Dither, MoveDx
 
 
 class TrajectoryPrimitive(LeafSystem):
-    """Gives the velocity of a trajectory primitive, or of several at once, from t = 0.
+    """Commands the velocity of one or several trajectory primitives, from t = 0.
 
     .. pydrake_system::
 
@@ -27,8 +27,8 @@ class TrajectoryPrimitive(LeafSystem):
         output_ports:
         - velocity
 
-    ``velocity``, shape (6,), rad/s above m/s, is a continuous function of time: whoever samples it
-    holds it.
+    ``velocity``, shape (6,), rad/s above m/s, is a continuous function of time. A block that
+    samples it has to hold it.
     """
 
     def __init__(self, *primitives: MoveDx | Dither) -> None:
@@ -47,10 +47,10 @@ class CorrelatorParams:
     """Parameters of :class:`Correlator`; the paper prints no threshold."""
 
     samples: int | None = None  # of a window, N; None: derived, a cycle of the dither
-    threshold: float = 0.8  # of the correlation C, below it the motion is obstructed; assumed
+    threshold: float = 0.8  # of the correlation C; below it the motion is obstructed; assumed
     amplitude_threshold: float = 0.7
     # of the amplitudes' ratio, below it the motion is obstructed; assumed
-    windows: int = 2  # in a row that have to say so; assumed
+    windows: int = 2  # in a row below a threshold until the motion counts as obstructed; assumed
     period: float | None = None
     # s, between two samples; None: derived, that of the motion's controller
 
@@ -62,7 +62,7 @@ class CorrelatorParams:
         require_whole(self, "windows")
 
     def resolved(self, *, samples: int, period: float) -> "ResolvedCorrelatorParams":
-        """Return the parameters with these values where they leave them open."""
+        """Return the parameters with these values in the fields that are open."""
         given: dict[str, Any] = {k: value for k, value in vars(self).items() if value is not None}
         return ResolvedCorrelatorParams(**{"samples": samples, "period": period} | given)
 
@@ -76,7 +76,7 @@ class ResolvedCorrelatorParams(CorrelatorParams):
 
 
 class Correlator(LeafSystem):
-    """Watches whether a commanded motion is obstructed, window by window.
+    """Detects obstructed motion, window by window.
 
     .. pydrake_system::
 
@@ -88,11 +88,14 @@ class Correlator(LeafSystem):
         - correlation
         - hindered
 
-    ``command`` and ``motion``, size 1, m/s or rad/s: f and g of eq. (1) along one axis, without
-    the velocity that maintains contact. ``correlation``, shape (3,), is the last whole window's
-    :class:`Correlation`, pi^2/8, 1 and 0 before there is one. ``hindered``, size 1, is 1 while the
-    last ``windows`` windows all had a C or a ratio of amplitudes below its threshold. Windows
-    count samples, of which a block misses none: Drake's time waits for it.
+    - ``command`` and ``motion``, size 1, m/s or rad/s: f and g of eq. (1) along one axis, without
+      the velocity that maintains contact.
+    - ``correlation``, shape (3,): the :class:`Correlation` of the last whole window; pi^2/8, 1 and
+      0 before there is one.
+    - ``hindered``, size 1: 1 while C or the ratio of amplitudes was below its threshold in all of
+      the last ``windows`` windows.
+
+    Windows count samples. The block misses none, because Drake's time waits for it.
 
     Discrete state: the window's samples and how many there are, the last correlation, and how many
     windows in a row were below.

@@ -1,7 +1,7 @@
 """Force-driven primitives: guarded move, stick, hold, level, and the test for obstructed motion.
 
 Source: Morrow, Nelson and Khosla, section 3.2. They command velocities that accommodation
-perturbs: a maintained velocity v, once in contact, is the force ``D |v|``.
+perturbs: a maintained velocity v in contact is the force ``D |v|``.
 """
 
 import math
@@ -40,7 +40,7 @@ DIRECTIONS: Final = tuple(sign + name for name in AXIS_NAMES for sign in "-+")
 
 
 class PrimitiveLoad(NamedTuple):
-    """How hard a primitive pushes."""
+    """The largest speed and force of a primitive."""
 
     direction: Direction
     speed: float  # m/s or rad/s, commanded at most; at rest the force is D times it
@@ -54,7 +54,7 @@ def along(direction: Direction, values: Vector) -> float:
 
 
 def out_of_line(start: Vector, now: Vector, most: tuple[float, float]) -> bool:
-    """Return whether a displacement is turned from another by more, rad about x and y."""
+    """Return whether two displacements differ by more than these turns, rad about x and y."""
     return any(abs(now[i] - start[i]) > most[i] for i in range(2))
 
 
@@ -70,7 +70,7 @@ def index_of(direction: Direction) -> int:
 
 
 def noise_of(sensed: Observation, index: int) -> float:
-    """Return the standard deviation of an element of a wrench, as its zero was taken."""
+    """Return the standard deviation of an element of a wrench, as measured during the tare."""
     return 0.0 if sensed.spread is None else sensed.spread[index]
 
 
@@ -84,7 +84,7 @@ class Directed(Primitive):
         require_one_of(self, "direction", DIRECTIONS)
 
     def begin(self, sensed: Observation) -> Any:
-        """Remember where it begins."""
+        """Remember the place of the begin."""
         return along(self.direction, sensed.carriage)
 
 
@@ -92,14 +92,15 @@ class Directed(Primitive):
 class GuardedMove(Directed):
     """Moves straight, or turns, until it meets resistance.
 
-    Events: ``contact`` when what opposes the motion reaches the threshold, ``lost`` at the limit.
-    A threshold that the sensor's noise would reach is raised beyond it.
+    Events: ``contact`` when the force or torque against the motion reaches the threshold, ``lost``
+    at the limit. A threshold that the sensor's noise would reach is raised beyond it.
     """
 
     speed: float = 0.01  # m/s or rad/s; assumed
     threshold: float = 4.0  # N or N m, against the motion; assumed
-    limit: float = 0.03  # m or rad, where it gives up; assumed
-    sure: float = 5.0  # standard deviations, by the tared spread, that the threshold is at least
+    limit: float = 0.03  # m or rad, at which the move has failed; assumed
+    sure: float = 5.0
+    # standard deviations of the tared sensor's noise, below which the threshold is raised
 
     WORD: ClassVar[str] = "gmove"
 
@@ -116,11 +117,11 @@ class GuardedMove(Directed):
 
     @property
     def load(self) -> PrimitiveLoad:
-        """How hard it pushes."""
+        """The largest speed and force."""
         return PrimitiveLoad(self.direction, self.speed, self.threshold)
 
     def step(self, sensed: Observation, memory: float, time: float) -> Stepped:
-        """Go on, unless it meets something."""
+        """Move on, until contact or the limit."""
         noise = self.sure * noise_of(sensed, index_of(self.direction))
         if -along(self.direction, sensed.wrench) >= max(self.threshold, noise):
             return Stepped(memory, STILL, "contact")
@@ -131,13 +132,14 @@ class GuardedMove(Directed):
 
 @dataclass(frozen=True, kw_only=True)
 class Stick(Directed):
-    """Keeps contact by a maintained velocity, whose force is D times it, and watches over it.
+    """Keeps contact by a maintained velocity, whose force is D times it, and monitors the contact.
 
     Event: ``lost`` when the tip has gone further than the threshold in the velocity's direction.
     """
 
     speed: float = 0.005  # m/s or rad/s, maintained; assumed
-    threshold: float = 0.001  # m or rad; assumed
+    threshold: float = 0.001
+    # m or rad, of the tip's motion, beyond which contact is lost; assumed
 
     WORD: ClassVar[str] = "stick"
 
@@ -154,7 +156,7 @@ class Stick(Directed):
 
     @property
     def load(self) -> PrimitiveLoad:
-        """How hard it pushes."""
+        """The largest speed and force."""
         return PrimitiveLoad(self.direction, self.speed)
 
     def step(self, sensed: Observation, memory: float, time: float) -> Stepped:
@@ -165,7 +167,7 @@ class Stick(Directed):
 
 
 class _Window(NamedTuple):
-    """What the correlation has seen of an axis."""
+    """The samples of one axis in a window."""
 
     begin: float = 0.0  # s
     sums: Phasors = Phasors()
@@ -173,7 +175,7 @@ class _Window(NamedTuple):
 
 
 class _Watched(NamedTuple):
-    """What the correlation has seen of every axis."""
+    """The windows of all axes."""
 
     windows: tuple[_Window, ...]
     last: float = 0.0  # s, of the tick before
@@ -182,19 +184,20 @@ class _Watched(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Obstructed(Primitive):
-    """Watches dithers by correlation, and by the companion test of their amplitude.
+    """Detects obstructed dithers by correlation, and by the ratio of their amplitudes.
 
-    Both are taken at the dither's frequency alone, so that bias and noise matter little. A window
-    in which half a cycle passes unseen begins anew. Event: ``hindered`` when in the last windows
-    of every axis C or the ratio of the amplitudes, which alone sees a stop on one side, was below
-    its threshold.
+    Both are evaluated at the dither's frequency alone, so that bias and noise matter little. A
+    window that misses half a cycle starts again. Event: ``hindered`` when C or the ratio of the
+    amplitudes was below its threshold in the last windows of every axis. Only the ratio detects a
+    stop on one side.
     """
 
     axes: tuple[AxisName, ...] = ("x", "y")
     cycle: tuple[float, ...] = (1.0, 1.0)  # s, of each axis' dither: the length of a window
     threshold: float = 0.8  # of C; free is pi^2/8; assumed
-    amplitude_threshold: float = 0.4  # of their ratio; friction alone can leave 0.5; assumed
-    windows: int = 2  # in a row; assumed
+    amplitude_threshold: float = 0.4
+    # of the ratio of the amplitudes; friction alone can leave 0.5; assumed
+    windows: int = 2  # in a row below a threshold; assumed
 
     WORD: ClassVar[str] = "corr"
 
@@ -215,7 +218,7 @@ class Obstructed(Primitive):
         return _Watched((_Window(),) * len(self.axes))
 
     def step(self, sensed: Observation, memory: _Watched, time: float) -> Stepped:
-        """Take a sample of every axis."""
+        """Add a sample of every axis."""
         if memory.skipped < _LAG:
             begun = (_Window(time),) * len(self.axes)
             return Stepped(_Watched(begun, time, memory.skipped + 1))
@@ -246,9 +249,9 @@ class Obstructed(Primitive):
 
 @dataclass(frozen=True, kw_only=True)
 class Hold(Primitive):
-    """Keeps axes, softly, where they were when it began; it has no event.
+    """Holds axes softly where they were when it began; it has no event.
 
-    Under damping control it is a spring: what pushes an axis away by q does so with D gain q.
+    Under damping control it is a spring: a force that pushes an axis away by q is D gain q.
     """
 
     axes: tuple[AxisName, ...] = ("rx", "ry", "rz")
@@ -261,11 +264,11 @@ class Hold(Primitive):
         require_positive(self, "gain")
 
     def begin(self, sensed: Observation) -> Vector:
-        """Remember where the axes are."""
+        """Remember the pose of the axes."""
         return sensed.carriage
 
     def step(self, sensed: Observation, memory: Vector, time: float) -> Stepped:
-        """Go back to where they were."""
+        """Go back to that pose."""
         velocity = [0.0] * len(AXIS_NAMES)
         for axis in self.axes:
             i = AXIS_NAMES.index(axis)
@@ -274,7 +277,7 @@ class Hold(Primitive):
 
 
 class _Levelled(NamedTuple):
-    """What levelling remembers."""
+    """The memory of levelling."""
 
     start: Vector  # rad above m
     since: float = 0.0  # s, when the window began
@@ -284,18 +287,18 @@ class _Levelled(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Level(Primitive):
-    """Waits until accommodation has laid a face on another: no torque about x or y is left.
+    """Waits until accommodation has laid a face flat on another: no torque about x or y is left.
 
-    The torque is a mean over windows; what noise leaves of that counts as none. Events: ``done``;
-    ``lost`` when it has turned further than its grasp can be wrong. It then tips over an edge,
-    beside what it should lie on.
+    The torque is a mean over windows; a mean within its noise counts as none. Events: ``done``;
+    ``lost`` when the part has turned further than the grasp can be wrong. It then tips over an
+    edge, beside the face that it should lie on.
     """
 
-    axes: tuple[Literal["rx", "ry"], ...] = ("rx", "ry")  # which are levelled
-    torque: float = 0.012  # N m, that counts as none; assumed
+    axes: tuple[Literal["rx", "ry"], ...] = ("rx", "ry")  # that are levelled
+    torque: float = 0.012  # N m, of a mean that counts as none; assumed
     sure: float = 3.0  # standard deviations of the mean, by the tared spread, that count as none
     time: float = 0.2  # s, of a window; assumed
-    limit: float = 0.056  # rad, about each axis; assumed
+    limit: float = 0.056  # rad, of the turn about each axis at which it is lost; assumed
 
     WORD: ClassVar[str] = "level"
 
@@ -311,11 +314,11 @@ class Level(Primitive):
         return {"done": self.time, "lost": 0.0}
 
     def begin(self, sensed: Observation) -> _Levelled:
-        """Remember how it is turned."""
+        """Remember the turn at the begin."""
         return _Levelled(sensed.carriage)
 
     def step(self, sensed: Observation, memory: _Levelled, time: float) -> Stepped:
-        """Look at torque and turn."""
+        """Compare torque and turn with their limits."""
         turning = [AXIS_NAMES.index(axis) for axis in self.axes]
         turned = max(abs(sensed.carriage[i] - memory.start[i]) for i in turning)
         if turned > self.limit:

@@ -1,7 +1,7 @@
-"""Primitives that go to a place, keep a dither in its place, and look how far something went.
+"""Primitives that go to a place, keep a dither in its place, and measure a displacement.
 
-They measure by encoders and the wrist's believed stiffness. What they count from is where they
-began, or the skill's mark.
+They measure by encoders and the wrist's believed stiffness. Displacements count from the place at
+which the primitive began, or from the skill's mark.
 """
 
 import math
@@ -42,17 +42,17 @@ _GAIN: Final = 6.0  # 1/s, with which the end of a way is approached
 
 @dataclass(frozen=True, kw_only=True)
 class Place(Primitive):
-    """Goes straight to a place, given from where it begins.
+    """Goes straight to a place, given relative to the place of its begin.
 
-    Under damping control what holds the tool is pulled with D times the speed at most: one that
-    grows slowly is a force that grows until it gives way. Events: ``done`` when it is there;
-    ``contact`` when what opposes the way reaches the threshold.
+    Under damping control, anything that holds the tool is pulled with at most D times the speed. A
+    speed that grows slowly is a force that grows until the tool comes free. Events: ``done`` at
+    the place; ``contact`` when the force against the way reaches the threshold.
     """
 
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, along x, y and z
     speed: float = 0.02  # m/s, at most; assumed
-    tolerance: float = 0.0002  # m, more than the noise of what is measured; assumed
-    acceleration: float = math.inf  # m/s^2, with which the speed that is allowed grows
+    tolerance: float = 0.0002  # m, more than the noise of the measurement; assumed
+    acceleration: float = math.inf  # m/s^2, growth of the allowed speed
     threshold: float = math.inf  # N, against the way; infinity: none
 
     WORD: ClassVar[str] = "place"
@@ -72,7 +72,7 @@ class Place(Primitive):
         return found if self.threshold == math.inf else {**found, "contact": 0.0}
 
     def begin(self, sensed: Observation) -> Vector:
-        """Remember where to go."""
+        """Remember the goal."""
         return tuple(
             place + way for place, way in zip(sensed.carriage[_LINEAR], self.offset, strict=True)
         )
@@ -93,14 +93,14 @@ class Place(Primitive):
 
 @dataclass(frozen=True, kw_only=True)
 class Centre(Primitive):
-    """Takes back what contact adds to a dither, so that its middle stays; it has no event.
+    """Removes the drift that contact adds to a dither, so that its middle stays; it has no event.
 
-    Contact that gives way to one side more than to the other moves a dither.
+    Contact that gives way more to one side than to the other moves a dither.
     """
 
-    dither: Dither  # which runs in the same state
+    dither: Dither  # that runs in the same state
     gain: float = 3.0  # 1/s; assumed
-    offset: float = 0.0  # m or rad, of the middle from where it begins
+    offset: float = 0.0  # m or rad, of the middle from the place of the begin
 
     def __post_init__(self) -> None:
         require_positive(self, "gain")
@@ -108,15 +108,15 @@ class Centre(Primitive):
 
     @property
     def label(self) -> str:
-        """What a chart shows of it."""
+        """The name in a chart."""
         return f"centre {self.dither.axis}"
 
     def begin(self, sensed: Observation) -> float:
-        """Remember where the middle is."""
+        """Remember the place of the middle."""
         return sensed.carriage[self.dither.index] + self.offset
 
     def step(self, sensed: Observation, memory: float, time: float) -> Stepped:
-        """Go back to where the dither alone would be."""
+        """Go back to the place that the dither alone would have."""
         index = self.dither.index
         velocity = [0.0] * len(STILL)
         if not self.dither.done(time):
@@ -126,7 +126,7 @@ class Centre(Primitive):
 
 
 class _Averaged(NamedTuple):
-    """What a way remembers."""
+    """The memory of a displacement measurement."""
 
     start: Vector  # carriage, rad above m
     sum: float = 0.0  # m or rad, of the ways of all samples
@@ -135,20 +135,23 @@ class _Averaged(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Way(Directed):
-    """Looks, at rest, how far it is from where it began.
+    """Measures, at rest, the displacement since its begin.
 
     It waits, then takes the mean. Events: ``tilted`` if it has turned by more than ``tilt``, else
     ``done`` if the mean is between the bounds, else ``jammed``.
-    From the mark, with the force that was there then, what is not known of the wrist's stiffness
-    cancels. Of a plug that touched the face with a point beside its tip, and is in line by now,
-    the turn since then gives how high that point was.
+
+    Counted from the mark, with the same force as there, the uncertainty of the wrist's stiffness
+    cancels. If a plug touched the face with a point beside its tip and is now in line, its turn
+    since then gives the height of that point.
     """
 
-    least: float = 0.001  # m or rad
-    most: float = math.inf  # m or rad
-    beside: tuple[float, float] = (0.0, 0.0)  # m, along x and y: from the tip to what touched
-    tilt: tuple[float, float] | None = None  # rad, about x and y, that are no tilt; None: any
-    wait: float = 0.2  # s, until what moves has settled; assumed
+    least: float = 0.001  # m or rad, of the displacement that is done
+    most: float = math.inf  # m or rad, of the displacement that is done
+    beside: tuple[float, float] = (0.0, 0.0)
+    # m, along x and y: from the tip to the point that touched
+    tilt: tuple[float, float] | None = None
+    # rad, about x and y, largest that is no tilt; None: any
+    wait: float = 0.2  # s, until the motion has settled; assumed
     time: float = 0.2  # s, of the mean; assumed
 
     WORD: ClassVar[str] = "way"
@@ -170,11 +173,11 @@ class Way(Directed):
         return dict.fromkeys(names, self.wait + self.time)
 
     def begin(self, sensed: Observation) -> _Averaged:
-        """Remember where it begins."""
+        """Remember the place of the begin."""
         return _Averaged(sensed.carriage)
 
     def step(self, sensed: Observation, memory: _Averaged, time: float) -> Stepped:
-        """Wait, measure, and say what it was."""
+        """Wait, measure, and return the event."""
         if time < self.wait - TIME_TOLERANCE:
             return Stepped(memory)
         way = self._way(memory.start, sensed.carriage)
@@ -207,18 +210,20 @@ class _Weighed(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Held(Primitive):
-    """Checks the grip by the gripper's own sensor, and by the weight at the wrist.
+    """Checks the grip by the gripper's part sensor, and by the weight at the wrist.
 
-    Events: ``lost`` as soon as no part is felt, and at the end if less than half of its weight is;
-    ``done`` if one was held for a while; all after the fingers had time to close, or the wrist to
-    come to rest. A gripper without a sensor tells nothing, and counts as one that holds. So does
-    a weight that the noise hides: half of it is less than three standard deviations of a mean,
-    with as many readings of the zero, which is to be taken right before the fingers close.
+    Events: ``lost`` as soon as the sensor reports no part, and at the end if less than half of the
+    part's weight is measured; ``done`` if a part was held for the time. All come after the fingers
+    had time to close, or the wrist to come to rest.
+
+    A gripper without a sensor counts as one that holds. So does a weight below the noise, if half
+    of it is less than three standard deviations of a mean. The zero has as many readings, and is
+    taken right before the fingers close.
     """
 
-    wait: float = 0.0  # s, that the fingers get to close
-    time: float = 0.1  # s, after that; infinity: only watches
-    weight: float = 0.0  # N, that the part is believed to have; 0: it isn't weighed
+    wait: float = 0.0  # s, for the fingers to close
+    time: float = 0.1  # s, after that; infinity: monitors only
+    weight: float = 0.0  # N, believed, of the part; 0: it isn't weighed
 
     WORD: ClassVar[str] = "held"
 
@@ -236,11 +241,11 @@ class Held(Primitive):
         return lost if self.time == math.inf else {"done": self.wait + self.time, **lost}
 
     def begin(self, sensed: Observation) -> _Weighed:
-        """Nothing is weighed yet."""
+        """Start without any reading of the weight."""
         return _Weighed()
 
     def step(self, sensed: Observation, memory: _Weighed, time: float) -> Stepped:
-        """Ask the gripper, and weigh."""
+        """Read the gripper's sensor and the weight."""
         closed = time - self.wait + TIME_TOLERANCE
         if closed < 0:
             return Stepped(memory)

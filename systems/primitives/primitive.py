@@ -1,4 +1,4 @@
-"""What a sensorimotor primitive is: it makes a velocity of what is sensed, and says when it ends.
+"""A sensorimotor primitive: it computes a velocity from sensor data, and ends with an event.
 
 Source: Morrow, Nelson and Khosla, section 3: "a parameterized encapsulation of sensing and
 action". The velocities of primitives that run together add; accommodation perturbs their sum.
@@ -28,26 +28,27 @@ FASTEST_TURN: Final = 10.0
 
 
 class Observation(NamedTuple):
-    """What primitives may know: encoders, wrist sensor, cameras. No true pose is among it.
+    """Inputs of all primitives: encoders, wrist sensor, cameras. No true pose is among them.
 
     Velocities, displacements and wrenches have six elements, angular above linear, in the world's
-    axes, Z against the direction of insertion; the reference point is the tool's tip as it was
+    axes, Z against the direction of insertion. The reference point is the tool's tip as it was
     taught.
     """
 
     carriage: Vector  # of the tip, rad above m, by encoders and the wrist's known stiffness
-    motion: Vector  # V_ref, rad/s above m/s, as accommodation gave it last
+    motion: Vector  # V_ref, rad/s above m/s, the last output of accommodation
     wrench: Vector  # on the tool, N m above N, from the wrist sensor
     xz_detections: Vector | None = None  # of the camera along Y; None: no camera
     yz_detections: Vector | None = None  # of the camera along X
     cross_section: Vector | None = None  # of the camera on the gripper
-    perturbed: Vector = STILL  # V_cmd of which accommodation made ``motion``
-    spread: Vector | None = None  # of one reading of the wrench, as its zero was taken; None: not
+    perturbed: Vector = STILL  # V_cmd from which accommodation made ``motion``
+    spread: Vector | None = None
+    # standard deviation of one reading of the wrench, from the tare; None: no tare
     holding: Vector | None = None  # 1 while the gripper feels a part; None: it has no sensor
 
 
 def sensed_signals(parts: int) -> dict[str, Signal]:
-    """Return what every field of :class:`Observation` is, for cameras that see some parts."""
+    """Return the signal of each field of :class:`Observation`, for cameras that see some parts."""
     size = len(STILL)
     detections = Signal(len(DETECTION_UNITS) * parts, DETECTION_UNITS * parts, optional=True)
     return {
@@ -64,9 +65,9 @@ def sensed_signals(parts: int) -> dict[str, Signal]:
 
 
 class Stepped(NamedTuple):
-    """What a primitive does at one tick."""
+    """The result of a primitive's tick."""
 
-    memory: object  # immutable; what it needs at the next tick
+    memory: object  # immutable; for the next tick
     velocity: Vector = STILL  # V_cmd, rad/s above m/s
     event: Event | None = None  # None: it goes on
 
@@ -76,14 +77,14 @@ class Primitive:
 
     ``lost`` is the event of a primitive whose target or contact is gone, ``tilted`` that of one
     that has jammed out of line. The first primitive of a state that has an event ends the state.
-    One of one's own derives from it, and has a ``step``.
+    Your own primitive derives from this class and has a ``step``.
     """
 
     WORD: ClassVar[str] = "primitive"
 
     @property
     def label(self) -> str:
-        """What a chart shows of it, such as "gmove -z": its word, and its direction or axes."""
+        """The name in a chart, such as "gmove -z": its word, and its direction or axes."""
         where = getattr(self, "direction", "") or ", ".join(getattr(self, "axes", ()))
         return f"{self.WORD} {where}".rstrip()
 
@@ -91,7 +92,8 @@ class Primitive:
     def events(self) -> Mapping[Event, float]:
         """The events that it can have, with these parameters, each with the earliest time, s.
 
-        The time counts from its begin; it is 0 where the world alone decides. By default none.
+        The time counts from its begin; it is 0 where only the environment decides. By default
+        none.
         """
         return {}
 
@@ -100,5 +102,5 @@ class Primitive:
         return None
 
     def step(self, sensed: Observation, memory: Any, time: float) -> Stepped:
-        """Return what it does at a tick, ``time`` seconds after it began."""
+        """Return the result of a tick, ``time`` seconds after it began."""
         raise NotImplementedError

@@ -1,19 +1,20 @@
-"""Pushing with as much force as it takes: a ramp that goes by what was felt.
+"""Push with a force that rises only as far as the measured motion requires.
 
 Under damping control a commanded velocity v is a force of D v where nothing moves, and D (v - w)
-where it moves with w. The ramp raises v only while nothing moves: whatever gives way has been
-pushed hardly more than it needed, and what is behind it is met with that force at most.
+where the part moves with w. The ramp raises v only while nothing moves. A part that gives way has
+therefore been pushed hardly more than necessary, and the next obstacle meets that force at most.
 
-How much it will need is not known. Up to a force that hurts nothing it pushes anyway; beyond, with
-little more than the force at which it has moved. A lead-in that is much stiffer than the wrist
-can't be told from a stop while the force rises. Where one may be it pushes a little harder, goes
-back to the force before, and looks whether it is further at the *same* force: what the wrist gives
-by cancels there, whatever its stiffness, and friction holds what was gained. The first part of a
-lead-in moves too little even for that; there it pushes with what it has to, whatever it meets.
+The required force is unknown. The ramp pushes up to a harmless force in any case; beyond, with
+little more than the force at which the part has moved. A lead-in that is much stiffer than the
+wrist can't be told from a stop while the force rises. Where such a lead-in may be, the ramp pushes
+a little harder, goes back to the force before, and compares the place at the *same* force. The
+wrist's deflection cancels there, whatever its stiffness, and friction holds the gained
+displacement. The first part of a lead-in moves too little even for that; there the ramp pushes
+with a given force.
 
-What has jammed is out of line, or something is in its way. The wrench can't tell: where
-accommodation turns readily no torque is left of either, and the plug lies flat on what is in its
-way. How far it has turned since it was in line can.
+A part that has jammed is out of line, or meets an obstacle. The wrench does not distinguish the
+two: where accommodation turns readily no torque is left of either, and the plug lies flat on an
+obstacle. The turn since the part was in line does.
 """
 
 import math
@@ -45,7 +46,7 @@ _Phase = Literal["ramp", "before", "harder", "after"]
 
 
 class _Pushing(NamedTuple):
-    """What a ramp remembers; places in m or rad, forces in N or N m against the motion."""
+    """The memory of a ramp; places in m or rad, forces in N or N m against the motion."""
 
     start: float  # place from which the way counts
     turns: tuple[float, ...]  # rad, about x and y, from which a tilt counts
@@ -74,23 +75,27 @@ class _Pushing(NamedTuple):
 class Seat(Directed):
     """Pushes with a rising force until the end stop, or until more force is not justified.
 
-    Window by window it compares the means of place and force. Where the force rises as against
-    something stiffer than ``stiffness``, nothing moves, and the command grows; where it moves, the
-    command falls to a little more than what that takes. The way is the one at the begin, and what
-    moved since: what the wrist gives by is left out as far as its stiffness is not known. Windows
-    begin at multiples of their length, whichever ticks are missing.
+    Window by window it compares the means of place and force. If the force rises as against a
+    stiffness of more than ``stiffness``, nothing moves, and the command grows. If the part moves,
+    the command falls to a little more than the force of that motion. The displacement is the one
+    at the begin plus all motion since, so that the uncertain deflection of the wrist is left out.
+    Windows begin at multiples of their length, whichever ticks are missing.
 
-    Events: ``done`` where nothing moves any more, far enough, and the force is ``rise`` times
-    that of the sliding before: the end stop. ``jammed`` where nothing moves, though pushed with
-    ``free`` and with ``share`` of all force at which it has moved, or with the limit; ``tilted``
-    in its place if it has turned by more than ``tilt`` since its begin, or since the mark.
+    Events:
+
+    - ``done``, the end stop: nothing moves any more, the displacement is at least ``distance``,
+      and the force is ``rise`` times that of the sliding before.
+    - ``jammed``: nothing moves, although the push has reached ``free`` and ``share`` of every
+      force at which the part has moved, or the limit.
+    - ``tilted``, in place of ``jammed``: it has turned by more than ``tilt`` since its begin, or
+      since the mark.
     """
 
     speed: float = 0.006  # m/s or rad/s, at first; its force is D times it; assumed
     growth: float = 1.1  # of the speed, per window in which nothing moves; assumed
-    fastest: float = 0.3  # m/s or rad/s, that the speed grows to at most; assumed
+    fastest: float = 0.3  # m/s or rad/s, largest speed of the growth; assumed
     window: float = 0.08  # s; assumed
-    still: float = 4e-5  # m or rad, per window: less is no motion; assumed
+    still: float = 4e-5  # m or rad, per window: a smaller displacement is no motion; assumed
     stiffness: float = 3e4
     # N/m or N m/rad, of an end stop at least; it appears as soft as 4.7e4 where the wrist has
     # 30 % less stiffness than the 2e4 N/m that are believed
@@ -98,11 +103,12 @@ class Seat(Directed):
     harder: float = 0.0
     # of the force with which it came to rest, that the end stop holds too: more than 1 where a
     # spring opposes the motion, which stops at any depth; 0: not asked
-    sure: float = 2.0  # times what is no motion: a proof that it moves; assumed
+    sure: float = 2.0  # times the largest displacement that is no motion: proves a motion; assumed
     limit: float = 60.0  # N or N m, against the motion: jammed
     free: float | None = None
     # N or N m, up to which it pushes whether or not anything moves; None: the limit
-    share: float = 1.35  # of the force at which it has moved, that it pushes with beyond; assumed
+    share: float = 1.35
+    # of the force at which it has moved, largest push beyond ``free``; assumed
     steep: tuple[float, float] | None = None
     # m or rad, ways between which a lead-in may be that moves too little to be seen; None: none is
     through: float | None = None
@@ -110,7 +116,7 @@ class Seat(Directed):
     steepest: float = 2.7e6
     # N/m or N m/rad, of such a lead-in at most, at that force; the more it is pushed, the softer
     # it is, at first by the square of the force; assumed
-    distance: float = 0.004  # m or rad, least way of what is seated
+    distance: float = 0.004  # m or rad, least displacement of a seated part
     tilt: tuple[float, float] | None = None
     # rad, about x and y, by which what is turned more is tilted: more than it may have been out of
     # line at the begin; None: never said
@@ -152,17 +158,17 @@ class Seat(Directed):
 
     @property
     def load(self) -> PrimitiveLoad:
-        """How hard it pushes."""
+        """The largest speed and force."""
         return PrimitiveLoad(self.direction, self.fastest, self.limit)
 
     def begin(self, sensed: Observation) -> _Pushing:
-        """Remember where its way begins."""
+        """Remember the place of the begin."""
         start = along(self.direction, sensed.carriage)
         proved = self.limit if self.free is None else self.free / self.share
         return _Pushing(start, sensed.carriage[:2], self.speed, proved)
 
     def step(self, sensed: Observation, memory: _Pushing, time: float) -> Stepped:
-        """Push; at the end of a window see what that did."""
+        """Push; at the end of a window evaluate the motion."""
         place = along(self.direction, sensed.carriage)
         memory = memory._replace(
             place=memory.place + place,
@@ -222,7 +228,7 @@ class Seat(Directed):
     def _slid(
         self, memory: _Pushing, way: float, rate: float, force: float, sure: bool
     ) -> _Pushing:
-        """Return what follows a window in which it moved by a way, m, at a rate, m/s."""
+        """Return the memory after a window in which it moved by a way, m, at a rate, m/s."""
         # What is left of the command beside the motion is the force: a little more than that.
         begins = (memory.still > 0 and sure) or memory.sliding == 0
         needed = self.share * (memory.speed - rate)
@@ -236,7 +242,7 @@ class Seat(Directed):
         )
 
     def _raised(self, memory: _Pushing, force: float) -> tuple[_Pushing, Event | None]:
-        """Return what follows a window in which nothing moved, as the command grows."""
+        """Return the memory after a window in which nothing moved, as the command grows."""
         looks = False
         if self.steep is not None and self.through is not None:
             looks = self.steep[0] <= memory.moved <= self.steep[1]
@@ -257,7 +263,7 @@ class Seat(Directed):
         return memory._replace(phase="before", windows=0, sum=0.0), None
 
     def _looked(self, memory: _Pushing, place: float) -> tuple[_Pushing, Event | None]:
-        """Return what follows a window of a look whether it creeps as it is pushed harder."""
+        """Return the memory after a window of the creep test, which pushes harder and back."""
         windows = memory.windows + 1
         counts = windows > _SETTLING
         memory = memory._replace(windows=windows, sum=memory.sum + (place if counts else 0.0))
@@ -285,7 +291,7 @@ class Seat(Directed):
         ), None
 
     def _most(self, memory: _Pushing) -> float:
-        """Return the force that it may be pushed with at most."""
+        """Return the largest allowed force of the push."""
         return min(self.limit, self.share * memory.proved)
 
     def _speed(self, memory: _Pushing, force: float) -> float:
@@ -295,7 +301,7 @@ class Seat(Directed):
 
 @dataclass(frozen=True, kw_only=True)
 class Press(Directed):
-    """Goes on with a share of the velocity that was commanded before it began; it has no event."""
+    """Continues with a share of the velocity commanded before its begin; it has no event."""
 
     share: float = 1.0  # of that velocity
 
@@ -310,5 +316,5 @@ class Press(Directed):
         return self.share * along(self.direction, sensed.perturbed)
 
     def step(self, sensed: Observation, memory: float, time: float) -> Stepped:
-        """Command it on."""
+        """Command it further."""
         return Stepped(memory, velocity(self.direction, memory))

@@ -1,9 +1,9 @@
-"""What a skill is: states that run primitives, and what follows their events (section 4, Fig. 4).
+"""A skill: states that run primitives, and the next state for each event (section 4, Fig. 4).
 
-Source: Morrow, Nelson and Khosla. A skill is written as a list of states; each names the
-primitives that it runs and what follows each of their events. What is tilted has jammed: without
-an answer of its own it takes that of ``jammed``. A state without an answer to an event, or to the
-end of its time, fails: a failed skill retracts first, and says why it failed.
+Source: Morrow, Nelson and Khosla. A skill is a list of states. Each names the primitives that it
+runs and the next state for each of their events. ``tilted`` is a kind of jam: without an entry of
+its own it uses that of ``jammed``. A state without an entry for an event, or for the end of its
+time, fails. A failed skill retracts first, and reports the reason.
 """
 
 import math
@@ -34,10 +34,10 @@ FAILED: Final = "failed"
 
 @dataclass(frozen=True)
 class Retry:
-    """What follows an outcome the first few times, and after that; then the skill fails.
+    """The next state of an outcome for the first few times, and after that; then the skill fails.
 
-    Each of these times changes the state that is tried again, the one whose outcome it is: the
-    fields of its primitives that have the names of ``factors`` are multiplied by them once more.
+    Each try changes the state that has the entry. In its primitives, the fields with the names of
+    ``factors`` are multiplied by them each time.
     """
 
     target: str
@@ -54,7 +54,7 @@ class Retry:
 
     @property
     def chain(self) -> "tuple[Retry, ...]":
-        """It, and what follows after it."""
+        """This retry, and those that follow it."""
         return (self, *(self.then.chain if self.then else ()))
 
 
@@ -64,13 +64,14 @@ class SkillState:
 
     name: str
     run: Sequence[Primitive]  # their velocities add; the first that has an event ends the state
-    on: Mapping[Outcome, str | Retry]  # what follows; DONE ends the skill; all else fails
+    on: Mapping[Outcome, str | Retry]
+    # next state of each outcome; DONE ends the skill; every other outcome fails
     timeout: float  # s
-    grip: Literal["open", "close"] | None = None  # None: as it is
-    marks: bool = False  # where it begins for the first time is the skill's mark from then on
-    from_mark: bool = False  # ways count from the mark
+    grip: Literal["open", "close"] | None = None  # None: unchanged
+    marks: bool = False  # whether the place of its first begin becomes the skill's mark
+    from_mark: bool = False  # whether displacements count from the mark
     looks: bool = False  # whether the cameras are needed
-    tares: bool = False  # whether the force sensor takes its zero meanwhile
+    tares: bool = False  # whether the force sensor is tared meanwhile
     damping: tuple[float, ...] | None = None
     # N m s/rad and N s/m, of accommodation: infinity for stiff, 0 for its own; None: its own
 
@@ -81,7 +82,7 @@ class SkillState:
         object.__setattr__(self, "run", tuple(self.run))
 
     def run_again(self, tried: Callable[[Outcome], int]) -> tuple[Primitive, ...]:
-        """Return what it runs, after it was tried again so often for each of its outcomes."""
+        """Return the primitives, after the given number of tries for each outcome."""
         run = tuple(self.run)
         for outcome, answer in self.on.items():
             left = tried(outcome) if isinstance(answer, Retry) else 0
@@ -93,7 +94,7 @@ class SkillState:
         return run
 
     def expected(self, outcome: Outcome) -> str:
-        """Return in words what it waited for, other than an outcome and what is tried again."""
+        """Return in words the events that it waited for, other than an outcome and the retries."""
         waited = [
             event
             for event, answer in self.on.items()
@@ -109,7 +110,7 @@ class SkillState:
 
 @dataclass(frozen=True, kw_only=True)
 class Skill:
-    """States, the first of which it begins with, and what it does when it fails."""
+    """States, of which the first is the begin, and the retract of a failure."""
 
     name: str
     states: Sequence[SkillState]
@@ -123,7 +124,7 @@ class Skill:
 
 
 def _expected(primitive: Primitive) -> dict[str, str]:
-    """Return in words what events of a primitive take, of those that tell it."""
+    """Return in words the conditions of a primitive's events, where it has them."""
 
     def words(size: float) -> str:
         turns = "r" in getattr(primitive, "direction", "")

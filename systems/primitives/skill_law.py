@@ -1,6 +1,6 @@
 """A skill as a law: it is checked, made a chart, and run once a period.
 
-Each mistake of a skill is refused in one line before it runs.
+A wrong skill is refused in one line before it runs.
 """
 
 import math
@@ -58,7 +58,7 @@ _MANY: Final = 10**9  # tries
 
 
 def _states_of(skill: Skill) -> Iterator[tuple[SkillState, str]]:
-    """Yield all states that run something, each with what a message calls it."""
+    """Yield all states that run something, each with its name for messages."""
     for state in (*skill.states, _retract_of(skill)):
         where = f"skill {skill.name!r}: {state.name!r}"
         yield state, where
@@ -71,7 +71,7 @@ def _retries(state: SkillState) -> Iterator[Retry]:
 
 
 def _last_try(state: SkillState, where: str) -> SkillState:
-    """Return a state as it is tried again the last time; what changes nothing is refused."""
+    """Return a state as in its last try; a retry that changes nothing is refused."""
     try:
         for name, by in (pair for one in _retries(state) for pair in one.factors.items()):
             if all(scaled(one, name, by) == one for one in state.run):
@@ -90,7 +90,7 @@ def _last_try(state: SkillState, where: str) -> SkillState:
 
 
 def _check_skill(skill: Skill) -> None:
-    """Check what can be known without a clock."""
+    """Check everything that needs no clock."""
     for state in skill.states:
         if state.name in (DONE, RETRACT, FAILED):
             raise ChartError(f"skill {skill.name!r}: {state.name!r} is a state of every skill")
@@ -111,10 +111,10 @@ def _check_skill(skill: Skill) -> None:
 
 
 def check_timing(skill: Skill, period: float) -> None:
-    """Check what depends on the time between two ticks, s: dithers, and windows that watch them.
+    """Check dithers, and the windows that watch them, against the time between two ticks, s.
 
     Raises:
-        ChartError: If a dither is too fast, or a window no cycle of it.
+        ChartError: If a dither is too fast, or a window is not a cycle of it.
     """
     for state, where in _states_of(skill):
         for dither in _dithers(state):
@@ -141,12 +141,12 @@ def check_timing(skill: Skill, period: float) -> None:
 
 
 def check_forces(skill: Skill, damping: Sequence[float], connector: "Connector") -> None:
-    """Check the forces that end primitives, and those that the connector stands.
+    """Check the forces that end primitives, and those that the connector withstands.
 
-    A state may set a ``damping`` of its own, N m s/rad above N s/m, in place of accommodation's.
+    A state may set its own ``damping``, N m s/rad above N s/m, in place of accommodation's.
 
     Raises:
-        ChartError: If a force or torque is never reached, or more than the connector stands.
+        ChartError: If a force or torque is never reached, or more than the connector withstands.
     """
     for state, where in _states_of(skill):
         own = state.damping or STILL
@@ -177,7 +177,7 @@ def _retract_of(skill: Skill) -> SkillState:
 
 
 def targets(answer: str | Retry | None) -> list[str]:
-    """Return the states that an answer leads to, the first try's first."""
+    """Return the states that an entry leads to, the first try's first."""
     if isinstance(answer, Retry):
         return [answer.target, *targets(answer.then)]
     return [] if answer is None else [answer]
@@ -202,7 +202,7 @@ def _check_answers(state: SkillState, where: str) -> None:
 def _check_times(state: SkillState, where: str) -> None:
     """Raise if an event would come after the timeout.
 
-    What is not done in time, and need not be, only accompanies another primitive.
+    A primitive that need not end in time only accompanies another one.
     """
     needs_done = "done" in state.on or state.name == RETRACT
     done = [one.events["done"] for one in state.run if "done" in one.events]
@@ -249,7 +249,7 @@ def _watched(state: SkillState) -> Iterator[tuple[Obstructed, str, float]]:
 
 
 class SkillMemory(NamedTuple):
-    """What a skill remembers."""
+    """The memory of a skill from tick to tick."""
 
     velocity: Vector = STILL  # V_cmd, rad/s above m/s
     ran: Vector = STILL  # V_cmd while the primitives still ran, without an event
@@ -261,13 +261,13 @@ class SkillMemory(NamedTuple):
     tares: bool = False  # the force sensor
     damping: Vector = STILL  # of accommodation, 0: its own
     retries: tuple[tuple[tuple[str, str], int], ...] = ()  # by state and outcome
-    mark: Observation | None = None  # what was sensed where a state with ``marks`` began first
+    mark: Observation | None = None  # observation at the first begin of a state with ``marks``
     marked: tuple[str, ...] = ()  # the states with ``marks`` that have begun
     reason: str = ""  # why it failed: the state and its outcome
     expected: str = ""  # of that state, in words, in place of that outcome
 
     def tried(self, state: str, outcome: str) -> int:
-        """Return how often a state's outcome was answered by trying again."""
+        """Return how often a retry followed a state's outcome."""
         return dict(self.retries).get((state, outcome), 0)
 
 
@@ -282,10 +282,10 @@ def make_skill_chart(skill: Skill) -> SkillChart:
     transitions are the outcomes.
 
     Raises:
-        ChartError: If a name is unknown, used twice or taken, or a state can't be reached, runs
-            nothing, has no finite time or one that is too short for what it runs, has an answer to
-            an event that can't be, counts from a mark that may not have been made, or looks for
-            the obstruction of a dither that it does not run.
+        ChartError: If a name is unknown, used twice or taken; if a state can't be reached, runs
+            nothing, or has no finite time or a time that is too short for its primitives; if it
+            has an entry for an impossible event, counts from a mark that may not exist, or tests
+            for the obstruction of a dither that it does not run.
     """
     _check_skill(skill)
     retract = _retract_of(skill)
@@ -411,7 +411,7 @@ def _transitions(state: SkillState) -> list[Transition[Observation, SkillMemory]
 def _guard(
     state: SkillState, outcome: Outcome, tries: range | None = None
 ) -> Callable[[_Tick], bool]:
-    """Return the guard of an outcome, the first time or as often as it was tried again."""
+    """Return the guard of an outcome, for its first time or its retries."""
 
     def guard(tick: _Tick) -> bool:
         event = tick.memory.event
@@ -432,8 +432,8 @@ def _counted(edge: tuple[str, str], tick: _Tick) -> SkillMemory:
 class SkillLaw(ChartLaw[Observation, SkillMemory]):
     """Runs a skill.
 
-    ``parts`` is how many parts each camera looks for; the period, s, is between two steps. A step
-    may be missing or come late, as what a skill waits for counts time.
+    ``parts`` is the number of parts that each camera looks for; the period, s, is between two
+    steps. A step may be missing or come late, because every wait of a skill counts time.
 
     Raises:
         ChartError: If the skill can't be run.

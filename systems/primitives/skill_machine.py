@@ -32,11 +32,17 @@ class SkillMachine(StateMachine[Observation, SkillMemory]):
         - state
 
     The inputs are those of :class:`~chamfer.systems.primitives.primitive.Observation`, shape (6,)
-    each but the detections and ``holding``. ``velocity``, shape (6,), is V_cmd, rad/s above m/s;
-    ``damping``, shape (6,), that of accommodation, 0 where it is its own; the others have size 1:
-    ``closed`` says whether the gripper is told to be closed; ``looks`` triggers the cameras;
-    ``tares`` is 1 while the force sensor takes its zero; ``retries`` is how often something was
-    tried again; ``state`` the index of the chart's state. Errors are those of the law.
+    each but the detections and ``holding``. Outputs:
+
+    - ``velocity``, shape (6,): V_cmd, rad/s above m/s.
+    - ``damping``, shape (6,): that of accommodation; 0 keeps its own.
+    - ``closed``, size 1: 1 for a closed gripper.
+    - ``looks``, size 1: triggers the cameras.
+    - ``tares``, size 1: 1 while the force sensor is tared.
+    - ``retries``, size 1: number of retries.
+    - ``state``, size 1: index of the chart's state.
+
+    Errors are those of the law.
     """
 
     def __init__(self, skill: Skill, *, parts: int, period: float) -> None:

@@ -1,4 +1,4 @@
-"""Trajectory primitives: movedx, ldither and rdither, what two dithers cover (section 2), spiral.
+"""Trajectory primitives: movedx, ldither and rdither, pairs of dithers (section 2), and a spiral.
 
 Source: Morrow, Nelson and Khosla. A primitive gives a Cartesian velocity, shape (6,), rad/s above
 m/s as Drake orders them, over the time since it began. The paper prints no amplitudes and no
@@ -36,11 +36,11 @@ AXES: Final[tuple[Axis, ...]] = ("x", "y", "z")
 
 
 class _Timed(Primitive):
-    """A velocity over the time since it began. Event: ``done`` at its end."""
+    """A velocity over the time since it began. Event: ``done`` when the time is over."""
 
     @property
     def duration(self) -> float:
-        """How long it takes, s."""
+        """Duration, s."""
         raise NotImplementedError
 
     @property
@@ -49,7 +49,7 @@ class _Timed(Primitive):
         return {"done": self.duration}
 
     def done(self, time: float) -> bool:
-        """Say whether it has ended."""
+        """Return whether it has ended."""
         return time >= self.duration - TIME_TOLERANCE
 
     def step(self, sensed: Observation, memory: object, time: float) -> Stepped:
@@ -65,7 +65,7 @@ class _Timed(Primitive):
 
 @dataclass(frozen=True, kw_only=True)
 class MoveDx(_Timed):
-    """Applies a velocity over a time to go a given way."""
+    """Applies a constant velocity for a time, to move by a given displacement."""
 
     displacement: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # rad above m
     duration: float = 1.0  # s
@@ -80,7 +80,7 @@ class MoveDx(_Timed):
 
     @property
     def label(self) -> str:
-        """What a chart shows of it."""
+        """The name in a chart."""
         signs = [
             ("-" if way < 0 else "+") + name
             for name, way in zip(AXIS_NAMES, self.displacement, strict=True)
@@ -97,16 +97,16 @@ class MoveDx(_Timed):
 class Dither(_Timed):
     """A sinusoidal velocity along an axis (ldither) or about it (rdither).
 
-    The displacement is ``amplitude sin(w t)``: the velocity is a cosine. One that begins as
-    a sine, as the paper says it, moves the pattern by the amplitude; it is
-    begun a quarter of a cycle in, so that it is centred where the primitive began.
+    The displacement is ``amplitude sin(w t)``: the velocity is a cosine. A velocity that begins as
+    a sine, as in the paper's text, moves the pattern by the amplitude. This one begins a quarter
+    of a cycle later, so that the pattern is centred at the place of the begin.
     """
 
     kind: Literal["linear", "rotary"] = "linear"  # along the axis or about it
     axis: Axis = "x"  # of the tool
     amplitude: float = 0.001  # m or rad, of the displacement
     frequency: float = 1.0  # Hz, of the displacement
-    cycles: float = 10.0  # how long it lasts
+    cycles: float = 10.0  # duration
 
     def __post_init__(self) -> None:
         require_one_of(self, "kind", ("linear", "rotary"))
@@ -121,12 +121,12 @@ class Dither(_Timed):
 
     @property
     def duration(self) -> float:
-        """How long it takes, s."""
+        """Duration, s."""
         return self.cycles / self.frequency
 
     @property
     def index(self) -> int:
-        """Of its element in a velocity."""
+        """Index of its element in a velocity."""
         return AXES.index(self.axis) + (3 if self.kind == "linear" else 0)
 
     def displacement(self, time: float) -> float:
@@ -135,7 +135,7 @@ class Dither(_Timed):
 
     @property
     def label(self) -> str:
-        """What a chart shows of it."""
+        """The name in a chart."""
         return f"{'ldither' if self.kind == 'linear' else 'rdither'} {self.axis}"
 
     def velocity(self, time: float) -> Vector:
@@ -149,7 +149,7 @@ class Dither(_Timed):
 def lissajous(*, first: Dither, axis: Axis, repeats: int) -> tuple[Dither, Dither]:
     """Return two dithers that together cover an area, frequencies (N + 1) / N apart (section 2).
 
-    The first one is the slower; its cycles are set to N, ``repeats``, until the pattern repeats.
+    The first one is the slower; it runs N cycles, ``repeats``, until the pattern repeats.
     """
     if axis == first.axis:
         raise ParameterError("axis", axis, f"another one than {first.axis}")
@@ -163,11 +163,11 @@ def lissajous(*, first: Dither, axis: Axis, repeats: int) -> tuple[Dither, Dithe
 
 @dataclass(frozen=True, kw_only=True)
 class Spiral(_Timed):
-    """Moves along a spiral in x and y at a constant speed: a search beside the paper's dithers.
+    """Moves along a spiral in x and y at a constant speed: an alternative to the paper's dithers.
 
     Two dithers cover a rectangle evenly in time and come back to the middle. An Archimedean
     spiral, ``r = pitch angle / (2 pi)``, begins in the middle, where the error is least likely to
-    be large, and covers a disc: its way up to the radius R is about ``pi R^2 / pitch``.
+    be large, and covers a disc. Its length up to the radius R is about ``pi R^2 / pitch``.
     """
 
     speed: float = 0.01  # m/s, along the spiral; assumed
@@ -182,11 +182,11 @@ class Spiral(_Timed):
 
     @property
     def duration(self) -> float:
-        """How long it takes, s."""
+        """Duration, s."""
         return self._way(self._last) / self.speed
 
     def angle(self, time: float) -> float:
-        """Return how far it has turned at a time since the begin, rad."""
+        """Return the angle at a time since the begin, rad."""
         way = self.speed * time
         # From the way of many turns, b angle^2 / 2, by Newton's method.
         angle = min(math.sqrt(2 * way / self._growth), self._last)
@@ -195,7 +195,7 @@ class Spiral(_Timed):
         return max(angle, 0.0)
 
     def place(self, time: float) -> tuple[float, float]:
-        """Return where it is at a time since the begin, x and y, m; it stays at its end."""
+        """Return the place at a time since the begin, x and y, m; the last place after that."""
         angle = self.angle(min(time, self.duration))
         radius = self._growth * angle
         return radius * math.cos(angle), radius * math.sin(angle)
@@ -210,12 +210,12 @@ class Spiral(_Timed):
 
     @property
     def _growth(self) -> float:
-        """Of the radius, m/rad."""
+        """Growth of the radius, m/rad."""
         return self.pitch / (2 * math.pi)
 
     @property
     def _last(self) -> float:
-        """Where it ends, rad."""
+        """Angle of the end, rad."""
         return self.radius / self._growth
 
     def _way(self, angle: float) -> float:

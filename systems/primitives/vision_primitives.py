@@ -62,7 +62,7 @@ def _check_jacobian(J: Array) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class _Servoed(Primitive):
-    """What all have: the law, by which they are done or lost."""
+    """A primitive with a visual servoing law, which decides when it is done or lost."""
 
     servoing: Servoing = Servoing()
 
@@ -76,14 +76,14 @@ class _Servoed(Primitive):
         return Watch(carriage=sensed.carriage)
 
     def _missing(self, memory: Watch, time: float) -> Stepped:
-        """Stand still where something is not seen."""
+        """Stand still where a feature is not found."""
         watch, event = self.servoing.missing(memory, time)
         return Stepped(watch, STILL, event)
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Compared(_Servoed):
-    """What brings a part to another, along or about some axes, as cameras see both."""
+    """A primitive that aligns a part with another along or about some axes, with the cameras."""
 
     axes: tuple[Axis, ...] = AXES
     cameras: StaticCameras  # as believed
@@ -111,7 +111,7 @@ class _Compared(_Servoed):
     def _pairs(
         self, sensed: Observation, views: Sequence[View]
     ) -> Iterator[tuple[Detection, Detection]]:
-        """Yield what the cameras see of both parts, where they see both."""
+        """Yield the detections of both parts in each camera that sees both."""
         for view in views:
             moved = seen_part(sensed, view, self.moved)
             target = seen_part(sensed, view, self.target)
@@ -121,10 +121,10 @@ class _Compared(_Servoed):
 
 @dataclass(frozen=True, kw_only=True)
 class VisTranslation(_Compared):
-    """Brings the tip of a part to a point of another, along chosen axes, by its images.
+    """Moves the tip of a part to a point of another, along chosen axes, with their images.
 
-    Along x and z the camera along Y is enough, along y and z the one along X: the other one is
-    not asked, so that what is not to be corrected does not disturb.
+    Along x and z it uses only the camera along Y, along y and z only the one along X. The other
+    camera is not read, so that errors in axes that are not corrected do not disturb.
     """
 
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, world, of the goal from its tip
@@ -139,7 +139,7 @@ class VisTranslation(_Compared):
 
     @property
     def label(self) -> str:
-        """Such as "vis_xz"."""
+        """The name in a chart, such as "vis_xz"."""
         return "vis_" + "".join(self.axes)
 
     @cached_property
@@ -155,7 +155,7 @@ class VisTranslation(_Compared):
 
     @cached_property
     def _rows(self) -> list[int]:
-        """Rows of the stacked Jacobian that answer to a chosen axis more than to any other."""
+        """Rows of the stacked Jacobian that respond to a chosen axis more than to any other."""
         J = self._stacked([np.array(camera.centre) for camera in self._cameras])
         return [k for k, row in enumerate(np.abs(J)) if int(row.argmax()) in self._columns]
 
@@ -169,17 +169,17 @@ class VisTranslation(_Compared):
         )
 
     def jacobian(self, pixels: Sequence[Array]) -> Array:
-        """Return how the features move with the axes, as believed, pixels / m; rows that matter.
+        """Return the believed motion of the features with the axes, pixels / m; relevant rows.
 
         The pixels are those of the tip, one for each of the ``views``, shape (2,).
         """
         return self._stacked(pixels)[np.ix_(self._rows, self._columns)]
 
     def deviation(self, tips: Sequence[Array], targets: Sequence[Array]) -> Array:
-        """Return how far the tip is from its set-point in the rows that matter, pixels, (m,).
+        """Return the distance of the tip from its set-point in the relevant rows, pixels, (m,).
 
-        The set-point goes to the image by the believed perspective: from where the target's tip
-        is seen, the offset further. ``tips`` and ``targets`` are pixels, one for each view.
+        The set-point goes to the image by the believed perspective: the offset is added where the
+        target's tip is seen. ``tips`` and ``targets`` are pixels, one for each view.
         """
         goals = [
             camera.project(camera.point(target, self.cameras.depth) + self.offset)
@@ -212,7 +212,7 @@ class VisTranslation(_Compared):
 class VisRotation(_Compared):
     """Aligns the axis of a part with that of another, by the angles in the image planes."""
 
-    axes: tuple[Axis, ...] = ("x", "y")  # to turn about; x is seen by the camera along X
+    axes: tuple[Axis, ...] = ("x", "y")  # that it turns about; the camera along X sees x
     speed: float = 0.3  # rad/s, at most; assumed
     tolerance: float = 0.003  # rad, e_ok; assumed
 
@@ -224,7 +224,7 @@ class VisRotation(_Compared):
 
     @property
     def label(self) -> str:
-        """Such as "vis_rxy"."""
+        """The name in a chart, such as "vis_rxy"."""
         return "vis_r" + "".join(self.axes)
 
     @cached_property
@@ -234,7 +234,7 @@ class VisRotation(_Compared):
 
     @cached_property
     def jacobian(self) -> Array:
-        """How the angles are believed to turn with the axes, shape (n, n).
+        """Return the believed rotation of the angles with the axes, shape (n, n).
 
         A line that is parallel to the image turns in it as much as about the optical axis.
         """
@@ -257,7 +257,7 @@ class VisRotation(_Compared):
 
 
 class _Held(NamedTuple):
-    """What a rotation about a fixed point remembers."""
+    """The memory of a rotation about a fixed point."""
 
     watch: Watch
     point: Vector | None = None  # pixels, where the tip was
@@ -266,13 +266,13 @@ class _Held(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class FixedPointRotation(_Servoed):
-    """Turns a part about the normal of an image, and holds its tip where it is in the image.
+    """Turns a part about the normal of an image, and holds its tip at its place in the image.
 
-    The turn alone would move the tip if it is not the reference point: the way that follows from
-    the believed lever is fed forward, what is wrong about it is corrected by the image.
+    The turn alone would move the tip if it is not the reference point. The displacement that
+    follows from the believed lever is fed forward; the image corrects the error of that belief.
     """
 
-    view: View = "xz"  # in whose image
+    view: View = "xz"  # image that it turns in
     cameras: StaticCameras  # as believed
     moved: int = 0  # part, its place in the detections
     angle: float = 0.1  # rad, to turn by in the image, from u to v
@@ -295,7 +295,7 @@ class FixedPointRotation(_Servoed):
 
     @property
     def label(self) -> str:
-        """Such as "vis_fixed_ry"."""
+        """The name in a chart, such as "vis_fixed_ry"."""
         return f"vis_fixed_r{_NORMAL[self.view]}"
 
     @cached_property
@@ -312,11 +312,11 @@ class FixedPointRotation(_Servoed):
         return [k for k in range(3) if k != self._normal]
 
     def jacobian(self, pixel: Array) -> Array:
-        """Return how the tip is believed to move in the image with the plane's axes, (2, 2)."""
+        """Return the believed motion of the tip in the image with the plane's axes, (2, 2)."""
         return self._camera.point_jacobian(pixel, self.cameras.depth)[:, self._columns]
 
     def begin(self, sensed: Observation) -> object:
-        """Return the memory at the begin; where the tip is comes with the first frame."""
+        """Return the memory at the begin; the first frame adds the place of the tip."""
         return _Held(Watch(carriage=sensed.carriage))
 
     def step(self, sensed: Observation, memory: _Held, time: float) -> Stepped:
@@ -358,12 +358,12 @@ class VisGrasp(_Servoed):
     set ``align`` to False for it.
     """
 
-    camera: Camera  # as believed, as it stands where the carriage is at 0
+    camera: Camera  # as believed, in its pose with the carriage at 0
     depth: float = 0.2  # m, believed, of the cross-section from the camera; assumed
     centre: Literal["centroid", "edges"] = "centroid"  # edges: half-way between them
-    goal: tuple[float, float] | None = None  # pixels, where it should be; None: image's centre
+    goal: tuple[float, float] | None = None  # pixels, place of the centre; None: image's centre
     align: bool = True
-    angle: float = 0.0  # rad, that the longer axis should have in the image
+    angle: float = 0.0  # rad, goal of the longer axis in the image
     speed: float = 0.05  # m/s, at most; assumed
     turn_speed: float = 0.5  # rad/s, at most; assumed
     tolerance: float = 0.5  # pixels; assumed
@@ -381,7 +381,7 @@ class VisGrasp(_Servoed):
 
     @property
     def label(self) -> str:
-        """Of the primitive in a chart."""
+        """The name in a chart."""
         return "vis_grasp" if self.align else "vis_centre"
 
     @cached_property
@@ -389,11 +389,11 @@ class VisGrasp(_Servoed):
         return np.array(self.camera.centre if self.goal is None else self.goal)
 
     def jacobian(self, pixel: Array, turned: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Array:
-        """Return how a cross-section is believed to move in the image with the carriage, (3, 3).
+        """Return the believed motion of a cross-section in the image with the carriage, (3, 3).
 
         Rows u, v in pixels and the angle in rad; columns along X, along Y, about Z. Its centre is
-        at a pixel, shape (2,), the carriage turned by a rotation vector, rad. The camera is taken
-        to be right above the reference point.
+        at a pixel, shape (2,), the carriage turned by a rotation vector, rad. The camera is
+        assumed to be right above the reference point.
         """
         camera = self.camera
         R_CW = (rotation_matrix(turned) @ camera.R_WC).T

@@ -1,10 +1,10 @@
-"""What the vision primitives share: the control law, believed cameras, and when they end.
+"""The common parts of the vision primitives: control law, believed cameras, and end conditions.
 
 Sources: Morrow, Nelson and Khosla, section 3.1: errors on the image plane drive the manipulator,
 its cameras poorly calibrated. The law is that of Nelson, Papanikolopoulos and Khosla, their [13].
 
-A primitive works on what was detected last: between two frames its velocity stays. Frames are
-counted by time, as what is detected does not say when the next one came.
+A primitive uses the last detections: between two frames its velocity stays. Frames are counted by
+time, because detections do not say when the next frame comes.
 """
 
 import math
@@ -27,17 +27,17 @@ _MOVED: Final = (0.005, 0.001)  # rad, m, after which a live image cannot be the
 
 
 def limited(velocity: Array, most: float) -> Array:
-    """Return a velocity, shortened to a length of ``most`` where it is longer."""
+    """Return a velocity, shortened to a length of ``most`` if it is longer."""
     length = float(np.linalg.norm(velocity))
     short: Array = velocity * min(1.0, most / length) if length > 0 else velocity
     return short
 
 
 def slowest_root(share: complex, *, delay: int = 1) -> float:
-    """Return the size of the largest root of a loop that takes away a share of what it saw.
+    """Return the size of the largest root of a loop that removes a share of each frame's error.
 
-    ``e[k + 1] = e[k] - share e[k - delay]``: it settles where the result is below 1. The share is
-    the gain times an eigenvalue of how a deviation truly moves times the inverse of the belief.
+    ``e[k + 1] = e[k] - share e[k - delay]``: it settles if the result is below 1. The share is
+    the gain times an eigenvalue of the true motion per deviation times the inverse of the belief.
     """
     polynomial = np.zeros(delay + 2, dtype=complex)
     polynomial[0], polynomial[1] = 1.0, -1.0
@@ -46,29 +46,29 @@ def slowest_root(share: complex, *, delay: int = 1) -> float:
 
 
 class Watch(NamedTuple):
-    """What a vision primitive remembers of the frames so far."""
+    """The memory of a vision primitive: the frames so far."""
 
     settled: float | None = None  # s, since when the error is small
     missing: float | None = None  # s, since when something was not found
-    features: Vector = ()  # as seen last
-    since: float = 0.0  # s, when they came
-    carriage: Vector = STILL  # rad above m, where it was then
+    features: Vector = ()  # of the last frame
+    since: float = 0.0  # s, time of that frame
+    carriage: Vector = STILL  # rad above m, pose at that time
 
 
 @dataclass(frozen=True, kw_only=True)
 class ServoingParams:
-    """How fast a vision primitive goes, and when it ends.
+    """Speed of a vision primitive, and its end conditions.
 
-    With one frame of delay a gain up to 1/4 settles without overshoot and one below 1 settles at
-    all; the true gain is larger where the focal length is believed too short.
+    With one frame of delay, a gain up to 1/4 settles without overshoot, and one below 1 settles.
+    The true gain is larger if the focal length is believed too short.
 
-    Where a part is not found, the primitive stands still; after ``lost_frames`` of them it is
-    lost. It is lost as well if as many frames show the same while the carriage moves.
+    Where a part is not found, the primitive stands still; after ``lost_frames`` such frames it is
+    lost. It is lost as well if as many frames stay the same while the carriage moves.
     """
 
-    gain: float = 0.2  # lambda T, share of the error that goes in a frame's period; assumed
+    gain: float = 0.2  # lambda T, share of the error that is removed in a frame's period; assumed
     settled_frames: int = 5  # with a small error, until it is done, m; assumed
-    lost_frames: int = 10  # without what it needs, until it is lost, n; assumed
+    lost_frames: int = 10  # without a needed feature, until it is lost, n; assumed
 
     def __post_init__(self) -> None:
         if not 0 < self.gain < 1:
@@ -82,10 +82,10 @@ class ServoingParams:
 
 @dataclass(frozen=True, kw_only=True)
 class Servoing(ServoingParams):
-    """The control law of a primitive, with the frames that it is for."""
+    """The control law of a primitive for a period of the frames."""
 
     period: float = 1 / 30  # s, of the frames; assumed
-    ends: bool = True  # False: never done, it holds what it reached until it is lost
+    ends: bool = True  # False: never done, it holds the reached pose until it is lost
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -93,18 +93,18 @@ class Servoing(ServoingParams):
 
     @property
     def events(self) -> Mapping[Event, float]:
-        """The events that a primitive can have by it, each with the earliest time, s."""
+        """The events of a primitive with this law, each with the earliest time, s."""
         lost: dict[Event, float] = {"lost": self.lost_frames * self.period}
         return {**lost, "done": self.settled_frames * self.period} if self.ends else lost
 
     def solve(self, J: Array, deviation: Array) -> Array:
-        """Return the velocity that takes away the share ``gain`` of a deviation in a period.
+        """Return the velocity that removes the share ``gain`` of a deviation in a period.
 
-        ``u = -(T J' T J + L)^-1 T J' (x - x_D)``, eq. of [13] with Q = 1, makes
-        ``|x + T J u - x_D|^2 + u' L u`` least: the error that is expected a period T later and
-        what the motion costs. With ``L = (1 / gain - 1) T J' T J`` all directions have the same
-        ``lambda T``. J, how the features move with u, has the shape (m, n), m >= n, the deviation
-        x - x_D (m,).
+        ``u = -(T J' T J + L)^-1 T J' (x - x_D)``, eq. of [13] with Q = 1, makes ``|x + T J u -
+        x_D|^2 + u' L u`` least: the error that is expected a period T later and the cost of the
+        motion. With ``L = (1 / gain - 1) T J' T J`` all directions have the same ``lambda T``. J,
+        the motion of the features with u, has the shape (m, n), m >= n, the deviation x - x_D
+        (m,).
         """
         step = self.period * J
         damping = (1 / self.gain - 1) * step.T @ step
@@ -112,10 +112,10 @@ class Servoing(ServoingParams):
         return u
 
     def reducible(self, J: Array, velocity: Array) -> Array:
-        """Return the part of the deviation that a velocity of :meth:`solve` takes away in time.
+        """Return the part of the deviation that a velocity of :meth:`solve` removes in time.
 
-        What is left has no effect: with more features than axes and a wrong calibration the
-        features need not be where they should be all at once.
+        The rest has no effect: with more features than axes and a wrong calibration, the features
+        can't reach their goals all at once.
         """
         part: Array = -(self.period / self.gain) * J @ velocity
         return part
@@ -123,7 +123,7 @@ class Servoing(ServoingParams):
     def found(
         self, watch: Watch, sensed: Observation, features: Vector, small: bool, time: float
     ) -> tuple[Watch, Event | None]:
-        """Return what to remember and the event of a tick at which all was found."""
+        """Return the memory and the event of a tick at which all features were found."""
         since, carriage = watch.since, watch.carriage
         if features != watch.features:
             since, carriage = time, sensed.carriage
@@ -138,7 +138,7 @@ class Servoing(ServoingParams):
         return Watch(settled, None, features, since, carriage), event
 
     def missing(self, watch: Watch, time: float) -> tuple[Watch, Event | None]:
-        """Return what to remember and the event of a tick at which something was not found."""
+        """Return the memory and the event of a tick at which a feature was not found."""
         first = time if watch.missing is None else watch.missing
         event: Event | None = "lost" if self._lasted(time - first, self.lost_frames) else None
         return watch._replace(settled=None, missing=first), event
@@ -175,7 +175,7 @@ class StaticCameras:
 
 
 def seen_part(sensed: Observation, view: str, part: int) -> Detection | None:
-    """Return what a static camera sees of a part, by its place in the detections; None: nothing.
+    """Return the detection of a part in a static camera, by its place; None: not detected.
 
     Raises:
         ParameterError: If the camera looks for fewer parts.
