@@ -24,3 +24,11 @@ def test_the_line_that_calls_the_shell_is_hidden() -> None:
     page += shell.nodes.literal_block("", "%%bash\nchamfer list\n")
     shell.hide_boilerplate(page)
     assert page.astext() == "chamfer list\n"
+
+
+def test_a_long_name_in_a_table_breaks_and_stays_the_same_text() -> None:
+    page = shell.nodes.entry()
+    page += shell.nodes.literal("", "pid.rise_time")
+    shell.break_names(page)
+    assert page.astext().replace("<wbr>", "") == "pid.rise_time"
+    assert page.astext().count("<wbr>") == 3

@@ -1,6 +1,7 @@
 """Hides what every executed page repeats, and links each figure to its full size."""
 
 import ast
+import re
 from pathlib import Path
 
 from docutils import nodes
@@ -12,6 +13,7 @@ _BASH = "%%bash\n"
 def setup(app: Sphinx) -> dict[str, bool]:
     """Edit pages once they are read, and their pictures once they are chosen."""
     app.connect("doctree-read", lambda _, page: hide_boilerplate(page))
+    app.connect("doctree-read", lambda _, page: break_names(page))
     app.connect("doctree-resolved", lambda app, page, _: link_figures(page, Path(app.srcdir)))
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
@@ -36,6 +38,16 @@ def only_shows_a_picture(code: str) -> bool:
     return bool(lines) and all(
         ast.unparse(line).startswith(("SVG(", "from IPython.display import SVG")) for line in lines
     )
+
+
+def break_names(page: nodes.document) -> None:
+    """Let long dotted names in tables break at their dots and underscores."""
+    for cell in page.findall(nodes.entry):
+        for name in cell.findall(nodes.literal):
+            parts = re.split(r"(?<=[._/])(?=\w)", name.astext())
+            name.clear()
+            for part in parts:
+                name += [nodes.Text(part), nodes.raw("", "<wbr>", format="html")]
 
 
 def link_figures(page: nodes.document, folder: Path) -> None:
