@@ -85,9 +85,10 @@ def words(sentence: str) -> int:
 @cache
 def instead() -> dict[str, str]:
     """Return what to write in place of each forbidden word, from the rules and the glossary."""
-    rows = re.findall(r"^\| ([^|]+) \| ([^|]+) \|$", _RULES.read_text(encoding="utf-8"), re.M)
+    table = _RULES.read_text(encoding="utf-8").split("| avoid | write |")[1]
+    rows = re.findall(r"^\| ([^|]+) \| ([^|]+) \|$", table, re.M)
     found = {
-        word.strip().lower(): better.strip() for old, better in rows[2:] for word in old.split(",")
+        word.strip().lower(): better.strip() for old, better in rows for word in old.split(",")
     }
     term = ""
     for line in _GLOSSARY.read_text(encoding="utf-8").splitlines():
