@@ -11,7 +11,7 @@ from sphinx.application import Sphinx
 from sphinx.writers.html5 import HTML5Translator
 
 ROOT = Path(__file__).parent.parent
-# The pages run this tree's code, and find the `chamfer` beside this interpreter.
+# The pages run the code of this tree and the `chamfer` of this interpreter.
 sys.path[:0] = [str(ROOT / "src"), str(ROOT)]
 os.environ["PYTHONPATH"] = f"{ROOT / 'src'}{os.pathsep}{ROOT}"
 os.environ["PATH"] = os.pathsep.join((str(Path(sys.executable).parent), os.environ["PATH"]))
@@ -30,10 +30,10 @@ nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_in_temp = True
 nb_execution_timeout = 120  # s, of one cell
-nb_execution_show_tb = True  # why a cell failed, in the log
-# What a command prints comes in pieces of any length; MyST-NB would end each with a new line.
+nb_execution_show_tb = True  # the reason of a failed cell goes to the log
+# A command prints in pieces of any length; MyST-NB would end each one with a new line.
 NotebookClient.coalesce_streams = True
-nb_output_stderr = "remove"  # what commands tell a terminal of their progress
+nb_output_stderr = "remove"  # the progress of commands
 
 html_theme = "furo"
 html_title = "Chamfer"

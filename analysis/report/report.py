@@ -50,9 +50,9 @@ class _Section(NamedTuple):
 def write_report(out: Path, catalogue: Catalogue, *, running: str = "") -> Path:
     """Write ``out/index.html`` from the results and sweeps in ``out`` and return its path.
 
-    Runs that write to the same folder make it one after the other, so that the last one has seen
-    the results of all. ``running`` is what of a run that goes on has ended; the page reloads
-    itself then.
+    Runs that write to the same folder write the page one after the other, so that the last page
+    has the results of all runs. ``running`` describes the progress of a run; with it, the page
+    reloads itself and all sections are open.
 
     Raises:
         UserError: If the page can't be written.
